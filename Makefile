@@ -1,0 +1,57 @@
+# Everything a checkout needs; `make help` lists it. Each target sets up .venv first if it must.
+
+VENV   := .venv
+BIN    := $(VENV)/bin
+STAMP  := $(VENV)/.installed
+TORCH  := $(shell grep '^torch==' constraints.txt)
+# The first interpreter that really starts, has venv, and is of a supported version.
+PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
+	$$p -c 'import ensurepip, sys; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 14))' \
+	2>/dev/null && echo $$p && break; done)
+# Test processes, each on one thread: two of them beat one with two threads.
+WORKERS ?= 2
+
+.PHONY: help env fit test lint format bench wheel-smoke docker
+.DEFAULT_GOAL := help
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+env: $(STAMP) ## set up .venv (about 3 minutes; nothing to do if nothing changed)
+
+# torch first and by exact version: left to the resolver, CUDA packages of gigabytes may come.
+$(STAMP): pyproject.toml constraints.txt
+	@test -n "$(PYTHON)" || { echo "error: no Python 3.11 to 3.13 with venv found;" \
+		"install one or say which: make env PYTHON=/path/to/python3" >&2; exit 1; }
+	@echo "environment: $(VENV) with $(PYTHON)"
+	@$(PYTHON) -m venv $(VENV)
+	@echo "environment: installing $(TORCH)"
+	@$(BIN)/pip install -qq --disable-pip-version-check "$(TORCH)"
+	@echo "environment: installing the rest (2 to 3 minutes)"
+	@$(BIN)/pip install -qq --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $@
+
+fit: env ## train, evaluate and register World Translation on the simulated R5
+	$(BIN)/wt fit --config conf/r5.yaml $(ARGS)
+
+test: lint ## lint, types and all tests
+	OMP_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --dist loadfile $(ARGS)
+
+lint: env ## ruff, its formatter and mypy
+	$(BIN)/ruff check --quiet .
+	$(BIN)/ruff format --check --quiet .
+	$(BIN)/mypy
+
+format: env ## lay the code out as lint wants it
+	$(BIN)/ruff check --fix --quiet .
+	$(BIN)/ruff format --quiet .
+
+bench: env ## print the tables of speed
+	$(BIN)/python benchmarks/collect.py
+	$(BIN)/python benchmarks/train.py
+
+wheel-smoke: ## build the wheel, install it in a fresh environment, run the smoke test
+	PYTHON=$(PYTHON) tests/wheel_smoke.sh
+
+docker: ## the same in a container, which stays as the image world-translation
+	docker build -t world-translation .

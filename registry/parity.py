@@ -1,0 +1,132 @@
+"""Does the ONNX graph compute what the model computed, and is a model's folder whole?
+
+Differences are |ONNX - eager| / max(1, |eager|): absolute for small values, relative for large
+ones, since outputs are physical (rad, rad/s, …) and float32 carries seven digits of either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+
+from registry.card import CARD_FILE, MODEL_FILE, Card, sha256
+from wt.errors import ModelError, RegistryError
+from wt.types import Array
+
+TOLERANCE = 1e-5
+BATCHES = (1, 7, 256)
+
+Model = Callable[[Array, Array, Array], Array]
+"""o (N, n_obs), a (N, n_action), o′ of S (N, n_obs) → o′ of R (N, n_obs), float32."""
+
+
+def session(path: Path) -> onnxruntime.InferenceSession:
+    """An onnxruntime session on the CPU.
+
+    Raises:
+        ModelError: the file is missing, truncated or no ONNX graph.
+    """
+    try:
+        # From bytes, so that a graph cannot pull in other files as external data.
+        return onnxruntime.InferenceSession(path.read_bytes(), providers=["CPUExecutionProvider"])
+    except FileNotFoundError:
+        raise ModelError(f"{path} does not exist; export or pull the model first") from None
+    except Exception as error:  # onnxruntime's errors share no base but Exception
+        raise ModelError(
+            f"{path} is no whole ONNX model ({str(error).splitlines()[0]}); export or pull it again"
+        ) from error
+
+
+def load(path: Path) -> Model:
+    """The ONNX graph as a function of arrays, run by onnxruntime on the CPU.
+
+    Raises:
+        ModelError: as :func:`session`.
+    """
+    graph = session(path)
+
+    def call(o: Array, a: Array, o_next_sim: Array) -> Array:
+        arrays = {"o": o, "a": a, "o_next_sim": o_next_sim}
+        feed = {name: np.asarray(x, np.float32) for name, x in arrays.items()}
+        try:
+            return np.asarray(graph.run(["o_next_real"], feed)[0])
+        except Exception as error:  # as above
+            raise ModelError(
+                f"{path} does not map o, a, o_next_sim to o_next_real "
+                f"({str(error).splitlines()[0]}); export it with wt.export.onnx"
+            ) from error
+
+    return call
+
+
+def check(
+    onnx_path: Path,
+    model: Model,
+    inputs: tuple[Array, Array, Array],
+    *,
+    tolerance: float = TOLERANCE,
+    batches: Sequence[int] = BATCHES,
+) -> float:
+    """Compare the graph with the eager model, at several batch sizes.
+
+    Args:
+        onnx_path: the exported graph.
+        model: the eager model as a function of arrays (``wt.export.onnx.eager``).
+        inputs: example o, a and o′ of S, at least one row each; repeated to fill a batch.
+        tolerance: largest difference that passes.
+        batches: batch sizes to try.
+
+    Returns:
+        The largest difference found.
+
+    Raises:
+        ModelError: a difference is above tolerance or not finite, or the file cannot be run.
+    """
+    graph = load(onnx_path)
+    worst = 0.0
+    for batch in batches:
+        o, a, o_next_sim = (np.resize(x, (batch, x.shape[1])).astype(np.float32) for x in inputs)
+        got = graph(o, a, o_next_sim)
+        worst = max(worst, _difference(got, model(o, a, o_next_sim), onnx_path, tolerance))
+    return worst
+
+
+def verify(folder: Path) -> Card:
+    """Check that ``model.onnx`` is the file its card names and still gives the golden answers.
+
+    Raises:
+        RegistryError: a file is missing, or bytes or answers are not those of the card.
+    """
+    card = Card.load(folder)
+    path = folder / MODEL_FILE
+    if not path.is_file():
+        raise RegistryError(f"{folder} has {CARD_FILE} but no {MODEL_FILE}; pull the model again")
+    found = sha256(path)
+    if found != card.sha256:
+        raise RegistryError(
+            f"{path} has sha256 {found[:12]}…, its card says {card.sha256[:12]}…: the bytes were "
+            "changed; do not run it, pull the model again or export it anew"
+        )
+    o, a, o_next_sim, o_next_real = card.golden.arrays()
+    try:
+        _difference(load(path)(o, a, o_next_sim), o_next_real, path, TOLERANCE)
+    except ModelError as error:
+        raise RegistryError(f"the golden pairs of {card.name} do not replay: {error}") from error
+    return card
+
+
+def _difference(got: Array, expected: Array, path: Path, tolerance: float) -> float:
+    if got.shape != expected.shape:
+        raise ModelError(f"{path} answers with shape {got.shape}, the model with {expected.shape}")
+    difference = np.abs(got - expected) / np.maximum(1.0, np.abs(expected))
+    worst = float(difference.max())
+    if not worst <= tolerance:  # also when it is NaN
+        row, channel = np.unravel_index(int(difference.argmax()), difference.shape)
+        raise ModelError(
+            f"{path} differs from the model by {worst:.1e} in output channel {channel} at row "
+            f"{row} of {len(got)}; at most {tolerance:.0e} is allowed: export it again in float32"
+        )
+    return worst

@@ -1,0 +1,64 @@
+"""Fetch a registered model and verify every byte of it before anyone can run it."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+from registry.card import CARD_FILE, MODEL_FILE, Card, sha256
+from registry.parity import verify
+from registry.store import Store, Version
+from wt.errors import RegistryError
+
+
+def pull(reference: str, to: Path, *, uri: str | None = None) -> tuple[Version, Card]:
+    """Download a model into the folder ``to`` as ``model.onnx`` and ``card.json``.
+
+    Both files must have the hashes of the version's tags, the model that of its card, and its
+    golden pairs must replay. Nothing lands in ``to`` before all of that holds.
+
+    Args:
+        reference: ``"wt-r5@champion"`` or ``"wt-r5/3"``.
+        to: folder to write; it may exist.
+        uri: the store; None for the default one.
+
+    Raises:
+        RegistryError: no such version, or its bytes are not those that were registered.
+    """
+    if to.exists() and not to.is_dir():
+        raise RegistryError(f"{to} is a file; name a folder to pull {reference} into")
+    store = Store(uri)
+    version = store.resolve(reference)
+    to.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=to.parent, prefix=".pull-") as name:
+        folder = Path(name)
+        _fetch(store, version, MODEL_FILE, version.sha256, folder)
+        _fetch(store, version, CARD_FILE, version.card_sha256, folder)
+        card = verify(folder)
+        to.mkdir(exist_ok=True)
+        for file in (MODEL_FILE, CARD_FILE):
+            os.replace(folder / file, to / file)
+    return version, card
+
+
+def read_card(reference: str, *, uri: str | None = None) -> tuple[Version, Card]:
+    """The version and its card, without the model.
+
+    Raises:
+        RegistryError: as :func:`pull`.
+    """
+    store = Store(uri)
+    version = store.resolve(reference)
+    with tempfile.TemporaryDirectory() as name:
+        _fetch(store, version, CARD_FILE, version.card_sha256, Path(name))
+        return version, Card.load(Path(name))
+
+
+def _fetch(store: Store, version: Version, file: str, expected: str, folder: Path) -> None:
+    found = sha256(store.fetch(version, file, folder))
+    if found != expected:
+        raise RegistryError(
+            f"{file} of {version} has sha256 {found[:12]}…, registered was {expected[:12]}…: "
+            "its bytes were changed; restore them, or register the model again"
+        )

@@ -1,0 +1,83 @@
+"""Register a model; the alias ``champion`` moves only to a better one."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from registry.card import CARD_FILE, MODEL_FILE, HeldOut, sha256
+from registry.parity import TOLERANCE, verify
+from registry.store import Store, Version
+from wt.errors import RegistryError
+
+CHAMPION = "champion"
+
+
+def push(
+    name: str, model_dir: Path, metric: float, run_id: str, *, uri: str | None = None
+) -> Version:
+    """Register ``model.onnx`` and ``card.json`` of a folder as the next version of ``name``.
+
+    Args:
+        name: registered name, e.g. ``"wt-r5"``.
+        model_dir: the folder.
+        metric: the held-out metric as just measured; lower is better.
+        run_id: MLflow run that made the model.
+        uri: the store; None for the default one.
+
+    Returns:
+        The new version; ``decision`` says why it is champion or why it is not.
+
+    Raises:
+        RegistryError: the bytes are not the card's, the golden pairs do not replay, parity was
+            not checked or is too coarse, or ``metric`` and ``name`` are not the card's.
+    """
+    card = verify(model_dir)
+    if card.parity is None or not card.parity <= TOLERANCE:
+        found = "none" if card.parity is None else f"{card.parity:.1e}"
+        raise RegistryError(
+            f"{model_dir}: parity with the eager model is {found}, at most {TOLERANCE:.0e} is "
+            "needed to register; run registry.parity.check on the export and write a new card"
+        )
+    if card.name != name or not math.isclose(card.heldout.value, metric, rel_tol=1e-9):
+        raise RegistryError(
+            f"{model_dir}: the card is of {card.name!r} with {card.heldout.metric} "
+            f"{card.heldout.value:g}, not of {name!r} with {metric:g}; write a new card"
+        )
+    store = Store(uri, create=True)
+    versions = store.versions(name)
+    champion = next((v for v in versions if CHAMPION in v.aliases), None)
+    wins, decision = compare(card.heldout, champion)
+    number = store.add(
+        name,
+        run_id,
+        [model_dir / MODEL_FILE, model_dir / CARD_FILE],
+        card.heldout,
+        {
+            "sha256": card.sha256,
+            "card_sha256": sha256(model_dir / CARD_FILE),
+            "decision": decision,
+        },
+    )
+    if wins:
+        store.set_alias(store.resolve(f"{name}/{number}"), CHAMPION)
+    return store.resolve(f"{name}/{number}")
+
+
+def compare(new: HeldOut, champion: Version | None) -> tuple[bool, str]:
+    """Whether a new model becomes champion, and why or why not.
+
+    Only the same metric on the same held-out data is comparable.
+    """
+    if champion is None:
+        return True, "champion: the first one"
+    old = champion.heldout
+    if (new.metric, new.data_hash) != (old.metric, old.data_hash):
+        return False, (
+            f"not champion: measured as {new.metric} on {new.set} {new.data_hash[:12]}, "
+            f"{champion} as {old.metric} on {old.set} {old.data_hash[:12]}, which does not "
+            "compare; 'wt registry promote' moves the alias by hand"
+        )
+    if new.value < old.value:
+        return True, f"champion: {new.metric} {new.value:.6g} < {old.value:.6g} of {champion}"
+    return False, f"not champion: {new.metric} {new.value:.6g} >= {old.value:.6g} of {champion}"

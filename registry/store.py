@@ -1,0 +1,221 @@
+"""The registered models of a store: the only module that uses MLflow's registry API.
+
+A registered version is two plain files among the artifacts of the run that made it, found
+through the version's source, with their hashes in its tags. MLflow's model flavours, which may
+unpickle, are never used.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from registry.backend import answering, connect, one_line, quiet, resolve_uri
+from registry.card import HeldOut
+from wt.errors import RegistryError, suggest
+
+if TYPE_CHECKING:
+    from mlflow.entities.model_registry import ModelVersion, RegisteredModel
+
+_NAME = re.compile(r"[\w.-]+")
+_REFERENCE = re.compile(r"(?P<name>[\w.-]+)(?:@(?P<alias>[\w-]+)|/(?P<version>\d+))")
+
+
+@dataclass(frozen=True)
+class Version:
+    """One registered version of a model.
+
+    Attributes:
+        name: registered name, e.g. ``"wt-r5"``.
+        version: 1, 2, …
+        aliases: e.g. ``("champion",)``.
+        run_id: run that made it.
+        source: URI of the folder with its two files.
+        created: UTC, ISO 8601.
+        sha256: of ``model.onnx``.
+        card_sha256: of ``card.json``.
+        heldout: the metric that versions are compared by.
+        decision: why it became champion, or why not, when it was pushed.
+    """
+
+    name: str
+    version: int
+    aliases: tuple[str, ...]
+    run_id: str
+    source: str
+    created: str
+    sha256: str
+    card_sha256: str
+    heldout: HeldOut
+    decision: str
+
+    def __str__(self) -> str:
+        """The reference by which it is pulled, e.g. ``wt-r5/3``."""
+        return f"{self.name}/{self.version}"
+
+
+class Store:
+    """Registered models of one MLflow store.
+
+    Attributes:
+        uri: the store.
+    """
+
+    def __init__(self, uri: str | None = None, *, create: bool = False) -> None:
+        """Connect; see :func:`resolve_uri` and :func:`connect`."""
+        self.uri = resolve_uri(uri)
+        self._client = connect(self.uri, create=create)
+
+    def models(self) -> dict[str, dict[str, int]]:
+        """Every registered name with its aliases and the versions they stand for."""
+        with answering(self.uri):
+            models: list[RegisteredModel] = []
+            token: str | None = ""
+            while token is not None:
+                page = self._client.search_registered_models(page_token=token or None)
+                models += page
+                token = page.token or None
+        return {
+            m.name: {alias: int(version) for alias, version in m.aliases.items()} for m in models
+        }
+
+    def versions(self, name: str) -> list[Version]:
+        """Versions of a model that were pushed from here, oldest first; none for no model."""
+        aliases = self.models().get(name, {})
+        with answering(self.uri):
+            found = self._client.search_model_versions(f"name='{name}'")
+        ours = [v for v in found if "card_sha256" in v.tags]
+        return sorted((_version(v, aliases) for v in ours), key=lambda v: v.version)
+
+    def resolve(self, reference: str) -> Version:
+        """The version that ``name@alias`` or ``name/version`` stands for.
+
+        Raises:
+            RegistryError: the reference is malformed, or nothing has that name.
+        """
+        match = _REFERENCE.fullmatch(reference)
+        if match is None:
+            raise RegistryError(
+                f"{reference!r} names no model version; write NAME@ALIAS or NAME/VERSION, "
+                "e.g. wt-r5@champion or wt-r5/3"
+            )
+        name, alias = match["name"], match["alias"]
+        models = self.models()
+        if name not in models:
+            hint = suggest(name, models) if models else "the registry is empty, run 'wt fit' first"
+            raise RegistryError(f"no model {name!r} in {self.uri}; {hint}")
+        if alias is not None and alias not in models[name]:
+            hint = suggest(alias, models[name]) if models[name] else "it has no alias"
+            raise RegistryError(
+                f"model {name!r} has no alias {alias!r}; {hint} (or name a version, {name}/1)"
+            )
+        number = models[name][alias] if alias is not None else int(match["version"])
+        versions = {v.version: v for v in self.versions(name)}
+        if number not in versions:
+            known = ", ".join(str(v) for v in versions) or "none"
+            raise RegistryError(f"model {name!r} has no version {number}; registered: {known}")
+        return versions[number]
+
+    def add(
+        self,
+        name: str,
+        run_id: str,
+        files: Sequence[Path],
+        heldout: HeldOut,
+        tags: Mapping[str, str],
+    ) -> int:
+        """Upload files into a run and register them as the next version of ``name``.
+
+        Args:
+            name: letters, digits, ``_``, ``.`` and ``-``.
+            run_id: the run that made the model.
+            files: the model and its card.
+            heldout: the metric that versions are compared by.
+            tags: ``sha256``, ``card_sha256`` and ``decision``, as in :class:`Version`.
+
+        Returns:
+            The new version's number.
+
+        Raises:
+            RegistryError: the name cannot be used.
+        """
+        if not _NAME.fullmatch(name):
+            raise RegistryError(
+                f"{name!r} is no model name; use letters, digits, '_', '.' and '-', e.g. wt-r5"
+            )
+        # By content: a run that pushes twice must not overwrite what a version points to.
+        folder = f"models/{tags['card_sha256'][:16]}"
+        about = {f"heldout.{key}": str(value) for key, value in vars(heldout).items()}
+        with answering(self.uri):
+            for file in files:
+                self._client.log_artifact(run_id, str(file), folder)
+            source = f"{self._client.get_run(run_id).info.artifact_uri}/{folder}"
+            if name not in self.models():
+                self._client.create_registered_model(name)
+            with quiet():
+                made = self._client.create_model_version(
+                    name, source, run_id, tags={**tags, **about}
+                )
+        return int(made.version)
+
+    def set_alias(self, version: Version, alias: str) -> None:
+        """Let ``alias`` stand for ``version`` from now on.
+
+        Raises:
+            RegistryError: MLflow does not take that alias.
+        """
+        if not re.fullmatch(r"[A-Za-z][\w-]*", alias) or re.fullmatch(r"latest|v\d+", alias):
+            raise RegistryError(
+                f"{alias!r} is no alias; start with a letter, then letters, digits, '_' and '-', "
+                "but neither 'latest' nor like 'v3'"
+            )
+        with answering(self.uri):
+            self._client.set_registered_model_alias(version.name, alias, str(version.version))
+
+    def fetch(self, version: Version, file: str, folder: Path) -> Path:
+        """Download one file of a version into ``folder``, unverified.
+
+        Raises:
+            RegistryError: the file is no longer there.
+        """
+        from mlflow.artifacts import download_artifacts
+        from mlflow.exceptions import MlflowException
+
+        try:
+            with quiet():
+                path = download_artifacts(
+                    f"{version.source}/{file}", dst_path=str(folder), tracking_uri=self.uri
+                )
+            return Path(path)
+        except (MlflowException, OSError) as error:
+            raise RegistryError(
+                f"{version} cannot give its {file} ({one_line(error)}); "
+                f"restore it in {version.source}, or register the model again"
+            ) from error
+
+
+def _version(found: ModelVersion, aliases: Mapping[str, int]) -> Version:
+    tags, number = found.tags, int(found.version)
+    return Version(
+        name=found.name,
+        version=number,
+        aliases=tuple(sorted(a for a, v in aliases.items() if v == number)),
+        run_id=found.run_id or "",
+        source=found.source or "",
+        created=datetime.fromtimestamp(found.creation_timestamp / 1e3, UTC).isoformat(
+            timespec="seconds"
+        ),
+        sha256=tags["sha256"],
+        card_sha256=tags["card_sha256"],
+        heldout=HeldOut(
+            set=tags["heldout.set"],
+            data_hash=tags["heldout.data_hash"],
+            metric=tags["heldout.metric"],
+            value=float(tags["heldout.value"]),
+        ),
+        decision=tags["decision"],
+    )

@@ -1,0 +1,68 @@
+"""What every test gets: quiet libraries, no network, and the folder of shared recordings."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+_outward: list[str] = []
+
+
+def pytest_configure() -> None:
+    """Switch telemetry off for tests that do not go through an entry point; watch the network."""
+    from wt.cli.main import QUIET
+
+    os.environ.update(QUIET)
+    # two workers on two cores: threads of one test would wait for those of another
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    sys.addaudithook(_watch_network)
+
+
+@pytest.fixture(autouse=True)
+def no_network() -> Iterator[None]:
+    """Fail a test during which anything tried to reach another machine, in whatever thread."""
+    _outward.clear()
+    yield
+    assert not _outward, f"tried to reach the network: {sorted(set(_outward))}"
+
+
+@pytest.fixture(scope="session")
+def root() -> Path:
+    """The checkout."""
+    return ROOT
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """The folder of real recordings and published models beside the checkout, if it is there."""
+    folder = ROOT.parent / "shared"
+    if not folder.is_dir():
+        pytest.skip("no folder 'shared' with recordings beside the checkout")
+    return folder
+
+
+def _watch_network(event: str, args: tuple[object, ...]) -> None:
+    if event == "socket.connect" and isinstance(args[1], tuple):  # a str is a Unix socket
+        host = str(args[1][0])
+    elif event == "socket.getaddrinfo":
+        host = str(args[0])
+    else:
+        return
+    if not _is_local(host):
+        _outward.append(host)
+        raise ConnectionRefusedError(f"tests must not reach the network, tried {host!r}")
+
+
+def _is_local(host: str) -> bool:
+    try:
+        address = ipaddress.ip_address(host)
+    except ValueError:
+        return host in ("None", "", "localhost", os.uname().nodename)
+    return address.is_loopback or address.is_unspecified

@@ -1,0 +1,108 @@
+"""The figures show the numbers they were given, and can be drawn without a screen."""
+
+import io
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from wt.evaluate import colors, figures
+from wt.evaluate.results import Results, Score
+from wt.types import Channel
+
+CHANNELS = (Channel("qpos/a", "rad"), Channel("qvel/a", "rad/s"), Channel("qpos/b", "rad"))
+
+
+def draw(figure: Figure) -> None:
+    """Render the figure: layout and text are only worked out then."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=40)
+    assert buffer.getvalue().startswith(b"\x89PNG")
+
+
+def scores() -> dict[str, Score]:
+    """Three methods and one that diverged."""
+    nan = float("nan")
+    return {
+        "RawSim": Score(0.7, 0.1, 0.8),
+        "WorldTranslationPlus": Score(0.2, 0.05, 0.3),
+        "ResDyn": Score(nan, nan, nan),
+        "RSSM": Score(0.5, 0.0, 0.6),
+    }
+
+
+def test_bar_table_shows_each_mse_smallest_first_with_the_papers() -> None:
+    figure = figures.bar_table(Results("r5_force", (0, 1), scores()))
+    draw(figure)
+    (axes,) = figure.axes
+    widths = [p.get_width() for p in axes.patches if isinstance(p, Rectangle)]
+    assert widths == [0.2, 0.5, 0.7, 0.0]
+    labels = [label.get_text() for label in axes.get_yticklabels()]
+    assert labels == ["WorldTranslationPlus", "RSSM", "RawSim", "ResDyn"]
+    texts = [text.get_text() for text in axes.texts]
+    assert texts == ["0.200 ± 0.050", "0.500 ± 0.000", "0.700 ± 0.100", "diverged"]
+    diamonds = next(line for line in axes.lines if line.get_label() == "in the paper")
+    points = np.asarray(diamonds.get_xydata())
+    assert points.tolist() == [[0.515493, 1], [0.706230, 2], [0.762682, 3]]
+
+
+def test_bar_table_of_a_task_the_paper_lacks_has_no_diamonds() -> None:
+    figure = figures.bar_table(Results("so101", (0,), scores()))
+    draw(figure)
+    assert "in the paper" not in [line.get_label() for line in figure.axes[0].lines]
+
+
+def test_per_channel_has_a_panel_a_unit() -> None:
+    rmse = {"RawSim": np.array([0.1, 1.0, 0.2]), "RSSM": np.array([0.3, 2.0, 0.4])}
+    figure = figures.per_channel(rmse, CHANNELS)
+    draw(figure)
+    above, below = figure.axes
+    assert (above.get_ylabel(), below.get_ylabel()) == ("RMSE [rad]", "RMSE [rad/s]")
+    assert [label.get_text() for label in above.get_xticklabels()] == ["qpos\na", "qpos\nb"]
+    shown = {line.get_label(): np.asarray(line.get_ydata()).tolist() for line in above.lines}
+    assert shown["RawSim"] == [0.1, 0.2]
+    assert shown["RSSM"] == [0.3, 0.4]
+
+
+def test_prediction_trace_shows_values_above_and_errors_below() -> None:
+    t = np.arange(4) / 50
+    real = np.array([0.0, 1.0, 2.0, 3.0])
+    figure = figures.prediction_trace(t, real, {"RawSim": real + 0.5}, CHANNELS[0])
+    draw(figure)
+    above, below = figure.axes
+    assert above.get_ylabel() == "qpos/a [rad]"
+    assert [line.get_label() for line in above.lines] == ["real", "RawSim"]
+    assert np.asarray(below.lines[0].get_ydata()).tolist() == [0.5] * 4
+
+
+def test_latent_picture_separates_what_differs() -> None:
+    rng = np.random.default_rng(0)
+    z_s = rng.normal(size=(5000, 8))
+    z_r = rng.normal(size=(300, 8)) + 20.0 * np.eye(8)[3]
+    figure = figures.latent_picture(z_s, z_s + 20.0 * np.eye(8)[3], z_r)
+    draw(figure)
+    before, after = (
+        {str(line.get_label()): np.asarray(line.get_xydata()) for line in axes.lines}
+        for axes in figure.axes
+    )
+    # the first component is the axis the domains differ along: they lie 20 apart, then together
+    gap = abs(before["S"][:, 0].mean() - before["R"][:, 0].mean())
+    assert gap == pytest.approx(20.0, abs=0.5)
+    assert abs(after["S translated"][:, 0].mean() - after["R"][:, 0].mean()) < 0.5
+    assert len(before["S"]) <= 2000
+
+
+def test_every_method_of_the_table_has_its_own_colour() -> None:
+    methods = (
+        "WorldTranslation", "WorldTranslationPlus", "RawSim", "DirectPred", "ResDyn", "ResDynSim",
+        "RSSM", "MeanShiftOT", "SomethingElse",
+    )  # fmt: skip
+    assert len({colors.of_method(method) for method in methods}) == len(methods)
+
+
+def test_no_global_plotting_state() -> None:
+    code = "import sys, wt.evaluate.figures; sys.exit('matplotlib.pyplot' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

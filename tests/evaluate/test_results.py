@@ -1,0 +1,147 @@
+"""``results.json`` against the public schema, the ratio against hand arithmetic."""
+
+import io
+import json
+import math
+import re
+import statistics
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from wt.errors import DataError
+from wt.evaluate import paper
+from wt.evaluate.results import Results, Score
+from wt.types import Channel
+
+SHARED = Path(__file__).parents[2] / ".." / "shared"
+
+
+def results(**changed: object) -> Results:
+    """Results of three methods, all known to the paper but ours."""
+    values: dict[str, object] = {
+        "task": "r5_force",
+        "seeds": (0, 1, 2),
+        "single_step": {
+            "WorldTranslation": Score(0.1, 0.01, 0.2),
+            "WorldTranslationPlus": Score(0.15, 0.02, 0.3),
+            "RSSM": Score(0.6, 0.03, 0.7),
+            "ResDynSim": Score(0.5, 0.0, 0.8),
+        },
+        "model": "wt-r5",
+        "version": 4,
+        "channels": (Channel("qpos/joint1", "rad"), Channel("qvel/joint1", "rad/s")),
+        "rmse": {"WorldTranslationPlus": (0.01, 0.1), "RSSM": (0.02, 0.2)},
+    }
+    return Results(**{**values, **changed})  # type: ignore[arg-type]
+
+
+def test_json_follows_the_public_schema(tmp_path: Path) -> None:
+    results().save(tmp_path)
+    content = json.loads((tmp_path / "results.json").read_text())
+    assert list(content)[:8] == [
+        "schema", "task", "seeds", "single_step", "paper", "ratio_to_best_baseline", "model",
+        "version",
+    ]  # fmt: skip
+    assert content["schema"] == 1
+    assert content["seeds"] == [0, 1, 2]
+    assert content["single_step"]["RSSM"] == {"mse": 0.6, "std": 0.03, "mse_change": 0.7}
+    assert content["paper"]["WorldTranslation"] == 0.401467
+    # ours over the best baseline; the paper's own method, though better, is no baseline
+    assert content["ratio_to_best_baseline"] == pytest.approx(0.3)
+    assert (content["model"], content["version"]) == ("wt-r5", 4)
+    assert content["per_channel"]["qvel/joint1"] == {
+        "unit": "rad/s",
+        "rmse": {"WorldTranslationPlus": 0.1, "RSSM": 0.2},
+    }
+    assert "given the true hidden variable" in content["note"]
+
+
+def test_what_is_saved_is_what_is_loaded(tmp_path: Path) -> None:
+    for saved in (results(), results(task="so101", model=None, version=None, rmse={}, channels=())):
+        saved.save(tmp_path)
+        assert Results.load(tmp_path) == saved
+
+
+def test_a_diverged_method_stays_in_the_table_and_out_of_the_ratio(tmp_path: Path) -> None:
+    nan = math.nan
+    scores = {**results().single_step, "RawSim": Score(nan, nan, nan)}
+    diverged = results(single_step=scores)
+    assert diverged.ratio_to_best_baseline == pytest.approx(0.3)
+    diverged.save(tmp_path)
+    assert "NaN" not in (tmp_path / "results.json").read_text()
+    assert math.isnan(Results.load(tmp_path).single_step["RawSim"].mse)
+    assert "| RawSim | diverged |" in (tmp_path / "results.md").read_text()
+
+
+def test_no_ratio_without_baselines_or_without_ours() -> None:
+    ours = {"WorldTranslationPlus": Score(0.1, 0.0, 0.1)}
+    assert results(single_step=ours).to_json()["ratio_to_best_baseline"] is None
+    baseline = {"RawSim": Score(0.1, 0.0, 0.1)}
+    assert results(single_step=baseline).to_json()["ratio_to_best_baseline"] is None
+
+
+def test_spread_is_the_sample_standard_deviation() -> None:
+    score = Score.of_seeds([1.0, 2.0, 4.0], [3.0, 3.0, 6.0])
+    assert (score.mse, score.mse_change) == (pytest.approx(7 / 3), 4.0)
+    assert score.std == pytest.approx(statistics.stdev([1.0, 2.0, 4.0]))
+    assert Score.of_seeds([1.0], [2.0]) == Score(1.0, 0.0, 2.0)
+
+
+def test_markdown_puts_the_papers_numbers_beside_ours_and_states_the_assumption() -> None:
+    text = results().to_markdown()
+    assert "| RSSM | 0.6000 | 0.0300 | 0.7000 | 0.5155 |" in text
+    assert "| WorldTranslationPlus | 0.1500 |" in text
+    assert "| WorldTranslation | **0.1000** |" in text
+    assert text.index("| WorldTranslationPlus |") < text.index("| WorldTranslation |")
+    assert "given the true hidden variable" in text[text.index("| RSSM |") :]
+    assert "| qvel/joint1 [rad/s] | 0.1 | 0.2 |" in text
+    assert "paper's MSE" not in results(task="so101", note="").to_markdown()
+
+
+def test_terminal_table_names_every_method_and_the_ratio() -> None:
+    console = Console(width=100, file=io.StringIO(), record=True)
+    results().print_table(console)
+    text = console.export_text()
+    for word in ("WorldTranslationPlus", "ResDynSim", "0.6000", "0.5155", "0.300", "hidden"):
+        assert word in text
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, "does not exist; give the folder"),
+        ('{"schema": 1, "task"', "is not a results file"),
+        ('{"schema": 2}', "schema 2"),
+        ('{"schema": 1}', "is not a results file"),
+        ("[]", "is not a results file"),
+    ],
+)
+def test_unreadable_results_are_one_clear_line(
+    tmp_path: Path, content: str | None, message: str
+) -> None:
+    if content is not None:
+        (tmp_path / "results.json").write_text(content)
+    with pytest.raises(DataError, match=message) as error:
+        Results.load(tmp_path)
+    assert "\n" not in str(error.value)
+
+
+def test_errors_of_another_number_of_channels_are_refused() -> None:
+    with pytest.raises(DataError, match="'RSSM' has errors of 1 channels, 2 are needed"):
+        results(rmse={"RSSM": (0.1,)})
+
+
+def test_the_papers_numbers_are_those_of_its_figure() -> None:
+    source = SHARED / "paper.tex"
+    if not source.exists():
+        pytest.skip("the paper's source is not here")
+    pattern = r"coordinates \{\((\w+), ([\d.]+)\) \((\w+), ([\d.]+)\)\}"
+    found = re.findall(pattern, source.read_text())
+    methods = ("RawSim", "DirectPred", "RSSM", "ResDyn", "WorldTranslation")
+    for i, robot in enumerate(("g1", "go2", "r5")):
+        for method, row in zip(methods, found[5 * i : 5 * i + 5], strict=True):
+            for condition, number in (row[:2], row[2:]):
+                task = f"{robot}_{condition.lower()}"
+                assert paper.SINGLE_STEP[task][method] == float(number), (task, method)

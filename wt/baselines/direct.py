@@ -1,0 +1,34 @@
+"""DirectPred: R's outcome from (o, a) alone; its error is what the hidden variable does."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wt.baselines.base import Baseline, in_chunks, register
+from wt.train.regression import Progress, regress
+from wt.types import Pairs, Transitions
+
+
+@register
+class DirectPred(Baseline):
+    """o′ = o + f(o, a), least squares on R."""
+
+    name = "DirectPred"
+
+    def fit(self, sim: Transitions, real: Transitions, progress: Progress | None) -> None:
+        """Regress R's change on (o, a)."""
+        x, _, change = self.tensors(real)
+        self.net = self.network(x.shape[1])
+        regress(
+            self.net,
+            lambda rows: self.net(x[rows]) - change[rows],
+            len(x),
+            self.budget(),
+            progress=progress,
+            score=self.score(),
+        )
+
+    def predict(self, pairs: Pairs) -> np.ndarray:
+        """The average outcome at (o, a)."""
+        x, _, _ = self.tensors(pairs.real)
+        return self.states(pairs, in_chunks(self.net, x))

@@ -1,0 +1,50 @@
+"""``wt fit``: the main job."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    config: Annotated[Path, typer.Option(help="YAML file of the task, e.g. conf/r5.yaml.")],
+    overrides: Annotated[
+        list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Override what it says.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the run; runs/<task>-<time> by default.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue the interrupted run in --out.")
+    ] = False,
+) -> None:
+    """Train World Translation on a task, compare it with its baselines, register the model.
+
+    Collects transitions of both domains (or reuses those it has), trains, evaluates on pairs that
+    were never trained on, logs to MLflow, records rollouts for Rerun, exports to ONNX, registers
+    the model, and prints the table of results.
+
+    Example:
+        wt fit --config conf/r5.yaml seeds=[0,1,2]
+    """
+    from rich.console import Console
+
+    from wt.cli._progress import bars
+    from wt.config import load
+    from wt.errors import ConfigError
+    from wt.fit import fit, open_folder
+
+    if resume and out is None:
+        raise ConfigError("--resume needs --out: the folder of the run to continue")
+    settings = load(config, overrides or [])
+    folder = out or Path("runs") / f"{settings.task}-{datetime.now():%Y-%m-%dT%H-%M-%S}"
+    settings = open_folder(settings, folder, resume)
+    with bars() as listener:
+        done, tracked = fit(settings, folder, listener)
+    console = Console()
+    done.results.print_table(console)
+    console.print(f"{done.version}: {done.version.decision}")
+    console.print(f"run {tracked.id} in {tracked.uri}; files in {folder}", soft_wrap=True)

@@ -1,0 +1,237 @@
+"""What ``conf/*.yaml`` may say: structured dataclasses, cross-field checks, one reader.
+
+A YAML file may name another one under ``base:``; its own keys win over that file's. Overrides
+from the command line (``key=value``, dotted) win over both. Every key is typed; an unknown key
+or a value of the wrong type is refused before anything runs.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+import omegaconf
+
+from wt.errors import ConfigError
+from wt.schema import parse, read, to_yaml
+
+__all__ = ["parse", "to_yaml"]
+
+
+class Adversarial(StrEnum):
+    """Adversarial loss: cross-entropy as in the paper, or least squares."""
+
+    bce = "bce"
+    lsgan = "lsgan"
+
+
+class MeanKind(StrEnum):
+    """What carries the difference of the domains that needs no translation.
+
+    ``none``: nothing, as in the paper; ``average``: least squares; ``mode``: the most frequent
+    answer, for hidden variables that are often absent.
+    """
+
+    none = "none"
+    average = "average"
+    mode = "mode"
+
+
+class SimulatorUse(StrEnum):
+    """How the mean field uses the simulator's own answer.
+
+    ``base``: it is added to; ``read``: it is added to and is also an input of the correction;
+    ``ignored``: R's change is regressed on (o, a) alone.
+    """
+
+    base = "base"
+    read = "read"
+    ignored = "ignored"
+
+
+@dataclass
+class Data:
+    """How much is collected, and where it is kept (``data:``)."""
+
+    dir: str = "data"
+    transitions: int = 300_000
+    validation_pairs: int = 10_000
+    test_pairs: int = 25_000
+    seed: int = 0
+
+
+@dataclass
+class Mean:
+    """The regressors in front of the translation (``mean:``); unused when kind is ``none``."""
+
+    kind: MeanKind = MeanKind.none
+    simulator: SimulatorUse = SimulatorUse.base
+    members: int = 1
+    input_noise: float = 0.0
+    mode_width: float = 0.05
+    width: int = 256
+    depth: int = 3
+    steps: int = 8000
+    batch: int = 512
+    learning_rate: float = 4e-3
+
+
+@dataclass
+class Nets:
+    """Sizes of encoder, decoders, classifier, generators, discriminators (``nets:``)."""
+
+    latent: int = 16
+    width: int = 128
+    depth: int = 3
+    film: bool = True
+    translator_width: int = 128
+    translator_depth: int = 2
+
+
+@dataclass
+class Vae:
+    """Weights of L_VAE (``vae:``)."""
+
+    beta: float = 1e-2
+    blind_weight: float = 0.1
+    blind_temperature: float = 0.5
+    classifier_weight: float = 0.1
+
+
+@dataclass
+class Translation:
+    """The unpaired translation (``translation:``)."""
+
+    conditioned: bool = False
+    adversarial: Adversarial = Adversarial.bce
+    cycle: float = 3.0
+    identity: float = 1.0
+    transport: bool = False
+    anchored: bool = False
+    average: float = 0.0
+
+
+@dataclass
+class Train:
+    """Algorithm 1's loop (``train:``)."""
+
+    steps: int = 8000
+    batch: int = 512
+    learning_rate: float = 1e-3
+    gan_learning_rate: float = 3e-4
+    validate_every: int = 500
+    log_every: int = 50
+
+
+@dataclass
+class Method:
+    """One World Translation model: the paper's or ours (``paper:``, ``plus:``)."""
+
+    mean: Mean = field(default_factory=Mean)
+    nets: Nets = field(default_factory=Nets)
+    vae: Vae = field(default_factory=Vae)
+    translation: Translation = field(default_factory=Translation)
+    train: Train = field(default_factory=Train)
+
+
+@dataclass
+class Baselines:
+    """The rivals, all of the same size and budget (``baselines:``)."""
+
+    names: list[str] = field(
+        default_factory=lambda: [
+            "RawSim", "DirectPred", "ResDyn", "ResDynSim", "RSSM", "MeanShiftOT"
+        ]
+    )  # fmt: skip
+    width: int = 256
+    depth: int = 3
+    steps: int = 6000
+    batch: int = 1024
+    learning_rate: float = 2e-3
+    history: int = 8
+
+
+@dataclass
+class Tracking:
+    """MLflow (``tracking:``); the environment's MLFLOW_TRACKING_URI wins over ``uri``."""
+
+    experiment: str = "world-translation"
+    uri: str | None = None
+
+
+@dataclass
+class Fit:
+    """Everything ``wt fit`` reads."""
+
+    task: str = omegaconf.MISSING
+    registry_name: str = omegaconf.MISSING
+    seeds: list[int] = field(default_factory=lambda: [0])
+    workers: int = 0
+    world: dict[str, Any] = omegaconf.MISSING
+    data: Data = field(default_factory=Data)
+    paper: Method = field(default_factory=Method)
+    plus: Method = field(default_factory=Method)
+    baselines: Baselines = field(default_factory=Baselines)
+    tracking: Tracking = field(default_factory=Tracking)
+
+
+def load(path: str | Path, overrides: Sequence[str] = ()) -> Fit:
+    """Read a configuration, apply overrides, check it.
+
+    Args:
+        path: a YAML file.
+        overrides: ``key=value`` words; lists and dotted keys are allowed.
+
+    Raises:
+        ConfigError: file missing, not YAML, an unknown key, a wrong type, impossible values.
+    """
+    config = parse(Fit, read(Path(path), overrides), "")
+    _check(config)
+    return config
+
+
+_ABOVE_ZERO = {
+    "transitions", "validation_pairs", "test_pairs", "steps", "batch", "validate_every",
+    "log_every", "learning_rate", "gan_learning_rate", "width", "depth", "latent",
+    "translator_width", "translator_depth", "members", "mode_width", "blind_temperature",
+}  # fmt: skip
+"""Numbers of any section that zero makes meaningless; no other may be negative either."""
+
+
+def _check(config: Fit) -> None:
+    _check_numbers(config, "")
+    seeds = config.seeds
+    if not seeds or len(set(seeds)) != len(seeds) or min(seeds) < 0:
+        raise ConfigError(f"seeds {seeds} must be a list of different integers, zero or more")
+    for name, method in (("paper", config.paper), ("plus", config.plus)):
+        train = method.train
+        if train.steps % train.validate_every:
+            raise ConfigError(
+                f"{name}.train.steps {train.steps} is not a multiple of "
+                f"{name}.train.validate_every {train.validate_every}; change either"
+            )
+        if method.translation.transport and method.mean.kind is MeanKind.none:
+            raise ConfigError(
+                f"{name}.translation.transport needs {name}.mean.kind average or mode, "
+                "since it moves what the mean leaves"
+            )
+        if method.translation.average >= 1:
+            raise ConfigError(
+                f"{name}.translation.average is {method.translation.average}; it must be below 1, "
+                "or the average never moves"
+            )
+
+
+def _check_numbers(section: object, where: str) -> None:
+    for key, value in vars(section).items():
+        if dataclasses.is_dataclass(value):
+            _check_numbers(value, f"{where}{key}.")
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            above = key in _ABOVE_ZERO
+            if not (value > 0 if above else value >= 0):  # so that NaN is refused too
+                needed = "above zero" if above else "zero or more"
+                raise ConfigError(f"{where}{key} is {value}; it must be {needed}")

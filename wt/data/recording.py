@@ -1,0 +1,225 @@
+"""Recordings on disk: one Parquet file each, read, written whole, and checked against an MJCF.
+
+The format is that of :class:`wt.types.Recording`: float64 columns, NaN for a missing sample, SI
+units and radians, with free metadata as JSON under the file's key ``wt``.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from wt.errors import RecordingError, suggest
+from wt.types import Recording
+
+Array = np.ndarray
+
+META_KEY = b"wt"
+DEGREE = np.pi / 180.0
+_BEYOND = 0.5  # rad past a limit: more than any sensor offset or compliance explains
+_MAX_DELAY = 0.4  # s, longest command-to-response delay looked for
+
+
+def read(path: str | Path) -> Recording:
+    """Read one recording.
+
+    Args:
+        path: a Parquet file of the recording format.
+
+    Raises:
+        RecordingError: the file is missing, truncated, not Parquet, or not a recording.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise RecordingError(
+            f"recording '{path}' does not exist; give a .parquet file, or make one with "
+            "'wt import SOURCE --to OUT.parquet'"
+        )
+    try:
+        table = pq.read_table(path)
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise RecordingError(
+            f"'{path}' is not a whole Parquet file (truncated or of another format): "
+            "copy it again, or make a recording of it with 'wt import'"
+        ) from error
+    if "t" not in table.column_names:
+        raise RecordingError(
+            f"'{path}' has no column 't' but {', '.join(table.column_names[:4])}, …: it is not a "
+            "recording; make one of it with 'wt import'"
+        )
+    columns = {}
+    for field in table.schema:
+        if not (pa.types.is_floating(field.type) or pa.types.is_integer(field.type)):
+            raise RecordingError(
+                f"'{path}': column '{field.name}' holds {field.type}; a recording has float64 "
+                "columns only"
+            )
+        # nulls become NaN, the format's missing sample
+        columns[field.name] = table[field.name].to_pandas().to_numpy(np.float64)
+    try:
+        meta = json.loads((table.schema.metadata or {}).get(META_KEY, b"{}"))
+        return Recording(columns.pop("t"), columns, meta)
+    except (RecordingError, json.JSONDecodeError) as error:
+        raise RecordingError(f"'{path}': {error}") from error
+
+
+def write(recording: Recording, path: str | Path) -> None:
+    """Write one recording; an interrupted write leaves an earlier file as it was.
+
+    Args:
+        recording: what to write.
+        path: where to; folders on the way are made.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    table = pa.table({"t": recording.t, **recording.columns}).replace_schema_metadata(
+        {META_KEY: json.dumps(dict(recording.meta)).encode()}
+    )
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        pq.write_table(table, temporary)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def check_against(recording: Recording, model: mujoco.MjModel) -> None:
+    """Check that a recording is one of this model's robot, in the model's units.
+
+    Args:
+        recording: what was recorded.
+        model: the compiled MJCF it is to be compared with.
+
+    Raises:
+        RecordingError: a column names nothing in the model, no joint position was recorded, or
+            a column has another unit's range (degrees); the message names the column.
+    """
+    known = _column_names(model)
+    for name in recording.columns:
+        if name not in known:
+            raise RecordingError(
+                f"column '{name}' names nothing in the model: {suggest(name, known)}"
+            )
+    if not any(name.startswith("qpos/") for name in recording.columns):
+        raise RecordingError(
+            "no 'qpos/<joint>' column: without a measured position there is nothing to compare"
+        )
+    for joint, limit in _limits(model, "joint").items():
+        _refuse_other_unit(recording, f"qpos/{joint}", limit)
+    for actuator, limit in _limits(model, "actuator").items():
+        _refuse_other_unit(recording, f"ctrl/{actuator}", limit)
+    for i in range(model.njnt):
+        if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE:
+            _refuse_unequal_units(recording, model.joint(i).name)
+
+
+def response_delay(recording: Recording) -> float | None:
+    """Median delay from commands to the motion of the joints of the same names [s].
+
+    For every name with both ``ctrl/`` and ``qpos/``, the lag at which commanded and measured
+    velocity correlate best; a lag at the end of the search range counts as not found.
+
+    Returns:
+        The median over joints, or None where nothing moves.
+    """
+    step = float(np.median(np.diff(recording.t)))
+    clock = np.arange(recording.t[0], recording.t[-1], step)
+    lags = np.arange(int(_MAX_DELAY / step) + 1)
+    found = []
+    for name, command in recording.columns.items():
+        position = recording.columns.get(f"qpos/{name.removeprefix('ctrl/')}")
+        if not name.startswith("ctrl/") or position is None or len(clock) < 3 * len(lags):
+            continue
+        speeds = [np.diff(np.interp(clock, recording.t, x)) for x in (command, position)]
+        if not all(np.isfinite(s).all() and s.std() > 1e-6 for s in speeds):
+            continue
+        u, v = speeds
+        r = np.array([np.corrcoef(u[: len(u) - k], v[k:])[0, 1] for k in lags])
+        k = int(np.argmax(r))
+        if 0 < k < len(lags) - 1:
+            # the peak of the parabola through the three highest points
+            bend = r[k - 1] - 2.0 * r[k] + r[k + 1]
+            found.append((k + 0.5 * (r[k - 1] - r[k + 1]) / bend) * step)
+    return float(np.median(found)) if found else None
+
+
+def _column_names(model: mujoco.MjModel) -> set[str]:
+    names = set()
+    for i in range(model.nu):
+        names |= {f"{kind}/{model.actuator(i).name}" for kind in ("ctrl", "force")}
+    for i in range(model.njnt):
+        joint = model.joint(i)
+        if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_FREE:
+            names |= {f"qpos/{joint.name}/{k}" for k in range(7)}
+            names |= {f"qvel/{joint.name}/{k}" for k in range(6)}
+        elif model.jnt_type[i] != mujoco.mjtJoint.mjJNT_BALL:
+            names |= {f"qpos/{joint.name}", f"qvel/{joint.name}"}
+    for i in range(model.nsensor):
+        sensor = model.sensor(i)
+        names |= {f"sensor/{sensor.name}/{k}" for k in range(model.sensor_dim[i])}
+    return names
+
+
+def _limits(model: mujoco.MjModel, kind: str) -> dict[str, Array]:
+    """Ranges [rad] of the limited hinges, or of the position actuators that drive a hinge."""
+    hinge = mujoco.mjtJoint.mjJNT_HINGE
+    if kind == "joint":
+        return {
+            model.joint(i).name: model.jnt_range[i]
+            for i in range(model.njnt)
+            if model.jnt_type[i] == hinge and model.jnt_limited[i]
+        }
+    limits = {}
+    for i in range(model.nu):
+        joint = model.actuator_trnid[i, 0]
+        drives_hinge = (
+            model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT
+            and model.jnt_type[joint] == hinge
+        )
+        # a position servo's force falls with the joint's position: bias -kp·q
+        if drives_hinge and model.actuator_ctrllimited[i] and model.actuator_biasprm[i, 1] < 0:
+            limits[model.actuator(i).name] = model.actuator_ctrlrange[i]
+    return limits
+
+
+def _refuse_other_unit(recording: Recording, column: str, limit: Array) -> None:
+    values = recording.columns.get(column)
+    if values is None or not np.isfinite(values).any():
+        return
+    low, high = np.nanquantile(values, [0.01, 0.99])
+    if low >= limit[0] - _BEYOND and high <= limit[1] + _BEYOND:
+        return
+    fits = low * DEGREE >= limit[0] - _BEYOND and high * DEGREE <= limit[1] + _BEYOND
+    unit = "degrees" if fits else "another unit, or another zero"
+    raise RecordingError(
+        f"column '{column}' runs from {low:.4g} to {high:.4g} and the model allows "
+        f"{limit[0]:.4g} to {limit[1]:.4g} rad: it looks like {unit}; convert it to radians"
+    )
+
+
+def _refuse_unequal_units(recording: Recording, joint: str) -> None:
+    """Refuse a position and a velocity of which one is in degrees and the other in radians."""
+    position, velocity = (recording.columns.get(f"{kind}/{joint}") for kind in ("qpos", "qvel"))
+    if position is None or velocity is None:
+        return
+    # central difference, on the samples between
+    slope = (position[2:] - position[:-2]) / (recording.t[2:] - recording.t[:-2])
+    both = np.isfinite(slope) & np.isfinite(velocity[1:-1])
+    slope, velocity = slope[both], velocity[1:-1][both]
+    if len(slope) < 10 or slope.std() < 1e-9 or velocity.std() < 1e-9:
+        return
+    if np.corrcoef(slope, velocity)[0, 1] < 0.8:
+        return
+    factor = velocity.std() / slope.std()
+    for name, expected in ((f"qvel/{joint}", 1.0 / DEGREE), (f"qpos/{joint}", DEGREE)):
+        if 0.7 < factor / expected < 1.4:
+            raise RecordingError(
+                f"column '{name}' looks like degrees: qvel/{joint} is {factor:.3g} times the "
+                f"slope of qpos/{joint}; convert it to radians"
+            )

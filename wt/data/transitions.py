@@ -1,0 +1,197 @@
+"""Collected transitions on disk: Parquet shards and a manifest, reused and resumed.
+
+A collection's folder is named after the hash of everything that decides its content (world
+options, compiled models, seed, count, format). Shards are written to a temporary name and renamed
+when whole; an interrupted collection continues after its last whole shard, and one that is
+complete is read instead of made again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from wt.errors import DataError
+from wt.types import Channel, Pairs, Transitions, TransitionSpec
+
+Array = np.ndarray
+
+FORMAT = 1
+MANIFEST = "manifest.json"
+
+
+@dataclass(frozen=True)
+class Shard:
+    """One piece of a collection: a file, its seed and how many transitions it holds."""
+
+    file: str
+    seed: int
+    count: int
+
+
+def digest(content: Any) -> str:
+    """SHA-256 of plain content (numbers, strings, lists, dictionaries), as 16 hex digits."""
+    text = json.dumps(content, sort_keys=True, default=list)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def plan(count: int, seed: int, shard: int) -> list[Shard]:
+    """Split a collection into shards with seeds of their own.
+
+    Args:
+        count: transitions in all.
+        seed: of the collection.
+        shard: most transitions per shard.
+    """
+    sizes = [min(shard, count - start) for start in range(0, count, shard)]
+    seeds = np.random.SeedSequence(seed).generate_state(len(sizes))
+    return [
+        Shard(f"part-{i:03d}.parquet", int(s), n)
+        for i, (n, s) in enumerate(zip(sizes, seeds, strict=True))
+    ]
+
+
+def obtain(
+    folder: Path,
+    identity: dict[str, Any],
+    spec: TransitionSpec,
+    shards: Sequence[Shard],
+    make: Callable[[Shard], Transitions | Pairs],
+) -> Transitions | Pairs:
+    """Read a collection, first making whatever shards are missing.
+
+    Args:
+        folder: parent folder; the collection gets its own folder below, named by its hash.
+        identity: plain content that decides what is collected; its hash decides about reuse.
+        spec: layout of the transitions.
+        shards: as from :func:`plan`.
+        make: collects one shard.
+
+    Returns:
+        All shards joined, in order; episodes are numbered on.
+
+    Raises:
+        DataError: a shard is truncated or of another layout.
+    """
+    identity = {
+        "format": FORMAT,
+        **identity,
+        "shards": [[s.file, s.seed, s.count] for s in shards],
+    }
+    home = folder / f"{spec.task}-{identity['what']}-{digest(identity)}"
+    home.mkdir(parents=True, exist_ok=True)
+    for shard in shards:
+        if not (home / shard.file).exists():
+            _write(home / shard.file, make(shard), spec)
+    _write_text(home / MANIFEST, json.dumps(_manifest(identity, spec), indent=1))
+    return _join([_read(home / shard.file, spec) for shard in shards])
+
+
+def content_hash(data: Transitions | Pairs) -> str:
+    """SHA-256 of the arrays themselves, as 16 hex digits; names a held-out set in model cards."""
+    sha = hashlib.sha256()
+    real = data.real if isinstance(data, Pairs) else data
+    for array in (real.o, real.a, real.s_next):
+        sha.update(np.ascontiguousarray(array).tobytes())
+    return sha.hexdigest()[:16]
+
+
+def _manifest(identity: dict[str, Any], spec: TransitionSpec) -> dict[str, Any]:
+    groups = {"o": spec.observation, "a": spec.action, "s_next": spec.state, "h": spec.hidden}
+    return {
+        **identity,
+        "hash": digest(identity),
+        "rate_hz": spec.rate_hz,
+        "units": {f"{g}/{c.name}": c.unit for g, channels in groups.items() for c in channels},
+    }
+
+
+def _columns(spec: TransitionSpec) -> dict[str, tuple[str, tuple[Channel, ...]]]:
+    """Field of Transitions → (column prefix, channels)."""
+    return {
+        "o": ("o", spec.observation),
+        "a": ("a", spec.action),
+        "s_next": ("s_next", spec.state),
+        "nominal": ("nominal", spec.state),
+        "hidden": ("h", spec.hidden),
+    }
+
+
+def _write(path: Path, data: Transitions | Pairs, spec: TransitionSpec) -> None:
+    real = data.real if isinstance(data, Pairs) else data
+    table = {
+        f"{prefix}/{channel.name}": getattr(real, field)[:, i]
+        for field, (prefix, channels) in _columns(spec).items()
+        for i, channel in enumerate(channels)
+    }
+    if isinstance(data, Pairs):
+        table |= {f"sim_next/{c.name}": data.sim_next[:, i] for i, c in enumerate(spec.state)}
+    table |= {"episode": real.episode, "step": real.step}
+    temporary = path.with_suffix(".tmp")
+    try:
+        pq.write_table(pa.table(table), temporary, compression="zstd", write_page_checksum=True)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _read(path: Path, spec: TransitionSpec) -> Transitions | Pairs:
+    try:
+        table = pq.read_table(path, page_checksum_verification=True)
+    except (pa.ArrowInvalid, OSError) as error:
+        raise DataError(
+            f"{path} cannot be read ({str(error).splitlines()[0]}); delete it and run again, "
+            "only this part is collected anew"
+        ) from error
+
+    def column(name: str) -> Array:
+        if name not in table.column_names:
+            raise DataError(f"it has no column {name!r} and belongs to another task")
+        return table[name].to_numpy()
+
+    def matrix(prefix: str, channels: tuple[Channel, ...]) -> Array:
+        columns = [column(f"{prefix}/{c.name}") for c in channels]
+        return np.stack(columns, axis=1) if columns else np.empty((len(table), 0), np.float32)
+
+    try:
+        fields = {field: matrix(*where) for field, where in _columns(spec).items()}
+        transitions = Transitions(**fields, episode=column("episode"), step=column("step"))
+        if not any(n.startswith("sim_next/") for n in table.column_names):
+            return transitions
+        return Pairs(transitions, matrix("sim_next", spec.state))
+    except (DataError, ValueError) as error:  # numpy's, where numbers should be and are not
+        raise DataError(f"{path} is not a part of this collection: {error}; delete it") from error
+
+
+def _join(parts: list[Transitions | Pairs]) -> Transitions | Pairs:
+    reals = [p.real if isinstance(p, Pairs) else p for p in parts]
+    firsts = np.cumsum([0] + [int(r.episode.max()) + 1 for r in reals[:-1]])
+    joined = Transitions(
+        **{
+            name: np.concatenate([getattr(r, name) for r in reals])
+            for name in ("o", "a", "s_next", "nominal", "hidden", "step")
+        },
+        episode=np.concatenate([r.episode + first for r, first in zip(reals, firsts, strict=True)]),
+    )
+    if isinstance(parts[0], Pairs):
+        answers = [p.sim_next for p in parts if isinstance(p, Pairs)]
+        return Pairs(joined, np.concatenate(answers))
+    return joined
+
+
+def _write_text(path: Path, text: str) -> None:
+    temporary = path.with_suffix(".tmp")
+    try:
+        temporary.write_text(text)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,182 @@
+"""The numbers as figures, dark on light; each function returns a Figure for the caller to save.
+
+Figures are built without ``pyplot``: no window, no global state, nothing to close.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from sklearn.decomposition import PCA
+
+from wt.evaluate import colors
+from wt.evaluate.results import Results
+from wt.types import Channel
+
+Array = np.ndarray
+
+_DARK = "#222222"
+_MARKERS = "osD^vPX<"
+
+
+def bar_table(results: Results) -> Figure:
+    """Single-step MSE of each method, smallest on top, with its spread over seeds.
+
+    The paper's number, where it has one, is a diamond on the method's row.
+    """
+    scores = results.single_step
+    methods = sorted(scores, key=lambda m: (math.isnan(scores[m].mse), scores[m].mse))
+    figure, axes = _figure(7.0, 1.2 + 0.42 * len(methods))
+    mse = [np.nan_to_num(scores[m].mse) for m in methods]
+    std = [np.nan_to_num(scores[m].std) for m in methods]
+    rows = range(len(methods))
+    axes.barh(
+        rows, mse, xerr=std if len(results.seeds) > 1 else None, height=0.62,
+        color=[_rgb(m) for m in methods],
+        error_kw={"ecolor": _DARK, "elinewidth": 1.2, "capsize": 3},
+    )  # fmt: skip
+    known = [(results.paper[m], row) for row, m in enumerate(methods) if m in results.paper]
+    if known:
+        x, y = zip(*known, strict=True)
+        axes.plot(
+            x, y, "D", color="white", markeredgecolor=_DARK, markersize=6.5, label="in the paper"
+        )
+        figure.legend(loc="outside lower right", frameon=False)
+    # numbers stand in a column of their own, where no bar or diamond can hide them
+    beside = axes.get_yaxis_transform()
+    for row, method in enumerate(methods):
+        score = scores[method]
+        spread = f" ± {score.std:.3f}" if len(results.seeds) > 1 else ""
+        value = f"{score.mse:.3f}{spread}" if math.isfinite(score.mse) else "diverged"
+        axes.text(1.02, row, value, transform=beside, va="center", fontsize=9, color=_DARK)
+    axes.set_yticks(rows, methods)
+    axes.invert_yaxis()
+    axes.set_xlabel("MSE of the normalised next state")
+    axes.set_title(f"Single-step prediction, {results.task}", loc="left")
+    axes.margins(x=0.04)
+    axes.set_xlim(left=0.0)
+    axes.grid(axis="y", visible=False)
+    return figure
+
+
+def per_channel(rmse: Mapping[str, Array], channels: tuple[Channel, ...]) -> Figure:
+    """Error of each method on each channel in physical units, one panel a unit, log scale.
+
+    Args:
+        rmse: root mean squared errors by method, (C,) each, in the channels' units.
+        channels: names and units of the C channels.
+    """
+    units = list(dict.fromkeys(channel.unit for channel in channels))
+    figure = Figure(figsize=(9.0, 0.8 + 2.6 * len(units)), layout="constrained")
+    panels = figure.subplots(len(units), squeeze=False)[:, 0]
+    for axes, unit in zip(panels, units, strict=True):
+        where = [c for c, channel in enumerate(channels) if channel.unit == unit]
+        for i, (method, errors) in enumerate(rmse.items()):
+            # methods stand beside each other within a channel's column
+            shift = 0.7 * ((i + 0.5) / len(rmse) - 0.5)
+            axes.plot(
+                np.arange(len(where)) + shift, np.asarray(errors)[where],
+                _MARKERS[i % len(_MARKERS)], color=_rgb(method), label=method, markersize=6.5,
+                markeredgecolor="white", markeredgewidth=0.5,
+            )  # fmt: skip
+        _style(axes)
+        axes.set_yscale("log")
+        names = [channels[c].name.replace("/", "\n", 1) for c in where]
+        axes.set_xticks(range(len(where)), names)
+        axes.set_xlim(-0.5, len(where) - 0.5)
+        axes.grid(axis="x", visible=False)
+        for edge in range(1, len(where)):
+            axes.axvline(edge - 0.5, color="#dddddd", linewidth=0.8, zorder=0)
+        axes.set_ylabel(f"RMSE [{unit}]")
+    figure.align_ylabels()
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=4, frameon=False)
+    return figure
+
+
+def prediction_trace(
+    t: Array, real: Array, by_method: Mapping[str, Array], channel: Channel
+) -> Figure:
+    """One channel over time: real and predicted above, the errors below.
+
+    Args:
+        t: time stamps, (T,) [s].
+        real: the channel as it was, (T,).
+        by_method: the channel as each method predicted it, (T,) each.
+        channel: its name and unit.
+    """
+    figure = Figure(figsize=(9.0, 5.2), layout="constrained")
+    above, below = figure.subplots(2, sharex=True, height_ratios=(3, 2))
+    above.plot(t, real, color=_DARK, linewidth=2.6, label="real")
+    for method, predicted in by_method.items():
+        above.plot(t, predicted, color=_rgb(method), linewidth=1.3, label=method)
+        below.plot(t, np.asarray(predicted) - real, color=_rgb(method), linewidth=1.1)
+    below.axhline(0.0, color=_DARK, linewidth=0.8)
+    _style(above)
+    _style(below)
+    above.set_ylabel(f"{channel.name} [{channel.unit}]")
+    below.set_ylabel(f"predicted − real [{channel.unit}]")
+    below.set_xlabel("time [s]")
+    below.set_xlim(t[0], t[-1])
+    figure.align_ylabels()
+    figure.legend(loc="outside upper center", ncols=5, frameon=False)
+    return figure
+
+
+def latent_picture(z_s: Array, z_sr: Array, z_r: Array) -> Figure:
+    """The latents of S and of S translated, each over those of R, in R's and S's first two PCs.
+
+    Args:
+        z_s: latents of S, (N, D).
+        z_sr: the same latents translated to R, (N, D).
+        z_r: latents of R, unpaired with the others, (M, D).
+    """
+    pca = PCA(n_components=2).fit(np.concatenate([z_s, z_r]))
+    figure = Figure(figsize=(9.0, 4.4), layout="constrained")
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    before = ("S", z_s, colors.S)
+    after = ("S translated", z_sr, colors.TRANSLATED)
+    for axes, (name, latents, color) in zip(panels, (before, after), strict=True):
+        _scatter(axes, pca.transform(z_r), colors.R, "R", "o")
+        _scatter(axes, pca.transform(latents), color, name, "^")
+        _style(axes)
+        axes.set_xlabel(f"PC 1 ({pca.explained_variance_ratio_[0]:.0%} of the variance)")
+        legend = axes.legend(loc="best", markerscale=2.5, framealpha=0.9, edgecolor="none")
+        for handle in legend.legend_handles:
+            if handle is not None:
+                handle.set_alpha(1.0)
+    panels[0].set_ylabel(f"PC 2 ({pca.explained_variance_ratio_[1]:.0%})")
+    panels[0].set_title("before translation", loc="left")
+    panels[1].set_title("after translation", loc="left")
+    return figure
+
+
+def _figure(width: float, height: float) -> tuple[Figure, Axes]:
+    figure = Figure(figsize=(width, height), layout="constrained")
+    axes = figure.subplots()
+    _style(axes)
+    return figure, axes
+
+
+def _style(axes: Axes) -> None:
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(color="#e6e6e6", linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.tick_params(colors=_DARK, labelsize=9)
+
+
+def _scatter(axes: Axes, points: Array, color: colors.Color, label: str, marker: str) -> None:
+    # more than 2000 points hide each other; an even stride keeps the whole rollout in the picture
+    shown = points[:: max(1, math.ceil(len(points) / 2000))]
+    axes.plot(
+        shown[:, 0], shown[:, 1], marker, color=np.divide(color, 255), label=label,
+        markersize=3.5, alpha=0.45, markeredgewidth=0.0, linestyle="none",
+    )  # fmt: skip
+
+
+def _rgb(method: str) -> tuple[float, ...]:
+    return tuple(c / 255 for c in colors.of_method(method))

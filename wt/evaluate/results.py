@@ -1,0 +1,288 @@
+"""The numbers of an evaluation: ``results.json``, ``results.md`` and a table in the terminal.
+
+``results.json`` follows the public schema 1; after its keys come ``per_channel`` (errors in
+physical units) and ``note`` (what the comparison assumes).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import statistics
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from wt.errors import DataError
+from wt.evaluate import paper
+from wt.evaluate.files import write_whole
+from wt.types import Channel
+
+SCHEMA = 1
+OURS = "WorldTranslationPlus"
+PAPERS_OWN = "WorldTranslation"
+
+ASSUMPTION = (
+    "The simulator is given the true hidden variable (the force that acts, the terrain, the "
+    "payload), as in the paper: RawSim and the translations start from its output under it."
+)
+
+
+@dataclass(frozen=True)
+class Score:
+    """One method's single-step error; NaN where it did not converge.
+
+    Attributes:
+        mse: mean squared error of the normalised next state, mean over seeds.
+        std: standard deviation of ``mse`` over seeds; 0 with one seed.
+        mse_change: mean squared error of the normalised change of state, mean over seeds.
+    """
+
+    mse: float
+    std: float
+    mse_change: float
+
+    @classmethod
+    def of_seeds(cls, mse: Sequence[float], mse_change: Sequence[float]) -> Score:
+        """Mean and spread of one value a seed."""
+        return cls(
+            mse=statistics.fmean(mse),
+            std=statistics.stdev(mse) if len(mse) > 1 else 0.0,
+            mse_change=statistics.fmean(mse_change),
+        )
+
+
+@dataclass(frozen=True)
+class Results:
+    """What an evaluation found.
+
+    Attributes:
+        task: name of the task, e.g. ``"r5_force"``.
+        seeds: the seeds that were trained.
+        single_step: each method's score.
+        model: name in the registry; None when nothing was registered.
+        version: version in the registry.
+        channels: the predicted channels that ``rmse`` speaks of.
+        rmse: each method's root mean squared error of each channel, in the channel's unit.
+        note: what the comparison assumes.
+    """
+
+    task: str
+    seeds: tuple[int, ...]
+    single_step: Mapping[str, Score]
+    model: str | None = None
+    version: int | None = None
+    channels: tuple[Channel, ...] = ()
+    rmse: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    note: str = ASSUMPTION
+
+    def __post_init__(self) -> None:
+        """Check that every method's errors speak of every channel."""
+        for method, errors in self.rmse.items():
+            if len(errors) != len(self.channels):
+                raise DataError(
+                    f"results: {method!r} has errors of {len(errors)} channels, "
+                    f"{len(self.channels)} are needed"
+                )
+
+    @property
+    def paper(self) -> Mapping[str, float]:
+        """The paper's MSE of this task by method; empty where it has none."""
+        return paper.SINGLE_STEP.get(self.task, {})
+
+    @property
+    def ratio_to_best_baseline(self) -> float:
+        """MSE of our best over that of the best baseline; NaN when either is missing."""
+        baselines = [
+            score.mse
+            for method, score in self.single_step.items()
+            if method not in (OURS, PAPERS_OWN) and math.isfinite(score.mse)
+        ]
+        if OURS not in self.single_step or not baselines:
+            return math.nan
+        best = min(baselines)
+        return self.single_step[OURS].mse / best if best > 0 else math.nan
+
+    def save(self, folder: Path) -> None:
+        """Write ``results.json`` and ``results.md`` into ``folder``.
+
+        Raises:
+            OSError: the folder cannot be written; earlier files stay as they were.
+        """
+        text = json.dumps(self.to_json(), indent=2, ensure_ascii=False, allow_nan=False)
+        write_whole(folder / "results.json", text + "\n")
+        write_whole(folder / "results.md", self.to_markdown())
+
+    @classmethod
+    def load(cls, folder: Path) -> Results:
+        """Read ``results.json`` of a run's folder.
+
+        Raises:
+            DataError: it is missing, truncated or of another schema.
+        """
+        path = folder / "results.json"
+        try:
+            return cls.from_json(json.loads(path.read_text()))
+        except FileNotFoundError:
+            raise DataError(
+                f"{path} does not exist; give the folder of a finished 'wt fit'"
+            ) from None
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise DataError(
+                f"{path} is not a results file ({error!r}); make it again with 'wt fit'"
+            ) from error
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of ``results.json``; NaN becomes null."""
+        return {
+            "schema": SCHEMA,
+            "task": self.task,
+            "seeds": list(self.seeds),
+            "single_step": {
+                method: {
+                    "mse": _number(score.mse),
+                    "std": _number(score.std),
+                    "mse_change": _number(score.mse_change),
+                }
+                for method, score in self.single_step.items()
+            },
+            "paper": dict(self.paper),
+            "ratio_to_best_baseline": _number(self.ratio_to_best_baseline),
+            "model": self.model,
+            "version": self.version,
+            "per_channel": {
+                channel.name: {
+                    "unit": channel.unit,
+                    "rmse": {method: _number(errors[c]) for method, errors in self.rmse.items()},
+                }
+                for c, channel in enumerate(self.channels)
+            },
+            "note": self.note,
+        }
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Results:
+        """The results a ``results.json`` holds.
+
+        Raises:
+            DataError: it is of another schema.
+        """
+        if content["schema"] != SCHEMA:
+            raise DataError(
+                f"results of schema {content['schema']!r} cannot be read, only {SCHEMA}; "
+                "use the version of wt that wrote them"
+            )
+        rows = content.get("per_channel", {})
+        methods = next(iter(rows.values()))["rmse"] if rows else {}
+        return cls(
+            task=content["task"],
+            seeds=tuple(content["seeds"]),
+            single_step={
+                method: Score(**{key: _nan_if_null(value) for key, value in score.items()})
+                for method, score in content["single_step"].items()
+            },
+            model=content["model"],
+            version=content["version"],
+            channels=tuple(Channel(name, row["unit"]) for name, row in rows.items()),
+            rmse={
+                method: tuple(_nan_if_null(row["rmse"][method]) for row in rows.values())
+                for method in methods
+            },
+            note=content.get("note", ASSUMPTION),
+        )
+
+    def to_markdown(self) -> str:
+        """The content of ``results.md``: ours beside the paper's, then errors in physical units."""
+        lines = [
+            f"# {self._title()}",
+            "",
+            *_markdown(self._head(), self._rows(bold="**{}**")),
+            "",
+            self._ratio(),
+            "",
+            " ".join([_LEGEND, *([_PAPER_LEGEND] * bool(self.paper)), self.note]),
+        ]
+        if self.channels:
+            head = ["channel", *self.rmse]
+            rows = [
+                [f"{channel.name} [{channel.unit}]", *(f"{e[c]:.3g}" for e in self.rmse.values())]
+                for c, channel in enumerate(self.channels)
+            ]
+            lines += ["", "## Error per channel (RMSE, physical units)", "", *_markdown(head, rows)]
+        return "\n".join(lines) + "\n"
+
+    def print_table(self, console: Console) -> None:
+        """Print the table of methods to a terminal."""
+        table = Table(title=self._title())
+        for i, name in enumerate(self._head()):
+            table.add_column(name, justify="right" if i else "left", no_wrap=True)
+        for row in self._rows(bold="[bold]{}[/bold]"):
+            table.add_row(*row)
+        console.print(table)
+        console.print(self._ratio(), highlight=False)
+        console.print(self.note, style="dim", highlight=False)
+
+    def _title(self) -> str:
+        seeds = f"{len(self.seeds)} seed" + ("s" if len(self.seeds) != 1 else "")
+        return f"Single-step prediction, {self.task}, {seeds}"
+
+    def _head(self) -> list[str]:
+        return ["method", "MSE", "± std", "MSE of change", *(["paper's MSE"] * bool(self.paper))]
+
+    def _rows(self, bold: str) -> list[list[str]]:
+        """One row a method, ours first and the rest by error; the smallest MSE through ``bold``."""
+        order = sorted(self.single_step, key=lambda m: (_rank(m), _or_inf(self.single_step[m].mse)))
+        best = min((_or_inf(score.mse) for score in self.single_step.values()), default=math.inf)
+        rows = []
+        for method in order:
+            score = self.single_step[method]
+            mse = f"{score.mse:.4f}" if math.isfinite(score.mse) else "diverged"
+            row = [
+                method,
+                bold.format(mse) if score.mse == best else mse,
+                f"{score.std:.4f}" if len(self.seeds) > 1 else "–",
+                f"{score.mse_change:.4f}",
+            ]
+            if self.paper:
+                row.append(f"{self.paper[method]:.4f}" if method in self.paper else "–")
+            rows.append(row)
+        return rows
+
+    def _ratio(self) -> str:
+        ratio = self.ratio_to_best_baseline
+        if math.isnan(ratio):
+            return f"No ratio: {OURS} or the baselines are missing."
+        return f"{OURS} makes {ratio:.3f} of the error of the best baseline."
+
+
+_LEGEND = "MSE is on the normalised next state under teacher forcing; the spread is over seeds."
+_PAPER_LEGEND = (
+    "The paper's numbers are those of its figure 3, on its own worlds: compare ratios with them, "
+    "not absolute values."
+)
+
+
+def _rank(method: str) -> int:
+    return {OURS: 0, PAPERS_OWN: 1}.get(method, 2)
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _nan_if_null(value: float | None) -> float:
+    return math.nan if value is None else float(value)
+
+
+def _or_inf(value: float) -> float:
+    return value if math.isfinite(value) else math.inf
+
+
+def _markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """A Markdown table: first column left, the others right."""
+    align = ["---"] + ["---:"] * (len(head) - 1)
+    return ["| " + " | ".join(cells) + " |" for cells in (head, align, *rows)]

@@ -1,0 +1,80 @@
+"""Single-step error under teacher forcing: every prediction starts from R's own observation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from wt.types import Pairs, Transitions, TransitionSpec
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Scales:
+    """What errors are measured in: R's spread in the training data.
+
+    Attributes:
+        state: standard deviation of the next state, (n_state,), physical units.
+        change: standard deviation of the one-step change, (n_state,), physical units.
+    """
+
+    state: Array
+    change: Array
+
+    @classmethod
+    def of(cls, real: Transitions, spec: TransitionSpec) -> Scales:
+        """Scales of R's training transitions."""
+        change = real.s_next - real.o[:, : spec.n_state]
+        return cls(real.s_next.std(axis=0), change.std(axis=0))
+
+
+@dataclass(frozen=True)
+class Errors:
+    """One method's error with one seed.
+
+    Attributes:
+        mse: mean squared error of the normalised next state.
+        mse_change: mean squared error in units of the change's standard deviation.
+        rmse: per channel in physical units, (n_state,).
+    """
+
+    mse: float
+    mse_change: float
+    rmse: Array
+
+
+def errors(predicted: Array, pairs: Pairs, scales: Scales) -> Errors:
+    """Error of predicted next states, (N, n_state) in physical units."""
+    error = predicted.astype(np.float64) - pairs.real.s_next
+    return Errors(
+        mse=float(np.mean((error / scales.state) ** 2)),
+        mse_change=float(np.mean((error / scales.change) ** 2)),
+        rmse=np.sqrt(np.mean(error**2, axis=0)),
+    )
+
+
+def first_episode(pairs: Pairs, longest: int) -> Array:
+    """Rows of the first unbroken episode, at most ``longest``."""
+    real = pairs.real
+    unbroken = (real.episode == real.episode[0]) & (
+        real.step == real.step[0] + np.arange(len(real))
+    )
+    length = len(real) if unbroken.all() else int(np.argmin(unbroken))
+    return np.arange(min(length, longest))
+
+
+def poses(model: mujoco.MjModel, spec: TransitionSpec, states: Array) -> Array:
+    """Joint positions of the whole model for drawing, (N, nq); joints not in the task rest.
+
+    Args:
+        model: the MJCF that is drawn.
+        spec: layout of the task.
+        states: state channels, (N, n_state).
+    """
+    qpos = np.tile(model.qpos0, (len(states), 1))
+    for joint, channel in zip(spec.joints, spec.pose, strict=True):
+        qpos[:, model.joint(joint).qposadr[0]] = states[:, channel]
+    return qpos

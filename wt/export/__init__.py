@@ -1,0 +1,1 @@
+"""Models leave the project as one ONNX graph: see ``wt.export.onnx``."""

@@ -1,0 +1,117 @@
+"""The main job: collect, train, compare, export, register; what ``wt fit`` runs.
+
+A run's folder holds the resolved configuration, the results, the exported model with its card,
+the Rerun recording and, under ``work/``, what an interrupted run continues from: checkpoints and
+the predictions of every method that is already finished.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from omegaconf import OmegaConf
+
+from wt.config import Fit, load, to_yaml
+from wt.errors import ConfigError
+from wt.evaluate.files import write_whole
+from wt.evaluate.results import OURS, PAPERS_OWN
+from wt.evaluate.single_step import Errors, errors
+from wt.jobs import Job, run_jobs
+from wt.publish import Published, publish
+from wt.study import Listener, Study
+from wt.track import Run, run
+
+CONFIG = "config.yaml"
+RUN_ID = "mlflow_run_id"
+
+
+def open_folder(config: Fit, folder: Path, resume: bool) -> Fit:
+    """Claim a run's folder and keep the configuration in it.
+
+    Args:
+        config: the resolved configuration.
+        folder: the run's folder, new or empty unless resumed.
+        resume: continue the run that is in it, with the configuration that it began with.
+
+    Raises:
+        ConfigError: the folder holds another run, or none to resume.
+    """
+    kept = folder / CONFIG
+    if resume:
+        if not kept.exists():
+            raise ConfigError(f"--resume: {folder} holds no run ({CONFIG} is missing)")
+        begun = load(kept)
+        if to_yaml(begun) != to_yaml(config):
+            raise ConfigError(
+                f"--resume: the configuration differs from {kept}, with which the run began; "
+                f"resume with --config {kept} and no overrides, or choose a new --out"
+            )
+        return begun
+    if kept.exists():
+        raise ConfigError(f"{folder} already holds a run; add --resume, or choose a new --out")
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(kept, to_yaml(config))
+    return config
+
+
+def fit(config: Fit, folder: Path, listener: Listener) -> tuple[Published, Run]:
+    """Run everything; finished parts found in ``folder`` are not run again.
+
+    Args:
+        config: the resolved configuration, already in ``folder``.
+        folder: the run's folder.
+        listener: told of progress and warnings.
+
+    Returns:
+        What was published, and the MLflow run.
+    """
+    kept = folder / RUN_ID
+    run_id = kept.read_text().strip() if kept.exists() else None
+    tracking = config.tracking
+    with run(tracking.experiment, folder.name, uri=tracking.uri, run_id=run_id) as tracked:
+        write_whole(kept, tracked.id)
+        tracked.params(_flat(config))
+        tracked.text(to_yaml(config), CONFIG)
+        study = Study.open(config, folder, _Logged(listener, tracked))
+        methods = [OURS, PAPERS_OWN, *reversed(config.baselines.names)]
+        run_jobs(study, [Job(seed, method) for seed in config.seeds for method in methods])
+        by_seed = {seed: _evaluate(study, seed, tracked) for seed in config.seeds}
+        return publish(study, by_seed, tracked), tracked
+
+
+class _Logged:
+    """Hands progress and warnings on, and metrics to MLflow."""
+
+    def __init__(self, listener: Listener, tracked: Run) -> None:
+        self.progress, self.warn, self._tracked = listener.progress, listener.warn, tracked
+
+    def metrics(self, values: Mapping[str, float], step: int) -> None:
+        self._tracked.metrics(values, step)
+
+
+def _evaluate(study: Study, seed: int, tracked: Run) -> dict[str, Errors]:
+    """Errors of every method with one seed; the first and only look at the test pairs."""
+    found = {}
+    for method in (*study.config.baselines.names, PAPERS_OWN, OURS):
+        found[method] = errors(study.prediction(seed, method), study.data.test, study.scales)
+        values = {"mse": found[method].mse, "mse_change": found[method].mse_change}
+        tracked.metrics({f"test/{method}/{k}": v for k, v in values.items()}, seed)
+    return found
+
+
+def _flat(config: Fit) -> dict[str, object]:
+    """The configuration as dotted keys, for MLflow's parameters."""
+    flat: dict[str, object] = {}
+
+    def walk(prefix: str, value: Any) -> None:  # noqa: ANN401 – any node of a YAML tree
+        if isinstance(value, Mapping):
+            for key, inner in value.items():
+                walk(f"{prefix}.{key}" if prefix else str(key), inner)
+        else:
+            flat[prefix] = json.dumps(value) if isinstance(value, list) else value
+
+    walk("", OmegaConf.to_container(OmegaConf.create(to_yaml(config))))
+    return flat

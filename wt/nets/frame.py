@@ -1,0 +1,127 @@
+"""The frame that networks see the world in: normalised conditions and outcomes.
+
+Everything that depends on the data's scale lives here, inside the model, so that an exported
+graph takes and returns physical units.
+
+The outcome that the networks encode and decode is the normalised change of the state,
+
+    y = (o′ − o) / σ − m(o, a),
+
+with a mean field m that the paper does not have (m = 0). With it, m is what each domain does
+when nothing is hidden: n(o, a) in S and n(o, a) + δ in R, where n is a regressor of the nominal
+simulator and δ the domains' difference. What is left of S may then be moved by one linear map,
+the closed-form optimal transport between the two Gaussians (``transport``), before translation.
+"""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from wt.config import Mean, MeanKind, SimulatorUse
+from wt.data.normalize import Normalizer
+from wt.nets.mlp import Ensemble, mlp
+from wt.types import TransitionSpec
+
+
+class Frame(nn.Module):
+    """Normalisation, mean field and transport of one task.
+
+    Attributes:
+        spec: layout of the task's transitions.
+        condition: normaliser of (o, a), the action as an offset from the joint position.
+        change: normaliser of the state's change; its standard deviation is the frame's unit.
+        state: normaliser of the next state in R, in which errors are reported.
+        transport: linear map of S's remaining outcome, (n_state, n_state); identity unless fit.
+        nominal: regressor of the nominal simulator's change n(o, a), or None.
+        shift: regressors of the domains' difference δ, or None.
+    """
+
+    transport: Tensor
+
+    def __init__(self, spec: TransitionSpec, mean: Mean) -> None:
+        """Build an unfitted frame; ``wt.train.mean_field`` and ``Normalizer.fit`` fill it."""
+        super().__init__()
+        self.spec = spec
+        self.reads_simulator = mean.simulator is SimulatorUse.read
+        self.n_condition = spec.n_obs + spec.n_action
+        self._targets = _acts_on_positions(spec)
+        self.condition = Normalizer(self.n_condition)
+        self.change = Normalizer(spec.n_state)
+        self.state = Normalizer(spec.n_state)
+        self.register_buffer("transport", torch.eye(spec.n_state))
+        self.nominal: nn.Module | None = None
+        self.shift: Ensemble | None = None
+        if mean.kind is MeanKind.none:
+            return
+        extra = spec.n_state if self.reads_simulator else 0
+        size = (self.n_condition + extra, spec.n_state, mean.width, mean.depth)
+        self.shift = Ensemble([mlp(*size) for _ in range(mean.members)])
+        if mean.simulator is SimulatorUse.ignored:
+            self.transport.zero_()
+        else:
+            self.nominal = mlp(self.n_condition, spec.n_state, mean.width, mean.depth)
+
+    def raw_condition(
+        self, o: Float[Tensor, "batch obs"], a: Float[Tensor, "batch action"]
+    ) -> Float[Tensor, "batch condition"]:
+        """(o, a) in physical units, joint targets as offsets from the joint positions.
+
+        Where actions are joint targets, so are the last action and delayed samples behind the
+        state: all of them are given relative to where the joints are now.
+        """
+        if not self._targets:
+            return torch.cat([o, a], dim=-1)
+        pose, n = o[:, list(self.spec.pose)], self.spec.n_state
+        known = (self.spec.n_obs - n) // self.spec.n_action
+        return torch.cat([o[:, :n], o[:, n:] - pose.repeat(1, known), a - pose], dim=-1)
+
+    def conditions(
+        self, o: Float[Tensor, "batch obs"], a: Float[Tensor, "batch action"]
+    ) -> Float[Tensor, "batch condition"]:
+        """Normalised (o, a)."""
+        return self.condition(self.raw_condition(o, a))
+
+    def changes(
+        self, o: Float[Tensor, "batch obs"], s_next: Float[Tensor, "batch state"]
+    ) -> Float[Tensor, "batch state"]:
+        """Change of the state in units of its standard deviation; zero stays zero."""
+        return (s_next - o[:, : self.spec.n_state]) / self.change.std
+
+    def next_states(
+        self, o: Float[Tensor, "batch obs"], change: Float[Tensor, "batch state"]
+    ) -> Float[Tensor, "batch state"]:
+        """The next state for a normalised change; inverse of :meth:`changes`."""
+        return o[:, : self.spec.n_state] + change * self.change.std
+
+    def nominal_change(self, x: Float[Tensor, "batch condition"]) -> Float[Tensor, "batch state"]:
+        """n(o, a): the nominal simulator's normalised change; zero without a mean field."""
+        if self.nominal is None:
+            return x.new_zeros(len(x), self.spec.n_state)
+        return self.nominal(x)
+
+    def shift_change(
+        self, x: Float[Tensor, "batch condition"], sim_change: Float[Tensor, "batch state"]
+    ) -> Float[Tensor, "batch state"]:
+        """δ: what R does differently from S when nothing is hidden; zero without a mean field.
+
+        With the simulator ignored, the whole of what R does.
+
+        Args:
+            x: normalised (o, a).
+            sim_change: the simulator's normalised change, read only if ``reads_simulator``.
+        """
+        if self.shift is None:
+            return torch.zeros_like(sim_change)
+        return self.shift(torch.cat([x, sim_change], dim=-1) if self.reads_simulator else x)
+
+
+def _acts_on_positions(spec: TransitionSpec) -> bool:
+    """Whether actions, and all channels behind the state, are targets or samples of the pose."""
+    if not spec.pose or len(spec.pose) != spec.n_action:
+        return False
+    units = [spec.observation[i].unit for i in spec.pose]
+    known = [c.unit for c in spec.observation[spec.n_state :]]
+    repeats, rest = divmod(len(known), len(units))
+    return rest == 0 and [c.unit for c in spec.action] == units and known == repeats * units

@@ -1,0 +1,55 @@
+"""All networks of World Translation together; what is trained, saved and exported."""
+
+from __future__ import annotations
+
+from torch import nn
+
+from wt.config import Method
+from wt.nets.blind_decoder import BlindDecoder
+from wt.nets.classifier import DomainClassifier
+from wt.nets.encoder import Encoder
+from wt.nets.film_decoder import ConcatDecoder, FiLMDecoder
+from wt.nets.frame import Frame
+from wt.nets.translator import Discriminator, Generator
+from wt.types import TransitionSpec
+
+
+class WorldModel(nn.Module):
+    """Encoder, decoders, classifier and translator in the frame of one task.
+
+    Attributes:
+        frame: normalisation and mean field.
+        encoder: E_φ.
+        decoder: D_θ.
+        blind: D_ψ.
+        classifier: C_ξ.
+        to_real: G_{S→R}.
+        to_sim: G_{R→S}.
+        judge_real: D_R.
+        judge_sim: D_S.
+        strength: share of the translation that is applied, chosen on validation pairs; 1 for
+            the paper's model.
+    """
+
+    def __init__(self, spec: TransitionSpec, method: Method) -> None:
+        """Build the networks.
+
+        Args:
+            spec: layout of the task's transitions.
+            method: sizes and variants.
+        """
+        super().__init__()
+        self.spec, self.method = spec, method
+        nets, condition = method.nets, spec.n_obs + spec.n_action
+        latent, width, depth = nets.latent, nets.width, nets.depth
+        self.frame = Frame(spec, method.mean)
+        self.encoder = Encoder(condition, spec.n_state, latent, width, depth)
+        decoder = FiLMDecoder if nets.film else ConcatDecoder
+        self.decoder = decoder(condition, spec.n_state, latent, width, depth)
+        self.blind = BlindDecoder(latent, spec.n_state, width, depth)
+        self.classifier = DomainClassifier(latent, width, 2)
+        side = condition if method.translation.conditioned else 0
+        size = (latent, side, nets.translator_width, nets.translator_depth)
+        self.to_real, self.to_sim = Generator(*size), Generator(*size)
+        self.judge_real, self.judge_sim = Discriminator(*size), Discriminator(*size)
+        self.strength = nn.Parameter(nn.init.ones_(nn.Parameter().new_empty(())), False)

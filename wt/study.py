@@ -1,0 +1,114 @@
+"""What the steps of a run share, and what an interrupted run finds again under ``work/``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import torch
+
+from wt.baselines.base import find
+from wt.config import Fit, Method, to_yaml
+from wt.data.transitions import content_hash, digest
+from wt.evaluate.single_step import Scales
+from wt.nets.world_model import WorldModel
+from wt.worlds.base import World, make
+from wt.worlds.collect import Collected, collect
+
+
+class Listener(Protocol):
+    """Whoever wants to know how a run is going."""
+
+    def progress(self, what: str, done: int, total: int) -> None:
+        """Something is ``done`` of ``total`` through."""
+
+    def metrics(self, values: Mapping[str, float], step: int) -> None:
+        """Metrics of a training step."""
+
+    def warn(self, line: str) -> None:
+        """A training collapsed or something else needs to be said."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """Everything that the steps of a run share.
+
+    Attributes:
+        config: the resolved configuration.
+        world: the task.
+        data: the four collections.
+        scales: what errors are measured in.
+        folder: the run's folder.
+        listener: told of progress, metrics and warnings.
+    """
+
+    config: Fit
+    world: World
+    data: Collected
+    scales: Scales
+    folder: Path
+    listener: Listener
+
+    @classmethod
+    def open(cls, config: Fit, folder: Path, listener: Listener) -> Study:
+        """Build the world and collect, or reuse, its transitions.
+
+        Args:
+            config: the resolved configuration.
+            folder: the run's folder.
+            listener: told of progress.
+        """
+        # made first: a wrong world or baseline fails before anything is collected
+        world = make(config.world)
+        for name in config.baselines.names:
+            find(name)
+        data = collect(world, config.data, listener.progress)
+        return cls(config, world, data, Scales.of(data.real, world.spec), folder, listener)
+
+    @property
+    def held_out(self) -> str:
+        """Hash of the test pairs: two models compare only on the same ones."""
+        return content_hash(self.data.test)
+
+    @property
+    def config_hash(self) -> str:
+        """Hash of the resolved configuration."""
+        return digest(to_yaml(self.config))
+
+    def home(self, seed: int, method: str) -> Path:
+        """Where a method's checkpoints and weights lie."""
+        return self.folder / "work" / f"seed{seed}" / method
+
+    def finished(self, seed: int, method: str) -> bool:
+        """Whether a method is trained and has predicted the test pairs."""
+        return self._predicted(seed, method).exists()
+
+    def prediction(self, seed: int, method: str) -> np.ndarray:
+        """Next states that a finished method predicts for the test pairs, (N, n_state)."""
+        return np.load(self._predicted(seed, method))
+
+    def keep(self, seed: int, method: str, predicted: np.ndarray) -> None:
+        """Keep a method's prediction, which marks it as finished."""
+        path = self._predicted(seed, method)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = path.with_suffix(".tmp.npy")
+        np.save(temporary, predicted)
+        temporary.replace(path)
+
+    def keep_model(self, seed: int, method: str, model: WorldModel) -> None:
+        """Keep a trained model's weights."""
+        weights = self.home(seed, method) / "model.pt"
+        torch.save(model.state_dict(), weights.with_suffix(".tmp"))
+        weights.with_suffix(".tmp").replace(weights)
+
+    def load_model(self, seed: int, method: str, settings: Method) -> WorldModel:
+        """A trained model of this run, in evaluation mode."""
+        model = WorldModel(self.world.spec, settings)
+        model.load_state_dict(torch.load(self.home(seed, method) / "model.pt", weights_only=True))
+        return model.eval()
+
+    def _predicted(self, seed: int, method: str) -> Path:
+        return self.folder / "work" / f"seed{seed}" / f"{method}.npy"

@@ -1,0 +1,242 @@
+"""A run in MLflow: parameters, metrics, tables, figures, files, and the code that made them.
+
+::
+
+    with track.run("r5_force", "seed 0") as run:
+        run.params({"lr": 3e-4})
+        run.metrics({"loss/cycle": 0.1}, step=10)
+
+The store is the registry's (``registry.backend``): ``MLFLOW_TRACKING_URI`` or ``./mlflow.db``.
+MLflow is imported when a run begins, not before. Metrics are buffered: writing a thousand at
+once costs about 0.1 s, writing them one by one 5 s.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, SupportsFloat
+
+from registry.backend import answering, artifact_location, connect, resolve_uri
+from wt.errors import ConfigError, WorkError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from mlflow import MlflowClient
+    from mlflow.entities import Metric
+
+UNKNOWN = "unknown"
+_BATCH = 1000  # what MLflow takes in one call; 100 for parameters
+_PARAMS = 100
+_SECONDS = 10.0  # a metric is seen in the UI at most this long after it was logged
+
+
+@dataclass(frozen=True)
+class Source:
+    """The code that is running.
+
+    Attributes:
+        commit: its git commit, ``"unknown"`` outside git.
+        diff: what was changed since that commit, as a patch; untracked files are not in it.
+    """
+
+    commit: str
+    diff: str
+
+
+def source() -> Source:
+    """Commit and uncommitted changes of this package; works outside git and without it."""
+    file = Path(__file__)
+    # A package installed into somebody else's repository is not that repository's commit.
+    if _git(file.parent, "ls-files", "--error-unmatch", file.name) is None:
+        return Source(UNKNOWN, "")
+    commit = _git(file.parent, "rev-parse", "--verify", "HEAD")
+    if commit is None:
+        return Source(UNKNOWN, "")
+    diff = _git(file.parent, "diff", "HEAD", "--no-color", "--no-ext-diff", "--", ":/")
+    return Source(commit.strip(), diff or "")
+
+
+@contextmanager
+def run(
+    experiment: str, name: str, *, uri: str | None = None, run_id: str | None = None
+) -> Iterator[Run]:
+    """A run that ends FINISHED, KILLED by Ctrl-C, or FAILED by any other exception.
+
+    Args:
+        experiment: experiment it belongs to, made if new.
+        name: what the run is called in the UI.
+        uri: the store; None for the default one.
+        run_id: continue this run instead of beginning one.
+
+    Raises:
+        ConfigError: ``run_id`` is not in the store.
+        WorkError: the store cannot be used.
+    """
+    uri = resolve_uri(uri)
+    client = connect(uri, create=True)
+    with answering(uri):
+        current = _begin(client, uri, experiment, name) if run_id is None else None
+    current = current or _resume(client, uri, str(run_id))
+    try:
+        yield current
+        current.flush()
+    except BaseException as error:
+        status = "KILLED" if isinstance(error, KeyboardInterrupt) else "FAILED"
+        with suppress(WorkError):  # what ended the run matters more
+            current.flush()
+        with suppress(WorkError):
+            current.end(status)
+        raise
+    current.end("FINISHED")
+
+
+class Run:
+    """One run; made by :func:`run`.
+
+    Attributes:
+        id: its id in MLflow, to register models of it and to resume it.
+        uri: the store.
+    """
+
+    def __init__(self, client: MlflowClient, uri: str, run_id: str) -> None:
+        """Wrap a run that is there."""
+        self.id = run_id
+        self.uri = uri
+        self._client = client
+        self._pending: list[Metric] = []
+        self._flushed = time.monotonic()
+
+    def params(self, values: Mapping[str, object]) -> None:
+        """Log parameters, flat names such as ``"train.lr"``.
+
+        Raises:
+            ConfigError: a resumed run was begun with another value.
+        """
+        from mlflow.entities import Param
+
+        with answering(self.uri):
+            known = self._client.get_run(self.id).data.params
+            for key, value in values.items():
+                if known.get(key, str(value)) != str(value):
+                    raise ConfigError(
+                        f"{key} is {value} now and was {known[key]} when run {self.id} began; "
+                        "resume with the same configuration, or begin a new run"
+                    )
+            new = [Param(k, str(v)) for k, v in values.items() if k not in known]
+            for start in range(0, len(new), _PARAMS):
+                self._client.log_batch(self.id, params=new[start : start + _PARAMS])
+
+    def metrics(self, values: Mapping[str, SupportsFloat], step: int) -> None:
+        """Log metrics of one step; written when many have gathered or after some seconds."""
+        from mlflow.entities import Metric
+
+        now = int(time.time() * 1000)
+        self._pending += [Metric(key, float(v), now, step) for key, v in values.items()]
+        if len(self._pending) >= _BATCH or time.monotonic() - self._flushed > _SECONDS:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write the metrics that are still pending.
+
+        Raises:
+            WorkError: the store cannot be used.
+        """
+        with answering(self.uri):
+            while self._pending:
+                self._client.log_batch(self.id, metrics=self._pending[:_BATCH])
+                del self._pending[:_BATCH]
+        self._flushed = time.monotonic()
+
+    def table(self, name: str, rows: Sequence[Mapping[str, object]]) -> None:
+        """Log a table as ``<name>.json``, in the form MLflow's UI shows as one.
+
+        Args:
+            name: path among the artifacts, without suffix.
+            rows: one mapping per row; a missing or non-finite value is an empty cell.
+        """
+        columns = list(dict.fromkeys(key for row in rows for key in row))
+        data = [[_plain(row.get(column)) for column in columns] for row in rows]
+        path = f"{name}.json"
+        # Not MLflow's log_table: it appends to what an interrupted run has left.
+        self.text(json.dumps({"columns": columns, "data": data}), path)
+        with answering(self.uri):
+            tags = self._client.get_run(self.id).data.tags
+            shown = json.loads(tags.get("mlflow.loggedArtifacts", "[]"))
+            entry = {"path": path, "type": "table"}
+            if entry not in shown:
+                shown = json.dumps([*shown, entry])
+                self._client.set_tag(self.id, "mlflow.loggedArtifacts", shown)
+
+    def figure(self, figure: Figure, path: str) -> None:
+        """Log a matplotlib figure; the suffix of ``path`` decides its format."""
+        with answering(self.uri):
+            self._client.log_figure(self.id, figure, path)
+
+    def text(self, text: str, path: str) -> None:
+        """Log a text file, e.g. the resolved configuration as ``"config.yaml"``."""
+        with answering(self.uri):
+            self._client.log_text(self.id, text, path)
+
+    def artifact(self, path: Path, folder: str | None = None) -> None:
+        """Log a file, into ``folder`` among the artifacts or at their top."""
+        with answering(self.uri):
+            self._client.log_artifact(self.id, str(path), folder)
+
+    def end(self, status: str) -> None:
+        """Set MLflow's status of the run: FINISHED, FAILED or KILLED."""
+        with answering(self.uri):
+            self._client.set_terminated(self.id, status)
+
+
+def _begin(client: MlflowClient, uri: str, experiment: str, name: str) -> Run:
+    found = client.get_experiment_by_name(experiment)
+    experiment_id = (
+        client.create_experiment(experiment, artifact_location(uri, experiment))
+        if found is None
+        else found.experiment_id
+    )
+    code = source()
+    # The second tag is the one that MLflow's UI shows.
+    tags = {"commit": code.commit, "mlflow.source.git.commit": code.commit}
+    made = client.create_run(experiment_id, tags=tags, run_name=name)
+    current = Run(client, uri, made.info.run_id)
+    if code.diff:
+        current.text(code.diff, "diff.patch")
+    return current
+
+
+def _resume(client: MlflowClient, uri: str, run_id: str) -> Run:
+    from mlflow.exceptions import MlflowException
+
+    try:
+        client.get_run(run_id)
+    except MlflowException as error:
+        raise ConfigError(
+            f"run {run_id!r} is not in {uri}; resume where it began, or begin a new run"
+        ) from error
+    with answering(uri):
+        client.update_run(run_id, status="RUNNING")
+    return Run(client, uri, run_id)
+
+
+def _git(folder: Path, *arguments: str) -> str | None:
+    try:
+        done = subprocess.run(
+            ["git", *arguments], cwd=folder, capture_output=True, check=True, timeout=30
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.decode(errors="replace")
+
+
+def _plain(value: object) -> object:
+    if hasattr(value, "item"):  # a numpy or torch scalar
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,6 @@
+"""Training: the mean field, then Algorithm 1 as a LightningModule.
+
+``batches`` draws what step k sees; ``mean_field`` fits the regressors in front of translation;
+``module`` reads like Algorithm 1 and calls ``phases``; ``callbacks`` watches for collapse;
+``fit_world_model`` is the whole of it.
+"""

@@ -1,0 +1,118 @@
+"""What each training step sees: a pure function of the seed and the step.
+
+Step k draws its rows and its noise from a generator seeded with (seed, k) alone. A run that is
+killed and resumed therefore sees exactly what an uninterrupted one sees, with no random state to
+save.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+from torch.utils.data import IterableDataset
+
+from wt.nets.frame import Frame
+from wt.types import Transitions
+
+CHUNK = 16384
+
+
+class DomainData(NamedTuple):
+    """One domain's transitions in the frame of a model, in memory.
+
+    Attributes:
+        x: normalised (o, a), (N, n_condition).
+        y: normalised outcome that networks encode and decode, (N, n_state).
+        s_next: normalised next state, the blind decoder's target, (N, n_state).
+    """
+
+    x: Tensor
+    y: Tensor
+    s_next: Tensor
+
+    def rows(self, index: Tensor) -> DomainData:
+        """The transitions at ``index``."""
+        return DomainData(self.x[index], self.y[index], self.s_next[index])
+
+
+@torch.no_grad()
+def in_frame(frame: Frame, sim: Transitions, real: Transitions) -> tuple[DomainData, DomainData]:
+    """Both domains' transitions as the networks see them.
+
+    With a mean field, S's outcome is what it does beyond the nominal simulator, and R's what it
+    does beyond nominal simulator and shift; the nominal change itself is known exactly here.
+    """
+
+    def one(data: Transitions, is_real: bool) -> DomainData:
+        o, a = torch.tensor(data.o), torch.tensor(data.a)
+        s_next = torch.tensor(data.s_next)
+        x, y = frame.conditions(o, a), frame.changes(o, s_next)
+        nominal = frame.changes(o, torch.tensor(data.nominal))
+        if frame.nominal is not None:
+            y = y - nominal
+        if is_real:
+            parts = zip(x.split(CHUNK), nominal.split(CHUNK), strict=True)
+            y = y - torch.cat([frame.shift_change(xs, ns) for xs, ns in parts])
+        else:
+            y = y @ frame.transport.T
+        return DomainData(x, y, frame.state(s_next))
+
+    return one(sim, False), one(real, True)
+
+
+class StepBatch(NamedTuple):
+    """The data of one step of Algorithm 1.
+
+    Attributes:
+        step: index of the step.
+        vae: a batch of S and one of R for backward dynamics extraction.
+        gan: another batch of each for translation.
+        noise: standard normal noise for the four reparametrisations, (4, batch, latent).
+    """
+
+    step: int
+    vae: tuple[DomainData, DomainData]
+    gan: tuple[DomainData, DomainData]
+    noise: Tensor
+
+
+class StepBatches(IterableDataset):
+    """Endless deterministic batches, starting at a given step."""
+
+    def __init__(
+        self, sim: DomainData, real: DomainData, batch: int, latent: int, seed: int
+    ) -> None:
+        """Keep references to both domains' data.
+
+        Args:
+            sim: transitions of S.
+            real: transitions of R.
+            batch: transitions per domain and step.
+            latent: size of z, for the noise.
+            seed: same seed, same batches.
+        """
+        super().__init__()
+        self._sim, self._real = sim, real
+        self._batch, self._latent, self._seed = batch, latent, seed
+        self.next_step = 0
+
+    def at(self, step: int) -> StepBatch:
+        """The batch of one step."""
+        generator = torch.Generator().manual_seed((self._seed << 32) + step)
+
+        def draw(data: DomainData) -> DomainData:
+            return data.rows(torch.randint(len(data.x), (self._batch,), generator=generator))
+
+        vae = draw(self._sim), draw(self._real)
+        gan = draw(self._sim), draw(self._real)
+        noise = torch.randn(4, self._batch, self._latent, generator=generator)
+        return StepBatch(step, vae, gan, noise)
+
+    def __iter__(self) -> Iterator[StepBatch]:
+        """Batches from ``next_step`` on."""
+        while True:
+            yield self.at(self.next_step)
+            self.next_step += 1

@@ -1,0 +1,191 @@
+"""Train one World Translation model from transitions: frame, mean field, Algorithm 1, choice."""
+
+from __future__ import annotations
+
+import logging
+import signal
+import warnings
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import lightning
+import torch
+from lightning.pytorch.callbacks import ModelCheckpoint
+from torch.utils.data import DataLoader
+
+from wt.config import Method
+from wt.nets.world_model import WorldModel
+from wt.train.batches import StepBatches, in_frame
+from wt.train.callbacks import CollapseWatch, Log, MetricSink, StartAtOwnStep
+from wt.train.mean_field import (
+    fit_mean_field,
+    fit_normalizers,
+    gaussian_transport,
+    regressions,
+)
+from wt.train.module import WorldTranslation
+from wt.train.regression import Progress
+from wt.train.score import PairTensors, errors
+from wt.types import Pairs, Transitions, TransitionSpec
+
+STRENGTHS = tuple(k / 10 for k in range(11))
+"""Shares of the translation that are tried on the validation pairs."""
+
+
+def _ignore(metrics: Mapping[str, float], step: int) -> None:
+    """The metric sink of a run that nobody tracks."""
+
+
+def fit_world_model(
+    spec: TransitionSpec,
+    method: Method,
+    sim: Transitions,
+    real: Transitions,
+    validation: Pairs,
+    seed: int,
+    folder: Path,
+    *,
+    sink: MetricSink = _ignore,
+    warn: Callable[[str], None] = warnings.warn,
+    progress: Progress | None = None,
+) -> WorldModel:
+    """Train a model, or finish one whose checkpoints are in ``folder``.
+
+    Args:
+        spec: layout of the transitions.
+        method: which World Translation: the paper's or ours.
+        sim: unpaired transitions of S.
+        real: unpaired transitions of R.
+        validation: pairs that choose between checkpoints; nothing is trained on them.
+        seed: same seed, same model on the same machine.
+        folder: checkpoints are kept here and continued from.
+        sink: where metrics go.
+        warn: called with one line when training collapses.
+        progress: called with (done, total) steps of mean field and loop together.
+
+    Returns:
+        The chosen model, in evaluation mode.
+
+    Raises:
+        WorkError: training diverged.
+    """
+    torch.manual_seed(seed)
+    model = WorldModel(spec, method)
+    fit_normalizers(model.frame, sim, real)
+    extra = regressions(method.mean) * method.mean.steps
+    total = extra + method.train.steps
+    pairs = PairTensors.of(validation, model.frame.state.std, _change_std(real, spec))
+    in_front = progress and (lambda k, _: progress(k, total))
+    _mean_field(model, sim, real, pairs, seed, folder, in_front)
+    _choose_transport(model, sim, real, pairs)
+    data = in_frame(model.frame, sim, real)
+    batches = StepBatches(*data, method.train.batch, method.nets.latent, seed)
+    module = WorldTranslation(model, pairs)
+    on_step = progress and (lambda k, _: progress(extra + k, total))
+    best = _run(module, batches, folder, sink, warn, on_step)
+    module.load_state_dict(torch.load(best, weights_only=True)["state_dict"])
+    chosen = module.deployed().eval()
+    _choose_strength(chosen, pairs)
+    return chosen
+
+
+def _mean_field(
+    model: WorldModel,
+    sim: Transitions,
+    real: Transitions,
+    pairs: PairTensors,
+    seed: int,
+    folder: Path,
+    progress: Progress | None,
+) -> None:
+    """Fit the mean field once; an interrupted run finds it again."""
+    kept = folder / "mean_field.pt"
+    if kept.exists():
+        model.frame.load_state_dict(torch.load(kept, weights_only=True))
+        model.frame.requires_grad_(False)
+        return
+    # an untrained decoder has no say only where its difference is added to the simulator's answer
+    score = (lambda: errors(model, pairs)[0]) if model.method.translation.anchored else None
+    fit_mean_field(model.frame, sim, real, model.method.mean, seed, progress, score)
+    folder.mkdir(parents=True, exist_ok=True)
+    torch.save(model.frame.state_dict(), kept.with_suffix(".tmp"))
+    kept.with_suffix(".tmp").replace(kept)
+
+
+def _run(
+    module: WorldTranslation,
+    batches: StepBatches,
+    folder: Path,
+    sink: MetricSink,
+    warn: Callable[[str], None],
+    progress: Progress | None,
+) -> Path:
+    """Algorithm 1's loop; returns the checkpoint with the lowest validation error."""
+    train = module.model.method.train
+    best = ModelCheckpoint(folder, "best", monitor="val/mse")
+    # one of its own: save_last of the one above writes only when the error has fallen
+    newest = ModelCheckpoint(folder, "last", enable_version_counter=False)
+    last = folder / "last.ckpt"
+    # Lightning's advice on data loaders and its banner are about other set-ups
+    logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", module="lightning")
+        trainer = lightning.Trainer(
+            accelerator="cpu",
+            max_epochs=train.steps // train.validate_every,
+            limit_train_batches=train.validate_every,
+            callbacks=[
+                StartAtOwnStep(batches),
+                Log(sink, train.log_every, progress),
+                CollapseWatch(sink, warn, train.log_every),
+                best,
+                newest,
+            ],
+            logger=False,
+            enable_progress_bar=False,
+            enable_model_summary=False,
+            num_sanity_val_steps=0,
+            default_root_dir=folder,
+        )
+        on_interrupt = signal.getsignal(signal.SIGINT)
+        try:
+            trainer.fit(
+                module,
+                DataLoader(batches, batch_size=None),
+                DataLoader([0]),
+                ckpt_path=str(last) if last.exists() else None,
+            )
+        except SystemExit as end:
+            # Lightning's answer to Ctrl-C, which also leaves the signal ignored
+            signal.signal(signal.SIGINT, on_interrupt)
+            raise KeyboardInterrupt from end
+    return Path(best.best_model_path)
+
+
+def _change_std(real: Transitions, spec: TransitionSpec) -> torch.Tensor:
+    return torch.tensor((real.s_next - real.o[:, : spec.n_state]).std(axis=0) + 1e-12)
+
+
+def _choose_transport(
+    model: WorldModel, sim: Transitions, real: Transitions, pairs: PairTensors
+) -> None:
+    """Take the closed-form transport if the validation pairs are better off with it."""
+    if not model.method.translation.transport:
+        return
+    source, target = in_frame(model.frame, sim, real)
+    before, kept = errors(model, pairs)[0], model.frame.transport.clone()
+    model.frame.transport.copy_(gaussian_transport(source.y, target.y))
+    if errors(model, pairs)[0] >= before:
+        model.frame.transport.copy_(kept)
+
+
+@torch.no_grad()
+def _choose_strength(model: WorldModel, pairs: PairTensors) -> None:
+    """Apply as much of an anchored translation as helps on the validation pairs."""
+    if not model.method.translation.anchored:
+        return
+    scores = []
+    for strength in STRENGTHS:
+        model.strength.fill_(strength)
+        scores.append(errors(model, pairs)[0])
+    model.strength.fill_(STRENGTHS[scores.index(min(scores))])

@@ -1,0 +1,58 @@
+"""Single-step error on pairs: what chooses checkpoints, and what the tables report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from wt.nets.world_model import WorldModel
+from wt.translate import translate_state
+from wt.types import Pairs
+
+CHUNK = 16384
+
+
+@dataclass(frozen=True)
+class PairTensors:
+    """Pairs as tensors, with the scales that errors are measured in.
+
+    Attributes:
+        o: observations, (N, n_obs).
+        a: actions, (N, n_action).
+        sim_next: S's next state, (N, n_state).
+        real_next: R's next state, (N, n_state).
+        state_std: standard deviation of R's next state in the training data, (n_state,).
+        change_std: standard deviation of R's one-step change there, (n_state,).
+    """
+
+    o: Tensor
+    a: Tensor
+    sim_next: Tensor
+    real_next: Tensor
+    state_std: Tensor
+    change_std: Tensor
+
+    @classmethod
+    def of(cls, pairs: Pairs, state_std: Tensor, change_std: Tensor) -> PairTensors:
+        """Tensors of numpy pairs."""
+        real = pairs.real
+        arrays = (real.o, real.a, pairs.sim_next, real.s_next)
+        return cls(*(torch.tensor(x) for x in arrays), state_std, change_std)
+
+
+@torch.no_grad()
+def predictions(model: WorldModel, pairs: PairTensors) -> Tensor:
+    """R's next state as the model translates it from S's, (N, n_state)."""
+    chunks = zip(
+        pairs.o.split(CHUNK), pairs.a.split(CHUNK), pairs.sim_next.split(CHUNK), strict=True
+    )
+    return torch.cat([translate_state(model, *chunk) for chunk in chunks])
+
+
+def errors(model: WorldModel, pairs: PairTensors) -> tuple[float, float]:
+    """Mean squared error on normalised o′ and on the normalised change."""
+    error = predictions(model, pairs) - pairs.real_next
+    mse = ((error / pairs.state_std) ** 2).mean()
+    return float(mse), float(((error / pairs.change_std) ** 2).mean())

@@ -1,0 +1,72 @@
+"""Simulation → reality on tensors: the one function that evaluation, export and deploy share."""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from wt.nets.world_model import WorldModel
+
+
+def translate_state(
+    model: WorldModel,
+    o: Float[Tensor, "batch obs"],
+    a: Float[Tensor, "batch action"],
+    sim_next: Float[Tensor, "batch state"],
+) -> Float[Tensor, "batch state"]:
+    """What R would have done where S went to ``sim_next`` (equation "pipeline" of the paper).
+
+    Encode the simulator's transition, translate its feature, decode it as R's outcome:
+
+        z = E(o, a, o′_S),  ẑ = G(z),  o′_{S→R} = D(o, a, ẑ).
+
+    With ``translation.anchored`` the simulator's own outcome is the starting point and only the
+    difference that translation makes is added, D(o, a, ẑ) − D(o, a, z), so that what encoder
+    and decoder lose is not lost in o′.
+
+    Args:
+        model: a trained model.
+        o: observations, physical units.
+        a: actions, physical units.
+        sim_next: S's state channels after the step, physical units.
+
+    Returns:
+        R's state channels after the step, physical units.
+    """
+    frame = model.frame
+    x = frame.conditions(o, a)
+    sim_change = frame.changes(o, sim_next)
+    nominal = frame.nominal_change(x)
+    y = (sim_change - nominal) @ frame.transport.T
+    z, _ = model.encoder(x, y)
+    translated = model.decoder(x, model.to_real(z, x))
+    if model.method.translation.anchored:
+        y_real = y + model.strength * (translated - model.decoder(x, z))
+    else:
+        y_real = translated
+    return frame.next_states(o, nominal + frame.shift_change(x, sim_change) + y_real)
+
+
+class SimToReal(nn.Module):
+    """(o, a, o′ of S) → o′ of R as one module, for export.
+
+    Channels of o′ beyond the state (the last action, …) do not depend on the domain and are
+    handed through.
+    """
+
+    def __init__(self, model: WorldModel) -> None:
+        """Wrap a trained model; its parameters are shared, not copied."""
+        super().__init__()
+        self.model = model
+
+    def forward(
+        self,
+        o: Float[Tensor, "batch obs"],
+        a: Float[Tensor, "batch action"],
+        o_next_sim: Float[Tensor, "batch obs"],
+    ) -> Float[Tensor, "batch obs"]:
+        """The whole next observation of R, physical units."""
+        n = self.model.spec.n_state
+        state = translate_state(self.model, o, a, o_next_sim[:, :n])
+        return torch.cat([state, o_next_sim[:, n:]], dim=-1)

@@ -1,0 +1,120 @@
+"""What a task provides: the contract of a world, its registry, and how to add one.
+
+Adding a world is one new file in this package (and its test): define a dataclass of options and
+a class with the methods of :class:`World` and the attribute ``options``, decorate the class with
+``@register("name")``, and write ``conf/name.yaml`` with ``world.name: name``. The file is found
+by itself; a name used twice is refused.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol, runtime_checkable
+
+import mujoco
+import numpy as np
+
+import wt.worlds
+from wt.config import parse
+from wt.errors import ConfigError, suggest
+from wt.types import Domain, Pairs, Transitions, TransitionSpec
+
+Array = np.ndarray
+Progress = Callable[[int, int], None]
+"""Called with (done, total) transitions while a world collects."""
+
+
+@runtime_checkable
+class World(Protocol):
+    """Two domains of one robot task, S (simulation) and R (reality).
+
+    Attributes:
+        spec: layout of the task's transitions.
+        shard: how many transitions are worth one file of a collection.
+        force_body: body that a hidden force acts on, if that is what h is (first three channels,
+            world frame); it is drawn as an arrow.
+    """
+
+    spec: TransitionSpec
+    shard: int
+    force_body: str | None
+
+    def identity(self) -> dict[str, object]:
+        """Plain content that decides what is collected; its hash decides about reuse."""
+        ...
+
+    def model(self, domain: Domain) -> mujoco.MjModel:
+        """The compiled MJCF of a domain (for R of a real robot: S's, for drawing only)."""
+        ...
+
+    def collect(
+        self, domain: Domain, count: int, seed: int, progress: Progress | None = None
+    ) -> Transitions:
+        """At least ``count`` transitions of one domain in closed loop, cut to ``count``.
+
+        The same seed gives the same transitions; different seeds give unpaired ones.
+        """
+        ...
+
+    def sim_step(self, o: Array, a: Array, hidden: Array | None) -> Array:
+        """S's answer to (o, a) under a hidden variable.
+
+        Args:
+            o: observations S is reset to, (N, n_obs).
+            a: actions, (N, n_action).
+            hidden: hidden variable during the step, (N, n_hidden); None for nothing hidden.
+
+        Returns:
+            S's state channels one control step later, (N, n_state), float32.
+        """
+        ...
+
+    def pairs(self, split: str, count: int, seed: int) -> Pairs:
+        """Paired transitions for a split, ``"validation"`` or ``"test"``, never trained on."""
+        ...
+
+
+_WORLDS: dict[str, type] = {}
+
+
+def register(name: str) -> Callable[[type], type]:
+    """Class decorator: make a world available under ``name``.
+
+    The class takes one argument, an instance of the dataclass in its attribute ``options``,
+    which is the schema of the configuration's ``world:`` section.
+
+    Raises:
+        ConfigError: two files claim the same name.
+    """
+
+    def add(world: type) -> type:
+        if name in _WORLDS:
+            raise ConfigError(
+                f"world {name!r} is defined by both {_WORLDS[name].__module__} "
+                f"and {world.__module__}; rename one"
+            )
+        _WORLDS[name] = world
+        return world
+
+    return add
+
+
+def make(section: Mapping[str, Any]) -> World:
+    """Build the world of a configuration's ``world:`` section.
+
+    Args:
+        section: ``name`` and the options of that world.
+
+    Raises:
+        ConfigError: no world has that name, or an option is unknown or of the wrong type.
+    """
+    for module in pkgutil.iter_modules(wt.worlds.__path__):
+        importlib.import_module(f"wt.worlds.{module.name}")
+    options = dict(section)
+    name = str(options.pop("name", ""))
+    if name not in _WORLDS:
+        raise ConfigError(f"world.name {name!r} is not known: {suggest(name, _WORLDS)}")
+    world = _WORLDS[name]
+    return world(parse(world.options, options, "world."))

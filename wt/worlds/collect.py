@@ -1,0 +1,111 @@
+"""The four collections of a task: both domains unpaired, and pairs for choices and for tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from wt.config import Data
+from wt.data.transitions import Shard, digest, obtain, plan
+from wt.errors import DataError
+from wt.types import Pairs, Transitions
+from wt.worlds.base import World
+
+Report = Callable[[str, int, int], None]
+"""Called with (what, done, total) transitions."""
+
+
+@dataclass(frozen=True)
+class Collected:
+    """Everything that is collected for a task.
+
+    Attributes:
+        sim: unpaired transitions of S, for training.
+        real: unpaired transitions of R, for training.
+        validation: pairs that choose checkpoints and settings.
+        test: pairs that are evaluated once, at the end.
+    """
+
+    sim: Transitions
+    real: Transitions
+    validation: Pairs
+    test: Pairs
+
+
+def collect(world: World, settings: Data, report: Report | None = None) -> Collected:
+    """Collect or reuse the four collections of a task.
+
+    Args:
+        world: the task.
+        settings: folder, sizes and seed.
+        report: for a progress bar.
+
+    Raises:
+        DataError: a stored part is damaged.
+    """
+    counts = {
+        "sim": settings.transitions,
+        "real": settings.transitions,
+        "validation": settings.validation_pairs,
+        "test": settings.test_pairs,
+    }
+    seeds = np.random.SeedSequence(settings.seed).generate_state(len(counts))
+    models = {domain: model_hash(world.model(domain)) for domain in ("sim", "real")}
+    found: dict[str, Transitions | Pairs] = {}
+    for (what, count), seed in zip(counts.items(), seeds, strict=True):
+        shards = plan(count, int(seed), world.shard)
+        identity = {"what": what, **world.identity(), "models": models}
+        found[what] = obtain(
+            Path(settings.dir), identity, world.spec, shards, _maker(world, what, count, report)
+        )
+    return Collected(
+        _transitions(found["sim"]),
+        _transitions(found["real"]),
+        _pairs(found["validation"]),
+        _pairs(found["test"]),
+    )
+
+
+def model_hash(model: mujoco.MjModel) -> str:
+    """A hash of a compiled model, so that a changed model is collected anew."""
+    buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, buffer)
+    return digest(buffer.tobytes().hex())
+
+
+def _maker(
+    world: World, what: str, count: int, report: Report | None
+) -> Callable[[Shard], Transitions | Pairs]:
+    done = 0
+
+    def make(shard: Shard) -> Transitions | Pairs:
+        nonlocal done
+        before = done
+
+        def progress(now: int, _: int) -> None:
+            if report:
+                report(what, before + now, count)
+
+        done += shard.count
+        if what in ("sim", "real"):
+            domain = "sim" if what == "sim" else "real"
+            return world.collect(domain, shard.count, shard.seed, progress)
+        return world.pairs(what, shard.count, shard.seed)
+
+    return make
+
+
+def _transitions(found: Transitions | Pairs) -> Transitions:
+    if isinstance(found, Transitions):
+        return found
+    raise DataError("a collection of pairs lies where transitions belong; delete that folder")
+
+
+def _pairs(found: Transitions | Pairs) -> Pairs:
+    if isinstance(found, Pairs):
+        return found
+    raise DataError("a collection of transitions lies where pairs belong; delete that folder")

@@ -1,0 +1,302 @@
+"""SO-101: R is a real arm, known through its recordings; S is MuJoCo's SO-101 as published.
+
+Both are driven by the same command sequences. Nothing is hidden on purpose, but the real servos
+answer some 60-140 ms late, limit their speed and stick, and the published model does none of that.
+How motions are split stands in :mod:`wt.worlds.so101_motions`.
+
+Observation at time t: positions and velocities of the five arm joints; the last action; then
+``history`` delayed copies of positions and of commands, which tell about the servo's lag. The
+velocity is the backward difference (q[t] - q[t-1])·rate: it is causal, S can have exactly the
+same, and the servo's own register has the same resolution but is up to 20 ms older. The jaw is
+commanded in S's closed loop but left out of the transitions (12 g, nothing depends on it).
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from wt.errors import ConfigError
+from wt.types import Channel, Domain, Pairs, Recording, Transitions, TransitionSpec
+from wt.worlds import so101_model
+from wt.worlds.base import Progress, register
+from wt.worlds.so101_model import ARM_JOINTS, JAW, JOINTS, LIMITS, ServoPhysics
+from wt.worlds.so101_motions import TEST, TRAIN, VALIDATION, Motions, vary
+
+Array = np.ndarray
+
+RATE_HZ = 49.85
+N = len(ARM_JOINTS)
+
+_CHUNK = 16384  # simulations stepped together: bounds memory at some 20 MB
+_UNEVEN = 0.1  # a sample interval further from the median is a gap
+_START_SPREAD = 0.05  # rad, how far from the command an episode of S starts
+_HALF_OPEN = 0.5 * sum(LIMITS[JAW])
+
+
+@dataclass(frozen=True)
+class SO101Options:
+    """The ``world:`` section of ``conf/so101.yaml``.
+
+    Attributes:
+        recordings: folder of the motion folders.
+        train: names of the training motions, relative to ``recordings``.
+        validation: names of the motions for choices.
+        test: names of the motions for the final numbers.
+        history: delayed samples in the observation, at least 1.
+        kp: S's position gain [N·m/rad].
+        kv: S's velocity gain [N·m·s/rad].
+        damping: S's viscous friction [N·m·s/rad].
+        frictionloss: S's dry friction [N·m].
+        armature: S's rotor inertia at the joint [kg·m²].
+        delay: S's delay of a command [s], at most ``history`` control steps.
+        substeps: physics steps per control step.
+        episode_steps: length of an episode of S's closed loop [control steps].
+        threads: physics threads; 0 for one per core.
+    """
+
+    recordings: str = "../shared/recordings/so101"
+    train: tuple[str, ...] = TRAIN
+    validation: tuple[str, ...] = VALIDATION
+    test: tuple[str, ...] = TEST
+    history: int = 4
+    kp: float = 17.8
+    kv: float = 0.0
+    damping: float = 0.60
+    frictionloss: float = 0.052
+    armature: float = 0.028
+    delay: float = 0.0
+    substeps: int = 8
+    episode_steps: int = 500
+    threads: int = 0
+
+
+@register("so101")
+class SO101:
+    """The real SO-101 and its simulation; see the module."""
+
+    options = SO101Options
+    force_body = None
+    shard = sys.maxsize  # recordings cannot be divided by seed
+
+    def __init__(self, options: SO101Options) -> None:
+        """Check the options and build S; recordings are read when they are first needed.
+
+        Args:
+            options: see :class:`SO101Options`.
+
+        Raises:
+            ConfigError: a motion on two sides, or an option out of its range.
+        """
+        self._options = options
+        history, substeps, delay = options.history, options.substeps, options.delay
+        episode_steps = options.episode_steps
+        if history < 1 or substeps < 1 or episode_steps < 1:
+            raise ConfigError(
+                f"world: history {history}, substeps {substeps} and episode_steps {episode_steps} "
+                "must be at least 1"
+            )
+        if not 0.0 <= delay <= history / RATE_HZ:
+            raise ConfigError(
+                f"world.delay {delay} s must be in 0 … {history / RATE_HZ:.4f} s (history); "
+                "raise world.history for more"
+            )
+        splits = {"train": options.train, "validation": options.validation, "test": options.test}
+        self._motions = Motions(options.recordings, splits)
+        self._history, self._delay, self._substeps = history, delay, substeps
+        self._episode_steps, self._threads = episode_steps, options.threads
+        servo = ServoPhysics(
+            options.kp, options.kv, options.damping, options.frictionloss, options.armature
+        )
+        self._model = so101_model.build(servo, 1.0 / (RATE_HZ * substeps))
+        observation = _channels("qpos", "rad") + _channels("qvel", "rad/s")
+        observation += _channels("last_action", "rad")
+        for kind, first in (("qpos", 1), ("ctrl", 2)):
+            for lag in range(first, first + history):
+                observation += _channels(kind, "rad", f"@-{lag}")
+        self.spec = TransitionSpec(
+            task="so101",
+            rate_hz=RATE_HZ,
+            joints=ARM_JOINTS,
+            observation=observation,
+            n_state=2 * N,
+            action=_channels("ctrl", "rad"),
+            pose=tuple(range(N)),
+        )
+
+    def identity(self) -> dict[str, object]:
+        """The options and a fingerprint of every recorded file."""
+        files = sorted(Path(self._options.recordings).rglob("*.csv"))
+        sizes = {str(f.relative_to(self._options.recordings)): f.stat().st_size for f in files}
+        return {"world": "so101", **asdict(self._options), "recorded": sizes}
+
+    def model(self, domain: Domain) -> mujoco.MjModel:
+        """S's model; for R the same one, for drawing only."""
+        return self._model
+
+    def collect(
+        self, domain: Domain, count: int, seed: int, progress: Progress | None = None
+    ) -> Transitions:
+        """Transitions of the training motions; see :class:`wt.worlds.base.World`.
+
+        S visits states by running the training commands in closed loop, each episode from a
+        random phase with a random shift and tempo, so there are as many as asked for. Its answer
+        s_next is that of :meth:`sim_step` to the observation, as it is in evaluation: with the
+        unobserved exact velocity it would be another 1 mrad away (a quarter of the gap to R).
+
+        R has only what was recorded: asked for more, it gives all of it (fewer than ``count``);
+        asked for less, an unbroken piece of every motion.
+        """
+        if domain == "real":
+            return self._real("train", count, seed, progress)
+        rng = np.random.default_rng(seed)
+        episodes = -(-count // self._episode_steps)
+        motions = [_stack(r, "ctrl", JOINTS) for r in self._motions.of("train")]
+        commands = vary(motions, episodes, self._episode_steps + self._history + 2, rng)
+        commands = np.clip(commands, *self._model.actuator_ctrlrange.T)
+        start = commands[:, 0] + rng.normal(0.0, _START_SPREAD, commands[:, 0].shape)
+        positions = np.empty_like(commands)
+        for k, now in enumerate(self._closed_loop(commands, start)):
+            positions[:, k] = now
+            if progress:
+                progress(count * k // commands.shape[1], count)
+        parts = [
+            self._windows(q[:, :N], c[:, :N]) for q, c in zip(positions, commands, strict=True)
+        ]
+        sim = self._transitions(parts, count, progress)
+        return replace(sim, s_next=sim.nominal)
+
+    def sim_step(self, o: Array, a: Array, hidden: Array | None) -> Array:
+        """S reset to o's positions and velocities, one control step later.
+
+        Commands still under way (``delay``) are those in o. The jaw is held half open.
+
+        Args:
+            o: observations, (N, n_obs).
+            a: actions, (N, 5) [rad].
+            hidden: ignored: nothing is hidden; (N, 0) or None.
+
+        Returns:
+            positions [rad] and backward-difference velocities [rad/s], (N, 10), float32.
+        """
+        del hidden
+        parts = [
+            self._step_chunk(np.asarray(o[i : i + _CHUNK], float), np.asarray(a[i : i + _CHUNK]))
+            for i in range(0, len(o), _CHUNK)
+        ]
+        return np.concatenate([*parts, np.empty((0, 2 * N))]).astype(np.float32)
+
+    def pairs(self, split: str, count: int, seed: int) -> Pairs:
+        """Real transitions of held-out motions, each with S's answer from the same state.
+
+        Args:
+            split: ``"validation"`` or ``"test"``.
+            count: how many; all there are if there are fewer.
+            seed: which piece of each motion is taken.
+
+        Raises:
+            ConfigError: another split.
+            DataError: no recordings.
+        """
+        if split not in ("validation", "test"):
+            raise ConfigError(f"split {split!r} is not known; it must be 'validation' or 'test'")
+        real = self._real(split, count, seed, None)
+        return Pairs(real, real.nominal)
+
+    def _real(self, split: str, count: int, seed: int, progress: Progress | None) -> Transitions:
+        rng = np.random.default_rng(seed)
+        parts = [self._from_recording(r) for r in self._motions.of(split)]
+        total = sum(len(part[0]) for part in parts)
+        share = min(1.0, count / total)
+        pieces = []
+        for o, a, s, step in parts:
+            length = int(np.ceil(share * len(o)))
+            first = int(rng.integers(len(o) - length + 1))
+            pieces.append(tuple(x[first : first + length] for x in (o, a, s, step)))
+        return self._transitions(pieces, min(count, total), progress)
+
+    def _transitions(
+        self, parts: Sequence[tuple[Array, ...]], count: int, progress: Progress | None
+    ) -> Transitions:
+        """Join the episodes (o, a, s_next, step), cut to ``count``, add S's nominal answers."""
+        o, a, s, step = (np.concatenate(x)[:count] for x in zip(*parts, strict=True))
+        episode = np.concatenate([np.full(len(p[0]), i) for i, p in enumerate(parts)])[:count]
+        # as they are stored: the nominal answer is exactly that to the stored observation
+        o, a = o.astype(np.float32), a.astype(np.float32)
+        nominal = self.sim_step(o, a, None)
+        if progress:
+            progress(count, count)
+        return Transitions(o, a, s, nominal, np.empty((count, 0)), episode, step)
+
+    def _from_recording(self, recording: Recording) -> tuple[Array, ...]:
+        q, c = (_stack(recording, kind, ARM_JOINTS) for kind in ("qpos", "ctrl"))
+        o, a, s, step = self._windows(q, c)
+        # a window is used only if none of its samples is missing or late
+        late = np.abs(np.diff(recording.t) * RATE_HZ - 1.0) > _UNEVEN
+        bad = np.concatenate([[0], np.cumsum(late)])
+        lead = self._history + 1
+        whole = bad[lead + 1 :] == bad[: len(bad) - lead - 1]
+        whole &= np.isfinite(np.hstack([o, a, s])).all(axis=1)
+        return o[whole], a[whole], s[whole], step[whole]
+
+    def _windows(self, q: Array, c: Array) -> tuple[Array, ...]:
+        """Every transition (o, a, s_next, step) of one sequence.
+
+        Args:
+            q: positions at each control step, (T, 5) [rad].
+            c: command in force from that step on, (T, 5) [rad].
+        """
+        lead = self._history + 1
+        now = np.arange(lead, len(q) - 1)
+        velocity = (q[1:] - q[:-1]) * RATE_HZ  # velocity[k] ends at sample k + 1
+        lags = [q[now - k] for k in range(1, lead)] + [c[now - k] for k in range(2, lead + 1)]
+        o = np.hstack([q[now], velocity[now - 1], c[now - 1], *lags])
+        return o, c[now], np.hstack([q[now + 1], velocity[now]]), now - lead
+
+    def _step_chunk(self, o: Array, a: Array) -> Array:
+        """S's answers, (n, 10), for n ≤ _CHUNK observations and actions."""
+        n, q = len(o), o[:, :N]
+        batch = Batch(self._model, n, self._threads)
+        batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE.value)
+        position, velocity, control = (batch.bind(x) for x in ("qpos", "qvel", "ctrl"))
+        position[:] = control[:] = _HALF_OPEN
+        position[:, :N], velocity[:, :N] = q, o[:, N : 2 * N]
+        # command k control steps ago: the action, the last action, then the delayed copies
+        older = o[:, 2 * N + N + self._history * N :].reshape(n, self._history, N)
+        commands = [a, o[:, 2 * N : 3 * N], *older.swapaxes(0, 1)]
+        for substep in range(self._substeps):
+            control[:, :N] = commands[self._age(substep)]
+            batch.step()
+        return np.hstack([position[:, :N], (position[:, :N] - q) * RATE_HZ])
+
+    def _age(self, substep: int) -> int:
+        """Control steps since the command was sent that acts in this physics step."""
+        waiting = round(self._delay * RATE_HZ * self._substeps) - substep
+        return max(0, -(-waiting // self._substeps))
+
+    def _closed_loop(self, commands: Array, start: Array) -> Iterator[Array]:
+        """Positions of S, (episodes, 6) [rad], at each control step under the commands."""
+        episodes, length, _ = commands.shape
+        batch = Batch(self._model, episodes, self._threads)
+        batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE.value)
+        position, control = batch.bind("qpos"), batch.bind("ctrl")
+        position[:] = np.clip(start, *self._model.jnt_range.T)
+        for k in range(length):
+            yield position
+            for substep in range(self._substeps):
+                control[:] = commands[:, max(0, k - self._age(substep))]
+                batch.step()
+
+
+def _stack(recording: Recording, kind: str, joints: Sequence[str]) -> Array:
+    return np.stack([recording.columns[f"{kind}/{joint}"] for joint in joints], axis=1)
+
+
+def _channels(kind: str, unit: str, suffix: str = "") -> tuple[Channel, ...]:
+    return tuple(Channel(f"{kind}/{joint}{suffix}", unit) for joint in ARM_JOINTS)
