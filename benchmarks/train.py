@@ -4,7 +4,7 @@ Both sides train the paper's model at the size of R5 on the same batches with th
 The bare loop does no more than that: no learning-rate schedule, no hooks, no metrics, no
 checkpoints. Since a shared machine drifts, the sides take turns of a few dozen steps: whenever
 ``wt fit`` logs, the bare loop takes as many steps, and medians are over turns. The first turn of
-each warms up; set-up and validation are outside.
+each warms up; set-up and validation are outside. One thread, as in each of ``wt fit``'s workers.
 
 Usage: python benchmarks/train.py [CONFIG] [key=value …]
 """
@@ -37,6 +37,7 @@ TURN, TURNS, ROWS = 50, 13, 50_000
 
 def main(config_path: str = "conf/r5.yaml", *overrides: str) -> None:
     """Print the table."""
+    torch.set_num_threads(1)
     config = load(config_path, overrides)
     spec, method = make(config.world).spec, config.paper
     steps = TURN * TURNS
@@ -48,8 +49,7 @@ def main(config_path: str = "conf/r5.yaml", *overrides: str) -> None:
     ratio = statistics.median(theirs / ours for ours, theirs in turns)
     print(
         f"{spec.task}: {spec.n_obs} + {spec.n_action} → {spec.n_state} channels, "
-        f"batch {method.train.batch}, {len(turns)} turns of {TURN} steps, "
-        f"{torch.get_num_threads()} thread(s)"
+        f"batch {method.train.batch}, {len(turns)} turns of {TURN} steps, one thread"
     )
     print(f"{'training loop':<24}{'steps/s':>10}")
     print(f"{'wt fit (Lightning)':<24}{ours:>10.1f}")

@@ -4,21 +4,24 @@ Map of the package (each concept has one home):
 
 =====================  =====================================================================
 ``wt.types``           the frozen nouns that travel between stages: Recording, Transitions, Pairs
-``wt.errors``          one class per mistake a user can make; each carries what to do next
-``wt.config``          what ``conf/*.yaml`` may say, checked before anything runs
+``wt.errors``          one class per mistake a user can make; each says what to do next
+``wt.config``          what ``conf/*.yaml`` may say; ``wt.schema`` reads and checks it
 ``wt.worlds``          one file a task: robot model, two domains, hidden variable, policy
-``wt.data``            recordings, importers, collection on disk, normalisation, batches
-``wt.nets``            encoder, FiLM decoder, blind decoder, classifier, translator
-``wt.losses``          the paper's objectives as pure functions
-``wt.train``           Algorithm 1 as a LightningModule, its phases and callbacks
+``wt.data``            recordings, importers, collections on disk, normalisation, history
+``wt.nets``            encoder, FiLM decoder, blind decoder, classifier, translator; their frame
+``wt.losses``          the paper's objectives as pure functions, and our robust one
+``wt.train``           mean field, then Algorithm 1 as a LightningModule with its phases
 ``wt.translate``       simulation → reality on tensors: shared by evaluation, export, deploy
 ``wt.baselines``       what translation is compared with, one file each, one interface
-``wt.evaluate``        single-step tables, figures, Rerun recordings
+``wt.evaluate``        single-step errors, result tables, figures, Rerun recordings
 ``wt.export``          the ONNX graph with its normaliser inside
+``wt.track``           a run in MLflow
+``wt.fit``             the main job; ``study`` is what its steps share, ``jobs`` trains side by
+                       side, ``publish`` writes, exports and registers what came out
 ``wt.cli``             one module a command
 =====================  =====================================================================
 
-The model registry is its own package, ``registry``; it needs nothing of this one but types.
+The model registry is its own package, ``registry``; of this one it needs types and errors only.
 """
 
 __version__ = "0.1.0"

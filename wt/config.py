@@ -10,9 +10,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import omegaconf
 
@@ -22,35 +21,22 @@ from wt.schema import parse, read, to_yaml
 __all__ = ["parse", "to_yaml"]
 
 
-class Adversarial(StrEnum):
-    """Adversarial loss: cross-entropy as in the paper, or least squares."""
+Adversarial = Literal["bce", "lsgan"]
+"""Adversarial loss: cross-entropy as in the paper, or least squares (Mao et al. 2017)."""
 
-    bce = "bce"
-    lsgan = "lsgan"
+MeanKind = Literal["none", "average", "mode"]
+"""What carries the difference of the domains that needs no translation.
 
+``none``: nothing, as in the paper; ``average``: least squares; ``mode``: the most frequent answer,
+for hidden variables that are often absent.
+"""
 
-class MeanKind(StrEnum):
-    """What carries the difference of the domains that needs no translation.
+SimulatorUse = Literal["base", "read", "ignored"]
+"""How the mean field uses the simulator's own answer.
 
-    ``none``: nothing, as in the paper; ``average``: least squares; ``mode``: the most frequent
-    answer, for hidden variables that are often absent.
-    """
-
-    none = "none"
-    average = "average"
-    mode = "mode"
-
-
-class SimulatorUse(StrEnum):
-    """How the mean field uses the simulator's own answer.
-
-    ``base``: it is added to; ``read``: it is added to and is also an input of the correction;
-    ``ignored``: R's change is regressed on (o, a) alone.
-    """
-
-    base = "base"
-    read = "read"
-    ignored = "ignored"
+``base``: it is added to; ``read``: it is added to and is also an input of the correction;
+``ignored``: R's change is regressed on (o, a) alone.
+"""
 
 
 @dataclass
@@ -68,8 +54,8 @@ class Data:
 class Mean:
     """The regressors in front of the translation (``mean:``); unused when kind is ``none``."""
 
-    kind: MeanKind = MeanKind.none
-    simulator: SimulatorUse = SimulatorUse.base
+    kind: MeanKind = "none"
+    simulator: SimulatorUse = "base"
     members: int = 1
     input_noise: float = 0.0
     mode_width: float = 0.05
@@ -107,7 +93,7 @@ class Translation:
     """The unpaired translation (``translation:``)."""
 
     conditioned: bool = False
-    adversarial: Adversarial = Adversarial.bce
+    adversarial: Adversarial = "bce"
     cycle: float = 3.0
     identity: float = 1.0
     transport: bool = False
@@ -149,8 +135,8 @@ class Baselines:
     )  # fmt: skip
     width: int = 256
     depth: int = 3
-    steps: int = 6000
-    batch: int = 1024
+    steps: int = 8000
+    batch: int = 512
     learning_rate: float = 2e-3
     history: int = 8
 
@@ -214,7 +200,7 @@ def _check(config: Fit) -> None:
                 f"{name}.train.steps {train.steps} is not a multiple of "
                 f"{name}.train.validate_every {train.validate_every}; change either"
             )
-        if method.translation.transport and method.mean.kind is MeanKind.none:
+        if method.translation.transport and method.mean.kind == "none":
             raise ConfigError(
                 f"{name}.translation.transport needs {name}.mean.kind average or mode, "
                 "since it moves what the mean leaves"

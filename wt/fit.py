@@ -21,7 +21,7 @@ from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.evaluate.single_step import Errors, errors
 from wt.jobs import Job, run_jobs
 from wt.publish import Published, publish
-from wt.study import Listener, Study
+from wt.study import Listener, Study, check
 from wt.track import Run, run
 
 CONFIG = "config.yaml"
@@ -37,9 +37,12 @@ def open_folder(config: Fit, folder: Path, resume: bool) -> Fit:
         resume: continue the run that is in it, with the configuration that it began with.
 
     Raises:
-        ConfigError: the folder holds another run, or none to resume.
+        ConfigError: the folder holds another run, or none to resume, or is a file; the
+            configuration cannot be run.
     """
     kept = folder / CONFIG
+    if folder.exists() and not folder.is_dir():
+        raise ConfigError(f"--out: {folder} is a file; name a folder, new or empty")
     if resume:
         if not kept.exists():
             raise ConfigError(f"--resume: {folder} holds no run ({CONFIG} is missing)")
@@ -52,6 +55,7 @@ def open_folder(config: Fit, folder: Path, resume: bool) -> Fit:
         return begun
     if kept.exists():
         raise ConfigError(f"{folder} already holds a run; add --resume, or choose a new --out")
+    check(config)
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(kept, to_yaml(config))
     return config

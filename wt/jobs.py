@@ -1,8 +1,10 @@
 """Training every method with every seed, side by side on the machine's cores.
 
 Networks of this size gain little from several threads, and on a busy machine threads that wait
-for one another lose much; so every job has one thread and a process of its own. Workers read the
-collections from disk, report through a queue, and leave their results in the run's folder.
+for one another lose much; so every job has one thread, and a process that it shares with no other.
+Workers read the collections from disk, report through a queue, and leave their results in the
+run's folder. They end with the run, however it ends: a worker that outlived it would write into
+the folder that the resumed run works in.
 """
 
 from __future__ import annotations
@@ -11,8 +13,11 @@ import multiprocessing
 import os
 import queue
 import signal
-from collections.abc import Mapping, Sequence
-from multiprocessing.pool import AsyncResult
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,6 +26,7 @@ import yaml
 
 from wt.baselines.base import find
 from wt.config import Fit, parse, to_yaml
+from wt.errors import WorkError
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.study import Study
 from wt.train.fit import fit_world_model
@@ -46,6 +52,9 @@ def run_jobs(study: Study, jobs: Sequence[Job]) -> None:
     Args:
         study: the run.
         jobs: longest first, so that no core waits for a last long one.
+
+    Raises:
+        WorkError: a worker was killed from outside.
     """
     todo = [job for job in jobs if not study.finished(*job)]
     workers = min(study.config.workers or os.cpu_count() or 1, len(todo))
@@ -57,14 +66,14 @@ def run_jobs(study: Study, jobs: Sequence[Job]) -> None:
     context = multiprocessing.get_context("spawn")
     messages = context.Queue()
     arguments = (to_yaml(study.config), str(study.folder), messages)
-    with context.Pool(workers, _open, arguments) as pool:
-        pending: list[AsyncResult[None]] = [pool.apply_async(_train, (job,)) for job in todo]
+    with ProcessPoolExecutor(workers, context, _open, arguments) as pool, _killed_on_error():
+        with _deaf_to_interrupts():
+            pending = {pool.submit(_train, job) for job in todo}
         while pending:
             _hand_on(messages, study)
-            ended = [result for result in pending if result.ready()]
-            pending = [result for result in pending if not result.ready()]
-            for result in ended:
-                result.get()  # raises what the job raised
+            ended, pending = wait(pending, timeout=0)
+            for future in ended:
+                future.result()  # raises what the job raised
         _hand_on(messages, study)
 
 
@@ -120,11 +129,48 @@ _opened: list[Study] = []
 
 
 def _open(config: str, folder: str, messages: Any) -> None:  # noqa: ANN401 – see _Sender
-    # Ctrl-C reaches the parent, which ends its workers; checkpoints are whole at any moment
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     torch.set_num_threads(1)
     fit = parse(Fit, yaml.safe_load(config), "")
     _opened.append(Study.open(fit, Path(folder), _Sender(messages)))
+
+
+def _end_with_parent() -> None:
+    """Do not train on for a run that was killed."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+    os._exit(1)
+
+
+@contextmanager
+def _killed_on_error() -> Iterator[None]:
+    """End all workers at once when something goes wrong; checkpoints are whole at any moment."""
+    try:
+        yield
+    except BaseException as error:
+        for worker in multiprocessing.active_children():
+            worker.kill()  # while it trains, Lightning would only take note of a SIGTERM
+        if isinstance(error, BrokenProcessPool):
+            raise WorkError(
+                "a training process was killed from outside, perhaps for want of memory; "
+                "continue with --resume, and with workers=1 if it happens again"
+            ) from error
+        raise
+
+
+@contextmanager
+def _deaf_to_interrupts() -> Iterator[None]:
+    """Processes started inside never see Ctrl-C: it is for the parent, which ends them.
+
+    Blocked here and inherited, since a process that only ignored it once it is up would die with
+    a traceback while it is still importing.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _train(job: Job) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from io import BytesIO
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from registry.push import push
 from registry.store import Version
 from wt.data.transitions import content_hash
 from wt.evaluate import figures
+from wt.evaluate.files import write_whole
 from wt.evaluate.results import OURS, PAPERS_OWN, Results, Score
 from wt.evaluate.rollout_view import write_rollout
 from wt.evaluate.single_step import Errors, first_episode, poses
@@ -27,6 +29,9 @@ SHOWN = ("RawSim", PAPERS_OWN, OURS)
 
 LONGEST = 500
 """Control steps in the recording, at most."""
+
+EXAMPLES = 512
+"""Rows on which the exported graph is compared with eager."""
 
 GOLDEN = 8
 """Input and output rows that travel with the model."""
@@ -76,7 +81,7 @@ def publish(study: Study, by_seed: Mapping[int, Mapping[str, Errors]], tracked: 
         {"method": name, "mse": s.mse, "std": s.std, "mse_change": s.mse_change}
         for name, s in results.single_step.items()
     ]
-    tracked.table("single_step.json", rows)
+    tracked.table("single_step", rows)
     for name in ("results.json", "results.md", RECORDING):
         tracked.artifact(study.folder / name)
     for picture in sorted((study.folder / FIGURES).glob("*.png")):
@@ -88,9 +93,11 @@ def tabulate(
     study: Study, by_seed: Mapping[int, Mapping[str, Errors]], version: Version | None = None
 ) -> Results:
     """Mean and spread over seeds of every method."""
-    seeds, methods = list(by_seed), list(next(iter(by_seed.values())))
+    seeds, methods = tuple(by_seed), tuple(next(iter(by_seed.values())))
     spec = study.world.spec
-    rmse = {m: np.mean([by_seed[s][m].rmse for s in seeds], axis=0) for m in methods}
+    rmse = {
+        m: tuple(np.mean([by_seed[s][m].rmse for s in seeds], axis=0).tolist()) for m in methods
+    }
     scores = {
         m: Score.of_seeds(
             [by_seed[s][m].mse for s in seeds], [by_seed[s][m].mse_change for s in seeds]
@@ -142,12 +149,12 @@ def _export(study: Study, seed: int, by_method: Mapping[str, Errors]) -> None:
     pairs = study.data.validation
     known = pairs.real.o[:, spec.n_state :].copy()
     known[:, : spec.n_action] = pairs.real.a  # the last action of o′ is this step's
-    example = (pairs.real.o, pairs.real.a, np.hstack([pairs.sim_next, known]))
-    example = tuple(np.ascontiguousarray(x[:512]) for x in example)
+    n = EXAMPLES
+    example = pairs.real.o[:n], pairs.real.a[:n], np.hstack([pairs.sim_next, known])[:n]
     export(module, spec, folder / MODEL, example=example)
     model = eager(module)
     difference = parity.check(folder / MODEL, model, example)
-    few = tuple(x[:GOLDEN] for x in example)
+    o, a, o_next_sim = (x[:GOLDEN] for x in example)
     card = describe(
         folder / MODEL,
         spec,
@@ -158,7 +165,7 @@ def _export(study: Study, seed: int, by_method: Mapping[str, Errors]) -> None:
         metrics={f"{name}/mse": e.mse for name, e in by_method.items()},
         heldout=HeldOut("test pairs", study.held_out, "mse", by_method[OURS].mse),
         parity=difference,
-        golden=(*few, model(*few)),
+        golden=(o, a, o_next_sim, model(o, a, o_next_sim)),
     )
     card.save(folder)
 
@@ -168,8 +175,9 @@ def _figures(study: Study, seed: int, results: Results) -> None:
     pairs, spec = study.data.test, study.world.spec
     rows = first_episode(pairs, LONGEST // 2)
     shown = {m: study.prediction(seed, m)[rows] for m in SHOWN if _has(study, seed, m)}
-    gain = (results.rmse["RawSim"] - results.rmse[OURS]) if "RawSim" in results.rmse else None
-    channel = int(np.argmax(gain / study.scales.state)) if gain is not None else 0
+    rmse = {method: np.asarray(error) for method, error in results.rmse.items()}
+    gain = rmse["RawSim"] - rmse[OURS] if "RawSim" in rmse else -rmse[OURS]
+    channel = int(np.argmax(gain / study.scales.state))
     trace = figures.prediction_trace(
         np.arange(len(rows)) / spec.rate_hz,
         pairs.real.s_next[rows, channel],
@@ -180,8 +188,10 @@ def _figures(study: Study, seed: int, results: Results) -> None:
     folder.mkdir(exist_ok=True)
     drawn = {
         "single_step": figures.bar_table(results),
-        "per_channel": figures.per_channel(results.rmse, spec.state),
+        "per_channel": figures.per_channel(rmse, spec.state),
         "trace": trace,
     }
     for name, figure in drawn.items():
-        figure.savefig(folder / f"{name}.png", dpi=150)
+        png = BytesIO()
+        figure.savefig(png, format="png", dpi=150)
+        write_whole(folder / f"{name}.png", png.getvalue())

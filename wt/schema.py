@@ -132,7 +132,7 @@ def _check_keys(schema: type, values: Mapping[str, Any], where: str) -> None:
 def _check_list(key: str, value: object, kind: type) -> None:
     if not isinstance(value, list | tuple):
         raise ConfigError(f"{key} is {value!r}; it needs a list, as in {key}=[{value}]")
-    for item in value:
+    for item in value if isinstance(kind, type) else ():  # a Literal is OmegaConf's to check
         try:
             kind(item)
         except (TypeError, ValueError) as error:

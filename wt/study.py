@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -13,12 +14,25 @@ import torch
 from wt.baselines.base import find
 from wt.config import Fit, Method, to_yaml
 from wt.data.transitions import content_hash, digest
+from wt.evaluate.files import write_whole
 from wt.evaluate.single_step import Scales
 from wt.nets.world_model import WorldModel
 from wt.worlds.base import World, make
 from wt.worlds.collect import Collected, collect
 
 
+def check(config: Fit) -> None:
+    """Refuse what could not be run, before anything is written.
+
+    Raises:
+        ConfigError: a world, one of its options, or a baseline is not known.
+    """
+    make(config.world)
+    for name in config.baselines.names:
+        find(name)
+
+
+@runtime_checkable
 class Listener(Protocol):
     """Whoever wants to know how a run is going."""
 
@@ -61,10 +75,7 @@ class Study:
             folder: the run's folder.
             listener: told of progress.
         """
-        # made first: a wrong world or baseline fails before anything is collected
         world = make(config.world)
-        for name in config.baselines.names:
-            find(name)
         data = collect(world, config.data, listener.progress)
         return cls(config, world, data, Scales.of(data.real, world.spec), folder, listener)
 
@@ -94,15 +105,15 @@ class Study:
         """Keep a method's prediction, which marks it as finished."""
         path = self._predicted(seed, method)
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_suffix(".tmp.npy")
-        np.save(temporary, predicted)
-        temporary.replace(path)
+        content = BytesIO()
+        np.save(content, predicted)
+        write_whole(path, content.getvalue())
 
     def keep_model(self, seed: int, method: str, model: WorldModel) -> None:
         """Keep a trained model's weights."""
-        weights = self.home(seed, method) / "model.pt"
-        torch.save(model.state_dict(), weights.with_suffix(".tmp"))
-        weights.with_suffix(".tmp").replace(weights)
+        content = BytesIO()
+        torch.save(model.state_dict(), content)
+        write_whole(self.home(seed, method) / "model.pt", content.getvalue())
 
     def load_model(self, seed: int, method: str, settings: Method) -> WorldModel:
         """A trained model of this run, in evaluation mode."""

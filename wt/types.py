@@ -58,6 +58,9 @@ class TransitionSpec:
         action: channels of a.
         hidden: channels of h; empty when nothing is hidden.
         pose: indices into o of the joint positions, in the order of ``joints``.
+        integrated: (position, velocity) channels of which the velocity is, by definition, the
+            difference of the last two positions times the rate. Then q′ = q + q̇′ / rate exactly,
+            and only the velocity has to be predicted.
     """
 
     task: str
@@ -68,6 +71,7 @@ class TransitionSpec:
     action: tuple[Channel, ...]
     hidden: tuple[Channel, ...] = ()
     pose: tuple[int, ...] = ()
+    integrated: tuple[tuple[int, int], ...] = ()
 
     @property
     def n_obs(self) -> int:

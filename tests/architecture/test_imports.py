@@ -15,13 +15,14 @@ ROOT = Path(__file__).resolve().parents[2]
 # below; inside a level any order without a cycle will do. A new room is entered here.
 LEVELS = [
     {"types", "errors"},
-    {"config", "data", "nets", "losses", "physics", "worlds"},
+    {"schema", "config", "data", "nets", "losses", "physics", "worlds"},
     {"train", "translate", "baselines", "diagnose"},
     {"evaluate", "export", "track"},
+    {"study", "jobs", "publish", "fit"},
     {"cli"},
 ]
 REGISTRY_MAY = {"types", "errors", "export"}
-REGISTRY_IS_FOR = {"track", "cli"}
+REGISTRY_IS_FOR = {"track", "publish", "cli"}
 DEPLOY_MAY = {"types", "errors"}
 FINETUNE_MAY = DEPLOY_MAY | {"translate", "worlds"}
 

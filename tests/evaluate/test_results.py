@@ -91,20 +91,27 @@ def test_spread_is_the_sample_standard_deviation() -> None:
 
 def test_markdown_puts_the_papers_numbers_beside_ours_and_states_the_assumption() -> None:
     text = results().to_markdown()
-    assert "| RSSM | 0.6000 | 0.0300 | 0.7000 | 0.5155 |" in text
-    assert "| WorldTranslationPlus | 0.1500 |" in text
-    assert "| WorldTranslation | **0.1000** |" in text
+    # the paper's RSSM makes 0.515493 / 0.706230 = 0.73 of its RawSim's error; ours has no RawSim
+    assert "| RSSM | 0.6 | 0.03 | 0.7 | – | 0.515 | 0.73 |" in text
+    assert "| WorldTranslationPlus | 0.15 |" in text
+    assert "| WorldTranslation | **0.1** |" in text
     assert text.index("| WorldTranslationPlus |") < text.index("| WorldTranslation |")
     assert "given the true hidden variable" in text[text.index("| RSSM |") :]
     assert "| qvel/joint1 [rad/s] | 0.1 | 0.2 |" in text
     assert "paper's MSE" not in results(task="so101", note="").to_markdown()
 
 
+def test_errors_relative_to_rawsim_are_what_worlds_share() -> None:
+    with_raw = {"RawSim": Score(0.5, 0.0, 0.5), "RSSM": Score(0.25, 0.0, 0.5)}
+    assert results(single_step=with_raw, rmse={}).relative("RSSM") == 0.5
+    assert math.isnan(results().relative("RSSM"))
+
+
 def test_terminal_table_names_every_method_and_the_ratio() -> None:
     console = Console(width=100, file=io.StringIO(), record=True)
     results().print_table(console)
     text = console.export_text()
-    for word in ("WorldTranslationPlus", "ResDynSim", "0.6000", "0.5155", "0.300", "hidden"):
+    for word in ("WorldTranslationPlus", "ResDynSim", "0.6", "0.515", "0.300", "hidden"):
         assert word in text
 
 

@@ -16,7 +16,7 @@ from wt.worlds.so101_motions import TEST, TRAIN, VALIDATION
 
 SHARED = Path(__file__).parents[3] / "shared" / "recordings" / "so101"
 ROWS = 150
-SPLITS: dict[str, Any] = {"train": ["a", "repeats/a"], "validation": ["b"], "test": ["c"]}
+SPLITS: dict[str, Any] = {"train": ("a", "repeats/a"), "validation": ("b",), "test": ("c",)}
 
 
 def write_motion(folder: Path, seed: int, gap: int | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -56,7 +56,7 @@ def world(folder: Path) -> SO101:
 
 
 def test_found_by_name(folder: Path) -> None:
-    spec = base.make("so101", recordings=str(folder), **SPLITS).spec
+    spec = base.make({"name": "so101", "recordings": str(folder), **SPLITS}).spec
     assert (spec.n_state, spec.n_action, len(spec.hidden)) == (10, 5, 0)
     assert spec.rate_hz == pytest.approx(49.85)
     assert len({channel.name for channel in spec.observation}) == spec.n_obs
@@ -65,7 +65,7 @@ def test_found_by_name(folder: Path) -> None:
 def test_each_channel_holds_the_sample_its_name_says(tmp_path: Path) -> None:
     command, position = write_motion(tmp_path / "a", 0)
     write_motion(tmp_path / "b", 1)
-    world = SO101(SO101Options(str(tmp_path), ["a"], ["b"], ["c"], history=3, threads=1))
+    world = SO101(SO101Options(str(tmp_path), ("a",), ("b",), ("c",), history=3, threads=1))
     real = world.collect("real", 10**6, seed=0)
     assert len(real) == ROWS - 5  # four samples of lead, one of outcome
     joints = ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll"]
@@ -91,7 +91,7 @@ def test_each_channel_holds_the_sample_its_name_says(tmp_path: Path) -> None:
 
 def test_no_transition_across_a_gap(tmp_path: Path) -> None:
     write_motion(tmp_path / "a", 0, gap=60)
-    world = SO101(SO101Options(str(tmp_path), ["a"], ["b"], ["c"], history=2, threads=1))
+    world = SO101(SO101Options(str(tmp_path), ("a",), ("b",), ("c",), history=2, threads=1))
     real = world.collect("real", 10**6, seed=0)
     now = real.step + 3
     # samples now-3 … now+1 must not span the interval from sample 59 to 60
@@ -181,12 +181,12 @@ def test_a_smaller_count_takes_unbroken_pieces_of_every_motion(world: SO101) -> 
 
 def test_options_that_make_no_sense(folder: Path) -> None:
     with pytest.raises(ConfigError, match="'a' is in both train and test"):
-        SO101(SO101Options(str(folder), ["a"], ["b"], ["repeats/a"]))
+        SO101(SO101Options(str(folder), ("a",), ("b",), ("repeats/a",)))
     with pytest.raises(ConfigError, match=r"world\.validation is empty"):
-        SO101(SO101Options(str(folder), ["a"], [], ["c"]))
+        SO101(SO101Options(str(folder), ("a",), (), ("c",)))
     with pytest.raises(ConfigError, match=r"world\.delay"):
         SO101(SO101Options(str(folder), **SPLITS, history=1, delay=0.05))
-    with pytest.raises(ConfigError, match="history 0"):
+    with pytest.raises(ConfigError, match=r"world\.history is 0"):
         SO101(SO101Options(str(folder), **SPLITS, history=0))
     with pytest.raises(ConfigError, match="'train' is not known"):
         SO101(SO101Options(str(folder), **SPLITS)).pairs("train", 1, 0)
@@ -194,7 +194,7 @@ def test_options_that_make_no_sense(folder: Path) -> None:
 
 def test_missing_recordings_are_one_clear_line(tmp_path: Path, folder: Path) -> None:
     for root, hint in ((tmp_path / "none", "does not exist"), (folder, r"control\.csv")):
-        world = SO101(SO101Options(str(root), ["a", "zz"], ["b"], ["c"]))
+        world = SO101(SO101Options(str(root), ("a", "zz"), ("b",), ("c",)))
         with pytest.raises(DataError, match=hint) as error:
             world.collect("real", 10, 0)
         assert "\n" not in str(error.value)

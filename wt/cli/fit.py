@@ -34,16 +34,22 @@ def command(
 
     from wt.cli._progress import bars
     from wt.config import load
-    from wt.errors import ConfigError
-    from wt.fit import fit, open_folder
+    from wt.errors import ConfigError, WorkError
+    from wt.fit import CONFIG, fit, open_folder
 
     if resume and out is None:
         raise ConfigError("--resume needs --out: the folder of the run to continue")
     settings = load(config, overrides or [])
     folder = out or Path("runs") / f"{settings.task}-{datetime.now():%Y-%m-%dT%H-%M-%S}"
     settings = open_folder(settings, folder, resume)
-    with bars() as listener:
-        done, tracked = fit(settings, folder, listener)
+    try:
+        with bars() as listener:
+            done, tracked = fit(settings, folder, listener)
+    except KeyboardInterrupt as error:
+        raise WorkError(
+            "interrupted: nothing finished is lost; continue with: "
+            f"wt fit --config {folder / CONFIG} --resume --out {folder}"
+        ) from error
     console = Console()
     done.results.print_table(console)
     console.print(f"{done.version}: {done.version.decision}")

@@ -38,7 +38,7 @@ class Shard:
     count: int
 
 
-def digest(content: Any) -> str:
+def digest(content: object) -> str:
     """SHA-256 of plain content (numbers, strings, lists, dictionaries), as 16 hex digits."""
     text = json.dumps(content, sort_keys=True, default=list)
     return hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -26,20 +26,25 @@ _MARKERS = "osD^vPX<"
 def bar_table(results: Results) -> Figure:
     """Single-step MSE of each method, smallest on top, with its spread over seeds.
 
-    The paper's number, where it has one, is a diamond on the method's row.
+    Bars are in units of RawSim's error where there is one, since that is what can be compared
+    with the paper, whose number is a diamond on the method's row; absolute errors stand beside.
     """
     scores = results.single_step
     methods = sorted(scores, key=lambda m: (math.isnan(scores[m].mse), scores[m].mse))
     figure, axes = _figure(7.0, 1.2 + 0.42 * len(methods))
-    mse = [np.nan_to_num(scores[m].mse) for m in methods]
-    std = [np.nan_to_num(scores[m].std) for m in methods]
+    raw = scores["RawSim"].mse if "RawSim" in scores and scores["RawSim"].mse > 0 else None
+    unit, paper_unit = raw or 1.0, results.paper.get("RawSim", 1.0) if raw else 1.0
+    mse = [np.nan_to_num(scores[m].mse) / unit for m in methods]
+    std = [np.nan_to_num(scores[m].std) / unit for m in methods]
     rows = range(len(methods))
     axes.barh(
         rows, mse, xerr=std if len(results.seeds) > 1 else None, height=0.62,
         color=[_rgb(m) for m in methods],
         error_kw={"ecolor": _DARK, "elinewidth": 1.2, "capsize": 3},
     )  # fmt: skip
-    known = [(results.paper[m], row) for row, m in enumerate(methods) if m in results.paper]
+    known = [
+        (results.paper[m] / paper_unit, row) for row, m in enumerate(methods) if m in results.paper
+    ]
     if known:
         x, y = zip(*known, strict=True)
         axes.plot(
@@ -50,12 +55,13 @@ def bar_table(results: Results) -> Figure:
     beside = axes.get_yaxis_transform()
     for row, method in enumerate(methods):
         score = scores[method]
-        spread = f" ± {score.std:.3f}" if len(results.seeds) > 1 else ""
-        value = f"{score.mse:.3f}{spread}" if math.isfinite(score.mse) else "diverged"
+        spread = f" ± {score.std:.1g}" if len(results.seeds) > 1 else ""
+        value = f"{score.mse:.2g}{spread}" if math.isfinite(score.mse) else "diverged"
         axes.text(1.02, row, value, transform=beside, va="center", fontsize=9, color=_DARK)
     axes.set_yticks(rows, methods)
     axes.invert_yaxis()
-    axes.set_xlabel("MSE of the normalised next state")
+    name = "MSE of the normalised next state"
+    axes.set_xlabel(f"{name}, in units of RawSim's" if raw else name)
     axes.set_title(f"Single-step prediction, {results.task}", loc="left")
     axes.margins(x=0.04)
     axes.set_xlim(left=0.0)

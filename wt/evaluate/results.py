@@ -20,6 +20,7 @@ from rich.table import Table
 from wt.errors import DataError
 from wt.evaluate import paper
 from wt.evaluate.files import write_whole
+from wt.evaluate.text import markdown_table, short
 from wt.types import Channel
 
 SCHEMA = 1
@@ -106,6 +107,11 @@ class Results:
             return math.nan
         best = min(baselines)
         return self.single_step[OURS].mse / best if best > 0 else math.nan
+
+    def relative(self, method: str) -> float:
+        """A method's MSE in units of RawSim's, which is comparable between worlds; NaN without."""
+        raw = self.single_step.get("RawSim")
+        return self.single_step[method].mse / raw.mse if raw and raw.mse else math.nan
 
     def save(self, folder: Path) -> None:
         """Write ``results.json`` and ``results.md`` into ``folder``.
@@ -200,7 +206,7 @@ class Results:
         lines = [
             f"# {self._title()}",
             "",
-            *_markdown(self._head(), self._rows(bold="**{}**")),
+            *markdown_table(self._head(), self._rows(bold="**{}**")),
             "",
             self._ratio(),
             "",
@@ -212,7 +218,12 @@ class Results:
                 [f"{channel.name} [{channel.unit}]", *(f"{e[c]:.3g}" for e in self.rmse.values())]
                 for c, channel in enumerate(self.channels)
             ]
-            lines += ["", "## Error per channel (RMSE, physical units)", "", *_markdown(head, rows)]
+            lines += [
+                "",
+                "## Error per channel (RMSE, physical units)",
+                "",
+                *markdown_table(head, rows),
+            ]
         return "\n".join(lines) + "\n"
 
     def print_table(self, console: Console) -> None:
@@ -231,7 +242,8 @@ class Results:
         return f"Single-step prediction, {self.task}, {seeds}"
 
     def _head(self) -> list[str]:
-        return ["method", "MSE", "± std", "MSE of change", *(["paper's MSE"] * bool(self.paper))]
+        head = ["method", "MSE", "± std", "MSE of change", "/ RawSim"]
+        return [*head, *(["paper's MSE", "/ RawSim"] * bool(self.paper))]
 
     def _rows(self, bold: str) -> list[list[str]]:
         """One row a method, ours first and the rest by error; the smallest MSE through ``bold``."""
@@ -240,15 +252,18 @@ class Results:
         rows = []
         for method in order:
             score = self.single_step[method]
-            mse = f"{score.mse:.4f}" if math.isfinite(score.mse) else "diverged"
+            mse = short(score.mse) if math.isfinite(score.mse) else "diverged"
             row = [
                 method,
                 bold.format(mse) if score.mse == best else mse,
-                f"{score.std:.4f}" if len(self.seeds) > 1 else "–",
-                f"{score.mse_change:.4f}",
+                short(score.std) if len(self.seeds) > 1 else "–",
+                short(score.mse_change),
+                short(self.relative(method)),
             ]
             if self.paper:
-                row.append(f"{self.paper[method]:.4f}" if method in self.paper else "–")
+                known = method in self.paper
+                row.append(short(self.paper[method]) if known else "–")
+                row.append(short(self.paper[method] / self.paper["RawSim"]) if known else "–")
             rows.append(row)
         return rows
 
@@ -280,9 +295,3 @@ def _nan_if_null(value: float | None) -> float:
 
 def _or_inf(value: float) -> float:
     return value if math.isfinite(value) else math.inf
-
-
-def _markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """A Markdown table: first column left, the others right."""
-    align = ["---"] + ["---:"] * (len(head) - 1)
-    return ["| " + " | ".join(cells) + " |" for cells in (head, align, *rows)]

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import torch
 from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional as F
 
-Adversarial = Literal["bce", "lsgan"]
-"""Cross-entropy as in the paper, or least squares (Mao et al. 2017)."""
+from wt.config import Adversarial
 
 
 def discriminator(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
@@ -24,9 +26,7 @@ class FiLMDecoder(nn.Module):
         """
         super().__init__()
         sizes = [condition] + [width] * depth
-        self.layers = nn.ModuleList(
-            nn.Linear(i, o) for i, o in zip(sizes[:-1], sizes[1:], strict=True)
-        )
+        self.layers = nn.ModuleList(nn.Linear(i, o) for i, o in pairwise(sizes))
         self.modulation = nn.Linear(latent, 2 * width * depth)
         self.activation = nn.SiLU()
         self.out = nn.Linear(width, target)

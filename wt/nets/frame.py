@@ -19,7 +19,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from wt.config import Mean, MeanKind, SimulatorUse
+from wt.config import Mean
 from wt.data.normalize import Normalizer
 from wt.nets.mlp import Ensemble, mlp
 from wt.types import TransitionSpec
@@ -33,32 +33,37 @@ class Frame(nn.Module):
         condition: normaliser of (o, a), the action as an offset from the joint position.
         change: normaliser of the state's change; its standard deviation is the frame's unit.
         state: normaliser of the next state in R, in which errors are reported.
+        free: 1 for channels that have to be predicted, 0 for those that follow, (n_state,).
         transport: linear map of S's remaining outcome, (n_state, n_state); identity unless fit.
         nominal: regressor of the nominal simulator's change n(o, a), or None.
         shift: regressors of the domains' difference δ, or None.
     """
 
     transport: Tensor
+    free: Tensor
 
     def __init__(self, spec: TransitionSpec, mean: Mean) -> None:
         """Build an unfitted frame; ``wt.train.mean_field`` and ``Normalizer.fit`` fill it."""
         super().__init__()
         self.spec = spec
-        self.reads_simulator = mean.simulator is SimulatorUse.read
+        self.reads_simulator = mean.simulator == "read"
         self.n_condition = spec.n_obs + spec.n_action
         self._targets = _acts_on_positions(spec)
         self.condition = Normalizer(self.n_condition)
         self.change = Normalizer(spec.n_state)
         self.state = Normalizer(spec.n_state)
         self.register_buffer("transport", torch.eye(spec.n_state))
+        free = torch.ones(spec.n_state)
+        free[[position for position, _ in spec.integrated]] = 0.0
+        self.register_buffer("free", free)
         self.nominal: nn.Module | None = None
         self.shift: Ensemble | None = None
-        if mean.kind is MeanKind.none:
+        if mean.kind == "none":
             return
         extra = spec.n_state if self.reads_simulator else 0
         size = (self.n_condition + extra, spec.n_state, mean.width, mean.depth)
         self.shift = Ensemble([mlp(*size) for _ in range(mean.members)])
-        if mean.simulator is SimulatorUse.ignored:
+        if mean.simulator == "ignored":
             self.transport.zero_()
         else:
             self.nominal = mlp(self.n_condition, spec.n_state, mean.width, mean.depth)
@@ -86,14 +91,23 @@ class Frame(nn.Module):
     def changes(
         self, o: Float[Tensor, "batch obs"], s_next: Float[Tensor, "batch state"]
     ) -> Float[Tensor, "batch state"]:
-        """Change of the state in units of its standard deviation; zero stays zero."""
-        return (s_next - o[:, : self.spec.n_state]) / self.change.std
+        """Change of the state in units of its standard deviation; zero stays zero.
+
+        Channels that follow from others (``spec.integrated``) are zero: nothing is to be learned.
+        """
+        return (s_next - o[:, : self.spec.n_state]) / self.change.std * self.free
 
     def next_states(
         self, o: Float[Tensor, "batch obs"], change: Float[Tensor, "batch state"]
     ) -> Float[Tensor, "batch state"]:
         """The next state for a normalised change; inverse of :meth:`changes`."""
-        return o[:, : self.spec.n_state] + change * self.change.std
+        state = o[:, : self.spec.n_state] + change * self.change.std
+        if not self.spec.integrated:
+            return state
+        positions, velocities = (list(x) for x in zip(*self.spec.integrated, strict=True))
+        # q′ = q + q̇′ / rate
+        moved = o[:, positions] + state[:, velocities] / self.spec.rate_hz
+        return state.index_copy(1, torch.tensor(positions), moved)
 
     def nominal_change(self, x: Float[Tensor, "batch condition"]) -> Float[Tensor, "batch state"]:
         """n(o, a): the nominal simulator's normalised change; zero without a mean field."""

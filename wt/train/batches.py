@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
-from torch.utils.data import IterableDataset
 
 from wt.nets.frame import Frame
 from wt.types import Transitions
@@ -79,7 +79,7 @@ class StepBatch(NamedTuple):
     noise: Tensor
 
 
-class StepBatches(IterableDataset):
+class StepBatches:
     """Endless deterministic batches, starting at a given step."""
 
     def __init__(
@@ -94,14 +94,15 @@ class StepBatches(IterableDataset):
             latent: size of z, for the noise.
             seed: same seed, same batches.
         """
-        super().__init__()
         self._sim, self._real = sim, real
         self._batch, self._latent, self._seed = batch, latent, seed
         self.next_step = 0
 
     def at(self, step: int) -> StepBatch:
         """The batch of one step."""
-        generator = torch.Generator().manual_seed((self._seed << 32) + step)
+        # torch looks at 32 bits of a seed only, so both numbers are hashed into those
+        hashed = int(np.random.SeedSequence((self._seed, step)).generate_state(1)[0])
+        generator = torch.Generator().manual_seed(hashed)
 
         def draw(data: DomainData) -> DomainData:
             return data.rows(torch.randint(len(data.x), (self._batch,), generator=generator))

@@ -11,7 +11,6 @@ from pathlib import Path
 import lightning
 import torch
 from lightning.pytorch.callbacks import ModelCheckpoint
-from torch.utils.data import DataLoader
 
 from wt.config import Method
 from wt.nets.world_model import WorldModel
@@ -151,8 +150,8 @@ def _run(
         try:
             trainer.fit(
                 module,
-                DataLoader(batches, batch_size=None),
-                DataLoader([0]),
+                batches,
+                [torch.zeros(1)],  # validation is one step, on all pairs
                 ckpt_path=str(last) if last.exists() else None,
             )
         except SystemExit as end:

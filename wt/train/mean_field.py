@@ -11,7 +11,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from wt.config import Mean, MeanKind, SimulatorUse
+from wt.config import Mean
 from wt.losses.robust import cauchy
 from wt.nets.frame import Frame
 from wt.train.regression import Progress, Regression, Score, mean_square, regress
@@ -82,9 +82,9 @@ def fit_mean_field(
 
 def regressions(settings: Mean) -> int:
     """How many regressions of ``settings.steps`` each a mean field takes."""
-    if settings.kind is MeanKind.none:
+    if settings.kind == "none":
         return 0
-    return settings.members + (settings.simulator is not SimulatorUse.ignored)
+    return settings.members + (settings.simulator != "ignored")
 
 
 def _fit_member(
@@ -108,7 +108,7 @@ def _fit_member(
     def mode(error: Tensor, done: float) -> Tensor:
         return cauchy(error, settings.mode_width)
 
-    loss = mode if settings.kind is MeanKind.mode else mean_square
+    loss = mode if settings.kind == "mode" else mean_square
     regress(member, error, len(inputs), _budget(settings, seed), loss, progress, score)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import lightning
 import torch
+from lightning.pytorch.core.optimizer import LightningOptimizer
 from torch import Tensor, nn
 
 from wt.nets.world_model import WorldModel
@@ -67,7 +68,7 @@ class WorldTranslation(lightning.LightningModule):
     def training_step(self, batch: StepBatch, batch_idx: int) -> None:
         """One iteration of Algorithm 1's loop."""
         self._set_learning_rates()
-        vae, blind, generators, judges = self.optimizers()
+        vae, blind, generators, judges = self._each_optimizer()
         # Backward Dynamics Extraction: update φ, θ, ξ, then ψ with z detached
         loss, metrics, z = phases.extraction(self.model, batch)
         self._update(vae, loss)
@@ -118,7 +119,11 @@ class WorldTranslation(lightning.LightningModule):
         """Continue where the checkpoint was written."""
         self.own_step = checkpoint["own_step"]
 
-    def _update(self, optimizer: Any, loss: Tensor) -> None:
+    def _each_optimizer(self) -> list[LightningOptimizer]:
+        optimizers = self.optimizers()
+        return optimizers if isinstance(optimizers, list) else [optimizers]
+
+    def _update(self, optimizer: LightningOptimizer, loss: Tensor) -> None:
         optimizer.zero_grad()
         # losses reach through other networks (D in the generators' loss, D_ψ in L_VAE):
         # only this optimizer's parameters collect a gradient
@@ -130,17 +135,15 @@ class WorldTranslation(lightning.LightningModule):
         progress = self.own_step / train.steps
         factor = min(1.0, (self.own_step + 1) / WARM_UP) * 0.5 * (1 + math.cos(math.pi * progress))
         rates = (train.learning_rate, train.learning_rate) + 2 * (train.gan_learning_rate,)
-        for optimizer, rate in zip(self.optimizers(), rates, strict=True):
+        for optimizer, rate in zip(self._each_optimizer(), rates, strict=True):
             optimizer.param_groups[0]["lr"] = rate * factor
 
     @torch.no_grad()
     def _follow_average(self) -> None:
         decay = self.model.method.translation.average
         if decay:
-            average, current = (
-                list(self.average.parameters()),
-                list(self.model.to_real.parameters()),
-            )
+            average: list[Tensor] = list(self.average.parameters())
+            current: list[Tensor] = list(self.model.to_real.parameters())
             torch._foreach_lerp_(average, current, 1.0 - decay)
 
 

@@ -75,8 +75,9 @@ def blind(model: WorldModel, batch: StepBatch, z: Tensor) -> tuple[Tensor, Metri
 def encode(model: WorldModel, batch: StepBatch) -> tuple[Tensor, Tensor]:
     """z^S and z^R of the translation batch; the encoder is not trained by translation."""
     z = [
-        sample(*model.encoder(d.x, d.y), noise)
+        sample(mean, log_variance, noise)
         for d, noise in zip(batch.gan, batch.noise[2:], strict=True)
+        for mean, log_variance in [model.encoder(d.x, d.y)]
     ]
     return z[0], z[1]
 
@@ -90,7 +91,7 @@ def generators(
         Loss, metrics, and the translated features (ẑ^R from S, ẑ^S from R).
     """
     settings = model.method.translation
-    kind = settings.adversarial.value
+    kind = settings.adversarial
     x_sim, x_real = data[0].x, data[1].x
     fake_real, fake_sim = model.to_real(z_sim, x_sim), model.to_sim(z_real, x_real)
     adversarial = gan.generator(kind, model.judge_real(fake_real, x_sim))
@@ -115,7 +116,7 @@ def judges(
     fakes: tuple[Tensor, Tensor],
 ) -> tuple[Tensor, Metrics]:
     """−E[log D(z)] − E[log(1 − D(ẑ))], or least squares: trains D_S and D_R."""
-    kind = model.method.translation.adversarial.value
+    kind = model.method.translation.adversarial
     x_sim, x_real = data[0].x, data[1].x
     fake_real, fake_sim = fakes[0].detach(), fakes[1].detach()
     real = model.judge_real(z_real, x_real), model.judge_real(fake_real, x_sim)

@@ -38,8 +38,10 @@ class PairTensors:
     def of(cls, pairs: Pairs, state_std: Tensor, change_std: Tensor) -> PairTensors:
         """Tensors of numpy pairs."""
         real = pairs.real
-        arrays = (real.o, real.a, pairs.sim_next, real.s_next)
-        return cls(*(torch.tensor(x) for x in arrays), state_std, change_std)
+        o, a, sim_next, real_next = (
+            torch.tensor(x) for x in (real.o, real.a, pairs.sim_next, real.s_next)
+        )
+        return cls(o, a, sim_next, real_next, state_std, change_std)
 
 
 @torch.no_grad()

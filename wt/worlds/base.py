@@ -11,7 +11,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
 import mujoco
 import numpy as np
@@ -31,15 +31,20 @@ class World(Protocol):
     """Two domains of one robot task, S (simulation) and R (reality).
 
     Attributes:
+        options: dataclass of the ``world:`` section; the constructor takes an instance.
         spec: layout of the task's transitions.
         shard: how many transitions are worth one file of a collection.
         force_body: body that a hidden force acts on, if that is what h is (first three channels,
             world frame); it is drawn as an arrow.
     """
 
+    options: ClassVar[type]
     spec: TransitionSpec
     shard: int
     force_body: str | None
+
+    def __init__(self, options: Any) -> None:  # noqa: ANN401 – each world has its own
+        """Build both domains."""
 
     def identity(self) -> dict[str, object]:
         """Plain content that decides what is collected; its hash decides about reuse."""
@@ -76,10 +81,12 @@ class World(Protocol):
         ...
 
 
-_WORLDS: dict[str, type] = {}
+_WORLDS: dict[str, type[Any]] = {}
+
+W = TypeVar("W", bound=type)  # a class; that it is a World shows when it is made
 
 
-def register(name: str) -> Callable[[type], type]:
+def register(name: str) -> Callable[[W], W]:
     """Class decorator: make a world available under ``name``.
 
     The class takes one argument, an instance of the dataclass in its attribute ``options``,
@@ -89,7 +96,7 @@ def register(name: str) -> Callable[[type], type]:
         ConfigError: two files claim the same name.
     """
 
-    def add(world: type) -> type:
+    def add(world: W) -> W:
         if name in _WORLDS:
             raise ConfigError(
                 f"world {name!r} is defined by both {_WORLDS[name].__module__} "
@@ -116,5 +123,5 @@ def make(section: Mapping[str, Any]) -> World:
     name = str(options.pop("name", ""))
     if name not in _WORLDS:
         raise ConfigError(f"world.name {name!r} is not known: {suggest(name, _WORLDS)}")
-    world = _WORLDS[name]
+    world: Any = _WORLDS[name]
     return world(parse(world.options, options, "world."))

@@ -12,7 +12,7 @@ import numpy as np
 from wt.config import Data
 from wt.data.transitions import Shard, digest, obtain, plan
 from wt.errors import DataError
-from wt.types import Pairs, Transitions
+from wt.types import Domain, Pairs, Transitions
 from wt.worlds.base import World
 
 Report = Callable[[str, int, int], None]
@@ -92,7 +92,7 @@ def _maker(
 
         done += shard.count
         if what in ("sim", "real"):
-            domain = "sim" if what == "sim" else "real"
+            domain: Domain = "sim" if what == "sim" else "real"
             return world.collect(domain, shard.count, shard.seed, progress)
         return world.pairs(what, shard.count, shard.seed)
 

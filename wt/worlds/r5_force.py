@@ -64,6 +64,14 @@ class HiddenForce:
     def __init__(
         self, settings: ForceSettings, model: mujoco.MjModel, batch: Batch, rng: np.random.Generator
     ) -> None:
+        """Start with no force on any arm.
+
+        Args:
+            settings: see :class:`ForceSettings`.
+            model: the arm's model.
+            batch: the arms; positions must be set before the first draw.
+            rng: of the process.
+        """
         arms = batch.nsim
         self._position = batch.bind("xpos")
         self._settings, self._rng = settings, rng

@@ -96,12 +96,9 @@ class SO101:
         """
         self._options = options
         history, substeps, delay = options.history, options.substeps, options.delay
-        episode_steps = options.episode_steps
-        if history < 1 or substeps < 1 or episode_steps < 1:
-            raise ConfigError(
-                f"world: history {history}, substeps {substeps} and episode_steps {episode_steps} "
-                "must be at least 1"
-            )
+        for name in ("history", "substeps", "episode_steps"):
+            if (value := getattr(options, name)) < 1:
+                raise ConfigError(f"world.{name} is {value}; it must be at least 1")
         if not 0.0 <= delay <= history / RATE_HZ:
             raise ConfigError(
                 f"world.delay {delay} s must be in 0 … {history / RATE_HZ:.4f} s (history); "
@@ -110,7 +107,6 @@ class SO101:
         splits = {"train": options.train, "validation": options.validation, "test": options.test}
         self._motions = Motions(options.recordings, splits)
         self._history, self._delay, self._substeps = history, delay, substeps
-        self._episode_steps, self._threads = episode_steps, options.threads
         servo = ServoPhysics(
             options.kp, options.kv, options.damping, options.frictionloss, options.armature
         )
@@ -128,6 +124,7 @@ class SO101:
             n_state=2 * N,
             action=_channels("ctrl", "rad"),
             pose=tuple(range(N)),
+            integrated=tuple((j, N + j) for j in range(N)),
         )
 
     def identity(self) -> dict[str, object]:
@@ -156,9 +153,9 @@ class SO101:
         if domain == "real":
             return self._real("train", count, seed, progress)
         rng = np.random.default_rng(seed)
-        episodes = -(-count // self._episode_steps)
+        episodes = -(-count // self._options.episode_steps)
         motions = [_stack(r, "ctrl", JOINTS) for r in self._motions.of("train")]
-        commands = vary(motions, episodes, self._episode_steps + self._history + 2, rng)
+        commands = vary(motions, episodes, self._options.episode_steps + self._history + 2, rng)
         commands = np.clip(commands, *self._model.actuator_ctrlrange.T)
         start = commands[:, 0] + rng.normal(0.0, _START_SPREAD, commands[:, 0].shape)
         positions = np.empty_like(commands)
@@ -262,7 +259,7 @@ class SO101:
     def _step_chunk(self, o: Array, a: Array) -> Array:
         """S's answers, (n, 10), for n ≤ _CHUNK observations and actions."""
         n, q = len(o), o[:, :N]
-        batch = Batch(self._model, n, self._threads)
+        batch = Batch(self._model, n, self._options.threads)
         batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         position, velocity, control = (batch.bind(x) for x in ("qpos", "qvel", "ctrl"))
         position[:] = control[:] = _HALF_OPEN
@@ -283,7 +280,7 @@ class SO101:
     def _closed_loop(self, commands: Array, start: Array) -> Iterator[Array]:
         """Positions of S, (episodes, 6) [rad], at each control step under the commands."""
         episodes, length, _ = commands.shape
-        batch = Batch(self._model, episodes, self._threads)
+        batch = Batch(self._model, episodes, self._options.threads)
         batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         position, control = batch.bind("qpos"), batch.bind("ctrl")
         position[:] = np.clip(start, *self._model.jnt_range.T)

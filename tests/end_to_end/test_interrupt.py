@@ -1,0 +1,160 @@
+"""A run that is interrupted, killed and resumed ends like one that nothing disturbed."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from tests.end_to_end.conftest import METHODS, Place, Started, Wt
+from wt.config import load
+from wt.errors import WorkError
+from wt.jobs import Job, run_jobs
+from wt.study import Study
+
+TRAINED = ("WorldTranslation", "WorldTranslationPlus")
+
+Start = Callable[..., Started]
+
+
+@pytest.fixture(autouse=True)
+def linux() -> None:
+    if not Path("/proc/self/stat").exists():
+        pytest.skip("no /proc here to see processes in")
+
+
+def in_training(folder: Path, since: float = 0.0) -> Callable[[], bool]:
+    """Whether a model has a checkpoint newer than ``since`` but is not finished."""
+    work = folder / "work" / "seed0"
+
+    def one(method: str) -> bool:
+        try:
+            newest = (work / method / "last.ckpt").stat().st_mtime
+        except FileNotFoundError:
+            return False
+        return newest > since and not (work / method / "model.pt").exists()
+
+    return lambda: any(one(method) for method in TRAINED)
+
+
+def last_checkpoint(folder: Path) -> float:
+    return max(p.stat().st_mtime for p in folder.rglob("last.ckpt"))
+
+
+def status(place: Place, folder: Path) -> str:
+    from mlflow import MlflowClient
+
+    client = MlflowClient(tracking_uri=place.store)
+    return client.get_run((folder / "mlflow_run_id").read_text()).info.status
+
+
+def comparable(folder: Path) -> dict[str, Any]:
+    """The results without the number that the registry gave."""
+    content = json.loads((folder / "results.json").read_text())
+    del content["version"]
+    return content
+
+
+def assert_one_line(ended: tuple[int, str, str], folder: str) -> None:
+    code, out, err = ended
+    assert (code, out) == (1, "")
+    assert err == (
+        "error: interrupted: nothing finished is lost; continue with: "
+        f"wt fit --config {folder}/config.yaml --resume --out {folder}\n"
+    )
+
+
+def test_ctrl_c_then_a_kill_then_resume_change_nothing(
+    start: Start, place: Place, finished: Path, wt: Wt
+) -> None:
+    folder = place.home / "disturbed"
+    run = start(*place.words, "workers=2", "--out", "disturbed")
+    run.wait_until(in_training(folder))
+    assert len(run.others()) >= 2  # its workers
+    os.killpg(run.pid, signal.SIGINT)  # as a terminal does it: to parent and workers
+    assert_one_line(run.end(), "disturbed")
+    assert run.others() == []
+    assert status(place, folder) == "KILLED"
+
+    before = last_checkpoint(folder)
+    again = ["--config", "disturbed/config.yaml", "--resume", "--out", "disturbed"]
+    run = start(*again)
+    run.wait_until(in_training(folder, since=before))
+    os.kill(run.pid, signal.SIGKILL)
+    assert run.end() == (-signal.SIGKILL, "", "")
+    orphans = threading.Event()
+    for _ in range(100):
+        if not run.others():
+            break
+        orphans.wait(0.1)
+    assert run.others() == [], "workers train on in the folder that the next run works in"
+
+    code, out, err = wt("fit", *again)
+    assert (code, err) == (0, "")
+    assert "WorldTranslationPlus" in out
+    assert status(place, folder) == "FINISHED"
+    assert_same(folder, finished)
+    # the run that nothing disturbed had one worker: their number changes nothing either
+    assert load(folder / "config.yaml").workers == 2
+
+
+def assert_same(folder: Path, other: Path) -> None:
+    assert (folder / "model.onnx").read_bytes() == (other / "model.onnx").read_bytes()
+    for method in METHODS:
+        one, two = (np.load(f / "work" / "seed0" / f"{method}.npy") for f in (folder, other))
+        np.testing.assert_array_equal(one, two, err_msg=method)
+    for method in TRAINED:
+        files = [f / "work" / "seed0" / method / "model.pt" for f in (folder, other)]
+        one, two = (torch.load(file, weights_only=True) for file in files)
+        assert one.keys() == two.keys()
+        assert all(torch.equal(one[key], two[key]) for key in one), method
+    assert comparable(folder) == comparable(other)
+
+
+def test_ctrl_c_with_a_single_worker(start: Start, place: Place, finished: Path) -> None:
+    run = start(*place.words, "workers=1", "--out", "single")
+    run.wait_until(in_training(place.home / "single"))
+    os.kill(run.pid, signal.SIGINT)
+    assert_one_line(run.end(), "single")
+    assert status(place, place.home / "single") == "KILLED"
+    assert list((place.home / "single").rglob("last.ckpt"))
+
+
+class Silent:
+    """A listener that hears nothing."""
+
+    def progress(self, what: str, done: int, total: int) -> None:
+        """Ignore it."""
+
+    def metrics(self, values: Mapping[str, float], step: int) -> None:
+        """Ignore it."""
+
+    def warn(self, line: str) -> None:
+        """Ignore it."""
+
+
+@contextmanager
+def killer(seconds: float) -> Iterator[None]:
+    """Kills one worker after a while, as a system does that runs out of memory."""
+    timer = threading.Timer(seconds, lambda: multiprocessing.active_children()[0].kill())
+    timer.start()
+    yield
+    timer.join()
+
+
+def test_a_worker_that_is_killed_ends_the_run(place: Place, finished: Path, tmp_path: Path) -> None:
+    config = load(place.words[1], [*place.words[2:], "workers=2"])
+    study = Study.open(config, tmp_path, Silent())
+    with pytest.raises(WorkError, match=r"was killed .* --resume"), killer(1.0):
+        run_jobs(study, [Job(0, method) for method in TRAINED])
+    assert multiprocessing.active_children() == []

@@ -1,0 +1,186 @@
+"""What a finished ``wt fit`` leaves, checked against the data that it was made from."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import onnxruntime
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import torch
+
+from registry.card import Card
+from tests.end_to_end.conftest import METHODS, STEPS, Place, Wt
+from wt.config import load, to_yaml
+from wt.nets.world_model import WorldModel
+from wt.translate import translate_state
+from wt.types import Array
+from wt.worlds.base import make
+
+if TYPE_CHECKING:
+    from mlflow import MlflowClient
+
+JOINTS = [f"joint{i}" for i in range(1, 7)]
+STATE = [f"{kind}/{joint}" for kind in ("qpos", "qvel") for joint in JOINTS]
+
+
+@pytest.fixture(scope="module")
+def results(finished: Path) -> dict[str, Any]:
+    return json.loads((finished / "results.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def client(place: Place, finished: Path) -> MlflowClient:
+    from mlflow import MlflowClient
+
+    return MlflowClient(tracking_uri=place.store)
+
+
+@pytest.fixture(scope="module")
+def run_id(finished: Path) -> str:
+    return (finished / "mlflow_run_id").read_text()
+
+
+def table(data: Path, what: str) -> pa.Table:
+    """A collection as it lies on disk."""
+    (folder,) = data.glob(f"r5_force-{what}-*")
+    return pa.concat_tables(pq.read_table(part) for part in sorted(folder.glob("part-*.parquet")))
+
+
+def columns(of: pa.Table, prefix: str, names: Sequence[str]) -> Array:
+    return np.stack([of[f"{prefix}/{name}"].to_numpy() for name in names], axis=1)
+
+
+def test_the_folder_holds_what_was_promised(finished: Path, place: Place) -> None:
+    for name in ("results.json", "results.md", "rollout.rrd", "model.onnx", "card.json"):
+        assert (finished / name).stat().st_size > 0
+    assert not [p for p in finished.rglob("*") if "tmp" in p.name or p.name.startswith(".")]
+    assert to_yaml(load(finished / "config.yaml")) == to_yaml(
+        load(place.words[1], [*place.words[2:], "workers=1"])
+    )
+    for figure in (finished / "figures").iterdir():
+        assert figure.read_bytes().startswith(b"\x89PNG")
+    assert len(list((finished / "figures").iterdir())) == 3
+    for method in METHODS:
+        assert f"| {method} |" in (finished / "results.md").read_text()
+
+
+def test_results_follow_the_schema(results: dict[str, Any]) -> None:
+    assert list(results)[:8] == [
+        "schema", "task", "seeds", "single_step", "paper", "ratio_to_best_baseline", "model",
+        "version",
+    ]  # fmt: skip
+    told = [results[key] for key in ("schema", "task", "seeds", "model", "version")]
+    assert told == [1, "r5_force", [0], "wt-debug", 1]
+    assert set(results["single_step"]) == set(METHODS)
+    for score in results["single_step"].values():
+        assert list(score) == ["mse", "std", "mse_change"]
+        assert score["mse"] > 0 and score["std"] == 0.0 and score["mse_change"] > 0
+    assert results["paper"]["WorldTranslation"] == 0.401467
+    ours = results["single_step"]["WorldTranslationPlus"]["mse"]
+    baselines = [results["single_step"][m]["mse"] for m in METHODS if "Translation" not in m]
+    assert results["ratio_to_best_baseline"] == pytest.approx(ours / min(baselines))
+
+
+def test_errors_are_those_of_the_stored_pairs(results: dict[str, Any], place: Place) -> None:
+    test, real = table(place.data, "test"), table(place.data, "real")
+    truth, simulated = columns(test, "s_next", STATE), columns(test, "sim_next", STATE)
+    now, after = columns(real, "o", STATE), columns(real, "s_next", STATE)
+    error = (simulated - truth).astype(float)
+    raw = results["single_step"]["RawSim"]
+    assert raw["mse"] == pytest.approx(((error / after.std(0)) ** 2).mean(), rel=1e-4)
+    assert raw["mse_change"] == pytest.approx(((error / (after - now).std(0)) ** 2).mean(), 1e-4)
+    for channel, name in enumerate(STATE):
+        told = results["per_channel"][name]
+        assert told["unit"] == ("rad" if name.startswith("qpos") else "rad/s")
+        assert told["rmse"]["RawSim"] == pytest.approx(np.sqrt((error[:, channel] ** 2).mean()))
+
+
+def test_the_exported_graph_is_the_model_of_the_table(
+    results: dict[str, Any], finished: Path, place: Place
+) -> None:
+    test, real = table(place.data, "test"), table(place.data, "real")
+    observed = [*STATE, *(f"last_action/{joint}" for joint in JOINTS)]
+    o, a = columns(test, "o", observed), columns(test, "a", [f"ctrl/{j}" for j in JOINTS])
+    sim_next, truth = columns(test, "sim_next", STATE), columns(test, "s_next", STATE)
+    graph = onnxruntime.InferenceSession(
+        (finished / "model.onnx").read_bytes(), providers=["CPUExecutionProvider"]
+    )
+    inputs = {"o": o, "a": a, "o_next_sim": np.hstack([sim_next, a])}
+    (answer,) = graph.run(["o_next_real"], inputs)
+    error = (answer[:, :12] - truth) / columns(real, "s_next", STATE).std(0)
+    ours = results["single_step"]["WorldTranslationPlus"]["mse"]
+    assert (error.astype(float) ** 2).mean() == pytest.approx(ours, rel=1e-4)
+    np.testing.assert_array_equal(answer[:, 12:], a)
+
+    config = load(finished / "config.yaml")
+    model = WorldModel(make(config.world).spec, config.plus)
+    weights = finished / "work" / "seed0" / "WorldTranslationPlus" / "model.pt"
+    model.load_state_dict(torch.load(weights, weights_only=True))
+    with torch.no_grad():
+        eager = translate_state(model.eval(), *(torch.tensor(x) for x in (o, a, sim_next)))
+    np.testing.assert_allclose(answer[:, :12], eager.numpy(), atol=1e-5, rtol=1e-5)
+
+
+def test_the_card_tells_the_same(results: dict[str, Any], finished: Path) -> None:
+    card = Card.load(finished)
+    assert (card.name, card.task, card.rate_hz) == ("wt-debug", "r5_force", 50.0)
+    assert list(card.joints) == JOINTS
+    ours = results["single_step"]["WorldTranslationPlus"]["mse"]
+    assert (card.heldout.metric, card.heldout.value) == ("mse", ours)
+    assert card.parity is not None and card.parity <= 1e-5
+    for method in METHODS:
+        assert card.metrics[f"{method}/mse"] == results["single_step"][method]["mse"]
+
+
+def test_the_recording_is_whole(finished: Path) -> None:
+    command = [sys.executable, "-m", "rerun", "rrd", "verify", str(finished / "rollout.rrd")]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "verified without error" in done.stdout + done.stderr
+
+
+def test_mlflow_holds_the_whole_run(
+    results: dict[str, Any], client: MlflowClient, run_id: str, finished: Path
+) -> None:
+    held = client.get_run(run_id)
+    assert held.info.status == "FINISHED"
+    assert held.info.run_name == "finished"
+    assert held.data.params["plus.train.steps"] == str(STEPS)
+    assert held.data.params["world.force.max_newton"] == "200.0"
+    for method in METHODS:
+        assert held.data.metrics[f"test/{method}/mse"] == results["single_step"][method]["mse"]
+    for inner in (
+        "gan/accuracy", "gan/cycle", "latent/active_std", "vae/domain_accuracy", "gradient/vae",
+        "gradient/judges", "val/mse",
+    ):  # fmt: skip
+        history = client.get_metric_history(run_id, f"WorldTranslation/seed0/{inner}")
+        assert max(m.step for m in history) == STEPS
+        assert np.isfinite([m.value for m in history]).all()
+    folder = Path(held.info.artifact_uri)
+    for name in ("config.yaml", "results.json", "rollout.rrd", "figures/single_step.png"):
+        assert (folder / name).read_bytes() == (finished / name).read_bytes()
+    shown = json.loads((folder / "single_step.json").read_text())
+    assert shown["columns"] == ["method", "mse", "std", "mse_change"]
+    assert {row[0]: row[1] for row in shown["data"]} == {
+        method: score["mse"] for method, score in results["single_step"].items()
+    }
+    assert len(held.data.tags["commit"]) == 40 or held.data.tags["commit"] == "unknown"
+
+
+def test_the_model_is_registered_as_champion(
+    client: MlflowClient, run_id: str, finished: Path, wt: Wt, tmp_path: Path
+) -> None:
+    champion = client.get_model_version_by_alias("wt-debug", "champion")
+    assert (int(champion.version), champion.run_id) == (1, run_id)
+    code, _, err = wt("registry", "pull", "wt-debug@champion", "--to", tmp_path / "pulled")
+    assert (code, err) == (0, "")
+    for name in ("model.onnx", "card.json"):
+        assert (tmp_path / "pulled" / name).read_bytes() == (finished / name).read_bytes()

@@ -1,0 +1,210 @@
+from __future__ import annotations
+
+import signal
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from tests.baselines.toy import REAL, SIM, Toy
+from tests.train.conftest import World
+from wt.config import Mean, Method, Translation, Vae
+from wt.errors import WorkError
+from wt.nets.world_model import WorldModel
+from wt.train.fit import fit_world_model
+from wt.train.score import PairTensors, errors
+from wt.types import Pairs, Transitions
+
+
+class Sink:
+    """Keeps all metrics; can end the run from inside, as a kill would."""
+
+    def __init__(self, stop_at: int | None = None, error: BaseException | None = None) -> None:
+        self.seen: dict[int, dict[str, float]] = {}
+        self._stop_at, self._error = stop_at, error or ConnectionError("killed")
+
+    def __call__(self, values: Mapping[str, float], step: int) -> None:
+        self.seen.setdefault(step, {}).update(values)
+        if step == self._stop_at:
+            raise self._error
+
+    def curve(self, name: str) -> list[float]:
+        return [values[name] for values in self.seen.values() if name in values]
+
+
+def fit(world: World, method: Method, folder: Path, sink: Sink, seed: int = 0) -> WorldModel:
+    return fit_world_model(
+        world.spec, method, world.sim, world.real, world.pairs, seed, folder, sink=sink
+    )
+
+
+def same(one: WorldModel, other: WorldModel) -> bool:
+    a, b = one.state_dict(), other.state_dict()
+    return a.keys() == b.keys() and all(torch.equal(a[k], b[k]) for k in a)
+
+
+@pytest.mark.parametrize("which", ["paper", "plus"])
+@pytest.mark.parametrize("killed_at", [5, 25])
+def test_a_killed_and_resumed_run_ends_in_the_same_model(
+    which: str, killed_at: int, world: World, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    method = request.getfixturevalue(which)
+    whole, first, second = Sink(), Sink(stop_at=killed_at), Sink()
+    uninterrupted = fit(world, method, tmp_path / "a", whole)
+    with pytest.raises(ConnectionError):
+        fit(world, method, tmp_path / "b", first)
+    resumed = fit(world, method, tmp_path / "b", second)
+    assert same(uninterrupted, resumed)
+    # it goes on from the last validation, not from the start, and sees what it would have seen
+    done = killed_at // 10 * 10
+    assert min(second.seen) == done + 5
+    assert all(whole.seen[step] == values for step, values in second.seen.items())
+    assert not same(uninterrupted, fit(world, method, tmp_path / "c", Sink(), seed=1))
+
+
+def test_a_resumed_run_loses_nothing_though_the_error_had_stopped_falling(
+    world: World, paper: Method, folder: Path
+) -> None:
+    # a learning rate that ruins the model: the best checkpoint is the first
+    train = replace(paper.train, learning_rate=0.3, steps=40)
+    sink, again = Sink(stop_at=35), Sink()
+    with pytest.raises(ConnectionError):
+        fit(world, replace(paper, train=train), folder, sink)
+    fit(world, replace(paper, train=train), folder, again)
+    assert sorted(again.seen) == [35, 40]
+
+
+def test_a_finished_run_is_not_trained_again(world: World, plus: Method, folder: Path) -> None:
+    first, sink = fit(world, plus, folder, Sink()), Sink()
+    assert same(first, fit(world, plus, folder, sink))
+    assert sink.seen == {}
+
+
+def test_ctrl_c_stays_ctrl_c(world: World, paper: Method, folder: Path) -> None:
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        fit(world, paper, folder, Sink(stop_at=15, error=KeyboardInterrupt()))
+    assert signal.getsignal(signal.SIGINT) is before
+    assert (folder / "last.ckpt").exists()
+
+
+def test_divergence_is_one_line(world: World, paper: Method, folder: Path) -> None:
+    wild = replace(paper, train=replace(paper.train, learning_rate=1e30))
+    with pytest.raises(WorkError, match=r"diverged at step 5: .*learning_rate") as error:
+        fit(world, wild, folder, Sink())
+    assert "\n" not in str(error.value)
+
+
+def test_a_silent_latent_is_reported(world: World, paper: Method, folder: Path) -> None:
+    # so heavy a prior that z carries nothing
+    train = replace(paper.train, steps=300, validate_every=300, learning_rate=0.02)
+    method = replace(paper, vae=Vae(beta=100.0), train=train)
+    sink = Sink()
+    said: list[str] = []
+    fit_world_model(
+        world.spec, method, world.sim, world.real, world.pairs, 0, folder,
+        sink=sink, warn=said.append,
+    )  # fmt: skip
+    assert len(said) == 1 and "latent went silent" in said[0]
+    assert sink.curve("collapsed") == [1.0]
+
+
+def test_everything_worth_watching_arrives(world: World, plus: Method, folder: Path) -> None:
+    sink = Sink()
+    fit(world, plus, folder, sink)
+    assert sorted(sink.seen) == list(range(5, 45, 5))
+    watched = {
+        "gradient/vae", "gradient/blind", "gradient/generators", "gradient/judges",
+        "gan/accuracy", "gan/cycle", "vae/domain_accuracy", "vae/blind_error",
+        "latent/mean_norm", "latent/active_std", "latent/noise_std",
+    }  # fmt: skip
+    for step, values in sink.seen.items():
+        assert watched <= set(values), step
+        assert all(np.isfinite(v) for v in values.values()), step
+        assert ("val/mse" in values) == (step % 10 == 0), step
+        assert values["gradient/vae"] > 0 and 0 <= values["gan/accuracy"] <= 1
+
+
+def test_the_checkpoint_with_the_lowest_validation_error_is_chosen(
+    world: World, paper: Method, folder: Path
+) -> None:
+    sink = Sink()
+    model = fit(world, paper, folder, sink)
+    curve = sink.curve("val/mse")
+    assert len(set(curve)) == len(curve) == 4
+    std = torch.tensor(world.real.s_next.astype(float).std(axis=0))
+    mse, _ = errors(model, PairTensors.of(world.pairs, std, torch.ones(4)))
+    assert mse == pytest.approx(min(curve), rel=1e-4)
+    assert not model.training
+
+
+def test_validation_pairs_train_nothing(world: World, paper: Method, tmp_path: Path) -> None:
+    # one look at the end: whatever the pairs are, the same model comes out
+    method = replace(paper, train=replace(paper.train, validate_every=40))
+    other = replace(world, pairs=Toy(0.0).pairs(5, 99))
+    assert same(*(fit(w, method, tmp_path / n, Sink()) for w, n in ((world, "a"), (other, "b"))))
+
+
+def test_progress_covers_mean_field_and_loop(world: World, plus: Method, folder: Path) -> None:
+    told: list[tuple[int, int]] = []
+    method = replace(plus, mean=replace(plus.mean, steps=100))
+    fit_world_model(
+        world.spec, method, world.sim, world.real, world.pairs, 0, folder,
+        progress=lambda done, total: told.append((done, total)),
+    )  # fmt: skip
+    assert [done for done, _ in told] == [100, 200, 300, *range(305, 345, 5)]
+    assert {total for _, total in told} == {340}
+
+
+def same_machine(strength: float) -> tuple[Transitions, Transitions, Pairs]:
+    """S, and an R that only differs in how strong its hidden force is.
+
+    Whatever matches the distributions is wrong for every single transition.
+    """
+    quiet = Toy(0.0).collect(SIM, 40, 1)
+    force = strength * np.random.default_rng(0).normal(size=quiet.hidden.shape)
+    o, a = quiet.o.astype(float), quiet.a.astype(float)
+    loud = replace(quiet, s_next=SIM.step(o[:, :4], a, force), hidden=force)
+    return quiet, loud, Pairs(loud, loud.s_next)
+
+
+def test_translation_that_hurts_is_not_applied(paper: Method, folder: Path) -> None:
+    train = replace(paper.train, steps=60, validate_every=20, gan_learning_rate=3e-3)
+    method = replace(paper, translation=Translation(anchored=True), train=train)
+    sink = Sink()
+    model = fit(World(Toy(0.0).spec, *same_machine(3.0)), method, folder, sink)
+    assert min(sink.curve("val/mse")) > 0  # in full strength it does harm
+    assert float(model.strength) == 0.0
+
+
+MEAN = Mean(kind="average", width=32, depth=1, steps=300, batch=256)
+
+
+def transport(
+    method: Method, folder: Path, sim: Transitions, real: Transitions, pairs: Pairs
+) -> tuple[np.ndarray, np.ndarray]:
+    """The chosen map, and the unit of each channel."""
+    translation = Translation(conditioned=True, transport=True, anchored=True)
+    train = replace(method.train, steps=10)
+    method = replace(method, mean=MEAN, translation=translation, train=train)
+    model = fit(World(Toy(0.0).spec, sim, real, pairs), method, folder, Sink())
+    return model.frame.transport.numpy(), model.frame.change.std.numpy()
+
+
+def test_transport_that_hurts_is_not_applied(paper: Method, folder: Path) -> None:
+    found, _ = transport(paper, folder, *same_machine(3.0))
+    assert np.array_equal(found, np.eye(4))
+
+
+def test_transport_that_helps_is_the_ratio_of_the_effects(paper: Method, folder: Path) -> None:
+    # R answers a force with 1 / 1.4 of what S does, in the same direction of (q, v)
+    toy = Toy(0.0)
+    data = toy.collect(SIM, 40, 1), toy.collect(REAL, 40, 2), toy.pairs(20, 3)
+    found, unit = transport(paper, folder, *data)
+    for joint in (0, 1):
+        effect = np.zeros(4)
+        effect[[joint, joint + 2]] = SIM.effect() / unit[[joint, joint + 2]]
+        np.testing.assert_allclose(effect @ found, effect / 1.4, atol=0.06 * np.abs(effect).max())

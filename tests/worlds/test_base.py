@@ -1,0 +1,130 @@
+"""The registry of worlds, and what every world in it keeps to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import wt.worlds
+from wt.config import load
+from wt.errors import ConfigError
+from wt.worlds import base
+
+CONF = Path(__file__).resolve().parents[2] / "conf"
+SECTIONS = {
+    path.stem: load(path).world for path in sorted(CONF.glob("*.yaml")) if path.stem != "base"
+}
+
+
+@dataclass(frozen=True)
+class Options:
+    """Of the world below."""
+
+    gain: float = 2.0
+    names: tuple[str, ...] = ("a",)
+
+
+@pytest.fixture
+def registry(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, type]]:
+    """A registry of this test's own."""
+    worlds = dict(base._WORLDS)
+    monkeypatch.setattr(base, "_WORLDS", worlds)
+    yield worlds
+
+
+class Whole:
+    """Everything the contract asks for, doing nothing."""
+
+    spec = base.TransitionSpec("toy", 50.0, (), (), 0, ())
+    shard = 1
+    force_body = None
+    identity = model = collect = sim_step = pairs = len
+
+
+def planted(name: str) -> type:
+    @base.register(name)
+    class Planted(Whole):
+        options = Options
+
+        def __init__(self, options: Options) -> None:
+            self.given = options
+
+    return Planted
+
+
+def test_a_registered_world_gets_its_options(registry: dict[str, type]) -> None:
+    planted("planted")
+    world: Any = base.make({"name": "planted", "gain": 3, "names": ["x", "y"]})
+    assert world.given == Options(gain=3.0, names=("x", "y"))
+    default: Any = base.make({"name": "planted"})
+    assert default.given == Options()
+
+
+def test_the_section_is_left_as_it_was(registry: dict[str, type]) -> None:
+    planted("planted")
+    section = {"name": "planted", "gain": 3}
+    base.make(section)
+    assert section == {"name": "planted", "gain": 3}
+
+
+def test_a_name_used_twice_is_refused(registry: dict[str, type]) -> None:
+    first = planted("planted")
+    with pytest.raises(ConfigError, match="'planted' is defined by both"):
+        planted("planted")
+    assert registry["planted"] is first
+
+
+@pytest.mark.parametrize(
+    ("section", "message"),
+    [
+        ({"name": "plantd"}, "'plantd' is not known: did you mean 'planted'"),
+        ({}, "world.name '' is not known"),
+        ({"name": "planted", "gian": 1}, "unknown key 'world.gian'; did you mean 'gain'"),
+        ({"name": "planted", "gain": "much"}, "world.gain: Value 'much'"),
+        ({"name": "planted", "names": "a"}, "world.names is 'a'; it needs a list"),
+    ],
+)
+def test_mistakes(registry: dict[str, type], section: dict[str, object], message: str) -> None:
+    planted("planted")
+    with pytest.raises(ConfigError) as caught:
+        base.make(section)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_new_file_is_found_by_itself(
+    registry: dict[str, type], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "found_by_itself.py").write_text(
+        "from dataclasses import dataclass\n"
+        "from wt.worlds.base import register\n"
+        "@dataclass(frozen=True)\n"
+        "class Options:\n    '''None.'''\n"
+        "@register('found')\n"
+        "class Found:\n"
+        "    options, spec, shard, force_body = Options, None, 1, None\n"
+        "    identity = model = collect = sim_step = pairs = len\n"
+        "    def __init__(self, options): pass\n"
+    )
+    monkeypatch.setattr(wt.worlds, "__path__", [*wt.worlds.__path__, str(tmp_path)])
+    assert type(base.make({"name": "found"})).__name__ == "Found"
+
+
+@pytest.mark.parametrize("name", SECTIONS)
+def test_every_shipped_world_keeps_the_contract(name: str) -> None:
+    world = base.make(SECTIONS[name])
+    assert isinstance(world, base.World)
+    assert is_dataclass(type(world).options)  # type: ignore[attr-defined]
+    spec = world.spec
+    assert 0 < spec.n_state <= spec.n_obs
+    assert len({c.name for c in spec.observation}) == spec.n_obs
+    assert all(c.unit for c in (*spec.observation, *spec.action, *spec.hidden))
+    assert [spec.observation[i].name for i in spec.pose] == [f"qpos/{j}" for j in spec.joints]
+    for domain in ("sim", "real"):
+        model = world.model(domain)  # type: ignore[arg-type]
+        named = {model.joint(j).name for j in range(model.njnt)}
+        assert set(spec.joints) <= named
