@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -87,6 +87,19 @@ def finished(place: Place) -> Path:
         patch.setenv("MLFLOW_TRACKING_URI", place.store)
         assert main(["fit", *place.words, "workers=1", "--out", "finished"]) == 0
     return place.home / "finished"
+
+
+class Silent:
+    """A listener that hears nothing."""
+
+    def progress(self, what: str, done: int, total: int) -> None:
+        """Ignore it."""
+
+    def metrics(self, values: Mapping[str, float], step: int) -> None:
+        """Ignore it."""
+
+    def warn(self, line: str) -> None:
+        """Ignore it."""
 
 
 class Started:

@@ -126,6 +126,7 @@ def test_ours_does_what_no_linear_map_does(data: Data, tmp_path: Path) -> None:
     )  # fmt: skip
     model = data.fit(method, tmp_path)
     ours = data.model_error(model)
+    # over three seeds 0.06 … 0.08, where these two are at 0.58 and 0.15
     assert ours < 0.8 * shift_and_transport
     assert ours < 0.25 * raw
     # it is the translation that does it

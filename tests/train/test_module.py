@@ -10,7 +10,7 @@ import torch
 
 from tests.train.conftest import Setup
 from wt.config import Method
-from wt.train.module import WARM_UP
+from wt.train import module
 
 SetUp = Callable[[Method], Setup]
 
@@ -40,23 +40,25 @@ def test_own_step_counts_batches_though_four_optimizers_step(set_up: SetUp, pape
 
 
 def test_optimizers_hold_every_trained_parameter_once(set_up: SetUp, plus: Method) -> None:
-    module = set_up(plus).module
-    held = [p for o in module.configure_optimizers() for g in o.param_groups for p in g["params"]]
-    trained = {p for p in module.model.parameters() if p.requires_grad}
+    ours = set_up(plus).module
+    held = [p for o in ours.configure_optimizers() for g in o.param_groups for p in g["params"]]
+    trained = {p for p in ours.model.parameters() if p.requires_grad}
     assert len(held) == len(set(held)) == len(trained)
     assert set(held) == trained
 
 
-def test_learning_rates_warm_up_and_fall_to_zero(set_up: SetUp, paper: Method) -> None:
-    steps = 3 * WARM_UP
-    train = replace(paper.train, steps=steps, batch=2, learning_rate=0.5, gan_learning_rate=0.25)
+def test_learning_rates_warm_up_and_fall_to_zero(
+    set_up: SetUp, paper: Method, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "WARM_UP", 10)
+    train = replace(paper.train, steps=30, batch=2, learning_rate=0.5, gan_learning_rate=0.25)
     setup, rates = set_up(replace(paper, train=train)), []
     setup.callbacks.append(
         Each(lambda t, _: rates.append([o.param_groups[0]["lr"] for o in t.optimizers]))
     )
-    setup.run(steps)
-    k = np.arange(steps)
-    shape = np.minimum(1, (k + 1) / 100) * (1 + np.cos(np.pi * k / steps)) / 2
+    setup.run(30)
+    k = np.arange(30)
+    shape = np.minimum(1, (k + 1) / 10) * (1 + np.cos(np.pi * k / 30)) / 2
     np.testing.assert_allclose(rates, shape[:, None] * [0.5, 0.5, 0.25, 0.25], rtol=1e-9)
 
 

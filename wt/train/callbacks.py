@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import lightning
-import torch
 
 from wt.errors import WorkError
 from wt.train.batches import StepBatches
@@ -123,13 +123,7 @@ class CollapseWatch(lightning.Callback):
         if module.own_step % self._every:
             return
         values = {k: float(v) for k, v in module.metrics.items()}
-        bad = [k for k, v in values.items() if not torch.isfinite(torch.tensor(v))]
-        if bad:
-            raise WorkError(
-                f"training diverged at step {module.own_step}: {bad[0]} is {values[bad[0]]}; "
-                "lower train.learning_rate or train.gan_learning_rate; the best checkpoint so far "
-                "is kept"
-            )
+        self._refuse_divergence(values, module.own_step)
         limits = self._limits
         self._count("silent", values["latent/active_std"] < limits.latent_std, module.own_step,
                     "the latent went silent (posterior collapse): lower vae.beta")  # fmt: skip
@@ -138,6 +132,21 @@ class CollapseWatch(lightning.Callback):
         self._count("won", won, module.own_step,
                     "the discriminators won (no useful gradient left): lower "
                     "train.gan_learning_rate or condition the translation")  # fmt: skip
+
+    def on_validation_epoch_end(
+        self, trainer: lightning.Trainer, pl_module: lightning.LightningModule
+    ) -> None:
+        """Look at the validation error before anything is kept as a checkpoint."""
+        values = {k: float(v) for k, v in trainer.callback_metrics.items()}
+        self._refuse_divergence(values, _own(pl_module).own_step)
+
+    def _refuse_divergence(self, values: Mapping[str, float], step: int) -> None:
+        bad = [k for k, v in values.items() if not math.isfinite(v)]
+        if bad:
+            raise WorkError(
+                f"training diverged at step {step}: {bad[0]} is {values[bad[0]]}; lower "
+                "train.learning_rate or train.gan_learning_rate; the best checkpoint so far is kept"
+            )
 
     def _count(self, what: str, now: bool, step: int, advice: str) -> None:
         self._in_a_row[what] = self._in_a_row[what] + 1 if now else 0
