@@ -95,11 +95,16 @@ def test_ctrl_c_stays_ctrl_c(world: World, paper: Method, folder: Path) -> None:
     assert (folder / "last.ckpt").exists()
 
 
-def test_divergence_is_one_line(world: World, paper: Method, folder: Path) -> None:
-    wild = replace(paper, train=replace(paper.train, learning_rate=1e30))
-    with pytest.raises(WorkError, match=r"diverged at step 5: .*learning_rate") as error:
+@pytest.mark.parametrize(("log_every", "found_at"), [(5, 5), (100, 10)])
+def test_divergence_is_one_line_and_no_checkpoint(
+    log_every: int, found_at: int, world: World, paper: Method, folder: Path
+) -> None:
+    wild = replace(paper, train=replace(paper.train, learning_rate=1e30, log_every=log_every))
+    message = rf"diverged at step {found_at}: .*learning_rate"
+    with pytest.raises(WorkError, match=message) as error:
         fit(world, wild, folder, Sink())
     assert "\n" not in str(error.value)
+    assert not list(folder.glob("*.ckpt"))
 
 
 def test_a_silent_latent_is_reported(world: World, paper: Method, folder: Path) -> None:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from rich import box
 from rich.console import Console
 from rich.table import Table
 
@@ -228,7 +229,9 @@ class Results:
 
     def print_table(self, console: Console) -> None:
         """Print the table of methods to a terminal."""
-        table = Table(title=self._title())
+        table = Table(
+            title=self._title(), box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), pad_edge=False
+        )
         for i, name in enumerate(self._head()):
             table.add_column(name, justify="right" if i else "left", no_wrap=True)
         for row in self._rows(bold="[bold]{}[/bold]"):
@@ -242,8 +245,8 @@ class Results:
         return f"Single-step prediction, {self.task}, {seeds}"
 
     def _head(self) -> list[str]:
-        head = ["method", "MSE", "± std", "MSE of change", "/ RawSim"]
-        return [*head, *(["paper's MSE", "/ RawSim"] * bool(self.paper))]
+        head = ["method", "MSE", "± std", "of change", "/ RawSim"]
+        return [*head, *(["paper's", "/ RawSim"] * bool(self.paper))]
 
     def _rows(self, bold: str) -> list[list[str]]:
         """One row a method, ours first and the rest by error; the smallest MSE through ``bold``."""
@@ -274,7 +277,7 @@ class Results:
         return f"{OURS} makes {ratio:.3f} of the error of the best baseline."
 
 
-_LEGEND = "MSE is on the normalised next state under teacher forcing; the spread is over seeds."
+_LEGEND = "MSE on the normalised next state (and change), teacher forcing; spread over seeds."
 _PAPER_LEGEND = (
     "The paper's numbers are those of its figure 3, on its own worlds: compare ratios with them, "
     "not absolute values."
