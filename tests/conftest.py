@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ipaddress
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,6 +23,8 @@ def pytest_configure() -> None:
     os.environ.update(QUIET)
     # two workers on two cores: threads of one test would wait for those of another
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    # a shell's background job ignores Ctrl-C, and so would every program that a test starts
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.addaudithook(_watch_network)
 
 

@@ -133,6 +133,13 @@ class Started:
         out, err = self._process.communicate(timeout=60)
         return self._process.returncode, out, err
 
+    def left_alone(self) -> bool:
+        """Whether all its processes end, given a moment: Python's own tracker ends last."""
+        deadline = time.monotonic() + 10.0
+        while self.others() and time.monotonic() < deadline:
+            time.sleep(0.1)
+        return not self.others()
+
     def others(self) -> list[int]:
         """Processes of its group that are alive, itself left out."""
         found = []

@@ -150,10 +150,6 @@ def test_a_full_disk(wt: Wt, place: Place, finished: Path, small_disk: Path) -> 
     assert not (small_disk / "run" / "results.json").exists()
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="Lightning copies a checkpoint over from another file system, so a full disk cuts it",
-)
 def test_a_full_disk_then_room_again(
     wt: Wt, place: Place, finished: Path, small_disk: Path
 ) -> None:

@@ -16,6 +16,7 @@ from wt.config import Method
 from wt.nets.world_model import WorldModel
 from wt.train.batches import StepBatches, in_frame
 from wt.train.callbacks import CollapseWatch, Log, MetricSink, StartAtOwnStep
+from wt.train.checkpoints import WholeCheckpoints
 from wt.train.mean_field import (
     fit_mean_field,
     fit_normalizers,
@@ -140,6 +141,7 @@ def _run(
                 best,
                 newest,
             ],
+            plugins=[WholeCheckpoints()],
             logger=False,
             enable_progress_bar=False,
             enable_model_summary=False,
