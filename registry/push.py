@@ -7,6 +7,7 @@ from pathlib import Path
 
 from registry.card import CARD_FILE, MODEL_FILE, HeldOut, sha256
 from registry.parity import TOLERANCE, verify
+from registry.pull import pull
 from registry.store import Store, Version
 from wt.errors import RegistryError
 
@@ -18,6 +19,9 @@ def push(
 ) -> Version:
     """Register ``model.onnx`` and ``card.json`` of a folder as the next version of ``name``.
 
+    A run registers a model once. Pushed again, as a resumed run does, the model keeps its version,
+    what an interrupted push left open is done, and the folder gets the card that was registered.
+
     Args:
         name: registered name, e.g. ``"wt-r5"``.
         model_dir: the folder.
@@ -26,7 +30,7 @@ def push(
         uri: the store; None for the default one.
 
     Returns:
-        The new version; ``decision`` says why it is champion or why it is not.
+        The version; ``decision`` says why it is champion or why it is not.
 
     Raises:
         RegistryError: the bytes are not the card's, the golden pairs do not replay, parity was
@@ -48,20 +52,20 @@ def push(
     versions = store.versions(name)
     champion = next((v for v in versions if CHAMPION in v.aliases), None)
     wins, decision = compare(card.heldout, champion)
-    number = store.add(
-        name,
-        run_id,
-        [model_dir / MODEL_FILE, model_dir / CARD_FILE],
-        card.heldout,
-        {
-            "sha256": card.sha256,
-            "card_sha256": sha256(model_dir / CARD_FILE),
-            "decision": decision,
-        },
-    )
-    if wins:
-        store.set_alias(store.resolve(f"{name}/{number}"), CHAMPION)
-    return store.resolve(f"{name}/{number}")
+    mine = (run_id, card.sha256, card.heldout)
+    made = next((v for v in versions if (v.run_id, v.sha256, v.heldout) == mine), None)
+    if made is None:
+        files = [model_dir / MODEL_FILE, model_dir / CARD_FILE]
+        hashes = {"sha256": card.sha256, "card_sha256": sha256(model_dir / CARD_FILE)}
+        number = store.add(name, run_id, files, card.heldout, {**hashes, "decision": decision})
+        made = store.resolve(f"{name}/{number}")
+    else:
+        pull(str(made), model_dir, uri=uri)
+    if not made.settled:
+        if wins:
+            store.set_alias(made, CHAMPION)
+        store.settle(made)
+    return store.resolve(str(made))
 
 
 def compare(new: HeldOut, champion: Version | None) -> tuple[bool, str]:

@@ -21,6 +21,7 @@ from wt.errors import RegistryError, suggest
 if TYPE_CHECKING:
     from mlflow.entities.model_registry import ModelVersion, RegisteredModel
 
+_SETTLED = "settled"
 _NAME = re.compile(r"[\w.-]+")
 _REFERENCE = re.compile(r"(?P<name>[\w.-]+)(?:@(?P<alias>[\w-]+)|/(?P<version>\d+))")
 
@@ -40,6 +41,7 @@ class Version:
         card_sha256: of ``card.json``.
         heldout: the metric that versions are compared by.
         decision: why it became champion, or why not, when it was pushed.
+        settled: whether its push came to the end, aliases included.
     """
 
     name: str
@@ -52,6 +54,7 @@ class Version:
     card_sha256: str
     heldout: HeldOut
     decision: str
+    settled: bool
 
     def __str__(self) -> str:
         """The reference by which it is pulled, e.g. ``wt-r5/3``."""
@@ -131,7 +134,7 @@ class Store:
         """Upload files into a run and register them as the next version of ``name``.
 
         Args:
-            name: letters, digits, ``_``, ``.`` and ``-``.
+            name: as :func:`check_name` allows.
             run_id: the run that made the model.
             files: the model and its card.
             heldout: the metric that versions are compared by.
@@ -143,10 +146,7 @@ class Store:
         Raises:
             RegistryError: the name cannot be used.
         """
-        if not _NAME.fullmatch(name):
-            raise RegistryError(
-                f"{name!r} is no model name; use letters, digits, '_', '.' and '-', e.g. wt-r5"
-            )
+        check_name(name)
         # By content: a run that pushes twice must not overwrite what a version points to.
         folder = f"models/{tags['card_sha256'][:16]}"
         about = {f"heldout.{key}": str(value) for key, value in vars(heldout).items()}
@@ -176,6 +176,11 @@ class Store:
         with answering(self.uri):
             self._client.set_registered_model_alias(version.name, alias, str(version.version))
 
+    def settle(self, version: Version) -> None:
+        """Note that nothing is left to do for ``version``."""
+        with answering(self.uri):
+            self._client.set_model_version_tag(version.name, str(version.version), _SETTLED, "yes")
+
     def fetch(self, version: Version, file: str, folder: Path) -> Path:
         """Download one file of a version into ``folder``, unverified.
 
@@ -198,6 +203,19 @@ class Store:
             ) from error
 
 
+def check_name(name: str) -> None:
+    """Refuse a name that no model can be registered and found again under.
+
+    Raises:
+        RegistryError: it holds more than letters, digits, ``_``, ``.`` and ``-``, or is a folder's.
+    """
+    # MLflow itself takes neither '/' nor ':', nor what a path would read as a folder
+    if not _NAME.fullmatch(name) or name in (".", ".."):
+        raise RegistryError(
+            f"{name!r} is no model name; use letters, digits, '_', '.' and '-', e.g. wt-r5"
+        )
+
+
 def _version(found: ModelVersion, aliases: Mapping[str, int]) -> Version:
     tags, number = found.tags, int(found.version)
     return Version(
@@ -218,4 +236,5 @@ def _version(found: ModelVersion, aliases: Mapping[str, int]) -> Version:
             value=float(tags["heldout.value"]),
         ),
         decision=tags["decision"],
+        settled=_SETTLED in tags,
     )

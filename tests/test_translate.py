@@ -138,7 +138,7 @@ def test_anchored_adds_its_share_of_the_difference(strength: float) -> None:
 
 
 NOMINAL, SHIFT = RNG.normal(size=(8, 4)), RNG.normal(size=(12, 4))
-TRANSPORT = np.array([[1.5, 0.2, 0, 0], [0.2, 0.5, 0, 0], [0, 0, 1, -0.3], [0, 0, -0.3, 2]])
+TRANSPORT = np.array([[1.5, 0.6, 0, 0], [0.2, 0.5, 0, 0], [0, 0, 1, -0.1], [0, 0, -0.3, 2]])
 
 
 @pytest.mark.parametrize("simulator", ["base", "read", "ignored"])

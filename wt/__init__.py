@@ -13,6 +13,8 @@ Map of the package (each concept has one home):
 ``wt.train``           mean field, then Algorithm 1 as a LightningModule with its phases
 ``wt.translate``       simulation → reality on tensors: shared by evaluation, export, deploy
 ``wt.baselines``       what translation is compared with, one file each, one interface
+``wt.diagnose``        from recordings to the physics that a model leaves out; can be called
+``wt.show``            what reports share: colours, charts as SVG, robots in Rerun, whole files
 ``wt.evaluate``        single-step errors, result tables, figures, Rerun recordings
 ``wt.export``          the ONNX graph with its normaliser inside
 ``wt.track``           a run in MLflow
@@ -24,4 +26,19 @@ Map of the package (each concept has one home):
 The model registry is its own package, ``registry``; of this one it needs types and errors only.
 """
 
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from wt.diagnose import diagnose as diagnose
+
 __version__ = "0.1.0"
+
+
+def __getattr__(name: str) -> object:
+    """``wt.diagnose`` without an import of its own, loaded when it is first used (PEP 562)."""
+    if name == "diagnose":
+        return importlib.import_module("wt.diagnose")
+    raise AttributeError(f"module 'wt' has no attribute {name!r}")

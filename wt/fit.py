@@ -16,11 +16,11 @@ from omegaconf import OmegaConf
 
 from wt.config import Fit, load, to_yaml
 from wt.errors import ConfigError
-from wt.evaluate.files import write_whole
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.evaluate.single_step import Errors, errors
 from wt.jobs import Job, run_jobs
-from wt.publish import Published, publish
+from wt.publish import Published, check_name, publish
+from wt.show.files import write_whole
 from wt.study import Listener, Study, check
 from wt.track import Run, run
 
@@ -56,6 +56,7 @@ def open_folder(config: Fit, folder: Path, resume: bool) -> Fit:
     if kept.exists():
         raise ConfigError(f"{folder} already holds a run; add --resume, or choose a new --out")
     check(config)
+    check_name(config)
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(kept, to_yaml(config))
     return config

@@ -8,17 +8,19 @@ from io import BytesIO
 
 import numpy as np
 
-from registry import parity
+from registry import parity, store
 from registry.card import HeldOut, describe
 from registry.push import push
 from registry.store import Version
+from wt.config import Fit
 from wt.data.transitions import content_hash
+from wt.errors import ConfigError, RegistryError
 from wt.evaluate import figures
-from wt.evaluate.files import write_whole
 from wt.evaluate.results import OURS, PAPERS_OWN, Results, Score
 from wt.evaluate.rollout_view import write_rollout
 from wt.evaluate.single_step import Errors, first_episode, poses
 from wt.export.onnx import eager, export
+from wt.show.files import write_whole
 from wt.study import Study
 from wt.track import Run, source
 from wt.translate import SimToReal
@@ -55,6 +57,18 @@ class Published:
     results: Results
     version: Version
     seed: int
+
+
+def check_name(config: Fit) -> None:
+    """Refuse a name that the model could not be registered under in the end.
+
+    Raises:
+        ConfigError: it is none.
+    """
+    try:
+        store.check_name(config.registry_name)
+    except RegistryError as error:
+        raise ConfigError(f"registry_name: {error}") from error
 
 
 def publish(study: Study, by_seed: Mapping[int, Mapping[str, Errors]], tracked: Run) -> Published:

@@ -14,9 +14,9 @@ import torch
 from wt.baselines.base import find
 from wt.config import Fit, Method, to_yaml
 from wt.data.transitions import content_hash, digest
-from wt.evaluate.files import write_whole
 from wt.evaluate.single_step import Scales
 from wt.nets.world_model import WorldModel
+from wt.show.files import write_whole
 from wt.worlds.base import World, make
 from wt.worlds.collect import Collected, collect
 

@@ -20,6 +20,27 @@ Domain = Literal["sim", "real"]
 
 Array = np.ndarray
 
+Kind = Literal["joint", "actuator", "body", "geom", "sensor", "world", "pair"]
+"""What a location names: an element of the MJCF, the whole scene, or two that act together."""
+
+
+@dataclass(frozen=True, order=True)
+class Location:
+    """A place in a model where physics can be missing.
+
+    Attributes:
+        kind: what ``name`` names.
+        name: an MJCF name; ``"world"`` for the whole scene, ``"all"`` for every channel,
+            ``"a+b"`` for a pair.
+    """
+
+    kind: Kind
+    name: str
+
+    def __str__(self) -> str:
+        """As in messages, e.g. ``"joint j2"``; the world is its own name."""
+        return self.name if self.kind == "world" else f"{self.kind} {self.name}"
+
 
 def _frozen_array(value: Array, dtype: type) -> Array:
     array: Array = np.array(value, dtype=dtype, order="C")

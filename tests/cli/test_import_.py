@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import mujoco
 import pytest
 
 from wt.cli.main import main
@@ -35,3 +36,42 @@ def test_bad_input_is_exit_2_and_one_line(source: Path, capsys: pytest.CaptureFi
         assert main(["import", *arguments, "--to", str(out)]) == 2
         assert capsys.readouterr().err.count("\n") == 1
     assert not out.exists()
+
+
+def test_the_robots_mjcf_beside_it(
+    shared: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sources = {"a": "dfki_double_pendulum/c1_143906", "b": "bam_xl330/kp200_sin_sin.json",
+               "c": "so101/step_response"}  # fmt: skip
+    for name, source in sources.items():
+        out, model = tmp_path / f"{name}.parquet", tmp_path / f"{name}.xml"
+        path = str(shared / "recordings" / source)
+        assert main(["import", path, "--to", str(out), "--model", str(model)]) == 0
+        loaded = mujoco.MjModel.from_xml_path(str(model))
+        recordings.check_against(recordings.read(out), loaded)
+    assert capsys.readouterr().err == ""
+
+
+def test_a_format_without_a_robot_has_no_mjcf(
+    source: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, model = source.with_name("out.parquet"), source.with_name("out.xml")
+    mapped = ["--map", str(source.with_name("map.yaml"))]
+    assert main(["import", str(source), "--to", str(out), *mapped, "--model", str(model)]) == 2
+    assert "leave --model out" in capsys.readouterr().err
+    assert not model.exists()
+    assert not out.exists()
+
+
+def test_doubts_are_said_and_the_recording_is_written(
+    source: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source.write_text(
+        "\n".join(["time,u,x", *(f"{0.02 * k},{k % 97},{57.0 * (k % 97)}" for k in range(400))])
+    )
+    out = source.with_name("out.parquet")
+    mapped = ["--map", str(source.with_name("map.yaml"))]
+    assert main(["import", str(source), "--to", str(out), *mapped]) == 0
+    said = capsys.readouterr().err
+    assert "note: column 'qpos/a' may be in degrees" in said
+    assert out.exists()

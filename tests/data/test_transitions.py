@@ -241,12 +241,12 @@ def test_full_disk_leaves_no_half_part(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_full_disk_at_the_manifest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(path: Path, text: str) -> None:
-        path.open("w").write(text[:5])
+    def full(path: Path, content: bytes) -> None:
+        path.open("wb").write(content[:5])
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with monkeypatch.context() as m:
-        m.setattr(Path, "write_text", full)
+        m.setattr(Path, "write_bytes", full)
         with pytest.raises(OSError, match="No space left"):
             get(tmp_path)
     (home,) = tmp_path.iterdir()
@@ -255,6 +255,32 @@ def test_full_disk_at_the_manifest(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     get(tmp_path, maker)
     assert maker.made == []
     assert json.loads((home / "manifest.json").read_text())["format"] == 1
+
+
+def test_a_whole_collection_is_only_read(tmp_path: Path) -> None:
+    get(tmp_path)
+    before = {p: (p.stat().st_ino, p.stat().st_mtime_ns) for p in tmp_path.rglob("*")}
+    get(tmp_path)
+    assert {p: (p.stat().st_ino, p.stat().st_mtime_ns) for p in tmp_path.rglob("*")} == before
+
+
+def test_two_processes_may_collect_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write = pq.write_table
+
+    def overtaken(table: pa.Table, where: Path, **options: bool | str) -> None:
+        write(table, where, **options)
+        with monkeypatch.context() as rival:
+            rival.setattr(disk.pq, "write_table", write)
+            rival.setattr(os, "getpid", lambda: 1)
+            get(tmp_path)
+
+    monkeypatch.setattr(disk.pq, "write_table", overtaken)
+    both = get(tmp_path)
+    assert content_hash(both) == content_hash(get(tmp_path))
+    (home,) = tmp_path.iterdir()
+    assert {p.name for p in home.iterdir()} == {*(s.file for s in SHARDS), "manifest.json"}
 
 
 def test_digest_does_not_depend_on_order_or_container() -> None:

@@ -119,7 +119,7 @@ class Started:
         )
         self.pid = self._process.pid
 
-    def wait_until(self, what: Callable[[], bool], seconds: float = 120.0) -> None:
+    def wait_until(self, what: Callable[[], bool], seconds: float = 600.0) -> None:
         """Poll until ``what`` holds; fail if the process ends first."""
         end = time.monotonic() + seconds
         while not what():
@@ -130,12 +130,12 @@ class Started:
 
     def end(self) -> tuple[int, str, str]:
         """Wait for the process to end: exit code, stdout, stderr."""
-        out, err = self._process.communicate(timeout=60)
+        out, err = self._process.communicate(timeout=300)
         return self._process.returncode, out, err
 
     def left_alone(self) -> bool:
         """Whether all its processes end, given a moment: Python's own tracker ends last."""
-        deadline = time.monotonic() + 10.0
+        deadline = time.monotonic() + 60.0
         while self.others() and time.monotonic() < deadline:
             time.sleep(0.1)
         return not self.others()

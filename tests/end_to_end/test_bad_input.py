@@ -43,6 +43,10 @@ def assert_refused(ended: tuple[int, str, str], code: int, *said: str) -> None:
         ("world.name=r6", ("world.name 'r6' is not known", "allowed: r5, so101")),
         ("world.timestep=0.003", ("world.timestep 0.003 s does not divide",)),
         ("baselines.names=[RawSim,ResDin]", ("'ResDin'", "did you mean 'ResDyn'?")),
+        ("registry_name=team/r5", ("registry_name: 'team/r5' is no model name; use letters",)),
+        ("registry_name='r5:best'", ("registry_name: 'r5:best'", "e.g. wt-r5")),
+        ("registry_name=..", ("registry_name: '..'",)),
+        ("registry_name=''", ("registry_name: ''",)),
         ("nonsense", ("'nonsense' is not of the form key=value",)),
     ],
 )

@@ -184,3 +184,17 @@ def test_the_model_is_registered_as_champion(
     assert (code, err) == (0, "")
     for name in ("model.onnx", "card.json"):
         assert (tmp_path / "pulled" / name).read_bytes() == (finished / name).read_bytes()
+
+
+def test_a_finished_run_that_is_resumed_registers_nothing_new(
+    client: MlflowClient, run_id: str, finished: Path, wt: Wt
+) -> None:
+    names = ("results.json", "model.onnx", "card.json")
+    before = {name: (finished / name).read_bytes() for name in names}
+    (finished / "results.json").unlink()  # as a kill right after the registration leaves it
+    code, out, err = wt("fit", "--config", finished / "config.yaml", "--resume", "--out", finished)
+    assert (code, err) == (0, "")
+    assert "wt-debug/1: champion: the first one" in out
+    assert {name: (finished / name).read_bytes() for name in names} == before
+    versions = client.search_model_versions("name='wt-debug'")
+    assert [int(v.version) for v in versions if v.run_id == run_id] == [1]

@@ -9,8 +9,9 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from wt.evaluate import colors, figures
+from wt.evaluate import figures
 from wt.evaluate.results import Results, Score
+from wt.show import colors
 from wt.types import Channel
 
 CHANNELS = (Channel("qpos/a", "rad"), Channel("qvel/a", "rad/s"), Channel("qpos/b", "rad"))

@@ -32,6 +32,17 @@ def test_next_states_undo_changes(fitted: Frame) -> None:
     torch.testing.assert_close(fitted.next_states(o, fitted.changes(o, s_next)), s_next)
 
 
+def test_positions_that_follow_are_integrated_from_the_new_velocity(fitted: Frame) -> None:
+    frame = Frame(replace(TOY.spec, integrated=((0, 2), (1, 3))), Mean())
+    frame.load_state_dict(fitted.state_dict() | {"free": frame.free})
+    o, _, s_next = some()
+    assert not frame.changes(o, s_next)[:, :2].any()
+    found = frame.next_states(o, frame.changes(o, s_next))
+    torch.testing.assert_close(found[:, 2:], s_next[:, 2:])
+    moved = o[:, :2] + s_next[:, 2:] / TOY.spec.rate_hz
+    torch.testing.assert_close(found[:, :2], moved)
+
+
 def test_changes_are_in_standard_deviations_and_zero_stays_zero(fitted: Frame) -> None:
     sim, real = TOY.collect(SIM, 10, 1), TOY.collect(REAL, 10, 2)
     raw = np.concatenate([d.s_next - d.o[:, :4] for d in (sim, real)]).astype(np.float64)

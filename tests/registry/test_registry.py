@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,7 +14,8 @@ from registry.backend import resolve_uri
 from registry.card import HeldOut
 from registry.pull import pull, read_card
 from registry.push import compare, push
-from registry.store import Store
+from registry.store import Store, Version
+from wt import track
 from wt.errors import RegistryError, WorkError
 
 MakeFolder = Callable[..., Path]
@@ -66,14 +68,67 @@ def test_champion_moves_only_to_a_better_model_on_the_same_data(
         ],
         start=1,
     ):
-        pushed = push("wt-toy", make_folder(value, data), value, run_id, uri=store_uri)
+        # what the first run pushed once, another run may push too
+        run = other_run(store_uri) if version == 3 else run_id
+        pushed = push("wt-toy", make_folder(value, data), value, run, uri=store_uri)
         assert pushed.version == version
         assert champion() == holder
         assert why in pushed.decision
         assert pushed.decision.startswith("champion") == (holder == version)
-    # One run pushed six: every version still has its own bytes.
+    # One run pushed five: every version still has its own bytes.
     for v in Store(store_uri).versions("wt-toy"):
         assert read_card(str(v), uri=store_uri)[1].heldout == v.heldout
+
+
+def other_run(store_uri: str) -> str:
+    with track.run("toy", "another run", uri=store_uri) as run:
+        return run.id
+
+
+def test_a_run_registers_a_model_once(make_folder: MakeFolder, store_uri: str, run_id: str) -> None:
+    first = push("wt-toy", make_folder(0.5), 0.5, run_id, uri=store_uri)
+    card = only(store_uri, "card.json").read_bytes()
+
+    again = make_folder(0.5)  # exported anew: the same model, its card of another second
+    path = again / "card.json"
+    path.write_text(re.sub(r'"created": "....', '"created": "2001', path.read_text()))
+    assert path.read_bytes() != card
+    assert push("wt-toy", again, 0.5, run_id, uri=store_uri) == first
+    assert [v.version for v in Store(store_uri).versions("wt-toy")] == [1]
+    assert path.read_bytes() == card
+
+    # What was decided by hand in between stays.
+    second = push("wt-toy", make_folder(0.6), 0.6, run_id, uri=store_uri)
+    Store(store_uri).set_alias(second, "champion")
+    assert push("wt-toy", again, 0.5, run_id, uri=store_uri).aliases == ()
+    assert Store(store_uri).models()["wt-toy"] == {"champion": 2}
+
+
+@pytest.mark.parametrize("late", [0.5, 0.3])
+def test_a_push_that_was_killed_is_brought_to_its_end(
+    make_folder: MakeFolder,
+    store_uri: str,
+    run_id: str,
+    monkeypatch: pytest.MonkeyPatch,
+    late: float,
+) -> None:
+    class Killed(BaseException):
+        """Nothing catches it."""
+
+    def killed(store: Store, version: Version, alias: str) -> None:
+        raise Killed
+
+    push("wt-toy", make_folder(0.6), 0.6, run_id, uri=store_uri)
+    with monkeypatch.context() as patch, pytest.raises(Killed):
+        patch.setattr(Store, "set_alias", killed)
+        push("wt-toy", make_folder(0.4), 0.4, run_id, uri=store_uri)
+    assert Store(store_uri).models()["wt-toy"] == {"champion": 1}
+    push("wt-toy", make_folder(late), late, other_run(store_uri), uri=store_uri)
+    pushed = push("wt-toy", make_folder(0.4), 0.4, run_id, uri=store_uri)
+    assert pushed.version == 2
+    # Who came in between keeps the alias only if nothing better is there.
+    assert Store(store_uri).models()["wt-toy"] == {"champion": 2 if late > 0.4 else 3}
+    assert [v.version for v in Store(store_uri).versions("wt-toy")] == [1, 2, 3]
 
 
 def test_another_metric_does_not_compare(

@@ -10,7 +10,7 @@ import torch
 from tests.train.conftest import Setup
 from wt.config import Method
 from wt.errors import WorkError
-from wt.train.callbacks import CollapseLimits, CollapseWatch, Log
+from wt.train.callbacks import CollapseLimits, CollapseWatch, Log, StartAtOwnStep
 from wt.train.module import WorldTranslation
 
 HEALTHY = {"latent/active_std": 0.8, "gan/accuracy": 0.6, "gan/generator": 1.4, "vae/kl": 3.0}
@@ -92,3 +92,14 @@ def test_callbacks_refuse_another_module() -> None:
     trainer = lightning.Trainer(accelerator="cpu", logger=False, enable_checkpointing=False)
     with pytest.raises(TypeError, match="LightningModule"):
         Log(print, 1).on_train_batch_end(trainer, lightning.LightningModule(), None, None, 0)
+
+
+def test_an_epoch_starts_with_the_batch_of_the_modules_own_step(
+    set_up: Callable[[Method], Setup], paper: Method
+) -> None:
+    setup = set_up(paper)
+    setup.batches.next_step = 21  # as after a batch too many was fetched
+    setup.module.own_step = 20
+    trainer = lightning.Trainer(accelerator="cpu", logger=False, enable_checkpointing=False)
+    StartAtOwnStep(setup.batches).on_train_epoch_start(trainer, setup.module)
+    assert next(iter(setup.batches)).step == 20

@@ -47,6 +47,12 @@ def test_optimizers_hold_every_trained_parameter_once(set_up: SetUp, plus: Metho
     assert set(held) == trained
 
 
+def test_momentum_of_each_optimizer(set_up: SetUp, paper: Method) -> None:
+    # Adam's defaults for the autoencoder; β₁ = 0.5 between adversaries (Radford et al. 2016)
+    betas = [o.param_groups[0]["betas"] for o in set_up(paper).module.configure_optimizers()]
+    assert betas == [(0.9, 0.999), (0.9, 0.999), (0.5, 0.9), (0.5, 0.9)]
+
+
 def test_learning_rates_warm_up_and_fall_to_zero(
     set_up: SetUp, paper: Method, monkeypatch: pytest.MonkeyPatch
 ) -> None:

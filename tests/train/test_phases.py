@@ -125,6 +125,15 @@ def test_extraction_weighs_its_four_terms(set_up: SetUp, paper: Method) -> None:
     torch.testing.assert_close(z, mean + np.exp(-0.5).item() * noise)
 
 
+def test_translation_draws_noise_of_its_own(set_up: SetUp, paper: Method) -> None:
+    setup = set_up(paper)
+    model, batch = setup.module.model, setup.batches.at(0)
+    zeros = torch.zeros_like(batch.noise[0])
+    model.encoder = Answers(zeros, zeros)  # z = ε
+    z_sim, z_real = phases.encode(model, batch)
+    assert torch.equal(z_sim, batch.noise[2]) and torch.equal(z_real, batch.noise[3])
+
+
 def test_blind_error_is_on_the_next_state_itself(set_up: SetUp, paper: Method) -> None:
     setup = set_up(paper)
     model, batch = setup.module.model, setup.batches.at(0)

@@ -12,6 +12,8 @@ The module has one of two names:
 ``app``
     A ``typer.Typer(help=…)`` with several, for a group (``wt registry list``).
 
+Beside ``command``, a ``Command`` (a ``TyperCommand``) may read the arguments in its own way.
+
 A module with neither is refused, so that no command is forgotten silently; helpers that several
 commands share start with an underscore (``_progress.py``).
 

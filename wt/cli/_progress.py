@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -22,6 +22,20 @@ def bars() -> Iterator[Listener]:
     columns = TextColumn("{task.description:<28}"), BarColumn(), TimeRemainingColumn()
     with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
         yield _Bars(progress)
+
+
+@contextmanager
+def bar(beginning: str) -> Iterator[Callable[[str, float], None]]:
+    """One bar that is told what is being done and which share of the whole is behind, 0…1."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True)
+    columns = TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn()
+    shown = Progress(*columns, console=console, disable=not console.is_terminal, transient=True)
+    with shown as progress:
+        task = progress.add_task(beginning, total=1.0)
+        yield lambda what, share: progress.update(task, description=what, completed=share)
 
 
 class _Bars:

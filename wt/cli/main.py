@@ -81,7 +81,8 @@ def build() -> typer.Typer:
         name = found.name.rstrip("_").replace("_", "-")
         if hasattr(module, "command"):
             text, example = _split_doc(module.command)
-            app.command(name, help=text, epilog=example)(module.command)
+            kind = getattr(module, "Command", None)
+            app.command(name, cls=kind, help=text, epilog=example)(module.command)
         elif hasattr(module, "app"):
             app.add_typer(_with_examples(module.app), name=name)
         else:

@@ -92,7 +92,11 @@ def obtain(
     for shard in shards:
         if not (home / shard.file).exists():
             _write(home / shard.file, make(shard), spec)
-    _write_text(home / MANIFEST, json.dumps(_manifest(identity, spec), indent=1))
+    manifest = json.dumps(_manifest(identity, spec), indent=1).encode()
+    kept = home / MANIFEST
+    # the workers of a run all read the collection at once: one that is whole is only read
+    if not kept.exists() or kept.read_bytes() != manifest:
+        _write_whole(kept, manifest)
     return _join([_read(home / shard.file, spec) for shard in shards])
 
 
@@ -136,7 +140,7 @@ def _write(path: Path, data: Transitions | Pairs, spec: TransitionSpec) -> None:
     if isinstance(data, Pairs):
         table |= {f"sim_next/{c.name}": data.sim_next[:, i] for i, c in enumerate(spec.state)}
     table |= {"episode": real.episode, "step": real.step}
-    temporary = path.with_suffix(".tmp")
+    temporary = _temporary(path)
     try:
         pq.write_table(pa.table(table), temporary, compression="zstd", write_page_checksum=True)
         os.replace(temporary, path)
@@ -188,10 +192,15 @@ def _join(parts: list[Transitions | Pairs]) -> Transitions | Pairs:
     return joined
 
 
-def _write_text(path: Path, text: str) -> None:
-    temporary = path.with_suffix(".tmp")
+def _write_whole(path: Path, content: bytes) -> None:
+    temporary = _temporary(path)
     try:
-        temporary.write_text(text)
+        temporary.write_bytes(content)
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _temporary(path: Path) -> Path:
+    """A name of this process's own: two runs may collect the same at the same time."""
+    return path.with_suffix(f".{os.getpid()}.tmp")

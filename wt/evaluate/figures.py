@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from sklearn.decomposition import PCA
 
-from wt.evaluate import colors
 from wt.evaluate.results import Results
+from wt.show import colors
 from wt.types import Channel
 
 Array = np.ndarray

@@ -20,8 +20,8 @@ from rich.table import Table
 
 from wt.errors import DataError
 from wt.evaluate import paper
-from wt.evaluate.files import write_whole
-from wt.evaluate.text import markdown_table, short
+from wt.show.files import write_whole
+from wt.show.text import markdown_table, short
 from wt.types import Channel
 
 SCHEMA = 1

@@ -25,9 +25,9 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from wt.errors import DataError
-from wt.evaluate import colors
-from wt.evaluate.files import write_whole
-from wt.evaluate.robot_view import Array, Motion, log_robot, motion_of, send_columns
+from wt.show import colors
+from wt.show.files import write_whole
+from wt.show.robot_view import Array, Motion, log_robot, motion_of, send_columns
 from wt.types import Channel
 
 ARM_COLORS = (colors.S, colors.TRANSLATED, colors.R)

@@ -111,16 +111,29 @@ def build(servo: ServoPhysics, timestep: float) -> mujoco.MjModel:
         timestep: integration step [s].
 
     Returns:
-        A model with six hinges, as many position actuators of the same names (:data:`JOINTS`)
+        The compiled :func:`spec`.
+    """
+    return spec(servo, timestep).compile()
+
+
+def spec(servo: ServoPhysics, timestep: float) -> mujoco.MjSpec:
+    """An SO-101 with the given servos.
+
+    Args:
+        servo: gains, friction and effort, the same for all six joints.
+        timestep: integration step [s].
+
+    Returns:
+        A description with six hinges, as many position actuators of the same names (:data:`JOINTS`)
         and a site ``tip`` between the jaws. Geoms are for drawing only: they carry no mass and
         touch nothing. Zero is the middle of each joint's swept range.
     """
-    spec = mujoco.MjSpec()
-    spec.modelname = "so101"
-    spec.compiler.degree = False
-    spec.option.timestep = timestep
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    parent = _add_body(spec.worldbody, _BASE)
+    arm = mujoco.MjSpec()
+    arm.modelname = "so101"
+    arm.compiler.degree = False
+    arm.option.timestep = timestep
+    arm.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    parent = _add_body(arm.worldbody, _BASE)
     for name, link in zip(JOINTS, _LINKS, strict=True):
         body = _add_body(parent, link)
         joint = body.add_joint(
@@ -129,7 +142,7 @@ def build(servo: ServoPhysics, timestep: float) -> mujoco.MjModel:
         joint.damping[0] = servo.damping
         joint.frictionloss = servo.frictionloss
         joint.armature = servo.armature
-        actuator = spec.add_actuator(
+        actuator = arm.add_actuator(
             name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT,
             forcerange=(-servo.torque, servo.torque), ctrlrange=LIMITS[name],
         )  # fmt: skip
@@ -137,7 +150,7 @@ def build(servo: ServoPhysics, timestep: float) -> mujoco.MjModel:
         if link.name == "gripper":
             body.add_site(name=TIP, pos=_TIP_FRAME)
         parent = body
-    return spec.compile()
+    return arm
 
 
 def _add_body(parent: mujoco.MjsBody, link: _Link) -> mujoco.MjsBody:

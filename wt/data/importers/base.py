@@ -2,7 +2,9 @@
 
 Adding a format is one new file in this package and its test: define a class with the members of
 :class:`Importer` and decorate it with ``@register``. The file is found by itself; a name used
-twice is refused.
+twice is refused. Names, units and signs that a map changes are no importer's concern: it gives
+the source's names, and :mod:`wt.data.importers._mapping` does the rest. Files whose names start
+with an underscore hold what importers share.
 """
 
 from __future__ import annotations
@@ -11,15 +13,14 @@ import importlib
 import pkgutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import ClassVar, Protocol, runtime_checkable
 
 import yaml
 
+from wt.data.importers import _checks, _mapping
+from wt.data.importers._mapping import Map
 from wt.errors import DataError, suggest
 from wt.types import Recording
-
-Map = Mapping[str, Any]
-"""The content of ``--map F.yaml``; what it may say stands at each importer."""
 
 
 @runtime_checkable
@@ -29,10 +30,15 @@ class Importer(Protocol):
     Attributes:
         name: short name of the format, unique.
         about: what a source of this format looks like, for messages.
+        keys: keys of a map that this importer reads itself, beyond the common ones; a common key
+            among them is its own too.
+        general: whether others that recognise the same source know it better.
     """
 
     name: ClassVar[str]
     about: ClassVar[str]
+    keys: ClassVar[frozenset[str]]
+    general: ClassVar[bool]
 
     def recognises(self, path: Path) -> bool:
         """Whether ``path`` looks like this format; must be quick and never raise."""
@@ -43,7 +49,7 @@ class Importer(Protocol):
 
         Args:
             path: a file or folder that this importer recognises.
-            mapping: how its names map to those of an MJCF; empty for the importer's own.
+            mapping: those keys of the map that are this importer's own.
 
         Raises:
             DataError: the source is broken, or the map does not fit it.
@@ -86,20 +92,47 @@ def read(path: str | Path, mapping: Map | None = None) -> Recording:
 
     Args:
         path: a file or folder.
-        mapping: content of the map file, see each importer.
+        mapping: content of the map file, see :mod:`wt.data.importers._mapping` and each importer.
 
     Raises:
-        DataError: nothing there, no importer recognises it, or it is broken.
+        DataError: nothing there, no importer recognises it, it is broken, the map does not fit,
+            or a column contradicts another in sign or unit.
+        RecordingError: what was read is not a valid recording.
     """
-    path = Path(path)
+    path, mapping = Path(path), mapping or {}
     if not path.exists():
         raise DataError(f"'{path}' does not exist; give the file or folder to import")
+    importer = _importer_of(path)
+    refuse_unknown_keys(mapping, set(_mapping.KEYS | importer.keys))
+    own = {key: value for key, value in mapping.items() if key in importer.keys}
+    common = {key: value for key, value in mapping.items() if key not in importer.keys}
+    recording = _mapping.apply(importer.read(path, own), common)
+    _checks.refuse_contradictions(recording, common)
+    return recording
+
+
+def doubts(recording: Recording, mapping: Map | None = None) -> list[str]:
+    """What looks wrong in units or signs without being impossible; a line each.
+
+    Args:
+        recording: what :func:`read` gave.
+        mapping: the map that it was read with.
+    """
+    return _checks.doubts(recording, mapping or {})
+
+
+def delays(recording: Recording) -> dict[str, float]:
+    """Delay from a command to the force or motion that answers it, by actuator [s]."""
+    return _checks.delays(recording)
+
+
+def _importer_of(path: Path) -> Importer:
     known = importers()
-    for importer in known.values():
-        if importer.recognises(path):
-            return importer.read(path, mapping or {})
-    about = "; ".join(f"{i.name}: {i.about}" for i in known.values())
-    raise DataError(f"'{path}' is of no known format; known are {about}")
+    fitting = [i for i in known.values() if i.recognises(path)]
+    if not fitting:
+        about = "; ".join(f"{i.name}: {i.about}" for i in known.values())
+        raise DataError(f"'{path}' is of no known format; known are {about}")
+    return min(fitting, key=lambda i: i.general)
 
 
 def read_map(path: str | Path) -> Map:

@@ -6,7 +6,8 @@ Map::
     columns:                                     # recording column: CSV column
       ctrl/shoulder: cmd
       qpos/shoulder: {column: angle_deg, scale: 0.017453292519943295, offset: 0.0}
-    meta: {robot: my arm, source: lab 3}         # optional
+
+Keys that every format has (units, signs, meta, …) stand in :mod:`wt.data.importers._mapping`.
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ class CsvTable:
 
     name: ClassVar[str] = "csv_table"
     about: ClassVar[str] = "a .csv file with a header (needs --map)"
+    keys: ClassVar[frozenset[str]] = frozenset({"time", "columns"})
+    general: ClassVar[bool] = True
 
     def recognises(self, path: Path) -> bool:
         """Whether ``path`` is a CSV file."""
@@ -41,7 +44,6 @@ class CsvTable:
         Raises:
             DataError: no map, a column that is not there, or one that is not numeric.
         """
-        refuse_unknown_keys(mapping, {"time", "columns", "meta"})
         if "time" not in mapping or not isinstance(mapping.get("columns"), dict):
             raise DataError(
                 f"'{path}' needs a map with 'time: {{column: …}}' and 'columns: "
@@ -52,7 +54,7 @@ class CsvTable:
         except (ValueError, OSError) as error:
             raise DataError(f"'{path}' cannot be read as CSV: {error}") from error
         columns = {name: _column(path, table, w) for name, w in mapping["columns"].items()}
-        meta = {"source": path.name, "format": self.name} | dict(mapping.get("meta", {}))
+        meta = {"source": path.name, "format": self.name}
         return Recording(_column(path, table, mapping["time"]), columns, meta)
 
 

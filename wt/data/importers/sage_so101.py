@@ -9,7 +9,6 @@ Map (all optional)::
 
     joints: {Rotation: pan}     # other names than the published MJCF's
     jaw_range: [-0.1745, 1.745] # rad at 0 and at 1
-    meta: {notes: …}            # goes into the recording's metadata
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from typing import ClassVar
 import numpy as np
 import pandas as pd
 
-from wt.data.importers.base import Map, refuse_unknown_keys, register
+from wt.data.importers.base import Map, register
 from wt.errors import DataError, suggest
 from wt.types import Recording
 
@@ -48,6 +47,8 @@ class SageSO101:
 
     name: ClassVar[str] = "sage_so101"
     about: ClassVar[str] = f"a folder with {_CONTROL} and {_STATE}"
+    keys: ClassVar[frozenset[str]] = frozenset({"joints", "jaw_range"})
+    general: ClassVar[bool] = False
 
     def recognises(self, path: Path) -> bool:
         """Whether ``path`` is such a folder."""
@@ -59,7 +60,6 @@ class SageSO101:
         Raises:
             DataError: a file is broken, the two disagree, or the map does not fit.
         """
-        refuse_unknown_keys(mapping, {"joints", "jaw_range", "meta"})
         names = _joint_names(path, dict(mapping.get("joints", {})))
         low, high = mapping.get("jaw_range", JAW_RANGE)
         control = _table(path / _CONTROL, ["positions"], len(names))
@@ -85,7 +85,7 @@ class SageSO101:
             columns[f"qvel/{name}"] = velocity[:, i] * speed
         meta = {"robot": "SO-101", "source": path.name, "format": self.name}
         meta |= {"notes": "currents left out: their magnitude only was recorded"}
-        return Recording(t * 1e-6, columns, meta | dict(mapping.get("meta", {})))
+        return Recording(t * 1e-6, columns, meta)
 
 
 def _joint_names(path: Path, renamed: dict[str, str]) -> list[str]:

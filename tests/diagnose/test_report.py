@@ -1,0 +1,214 @@
+"""The report: one file that says, draws and compares what the diagnosis found."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from tests.diagnose import synthetic
+from wt.diagnose import words
+from wt.diagnose.report import report
+from wt.diagnose.result import Considered, Diagnosis, Error, Estimate, Located
+from wt.diagnose.robot_drawing import draw, joint_of
+from wt.types import Location
+
+VOID = {"meta", "br", "link", "img", "input"}
+
+
+class Page(HTMLParser):
+    """Text, tags and the links to elsewhere of a page; complains about tags left open."""
+
+    def __init__(self, source: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.text: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.feed(source)
+        assert not self.open, f"left open: {self.open}"
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if not self.open or self.open[-1] not in ("style", "script"):
+            self.text.append(data)
+
+    @property
+    def words(self) -> str:
+        return " ".join(" ".join(self.text).split())
+
+
+@pytest.fixture(scope="module")
+def diagnosis(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
+    return synthetic.diagnosis(str(synthetic.write_model(tmp_path_factory.mktemp("model"))))
+
+
+@pytest.fixture(scope="module")
+def source(diagnosis: Diagnosis) -> str:
+    return report(diagnosis)
+
+
+def test_the_page_is_whole_small_and_reaches_nowhere(source: str) -> None:
+    page = Page(source)
+    assert len(source.encode()) < 3e6
+    for tag, attributes in page.tags:
+        assert not {"src", "href", "srcset", "data"} & set(attributes), tag
+    assert not re.search(r"https?://|@import|url\(|fetch\(|XMLHttp", source)
+
+
+def test_it_says_what_was_found(source: str) -> None:
+    said = Page(source).words
+    for part in (
+        "Joint j2 loses 0.81 N·m to dry friction that the model leaves out.",
+        "explained",
+        "0.795 … 0.829",
+        "joint.friction_stribeck",
+        "slow reversals of j2 below 0.05 rad/s",
+        "at speeds below 0.1 rad/s; 2.10 to 2.60 s",
+        "was refined to 0.5 ms",
+        "Coulomb, Théorie des machines simples",
+        'frictionloss="0.8"',
+        "3 hypotheses were considered",
+        "held.parquet, held out",
+        "over the velocity of j2",
+    ):
+        assert part in said, part
+    assert said.index("Joint j2 loses") < said.index("explained")
+
+
+def test_the_given_error_is_that_of_the_replays(diagnosis: Diagnosis, source: str) -> None:
+    held = diagnosis.traces[0]
+    rms = 1e3 * float(np.sqrt(np.nanmean((held.before - held.recorded)[:, 1] ** 2)))
+    assert f"Joint j2: error RMS {rms:.1f} mrad with the model as given" in Page(source).words
+
+
+def test_every_picture_has_words_and_every_figure_a_caption(source: str) -> None:
+    page = Page(source)
+    pictures = [a for tag, a in page.tags if tag == "svg"]
+    captions = [tag for tag, _ in page.tags if tag == "figcaption"]
+    assert len(pictures) == len(captions) == 7  # robot, 2 joints × 2 recordings, force, horizon
+    assert all(a["role"] == "img" and a["aria-label"] for a in pictures)
+    assert "marked: joint j2" in str(pictures[0]["aria-label"])
+
+
+def test_nothing_missing_accuses_nobody(tmp_path: Path) -> None:
+    said = Page(report(synthetic.nothing(str(synthetic.write_model(tmp_path))))).words
+    assert "Nothing is missing" in said
+    assert "patched model" not in said
+    assert "Parameters" not in said
+    assert "error on held-out data is 0.210 mrad" in said
+
+
+def test_an_unknown_cause_is_said_with_its_formula(tmp_path: Path) -> None:
+    page = Page(report(synthetic.unexplained(str(synthetic.write_model(tmp_path)))))
+    assert "The cause is not known" in page.words
+    assert "-0.8*tanh(qvel/j2 / 0.02) < 1" in page.words  # escaped in the source, whole on screen
+    assert "qvel/j2 & qpos/j1" in page.words
+
+
+def test_something_missing_without_a_name_is_not_called_nothing(tmp_path: Path) -> None:
+    full = synthetic.nothing(str(synthetic.write_model(tmp_path)))
+    at = (Located(Location("body", "fore"), 1.0),)
+    odd = dataclasses.replace(full, verdict="unexplained", locations=at)
+    page = Page(report(odd))
+    assert "Something is missing at body fore" in page.words
+    assert "Nothing is missing" not in page.words
+    assert "marked: body fore" in str(next(a for t, a in page.tags if t == "svg")["aria-label"])
+
+
+def test_names_cannot_break_the_page(diagnosis: Diagnosis) -> None:
+    evil = "<script>alert(1)</script>&"
+    odd = dataclasses.replace(
+        diagnosis, model_path=evil, notes=(evil,), considered=(
+            Considered(evil, synthetic.J2, 1.0, "screened", evil),
+        ),
+    )  # fmt: skip
+    source = report(odd)
+    assert "<script>alert" not in source
+    assert Page(source).words.count(evil) >= 4
+
+
+def test_gaps_and_replays_that_ran_away_are_survived(tmp_path: Path) -> None:
+    full = synthetic.diagnosis(str(synthetic.write_model(tmp_path)))
+    trace = full.traces[0]
+    gone = np.array(trace.before)
+    gone[200:] = np.nan
+    empty = np.full_like(gone, np.nan)
+    error = Error(np.nan, 1e-3, 2e-4, np.nan, (np.nan, np.nan))
+    odd = dataclasses.replace(
+        full,
+        traces=(
+            dataclasses.replace(trace, before=gone),
+            dataclasses.replace(trace, recorded=empty, before=empty),
+        ),
+        proof=dataclasses.replace(full.proof, holdout=error, joints={"j1": error}),
+    )
+    page = Page(report(odd))
+    assert "nan" not in re.sub(r"[^a-z ]", " ", page.words.lower()).split()
+    assert not re.search(r'd="[^"]*(nan|inf)', report(odd))
+
+
+def test_without_the_model_file_it_is_drawn_from_the_text() -> None:
+    page = Page(report(synthetic.diagnosis("no/such/arm.xml")))
+    assert [a for tag, a in page.tags if tag == "svg" and a["class"] == "robot"]
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [(0.0, "0"), (1.288, "1.29"), (-0.0123, "−0.0123"), (28.0, "28.0"), (12345.6, "12300"),
+     (3.2e-5, "3.20·10⁻⁵"), (float("nan"), "–"), (9.999, "10.0")],
+)  # fmt: skip
+def test_numbers_are_written_for_people(value: float, said: str) -> None:
+    assert words.number(value) == said
+
+
+def test_a_value_has_the_digits_that_its_interval_allows() -> None:
+    coarse = words.values_and_intervals(Estimate(1.28934, "N·m", (1.1, 1.5)))
+    fine = words.values_and_intervals(Estimate(1.28934, "N·m", (1.2890, 1.2897)))
+    vector = words.values_and_intervals(Estimate((0.1, -0.2), "m", ((0.08, -0.3), (0.12, -0.1))))
+    assert coarse == [("1.29", "1.10 … 1.50")]
+    assert fine == [("1.28934", "1.28900 … 1.28970")]
+    assert vector == [("0.100", "0.080 … 0.120"), ("−0.200", "−0.300 … −0.100")]
+
+
+def test_a_vector_has_a_row_a_component_and_one_warning(diagnosis: Diagnosis) -> None:
+    shift = Estimate((0.1, 0.2, 0.3), "m", ((0.0, 0.1, 0.2), (0.2, 0.3, 0.4)), "at the bound")
+    finding = dataclasses.replace(diagnosis.findings[0], parameters={"shift": shift})
+    rows = words.parameter_rows([finding])
+    assert [row[2] for row in rows] == ["shift x", "shift y", "shift z"]
+    assert [row[6] for row in rows] == ["at the bound", "", ""]
+
+
+def test_places_lead_to_their_joint() -> None:
+    model = mujoco.MjModel.from_xml_string(synthetic.ARM)
+    for kind, name, joint in (
+        ("joint", "j1", "j1"), ("actuator", "a2", "j2"), ("body", "fore", "j2"),
+        ("geom", "hand", "j2"), ("body", "base", None), ("joint", "nobody", None),
+        ("world", "world", None), ("pair", "j1+j2", "j1"),
+    ):  # fmt: skip
+        assert joint_of(model, Location(kind, name)) == joint  # type: ignore[arg-type]
+
+
+def test_a_marked_body_stands_out_and_stays_on_the_page() -> None:
+    model = mujoco.MjModel.from_xml_string(synthetic.ARM)
+    svg = draw(model, np.array([0.4, -1.0]), {Location("body", "fore"): "payload"})
+    assert re.search(r'class="s\d hot"', svg)
+    assert "body fore" in svg
+    assert "payload" in svg
+    assert not re.search(r'class="s\d hot"', draw(model, np.zeros(2), {}))
+    numbers = [float(n) for d in re.findall(r'd="([^"]+)"', svg) for n in re.findall(r"[\d.]+", d)]
+    assert max(numbers) <= 560

@@ -1,0 +1,151 @@
+"""Physics that the arm may have: MJCF written by hand, and laws in closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+
+from tests.physics.arm import GAINS, H, Hook, edited, servo
+
+Array = np.ndarray
+
+J1 = 'name="j1" axis="0 1 0" armature="0.02"'
+M1 = 'gainprm="60" biastype="affine" biasprm="0 -60 -3"'
+B2 = 'mass="0.8"'
+INERTIAL = '<inertial pos="0.15 0.01 0.02" mass="1.2" diaginertia="0.004 0.012 0.011"/>'
+
+
+def joint(attributes: str) -> str:
+    return edited((J1, f"{J1} {attributes}"))
+
+
+def push(law: Callable[[mujoco.MjData], float]) -> Callable[[], Hook]:
+    """Torque on joint j1 by a law of the state."""
+
+    def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        data.qfrc_applied[1] += law(data)
+
+    return lambda: hook
+
+
+def instead(law: Callable[[float, mujoco.MjData], float]) -> Callable[[], Hook]:
+    """Another force of drive m1 instead of its own."""
+    return push(lambda d: law(servo(d, "m1", 1), d) - servo(d, "m1", 1))
+
+
+def smooth_sign(v: float) -> float:
+    return float(np.clip(v / 0.004, -1.0, 1.0))
+
+
+def stribeck(d: mujoco.MjData) -> float:
+    v = d.qvel[1]
+    return -smooth_sign(v) * (0.8 + 0.6 * np.exp(-((v / 0.3) ** 2)))
+
+
+def load(d: mujoco.MjData) -> float:
+    return -smooth_sign(d.qvel[1]) * (0.3 + 0.2 * abs(servo(d, "m1", 1)))
+
+
+def play_operator() -> Hook:
+    state = {"z": 0.0, "q": 0.0}
+
+    def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        state["z"] = float(np.clip(state["z"] + data.qpos[1] - state["q"], -0.1, 0.1))
+        state["q"] = float(data.qpos[1])
+        data.qfrc_applied[1] -= 12.0 * state["z"]
+
+    return hook
+
+
+def two_masses(gear: Callable[[float, float], float]) -> Callable[[], Hook]:
+    """The rotor of j1 (0.02 kg·m²) behind a gear torque of twist and twist rate, by hand."""
+
+    def start() -> Hook:
+        state = {"angle": 0.0, "speed": 0.0}
+        kp, kv = GAINS["m1"]
+
+        def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+            total, steps = 0.0, 10
+            for _ in range(steps):
+                torque = gear(state["angle"] - data.qpos[1], state["speed"] - data.qvel[1])
+                drive = kp * (data.ctrl[1] - state["angle"]) - kv * state["speed"]
+                state["speed"] += H / steps * (drive - torque) / 0.02
+                state["angle"] += H / steps * state["speed"]
+                total += torque / steps
+            data.qfrc_applied[1] += total - servo(data, "m1", 1)
+
+        return hook
+
+    return start
+
+
+def play(twist: float, rate: float) -> float:
+    beyond = twist - np.clip(twist, -0.02, 0.02)
+    return float(8000.0 * beyond + (6.0 * rate if beyond else 0.0))
+
+
+LINK_ONLY = edited((J1, 'name="j1" axis="0 1 0"'))
+
+
+def filtered() -> Hook:
+    state: dict[str, float] = {}
+
+    def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        u = float(data.ctrl[1])
+        x = state.setdefault("x", u)
+        data.ctrl[1] = x
+        state["x"] = u + (x - u) * np.exp(-H / 0.02)
+
+    return hook
+
+
+def late() -> Hook:
+    memory: list[float] = []
+
+    def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        memory.append(float(data.ctrl[1]))
+        data.ctrl[1] = memory[max(0, len(memory) - 1 - 24)]
+
+    return hook
+
+
+def at_com(model: mujoco.MjModel, data: mujoco.MjData, force: Array) -> None:
+    data.xfrc_applied[model.body("b2").id, :3] += force
+
+
+def constant() -> Hook:
+    return lambda m, d: at_com(m, d, np.array([3.0, -2.0, 4.0]))
+
+
+def dragged() -> Hook:
+    def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        jacobian = np.zeros((3, 3))
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_jacBodyCom(model, data, jacobian, None, model.body("b2").id)
+        v = jacobian @ data.qvel
+        at_com(model, data, -2.5 * np.linalg.norm(v) * v)
+
+    return hook
+
+
+def tethered() -> Hook:
+    def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        body = model.body("b3").id
+        x = data.xpos[body]
+        force = 20.0 * (np.array([0.2, 0.3, 0.9]) - x)
+        mujoco.mj_applyFT(model, data, force, np.zeros(3), x, body, data.qfrc_applied)
+
+    return hook
+
+
+def carrying(body_ends: str, position: str) -> str:
+    weight = f'<body pos="{position}"><geom type="sphere" size="0.001" mass="0.5"'
+    weight += ' contype="0" conaffinity="0"/></body>'
+    return edited((body_ends, f"{body_ends}{weight}"))
+
+
+G1 = '<geom name="g1" type="capsule" fromto="0 0 0 0.3 0 0" size="0.03"/>'
+G2 = '<geom name="g2" type="box" pos="0.12 0.02 0.01" size="0.12 0.03 0.02" mass="0.8"/>'
+TILT = (9.81 * np.sin(0.1) * np.cos(0.7), 9.81 * np.sin(0.1) * np.sin(0.7), -9.81 * np.cos(0.1))

@@ -1,0 +1,181 @@
+"""What every effect must keep to, whoever added it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from tests.physics.arm import ARM, Run, motion, scene, simulate
+from tests.physics.truths import TRUTHS, Truth
+from wt.physics.effect import Effect, effects
+from wt.physics.scene import Scene
+from wt.types import Location
+
+# The published table of effects: id → (parameter, unit).
+TABLE = {
+    "joint.friction_coulomb": [("coulomb", "N·m")],
+    "joint.friction_viscous": [("coefficient", "N·m·s/rad")],
+    "joint.friction_quadratic": [("coefficient", "N·m·s²/rad²")],
+    "joint.friction_stribeck": [("coulomb", "N·m"), ("static", "N·m"), ("velocity", "rad/s")],
+    "joint.friction_load": [("coulomb", "N·m"), ("fraction", "-")],
+    "joint.stiffness": [("stiffness", "N·m/rad"), ("reference", "rad")],
+    "joint.armature": [("inertia", "kg·m²")],
+    "joint.backlash": [("gap", "rad")],
+    "joint.elasticity": [("stiffness", "N·m/rad"), ("damping", "N·m·s/rad")],
+    "joint.hysteresis": [("stiffness", "N·m/rad"), ("yield", "N·m")],
+    "joint.stop": [("position", "rad"), ("side", "±1")],
+    "actuator.gain": [("factor", "-")],
+    "actuator.bias": [("torque", "N·m")],
+    "actuator.delay": [("delay", "s")],
+    "actuator.lag": [("time_constant", "s")],
+    "actuator.saturation": [("torque", "N·m")],
+    "actuator.speed_limit": [("stall", "N·m"), ("speed", "rad/s")],
+    "actuator.deadband": [("width", "N·m")],
+    "actuator.ripple": [("amplitude", "N·m"), ("cycles", "1/rev"), ("phase", "rad")],
+    "actuator.fade": [("loss", "-"), ("time_constant", "s")],
+    "body.mass": [("factor", "-")],
+    "body.com": [("shift", "m")],
+    "body.inertia": [("factor", "-")],
+    "body.payload_fixed": [("mass", "kg"), ("position", "m")],
+    "body.force": [("force", "N")],
+    "body.force_intermittent": [("force", "N")],
+    "body.drag": [("coefficient", "N·s²/m²")],
+    "body.tether": [("stiffness", "N/m"), ("anchor", "m")],
+    "sensor.offset": [("offset", "rad")],
+    "sensor.scale": [("factor", "-")],
+    "sensor.delay": [("delay", "s")],
+    "sensor.quantization": [("step", "rad")],
+    "world.gravity": [("angle", "rad"), ("direction", "rad")],
+}
+# Parameters at which an effect does nothing, on a model that has none of it.
+NEUTRAL = {
+    **{name: (0.0,) for name, parameters in TABLE.items() if len(parameters) == 1},
+    "joint.friction_load": (0.0, 0.0),
+    "joint.stiffness": (0.0, 0.0),
+    "actuator.gain": (1.0,),
+    "actuator.ripple": (0.0, 3.0, 0.0),
+    "actuator.fade": (0.0, 5.0),
+    "body.mass": (1.0,),
+    "body.com": (0.0, 0.0, 0.0),
+    "body.inertia": (1.0,),
+    "body.force": (0.0, 0.0, 0.0),
+    "body.force_intermittent": (0.0, 0.0, 0.0),
+    "world.gravity": (0.0, 0.0),
+}
+WITHOUT = ("joint.backlash", "actuator.saturation", "sensor.scale")
+IDS = pytest.mark.parametrize("name", sorted(TABLE))
+
+
+@pytest.fixture(scope="module")
+def recorded() -> Run:
+    return simulate(ARM, seconds=0.2)
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Scene:
+    return scene(tmp_path)
+
+
+def acceleration(model: mujoco.MjModel) -> np.ndarray:
+    """Accelerations of the arm's joints at some state, whatever else the model has."""
+    data = mujoco.MjData(model)
+    joints = [model.joint(name) for name in ("j0", "j1", "j2")]
+    for joint, q, v in zip(joints, (0.3, -0.2, 0.5), (1.0, -2.0, 0.7), strict=True):
+        data.joint(joint.id).qpos, data.joint(joint.id).qvel = q, v
+    data.ctrl[:3] = 0.2, 0.1, -0.3
+    mujoco.mj_forward(model, data)
+    return np.array([data.qacc[joint.dofadr[0]] for joint in joints])
+
+
+def test_the_table_is_complete() -> None:
+    assert set(TABLE) <= set(effects())
+
+
+@IDS
+def test_names_and_units_are_those_of_the_table(name: str) -> None:
+    effect = effects()[name]
+    assert [(p.name, p.unit) for p in effect.parameters] == TABLE[name]
+    lower, upper = effect.bounds()
+    assert len(lower) == len(upper) == len(effect.steps()) == effect.n_theta
+    assert (lower < upper).all()
+    assert (effect.steps() >= 0.0).all()
+
+
+@IDS
+def test_signatures_fit_the_motion(name: str, arm: Scene, recorded: Run) -> None:
+    effect, moved = effects()[name], motion(arm, recorded)
+    places = effect.places(arm)
+    assert places
+    for at in places:
+        for shape in effect.shapes(moved, at)[:2]:
+            columns = effect.columns(moved, at, shape)
+            assert columns.shape[:2] == moved.q.shape
+            assert np.isfinite(columns).all()
+            assert not effect.signed or len(effect.signed) == columns.shape[2]
+            theta = effect.theta(np.full(columns.shape[2], 0.1), shape)
+            assert np.shape(theta) == (effect.n_theta,)
+        for start in effect.starts(moved, at):
+            lower, upper = effect.bounds()
+            assert ((lower <= start) & (start <= upper)).all()
+
+
+@pytest.mark.parametrize("name", sorted(set(NEUTRAL) - set(WITHOUT)))
+def test_nothing_is_patched_by_nothing(name: str, arm: Scene) -> None:
+    effect = effects()[name]
+    before = acceleration(arm.spec().compile())
+    for at in effect.places(arm):
+        spec = arm.spec()
+        effect.patch(spec, at, np.array(NEUTRAL[name]))
+        assert acceleration(spec.compile()) == pytest.approx(before, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("truth", TRUTHS, ids=lambda t: f"{t.id}-{t.at.name}")
+def test_patched_files_load_in_plain_mujoco(truth: Truth, arm: Scene) -> None:
+    effect, spec = effects()[truth.id], arm.spec()
+    effect.patch(spec, truth.at, np.array(truth.theta))
+    model = spec.compile()
+    again = mujoco.MjModel.from_xml_string(spec.to_xml())
+    assert again.nu == 3
+    assert [again.actuator(i).name for i in range(3)] == ["m0", "m1", "m2"]
+    # numbers in a file have six digits
+    assert acceleration(again) == pytest.approx(acceleration(model), rel=1e-4)
+    assert again.body_mass.sum() == pytest.approx(model.body_mass.sum(), rel=1e-5)
+
+
+@pytest.mark.parametrize("truth", TRUTHS, ids=lambda t: f"{t.id}-{t.at.name}")
+def test_people_are_told(truth: Truth) -> None:
+    effect: Effect = effects()[truth.id]
+    theta = np.array(truth.theta)
+    assert truth.at.name in effect.statement(truth.at, theta) or truth.at.kind == "world"
+    assert effect.statement(truth.at, theta).endswith(".")
+    assert effect.separation(truth.at)
+    assert effect.reference
+    assert set(effect.named(theta)) >= {p.name for p in effect.parameters}
+
+
+def test_angles_of_a_file_in_degrees_stay_right(tmp_path: Path) -> None:
+    text = ARM.replace('<compiler angle="radian"/>', '<compiler angle="degree"/>')
+    spec = scene(tmp_path, text).spec()
+    at = Location("joint", "j1")
+    effects()["joint.stiffness"].patch(spec, at, np.array([2.0, 0.4]))
+    effects()["joint.stop"].patch(spec, at, np.array([0.3, 1.0]))
+    model = spec.compile()
+    assert model.joint("j1").qpos_spring[0] == pytest.approx(0.4)
+    assert model.joint("j1").range[1] == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("name", ["actuator.gain", "body.mass", "body.payload_fixed"])
+def test_a_servo_keeps_its_damping_when_given_as_a_ratio(name: str, tmp_path: Path) -> None:
+    servo = '<position name="m1" joint="j1" kp="60" dampratio="1"/>'
+    own = '<general name="m1" joint="j1" gainprm="60" biastype="affine" biasprm="0 -60 -3"/>'
+    arm = scene(tmp_path, ARM.replace(own, servo))
+    damping = arm.model.actuator("m1").biasprm[2]
+    at = Location("actuator", "m1") if name == "actuator.gain" else Location("body", "b2")
+    theta = np.array([2.0, 0.1, 0.0, 0.0])[: effects()[name].n_theta]
+    spec = arm.spec()
+    effects()[name].patch(spec, at, theta)
+    factor = 2.0 if name == "actuator.gain" else 1.0
+    assert spec.compile().actuator("m1").biasprm[2] == pytest.approx(factor * damping)

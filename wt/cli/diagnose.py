@@ -1,0 +1,141 @@
+"""``wt diagnose``: which physics the model leaves out, from recordings of the real machine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from typer.core import TyperCommand
+
+from wt.errors import UserError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from typer._click.core import Context  # typer.Context is a subclass
+
+    from wt.diagnose.result import Diagnosis
+
+EXPERIMENT = "diagnose"
+"""Name of the experiment in MLflow."""
+
+
+class Command(TyperCommand):
+    """Lets one ``--holdout`` take several files, up to the next option."""
+
+    def parse_args(self, ctx: Context, args: list[str]) -> list[str]:
+        """Parse as usual, with ``--holdout a b`` read as ``--holdout a --holdout b``."""
+        return list(super().parse_args(ctx, repeated(args, "--holdout")))
+
+
+def repeated(args: Sequence[str], option: str) -> list[str]:
+    """Arguments with ``option`` repeated before each of the values that follow it."""
+    found: list[str] = []
+    inside = first = False
+    for arg in args:
+        if arg.startswith("-"):
+            inside = first = arg == option
+        elif inside and not first:
+            found.append(option)
+        else:
+            first = False
+        found.append(arg)
+    return found
+
+
+def command(
+    model: Annotated[Path, typer.Argument(metavar="MODEL.xml", help="The robot's MJCF.")],
+    recordings: Annotated[
+        list[Path], typer.Argument(metavar="RECORDING", help="What the real robot did.")
+    ],
+    out: Annotated[Path, typer.Option(help="Folder for the report and the patched model.")],
+    holdout: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="RECORDING...",
+            help="Only for the proof; one or several. By default the last ones, or the last "
+            "quarter of a single one.",
+        ),
+    ] = None,
+    track: Annotated[bool, typer.Option("--track", help="Log to MLflow too.")] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
+    suggest_experiment: Annotated[
+        Path | None,
+        typer.Option(metavar="OUT.parquet", help="Write the commands to record next."),
+    ] = None,
+) -> None:
+    """Locate, name, model and prove what the simulator leaves out.
+
+    Says where the recordings and the model's replay part, which physics is missing, and how much
+    better the patched model predicts data that nothing was fitted to. Writes report.html,
+    model.xml (the patched MJCF), diagnosis.json, diagnosis.rrd, and residual.onnx if a learned
+    remainder was needed. Finding nothing is an answer too: exit code 0.
+
+    Example:
+        wt diagnose robot.xml walk1.parquet walk2.parquet --holdout walk3.parquet --out diagnosis
+    """
+    from rich.console import Console
+
+    from wt.cli._progress import bar
+    from wt.diagnose.pipeline import diagnose
+    from wt.diagnose.words import print_summary
+    from wt.diagnose.write import write
+
+    if out.exists() and not out.is_dir():
+        raise UserError(f"--out {out} is a file; name a folder")
+    with bar("reading") as progress:
+        found = diagnose(model, recordings, holdout or (), seed=seed, progress=progress)
+        progress("writing", 0.98)
+        write(found, out)
+    console = Console()
+    print_summary(found, console)
+    console.print(f"\n{out / 'report.html'}", highlight=False, soft_wrap=True)
+    if suggest_experiment is not None:
+        _suggest(found, model, suggest_experiment, console)
+    if track:
+        _track(found, out, seed, console)
+
+
+def _suggest(found: Diagnosis, model: Path, path: Path, console: Console) -> None:
+    from wt.data import recording
+    from wt.diagnose.excite import suggest
+
+    recording.write(suggest(found, model), path)
+    console.print(f"{path}: commands to record next", highlight=False, soft_wrap=True)
+
+
+def _track(found: Diagnosis, out: Path, seed: int, console: Console) -> None:
+    """One run in MLflow: what was given, how well it fits, and every file that was written."""
+    from wt import track
+
+    h = found.proof.holdout
+    with track.run(EXPERIMENT, Path(found.model_path).stem) as run:
+        run.params(
+            {
+                "model": found.model_path,
+                "model_sha256": found.model_sha256,
+                "recordings": [r.path for r in found.recordings],
+                "seed": seed,
+                "verdict": found.verdict,
+                "effects": [f"{f.effect} at {f.at}" for f in found.findings],
+            }
+        )
+        values = {
+            "holdout/before_rmse": h.before,
+            "holdout/after_rmse": h.after,
+            "holdout/noise_floor_rmse": h.noise_floor,
+            "holdout/ratio": h.ratio,
+            "findings": len(found.findings),
+            "seconds": found.seconds,
+        }
+        for f in found.findings:
+            for name, estimate in f.parameters.items():
+                if isinstance(estimate.value, float):
+                    values[f"{f.effect}/{f.at.name}/{name}"] = estimate.value
+        run.metrics(values, step=0)
+        for name in found.to_json()["artifacts"].values():
+            if name:
+                run.artifact(out / name)
+        run.artifact(out / "diagnosis.json")
+    console.print(f"run {run.id} in {run.uri}", highlight=False, soft_wrap=True)

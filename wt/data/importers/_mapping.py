@@ -1,0 +1,163 @@
+"""The part of a map that every format understands: names, units, signs, offsets and metadata.
+
+Map (all optional)::
+
+    joints: {panda_joint1: joint1, finger: null}  # joint name in the source: MJCF joint
+    commands: {panda_joint1: motor1}              # … MJCF actuator; the joint's name if left out
+    sensors: {imu_gyro: gyro}                     # sensor name in the source: MJCF sensor
+    units: deg                                    # all joint positions, velocities and commands
+    signs: {ctrl/motor1: -1}
+    offsets: {qpos/joint1: 0.1}
+    meta: {robot: my arm, notes: …}
+
+``null`` leaves out. ``units``, ``signs`` and ``offsets`` name columns of the recording that comes
+out; ``*`` stands for any name (``qvel/*: deg``). A unit is one of :data:`UNITS` or the factor to
+SI. What comes out is sign · unit · value + offset, the offset in SI.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from wt.errors import DataError, suggest
+from wt.types import Recording
+
+Array = np.ndarray
+Map = Mapping[str, Any]
+"""The content of ``--map F.yaml``; what it may say stands here and at each importer."""
+
+KEYS = frozenset({"joints", "commands", "sensors", "units", "signs", "offsets", "meta"})
+UNITS = {
+    "SI": 1.0,
+    "rad": 1.0,
+    "deg": np.pi / 180.0,
+    "rev": 2.0 * np.pi,
+    "rpm": 2.0 * np.pi / 60.0,
+    "m": 1.0,
+    "mm": 1e-3,
+}
+"""Factor from each unit to SI; of a velocity, the unit of its position (``deg`` is deg/s)."""
+
+_COLUMN = re.compile(r"(qpos|qvel|ctrl|force|sensor)/(.+?)(/\d+)?")
+_SECTION = {"qpos": "joints", "qvel": "joints", "ctrl": "commands", "force": "commands"}
+
+
+def apply(recording: Recording, mapping: Map) -> Recording:
+    """The recording under the map's names, in SI units.
+
+    Args:
+        recording: what an importer read, under the source's names.
+        mapping: the common keys of a map, see the module.
+
+    Raises:
+        DataError: the map names something that is not there, or a value is of the wrong kind.
+    """
+    columns = _renamed(recording.columns, mapping)
+    factors = {name: 1.0 for name in columns}
+    offsets = {name: 0.0 for name in columns}
+    for pattern, unit in _entries(mapping, "units").items():
+        for name in matching(
+            pattern, columns, "units", spread=not isinstance(mapping["units"], str)
+        ):
+            factors[name] = _factor(unit)
+    for pattern, sign in _entries(mapping, "signs").items():
+        if sign not in (1, -1):
+            raise DataError(f"map signs: {pattern!r} is {sign!r}; a sign is 1 or -1")
+        for name in matching(pattern, columns, "signs"):
+            factors[name] *= sign
+    for pattern, offset in _entries(mapping, "offsets").items():
+        for name in matching(pattern, columns, "offsets"):
+            offsets[name] = _number(offset, f"offsets: {pattern!r}")
+    # SI value = sign · unit · raw + offset
+    converted = {name: factors[name] * x + offsets[name] for name, x in columns.items()}
+    meta = mapping.get("meta", {})
+    if not isinstance(meta, Mapping):
+        raise DataError(f"map meta holds {type(meta).__name__}; it must be 'key: value'")
+    return Recording(recording.t, converted, {**recording.meta, **meta})
+
+
+def matching(
+    pattern: str, columns: Mapping[str, Array], key: str, spread: bool = True
+) -> list[str]:
+    """The columns that a pattern of the map names; ``*`` does not reach over a slash.
+
+    Args:
+        pattern: a column's name, ``*`` for any run of characters but a slash.
+        columns: all columns.
+        key: the map's key, for the message.
+        spread: whether matching nothing is a mistake.
+
+    Raises:
+        DataError: it matches none.
+    """
+    expression = re.compile("[^/]*".join(re.escape(part) for part in pattern.split("*")))
+    found = [name for name in columns if expression.fullmatch(name)]
+    if not found and spread:
+        raise DataError(f"map {key}: {pattern!r} is no column; {suggest(pattern, columns)}")
+    return found
+
+
+def says(mapping: Map, key: str, *columns: str) -> bool:
+    """Whether the map settles ``key`` (units, signs) of one of these columns by itself."""
+    entries = _entries(mapping, key)
+    named = {c: np.empty(0) for c in columns}
+    return any(matching(p, named, key, spread=False) for p in entries)
+
+
+def _entries(mapping: Map, key: str) -> dict[str, Any]:
+    entries = mapping.get(key, {})
+    if key == "units" and isinstance(entries, str):
+        return {f"{kind}/*": entries for kind in ("qpos", "qvel", "ctrl")}
+    if not isinstance(entries, Mapping):
+        raise DataError(f"map {key} holds {entries!r}; it must be 'name: value' lines")
+    return {str(name): value for name, value in entries.items()}
+
+
+def _renamed(columns: Mapping[str, Array], mapping: Map) -> dict[str, Array]:
+    names = {key: _entries(mapping, key) for key in ("joints", "commands", "sensors")}
+    used: set[tuple[str, str]] = set()
+    sources: dict[str, set[str]] = {key: set() for key in names}
+    renamed: dict[str, Array] = {}
+    for column, values in columns.items():
+        match = _COLUMN.fullmatch(column)
+        if match is None:
+            renamed[column] = values
+            continue
+        kind, name, index = match[1], match[2], match[3] or ""
+        key = _SECTION.get(kind, "sensors")
+        sources[key].add(name)
+        if key == "commands":
+            sources["joints"].add(name)
+            # a command that the map does not name follows its joint
+            key = key if name in names[key] else "joints"
+        if name in names[key]:
+            used.add((key, name))
+        new = names[key].get(name, name)
+        if new is None:
+            continue
+        if f"{kind}/{new}{index}" in renamed:
+            raise DataError(f"map {key}: two columns would be '{kind}/{new}{index}'")
+        renamed[f"{kind}/{new}{index}"] = values
+    for key, entries in names.items():
+        for name in entries:
+            if (key, name) not in used:
+                raise DataError(
+                    f"map {key}: {name!r} is not in the source; {suggest(name, sources[key])}"
+                )
+    return renamed
+
+
+def _factor(unit: object) -> float:
+    if isinstance(unit, str) and unit not in UNITS:
+        raise DataError(f"map units: {unit!r} is not known: {suggest(unit, UNITS)} or a factor")
+    return UNITS[unit] if isinstance(unit, str) else _number(unit, "units")
+
+
+def _number(value: object, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise DataError(f"map {where} is {value!r}; it must be a number")
+    return float(value)

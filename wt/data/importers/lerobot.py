@@ -1,0 +1,166 @@
+"""Episodes of LeRobot datasets: Parquet with lists of numbers, names in meta/info.json.
+
+``action`` becomes commands, ``observation.state`` positions, ``observation.velocity`` and
+``observation.effort`` velocities and forces. An element's name is that of its joint; an ending
+``.pos``, ``.vel``, ``.effort`` or ``.torque`` says what it is, and other endings (``.x``, …) stay
+part of the name. Where the dataset has no names, joints are ``joint0``, ``joint1``, ….
+The action of a row is in force from that row on. LeRobot leaves units open (degrees, or percent
+of the range): give ``units`` in the map.
+
+Map (all optional)::
+
+    episode: 3       # needed where there are several in the source
+
+Keys that every format has (joints, units, signs, …) stand in :mod:`wt.data.importers._mapping`.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from wt.data.importers.base import Map, register
+from wt.errors import DataError
+from wt.types import Recording
+
+Array = np.ndarray
+
+_INFO = Path("meta") / "info.json"
+_KINDS = {
+    "action": "ctrl",
+    "observation.state": "qpos",
+    "observation.velocity": "qvel",
+    "observation.effort": "force",
+}
+_ENDINGS = {".pos": None, ".vel": "qvel", ".effort": "force", ".torque": "force"}
+"""What an ending says of an element of the state; ``.pos`` says nothing new."""
+
+
+@register
+class LeRobot:
+    """Reads one episode."""
+
+    name: ClassVar[str] = "lerobot"
+    about: ClassVar[str] = f"a dataset folder with {_INFO}, or one of its .parquet files"
+    keys: ClassVar[frozenset[str]] = frozenset({"episode"})
+    general: ClassVar[bool] = False
+
+    def recognises(self, path: Path) -> bool:
+        """Whether ``path`` is such a folder, or a Parquet file with an action."""
+        if path.is_dir():
+            return (path / _INFO).is_file()
+        if path.suffix != ".parquet" or not path.is_file():
+            return False
+        try:
+            return "action" in pq.read_schema(path).names
+        except (pa.ArrowException, OSError, ValueError):
+            return _dataset_of(path) is not None
+
+    def read(self, path: Path, mapping: Map) -> Recording:
+        """One episode as a recording; see the module for names and units.
+
+        Raises:
+            DataError: the dataset is broken, or the map does not say which episode.
+        """
+        folder = path if path.is_dir() else _dataset_of(path)
+        info = _info(folder) if folder else {}
+        files = sorted((path / "data").rglob("*.parquet")) if path.is_dir() else [path]
+        table = _episode(path, files, mapping.get("episode"))
+        if "timestamp" in table.column_names:
+            t = table["timestamp"].to_numpy().astype(np.float64)
+        elif isinstance(info.get("fps"), int | float):
+            t = np.arange(len(table)) / info["fps"]
+        else:
+            raise DataError(f"'{path}' has neither a column 'timestamp' nor fps in {_INFO}")
+        columns: dict[str, Array] = {}
+        for feature, kind in _KINDS.items():
+            if feature in table.column_names:
+                values = _lists(path, table, feature)
+                names = _names(info, feature, values.shape[1])
+                for name, column in zip(names, values.T, strict=True):
+                    stem, what = _what(name, kind)
+                    columns[f"{what}/{stem}"] = column
+        meta = {"source": path.name, "format": self.name, "robot": info.get("robot_type")}
+        meta |= {"episode": int(table["episode_index"][0].as_py())}
+        return Recording(t, columns, meta)
+
+
+def _dataset_of(file: Path) -> Path | None:
+    return next((p for p in file.resolve().parents if (p / _INFO).is_file()), None)
+
+
+def _info(folder: Path) -> dict[str, Any]:
+    try:
+        content = json.loads((folder / _INFO).read_text(encoding="utf-8"))
+        if not isinstance(content, dict):
+            raise ValueError(f"holds {type(content).__name__}")
+        return content
+    except (ValueError, OSError) as error:
+        raise DataError(f"'{folder / _INFO}' is not a whole JSON object: {error}") from error
+
+
+def _episode(path: Path, files: list[Path], wanted: object) -> pa.Table:
+    """The rows of one episode in time's order, over all files that hold some of it."""
+    try:
+        tables = [_known_columns(file) for file in files]
+        found = sorted({e for table in tables for e in table["episode_index"].to_pylist()})
+    except KeyError as error:
+        raise DataError(f"'{path}' is no LeRobot dataset: it has no column {error}") from error
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise DataError(
+            f"'{path}' is not whole Parquet (cut off, or only a pointer to it?): {error}"
+        ) from error
+    if not found:
+        raise DataError(f"'{path}' holds no episode; download its data folder too")
+    if wanted is None and len(found) > 1:
+        raise DataError(
+            f"'{path}' holds {len(found)} episodes, {found[0]} to {found[-1]}; choose one in the "
+            "map with 'episode: N', or give one episode's file"
+        )
+    episode = found[0] if wanted is None else wanted
+    if episode not in found:
+        raise DataError(f"map episode: {episode!r} is not there; there are {found[0]}…{found[-1]}")
+    parts = [t.filter(pa.compute.equal(t["episode_index"], episode)) for t in tables]
+    table = pa.concat_tables(part for part in parts if len(part))
+    return table.sort_by("frame_index") if "frame_index" in table.column_names else table
+
+
+def _known_columns(file: Path) -> pa.Table:
+    known = {*_KINDS, "timestamp", "episode_index", "frame_index"}
+    table = pq.read_table(file, columns=[c for c in pq.read_schema(file).names if c in known])
+    if "episode_index" not in table.column_names:
+        raise KeyError("episode_index")
+    return table
+
+
+def _lists(path: Path, table: pa.Table, feature: str) -> Array:
+    """A feature's rows, (N, k)."""
+    try:
+        rows = np.array(table[feature].to_pylist(), dtype=np.float64)
+    except (ValueError, TypeError) as error:
+        raise DataError(f"'{path}': {feature} is not a list of numbers per row: {error}") from error
+    return rows[:, None] if rows.ndim == 1 else rows
+
+
+def _names(info: dict[str, Any], feature: str, width: int) -> list[str]:
+    """Names of a feature's elements: a list, or lists under headings like "motors"."""
+    names = info.get("features", {}).get(feature, {}).get("names")
+    if isinstance(names, dict):
+        names = [n for group in names.values() for n in (group if isinstance(group, list) else [])]
+    if names is None or len(names) != width:
+        return [f"joint{i}" for i in range(width)]
+    return [str(name) for name in names]
+
+
+def _what(name: str, kind: str) -> tuple[str, str]:
+    """Joint and kind of an element; an action is a command whatever its ending."""
+    for ending, meant in _ENDINGS.items():
+        if name.endswith(ending):
+            stem = name.removesuffix(ending)
+            return stem, kind if meant is None or kind == "ctrl" else meant
+    return name, kind

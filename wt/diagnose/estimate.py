@@ -1,0 +1,107 @@
+"""Parameters with honest intervals: all fitted data, all effects together, nuisances beside them.
+
+The covariance is a sandwich over blocks longer than the errors' memory (H. White, 1982; D. W. K.
+Andrews, 1991): it holds although neighbouring errors resemble each other and the model is not
+exact. The nuisances enter with their prior spread, so that what they could explain widens the
+intervals of what they are confused with.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import t as student
+
+from wt.diagnose.objective import Assessed, Hypothesis, Objective
+from wt.diagnose.refine import bounds, jacobian, pack, refine
+from wt.diagnose.result import Estimate
+from wt.physics.replay import Planted
+
+Array = np.ndarray
+
+BLOCK_S = 2.0
+"""Length of a block [s]: longer than a servo's or a gravity-loaded joint's memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class Estimated:
+    """Effects with their final parameters.
+
+    Attributes:
+        assessed: the hypothesis on all fitted data.
+        estimates: for each part, its parameters by name.
+    """
+
+    assessed: Assessed
+    estimates: tuple[dict[str, Estimate], ...]
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        """The effects with their final parameters."""
+        return self.assessed.hypothesis
+
+
+def estimate(objective: Objective, start: Hypothesis) -> Estimated:
+    """Fit all effects together and estimate how well they are known."""
+    now = objective.reference(start)
+    if not start:
+        return Estimated(now, ())
+    parts = range(len(start))
+    (now,) = refine(objective, [start], [parts], iterations=3)
+    now = objective.reference(now.hypothesis)
+    (slope,) = jacobian(objective, [now], [parts])
+    spread = _spread(objective, now, slope)
+    theta = pack(now.hypothesis, parts)
+    lower, upper = bounds(now.hypothesis, parts)
+    low, high = np.maximum(theta - spread, lower), np.minimum(theta + spread, upper)
+    estimates, offset = [], 0
+    for planted in now.hypothesis:
+        rows = slice(offset, offset + planted.effect.n_theta)
+        offset = rows.stop
+        estimates.append(_named(planted, low[rows], high[rows]))
+    return Estimated(now, tuple(estimates))
+
+
+def _spread(objective: Objective, now: Assessed, slope: Array) -> Array:
+    """Half width of the 95 % intervals of the parameters, (p,)."""
+    hessian, scores, blocks = objective.curvature(now, slope, BLOCK_S)
+    p, n = slope.shape[2], len(hessian)
+    scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    inverse = np.linalg.pinv(hessian / scale / scale[:, None], rcond=1e-10)
+    meat = scores.T @ scores / scale / scale[:, None]
+    # the nuisances' true values scatter around zero by one standard deviation each
+    meat[range(p, n), range(p, n)] += 1.0 / scale[p:] ** 2
+    covariance = (inverse @ meat @ inverse) / scale / scale[:, None]
+    freedom = max(blocks - p, 2)
+    deviation = np.sqrt(np.maximum(np.diag(covariance)[:p], 0.0))
+    return np.asarray(student.ppf(0.975, freedom) * deviation)
+
+
+def _named(planted: Planted, low: Array, high: Array) -> dict[str, Estimate]:
+    lower, upper = planted.effect.bounds()
+    found: dict[str, Estimate] = {}
+    start = 0
+    for p in planted.effect.parameters:
+        rows = slice(start, start + p.size)
+        start = rows.stop
+        value, ends = planted.theta[rows], (low[rows], high[rows])
+        warning = ""
+        if (ends[1] - ends[0] > 2.0 * np.maximum(np.abs(value), p.step)).any():
+            warning = "not identifiable from these recordings: the interval is wider than the value"
+        span = upper[rows] - lower[rows]
+        if ((value - lower[rows] < 1e-3 * span) | (upper[rows] - value < 1e-3 * span)).any():
+            near_zero = (np.abs(value) <= np.abs(lower[rows]) + 1e-3 * span).all()
+            if not near_zero:
+                warning = "at the bound of what is admissible: the law may be another one"
+        found[p.name] = Estimate(
+            _plain(value, bool(p.axes)),
+            p.unit,
+            (_plain(ends[0], bool(p.axes)), _plain(ends[1], bool(p.axes))),
+            warning,
+        )
+    return found
+
+
+def _plain(value: Array, vector: bool) -> float | tuple[float, ...]:
+    return tuple(float(x) for x in value) if vector else float(value[0])

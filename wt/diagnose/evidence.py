@@ -1,0 +1,103 @@
+"""What a diagnosis rests on: held-out errors, the search, and the replays to draw."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from wt.types import Location
+
+Array = np.ndarray
+
+Role = Literal["fit", "holdout"]
+
+
+@dataclass(frozen=True)
+class Error:
+    """Root mean square errors of replays against recordings [rad or m].
+
+    Attributes:
+        before: of the model as it was given.
+        after: of the patched model.
+        noise_floor: what measurement noise alone would give.
+        ratio: after / before.
+        ratio_ci95: its 95 % interval, from blocks longer than the errors' memory.
+    """
+
+    before: float
+    after: float
+    noise_floor: float
+    ratio: float
+    ratio_ci95: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Proof:
+    """The fit on recordings, or parts of them, that nothing was fitted to.
+
+    Attributes:
+        holdout: over all joints, open loop.
+        joints: per joint, open loop.
+        horizons: seconds ahead → (before, after) RMSE of replays restarted that often.
+        one_step: RMSE one sample ahead, before and after.
+        left_over: tests on the patched model's residual, one sentence each; empty if clean.
+        split: how the held-out data was chosen, in words.
+    """
+
+    holdout: Error
+    joints: Mapping[str, Error]
+    horizons: Mapping[float, tuple[float, float]]
+    one_step: tuple[float, float]
+    left_over: tuple[str, ...] = ()
+    split: str = ""
+
+
+@dataclass(frozen=True)
+class Considered:
+    """One hypothesis of the search, for the report.
+
+    Attributes:
+        effect: its id.
+        at: where.
+        gain: log-likelihood gained over the model without it [nats].
+        stage: ``"screened"`` (force residual only) or ``"replayed"``.
+        verdict: in words: "accepted", "beaten by …", "gains too little".
+    """
+
+    effect: str
+    at: Location
+    gain: float
+    stage: Literal["screened", "replayed"]
+    verdict: str
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """One recording and its replays, for pictures. Arrays are (T, n_joints) unless said.
+
+    Attributes:
+        name: the recording's file name.
+        role: whether it was fitted or held out.
+        t: time, (T,) [s].
+        recorded: measured positions, NaN where missing [rad or m].
+        before: positions replayed on the model as given.
+        after: positions replayed on the patched model.
+        velocity: smoothed velocities.
+        force_before: generalised force that the given model lacks [N·m].
+        force_after: what the patched model still lacks.
+        command: commands by actuator name, (T,) each.
+    """
+
+    name: str
+    role: Role
+    t: Array
+    recorded: Array
+    before: Array
+    after: Array
+    velocity: Array
+    force_before: Array
+    force_after: Array
+    command: Mapping[str, Array]

@@ -1,0 +1,112 @@
+"""Which hypotheses are worth a replay: the screen's best, and what only replays can tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wt.diagnose.objective import Assessed, Objective
+from wt.diagnose.screen import Scored, Screen
+from wt.physics.effect import Effect, Shape, effects
+from wt.physics.replay import Planted
+from wt.types import Location
+
+Array = np.ndarray
+
+WORST = 2
+"""At so many joints, those whose replays err most, every effect of theirs is replayed."""
+KEPT = 10
+"""At most so many of the screen's hypotheses are replayed in a round."""
+SHARE = 0.2
+"""… and only those with at least this share of the best one's gain."""
+RELATED = {
+    "joint.friction_coulomb": ("joint.friction_stribeck", "joint.friction_load"),
+    "joint.friction_viscous": ("joint.friction_quadratic", "joint.friction_stribeck"),
+    "actuator.delay": ("actuator.lag", "sensor.delay"),
+    "actuator.lag": ("actuator.delay", "sensor.delay"),
+    "actuator.gain": ("actuator.deadband", "actuator.fade", "actuator.saturation"),
+    "joint.stiffness": ("joint.hysteresis", "actuator.bias"),
+}
+"""Effects that look alike on the force residual: where one ranks, its relatives are replayed."""
+
+
+def candidates(
+    screen: Screen,
+    ranked: Sequence[Scored],
+    objective: Objective,
+    now: Assessed,
+) -> list[tuple[Planted, Shape | None]]:
+    """Additions to the present hypothesis that a replay should judge.
+
+    Args:
+        screen: the force residual.
+        ranked: its hypotheses, best first.
+        objective: the replays.
+        now: the present hypothesis, assessed.
+
+    Returns:
+        Effects with their starting parameters, and the shape of their signature if they have one.
+    """
+    best = ranked[0].gain if ranked else 0.0
+    strong = [s for s in ranked[:KEPT] if s.gain >= SHARE * best and s.gain > 0.0]
+    wanted = {
+        (name, place)
+        for s in strong[:6]
+        for name in RELATED.get(s.planted.effect.id, ())
+        for place in _near(screen, s.planted.at)
+    }
+    # where replays err and forces show nothing, every effect of that joint gets its chance
+    excess = now.mse / objective.noise**2
+    worst = [int(d) for d in np.argsort(-excess)[:WORST] if excess[d] > 2.0]
+    chosen = {s.planted.key: s for s in strong}
+    for s in ranked:
+        at = s.planted.at
+        cheap = type(s.planted.effect).live is Effect.live
+        if (s.planted.effect.id, at) in wanted or (cheap and _dof(screen, at) in worst):
+            chosen.setdefault(s.planted.key, s)
+    found: list[tuple[Planted, Shape | None]] = [(s.planted, s.shape) for s in chosen.values()]
+    found += [(p, None) for p in _replay_only(screen, worst)]
+    taken = {p.key for p in now.hypothesis}
+    return [
+        (p, shape)
+        for p, shape in found
+        if p.key not in taken and not any(_exclude(p, other) for other in now.hypothesis)
+    ]
+
+
+def _near(screen: Screen, at: Location) -> list[Location]:
+    """A joint and its drives, either of which may be at fault."""
+    dof = _dof(screen, at)
+    scene = screen.motion.scene
+    drives = [Location("actuator", d.name) for d in scene.drives if d.dof == dof]
+    joints = [Location("joint", name) for name in scene.joints if scene.dof(name) == dof]
+    return [at, *drives, *joints, Location("sensor", "all")]
+
+
+def _exclude(one: Planted, other: Planted) -> bool:
+    same = one.at == other.at
+    return same and (
+        one.effect.id in other.effect.excludes or other.effect.id in one.effect.excludes
+    )
+
+
+def _replay_only(screen: Screen, worst: Sequence[int]) -> list[Planted]:
+    """Effects without a signature, at the joints whose replay is worst beyond its noise."""
+    scene = screen.motion.scene
+    found = []
+    for effect in effects().values():
+        for at in effect.places(scene):
+            if _dof(screen, at) in worst and not effect.shapes(screen.motion, at):
+                found += [Planted(effect, at, start) for start in effect.starts(screen.motion, at)]
+    return found
+
+
+def _dof(screen: Screen, at: Location) -> int:
+    """Degree of freedom that a place acts on alone; −1 if several."""
+    scene = screen.motion.scene
+    if at.kind == "joint":
+        return scene.dof(at.name)
+    if at.kind == "actuator":
+        return scene.drive(at.name).dof
+    return -1

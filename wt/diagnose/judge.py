@@ -1,0 +1,188 @@
+"""What of the search stands: names are doubted, gains are proven, and what is left is faced.
+
+A name is kept if a force of any other shape at its joint does not predict much better, and if it
+improves the fit of held-out recordings. What then remains, and improves the held-out fit when it
+is learned, is said to be unknown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wt.diagnose import proof
+from wt.diagnose.decide import Accepted
+from wt.diagnose.estimate import Estimated, estimate
+from wt.diagnose.objective import Hypothesis, Objective
+from wt.diagnose.remainder import Unknown, find
+from wt.diagnose.result import Confusable, Finding, Verdict
+from wt.diagnose.rivals import DOUBTFUL, rivals_nonparametric
+from wt.diagnose.screen import Screen
+from wt.physics.replay import Planted
+
+Array = np.ndarray
+
+SIGNIFICANT = 0.01
+"""Largest p-value of a finding."""
+MOST_UNKNOWN = 2
+CLEAN = 3.0
+"""Replays within so many deviations of measurement noise leave nothing to explain."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """What stands.
+
+    Attributes:
+        accepted: named effects.
+        estimated: their parameters.
+        gains: what each is worth on held-out data.
+        unknown: what no known effect explains.
+    """
+
+    accepted: tuple[Accepted, ...]
+    estimated: Estimated
+    gains: tuple[proof.Gain, ...]
+    unknown: tuple[Unknown, ...]
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        """All effects, named ones first."""
+        return (*self.estimated.hypothesis, *(u.planted for u in self.unknown))
+
+    @property
+    def shares(self) -> list[float]:
+        """Held-out share of each effect of :attr:`hypothesis`."""
+        return [g.share for g in self.gains] + [u.gain.share for u in self.unknown]
+
+
+@dataclass(frozen=True, eq=False)
+class Court:
+    """What is needed to judge.
+
+    Attributes:
+        screen: the force residual.
+        objective: replays of all fitted data.
+        held: held-out recordings.
+        step: physics step of replays [s].
+        seed: of everything random.
+    """
+
+    screen: Screen
+    objective: Objective
+    held: proof.Held
+    step: float
+    seed: int
+
+    def judge(self, accepted: Sequence[Accepted]) -> Judged:
+        """Prove, doubt, and look at what is left."""
+        proven = self._proven(tuple(accepted))
+        named = self._with_unknown(proven)
+        doubtful = [i for i in range(len(proven.accepted)) if self._doubtful(proven, i)]
+        if not doubtful:
+            return named
+        rest = tuple(a for i, a in enumerate(proven.accepted) if i not in doubtful)
+        unnamed = self._with_unknown(self._proven(rest))
+        return unnamed if self._better(unnamed, named) else named
+
+    def _proven(self, accepted: tuple[Accepted, ...]) -> Judged:
+        """Only what improves the held-out fit stays; the rest is estimated again without it."""
+        estimated = estimate(self.objective, tuple(a.planted for a in accepted))
+        while accepted:
+            gains = proof.gains(self.held, estimated.hypothesis, self.step)
+            weakest = int(np.argmax([g.p_value for g in gains]))
+            if gains[weakest].p_value <= SIGNIFICANT:
+                return Judged(accepted, estimated, tuple(gains), ())
+            accepted = tuple(a for i, a in enumerate(accepted) if i != weakest)
+            rest = [p for i, p in enumerate(estimated.hypothesis) if i != weakest]
+            estimated = estimate(self.objective, tuple(rest))
+        return Judged((), estimated, (), ())
+
+    def _with_unknown(self, judged: Judged) -> Judged:
+        """Learn what is left, as long as that improves the held-out fit."""
+        left = np.sqrt(judged.estimated.assessed.mse) / self.objective.noise
+        if (left < CLEAN).all():
+            return judged
+        found: list[Unknown] = []
+        assessed = judged.estimated.assessed
+        while len(found) < MOST_UNKNOWN:
+            unknown = find(
+                self.screen, self.objective, assessed, self.held, step=self.step, seed=self.seed
+            )
+            if unknown is None or any(unknown.planted.at == u.planted.at for u in found):
+                break
+            found.append(unknown)
+            assessed = self.objective.reference((*assessed.hypothesis, unknown.planted))
+        return Judged(judged.accepted, judged.estimated, judged.gains, tuple(found))
+
+    def _doubtful(self, judged: Judged, index: int) -> bool:
+        rivalry = rivals_nonparametric(self.screen, judged.hypothesis, index, seed=self.seed)
+        return rivalry is not None and rivalry.ratio < DOUBTFUL
+
+    def _better(self, one: Judged, other: Judged) -> bool:
+        """Whether the held-out fit, each joint in units of its noise, is better."""
+        if not one.unknown:
+            return False
+        both = proof.errors(self.held, [one.hypothesis, other.hypothesis], self.step)
+        chi = [float(np.nansum((e / self.held.smoothed.noise) ** 2)) for e in both]
+        return chi[0] < chi[1]
+
+
+def verdict(judged: Judged, objective: Objective) -> Verdict:
+    """In one word, by what the findings leave in replays, in units of noise."""
+    left = np.sqrt(judged.estimated.assessed.mse) / objective.noise
+    clean = bool((left < CLEAN).all())
+    if judged.unknown:
+        return "partly_explained" if judged.accepted else "unexplained"
+    if not judged.accepted:
+        return "no_mismatch"
+    return "explained" if clean else "partly_explained"
+
+
+def findings(judged: Judged) -> tuple[Finding, ...]:
+    """For people, the most important first."""
+    found = [
+        Finding(
+            effect=planted.effect.id,
+            at=planted.at,
+            parameters=values,
+            statement=planted.statement,
+            holdout_gain=gain.share,
+            p_value=gain.p_value,
+            confusable_with=tuple(_confusable(planted, r.planted) for r in a.rivals),
+            reference=planted.effect.reference,
+        )
+        for a, planted, values, gain in zip(
+            judged.accepted,
+            judged.estimated.hypothesis,
+            judged.estimated.estimates,
+            judged.gains,
+            strict=True,
+        )
+    ]
+    found += [
+        Finding(
+            effect="unknown",
+            at=u.planted.at,
+            parameters={},
+            statement=u.statement,
+            holdout_gain=u.gain.share,
+            p_value=u.gain.p_value,
+            depends_on=u.depends_on,
+            formula=u.formula,
+        )
+        for u in judged.unknown
+    ]
+    return tuple(sorted(found, key=lambda f: -f.holdout_gain))
+
+
+def suggestions(found: Sequence[Finding]) -> tuple[str, ...]:
+    """What to record next, so that what was confused can be told apart."""
+    experiments = [c.separating_experiment for f in found for c in f.confusable_with]
+    return tuple(dict.fromkeys(experiments))
+
+
+def _confusable(found: Planted, rival: Planted) -> Confusable:
+    return Confusable(rival.effect.id, rival.at, found.effect.separation(found.at))

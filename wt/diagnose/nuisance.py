@@ -1,0 +1,83 @@
+"""What any rig is off by: small errors of masses, damping, gains and timing that are no finding.
+
+A model made of a data sheet is never exact. Each of these errors is known in size, not in value;
+hypotheses are compared with all of them free inside their box, so that what a few per cent of
+mass explains is never blamed on missing physics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wt.physics.effect import effects
+from wt.physics.motion import Motion
+from wt.physics.replay import Planted
+from wt.physics.scene import Scene
+from wt.types import Location
+
+Array = np.ndarray
+
+BOX = 2.5
+"""Largest nuisance, in standard deviations."""
+_MASS, _DAMPING, _GAIN, _DELAY, _ARMATURE = 0.02, 0.10, 0.01, 4e-4, 0.03
+
+
+@dataclass(frozen=True, eq=False)
+class Nuisance:
+    """One small error of unknown sign.
+
+    Attributes:
+        planted: the effect that expresses it, one standard deviation large.
+        neutral: its ``theta`` when there is no error.
+    """
+
+    planted: Planted
+    neutral: Array
+
+    def scaled(self, size: float) -> Planted:
+        """The effect of an error of ``size`` standard deviations."""
+        theta = self.neutral + size * (self.planted.theta - self.neutral)
+        return Planted(self.planted.effect, self.planted.at, theta)
+
+
+def nuisances(scene: Scene) -> tuple[Nuisance, ...]:
+    """The errors that any model of this machine may have."""
+    m = scene.model
+    known = effects()
+    found: list[Nuisance] = []
+
+    def add(effect: str, at: Location, size: float, neutral: float) -> None:
+        theta = np.array([neutral + size])
+        found.append(Nuisance(Planted(known[effect], at, theta), np.array([neutral])))
+
+    for body in scene.moving:
+        add("body.mass", Location("body", body), _MASS, 1.0)
+    for joint in scene.joints:
+        dof = scene.dof(joint)
+        if m.dof_damping[dof] > 0.0:
+            at = Location("joint", joint)
+            add("joint.friction_viscous", at, _DAMPING * float(m.dof_damping[dof]), 0.0)
+        # half the rotor's inertia is rarely published; a share of the whole is what is unsure
+        add("joint.armature", Location("joint", joint), _ARMATURE * float(m.dof_M0[dof]), 0.0)
+    for drive in scene.drives:
+        at = Location("actuator", drive.name)
+        add("actuator.gain", at, _GAIN, 1.0)
+        add("actuator.delay", at, _DELAY, 0.0)
+    return tuple(found)
+
+
+def forces(motion: Motion, some: Sequence[Nuisance]) -> list[Array]:
+    """Generalised force of each error, one standard deviation large, (T, nv) each [N·m]."""
+    columns = []
+    for n in some:
+        effect, at = n.planted.effect, n.planted.at
+        size = float(n.planted.theta[0] - n.neutral[0])
+        if effect.id == "actuator.delay":
+            # a delay of its own is the shape, with coefficient one
+            columns.append(effect.columns(motion, at, (size,))[:, :, 0])
+        else:
+            columns.append(size * effect.columns(motion, at, ())[:, :, 0])
+    return columns

@@ -1,0 +1,126 @@
+"""``diagnose``: the steps in order, and nothing else."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from wt.diagnose import proof
+from wt.diagnose.decide import search
+from wt.diagnose.judge import Court, Judged, findings, suggestions, verdict
+from wt.diagnose.locate import locate
+from wt.diagnose.objective import Objective
+from wt.diagnose.patch import patched_xml
+from wt.diagnose.prepare import Source, prepare
+from wt.diagnose.result import Diagnosis
+from wt.diagnose.screen import Screen
+from wt.diagnose.smooth import Smoothed, smooth
+from wt.diagnose.standalone import standalone
+from wt.diagnose.stretches import forgets, stretches_of
+from wt.diagnose.traces import traces
+from wt.physics.scene import Scene
+
+Array = np.ndarray
+Report = Callable[[str, float], None]
+"""Called with (what is being done, share of the whole 0…1)."""
+
+STEP_S = 5e-4
+"""Physics step of replays [s]; the model's own, if that is smaller."""
+SEARCH_S = 16.0
+"""At most so many seconds of recordings are replayed while hypotheses are compared."""
+
+
+def diagnose(
+    model: str | Path,
+    recordings: Sequence[Source],
+    holdout: Sequence[Source] = (),
+    *,
+    seed: int = 0,
+    progress: Report | None = None,
+) -> Diagnosis:
+    """Find what a model leaves out, from recordings of the real machine.
+
+    Args:
+        model: an MJCF file.
+        recordings: what to fit: Parquet files of the recording format, or recordings.
+        holdout: recordings for the proof only. Without any, the last of several recordings is
+            held out, or the last quarter of a single one.
+        seed: of everything random.
+        progress: called as the work goes on.
+
+    Raises:
+        ModelError: the MJCF cannot be used.
+        RecordingError: a recording cannot be used.
+    """
+    began, say, scene = time.monotonic(), progress or _silent, Scene(model)
+    prepared = prepare(scene, recordings, holdout)
+    say("smoothing", 0.02)
+    fitted, held_out = smooth(scene, prepared.fit), smooth(scene, prepared.held)
+    say("screening hypotheses", 0.08)
+    screen = Screen(fitted, seed)
+    forgetting = forgets(fitted, STEP_S)
+    outcome = search(screen, _objective(fitted, screen, forgetting, SEARCH_S), say)
+    say("estimating and proving", 0.7)
+    everything = _objective(fitted, screen, forgetting, np.inf)
+    held = proof.hold(held_out, forgetting)
+    judged = Court(screen, everything, held, STEP_S, seed).judge(outcome.accepted)
+    say("preparing pictures", 0.9)
+    coarse = _too_coarse(scene, held, judged)
+    found = findings(judged)
+    named = judged.estimated.hypothesis
+    return Diagnosis(
+        model_path=str(model),
+        model_sha256=hashlib.sha256(scene.path.read_bytes()).hexdigest(),
+        joints=scene.joints,
+        recordings=prepared.used,
+        verdict=verdict(judged, everything),
+        locations=locate(screen, judged.hypothesis, judged.shares),
+        findings=found,
+        proof=proof.prove(held, judged.hypothesis, STEP_S, prepared.split, seed),
+        given_xml=standalone(scene.path),
+        patched_xml=patched_xml(
+            scene, named, [p.statement for p in named], timestep=STEP_S if coarse else None
+        ),
+        considered=outcome.considered,
+        traces=traces(prepared, (fitted, held_out), judged.hypothesis, STEP_S),
+        suggestions=suggestions(found),
+        notes=_notes(scene, forgetting, coarse),
+        residual_onnx=judged.unknown[0].onnx if judged.unknown else None,
+        seconds=time.monotonic() - began,
+    )
+
+
+def _silent(what: str, share: float) -> None:
+    """Nobody listens."""
+
+
+def _objective(smoothed: Smoothed, screen: Screen, forgetting: bool, seconds: float) -> Objective:
+    pairs = stretches_of(smoothed, forgetting, seconds)
+    return Objective(smoothed, pairs, screen.velocity_noise, STEP_S, forgetting)
+
+
+def _too_coarse(scene: Scene, held: proof.Held, judged: Judged) -> bool:
+    """Whether the model's own time step adds more to the error than measurement noise does."""
+    own = float(scene.model.opt.timestep)
+    if own <= STEP_S:
+        return False
+    coarse = proof.errors(held, [judged.hypothesis], own)[0]
+    fine = proof.errors(held, [judged.hypothesis], STEP_S)[0]
+    added = np.sqrt(np.nanmean((coarse - fine) ** 2, axis=0))
+    return bool((added > held.smoothed.noise).any())
+
+
+def _notes(scene: Scene, forgetting: bool, coarse: bool) -> tuple[str, ...]:
+    notes = []
+    if coarse:
+        notes.append(
+            f"The model's time step of {1e3 * scene.model.opt.timestep:g} ms is too coarse for "
+            f"these recordings: model.xml has {1e3 * STEP_S:g} ms, as the replays do."
+        )
+    if not forgetting:
+        notes.append("The machine does not forget its initial state: replays restart every 0.5 s.")
+    return tuple(notes)

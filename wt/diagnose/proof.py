@@ -1,0 +1,167 @@
+"""The fit on recordings that nothing was fitted to: before, after, and how sure that is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import bootstrap, wilcoxon
+
+from wt.diagnose.objective import Hypothesis
+from wt.diagnose.result import Error, Proof
+from wt.diagnose.samples import Samples
+from wt.diagnose.smooth import Smoothed
+from wt.diagnose.stretches import stretches_of
+from wt.physics.replay import Stretch
+from wt.physics.rollout import Replayer
+
+Array = np.ndarray
+
+HORIZONS_S = (0.1, 0.25, 0.5, 1.0, 2.0)
+_BLOCK_S, _BLOCKS = (0.25, 1.0), 24
+"""Shortest and longest block [s], and how many there should be: errors remember for less."""
+_RAN_AWAY = 1.0
+"""Error that a replay counts with after it exploded [rad or m]."""
+_RESAMPLES = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """Held-out recordings, ready to be replayed.
+
+    Attributes:
+        smoothed: the recordings.
+        stretches: what is replayed open loop.
+        measured: positions, (N, nv); NaN where missing.
+        block: index of the block of up to a second that each sample belongs to, (N,).
+        forgets: whether stretches are long.
+    """
+
+    smoothed: Smoothed
+    stretches: tuple[Stretch, ...]
+    measured: Array
+    block: Array
+    forgets: bool
+
+
+def hold(smoothed: Smoothed, forgets: bool) -> Held:
+    """Prepare held-out recordings."""
+    pairs = stretches_of(smoothed, forgets)
+    stretches = tuple(s for s, _ in pairs)
+    total = sum(s.t[-1] - s.t[0] for s in stretches)
+    length = float(np.clip(total / _BLOCKS, _BLOCK_S[0], _BLOCK_S[1]))
+    labels = np.concatenate(
+        [
+            np.stack([np.full(len(s.t), i), (s.t / length).astype(int)], axis=1)
+            for i, s in enumerate(stretches)
+        ]
+    )
+    _, block = np.unique(labels, axis=0, return_inverse=True)
+    return Held(smoothed, stretches, np.concatenate([q for _, q in pairs]), block.ravel(), forgets)
+
+
+def errors(held: Held, hypotheses: Sequence[Hypothesis], step: float) -> Array:
+    """Open-loop errors, (H, N, nv); NaN where nothing was measured."""
+    q = Replayer(held.smoothed.motion.scene, held.stretches, step).run(hypotheses).q
+    return np.where(np.isfinite(q), q, held.measured + _RAN_AWAY) - held.measured
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What one effect is worth on held-out data.
+
+    Attributes:
+        share: share of the squared error that it removes.
+        p_value: of that being chance. Held-out data had no part in the search, so what has to be
+            paid for is the number of effects that are tested, not that of all hypotheses.
+    """
+
+    share: float
+    p_value: float
+
+
+def gains(held: Held, hypothesis: Hypothesis, step: float) -> list[Gain]:
+    """Held-out gain of each effect: all of them against all but this one."""
+    without = [tuple(p for k, p in enumerate(hypothesis) if k != i) for i in range(len(hypothesis))]
+    found = errors(held, [hypothesis, *without], step)
+    noise = held.smoothed.noise
+    # joints in units of their noise, so that none drowns another
+    full, *lesser = (_block_sums((e / noise) ** 2, held.block) for e in found)
+    result = []
+    for less in lesser:
+        difference = less - full
+        if not np.isfinite(difference).all() or len(difference) < 3:
+            result.append(Gain(0.0, 1.0))
+            continue
+        # ranks: a block in which an error ran away counts no more than any other
+        test = wilcoxon(less, full, alternative="greater")
+        share = float(difference.sum() / less.sum())
+        result.append(Gain(share, min(1.0, float(test.pvalue) * len(lesser))))
+    return result
+
+
+def prove(held: Held, hypothesis: Hypothesis, step: float, split: str, seed: int = 0) -> Proof:
+    """Compare the given and the patched model on held-out recordings."""
+    before, after = errors(held, [(), hypothesis], step)
+    noise = np.nan_to_num(held.smoothed.noise)
+    joints = held.smoothed.motion.scene.joints
+    used = [j for j in range(len(joints)) if np.isfinite(held.measured[:, j]).any()]
+    overall = _error(before[:, used], after[:, used], noise[used], held.block, seed)
+    per_joint = {
+        joints[j]: _error(before[:, [j]], after[:, [j]], noise[[j]], held.block, seed) for j in used
+    }
+    horizons = {h: _ahead(held, hypothesis, step, h) for h in HORIZONS_S}
+    return Proof(overall, per_joint, horizons, _ahead(held, hypothesis, step, 0.0), split=split)
+
+
+def _error(before: Array, after: Array, noise: Array, block: Array, seed: int) -> Error:
+    a, b = _block_sums(before**2, block), _block_sums(after**2, block)
+    count = _block_sums(np.isfinite(before).astype(float), block)
+    rms = [float(np.sqrt(x.sum() / max(count.sum(), 1.0))) for x in (a, b)]
+    ratio = rms[1] / max(rms[0], 1e-12)
+    interval = (ratio, ratio)
+    if len(a) >= 4 and np.isfinite(b).all():
+        found = bootstrap(
+            (a, b),
+            lambda x, y, axis=-1: np.sqrt(y.sum(axis=axis) / np.maximum(x.sum(axis=axis), 1e-30)),
+            paired=True,
+            vectorized=True,
+            n_resamples=_RESAMPLES,
+            method="percentile",
+            rng=np.random.default_rng(seed),
+        ).confidence_interval
+        interval = (float(found.low), float(found.high))
+    floor = float(np.sqrt(np.mean(noise**2)))
+    return Error(rms[0], rms[1], floor, ratio, interval)
+
+
+def _block_sums(values: Array, block: Array) -> Array:
+    """Sum of (N, n) values, NaN left out, over each block, (B,)."""
+    sums = np.zeros(int(block.max()) + 1)
+    np.add.at(sums, block, np.nansum(values, axis=1))
+    return sums
+
+
+def _ahead(held: Held, hypothesis: Hypothesis, step: float, horizon: float) -> tuple[float, float]:
+    """RMSE of replays restarted every ``horizon`` seconds (0: every sample), before and after."""
+    stretches, measured = [], []
+    for s, state in zip(held.smoothed.samples, held.smoothed.at_samples, strict=True):
+        for first, last in _windows(s, horizon):
+            rows = slice(first, last)
+            stretches.append(
+                Stretch(s.recording, s.t[rows], s.held[rows], state[0][first], state[1][first])
+            )
+            measured.append(s.q[rows])
+    q = Replayer(held.smoothed.motion.scene, stretches, step).run([(), hypothesis]).q
+    late = np.concatenate([np.arange(len(m)) > 0 for m in measured])
+    error = (q - np.concatenate(measured))[:, late]
+    before, after = np.sqrt(np.nanmean(error**2, axis=(1, 2)))
+    return float(before), float(after)
+
+
+def _windows(s: Samples, horizon: float) -> list[tuple[int, int]]:
+    """Windows of a length, at most 60 of them spread over a segment."""
+    size = max(2, round(horizon / s.dt) + 1)
+    starts = np.unique(np.linspace(0, max(len(s.t) - size, 0), 60).astype(int))
+    return [(int(i), int(min(i + size, len(s.t)))) for i in starts]

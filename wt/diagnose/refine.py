@@ -1,0 +1,159 @@
+"""Gauss-Newton on replays, many hypotheses side by side.
+
+All hypotheses and their finite-difference neighbours are replayed in one batch; each then takes a
+damped step, bounded, with the nuisances adapting along (the bounded linear problem is scipy's).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wt.diagnose.objective import Assessed, Hypothesis, Objective
+from wt.physics.replay import Planted
+
+Array = np.ndarray
+
+_RELATIVE_STEP = 0.01
+_TRIALS = (1.0, 30.0)  # factors on the damping, tried side by side
+_CONVERGED = 0.05  # nats gained in a step
+
+
+@dataclass(frozen=True, eq=False)
+class _Climb:
+    """One hypothesis on its way up.
+
+    Attributes:
+        free: which of its parts move.
+        now: where it is.
+        damping: Levenberg-Marquardt's.
+        done: whether another step would not help.
+    """
+
+    free: tuple[int, ...]
+    now: Assessed
+    damping: float = 1e-3
+    done: bool = False
+
+
+def evaluate(objective: Objective, hypotheses: Sequence[Hypothesis]) -> list[Assessed]:
+    """Replay and assess hypotheses."""
+    if not hypotheses:
+        return []
+    errors = objective.raw(hypotheses)
+    return [
+        objective.assess(h, objective.project(e)) for h, e in zip(hypotheses, errors, strict=True)
+    ]
+
+
+def refine(
+    objective: Objective,
+    starts: Sequence[Hypothesis],
+    free: Sequence[Sequence[int]],
+    iterations: int = 3,
+) -> list[Assessed]:
+    """Improve hypotheses.
+
+    Args:
+        objective: what they are judged by; its reference should be close to them.
+        starts: where they start.
+        free: for each, which of its parts may change.
+        iterations: at most so many steps.
+
+    Returns:
+        The improved hypotheses, in the order given.
+    """
+    climbs = [_Climb(tuple(f), a) for f, a in zip(free, evaluate(objective, starts), strict=True)]
+    for _ in range(iterations):
+        active = [i for i, c in enumerate(climbs) if not c.done and np.isfinite(c.now.loglik)]
+        if not active:
+            break
+        for i, climb in zip(active, _step(objective, [climbs[i] for i in active]), strict=True):
+            climbs[i] = climb
+    return [c.now for c in climbs]
+
+
+def jacobian(
+    objective: Objective, at: Sequence[Assessed], free: Sequence[Sequence[int]]
+) -> list[Array]:
+    """Derivatives of the projected errors in the free parameters, (N, nv, p) each."""
+    neighbours: list[Hypothesis] = []
+    sizes: list[Array] = []
+    for assessed, parts in zip(at, free, strict=True):
+        theta = pack(assessed.hypothesis, parts)
+        lower, upper = bounds(assessed.hypothesis, parts)
+        minimum = np.concatenate([assessed.hypothesis[i].effect.steps() for i in parts])
+        step = np.maximum(minimum, _RELATIVE_STEP * np.abs(theta))
+        step = np.where(theta + step > upper, -step, step)
+        for k in range(len(theta)):
+            moved = theta.copy()
+            moved[k] = np.clip(moved[k] + step[k], lower[k], upper[k])
+            neighbours.append(unpack(assessed.hypothesis, parts, moved))
+        sizes.append(step)
+    errors = objective.raw(neighbours)
+    result, start = [], 0
+    for assessed, step in zip(at, sizes, strict=True):
+        columns = [
+            (objective.project(errors[start + k]) - assessed.error) / step[k]
+            for k in range(len(step))
+        ]
+        start += len(step)
+        result.append(np.nan_to_num(np.stack(columns, axis=2)))
+    return result
+
+
+def _step(objective: Objective, climbs: Sequence[_Climb]) -> list[_Climb]:
+    jacobians = jacobian(objective, [c.now for c in climbs], [c.free for c in climbs])
+    trials: list[Hypothesis] = []
+    for climb, slope in zip(climbs, jacobians, strict=True):
+        theta = pack(climb.now.hypothesis, climb.free)
+        lower, upper = bounds(climb.now.hypothesis, climb.free)
+        for factor in _TRIALS:
+            _, step = objective.solve(
+                climb.now.error,
+                slope,
+                climb.now.mse,
+                lower - theta,
+                upper - theta,
+                climb.damping * factor,
+            )
+            moved = np.clip(theta + step, lower, upper)
+            trials.append(unpack(climb.now.hypothesis, climb.free, moved))
+    assessed = evaluate(objective, trials)
+    result = []
+    for i, climb in enumerate(climbs):
+        options = assessed[i * len(_TRIALS) : (i + 1) * len(_TRIALS)]
+        best = max(options, key=lambda a: a.loglik)
+        gained = best.loglik - climb.now.loglik
+        if gained <= 0.0:
+            # even the damped step failed: damp more, give up once that is hopeless
+            damping = climb.damping * 1e3
+            result.append(replace(climb, damping=damping, done=damping > 1e4))
+        else:
+            damping = climb.damping * (0.1 if best is options[0] else 10.0)
+            result.append(replace(climb, now=best, damping=damping, done=gained < _CONVERGED))
+    return result
+
+
+def pack(hypothesis: Hypothesis, parts: Sequence[int]) -> Array:
+    """Parameters of some parts of a hypothesis, one after another."""
+    return np.concatenate([hypothesis[i].theta for i in parts])
+
+
+def unpack(hypothesis: Hypothesis, parts: Sequence[int], theta: Array) -> Hypothesis:
+    """The hypothesis with other parameters of some parts."""
+    changed = list(hypothesis)
+    start = 0
+    for i in parts:
+        size = hypothesis[i].effect.n_theta
+        changed[i] = Planted(hypothesis[i].effect, hypothesis[i].at, theta[start : start + size])
+        start += size
+    return tuple(changed)
+
+
+def bounds(hypothesis: Hypothesis, parts: Sequence[int]) -> tuple[Array, Array]:
+    """Smallest and largest admissible parameters of some parts."""
+    pairs = [hypothesis[i].effect.bounds() for i in parts]
+    return np.concatenate([p[0] for p in pairs]), np.concatenate([p[1] for p in pairs])

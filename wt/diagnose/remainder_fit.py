@@ -1,0 +1,258 @@
+"""Which columns an unexplained force depends on, and the law that predicts it best.
+
+Candidate sets of columns are compared by how well a smooth regression on them predicts blocks of
+time it has not seen; the smallest set within one standard error of the best is chosen (L. Breiman
+et al., Classification and Regression Trees, 1984). Features are computed along the motion and pass
+the same weak form as the force, so that windows that are wide beside a bump do not blur the law.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from wt.diagnose.remainder_law import Atom, Law, Term, table
+from wt.diagnose.screen import Screen
+
+Array = np.ndarray
+
+FOLDS, BLOCK_S, MOMENT_S = 6, 1.5, 0.5
+MOST_COLUMNS = 4
+_RIDGES = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)  # relative to the number of rows
+_BUMPS = 14
+_LEADING = 4  # columns that are tried in pairs with all others
+_LITTLE = 0.4  # predicted share below which a drive's columns are considered, and must add
+_ENOUGH = 0.97  # predicted share beyond which no column is added
+
+
+class Data:
+    """One joint's unexplained force beside the columns that it may depend on.
+
+    Attributes:
+        screen: the recordings.
+        joint: the joint.
+        dof: its degree of freedom.
+        force: weak force, (n,) [N·m], of the rows that count.
+        rows: which of the screen's rows count, (R,) bool.
+        block: index of the block of time each row belongs to, (n,).
+        fold: of the block, (n,).
+        moment: index of a shorter stretch, yet longer than the noise of a force remembers, (n,).
+        ease: speed over which a sign is rounded [rad/s]: a stiffer law would not be integrable.
+    """
+
+    def __init__(
+        self, screen: Screen, joint: str, force: Array, rows: Array, seed: int, step: float
+    ) -> None:
+        """Prepare.
+
+        Args:
+            screen: the recordings.
+            joint: the joint.
+            force: its unexplained weak force, (R,).
+            rows: rows that count, (R,) bool.
+            seed: assigns blocks to folds.
+            step: coarsest physics step of replays [s].
+        """
+        self.screen, self.joint, self.rows = screen, joint, rows
+        self.dof = screen.motion.scene.dof(joint)
+        self.force = force[rows]
+        motion = screen.motion
+        segment = np.zeros(len(motion), dtype=int)
+        for i, s in enumerate(motion.segments):
+            segment[s.rows] = i
+        at = screen.rows[rows]
+        self.block, self.moment = (
+            np.unique(
+                np.stack([segment[at], (motion.t[at] / seconds).astype(int)]),
+                axis=1,
+                return_inverse=True,
+            )[1].ravel()
+            for seconds in (BLOCK_S, MOMENT_S)
+        )
+        order = np.random.default_rng(seed).permutation(int(self.block.max()) + 1)
+        self.fold = (np.argsort(order) % FOLDS)[self.block]
+        inertia = float(motion.scene.model.dof_M0[self.dof])
+        strong = float(np.quantile(np.abs(self.force), 0.95))
+        self.ease = max(0.02, strong * step / inertia)
+        self._bumps = int(np.clip(len(self.force) / 25, 6, _BUMPS))
+
+    @lru_cache(maxsize=64)  # noqa: B019 – lives and dies with a diagnosis
+    def column(self, name: str) -> Array:
+        """Values along the motion, (T,)."""
+        m = self.screen.motion
+        return np.asarray(table(m.scene, [name], m.t, m.q, m.v, m.u)[:, 0])
+
+    def span(self, name: str) -> tuple[float, float]:
+        """Smallest and largest value of a column."""
+        x = self.column(name)
+        return float(x.min()), float(x.max())
+
+    def state(self) -> list[str]:
+        """Positions and velocities that vary, the joint's own first, and time."""
+        joints = sorted(self.screen.motion.scene.joints, key=lambda j: j != self.joint)
+        return self._varying([*(f"{k}/{j}" for j in joints for k in ("qpos", "qvel")), "t"])
+
+    def drive(self) -> list[str]:
+        """Command and force of the joint's drives, if they vary."""
+        drives = [d.name for d in self.screen.motion.scene.drives if d.joint == self.joint]
+        return self._varying([f"{k}/{d}" for d in drives for k in ("ctrl", "force")])
+
+    def _varying(self, names: Sequence[str]) -> list[str]:
+        return [n for n in names if self.span(n)[1] - self.span(n)[0] > 1e-6]
+
+    def centres(self, name: str) -> Array:
+        """Evenly spaced centres of bumps over what a column covers."""
+        low, high = np.quantile(self.column(name), [0.005, 0.995])
+        # fine bumps in time would interpolate between blocks whatever drifts
+        return np.linspace(low, high, 3 if name == "t" else self._bumps)
+
+    def feature(self, names: Sequence[str], term: Term) -> Array:
+        """A term in the weak form, (n,)."""
+        value = np.ones(len(self.screen.motion))
+        for atom in term:
+            value = value * atom.value(self.column(names[atom.column]))
+        return np.asarray(self.screen.weak(value)[self.rows])
+
+    def features(self, names: Sequence[str], terms: Sequence[Term]) -> Array:
+        """Terms in the weak form, (n, len(terms))."""
+        found = [self.feature(names, t) for t in terms]
+        return np.stack(found, axis=1) if found else np.zeros((len(self.force), 0))
+
+    def law(
+        self, names: Sequence[str], terms: Sequence[Term], weights: Array, beyond: float = 0.0
+    ) -> Law:
+        """A law of terms over the range that was seen, of all but positions widened by a share."""
+        low, high = np.array([self.span(n) for n in names]).T
+        wider = beyond * (high - low) * [not n.startswith("qpos/") for n in names]
+        return Law(tuple(names), low - wider, high + wider, tuple(terms), weights)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A regression on some columns.
+
+    Attributes:
+        names: the columns.
+        terms: what it is linear in.
+        ridge: the penalty that predicts best.
+        left: error of predicting each row without having seen its block, (n,).
+        error: its square, summed over each block, (blocks,).
+        r2: predicted share of the force's square.
+    """
+
+    names: tuple[str, ...]
+    terms: tuple[Term, ...]
+    ridge: float
+    left: Array
+    error: Array
+    r2: float
+
+
+def smooth_terms(data: Data, names: Sequence[str]) -> list[Term]:
+    """Bumps along each column, alone and times simple functions of each other column."""
+    alone: list[list[Term]] = []
+    for i, name in enumerate(names):
+        centres = data.centres(name)
+        width = 1.2 * float(centres[1] - centres[0])
+        bumps: list[Term] = [(Atom(i, "bump", float(c), width),) for c in centres]
+        alone.append([*bumps, *((a,) for a in simple(data, i, name))])
+    found = [term for some in alone for term in some]
+    for i, j in itertools.permutations(range(len(names)), 2):
+        bumps = [t for t in alone[i] if t[0].kind == "bump"]
+        found += [(*t, a) for t in bumps for a in simple(data, j, names[j])]
+    return [(), *found]
+
+
+def simple(data: Data, index: int, name: str) -> list[Atom]:
+    """What multiplies another column's bumps: the value, and for velocities its sign."""
+    atoms = [Atom(index, "linear")]
+    if name.startswith("qvel/"):
+        atoms.append(Atom(index, "sign", 0.0, data.ease))
+    return atoms
+
+
+def crossval(data: Data, names: Sequence[str], terms: Sequence[Term], penalise: bool = True) -> Fit:
+    """Predict every block from the other folds; the best ridge."""
+    f, y = data.features(names, terms), data.force
+    size = np.sqrt(np.mean(f**2, axis=0)) + 1e-12
+    f = f / size
+    left = np.zeros((len(_RIDGES), len(y)))
+    ridges = np.array(_RIDGES if penalise else (1e-9,) * len(_RIDGES)) * len(y)
+    for k in range(FOLDS):
+        test = data.fold == k
+        train = ~test
+        values, vectors = np.linalg.eigh(f[train].T @ f[train])
+        seen = vectors.T @ (f[train].T @ y[train])
+        here = f[test] @ vectors
+        for i, ridge in enumerate(ridges):
+            left[i, test] = y[test] - here @ (seen / (np.maximum(values, 0.0) + ridge))
+    best = int(np.argmin((left**2).sum(axis=1)))
+    error = np.bincount(data.block, left[best] ** 2)
+    r2 = 1.0 - float(error.sum() / max((y**2).sum(), 1e-300))
+    return Fit(tuple(names), tuple(terms), float(ridges[best]), left[best], error, r2)
+
+
+def solve(data: Data, fit: Fit, beyond: float = 0.0) -> Law:
+    """The law of a regression, from all rows; ``beyond`` as in :meth:`Data.law`."""
+    f = data.features(fit.names, fit.terms)
+    size = np.sqrt(np.mean(f**2, axis=0)) + 1e-12
+    gram = (f / size).T @ (f / size) + fit.ridge * np.eye(len(size))
+    weights = np.linalg.solve(gram, (f / size).T @ data.force) / size
+    return data.law(fit.names, fit.terms, weights, beyond)
+
+
+def choose(data: Data) -> tuple[Fit, int]:
+    """The columns that the force depends on, and how many sets were tried.
+
+    A drive that holds a position answers an unknown force with one of its own, so that command
+    and drive force predict it without being its cause: they count only where the state, which
+    moves freely, predicts little.
+    """
+    fit, tried = choose_among(data, data.state())
+    if fit.r2 >= _LITTLE or not data.drive():
+        return fit, tried
+    with_drive, more = choose_among(data, [*data.state(), *data.drive()])
+    return (with_drive if with_drive.r2 > fit.r2 + _LITTLE else fit), tried + more
+
+
+def choose_among(data: Data, names: Sequence[str]) -> tuple[Fit, int]:
+    """The smallest set of columns within one standard error of the best, and how many were tried.
+
+    Args:
+        data: the force.
+        names: columns to choose from.
+    """
+
+    def fitted(some: Sequence[str]) -> Fit:
+        return crossval(data, some, smooth_terms(data, some))
+
+    singles = sorted((fitted([n]) for n in names), key=_total)
+    leading = [f.names[0] for f in singles[:_LEADING]]
+    own = names[:2]
+    pairs = {tuple(sorted((a, b), key=names.index)) for a in {*leading, *own} for b in names}
+    tried = [*singles, *(fitted(p) for p in sorted(pairs) if p[0] != p[1])]
+    best = min(tried, key=_total)
+    while len(best.names) in range(2, MOST_COLUMNS) and best.r2 < _ENOUGH:
+        larger = [fitted([*best.names, n]) for n in names if n not in best.names]
+        tried += larger
+        grown = min([best, *larger], key=_total)
+        if grown is best or not _clearly(grown, best):
+            break
+        best = grown
+    good = [f for f in tried if not _clearly(best, f)]
+    fewest = min(len(f.names) for f in good)
+    return min((f for f in good if len(f.names) == fewest), key=_total), len(tried)
+
+
+def _total(fit: Fit) -> float:
+    return float(fit.error.sum())
+
+
+def _clearly(better: Fit, worse: Fit) -> bool:
+    """Whether the difference is more than a standard error, over blocks."""
+    difference = worse.error - better.error
+    return bool(difference.sum() > np.sqrt(len(difference)) * difference.std(ddof=1) + 1e-30)

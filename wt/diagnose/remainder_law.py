@@ -1,0 +1,173 @@
+"""A force as a sum of products of simple functions of recorded columns: readable and portable."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from wt.physics.scene import Scene
+
+Array = np.ndarray
+
+AtomKind = Literal["linear", "sign", "square", "sin", "cos", "bump", "kink"]
+
+MARGINS = {"qpos": 0.25}
+"""Beyond the range of a column the force fades to zero over this share of it; else over all."""
+
+
+@dataclass(frozen=True)
+class Atom:
+    """A function of one column x.
+
+    Attributes:
+        column: index of the column.
+        kind: ``linear`` x; ``sign`` tanh(x / b), a sign rounded for integration; ``square`` |x|·x;
+            ``sin``, ``cos`` of b·x; ``bump`` exp(−s²) and ``kink`` s·exp(−s²), s = (x − a) / b.
+        a: centre of a bump or kink.
+        b: width, rounding or angular frequency.
+    """
+
+    column: int
+    kind: AtomKind
+    a: float = 0.0
+    b: float = 1.0
+
+    def value(self, x: Array) -> Array:
+        """The function of its column's values, elementwise."""
+        result: Array
+        if self.kind == "linear":
+            result = x
+        elif self.kind == "sign":
+            result = np.tanh(x / self.b)
+        elif self.kind == "square":
+            result = np.abs(x) * x
+        elif self.kind == "sin":
+            result = np.sin(self.b * x)
+        elif self.kind == "cos":
+            result = np.cos(self.b * x)
+        else:
+            s = (x - self.a) / self.b
+            result = np.exp(-(s**2)) * (s if self.kind == "kink" else 1.0)
+        return result
+
+    def text(self, name: str) -> str:
+        """In the column's name."""
+        turns = "" if self.b == 1.0 else f"{self.b:.3g}·"
+        s = f"(({name} {_signed(-self.a)})/{self.b:.3g})"
+        return {
+            "linear": name,
+            "sign": f"sign({name})",
+            "square": f"|{name}|·{name}",
+            "sin": f"sin({turns}{name})",
+            "cos": f"cos({turns}{name})",
+            "bump": f"exp(-{s}^2)",
+            "kink": f"{s}·exp(-{s}^2)",
+        }[self.kind]
+
+
+Term = tuple[Atom, ...]
+"""A product of at most two atoms; () is the constant 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """force = Σ weight · term, of columns clipped to a range; far outside of it, zero.
+
+    Attributes:
+        columns: names, as in recordings.
+        low: smallest value at which each is trusted, (n,).
+        high: largest.
+        terms: products of atoms.
+        weights: (len(terms),) [N·m].
+    """
+
+    columns: tuple[str, ...]
+    low: Array
+    high: Array
+    terms: tuple[Term, ...]
+    weights: Array
+
+    @cached_property
+    def atoms(self) -> tuple[Atom, ...]:
+        """Every different atom, sorted by kind."""
+        return tuple(sorted({a for t in self.terms for a in t}, key=lambda a: (a.kind, a.column)))
+
+    @cached_property
+    def factors(self) -> Array:
+        """For each term the indices of its two factors among the atoms, (K, 2); then the one."""
+        index = {a: i for i, a in enumerate(self.atoms)}
+        one = len(self.atoms)
+        rows = [[*(index[a] for a in t), one, one][:2] for t in self.terms]
+        return np.array(rows, dtype=np.int64).reshape(-1, 2)
+
+    @cached_property
+    def margin(self) -> Array:
+        """How far beyond the range the force ends, (n,)."""
+        share = np.array([MARGINS.get(name.partition("/")[0], 1.0) for name in self.columns])
+        return np.maximum(share * (self.high - self.low), 1e-6)
+
+    def force(self, x: Array) -> Array:
+        """Force of column values (N, n), (N,) [N·m]."""
+        inside = np.clip(x, self.low, self.high)
+        fade = np.clip(1.0 - np.abs(x - inside) / self.margin, 0.0, 1.0).prod(axis=1)
+        values = [a.value(inside[:, a.column]) for a in self.atoms]
+        table = np.stack([*values, np.ones(len(x))], axis=1)
+        products = table[:, self.factors[:, 0]] * table[:, self.factors[:, 1]]
+        return np.asarray(fade * (products @ self.weights))
+
+    def text(self) -> str:
+        """The formula, e.g. ``"-1.2·sign(qvel/j2) + 0.4·qpos/j1"``."""
+        parts = []
+        for term, weight in zip(self.terms, self.weights, strict=True):
+            factors = "·".join(a.text(self.columns[a.column]) for a in term)
+            parts.append(_signed(float(weight)) + ("·" + factors if factors else ""))
+        if not parts:
+            return "0"
+        first = parts[0]
+        parts[0] = first[2:] if first.startswith("+") else "-" + first[2:]
+        return " ".join(parts)
+
+
+def _signed(value: float) -> str:
+    return f"{'-' if value < 0.0 else '+'} {abs(value):.3g}"
+
+
+def table(scene: Scene, names: Sequence[str], t: Array, q: Array, v: Array, u: Array) -> Array:
+    """Values of columns at some states, (N, len(names)).
+
+    Args:
+        scene: the machine.
+        names: ``t``, ``qpos/<joint>``, ``qvel/<joint>``, ``ctrl/<actuator>`` or
+            ``force/<actuator>``; the last is what the model's drive would give.
+        t: times, (N,).
+        q: joint positions, (N, nv).
+        v: joint velocities, (N, nv).
+        u: commands, (N, nu).
+    """
+    found = []
+    for name in names:
+        kind, _, place = name.partition("/")
+        if kind == "qpos":
+            found.append(q[:, scene.dof(place)])
+        elif kind == "qvel":
+            found.append(v[:, scene.dof(place)])
+        elif kind == "ctrl":
+            found.append(u[:, scene.model.actuator(place).id])
+        elif kind == "force":
+            found.append(_drive_force(scene, place, q, v, u))
+        else:
+            found.append(t)
+    return np.stack(found, axis=1)
+
+
+def _drive_force(scene: Scene, name: str, q: Array, v: Array, u: Array) -> Array:
+    d, m = scene.drive(name), scene.model
+    x, speed = d.gear * q[:, d.dof], d.gear * v[:, d.dof]
+    raw = d.gain * u[:, d.index] + d.bias[0] + d.bias[1] * x + d.bias[2] * speed
+    if m.actuator_forcelimited[d.index]:
+        raw = np.clip(raw, *m.actuator_forcerange[d.index])
+    return np.asarray(raw)

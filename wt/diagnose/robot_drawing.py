@@ -1,0 +1,251 @@
+"""A drawing of the robot as SVG, with the places that findings name marked and labelled.
+
+Projected and shaded here, so that neither OpenGL nor a browser's WebGL is needed: every geom
+becomes a closed surface, its faces are sorted by depth (the painter's algorithm of Newell, Newell
+and Sancha, 1972) and shaded by the angle to the light (Lambert). Meshes with many faces are
+replaced by the hull of their outermost points.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from wt.show.surfaces import surface
+from wt.types import Location
+
+Array = np.ndarray
+
+WIDTH, HEIGHT = 560.0, 420.0
+SHADES = 8
+"""Classes ``s0`` (darkest) … ``s7`` of the faces."""
+_MARGIN, _LEADER, _LETTER = 26.0, 34.0, 8.2
+"""Around everything; from the robot to its labels; width of a label's letter."""
+_LIGHT = np.array([0.35, -0.45, 0.82])
+_FIRST_HIDDEN_GROUP = 3
+_MOST_LABELS = 12
+_LINE = 19.0
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """An orthographic view.
+
+    Attributes:
+        axes: right, up and towards the viewer as rows, (3, 3), in world coordinates.
+        scale: page units per metre.
+        shift: where the world's origin is on the page, (2,).
+        side: where labels begin on the page.
+    """
+
+    axes: Array
+    scale: float
+    shift: Array
+    side: float
+
+    def page(self, points: Array) -> Array:
+        """Places on the page of points (..., 3) [m]: (..., 2)."""
+        flat = points @ self.axes[:2].T
+        return np.stack(
+            [self.shift[0] + self.scale * flat[..., 0], self.shift[1] - self.scale * flat[..., 1]],
+            axis=-1,
+        )
+
+    def depth(self, points: Array) -> Array:
+        """How near to the viewer points (..., 3) are [m]."""
+        return np.asarray(points @ self.axes[2])
+
+
+def draw(
+    model: mujoco.MjModel,
+    qpos: Array,
+    marked: Mapping[Location, str],
+    poses: Sequence[Array] = (),
+) -> str:
+    """The robot at ``qpos`` (nq,) as an ``<svg>`` element.
+
+    Args:
+        model: whose geoms are drawn.
+        qpos: the pose.
+        marked: what each marked place is labelled with.
+        poses: other poses (nq,), so that the view shows the plane of the motion.
+    """
+    data = mujoco.MjData(model)
+    centers = []
+    for pose in [*poses, qpos]:
+        data.qpos[:] = pose
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        centers.append(data.xpos[1:].copy())
+    geoms = [
+        g
+        for g in range(model.ngeom)
+        if model.geom_group[g] < _FIRST_HIDDEN_GROUP
+        and model.geom_type[g] != mujoco.mjtGeom.mjGEOM_PLANE
+    ]
+    culprits = {at: _body_of(model, at) for at in marked}
+    surfaces = [surface(model, data, g) for g in geoms]
+    anchors = {model.joint(j).name: data.xanchor[j].copy() for j in range(model.njnt)}
+    everything = [*surfaces, *(a[None, None] for a in anchors.values())]
+    longest = max(
+        [8, *(len(str(at)) for at in marked), *map(len, marked.values()), *map(len, anchors)]
+    )
+    gutter = min(_LETTER * longest, 0.45 * WIDTH)
+    camera = _camera(np.concatenate(centers), [s.reshape(-1, 3) for s in everything], gutter)
+    hot = {body for at, body in culprits.items() if at.kind in ("body", "geom")}
+    faces = [
+        (face, int(model.geom_bodyid[g]) in hot)
+        for g, surface in zip(geoms, surfaces, strict=True)
+        for face in surface
+    ]
+    said = ", ".join(str(at) for at in marked)
+    alt = f"Drawing of the robot; marked: {said}" if said else "Drawing of the robot"
+    return "".join(
+        [
+            f'<svg class="robot" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" '
+            f'aria-label="{html.escape(alt)}">',
+            *_painted(faces, camera),
+            *_labels(model, data, camera, anchors, marked),
+            "</svg>",
+        ]
+    )
+
+
+def joint_of(model: mujoco.MjModel, at: Location) -> str | None:
+    """The joint that a place belongs to: itself, an actuator's, or the one that moves a body."""
+    if at.kind == "joint":
+        return at.name if _id(model, "joint", at.name) >= 0 else None
+    if at.kind == "actuator" and (i := _id(model, "actuator", at.name)) >= 0:
+        if model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT:
+            return str(model.joint(int(model.actuator_trnid[i, 0])).name)
+        return None
+    if at.kind == "sensor":
+        return at.name if _id(model, "joint", at.name) >= 0 else None
+    if at.kind == "pair":
+        first = at.name.partition("+")[0]
+        return first if _id(model, "joint", first) >= 0 else None
+    body = _body_of(model, at)
+    while body > 0:
+        if model.body_jntnum[body]:
+            return str(model.joint(int(model.body_jntadr[body])).name)
+        body = int(model.body_parentid[body])
+    return None
+
+
+def _id(model: mujoco.MjModel, kind: str, name: str) -> int:
+    return int(mujoco.mj_name2id(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), name))
+
+
+def _body_of(model: mujoco.MjModel, at: Location) -> int:
+    """Index of the body of a body or geom; -1 for anything else."""
+    if at.kind == "body":
+        return _id(model, "body", at.name)
+    if at.kind == "geom" and (geom := _id(model, "geom", at.name)) >= 0:
+        return int(model.geom_bodyid[geom])
+    return -1
+
+
+def _camera(moving: Array, points: Sequence[Array], gutter: float) -> Camera:
+    """Look at the plane of the motion, a little from the side and from above; fit to the page."""
+    spread = np.cov(moving[:, :2].T, bias=True) + 1e-9 * np.diag([1.0, 2.0])
+    _, vectors = np.linalg.eigh(spread)
+    x, y = vectors[:, 0]  # the horizontal direction of least motion
+    azimuth = np.arctan2(y, x) if y < 0 or (y == 0 and x > 0) else np.arctan2(-y, -x)
+    azimuth += np.radians(24.0)
+    rise = np.radians(16.0)
+    towards = np.array(
+        [np.cos(azimuth) * np.cos(rise), np.sin(azimuth) * np.cos(rise), np.sin(rise)]
+    )
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    axes = np.stack([right, np.cross(towards, right), towards])
+    flat = np.concatenate(points) @ axes[:2].T
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    room = np.array([WIDTH - 2 * _MARGIN - _LEADER - gutter, HEIGHT - 2 * _MARGIN])
+    scale = float((room / np.maximum(high - low, 1e-6)).min())
+    width = scale * (high - low)[0]
+    start = (WIDTH - width - _LEADER - gutter) / 2  # robot and labels together in the middle
+    middle = scale * (low + high)[1] / 2
+    shift = np.array([start - scale * low[0], HEIGHT / 2 + middle])
+    return Camera(axes, scale, shift, float(start + width + _LEADER))
+
+
+def _painted(faces: Sequence[tuple[Array, bool]], camera: Camera) -> list[str]:
+    """Faces that look at the viewer, far ones first; neighbours of one shade share a path."""
+    seen = []
+    light = _LIGHT / np.linalg.norm(_LIGHT)
+    light = light @ np.stack([camera.axes[0], -camera.axes[2], np.array([0.0, 0.0, 1.0])])
+    for face, hot in faces:
+        normal = np.cross(face[2] - face[0], face[3] - face[1])
+        length = np.linalg.norm(normal)
+        if length == 0 or normal @ camera.axes[2] <= 0:
+            continue
+        bright = 0.5 + 0.5 * float(normal @ light / length)
+        shade = int(np.clip(SHADES * bright, 0, SHADES - 1))
+        css = f"s{shade} hot" if hot else f"s{shade}"
+        corners = camera.page(face)
+        d = "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in corners.tolist()) + "Z"
+        seen.append((float(camera.depth(face).mean()), css, d))
+    seen.sort(key=lambda f: f[0])
+    parts: list[tuple[str, str]] = []
+    for _, css, d in seen:
+        if parts and parts[-1][0] == css:
+            parts[-1] = (css, parts[-1][1] + d)
+        else:
+            parts.append((css, d))
+    return [f'<path class="{css}" d="{d}"/>' for css, d in parts]
+
+
+def _labels(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    camera: Camera,
+    anchors: Mapping[str, Array],
+    marked: Mapping[Location, str],
+) -> list[str]:
+    """Names in the gutter at the right, each with a line to its place; marked ones stand out."""
+    places: list[tuple[Array, str, str]] = []
+    named = set()
+    for at, text in marked.items():
+        body, joint = _body_of(model, at), joint_of(model, at)
+        if body >= 0:
+            places.append((camera.page(data.xipos[body]), str(at), text))
+        elif joint is not None:
+            places.append((camera.page(anchors[joint]), str(at), text))
+            named.add(joint)
+    if len(anchors) <= _MOST_LABELS:
+        others = [name for name in anchors if name not in named]
+        places += [(camera.page(anchors[name]), name, "") for name in others]
+    places.sort(key=lambda p: float(p[0][1]))
+    heights = _apart([float(p[0][1]) for p in places], [2.3 if p[2] else 1.0 for p in places])
+    parts = []
+    left = camera.side
+    for (place, name, text), height in zip(places, heights, strict=True):
+        x, y = place.tolist()
+        css = "mark" if text else "quiet"
+        parts.append(
+            f'<path class="leader {css}" d="M{x:.1f} {y:.1f}L{left - 6:g} {height:.1f}"/>'
+            f'<circle class="dot {css}" cx="{x:.1f}" cy="{y:.1f}" r="{8 if text else 2.5:g}"/>'
+            f'<text class="{css}" x="{left:g}" y="{height + 4:.1f}">{html.escape(name)}</text>'
+        )
+        if text:
+            below = height + 4 + _LINE - 3
+            parts.append(
+                f'<text class="why" x="{left:g}" y="{below:.1f}">{html.escape(text)}</text>'
+            )
+    return parts
+
+
+def _apart(heights: Sequence[float], lines: Sequence[float]) -> list[float]:
+    """Heights in the same order, moved down where labels would overlap, then up if they leave."""
+    placed: list[float] = []
+    for i, height in enumerate(heights):
+        least = placed[-1] + _LINE * lines[i - 1] if placed else _MARGIN / 2
+        placed.append(max(height, least))
+    for i in reversed(range(len(placed))):
+        most = placed[i + 1] - _LINE * lines[i] if i + 1 < len(placed) else HEIGHT - _LINE
+        placed[i] = min(placed[i], most)
+    return placed

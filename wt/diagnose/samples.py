@@ -1,0 +1,146 @@
+"""The measured samples of recordings: parts, segments without gaps, and their true time stamps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import isotonic_regression
+
+from wt.errors import RecordingError
+from wt.physics.scene import Scene
+from wt.types import Recording
+
+Array = np.ndarray
+
+LONG_GAP = 0.15
+"""A gap longer than this [s] ends a segment: what happened in it is not known."""
+SHORTEST = 0.5
+"""Segments shorter than this [s] are left out."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A recording, or a part of one.
+
+    Attributes:
+        recording: the whole recording.
+        index: which one it is.
+        span: from when to when it is this part, since the recording's start [s].
+    """
+
+    recording: Recording
+    index: int
+    span: tuple[float, float] = (0.0, np.inf)
+
+    @property
+    def seconds(self) -> float:
+        """Duration [s]."""
+        return min(self.span[1], self.recording.seconds) - self.span[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """The measured samples of one segment.
+
+    Attributes:
+        recording: which recording it belongs to.
+        t: time since the recording's start, (K,) [s].
+        q: measured positions, (K, nv); NaN where missing.
+        v: measured velocities, (K, nv); NaN where missing or not recorded.
+        held: commands, (K, nu).
+    """
+
+    recording: int
+    t: Array
+    q: Array
+    v: Array
+    held: Array
+
+    @property
+    def dt(self) -> float:
+        """Median sampling interval [s]."""
+        return float(np.median(np.diff(self.t)))
+
+
+def samples_of(scene: Scene, parts: Sequence[Part]) -> tuple[Samples, ...]:
+    """The segments without long gaps of some recordings.
+
+    Raises:
+        RecordingError: a joint that was recorded nowhere else is missing, or nothing is left.
+    """
+    found = []
+    for part in parts:
+        recording = part.recording
+        t = _stamps(recording)
+        q = _table(recording, [f"qpos/{name}" for name in scene.joints])
+        v = _table(recording, [f"qvel/{name}" for name in scene.joints])
+        m = scene.model
+        held = _table(recording, [f"ctrl/{m.actuator(i).name}" for i in range(m.nactuator)])
+        known = np.isfinite(held).all(axis=1) & np.isfinite(q).any(axis=1)
+        known &= (t >= part.span[0]) & (t < part.span[1])
+        t, q, v, held = t[known], q[known], v[known], held[known]
+        if len(t) < 2:
+            continue
+        # within one interval the joints' missing samples are bridged by the spline
+        dt = float(np.median(np.diff(t)))
+        ends = np.flatnonzero(np.diff(t) > max(LONG_GAP, 4.0 * dt)) + 1
+        found += [
+            Samples(part.index, t[rows], q[rows], v[rows], held[rows])
+            for rows in np.split(np.arange(len(t)), ends)
+            if len(rows) >= 12 and t[rows[-1]] - t[rows[0]] >= SHORTEST
+        ]
+    if not found:
+        raise RecordingError(
+            f"no stretch of {SHORTEST:g} s without a gap has commands and positions; "
+            "record at an even rate, with every actuator's command"
+        )
+    return tuple(found)
+
+
+def _table(recording: Recording, names: Sequence[str]) -> Array:
+    missing = np.full(len(recording), np.nan)
+    columns = [recording.columns.get(name, missing) for name in names]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(recording), 0))
+
+
+def _stamps(recording: Recording) -> Array:
+    """Time since the start [s]; jitter of the stamps is removed where the clock was even.
+
+    If the measured positions lie on a smoother curve over an even grid (rounded by an isotonic
+    regression, which drops and jitter do not upset) than over the stamps themselves, the stamps
+    were late and not the samples.
+    """
+    t = recording.t - recording.t[0]
+    dt = float(np.median(np.diff(t)))
+    count = np.arange(len(t))
+    lag = isotonic_regression(t / dt - count).x
+    even = np.round(lag - np.median(lag - np.round(lag))) + count
+    # an average rate, not the median interval: stamps are quantised
+    slope, offset = np.polyfit(even, t, 1)
+    grid = even * slope
+    if (np.diff(grid) <= 0).any() or np.abs(t - offset - grid).max() > 1.5 * dt:
+        return t
+    rough = [
+        sum(_roughness(clock, c) for name, c in recording.columns.items() if name[:5] == "qpos/")
+        for clock in (t, grid)
+    ]
+    return grid if rough[1] <= rough[0] * 1.02 else t
+
+
+def _roughness(t: Array, x: Array) -> float:
+    """Mean square deviation of each sample from the cubic through its four neighbours."""
+    ok = np.isfinite(x)
+    t, x = t[ok], x[ok]
+    if len(t) < 8:
+        return 0.0
+    rows = [t[i : len(t) - 4 + i] - t[2:-2] for i in (0, 1, 3, 4)]
+    total = np.zeros(len(t) - 4)
+    for i, k in enumerate((0, 1, 3, 4)):
+        weight = np.ones_like(total)
+        for j in range(4):
+            if j != i:
+                weight = weight * rows[j] / (rows[j] - rows[i])
+        total += weight * x[k : len(x) - 4 + k]
+    return float(np.mean((total - x[2:-2]) ** 2))

@@ -1,0 +1,69 @@
+"""Pieces of recordings that are replayed open loop: long where a machine forgets how it began."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wt.diagnose.samples import Samples
+from wt.diagnose.smooth import Smoothed
+from wt.physics.replay import Stretch
+from wt.physics.rollout import Replayer
+
+Array = np.ndarray
+
+WINDOW_S = 0.5
+"""Length of the stretches of a machine that does not forget its initial state [s]."""
+_TEST_S, _SHOVE, _FORGOTTEN = 1.5, 0.02, 0.3
+
+
+def forgets(smoothed: Smoothed, step: float) -> bool:
+    """Whether the model forgets its initial state, as a position servo does and a pendulum not.
+
+    Replays from two initial states, ``_SHOVE`` rad apart in every joint, must come to within
+    ``_FORGOTTEN`` of that.
+    """
+    s, state = smoothed.samples[0], smoothed.at_samples[0]
+    rows = s.t <= s.t[0] + _TEST_S
+    pair = [
+        Stretch(s.recording, s.t[rows], s.held[rows], state[0][0] + shove, state[1][0])
+        for shove in (0.0, _SHOVE)
+    ]
+    q = Replayer(smoothed.motion.scene, pair, step).run([()]).q[0]
+    first, second = np.split(q, 2)
+    apart = np.abs(second[-1] - first[-1])
+    return bool(np.isfinite(apart).all() and (apart < _FORGOTTEN * _SHOVE).all())
+
+
+def stretches_of(
+    smoothed: Smoothed, forgets: bool, seconds: float = np.inf
+) -> list[tuple[Stretch, Array]]:
+    """Cut recordings into stretches to replay, with the positions measured in them.
+
+    Args:
+        smoothed: the recordings.
+        forgets: long stretches if so, else windows of ``WINDOW_S``.
+        seconds: at most so much in all; blocks spread evenly over the recordings.
+    """
+    total = sum(float(s.t[-1] - s.t[0]) for s in smoothed.samples)
+    keep = min(1.0, seconds / total)
+    found = []
+    for s, (q, v, _) in zip(smoothed.samples, smoothed.at_samples, strict=True):
+        for first, last in _blocks(s, keep, forgets):
+            rows = slice(first, last)
+            stretch = Stretch(s.recording, s.t[rows], s.held[rows], q[first], v[first])
+            found.append((stretch, s.q[rows]))
+    return found
+
+
+def _blocks(s: Samples, keep: float, forgets: bool) -> list[tuple[int, int]]:
+    """Ranges of samples: windows, or blocks of about 10 s of which the given share is kept."""
+    length = s.t[-1] - s.t[0]
+    if forgets:
+        if keep >= 0.999:
+            return [(0, len(s.t))]
+        count = max(1, int(np.ceil(keep * length / 10.0)))
+    else:
+        count = max(1, int(keep * length / WINDOW_S))
+    size = max(12, int(keep * len(s.t) / count))
+    starts = np.linspace(0, len(s.t) - size, count).astype(int)
+    return [(int(i), int(i + size)) for i in np.unique(starts)]

@@ -1,0 +1,82 @@
+"""Recordings beside their replays, for pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wt.diagnose.objective import Hypothesis
+from wt.diagnose.prepare import Prepared
+from wt.diagnose.result import Trace
+from wt.diagnose.smooth import Smoothed
+from wt.physics.motion import Motion
+from wt.physics.replay import Stretch
+from wt.physics.rollout import Replayer
+
+Array = np.ndarray
+
+
+def traces(
+    prepared: Prepared, smoothed: Sequence[Smoothed], hypothesis: Hypothesis, step: float
+) -> tuple[Trace, ...]:
+    """One trace for each segment, held-out ones first.
+
+    Args:
+        prepared: names of the recordings.
+        smoothed: the fitted and the held-out recordings, in this order.
+        hypothesis: the findings.
+        step: physics step of the replays [s].
+    """
+    found = []
+    for role, some in (("holdout", smoothed[1]), ("fit", smoothed[0])):
+        scene = some.motion.scene
+        stretches = [
+            Stretch(s.recording, s.t, s.held, state[0][0], state[1][0])
+            for s, state in zip(some.samples, some.at_samples, strict=True)
+        ]
+        both = Replayer(scene, stretches, step).run([(), hypothesis]).q
+        after = _force_left(some.motion, hypothesis)
+        start = 0
+        for s, state, segment in zip(
+            some.samples, some.at_samples, some.motion.segments, strict=True
+        ):
+            rows = slice(start, start + len(s.t))
+            start = rows.stop
+            grid = some.motion.t[segment.rows]
+            found.append(
+                Trace(
+                    name=prepared.names[s.recording],
+                    role="holdout" if role == "holdout" else "fit",
+                    t=s.t,
+                    recorded=s.q,
+                    before=both[0, rows],
+                    after=both[1, rows],
+                    velocity=state[1],
+                    force_before=_at(s.t, grid, some.motion.residual[segment.rows]),
+                    force_after=_at(s.t, grid, after[segment.rows]),
+                    command={
+                        scene.model.actuator(i).name: s.held[:, i] for i in range(s.held.shape[1])
+                    },
+                )
+            )
+    return tuple(found)
+
+
+def _force_left(motion: Motion, hypothesis: Hypothesis) -> Array:
+    """Force residual once each effect's signature is taken out by least squares, (T, nv)."""
+    columns = []
+    for planted in hypothesis:
+        shapes = planted.effect.shapes(motion, planted.at)
+        columns += [planted.effect.columns(motion, planted.at, shape) for shape in shapes[:1]]
+    if not columns:
+        return motion.residual
+    design = np.concatenate(columns, axis=2).reshape(motion.residual.size, -1)
+    size = np.linalg.norm(design, axis=0) + 1e-12
+    found, *_ = np.linalg.lstsq(design / size, motion.residual.reshape(-1), rcond=1e-8)
+    return motion.residual - (design @ (found / size)).reshape(motion.residual.shape)
+
+
+def _at(t: Array, grid: Array, values: Array) -> Array:
+    columns = [np.interp(t, grid, values[:, j]) for j in range(values.shape[1])]
+    return np.stack(columns, axis=1)

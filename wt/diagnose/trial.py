@@ -1,0 +1,141 @@
+"""A planned motion as commands, and what the model as given makes of them."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from wt.physics.scene import Drive, Scene
+
+Array = np.ndarray
+
+_STEP_S = 5e-4
+_SETTLE_S = 20.0
+_CALM = 10.0  # 1/s: damping per inertia while a machine settles
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """Commands and the simulated motion, at n samples.
+
+    Attributes:
+        ctrl: commands, (n, n_actuators).
+        q: joint positions, (n, nv) [rad].
+        force: actuator forces, (n, n_actuators) [N·m].
+        touched: bodies that touched although they do not at rest, (k, 2).
+    """
+
+    ctrl: Array
+    q: Array
+    force: Array
+    touched: Array
+
+
+def trial(scene: Scene, wanted: Array, rate: float) -> Trial:
+    """Command a motion and simulate it on the model as given.
+
+    Args:
+        scene: the machine.
+        wanted: joint positions, (n, nv) [rad]; the first one is where it starts, at rest.
+        rate: samples per second [Hz].
+    """
+    model = copy.copy(scene.model)
+    each = int(np.ceil(1.0 / (rate * min(_STEP_S, model.opt.timestep)) - 1e-9))
+    model.opt.timestep = 1.0 / (rate * each)
+    ctrl = commands(scene, wanted, 1.0 / rate)
+    data = mujoco.MjData(model)
+    data.qpos[:] = wanted[0]
+    _charge(model, data, ctrl[0])
+    mujoco.mj_forward(model, data)
+    at_rest = _touching(model, data)
+    touched: set[tuple[int, int]] = set()
+    q, force = np.empty_like(wanted), np.empty_like(ctrl)
+    for k, command in enumerate(ctrl):
+        data.ctrl[:] = command
+        mujoco.mj_forward(model, data)
+        q[k], force[k] = data.qpos, data.actuator_force
+        if data.ncon:
+            touched |= _touching(model, data) - at_rest
+        mujoco.mj_step(model, data, each)
+    return Trial(ctrl, q, force, np.array(sorted(touched), int).reshape(-1, 2))
+
+
+def commands(scene: Scene, wanted: Array, dt: float) -> Array:
+    """Commands for a motion on the model as given, (n, n_actuators).
+
+    A servo gets the position, plus what carries the weight there; a torque motor gets the torque
+    of inverse dynamics.
+    """
+    model = copy.copy(scene.model)
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)  # nobody leans on them
+    data = mujoco.MjData(model)
+    speed = np.gradient(wanted, dt, axis=0)
+    acceleration = np.gradient(speed, dt, axis=0)
+    ctrl = np.zeros((len(wanted), model.nactuator))
+    loose = [d for d in scene.drives if not d.servo]
+    for k, q in enumerate(wanted):
+        data.qpos[:] = q
+        data.qvel[:], data.qacc[:] = 0.0, 0.0
+        mujoco.mj_inverse(model, data)
+        weight = data.qfrc_inverse.copy()
+        if loose:
+            data.qvel[:], data.qacc[:] = speed[k], acceleration[k]
+            mujoco.mj_inverse(model, data)
+        for d in scene.drives:
+            still = d.servo
+            torque = weight[d.dof] if still else data.qfrc_inverse[d.dof]
+            ctrl[k, d.index] = command(d, q[d.dof], 0.0 if still else speed[k, d.dof], torque)
+    for i in np.flatnonzero(model.actuator_ctrllimited):
+        ctrl[:, i] = np.clip(ctrl[:, i], *model.actuator_ctrlrange[i])
+    for i in _integrators(model):
+        ctrl[:, i] = np.gradient(ctrl[:, i], dt)  # their command is a speed
+    return ctrl
+
+
+def command(drive: Drive, q: float, v: float, torque: float) -> float:
+    """What makes a drive give a torque on its joint [N·m] at a position and speed of it."""
+    if drive.gain == 0.0 or drive.gear == 0.0:
+        return 0.0
+    passive = drive.bias[0] + drive.gear * (drive.bias[1] * q + drive.bias[2] * v)
+    return float((torque / drive.gear - passive) / drive.gain)
+
+
+def settled(scene: Scene, pose: Array) -> Array:
+    """Where a machine comes to rest when its torque motors give nothing, (nv,) [rad].
+
+    Servos hold their joints; a machine that only has servos stays as it is.
+    """
+    held = np.zeros(scene.model.nv, bool)
+    held[[d.dof for d in scene.drives if d.servo]] = True
+    if held.all():
+        return pose
+    model = copy.copy(scene.model)
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    model.opt.timestep = 2e-3
+    model.dof_damping[~held] += _CALM * model.dof_M0[~held]
+    data = mujoco.MjData(model)
+    data.qpos[:] = pose
+    for d in scene.drives:
+        data.ctrl[d.index] = command(d, pose[d.dof], 0.0, 0.0) if d.servo else 0.0
+    _charge(model, data, data.ctrl.copy())
+    mujoco.mj_step(model, data, round(_SETTLE_S / model.opt.timestep))
+    return np.where(held, pose, data.qpos)
+
+
+def _charge(model: mujoco.MjModel, data: mujoco.MjData, ctrl: Array) -> None:
+    """Let filters and integrators of actuators start where their commands are."""
+    for i in range(model.nactuator):
+        if model.actuator_actnum[i] == 1:
+            data.act[model.actuator_actadr[i]] = ctrl[i]
+
+
+def _integrators(model: mujoco.MjModel) -> Array:
+    return np.flatnonzero(model.actuator_dyntype == int(mujoco.mjtDyn.mjDYN_INTEGRATOR))
+
+
+def _touching(model: mujoco.MjModel, data: mujoco.MjData) -> set[tuple[int, int]]:
+    bodies = model.geom_bodyid[data.contact.geom[data.contact.dist < 0.0]]
+    return {(int(min(pair)), int(max(pair))) for pair in bodies}

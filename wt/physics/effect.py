@@ -1,0 +1,225 @@
+"""The contract of an effect, its registry, and how to add one.
+
+An effect is physics that a simulator may leave out: a friction law, a delay, a payload. To find
+it in recordings, ``wt diagnose`` needs three things of it:
+
+1. a quick *signature*: which generalised force it adds along a recorded motion. It is linear in
+   some coefficients once a few nonlinear *shape* parameters are given, so that thousands of
+   hypotheses are compared in seconds (:meth:`Effect.shapes`, :meth:`Effect.columns`,
+   :meth:`Effect.theta`);
+2. a *patch* of the MJCF, which is what is written for the user and, by default, what is
+   simulated and decided upon (:meth:`Effect.patch`). What MuJoCo has no element for is done to
+   the replay's inputs (:meth:`Effect.drive`), outputs (:meth:`Effect.sense`) or at every step
+   (:meth:`Effect.live`); then :meth:`Effect.model` says what the replayed MJCF needs instead;
+3. a *statement* for people.
+
+Adding an effect
+----------------
+One new file in ``wt/physics/effects/`` and one row in the table of effects: a subclass of
+:class:`Effect` decorated with ``@register``. The file is found by itself; an id used twice is
+refused, naming both. The contract tests in ``tests/physics/test_contract.py`` then run over it.
+
+Conventions: SI units, radians; generalised forces in N·m (N for slides); parameters are one flat
+vector ``theta`` in the order of :attr:`Effect.parameters`.
+"""
+
+from __future__ import annotations
+
+import abc
+import importlib
+import pkgutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import mujoco
+import numpy as np
+
+from wt.types import Kind, Location
+
+if TYPE_CHECKING:
+    from wt.physics.live import Live
+    from wt.physics.motion import Motion
+    from wt.physics.replay import Inputs, Outputs
+    from wt.physics.scene import Scene
+
+Array = np.ndarray
+Shape = tuple[float, ...]
+"""Values of the nonlinear parameters that a signature needs before it is linear."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of an effect, scalar or a vector.
+
+    Attributes:
+        name: as in the table of effects.
+        unit: e.g. ``"N·m"``; ``"-"`` for none.
+        lower: smallest admissible value, of every component.
+        upper: largest admissible value.
+        step: smallest change that matters, the unit of finite differences.
+        axes: names of a vector's components, e.g. ``("x", "y", "z")``; empty for a scalar.
+    """
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    step: float
+    axes: tuple[str, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """How many components it has in ``theta``."""
+        return max(1, len(self.axes))
+
+
+class Effect(abc.ABC):
+    """Physics that a model may leave out; the module says how to add one.
+
+    Attributes:
+        id: as in the table of effects, e.g. ``"joint.friction_coulomb"``.
+        kind: what it stands at.
+        parameters: what is to be estimated, in the order of ``theta``.
+        reference: where the law comes from.
+        native: whether the patch expresses it fully in MJCF.
+        excludes: ids that cannot stand at the same place beside it.
+        odds_against: log odds against it beside a more common effect that fits as well [nats].
+        signed: for each coefficient of the signature the sign it must have: +1, -1 or 0 for any.
+    """
+
+    id: ClassVar[str]
+    kind: ClassVar[Kind]
+    parameters: ClassVar[tuple[Parameter, ...]]
+    reference: ClassVar[str]
+    native: ClassVar[bool] = True
+    excludes: ClassVar[tuple[str, ...]] = ()
+    odds_against: ClassVar[float] = 0.0
+    signed: ClassVar[tuple[int, ...]] = ()
+
+    def places(self, scene: Scene) -> Sequence[Location]:
+        """Where in a model it can stand; by default everywhere of its kind."""
+        names: Mapping[str, Sequence[str]] = {
+            "joint": scene.joints,
+            "actuator": [d.name for d in scene.drives],
+            "body": scene.moving,
+            "world": ["world"],
+        }
+        return [Location(self.kind, name) for name in names.get(self.kind, ())]
+
+    # -- screening ---------------------------------------------------------------------------
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """Shapes to try, coarsely; ``[()]`` if the signature is linear as it is.
+
+        An empty list says that the signature cannot tell (replay only).
+        """
+        return [()]
+
+    @abc.abstractmethod
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """Generalised force per unit of each linear coefficient.
+
+        Returns:
+            (n_samples, nv, n_coefficients) [N·m per unit of the coefficient], the force that the
+            effect *adds to the machine*.
+        """
+
+    @abc.abstractmethod
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """Parameters for given coefficients and shape, (n_theta,); not yet clipped to bounds."""
+
+    def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
+        """Parameters to start the replay's refinement from where no signature tells."""
+        return []
+
+    # -- replay ------------------------------------------------------------------------------
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:  # noqa: B027 – optional
+        """Write the effect into an MJCF, in place; names of the user's elements stay."""
+
+    def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Prepare the MJCF of a replay, in place; by default with the patch."""
+        self.patch(spec, at, theta)
+
+    def followers(self, at: Location) -> Mapping[str, str]:
+        """Joints that the patch adds → the user's joint from whose state each one starts."""
+        return {}
+
+    def drive(self, inputs: Inputs, scene: Scene, at: Location, theta: Array) -> None:  # noqa: B027 – optional
+        """Change the commands or external forces of a replay, in place."""
+
+    def sense(self, outputs: Outputs, scene: Scene, at: Location, theta: Array) -> None:  # noqa: B027 – optional
+        """Change what a replay's sensors report, in place."""
+
+    def live(self, scene: Scene, at: Location, theta: Array) -> Live | None:
+        """What acts at every physics step of the replays of ``theta`` (n_replays, n_theta)."""
+        return None
+
+    def plausible(self, at: Location, theta: Array) -> bool:
+        """Whether such parameters are this effect, and not another one in disguise."""
+        return True
+
+    # -- people ------------------------------------------------------------------------------
+
+    @abc.abstractmethod
+    def statement(self, at: Location, theta: Array) -> str:
+        """One plain sentence with figures and units, e.g. "Joint j2 has 1.2° of gear play."."""
+
+    def separation(self, at: Location) -> str:
+        """The experiment that tells this effect best from others at the same place."""
+        return f"a multisine on {at} with slow reversals and fast parts"
+
+    # -- helpers -----------------------------------------------------------------------------
+
+    @property
+    def n_theta(self) -> int:
+        """Length of ``theta``."""
+        return sum(p.size for p in self.parameters)
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Smallest and largest admissible ``theta``."""
+        lower = np.concatenate([np.full(p.size, p.lower) for p in self.parameters])
+        upper = np.concatenate([np.full(p.size, p.upper) for p in self.parameters])
+        return lower, upper
+
+    def steps(self) -> Array:
+        """Finite-difference steps of ``theta``."""
+        return np.concatenate([np.full(p.size, p.step) for p in self.parameters])
+
+    def named(self, theta: Array) -> dict[str, float | list[float]]:
+        """``theta`` by parameter names: floats, and lists for vectors."""
+        values: dict[str, float | list[float]] = {}
+        start = 0
+        for p in self.parameters:
+            part = [float(x) for x in theta[start : start + p.size]]
+            values[p.name] = part if p.axes else part[0]
+            start += p.size
+        return values
+
+
+_EFFECTS: dict[str, Effect] = {}
+
+
+def register(effect: type[Effect]) -> type[Effect]:
+    """Class decorator: make an effect available.
+
+    Raises:
+        ValueError: two files claim the same id (a mistake of ours, not of a user).
+    """
+    if effect.id in _EFFECTS:
+        raise ValueError(
+            f"effect {effect.id!r} is defined by both {type(_EFFECTS[effect.id]).__module__} "
+            f"and {effect.__module__}; rename one"
+        )
+    _EFFECTS[effect.id] = effect()
+    return effect
+
+
+def effects() -> Mapping[str, Effect]:
+    """Every effect by id, in alphabetical order."""
+    import wt.physics.effects
+
+    for module in pkgutil.iter_modules(wt.physics.effects.__path__):
+        importlib.import_module(f"wt.physics.effects.{module.name}")
+    return dict(sorted(_EFFECTS.items()))

@@ -1,0 +1,193 @@
+"""What several effects need: columns on one joint, units, and edits of an MJCF that stay exact."""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect
+from wt.physics.live import Live, StepState
+from wt.physics.motion import Motion
+from wt.physics.scene import Drive, Scene
+from wt.types import Location
+
+Array = np.ndarray
+
+_BRISTLE_FREQUENCY, _BRISTLE_DAMPING = 0.4, 0.5  # frequency · time step, damping ratio
+_FROM_GEOMS = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
+
+
+def on_joint(motion: Motion, dof: int, *values: Array) -> Array:
+    """Columns that act on one degree of freedom, (T, nv, n) from n arrays (T,)."""
+    columns = np.zeros((*motion.q.shape, len(values)))
+    columns[:, dof, :] = np.stack(values, axis=1)
+    return columns
+
+
+def added(motion: Motion, effect: Effect, at: Location, theta: Array) -> Array:
+    """Force that an effect's patch adds to the machine along a motion, (T, nv) [N·m].
+
+    The inverse dynamics of the patched model demand less of what the patch supplies.
+    """
+    spec = motion.scene.spec()
+    effect.patch(spec, at, theta)
+    return -motion.change(spec.compile())
+
+
+def free_of_limits(motion: Motion, drive: Drive) -> Array:
+    """1 where a drive's force is inside the model's force range and 0 where clipped, (T,)."""
+    m, i = motion.scene.model, drive.index
+    if not m.actuator_forcelimited[i]:
+        return np.ones(len(motion))
+    force = motion.force(drive) / drive.gear
+    low, high = m.actuator_forcerange[i]
+    return ((force > low) & (force < high)).astype(float)
+
+
+def drive_force(scene: Scene, drive: Drive, u: Array, q: Array, v: Array) -> Array:
+    """Force of a drive on its joint with the model's clamps, from its joint's state [N·m]."""
+    m, i = scene.model, drive.index
+    if m.actuator_ctrllimited[i]:
+        u = np.clip(u, *m.actuator_ctrlrange[i])
+    force = drive.gain * u + drive.bias[0]
+    force = force + drive.bias[1] * drive.gear * q + drive.bias[2] * drive.gear * v
+    if m.actuator_forcelimited[i]:
+        force = np.clip(force, *m.actuator_forcerange[i])
+    return np.asarray(force * drive.gear)
+
+
+class DriveLaw(Live):
+    """Turns the force of one drive into another, by way of generalised forces."""
+
+    def __init__(
+        self, scene: Scene, actuator: str, law: Callable[[Array, Array, Array], Array]
+    ) -> None:
+        """Prepare.
+
+        Args:
+            scene: the machine.
+            actuator: the drive's name.
+            law: (force, joint velocity, time), each (n,), → the force instead.
+        """
+        self.scene, self.drive, self.law = scene, scene.drive(actuator), law
+
+    def act(self, state: StepState) -> None:
+        """Add what the law changes."""
+        i, dof = self.drive.index, self.drive.dof
+        q, v = state.q[:, dof], state.v[:, dof]
+        force = drive_force(self.scene, self.drive, state.u[:, i], q, v)
+        state.applied[:, dof] += self.law(force, v, state.t) - force
+
+
+def per_radian(joint: mujoco.MjsJoint) -> float:
+    """Units of angles in a joint's attributes per radian: 180/π in a file in degrees."""
+    hinge = joint.type == mujoco.mjtJoint.mjJNT_HINGE
+    return 180.0 / np.pi if hinge and joint.compiler.degree else 1.0
+
+
+def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """The model of an MJCF, which stays as it is."""
+    return spec.copy().compile()
+
+
+def effective_inertia(model: mujoco.MjModel, joint: str) -> float:
+    """Inertia that a torque on one joint meets when all others are free to move [kg·m²]."""
+    return float(1.0 / model.dof_invweight0[model.joint(joint).dofadr[0]])
+
+
+def add_dry_friction(spec: mujoco.MjSpec, joint: str, torque: float) -> None:
+    """Add to a joint's ``frictionloss``, stiff enough that a joint at rest hardly creeps."""
+    element = spec.joint(joint)
+    element.frictionloss += torque
+    element.solref_friction = [0.002, 1.0]
+    element.solimp_friction = [0.999, 0.9999, 0.001, 0.5, 2.0]
+
+
+class Bristle(Live):
+    """A spring with a damper that slips at a friction force: sticks without chatter.
+
+    Subclasses say how large the friction is.
+    """
+
+    def __init__(self, scene: Scene, joint: str, theta: Array) -> None:
+        """Prepare for the replays of ``theta``, (n, n_theta)."""
+        self.scene, self.dof, self.theta = scene, scene.dof(joint), theta
+        self.inertia = effective_inertia(scene.model, joint)
+        self.bent = np.zeros(len(theta))
+
+    @abc.abstractmethod
+    def level(self, state: StepState) -> Array:
+        """Friction at which the bristle slips, (n,) [N·m]."""
+
+    def act(self, state: StepState) -> None:
+        """Brake the joint."""
+        v, most = state.v[:, self.dof], self.level(state)
+        frequency = _BRISTLE_FREQUENCY / state.h
+        stiffness = self.inertia * frequency**2
+        damping = 2.0 * _BRISTLE_DAMPING * self.inertia * frequency
+        # the bristle bends with the joint and slips where it would carry more than friction
+        self.bent = np.clip(self.bent + state.h * v, -most / stiffness, most / stiffness)
+        state.applied[:, self.dof] -= np.clip(stiffness * self.bent + damping * v, -most, most)
+
+
+def physics_step(spec: mujoco.MjSpec) -> float:
+    """Time step that an added stiff part must be stable at [s]."""
+    return max(float(spec.option.timestep), 5e-4)
+
+
+def settle(spec: mujoco.MjSpec) -> None:
+    """Replace by numbers what the compiler derives from other parts that a patch may change.
+
+    A damping *ratio* of a position servo depends on inertia and gain, an inherited control range
+    on the joint's range. The robot's controller knows neither.
+    """
+    loose = [a for a in spec.actuators if a.biasprm[2] > 0.0 or a.inheritrange > 0.0]
+    if not loose:
+        return
+    model = compiled(spec)
+    for actuator in loose:
+        i = model.actuator(actuator.name).id
+        actuator.biasprm[:3] = model.actuator_biasprm[i, :3]
+        if actuator.inheritrange > 0.0:
+            actuator.inheritrange = 0.0
+            if model.actuator_actlimited[i]:
+                actuator.actrange = model.actuator_actrange[i]
+            else:
+                actuator.ctrlrange = model.actuator_ctrlrange[i]
+
+
+def weighed(spec: mujoco.MjSpec, body: str) -> mujoco.MjsBody:
+    """A body whose inertia is written out as numbers, ready to be changed."""
+    settle(spec)
+    compiler = spec.compiler
+    model = compiled(spec)
+    names = [body]
+    if compiler.settotalmass > 0.0 or int(compiler.inertiafromgeom) == _FROM_GEOMS:
+        # both would overrule what is written: then every body gets its numbers
+        names = [b.name for b in spec.bodies[1:] if b.name]
+        compiler.settotalmass = -1.0
+        compiler.inertiafromgeom = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO)
+    for name in names:
+        found, i = spec.body(name), model.body(name).id
+        found.explicitinertial = True
+        found.mass, found.ipos = model.body_mass[i], model.body_ipos[i]
+        found.iquat, found.inertia = model.body_iquat[i], model.body_inertia[i]
+        found.fullinertia = np.full(6, np.nan)
+        found.ialt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    return spec.body(body)
+
+
+def passive(
+    spec: mujoco.MjSpec, name: str, joint: str, **features: list[float]
+) -> mujoco.MjsActuator:
+    """Add a passive motor to a joint: no command, no back-EMF, only the features given.
+
+    The user's actuators keep their order and their commands.
+    """
+    motor = spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=joint)
+    no_input = int(mujoco.mjtCtrlInput.mjINPUT_NONE)
+    motor.set_to_dcmotor(motorconst=[0, 0], resistance=1, ctrlspec=no_input, **features)
+    return motor

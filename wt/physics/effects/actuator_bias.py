@@ -1,0 +1,50 @@
+"""A drive with a constant force too much."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import free_of_limits, on_joint, settle
+from wt.physics.motion import Motion
+from wt.types import Location
+
+Array = np.ndarray
+
+
+@register
+class ActuatorBias(Effect):
+    """force → force + torque."""
+
+    id = "actuator.bias"
+    kind = "actuator"
+    parameters = (Parameter("torque", "N·m", -1e3, 1e3, 1e-3),)
+    reference = "MuJoCo XML reference, actuator/general/biasprm"
+    signed = (0,)
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """1, except where the drive is at its limit."""
+        drive = motion.scene.drive(at.name)
+        return on_joint(motion, drive.dof, free_of_limits(motion, drive))
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """The torque on the joint."""
+        return coefficients
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Add to the constant part of the actuator's ``biasprm``."""
+        settle(spec)
+        actuator = spec.actuator(at.name)
+        if actuator.biastype == mujoco.mjtBias.mjBIAS_NONE and theta[0] != 0.0:
+            actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+            actuator.biasprm[:3] = 0.0
+        actuator.biasprm[0] += theta[0] / actuator.gear[0]
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return f"Actuator {at.name} adds a constant {theta[0]:.3g} N·m that nobody commanded."
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"holding the joint of {at.name} still at poses where gravity pulls it either way"

@@ -1,0 +1,60 @@
+"""A drive that swallows small forces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import DriveLaw, on_joint
+from wt.physics.live import Live
+from wt.physics.motion import Motion
+from wt.physics.scene import Scene
+from wt.types import Location
+
+Array = np.ndarray
+
+
+@register
+class ActuatorDeadband(Effect):
+    """force → force − clip(force, −width, width): nothing inside ±width, that much less outside."""
+
+    id = "actuator.deadband"
+    kind = "actuator"
+    parameters = (Parameter("width", "N·m", 0.0, 1e3, 1e-3),)
+    reference = "G. Tao and P. V. Kokotović, Adaptive Control of Systems with Actuator and Sensor "
+    reference += "Nonlinearities, 1996"
+    native = False
+    signed = (1,)
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """Widths that cover 5 to 60 % of the drive's forces."""
+        force = np.abs(motion.force(motion.scene.drive(at.name)))
+        return [(float(w),) for w in np.quantile(force, [0.05, 0.15, 0.3, 0.6]) if w > 1e-4]
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """What the drive swallows."""
+        drive = motion.scene.drive(at.name)
+        return on_joint(motion, drive.dof, -np.clip(motion.force(drive), -shape[0], shape[0]))
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """For forces beyond both, c times what width w swallows is what width c · w swallows."""
+        return coefficients * shape[0]
+
+    def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Nothing: the replay computes the force at every step."""
+
+    def live(self, scene: Scene, at: Location, theta: Array) -> Live:
+        """Take the swallowed force off."""
+        width = theta[:, 0]
+        return DriveLaw(scene, at.name, lambda force, v, t: force - np.clip(force, -width, width))
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return f"Actuator {at.name} swallows the first {theta[0]:.3g} N·m of its force."
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"slow ramps of {at.name} through zero force, which tell a dead band from a gain"

@@ -1,0 +1,64 @@
+"""A drive that receives its command late."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.motion import Motion
+from wt.physics.scene import Scene
+from wt.types import Location
+
+if TYPE_CHECKING:
+    from wt.physics.replay import Inputs
+
+Array = np.ndarray
+
+
+@register
+class ActuatorDelay(Effect):
+    """u(t) → u(t − delay)."""
+
+    id = "actuator.delay"
+    kind = "actuator"
+    parameters = (Parameter("delay", "s", 0.0, 0.3, 1e-4),)
+    reference = "MuJoCo XML reference, actuator/general/delay"
+    signed = (1,)
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """Delays from half a sample up."""
+        return [(d,) for d in motion.dt * np.array([0.5, 1, 2, 4, 8, 16]) if d < 0.3]
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """Force under the delayed command minus force under the command as sent."""
+        drive = motion.scene.drive(at.name)
+        late = motion.delayed(drive.index, shape[0])
+        columns = np.zeros((*motion.q.shape, 1))
+        columns[:, drive.dof, 0] = motion.force(drive, late) - motion.force(drive)
+        return columns
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """To first order, c times the force of a delay d is the force of a delay c · d."""
+        return coefficients * shape[0]
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Set the actuator's ``delay`` and a buffer that is long enough."""
+        actuator = spec.actuator(at.name)
+        actuator.delay += theta[0]
+        actuator.nsample = max(1, int(np.ceil(actuator.delay / spec.option.timestep)) + 1)
+
+    def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Nothing: MuJoCo's buffer starts at zero, so a replay shifts the command itself."""
+
+    def drive(self, inputs: Inputs, scene: Scene, at: Location, theta: Array) -> None:
+        """Shift the command."""
+        i = scene.drive(at.name).index
+        inputs.u[:, i] = inputs.delayed(inputs.u[:, i], float(theta[0]))
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return f"Actuator {at.name} receives its commands {1e3 * theta[0]:.3g} ms late."

@@ -1,0 +1,49 @@
+"""A drive whose whole force is scaled."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import free_of_limits, on_joint, settle
+from wt.physics.motion import Motion
+from wt.types import Location
+
+Array = np.ndarray
+
+
+@register
+class ActuatorGain(Effect):
+    """force → factor · force, inside the model's force range."""
+
+    id = "actuator.gain"
+    kind = "actuator"
+    parameters = (Parameter("factor", "-", 0.0, 5.0, 1e-3),)
+    reference = "MuJoCo XML reference, actuator/general/gainprm and biasprm"
+    signed = (0,)
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """The drive's force, except where it is at its limit."""
+        drive = motion.scene.drive(at.name)
+        force = motion.force(drive) * free_of_limits(motion, drive)
+        return on_joint(motion, drive.dof, force)
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """One plus the coefficient."""
+        return 1.0 + coefficients
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Scale ``gainprm`` and ``biasprm``."""
+        settle(spec)
+        actuator = spec.actuator(at.name)
+        actuator.gainprm[:3] *= theta[0]
+        actuator.biasprm[:3] *= theta[0]
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return f"Actuator {at.name} delivers {100 * theta[0]:.4g} % of the force in the model."
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"steps and slow motions of the joint of {at.name} under different loads"

@@ -1,0 +1,76 @@
+"""Torque that varies with the rotor's position: cogging, or teeth of a gear."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import on_joint, passive
+from wt.physics.motion import Motion
+from wt.physics.scene import Scene
+from wt.types import Location
+
+Array = np.ndarray
+
+
+@register
+class ActuatorRipple(Effect):
+    """τ = amplitude · sin(cycles · q + phase)."""
+
+    id = "actuator.ripple"
+    kind = "actuator"
+    parameters = (
+        Parameter("amplitude", "N·m", 0.0, 1e3, 1e-3),
+        Parameter("cycles", "1/rev", 0.5, 500.0, 1e-3),
+        Parameter("phase", "rad", -2.0 * np.pi, 2.0 * np.pi, 1e-3),
+    )
+    reference = "MuJoCo XML reference, actuator/dcmotor/cogging"
+    signed = (0, 0)
+
+    def places(self, scene: Scene) -> Sequence[Location]:
+        """Drives of hinges."""
+        hinge = mujoco.mjtJoint.mjJNT_HINGE
+        return [
+            Location("actuator", d.name)
+            for d in scene.drives
+            if scene.model.joint(d.joint).type[0] == hinge
+        ]
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """1 to 60 cycles a turn, of which the motion covers at least one."""
+        q = motion.q[:, motion.scene.drive(at.name).dof]
+        covered = (q.max() - q.min()) / (2.0 * np.pi)
+        return [(float(n),) for n in range(1, 61) if n * covered >= 1.0]
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """cos(cycles·q) and sin(cycles·q)."""
+        dof = motion.scene.drive(at.name).dof
+        angle = shape[0] * motion.q[:, dof]
+        return on_joint(motion, dof, np.cos(angle), np.sin(angle))
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """Amplitude, cycles and phase."""
+        # a·sin(x + φ) = a·sin φ · cos x + a·cos φ · sin x
+        c, s = coefficients
+        return np.array([np.hypot(c, s), shape[0], np.arctan2(c, s)])
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Add a passive motor with ``cogging`` to the joint."""
+        amplitude, cycles, phase = (float(x) for x in theta)
+        if amplitude > 0.0:
+            joint = spec.actuator(at.name).target
+            passive(spec, f"{at.name}_ripple", joint, cogging=[amplitude, cycles, phase])
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return (
+            f"The torque of actuator {at.name} ripples by ±{theta[0]:.3g} N·m, {theta[1]:.4g} "
+            "times a turn of the joint."
+        )
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"slow turns of the joint of {at.name} over its whole range, both ways"

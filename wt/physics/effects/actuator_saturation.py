@@ -1,0 +1,66 @@
+"""A drive whose force ends earlier than the model's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import on_joint
+from wt.physics.motion import Motion
+from wt.types import Location
+
+Array = np.ndarray
+
+
+@register
+class ActuatorSaturation(Effect):
+    """force → clip(force, −torque, torque)."""
+
+    id = "actuator.saturation"
+    kind = "actuator"
+    parameters = (Parameter("torque", "N·m", 1e-4, 1e4, 1e-3),)
+    reference = "MuJoCo XML reference, actuator/general/forcerange"
+    signed = (1,)
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """Torques that the model's drive passes for 2 to 60 % of the time."""
+        force = np.abs(motion.force(motion.scene.drive(at.name)))
+        return [(float(t),) for t in np.quantile(force, [0.4, 0.6, 0.8, 0.9, 0.98]) if t > 1e-4]
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """What the clipped drive lacks; the coefficient of the true torque is 1."""
+        drive = motion.scene.drive(at.name)
+        force = motion.force(drive)
+        return on_joint(motion, drive.dof, np.clip(force, -shape[0], shape[0]) - force)
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """The torque."""
+        return np.array(shape)
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Narrow the actuator's ``forcerange``."""
+        narrow(spec, at.name, float(theta[0]))
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return f"Actuator {at.name} gives at most {theta[0]:.3g} N·m."
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"large steps of {at.name} away from the joint's stops, at low speed and at high"
+
+
+def narrow(spec: mujoco.MjSpec, name: str, torque: float) -> None:
+    """Keep an actuator's force on its joint inside ±torque, and inside the range it has."""
+    actuator = spec.actuator(name)
+    most = torque / abs(actuator.gear[0])
+    low, high = -most, most
+    limited = actuator.forcelimited == mujoco.mjtLimited.mjLIMITED_TRUE
+    automatic = actuator.forcelimited == mujoco.mjtLimited.mjLIMITED_AUTO
+    if limited or (automatic and np.any(actuator.forcerange)):
+        low, high = max(low, actuator.forcerange[0]), min(high, actuator.forcerange[1])
+    actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
+    actuator.forcerange = [low, high]

@@ -1,0 +1,79 @@
+"""A drive whose force falls with speed, like a motor's at full voltage."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import DriveLaw, on_joint
+from wt.physics.effects.actuator_saturation import narrow
+from wt.physics.live import Live
+from wt.physics.motion import Motion
+from wt.physics.scene import Scene
+from wt.types import Location
+
+Array = np.ndarray
+
+
+@register
+class ActuatorSpeedLimit(Effect):
+    """force → clip(force, −stall · (1 + v/speed), stall · (1 − v/speed))."""
+
+    id = "actuator.speed_limit"
+    kind = "actuator"
+    parameters = (
+        Parameter("stall", "N·m", 1e-4, 1e4, 1e-3),
+        Parameter("speed", "rad/s", 1e-2, 1e3, 1e-3),
+    )
+    reference = "A. Hughes and B. Drury, Electric Motors and Drives, 2019, chapter 3"
+    native = False
+    signed = (1,)
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """Stall torques around the largest force, no-load speeds around the fastest motion."""
+        drive = motion.scene.drive(at.name)
+        force = float(np.quantile(np.abs(motion.force(drive)), 0.99))
+        fastest = float(np.abs(motion.v[:, drive.dof]).max())
+        tried = [(s * force, f * fastest) for s in (0.7, 1.0, 2.0) for f in (0.9, 1.3, 2.0, 4.0)]
+        return [shape for shape in tried if min(shape) > 1e-3]
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """What the drive lacks; the coefficient of the true limits is 1."""
+        drive = motion.scene.drive(at.name)
+        force = motion.force(drive)
+        limited = _limited(force, motion.v[:, drive.dof], *shape)
+        return on_joint(motion, drive.dof, limited - force)
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """Stall torque and no-load speed."""
+        return np.array(shape)
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Stand-in: ``forcerange`` of the stall torque, right at standstill."""
+        narrow(spec, at.name, float(theta[0]))
+
+    def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Nothing: the replay computes the force at every step."""
+
+    def live(self, scene: Scene, at: Location, theta: Array) -> Live:
+        """Clip the force at every step."""
+        stall, speed = theta.T
+        return DriveLaw(scene, at.name, lambda force, v, t: _limited(force, v, stall, speed))
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return (
+            f"Actuator {at.name} gives at most {theta[0]:.3g} N·m at standstill, and less with "
+            f"speed until nothing is left at {theta[1]:.3g} rad/s."
+        )
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"full-force accelerations of {at.name} in both directions up to its top speed"
+
+
+def _limited(force: Array, v: Array, stall: Array | float, speed: Array | float) -> Array:
+    return np.clip(force, -stall * (1.0 + v / speed), stall * (1.0 - v / speed))

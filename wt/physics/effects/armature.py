@@ -1,0 +1,44 @@
+"""Rotor inertia that the model lacks."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.motion import Motion
+from wt.types import Location
+
+Array = np.ndarray
+
+
+@register
+class Armature(Effect):
+    """τ = −inertia · a."""
+
+    id = "joint.armature"
+    kind = "joint"
+    parameters = (Parameter("inertia", "kg·m²", 0.0, 1e3, 1e-4),)
+    reference = "R. Featherstone, Rigid Body Dynamics Algorithms, 2008, section 9.6"
+    signed = (1,)
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """−a on the joint's row."""
+        dof = motion.scene.dof(at.name)
+        return motion.on(dof, -motion.a[:, dof])
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """See :meth:`Effect.theta`."""
+        return coefficients
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Add to the joint's ``armature``."""
+        spec.joint(at.name).armature += theta[0]
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return f"Joint {at.name} has {theta[0]:.3g} kg·m² more rotor inertia than the model."
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"fast small oscillations of {at.name}"

@@ -1,0 +1,73 @@
+"""Play in a gear: the motor turns a little before the link follows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.motion import Motion
+from wt.physics.rotor import rotor, split
+from wt.physics.scene import Scene
+from wt.types import Location
+
+Array = np.ndarray
+
+_CONTACT = 0.002
+"""Time constant of the teeth's contact [s]: far faster than what a recording shows."""
+
+
+@register
+class Backlash(Effect):
+    """No torque passes while |rotor − link| < gap / 2; the teeth are stiff beyond."""
+
+    id = "joint.backlash"
+    excludes = ("joint.elasticity",)
+    kind = "joint"
+    parameters = (Parameter("gap", "rad", 1e-4, 1.0, 2e-4),)
+    reference = "M. Nordin and P.-O. Gutman, Controlling mechanical systems with backlash, 2002"
+
+    def places(self, scene: Scene) -> Sequence[Location]:
+        """Joints with a drive."""
+        return [Location("joint", name) for name in dict.fromkeys(d.joint for d in scene.drives)]
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """None: where in its gap a gear is, only a replay knows."""
+        return []
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """Nothing; see :meth:`shapes`."""
+        return np.zeros((*motion.q.shape, 0))
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """Nothing; see :meth:`shapes`."""
+        return np.zeros(1)
+
+    def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
+        """From 0.2° to 4°."""
+        return [np.array([gap]) for gap in (0.004, 0.015, 0.06)]
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """A rotor behind a tendon that is free inside its limits.
+
+        Limits push and damp only where the teeth touch, and are stable at any time step; damping
+        of the tendon itself would brake the rotor inside the gap as well.
+        """
+        _, tendon = split(spec, at.name)
+        tendon.limited = mujoco.mjtLimited.mjLIMITED_TRUE
+        tendon.range = [-0.5 * theta[0], 0.5 * theta[0]]
+        tendon.solref_limit = [_CONTACT, 1.0]
+
+    def followers(self, at: Location) -> Mapping[str, str]:
+        """The rotor starts at the link's angle."""
+        return {rotor(at.name): at.name}
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return f"Joint {at.name} has {np.degrees(theta[0]):.2g}° of gear play."
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"small reversals of {at.name} under little load, slow and fast"

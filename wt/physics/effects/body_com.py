@@ -1,0 +1,56 @@
+"""A body whose centre of mass lies elsewhere than in the model."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import added, weighed
+from wt.physics.motion import Motion
+from wt.types import Location
+
+Array = np.ndarray
+
+_APART = 0.05  # m; the demand is quadratic in the shift, so any central difference is exact
+
+
+@register
+class BodyCom(Effect):
+    """Centre of mass → centre of mass + shift, in the body's frame."""
+
+    id = "body.com"
+    kind = "body"
+    parameters = (Parameter("shift", "m", -2.0, 2.0, 5e-4, ("x", "y", "z")),)
+    reference = "C. H. An, C. G. Atkeson and J. M. Hollerbach, Model-Based Control of a Robot, 1988"
+    signed = (0, 0, 0)
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """Force per metre of shift along x, y and z."""
+        return np.stack(
+            [
+                (added(motion, self, at, e) - added(motion, self, at, -e)) / (2.0 * _APART)
+                for e in _APART * np.eye(3)
+            ],
+            axis=2,
+        )
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """The shift."""
+        return coefficients
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Move the body's ``inertial``."""
+        weighed(spec, at.name).ipos += theta
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        x, y, z = 1e3 * theta
+        return (
+            f"The centre of mass of body {at.name} lies {x:.3g}, {y:.3g}, {z:.3g} mm (x, y, z of "
+            "the body) from where the model has it."
+        )
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"holding still at poses that turn {at.name} about two axes, then fast motions"

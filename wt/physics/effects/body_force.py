@@ -1,0 +1,62 @@
+"""A constant force on a body, such as a counterweight's rope or a draught."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import compiled
+from wt.physics.motion import Motion
+from wt.types import Location
+
+Array = np.ndarray
+
+
+@register
+class BodyForce(Effect):
+    """A force constant in the world's frame, on the body's centre of mass."""
+
+    id = "body.force"
+    kind = "body"
+    parameters = (Parameter("force", "N", -1e4, 1e4, 1e-2, ("x", "y", "z")),)
+    reference = "MuJoCo documentation, computation, transmission by a site with a reference site"
+    signed = (0, 0, 0)
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """Generalised force per newton along the world's x, y and z."""
+        return np.swapaxes(motion.point(at.name).jacobian, 1, 2)
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """The force."""
+        return coefficients
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Add a passive motor that pulls a site at the centre of mass along the world's axes.
+
+        Cogging with zero poles and a phase of 90° is a constant: a force without a command.
+        """
+        if not np.any(theta):
+            return
+        model = compiled(spec)
+        name, world = f"{at.name}_force", f"{at.name}_force_frame"
+        spec.body(at.name).add_site(name=name, pos=model.body(at.name).ipos)
+        spec.worldbody.add_site(name=world)
+        motor = spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_SITE, target=name)
+        motor.refsite = world
+        motor.gear = [*theta, 0.0, 0.0, 0.0]
+        motor.set_to_dcmotor(
+            motorconst=[0, 0],
+            resistance=1,
+            cogging=[1.0, 0.0, 0.5 * np.pi],
+            ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE),
+        )
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        x, y, z = theta
+        return f"A constant force of {x:.3g}, {y:.3g}, {z:.3g} N (world x, y, z) acts on {at}."
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"holding still at poses that move {at.name} far, and fast motions, which tell mass"

@@ -1,0 +1,135 @@
+"""A force that acts on a body now and then, such as a push or a snagging cable."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.motion import Motion
+from wt.physics.scene import Scene
+from wt.types import Location
+
+if TYPE_CHECKING:
+    from wt.physics.replay import Inputs
+
+Array = np.ndarray
+
+_THRESHOLDS = (4.0, 8.0)  # robust deviations above the usual
+_SHORTEST, _GAP, _SMOOTH = 0.04, 0.1, 0.06  # s
+
+
+@register
+class BodyForceIntermittent(Effect):
+    """A force constant in the world's frame on the centre of mass, inside windows of time.
+
+    The windows are no part of ``theta``: they stand in the signature's shape, flattened
+    (recording, start, end, …), and :meth:`with_windows` returns the effect that replays them.
+    """
+
+    id = "body.force_intermittent"
+    kind = "body"
+    parameters = (Parameter("force", "N", -1e4, 1e4, 1e-2, ("x", "y", "z")),)
+    reference = "S. Haddadin, A. De Luca and A. Albu-Schäffer, Robot collisions, IEEE T-RO 33, 2017"
+    native = False
+    signed = (0, 0, 0)
+
+    def __init__(self, windows: Shape = ()) -> None:
+        """Bind windows, flattened (recording, start [s], end [s], …)."""
+        self.windows = windows
+
+    def with_windows(self, windows: Shape) -> BodyForceIntermittent:
+        """The effect bound to windows."""
+        bound = copy.copy(self)
+        bound.windows = tuple(windows)
+        return bound
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """Times at which the residual, as a force on the body, stands out."""
+        found = {_proposed(motion, at.name, threshold) for threshold in _THRESHOLDS}
+        return sorted(windows for windows in found if windows)
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """Generalised force per newton along x, y and z, inside the windows."""
+        inside = np.zeros(len(motion))
+        for s in motion.segments:
+            for recording, start, end in _triples(shape):
+                if int(recording) == s.recording:
+                    covered = _covered(motion.t[s.rows] - 0.5 * s.dt, s.dt, start, end)
+                    inside[s.rows] = np.maximum(inside[s.rows], covered)
+        return np.swapaxes(motion.point(at.name).jacobian, 1, 2) * inside[:, None, None]
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """The force."""
+        return coefficients
+
+    def drive(self, inputs: Inputs, scene: Scene, at: Location, theta: Array) -> None:
+        """Push in the windows of this recording."""
+        body = scene.model.body(at.name).id
+        inside = np.zeros(len(inputs.t))
+        for recording, start, end in _triples(self.windows):
+            if int(recording) == inputs.recording:
+                inside = np.maximum(inside, _covered(inputs.t, inputs.h, start, end))
+        force = inputs.force.setdefault(body, np.zeros((len(inputs.t), 3)))
+        force += inside[:, None] * theta
+
+    def named(self, theta: Array) -> dict[str, float | list[float]]:
+        """Force, and the windows' starts and ends one after another [s]."""
+        windows = [x for _, start, end in _triples(self.windows) for x in (start, end)]
+        return {**super().named(theta), "windows": windows}
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        x, y, z = theta
+        spans = [f"{start:.2f}–{end:.2f} s" for _, start, end in _triples(self.windows)]
+        more = f" and {len(spans) - 4} more" if len(spans) > 4 else ""
+        return (
+            f"A force of {x:.3g}, {y:.3g}, {z:.3g} N (world x, y, z) acts on {at} at "
+            f"{', '.join(spans[:4])}{more}."
+        )
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"the same motion again, with nothing and nobody near {at.name}"
+
+
+def _triples(windows: Shape) -> list[tuple[float, float, float]]:
+    return list(zip(windows[::3], windows[1::3], windows[2::3], strict=True))
+
+
+def _covered(t: Array, h: float, start: float, end: float) -> Array:
+    """Share of the interval [t, t + h] that lies between start and end, (n,)."""
+    return np.asarray(np.clip((np.minimum(t + h, end) - np.maximum(t, start)) / h, 0.0, 1.0))
+
+
+def _proposed(motion: Motion, body: str, threshold: float) -> Shape:
+    """Windows in which the residual's part that a force on the body can make stands out."""
+    jacobian = motion.point(body).jacobian
+    scale = np.std(motion.residual, axis=0) + 1e-12
+    scaled = np.swapaxes(jacobian / scale, 1, 2)  # (T, nv, 3)
+    projected = scaled @ (np.linalg.pinv(scaled, rcond=1e-3) @ (motion.residual / scale)[..., None])
+    size = np.linalg.norm(projected[..., 0], axis=1)
+    windows: list[float] = []
+    for s in motion.segments:
+        width = max(1, round(_SMOOTH / s.dt))
+        smooth = np.convolve(size[s.rows], np.full(width, 1.0 / width), mode="same")
+        usual = np.median(smooth)
+        spread = 1.4826 * np.median(np.abs(smooth - usual)) + 1e-12
+        for start, end in _spans(smooth > usual + threshold * spread, round(_GAP / s.dt)):
+            t = motion.t[s.rows]
+            if t[end] - t[start] >= _SHORTEST:
+                windows += [float(s.recording), float(t[start]), float(t[end])]
+    return tuple(windows)
+
+
+def _spans(above: Array, gap: int) -> list[tuple[int, int]]:
+    """First and last index of each run, runs closer than a gap merged."""
+    rows = np.flatnonzero(above)
+    if not len(rows):
+        return []
+    breaks = np.flatnonzero(np.diff(rows) > max(gap, 1))
+    first, last = np.append(0, breaks + 1), np.append(breaks, len(rows) - 1)
+    return [(int(rows[a]), int(rows[b])) for a, b in zip(first, last, strict=True)]

@@ -1,0 +1,45 @@
+"""A body whose moments of inertia differ from the model's, its mass being right."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import added, weighed
+from wt.physics.motion import Motion
+from wt.types import Location
+
+Array = np.ndarray
+
+
+@register
+class BodyInertia(Effect):
+    """Moments of inertia about the centre of mass → factor · moments."""
+
+    id = "body.inertia"
+    kind = "body"
+    odds_against = 4.0
+    parameters = (Parameter("factor", "-", 0.01, 20.0, 1e-3),)
+    reference = "C. H. An, C. G. Atkeson and J. M. Hollerbach, Model-Based Control of a Robot, 1988"
+    signed = (0,)
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """Force of doubling the moments; inverse dynamics are linear in the factor."""
+        return added(motion, self, at, np.array([2.0]))[:, :, None]
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """One plus the coefficient."""
+        return 1.0 + coefficients
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Scale the moments of the body's ``inertial``."""
+        weighed(spec, at.name).inertia *= theta[0]
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return f"Body {at.name} has {100 * theta[0]:.4g} % of its moments of inertia in the model."
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"fast turns of {at.name} about each axis beside slow ones, which tell its weight"

@@ -1,0 +1,46 @@
+"""A body that is heavier or lighter than in the model, its mass distributed alike."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import added, weighed
+from wt.physics.motion import Motion
+from wt.types import Location
+
+Array = np.ndarray
+
+
+@register
+class BodyMass(Effect):
+    """Mass and inertia → factor · mass and inertia."""
+
+    id = "body.mass"
+    kind = "body"
+    parameters = (Parameter("factor", "-", 0.01, 10.0, 1e-3),)
+    reference = "C. H. An, C. G. Atkeson and J. M. Hollerbach, Model-Based Control of a Robot, 1988"
+    signed = (0,)
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """Force of doubling the body; inverse dynamics are linear in the factor."""
+        return added(motion, self, at, np.array([2.0]))[:, :, None]
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """One plus the coefficient."""
+        return 1.0 + coefficients
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Scale the body's ``inertial``."""
+        body = weighed(spec, at.name)
+        body.mass *= theta[0]
+        body.inertia *= theta[0]
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return f"Body {at.name} has {100 * theta[0]:.4g} % of its mass and inertia in the model."
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"a multisine on all joints that carry {at.name}, and weighing it"

@@ -1,0 +1,92 @@
+"""A weight that the model does not know, fixed to a body."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import added, settle
+from wt.physics.motion import Motion
+from wt.types import Location
+
+Array = np.ndarray
+
+_APART = 0.1  # m; the demand is quadratic in the position, so any central difference is exact
+_RADIUS = 0.01  # m, of the sphere that stands for the weight
+
+
+@register
+class BodyPayloadFixed(Effect):
+    """A point mass at a position in the body's frame.
+
+    Its force is m·(f₀ + f₁·p + pᵀ·f₂·p). The signature is linear in m and m·(p − shape): the
+    derivative at the position that the shape names, the body's centre of mass at first. Computing
+    it again at the estimated position is a Gauss-Newton step.
+    """
+
+    id = "body.payload_fixed"
+    kind = "body"
+    parameters = (
+        Parameter("mass", "kg", 0.0, 1e3, 1e-3),
+        Parameter("position", "m", -5.0, 5.0, 1e-3, ("x", "y", "z")),
+    )
+    reference = "C. H. An, C. G. Atkeson and J. M. Hollerbach, Model-Based Control of a Robot, 1988"
+    signed = (1, 0, 0, 0)
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """The centre of mass: at the frame's origin a body that turns about it shows no mass."""
+        x, y, z = motion.scene.model.body(at.name).ipos
+        return [(float(x), float(y), float(z))]
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """Force per kilogram at the shape's position, and per kg·m away from it."""
+        there = np.array(shape)
+
+        def force(position: Array) -> Array:
+            return added(motion, self, at, np.array([1.0, *position]))
+
+        slopes = [
+            (force(there + e) - force(there - e)) / (2.0 * _APART) for e in _APART * np.eye(3)
+        ]
+        return np.stack([force(there), *slopes], axis=2)
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """Mass, and position from the first moments."""
+        mass = coefficients[0]
+        size = max(abs(mass), 1e-9)
+        away = coefficients[1:] / (size if mass >= 0.0 else -size)
+        return np.array([mass, *(np.array(shape) + away)])
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Add a small sphere without contacts, on a body of its own that is welded on.
+
+        A geom on the body itself would not count where the body's inertia is written out.
+        """
+        settle(spec)
+        mass = float(theta[0])
+        if mass <= 0.0:
+            return
+        payload = spec.body(at.name).add_body(name=f"{at.name}_payload", pos=theta[1:])
+        payload.explicitinertial = True
+        payload.mass = mass
+        # without a position MuJoCo would not write the inertia into the file
+        payload.ipos = np.zeros(3)
+        payload.inertia = np.full(3, 0.4 * mass * _RADIUS**2)
+        sphere = payload.add_geom(name=f"{at.name}_payload", type=mujoco.mjtGeom.mjGEOM_SPHERE)
+        sphere.size, sphere.mass = [_RADIUS, 0.0, 0.0], mass
+        sphere.contype, sphere.conaffinity = 0, 0
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        x, y, z = 1e3 * theta[1:]
+        return (
+            f"Body {at.name} carries {theta[0]:.3g} kg that the model does not know, at "
+            f"{x:.3g}, {y:.3g}, {z:.3g} mm (x, y, z of the body)."
+        )
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"a multisine on all joints that carry {at.name}, at poses with and without weight"

@@ -1,0 +1,60 @@
+"""A spring that ties a body to a point of the world."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.motion import Motion
+from wt.types import Location
+
+Array = np.ndarray
+
+
+@register
+class BodyTether(Effect):
+    """F = stiffness · (anchor − x) on the origin x of the body's frame."""
+
+    id = "body.tether"
+    kind = "body"
+    parameters = (
+        Parameter("stiffness", "N/m", 0.0, 1e6, 1e-1),
+        Parameter("anchor", "m", -5.0, 5.0, 1e-3, ("x", "y", "z")),
+    )
+    reference = "R. Hooke, De potentia restitutiva, 1678"
+    signed = (1, 0, 0, 0)
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """Per unit of k, and of k times each coordinate of the anchor."""
+        point = motion.point(at.name, (0.0, 0.0, 0.0))
+        pull = point.generalised(-point.x)
+        return np.concatenate([pull[:, :, None], np.swapaxes(point.jacobian, 1, 2)], axis=2)
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """(stiffness, anchor)."""
+        k = max(float(coefficients[0]), 1e-6)
+        return np.array([k, *(coefficients[1:] / k)])
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """A spatial tendon of no rest length between a site on the body and one in the world."""
+        near, far = f"{at.name}_tether", f"{at.name}_anchor"
+        spec.body(at.name).add_site(name=near)
+        spec.worldbody.add_site(name=far, pos=theta[1:])
+        tendon = spec.add_tendon(
+            name=f"{at.name}_tether", stiffness=[theta[0], 0.0, 0.0], springlength=[0.0, 0.0]
+        )
+        tendon.wrap_site(near)
+        tendon.wrap_site(far)
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        x, y, z = theta[1:]
+        return (
+            f"Body {at.name} is tied to the point ({x:.3g}, {y:.3g}, {z:.3g}) m of the world by "
+            f"{theta[0]:.3g} N/m."
+        )
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"slow moves of {at.name} through the whole workspace"

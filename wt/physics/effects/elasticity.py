@@ -1,0 +1,76 @@
+"""A gear or shaft that twists: the link follows the motor through a spring."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.motion import Motion
+from wt.physics.rotor import rotor, split
+from wt.physics.scene import Scene
+from wt.types import Location
+
+Array = np.ndarray
+
+
+@register
+class Elasticity(Effect):
+    """τ = stiffness · (rotor − link) + damping · (their speeds' difference)."""
+
+    id = "joint.elasticity"
+    excludes = ("joint.backlash",)
+    kind = "joint"
+    parameters = (
+        Parameter("stiffness", "N·m/rad", 1e-2, 1e6, 1e-1),
+        Parameter("damping", "N·m·s/rad", 0.0, 1e4, 1e-3),
+    )
+    reference = "M. W. Spong, Modeling and control of elastic joint robots, ASME JDSMC 1987"
+
+    def places(self, scene: Scene) -> Sequence[Location]:
+        """Joints with a drive."""
+        return [Location("joint", name) for name in dict.fromkeys(d.joint for d in scene.drives)]
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """None: the rotor's angle is not measured."""
+        return []
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """Nothing; see :meth:`shapes`."""
+        return np.zeros((*motion.q.shape, 0))
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """Nothing; see :meth:`shapes`."""
+        return np.zeros(2)
+
+    def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
+        """Twists of 10, 30 and 100 mrad under the largest force, lightly damped."""
+        drive = next(d for d in motion.scene.drives if d.joint == at.name)
+        force = float(np.quantile(np.abs(motion.force(drive)), 0.98)) + 1e-3
+        inertia = float(motion.scene.model.dof_M0[drive.dof])
+        found = []
+        for twist in (0.01, 0.03, 0.1):
+            stiffness = force / twist
+            found.append(np.array([stiffness, 0.1 * np.sqrt(stiffness * inertia)]))
+        return found
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """A rotor behind a tendon with stiffness and damping."""
+        _, tendon = split(spec, at.name)
+        tendon.stiffness = [theta[0], 0.0, 0.0]
+        tendon.damping = [theta[1], 0.0, 0.0]
+        tendon.springlength = [0.0, 0.0]
+
+    def followers(self, at: Location) -> Mapping[str, str]:
+        """The rotor starts at the link's angle."""
+        return {rotor(at.name): at.name}
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return f"Joint {at.name} is elastic: {theta[0]:.3g} N·m/rad between motor and link."
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"a chirp on {at.name} through its resonance, and holds under different loads"

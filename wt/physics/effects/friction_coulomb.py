@@ -1,0 +1,50 @@
+"""Dry friction of constant size against the motion."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import add_dry_friction
+from wt.physics.motion import Motion
+from wt.types import Location
+
+Array = np.ndarray
+
+
+@register
+class FrictionCoulomb(Effect):
+    """τ = −coulomb · sign(v)."""
+
+    id = "joint.friction_coulomb"
+    kind = "joint"
+    parameters = (Parameter("coulomb", "N·m", 0.0, 1e3, 1e-3),)
+    reference = "C. A. Coulomb, Théorie des machines simples, 1785"
+    signed = (1,)
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """−sign(v) on the joint's row."""
+        dof = motion.scene.dof(at.name)
+        columns = np.zeros((*motion.q.shape, 1))
+        columns[:, dof, 0] = -np.sign(motion.v[:, dof])
+        return columns
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """The coefficient is the friction torque."""
+        return coefficients
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Add to the joint's ``frictionloss``."""
+        if theta[0] > 0.0:
+            add_dry_friction(spec, at.name, float(theta[0]))
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return (
+            f"Joint {at.name} loses {theta[0]:.3g} N·m to dry friction that the model leaves out."
+        )
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"slow reversals of {at.name} at several speeds, with the rest held still"

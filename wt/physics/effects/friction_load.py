@@ -1,0 +1,86 @@
+"""Dry friction that grows with the force in the gear."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import Bristle, compiled, drive_force, on_joint
+from wt.physics.live import Live, StepState
+from wt.physics.motion import Motion
+from wt.physics.scene import Scene
+from wt.types import Location
+
+Array = np.ndarray
+
+
+@register
+class FrictionLoad(Effect):
+    """τ = −sign(v) · (coulomb + fraction · |drive force|), with the force before friction."""
+
+    id = "joint.friction_load"
+    kind = "joint"
+    parameters = (
+        Parameter("coulomb", "N·m", 0.0, 1e3, 1e-3),
+        Parameter("fraction", "-", 0.0, 1.0, 1e-3),
+    )
+    reference = "M. Duclusaud et al., Extended friction models for servo actuators, ICRA 2025"
+    native = False
+    signed = (1, 1)
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """−sign(v) and −sign(v)·|drive force|."""
+        dof = motion.scene.dof(at.name)
+        sign = np.sign(motion.v[:, dof])
+        return on_joint(motion, dof, -sign, -sign * np.abs(motion.drive_forces[:, dof]))
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """Constant part and fraction of the load."""
+        return coefficients
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Stand-in: ``frictionloss`` of the friction under the mean weight over one turn."""
+        load = _mean_weight(compiled(spec), at.name)
+        spec.joint(at.name).frictionloss += theta[0] + theta[1] * load
+
+    def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Nothing: the replay computes the force at every step."""
+
+    def live(self, scene: Scene, at: Location, theta: Array) -> Live:
+        """Friction by an elastic bristle that slips."""
+        return _Loaded(scene, at.name, theta)
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return (
+            f"Joint {at.name} loses {theta[0]:.3g} N·m and {100 * theta[1]:.3g} % of its drive's "
+            "force to dry friction."
+        )
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"slow reversals of {at.name} under several loads, e.g. with the arm out and folded"
+
+
+class _Loaded(Bristle):
+    def level(self, state: StepState) -> Array:
+        q, v = state.q[:, self.dof], state.v[:, self.dof]
+        load = np.zeros_like(q)
+        for d in self.scene.drives:
+            if d.dof == self.dof:
+                load += drive_force(self.scene, d, state.u[:, d.index], q, v)
+        return np.asarray(self.theta[:, 0] + self.theta[:, 1] * np.abs(load))
+
+
+def _mean_weight(model: mujoco.MjModel, joint: str) -> float:
+    """Mean size of the torque that gravity puts on a joint over one turn of it [N·m]."""
+    data = mujoco.MjData(model)
+    j = model.joint(joint)
+    weights = []
+    for turn in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False):
+        mujoco.mj_resetData(model, data)
+        data.qpos[j.qposadr[0]] += turn
+        mujoco.mj_forward(model, data)
+        weights.append(abs(float(data.qfrc_bias[j.dofadr[0]])))
+    return float(np.mean(weights))

@@ -1,0 +1,49 @@
+"""Friction that grows with the square of speed."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import on_joint
+from wt.physics.motion import Motion
+from wt.types import Location
+
+Array = np.ndarray
+
+
+@register
+class FrictionQuadratic(Effect):
+    """τ = −coefficient · v · |v|."""
+
+    id = "joint.friction_quadratic"
+    kind = "joint"
+    parameters = (Parameter("coefficient", "N·m·s²/rad²", 0.0, 1e3, 1e-4),)
+    reference = "MuJoCo XML reference, body/joint/damping (polynomial)"
+    signed = (1,)
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """−v·|v| on the joint's row."""
+        dof = motion.scene.dof(at.name)
+        v = motion.v[:, dof]
+        return on_joint(motion, dof, -v * np.abs(v))
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """The coefficient itself."""
+        return coefficients
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Add to the second coefficient of the joint's ``damping``."""
+        spec.joint(at.name).damping[1] += theta[0]
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return (
+            f"Joint {at.name} is braked by {theta[0]:.3g} N·m at 1 rad/s, growing with the square "
+            "of speed, which the model leaves out."
+        )
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"constant speeds of {at.name} from slow to the fastest that it reaches"

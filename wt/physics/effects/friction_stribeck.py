@@ -1,0 +1,103 @@
+"""Dry friction that is larger at standstill than in motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import (
+    Bristle,
+    compiled,
+    effective_inertia,
+    on_joint,
+    passive,
+    physics_step,
+)
+from wt.physics.live import Live, StepState
+from wt.physics.motion import Motion
+from wt.physics.scene import Scene
+from wt.types import Location
+
+Array = np.ndarray
+
+_STIFFNESS, _DAMPING = 0.4, 0.5  # bristle: frequency · time step, damping ratio
+
+
+@register
+class FrictionStribeck(Effect):
+    """τ = −sign(v) · (coulomb + (static − coulomb) · exp(−(v / velocity)²))."""
+
+    id = "joint.friction_stribeck"
+    kind = "joint"
+    parameters = (
+        Parameter("coulomb", "N·m", 0.0, 1e3, 1e-3),
+        Parameter("static", "N·m", 0.0, 1e3, 1e-3),
+        Parameter("velocity", "rad/s", 1e-3, 10.0, 1e-3),
+    )
+    reference = (
+        "C. Canudas de Wit, H. Olsson, K. J. Åström and P. Lischinsky, A new model for control of "
+        "systems with friction, IEEE Transactions on Automatic Control 40(3), 1995"
+    )
+    signed = (1, 1)
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """Velocities over which friction falls, up to a third of the joint's fastest."""
+        fastest = float(np.abs(motion.v[:, motion.scene.dof(at.name)]).max())
+        return [(v,) for v in (0.02, 0.05, 0.1, 0.2, 0.4, 0.8) if v < fastest / 3.0]
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """−sign(v) and −sign(v)·exp(−(v/velocity)²)."""
+        dof = motion.scene.dof(at.name)
+        v = motion.v[:, dof]
+        return on_joint(motion, dof, -np.sign(v), -np.sign(v) * np.exp(-((v / shape[0]) ** 2)))
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """Friction in motion, at standstill, and the velocity between them."""
+        return np.array([coefficients[0], coefficients.sum(), shape[0]])
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Add a passive motor with LuGre friction.
+
+        Its bristle is as stiff as the joint's inertia and the time step allow, so that the joint
+        sticks within a small fraction of a degree.
+        """
+        coulomb, static = float(theta[0]), float(max(theta[1], theta[0]))
+        if static <= 0.0:
+            return
+        inertia = effective_inertia(compiled(spec), at.name)
+        frequency = _STIFFNESS / physics_step(spec)
+        stiffness, damping = inertia * frequency**2, 2.0 * _DAMPING * inertia * frequency
+        lugre = [stiffness, damping, max(coulomb, 1e-6 * static), static, float(theta[2])]
+        passive(spec, f"{at.name}_friction", at.name, lugre=lugre)
+
+    def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Nothing: a replay's own bristle creeps less than LuGre's at the same step."""
+
+    def live(self, scene: Scene, at: Location, theta: Array) -> Live:
+        """Friction by an elastic bristle that slips."""
+        return _Sticking(scene, at.name, theta)
+
+    def plausible(self, at: Location, theta: Array) -> bool:
+        """Without a rise of a tenth towards rest it is plain dry friction."""
+        return bool(theta[1] > 1.1 * theta[0])
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return (
+            f"Joint {at.name} sticks with {theta[1]:.3g} N·m and slides with {theta[0]:.3g} N·m of "
+            f"dry friction; the fall happens within {theta[2]:.2g} rad/s."
+        )
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"slow reversals of {at.name} below 0.05 rad/s, and starts from rest"
+
+
+class _Sticking(Bristle):
+    def level(self, state: StepState) -> Array:
+        coulomb, static, velocity = self.theta.T
+        slow = np.exp(-((state.v[:, self.dof] / velocity) ** 2))
+        return np.asarray(coulomb + (np.maximum(static, coulomb) - coulomb) * slow)

@@ -1,0 +1,75 @@
+"""An elastic element that yields: presliding friction, harness and seal drag."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.motion import Motion
+from wt.types import Location
+
+Array = np.ndarray
+
+
+@register
+class Hysteresis(Effect):
+    """τ = −z with ż = stiffness · v while |z| < yield (Prandtl's elasto-plastic element)."""
+
+    id = "joint.hysteresis"
+    kind = "joint"
+    parameters = (
+        Parameter("stiffness", "N·m/rad", 1e-3, 1e5, 1e-2),
+        Parameter("yield", "N·m", 0.0, 1e3, 1e-3),
+    )
+    reference = "L. Prandtl, Ein Gedankenmodell zur kinetischen Theorie der festen Körper, 1928"
+    signed = (1,)
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """Deflections at which it yields, from a fraction of the range down."""
+        q = motion.q[:, motion.scene.dof(at.name)]
+        reach = float(np.quantile(q, 0.99) - np.quantile(q, 0.01))
+        return [(f * reach,) for f in (0.02, 0.06, 0.15, 0.3) if reach > 0.0]
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """Deflection of the element, with sign."""
+        dof = motion.scene.dof(at.name)
+        z = np.empty(len(motion))
+        for s in motion.segments:
+            q = motion.q[s.rows, dof]
+            state, out = 0.0, np.empty(len(q))
+            for k, step in enumerate(np.diff(q, prepend=q[0])):
+                state = min(max(state + step, -shape[0]), shape[0])
+                out[k] = state
+            z[s.rows] = out
+        return motion.on(dof, -z)
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """(stiffness, yield)."""
+        return np.array([coefficients[0], coefficients[0] * shape[0]])
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """A fixed tendon over the joint with an elasto-plastic spring."""
+        if theta[1] > 0.0:
+            name = f"{at.name}_hysteresis"
+            tendon = spec.add_tendon(
+                name=name, stiffness=[theta[0], 0.0, 0.0], springyield=float(theta[1] / theta[0])
+            )
+            tendon.wrap_joint(at.name, 1.0)
+
+    def plausible(self, at: Location, theta: Array) -> bool:
+        """What yields within a quarter of a degree is dry friction before it slides."""
+        return bool(theta[1] > 0.004 * theta[0])
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return (
+            f"Joint {at.name} has hysteresis: an elastic {theta[0]:.3g} N·m/rad that yields at "
+            f"{theta[1]:.3g} N·m."
+        )
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"nested reversals of {at.name}, each smaller than the one before"

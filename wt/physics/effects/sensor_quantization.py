@@ -1,0 +1,57 @@
+"""An encoder with few steps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.motion import Motion
+from wt.physics.scene import Scene
+from wt.types import Location
+
+if TYPE_CHECKING:
+    from wt.physics.replay import Outputs
+
+Array = np.ndarray
+
+
+@register
+class SensorQuantization(Effect):
+    """Recorded position = step · round(true position / step)."""
+
+    id = "sensor.quantization"
+    kind = "joint"
+    parameters = (Parameter("step", "rad", 1e-6, 1.0, 1e-4),)
+    reference = "B. Widrow and I. Kollár, Quantization Noise, 2008"
+    native = False
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """None: the recorded values themselves show it."""
+        return []
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """How the force residual changes when the sensor errs so."""
+        return np.zeros((*motion.q.shape, 0))
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """See :meth:`Effect.theta`."""
+        return np.zeros(1)
+
+    def sense(self, outputs: Outputs, scene: Scene, at: Location, theta: Array) -> None:
+        """What the encoder reports."""
+        dof = scene.dof(at.name)
+        outputs.q[:, dof] = theta[0] * np.round(outputs.q[:, dof] / theta[0])
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return (
+            f"The encoder of joint {at.name} has steps of {1e3 * theta[0]:.3g} mrad "
+            f"({np.degrees(theta[0]):.2g}°)."
+        )
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"very slow sweeps of {at.name}"

@@ -1,0 +1,57 @@
+"""An encoder that reads a multiple of the truth."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.motion import Motion
+from wt.physics.scene import Scene
+from wt.types import Location
+
+if TYPE_CHECKING:
+    from wt.physics.replay import Outputs
+
+Array = np.ndarray
+
+
+@register
+class SensorScale(Effect):
+    """Recorded position (and velocity) = factor · true."""
+
+    id = "sensor.scale"
+    kind = "joint"
+    odds_against = 8.0
+    parameters = (Parameter("factor", "-", 0.1, 10.0, 1e-4),)
+    reference = "B. Mooring, Z. Roth and M. Driels, Fundamentals of Manipulator Calibration, 1991"
+    native = False
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """How the force residual changes when the sensor errs so."""
+        dof = motion.scene.dof(at.name)
+        size = 1e-3
+        dq, dv, da = (np.zeros_like(motion.q) for _ in range(3))
+        dq[:, dof] = -size * motion.q[:, dof]
+        dv[:, dof] = -size * motion.v[:, dof]
+        da[:, dof] = -size * motion.a[:, dof]
+        return (motion.residual - motion.shifted(dq, dv, da).residual)[:, :, None] / size
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """See :meth:`Effect.theta`."""
+        return 1.0 + coefficients
+
+    def sense(self, outputs: Outputs, scene: Scene, at: Location, theta: Array) -> None:
+        """What the encoder reports."""
+        dof = scene.dof(at.name)
+        outputs.q[:, dof] *= theta[0]
+        outputs.v[:, dof] *= theta[0]
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return f"The encoder of joint {at.name} reads {100.0 * theta[0]:.4g} % of the true angle."
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"slow sweeps of {at.name} over its whole range, against a second angle sensor"

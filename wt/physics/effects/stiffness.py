@@ -1,0 +1,60 @@
+"""A spring at a joint that the model lacks."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.motion import Motion
+from wt.types import Location
+
+Array = np.ndarray
+
+
+@register
+class Stiffness(Effect):
+    """τ = −stiffness · (q − reference)."""
+
+    id = "joint.stiffness"
+    kind = "joint"
+    parameters = (
+        Parameter("stiffness", "N·m/rad", 0.0, 1e5, 1e-2),
+        Parameter("reference", "rad", -20.0, 20.0, 1e-3),
+    )
+    reference = "R. Hooke, De potentia restitutiva, 1678"
+    signed = (1, 0)
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """−q and 1 on the joint's row."""
+        dof = motion.scene.dof(at.name)
+        return motion.on(dof, -motion.q[:, dof], np.ones(len(motion)))
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """See :meth:`Effect.theta`."""
+        return np.array([coefficients[0], coefficients[1] / max(float(coefficients[0]), 1e-9)])
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Add to the joint's ``stiffness``, moving its reference as two springs would."""
+        joint = spec.joint(at.name)
+        old = np.array(joint.stiffness)
+        total = old[0] + theta[0]
+        if total > 0.0:
+            # the compiler reads springref in the model's angle unit
+            unit = np.pi / 180.0 if spec.compiler.degree else 1.0
+            hinge = joint.type == mujoco.mjtJoint.mjJNT_HINGE
+            unit = unit if hinge else 1.0
+            middle = (old[0] * joint.springref * unit + theta[0] * theta[1]) / total
+            joint.springref = middle / unit
+        joint.stiffness = [total, *old[1:]]
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return (
+            f"Joint {at.name} has a spring of {theta[0]:.3g} N·m/rad towards {theta[1]:.3g} rad "
+            "that the model leaves out."
+        )
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"slow sweeps of {at.name} over its whole range"

@@ -1,0 +1,77 @@
+"""An end stop where the model has none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.motion import Motion
+from wt.types import Location
+
+Array = np.ndarray
+
+
+@register
+class Stop(Effect):
+    """side · q ≤ side · position, by a stiff one-sided force."""
+
+    id = "joint.stop"
+    kind = "joint"
+    parameters = (
+        Parameter("position", "rad", -20.0, 20.0, 1e-3),
+        Parameter("side", "±1", -1.0, 1.0, 0.0),
+    )
+    reference = "K. Hunt and F. Crossley, Coefficient of restitution as damping, ASME JAM 1975"
+    signed = (1,)
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """Just inside either end of the recorded range."""
+        q = motion.q[:, motion.scene.dof(at.name)]
+        found = []
+        for side in (-1.0, 1.0):
+            end = float(np.quantile(side * q, 0.995))
+            reach = float(np.ptp(q))
+            found += [(side * (end - f * reach), side) for f in (0.002, 0.01, 0.03)]
+        return found
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """A push back in the last bit of the way."""
+        dof = motion.scene.dof(at.name)
+        position, side = shape
+        beyond = side * (motion.q[:, dof] - position) > 0.0
+        return motion.on(dof, -side * beyond.astype(float))
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """The shape is all there is."""
+        return np.array(shape)
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """The joint's ``range``; its other end stays."""
+        joint = spec.joint(at.name)
+        unit = np.pi / 180.0 if spec.compiler.degree else 1.0
+        if joint.type != mujoco.mjtJoint.mjJNT_HINGE:
+            unit = 1.0
+        limited = joint.limited != mujoco.mjtLimited.mjLIMITED_FALSE and any(joint.range)
+        low, high = joint.range if limited else (-1e3, 1e3)
+        if theta[1] > 0.0:
+            high = theta[0] / unit
+        else:
+            low = theta[0] / unit
+        if low >= high:
+            low, high = min(low, high), max(low, high) + 1e-3
+        joint.range = [low, high]
+        joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
+        joint.solref_limit = [0.004, 1.0]
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return (
+            f"Joint {at.name} runs into a stop at {theta[0]:.3g} rad ({np.degrees(theta[0]):.3g}°)."
+        )
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"slow moves of {at.name} towards the end of its range, with little force"

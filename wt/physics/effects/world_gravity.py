@@ -1,0 +1,77 @@
+"""A robot that does not stand upright."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.motion import Motion
+from wt.types import Location
+
+Array = np.ndarray
+
+
+@register
+class WorldGravity(Effect):
+    """Gravity turned by an angle towards a horizontal direction (0 is the world's x, π/2 its y)."""
+
+    id = "world.gravity"
+    kind = "world"
+    parameters = (
+        Parameter("angle", "rad", 0.0, 1.5, 1e-4),
+        Parameter("direction", "rad", -2.0 * np.pi, 2.0 * np.pi, 1e-3),
+    )
+    reference = "MuJoCo XML reference, option/gravity"
+    signed = (0, 0)
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """Linear, if there is gravity."""
+        return [()] if np.any(motion.scene.model.opt.gravity) else []
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """Force of as much gravity as there is along the world's x and y."""
+        columns = []
+        for direction in (0.0, 0.5 * np.pi):
+            model = copy.copy(motion.scene.model)
+            _, side = _axes(model.opt.gravity, direction)
+            model.opt.gravity += np.linalg.norm(model.opt.gravity) * side
+            columns.append(-motion.change(model))
+        return np.stack(columns, axis=2)
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """Angle and direction."""
+        x, y = coefficients
+        return np.array([np.arcsin(min(np.hypot(x, y), 1.0)), np.arctan2(y, x)])
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Turn ``option gravity``, its size kept."""
+        gravity = np.array(spec.option.gravity)
+        down, side = _axes(gravity, float(theta[1]))
+        turned = np.cos(theta[0]) * down + np.sin(theta[0]) * side
+        spec.option.gravity = np.linalg.norm(gravity) * turned
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        tilt, direction = np.degrees(theta)
+        return (
+            f"Gravity is tilted by {tilt:.3g}° towards {direction:.3g}° (from the world's x to "
+            "its y): the robot does not stand as the model says."
+        )
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return "holding still at many poses, the whole arm turned about the vertical in between"
+
+
+def _axes(gravity: Array, direction: float) -> tuple[Array, Array]:
+    """(direction of gravity, unit vector across it towards a horizontal direction)."""
+    size = np.linalg.norm(gravity)
+    down = gravity / size if size > 0.0 else np.array([0.0, 0.0, -1.0])
+    side = np.array([np.cos(direction), np.sin(direction), 0.0])
+    side = side - (side @ down) * down
+    length = np.linalg.norm(side)
+    return down, side / length if length > 1e-9 else np.zeros(3)

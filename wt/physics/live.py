@@ -1,0 +1,39 @@
+"""What acts at every physics step of a replay, for effects that MuJoCo has no element for."""
+
+from __future__ import annotations
+
+import abc
+from dataclasses import dataclass
+
+import numpy as np
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class StepState:
+    """State of n replays before a physics step; all arrays are of these replays only.
+
+    Attributes:
+        t: time since the start of the recording, (n,) [s].
+        h: length of the step [s].
+        q: joint positions, (n, nv).
+        v: joint velocities, (n, nv).
+        u: commands in force; writable, (n, nu).
+        applied: extra generalised force on each degree of freedom; writable, (n, nv) [N·m].
+    """
+
+    t: Array
+    h: float
+    q: Array
+    v: Array
+    u: Array
+    applied: Array
+
+
+class Live(abc.ABC):
+    """Acts on some replays, each with its own parameters; may keep a state between steps."""
+
+    @abc.abstractmethod
+    def act(self, state: StepState) -> None:
+        """Change commands or add generalised forces, in place."""

@@ -1,0 +1,213 @@
+"""What a recording reveals at every sample: the smooth motion and what the model makes of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import mujoco
+import numpy as np
+
+from wt.physics.scene import Drive, Scene
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A stretch without gaps of one recording, evenly sampled.
+
+    Attributes:
+        rows: its rows in a :class:`Motion`.
+        recording: which recording it belongs to.
+        dt: sampling interval [s].
+    """
+
+    rows: slice
+    recording: int
+    dt: float
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Smoothed recordings of one machine on even grids, T samples in all, segment after segment.
+
+    Attributes:
+        scene: the machine.
+        segments: the stretches without gaps; stateful laws start anew in each.
+        t: time since the start of the sample's recording, (T,) [s].
+        q: joint positions, (T, nv) [rad or m].
+        v: joint velocities, (T, nv).
+        a: joint accelerations, (T, nv).
+        held: the command sent at each sample and held until the next, (T, nu).
+    """
+
+    scene: Scene
+    segments: tuple[Segment, ...]
+    t: Array
+    q: Array
+    v: Array
+    a: Array
+    held: Array
+
+    def __len__(self) -> int:
+        """Number of samples."""
+        return len(self.t)
+
+    @property
+    def dt(self) -> float:
+        """Median sampling interval [s]."""
+        return float(np.median([s.dt for s in self.segments]))
+
+    @cached_property
+    def u(self) -> Array:
+        """Mean command over the interval centred on each sample, (T, nu).
+
+        A command that is held from sample to sample changes *at* the sample, so the force that
+        belongs to the acceleration there is that of ½(u[k−1] + u[k]).
+        """
+        return np.stack([self.delayed(i, 0.0) for i in range(self.held.shape[1])], axis=1)
+
+    def delayed(self, actuator: int, delay: float) -> Array:
+        """Command of one actuator that arrives late, (T,), averaged as :attr:`u`.
+
+        Args:
+            actuator: its index.
+            delay: how late [s]; before a segment the first command is held.
+        """
+        late = np.empty(len(self))
+        for s in self.segments:
+            u = self.held[s.rows, actuator]
+            edges = np.arange(len(u) + 1) * s.dt
+            integral = np.concatenate([[0.0], np.cumsum(u)]) * s.dt
+            end = edges[:-1] + 0.5 * s.dt - delay
+            start = end - s.dt
+            # ∫u over [start, end] / dt; np.interp clamps, so what came before is added by hand
+            before = np.minimum(end, 0.0) - np.minimum(start, 0.0)
+            whole = np.interp(end, edges, integral) - np.interp(start, edges, integral)
+            late[s.rows] = (whole + before * u[0]) / s.dt
+        return late
+
+    def force(self, drive: Drive, u: Array | None = None) -> Array:
+        """Force of a drive on its joint, (T,) [N·m].
+
+        Args:
+            drive: the actuator.
+            u: other commands than the recorded, (T,).
+        """
+        command = self.u[:, drive.index] if u is None else u
+        q, v = self.q[:, drive.dof] * drive.gear, self.v[:, drive.dof] * drive.gear
+        raw = drive.gain * command + drive.bias[0] + drive.bias[1] * q + drive.bias[2] * v
+        m, i = self.scene.model, drive.index
+        if m.actuator_forcelimited[i]:
+            raw = np.clip(raw, *m.actuator_forcerange[i])
+        return raw * drive.gear
+
+    def shifted(self, dq: Array, dv: Array | None = None, da: Array | None = None) -> Motion:
+        """The same recording with other positions, velocities and accelerations, (T, nv) each."""
+        zero = np.zeros_like(self.q)
+        v, a = self.v + (zero if dv is None else dv), self.a + (zero if da is None else da)
+        return Motion(self.scene, self.segments, self.t, self.q + dq, v, a, self.held)
+
+    def later(self, signal: Array, lead: Array) -> Array:
+        """How a signal (T, nv) changes within ``lead`` [s], (T, nv)."""
+        change = np.zeros_like(signal)
+        for s in self.segments:
+            t = self.t[s.rows]
+            for dof in range(signal.shape[1]):
+                x = signal[s.rows, dof]
+                change[s.rows, dof] = np.interp(t + lead[s.rows, dof], t, x) - x
+        return change
+
+    def on(self, dof: int, *forces: Array) -> Array:
+        """Forces (T,) each on one degree of freedom as columns, (T, nv, k)."""
+        columns = np.zeros((*self.q.shape, len(forces)))
+        columns[:, dof] = np.stack(forces, axis=1)
+        return columns
+
+    @cached_property
+    def drive_forces(self) -> Array:
+        """Force of all drives on each degree of freedom, (T, nv) [N·m]."""
+        total = np.zeros_like(self.q)
+        for drive in self.scene.drives:
+            total[:, drive.dof] += self.force(drive)
+        return total
+
+    @cached_property
+    def demand(self) -> Array:
+        """Force that the model's bodies and passive elements demand for this motion, (T, nv)."""
+        return self.inverse(self.scene.model)
+
+    @cached_property
+    def residual(self) -> Array:
+        """Generalised force that acted on the machine and that the model lacks, (T, nv) [N·m].
+
+        Inverse dynamics minus the force of the drives.
+        """
+        return self.demand - self.drive_forces
+
+    def inverse(self, model: mujoco.MjModel) -> Array:
+        """Inverse dynamics of this motion on a model with the same joints, (T, nv) [N·m].
+
+        Actuators, contacts and limits are left out; passive forces count.
+        """
+        if model is self.scene.model:
+            model = mujoco.MjModel.__copy__(model)
+        flags = model.opt.disableflags
+        off = mujoco.mjtDisableBit
+        model.opt.disableflags |= int(off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_ACTUATION)
+        data = mujoco.MjData(model)
+        result = np.empty_like(self.q)
+        for k in range(len(self.t)):
+            data.qpos[:], data.qvel[:], data.qacc[:] = self.q[k], self.v[k], self.a[k]
+            mujoco.mj_inverse(model, data)
+            result[k] = data.qfrc_inverse
+        model.opt.disableflags = flags
+        return result
+
+    def change(self, edited: mujoco.MjModel) -> Array:
+        """Force that an edited model demands beyond the scene's own, (T, nv) [N·m]."""
+        return self.inverse(edited) - self.demand
+
+    @lru_cache(maxsize=64)  # noqa: B019 – lives and dies with a diagnosis
+    def point(self, body: str, offset: tuple[float, float, float] | None = None) -> PointMotion:
+        """Motion of a point of a body.
+
+        Args:
+            body: its name.
+            offset: the point in the body's frame [m]; None for its centre of mass.
+        """
+        m, d = self.scene.model, self.scene.data
+        i = m.body(body).id
+        n, nv = len(self.t), m.nv
+        x, jac, rot = np.empty((n, 3)), np.empty((n, 3, nv)), np.empty((n, 3, 3))
+        for k in range(n):
+            d.qpos[:] = self.q[k]
+            mujoco.mj_kinematics(m, d)
+            mujoco.mj_comPos(m, d)
+            rot[k] = d.xmat[i].reshape(3, 3)
+            x[k] = d.xipos[i] if offset is None else d.xpos[i] + rot[k] @ np.asarray(offset)
+            mujoco.mj_jac(m, d, jac[k], None, x[k], i)
+        return PointMotion(x, np.einsum("tij,tj->ti", jac, self.v), jac, rot)
+
+
+@dataclass(frozen=True)
+class PointMotion:
+    """Motion of a point of a body, in the world's frame.
+
+    Attributes:
+        x: position, (T, 3) [m].
+        velocity: (T, 3) [m/s].
+        jacobian: of the point's position, (T, 3, nv).
+        rotation: of the body's frame, (T, 3, 3).
+    """
+
+    x: Array
+    velocity: Array
+    jacobian: Array
+    rotation: Array
+
+    def generalised(self, force: Array) -> Array:
+        """Generalised force of world-frame forces on the point, (T, nv), from (T, 3) [N]."""
+        result: Array = np.einsum("tij,ti->tj", self.jacobian, force)
+        return result

@@ -1,0 +1,129 @@
+"""The nouns of a replay: what is planted in a model, what drives it, and what its sensors say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wt.physics.effect import Effect
+from wt.types import Location
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Planted:
+    """An effect at a place with parameters: one part of a hypothesis.
+
+    Attributes:
+        effect: what.
+        at: where.
+        theta: its parameters, (n_theta,).
+    """
+
+    effect: Effect
+    at: Location
+    theta: Array
+
+    def __str__(self) -> str:
+        """As in messages."""
+        return f"{self.effect.id} at {self.at}"
+
+    @property
+    def statement(self) -> str:
+        """One plain sentence with figures."""
+        return self.effect.statement(self.at, self.theta)
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """Identity without the parameters."""
+        return (self.effect.id, self.at.kind, self.at.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A piece of a recording that is replayed open loop from an estimated state.
+
+    Attributes:
+        recording: index of the recording.
+        t: sample times since the recording's start, (K,) [s].
+        held: command sent at each sample, (K, nu).
+        q0: joint positions at the first sample, (nv,).
+        v0: joint velocities there, (nv,).
+    """
+
+    recording: int
+    t: Array
+    held: Array
+    q0: Array
+    v0: Array
+
+    @property
+    def dt(self) -> float:
+        """Median sampling interval [s]."""
+        return float(np.median(np.diff(self.t)))
+
+    def commands(self, h: float, steps: int) -> Array:
+        """Commands of every physics step, (steps, nu): the mean of the held ones around its start.
+
+        MuJoCo's semi-implicit step applies a force at once to velocity and position, half a step
+        before the mean of the time it stands for: commands come half a step later to make up.
+        """
+        integral = np.zeros_like(self.held)  # of the held command, from the first sample on
+        integral[1:] = np.cumsum(self.held[:-1] * np.diff(self.t)[:, None], axis=0)
+        # the first command was held before, and the last goes on being held
+        knots = np.concatenate([[self.t[0] - 1.0], self.t, [self.t[-1] + 1.0]])
+        integral = np.vstack([-self.held[0], integral, integral[-1] + self.held[-1]])
+        edges = self.t[0] + h * (np.arange(steps + 1) - 0.5)
+        means = [
+            np.diff(np.interp(edges, knots, integral[:, i])) for i in range(self.held.shape[1])
+        ]
+        return np.stack(means, axis=1) / h if means else np.zeros((steps, 0))
+
+
+@dataclass(eq=False)
+class Inputs:
+    """What drives one replay, at every physics step; effects change it in place.
+
+    Attributes:
+        recording: index of the recording.
+        t: time since the recording's start of every step, (S,) [s].
+        h: physics step [s].
+        u: commands, (S, nu).
+        force: world-frame force on bodies' centres of mass, body id → (S, 3) [N].
+    """
+
+    recording: int
+    t: Array
+    h: float
+    u: Array
+    force: dict[int, Array] = field(default_factory=dict)
+
+    def delayed(self, signal: Array, delay: float) -> Array:
+        """A held signal (S,) that arrives ``delay`` [s] late; before, its first value."""
+        edges = np.arange(len(signal) + 1) * self.h
+        integral = np.concatenate([[0.0], np.cumsum(signal)]) * self.h
+        start = edges[:-1] - delay
+        end = edges[1:] - delay
+        before = np.minimum(end, 0.0) - np.minimum(start, 0.0)
+        whole = np.interp(end, edges, integral) - np.interp(start, edges, integral)
+        late: Array = (whole + before * signal[0]) / self.h
+        return late
+
+
+@dataclass(eq=False)
+class Outputs:
+    """What one replay's sensors report, at every sample; effects change it in place.
+
+    Attributes:
+        recording: index of the recording.
+        t: time since the recording's start, (K,) [s].
+        q: joint positions, (K, nv).
+        v: joint velocities, (K, nv).
+    """
+
+    recording: int
+    t: Array
+    q: Array
+    v: Array

@@ -1,0 +1,272 @@
+"""Replays of recordings on patched models, many at once with ``mujoco.batch``."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from wt.physics.acting import Acting, acting, is_live
+from wt.physics.live import StepState
+from wt.physics.replay import Inputs, Outputs, Planted, Stretch
+from wt.physics.scene import Scene
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Replays:
+    """What replays of H hypotheses report at the N samples of all stretches, one after another.
+
+    Attributes:
+        q: joint positions, (H, N, nv); NaN where a replay exploded.
+        v: joint velocities, (H, N, nv).
+    """
+
+    q: Array
+    v: Array
+
+
+class Replayer:
+    """Replays stretches of recordings on models patched by hypotheses.
+
+    The simulations of a call run side by side; each has its own compiled model.
+    """
+
+    def __init__(self, scene: Scene, stretches: Sequence[Stretch], step: float = 5e-4) -> None:
+        """Prepare.
+
+        Args:
+            scene: the machine.
+            stretches: what to replay.
+            step: physics step [s]; the model's own, if that is smaller. It need not divide the
+                sampling interval: commands are averaged over steps, and what sensors report is
+                interpolated between them.
+        """
+        self.scene = scene
+        self.stretches = tuple(stretches)
+        self.step = min(step, float(scene.model.opt.timestep))
+        self._spec = scene.spec()
+        lengths = [(s.t[-1] - s.t[0]) / self.step for s in self.stretches]
+        self.shortest = max(1, int(np.ceil(min(lengths) - 1e-6)))
+
+    def run(self, hypotheses: Sequence[Sequence[Planted]]) -> Replays:
+        """Replay every stretch on every hypothesis."""
+        count, nv = len(hypotheses), self.scene.model.nv
+        samples = [len(s.t) for s in self.stretches]
+        ends = np.cumsum(samples)
+        q, v = (np.full((count, int(ends[-1]), nv), np.nan) for _ in range(2))
+        groups: dict[tuple[object, ...], list[tuple[int, int, _Job]]] = {}
+        for h, hypothesis in enumerate(hypotheses):
+            try:
+                model = self.compile(hypothesis)
+                jobs = [_Job(self, hypothesis, s, model) for s in self.stretches]
+            except (ValueError, mujoco.FatalError):
+                # MuJoCo refuses such parameters: as bad as a replay that explodes
+                continue
+            for s, job in enumerate(jobs):
+                groups.setdefault(job.layout, []).append((h, s, job))
+        for members in groups.values():
+            for outputs, (h, s, _) in zip(
+                _simulate([job for *_, job in members]), members, strict=True
+            ):
+                rows = slice(ends[s] - samples[s], ends[s])
+                q[h, rows], v[h, rows] = outputs.q, outputs.v
+        return Replays(q, v)
+
+    def compile(self, hypothesis: Sequence[Planted]) -> mujoco.MjModel:
+        """The model of a hypothesis, with the replays' time step."""
+        spec = self._spec.copy()
+        spec.option.timestep = self.step
+        for planted in hypothesis:
+            planted.effect.model(spec, planted.at, planted.theta)
+        return spec.compile()
+
+
+class _Job:
+    """One stretch on one hypothesis."""
+
+    def __init__(
+        self,
+        owner: Replayer,
+        hypothesis: Sequence[Planted],
+        stretch: Stretch,
+        model: mujoco.MjModel,
+    ) -> None:
+        self.scene = owner.scene
+        self.hypothesis = tuple(hypothesis)
+        self.stretch = stretch
+        h = owner.step
+        # whole chunks, so that recordings of nearly the same length run side by side
+        chunk = min(CHUNK, owner.shortest)
+        steps = chunk * int(np.ceil((stretch.t[-1] - stretch.t[0]) / (h * chunk) - 1e-6))
+        self.model = model
+        self.inputs = Inputs(
+            stretch.recording, stretch.t[0] + h * np.arange(steps), h, stretch.commands(h, steps)
+        )
+        for p in hypothesis:
+            p.effect.drive(self.inputs, self.scene, p.at, p.theta)
+        self.live = any(is_live(p.effect) for p in hypothesis)
+        self.layout = (*_sizes(self.model), steps, bool(self.inputs.force), self.live)
+
+    def initial(self) -> tuple[Array, Array]:
+        """Positions and velocities to start from, in the order of the patched model's joints."""
+        start = Outputs(
+            self.stretch.recording, self.stretch.t[:1], self.stretch.q0[None], self.stretch.v0[None]
+        )
+        sensed = Outputs(start.recording, start.t, start.q.copy(), start.v.copy())
+        for p in self.hypothesis:
+            p.effect.sense(sensed, self.scene, p.at, p.theta)
+        # what was measured is what the sensors made of it: undo an offset or a scale
+        q, v = 2.0 * start.q[0] - sensed.q[0], 2.0 * start.v[0] - sensed.v[0]
+        leaders: dict[str, str] = {}
+        for p in self.hypothesis:
+            leaders |= p.effect.followers(p.at)
+        names = [self.model.joint(i).name for i in range(self.model.njnt)]
+        dofs = [self.scene.dof(leaders.get(name, name)) for name in names]
+        return q[dofs], v[dofs]
+
+
+@functools.cache
+def _size_names() -> tuple[str, ...]:
+    """MjModel's integer sizes, apart from those of texts and names."""
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    names = [name for name in dir(model) if name.startswith("n") and "name" not in name]
+    skip = {"nbuffer", "npaths", "ntextdata", "narena", "nconmax", "njmax"}
+    return tuple(n for n in names if n not in skip and isinstance(getattr(model, n), int))
+
+
+def _sizes(model: mujoco.MjModel) -> tuple[int, ...]:
+    """What two models must share to be simulated in one batch."""
+    return tuple(getattr(model, name) for name in _size_names())
+
+
+def _simulate(jobs: Sequence[_Job]) -> list[Outputs]:
+    """Run jobs of one layout side by side."""
+    first = jobs[0]
+    # a step of few replays is shorter than waking a second thread
+    alone = first.live and len(jobs) <= FEW
+    batch = Batch(first.model, nsim=len(jobs), nthread=1 if alone else 0)
+    batch.set_models([job.model for job in jobs])
+    qpos, qvel = batch.bind("qpos"), batch.bind("qvel")
+    for row, job in enumerate(jobs):
+        qpos[row], qvel[row] = job.initial()
+    controls = _control_map(first)
+    acts = acting(first.scene, [job.hypothesis for job in jobs])
+    steps, h = len(first.inputs.t), first.inputs.h
+    nv = first.scene.model.nv
+    results = [
+        Outputs(j.stretch.recording, j.stretch.t, *np.full((2, len(j.stretch.t), nv), np.nan))
+        for j in jobs
+    ]
+    own = np.array([first.model.joint(name).dofadr[0] for name in first.scene.joints])
+    for start in range(0, steps, CHUNK):
+        stop = min(start + CHUNK, steps)
+        before = np.concatenate([qpos[:, own], qvel[:, own]], axis=1)[:, None]
+        states = _advance(batch, jobs, own, controls, acts, start, stop)
+        path = np.concatenate([before, states[..., np.concatenate([own, first.model.nq + own])]], 1)
+        for row, job in enumerate(jobs):
+            at = (job.stretch.t - job.stretch.t[0]) / h
+            _record(results[row], path[row], at, start, np.inf if stop == steps else stop)
+    exploded = batch.warning[:, :, 1].any(axis=1)
+    for row, job in enumerate(jobs):
+        if exploded[row]:
+            results[row].q[:], results[row].v[:] = np.nan, np.nan
+        for p in job.hypothesis:
+            p.effect.sense(results[row], job.scene, p.at, p.theta)
+    return results
+
+
+FEW = 12
+"""Up to so many replays that are stepped one step at a time run on one thread."""
+CHUNK = 2000
+"""Physics steps per call: bounds memory, whatever the recording's length."""
+
+
+def _advance(
+    batch: Batch,
+    jobs: Sequence[_Job],
+    own: Array,
+    controls: Array,
+    acts: Sequence[Acting],
+    start: int,
+    stop: int,
+) -> Array:
+    """Positions and velocities after each of some steps, (n, steps, nq + nv)."""
+    spec = mujoco.mjtState
+    u = np.stack([job.inputs.u[start:stop] for job in jobs])
+    if not acts:
+        u = u[:, :, controls]
+        flags = int(spec.mjSTATE_CTRL)
+        if jobs[0].inputs.force:
+            flags |= int(spec.mjSTATE_XFRC_APPLIED)
+            u = np.concatenate([u, np.stack([_wrenches(job, start, stop) for job in jobs])], axis=2)
+        out = batch.rollout(stop - start, control=u, control_spec=flags, record=("qpos", "qvel"))
+        return np.concatenate([out["qpos"], out["qvel"]], axis=2)
+    qpos, qvel, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
+    applied = batch.bind("qfrc_applied")
+    applied[:] = 0.0
+    extra = np.zeros((len(jobs), len(own)))
+    states = np.empty((len(jobs), stop - start, qpos.shape[1] + qvel.shape[1]))
+    h = jobs[0].inputs.h
+    t = np.stack([job.inputs.t[start:stop] for job in jobs])
+    pushed = [
+        (row, _wrenches(job, start, stop)) for row, job in enumerate(jobs) if job.inputs.force
+    ]
+    xfrc = batch.bind("xfrc_applied")
+    for k in range(stop - start):
+        q, v, command = qpos[:, own], qvel[:, own], u[:, k].copy()
+        extra[:] = 0.0
+        for act in acts:
+            # rows are picked out and put back, so that each law sees its replays only
+            some = act.rows
+            now = StepState(t[some, k], h, q[some], v[some], command[some], extra[some])
+            act.live.act(now)
+            command[some], extra[some] = now.u, now.applied
+        ctrl[:], applied[:, own] = command[:, controls], extra
+        for row, wrenches in pushed:
+            xfrc[row] = wrenches[k].reshape(-1, 6)
+        batch.step()
+        states[:, k, : qpos.shape[1]], states[:, k, qpos.shape[1] :] = qpos, qvel
+    return states
+
+
+def _wrenches(job: _Job, start: int, stop: int) -> Array:
+    """World-frame forces and torques on all bodies, (steps, 6 · nbody)."""
+    wrenches = np.zeros((stop - start, job.model.nbody, 6))
+    for body, force in job.inputs.force.items():
+        wrenches[:, job.model.body(job.scene.model.body(body).name).id, :3] = force[start:stop]
+    return wrenches.reshape(stop - start, -1)
+
+
+def _control_map(job: _Job) -> Array:
+    """For each control of the patched model the index of the user's actuator it belongs to."""
+    return np.array(
+        [job.scene.model.actuator(name).id for name in _controlled(job.model)], dtype=int
+    )
+
+
+def _controlled(model: mujoco.MjModel) -> list[str]:
+    return [
+        model.actuator(i).name
+        for i in range(model.actuator_trnid.shape[0])
+        for _ in range(model.actuator_ctrlnum[i])
+    ]
+
+
+def _record(results: Outputs, path: Array, at: Array, start: int, stop: int | float) -> None:
+    """Read the samples inside steps start…stop off a path, (steps + 1, 2 nv).
+
+    ``stop`` is infinite for the last piece: a sample may lie a rounding error past the last step.
+    """
+    mine = np.flatnonzero((at >= start - 1e-9) & (at <= stop + 1e-9))
+    where = at[mine] - start
+    low = np.clip(np.floor(where + 1e-9).astype(int), 0, len(path) - 2)
+    part = np.clip(where - low, 0.0, 1.0)[:, None]
+    values = path[low] * (1.0 - part) + path[low + 1] * part
+    nv = values.shape[1] // 2
+    results.q[mine], results.v[mine] = values[:, :nv], values[:, nv:]

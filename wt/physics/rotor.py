@@ -1,0 +1,51 @@
+"""A rotor of its own behind a joint's gear, for play and elasticity between motor and link."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+Array = np.ndarray
+
+ROTOR_SHARE = 0.02
+"""Rotor inertia as a share of the joint's, where the model has no armature to take it from."""
+
+
+def split(spec: mujoco.MjSpec, joint: str) -> tuple[float, mujoco.MjsTendon]:
+    """Put a rotor between a joint's drives and its link, in place.
+
+    The user's joint stays the link's, which is what an encoder at the output measures; the rotor
+    takes over armature and drives, and a fixed tendon ``<joint>_gear`` couples the two: its length
+    is the rotor's angle minus the link's.
+
+    Args:
+        spec: the model.
+        joint: the joint's name.
+
+    Returns:
+        (inertia of the rotor [kg·m²], the tendon, without stiffness yet).
+    """
+    link = spec.joint(joint)
+    compiled = spec.copy().compile()
+    inertia = float(link.armature)
+    if inertia <= 0.0:
+        inertia = ROTOR_SHARE * float(compiled.dof_M0[compiled.joint(joint).dofadr[0]])
+    link.armature = 0.0
+    body = link.parent
+    name = rotor(joint)
+    carrier = body.parent.add_body(name=name, pos=body.pos, quat=compiled.body(body.name).quat)
+    # next to no mass: what counts is the armature
+    carrier.add_geom(size=[0.005, 0.0, 0.0], mass=1e-4, contype=0, conaffinity=0)
+    carrier.add_joint(name=name, type=link.type, axis=link.axis, pos=link.pos, armature=inertia)
+    for actuator in spec.actuators:
+        if actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT and actuator.target == joint:
+            actuator.target = name
+    tendon = spec.add_tendon(name=f"{joint}_gear")
+    tendon.wrap_joint(name, 1.0)
+    tendon.wrap_joint(joint, -1.0)
+    return inertia, tendon
+
+
+def rotor(joint: str) -> str:
+    """Name of a joint's rotor."""
+    return f"{joint}_rotor"

@@ -1,0 +1,153 @@
+"""What effects need to know of a model: its joints, drives, bodies, and their names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from wt.errors import ModelError
+
+Array = np.ndarray
+
+_SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+
+
+@dataclass(frozen=True)
+class Drive:
+    """An actuator that acts on one joint with a force affine in command, position and velocity.
+
+    Its force on the joint is ``gear · (gain · u + bias + bias_q · gear · q + bias_v · gear · v)``.
+
+    Attributes:
+        name: the actuator's name.
+        index: its index among actuators, which is that of its command.
+        joint: the joint's name.
+        dof: the joint's degree of freedom.
+        gear: transmission ratio.
+        gain: force per command.
+        bias: constant, per position and per velocity part of the force, (3,).
+    """
+
+    name: str
+    index: int
+    joint: str
+    dof: int
+    gear: float
+    gain: float
+    bias: tuple[float, float, float]
+
+    @property
+    def servo(self) -> bool:
+        """Whether it holds a position: its force falls with the joint's position."""
+        return self.bias[1] < 0.0
+
+
+class Scene:
+    """A model of a machine with a fixed base, as effects see it.
+
+    Attributes:
+        path: the MJCF.
+        model: the compiled model.
+        data: scratch space for computations on the model.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        """Read and compile an MJCF.
+
+        Raises:
+            ModelError: the file is missing or does not compile, or has joints or actuators that
+                cannot be compared with recordings yet.
+        """
+        self.path = Path(path)
+        if not self.path.is_file():
+            raise ModelError(f"model '{path}' does not exist; give an MJCF file")
+        try:
+            self.model = self.spec().compile()
+        except (ValueError, mujoco.FatalError) as error:
+            reason = str(error).strip().splitlines()[0]
+            raise ModelError(f"model '{path}' does not compile: {reason}") from error
+        self.data = mujoco.MjData(self.model)
+        for i in range(self.model.njnt):
+            if int(self.model.jnt_type[i]) not in _SCALAR:
+                raise ModelError(
+                    f"joint '{self.model.joint(i).name}' of '{path}' is free or a ball; only "
+                    "machines with a fixed base, hinges and slides can be diagnosed yet"
+                )
+        unnamed = [f"joint {i}" for i in range(self.model.njnt) if not self.model.joint(i).name]
+        for i in range(self.model.nactuator):
+            unnamed += [] if self.model.actuator(i).name else [f"actuator {i}"]
+        if unnamed:
+            raise ModelError(f"{unnamed[0]} of '{path}' has no name; name all joints and actuators")
+
+    def spec(self) -> mujoco.MjSpec:
+        """A fresh editable copy of the model."""
+        return mujoco.MjSpec.from_file(str(self.path))
+
+    @cached_property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of their degrees of freedom."""
+        return tuple(self.model.joint(i).name for i in range(self.model.njnt))
+
+    @cached_property
+    def drives(self) -> tuple[Drive, ...]:
+        """The actuators that act on a joint, in the model's order."""
+        found = []
+        m = self.model
+        for i in range(m.nactuator):
+            if m.actuator_trntype[i] != mujoco.mjtTrn.mjTRN_JOINT:
+                continue
+            joint = int(m.actuator_trnid[i, 0])
+            bias = m.actuator_biasprm[i, :3]
+            if m.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_NONE:
+                bias = np.zeros(3)
+            found.append(
+                Drive(
+                    name=m.actuator(i).name,
+                    index=i,
+                    joint=m.joint(joint).name,
+                    dof=int(m.jnt_dofadr[joint]),
+                    gear=float(m.actuator_gear[i, 0]),
+                    gain=float(m.actuator_gainprm[i, 0]),
+                    bias=(float(bias[0]), float(bias[1]), float(bias[2])),
+                )
+            )
+        return tuple(found)
+
+    def drive(self, name: str) -> Drive:
+        """The drive of an actuator.
+
+        Raises:
+            KeyError: no actuator on a joint has that name.
+        """
+        for drive in self.drives:
+            if drive.name == name:
+                return drive
+        raise KeyError(name)
+
+    def dof(self, joint: str) -> int:
+        """Degree of freedom of a joint."""
+        return int(self.model.joint(joint).dofadr[0])
+
+    @cached_property
+    def moving(self) -> tuple[str, ...]:
+        """Names of the bodies with mass that move when some joint does."""
+        m = self.model
+        return tuple(
+            m.body(i).name
+            for i in range(1, m.nbody)
+            if m.body(i).name and m.body_mass[i] > 0.0 and self.carries(i).any()
+        )
+
+    def carries(self, body: int) -> Array:
+        """Which degrees of freedom move a body, (nv,) bool."""
+        m = self.model
+        moved = np.zeros(m.nv, bool)
+        while body > 0:
+            start, count = m.body_dofadr[body], m.body_dofnum[body]
+            moved[start : start + count] |= count > 0
+            body = int(m.body_parentid[body])
+        return moved

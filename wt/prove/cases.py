@@ -1,0 +1,256 @@
+"""What is hidden where: the cases of each set, decided by a seed and nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+import numpy as np
+
+from wt.errors import ConfigError
+from wt.prove.catalog import LIBRARY, OUTSIDERS, SHARE, parameters
+from wt.prove.hidden import Parameters
+from wt.prove.motions import MOTIONS as ALL_MOTIONS
+from wt.prove.places import MOTIONS, places
+from wt.prove.rigs import RIGS
+from wt.prove.sensing import Sensing
+
+SetName = Literal["quick", "full", "nulls", "singles", "pairs", "outsiders"]
+Kind = Literal["single", "pair", "outsider", "null"]
+Decoy = Literal["", "coarse_step", "coloured_noise", "tight_servo", "poor_excitation"]
+
+ARMS = ("arm6", "arm3", "pendulum", "arm6", "arm3_motor", "arm3")
+
+
+@dataclass(frozen=True)
+class Truth:
+    """One hidden effect.
+
+    Attributes:
+        effect: id; ``unknown`` for an outsider, whose own name is in ``law``.
+        kind: ``at.kind`` of the interface.
+        name: ``at.name``.
+        parameters: by the names of the interface, SI units.
+        law: name of the law that acts.
+        accept: other place names that are as right, as (kind, name).
+    """
+
+    effect: str
+    kind: str
+    name: str
+    parameters: Parameters
+    law: str
+    accept: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True)
+class Case:
+    """One trial.
+
+    Attributes:
+        name: unique in its set, e.g. ``012-arm6-joint.backlash-clear``.
+        rig: name in ``RIGS``.
+        seed: of everything that is random in it.
+        kind: single, pair, outsider or null.
+        truth: what is hidden; empty for a null.
+        sensing: how it is recorded.
+        motions: of the fit recordings, then the held-out one.
+        seconds: length of each recording [s].
+        step: time step of the nominal model [s].
+        gain: factor on servo stiffness, in nominal model and hidden world alike.
+        decoy: what a null tempts with.
+        level: obvious, clear or faint; empty for a null.
+    """
+
+    name: str
+    rig: str
+    seed: int
+    kind: Kind
+    truth: tuple[Truth, ...]
+    sensing: Sensing
+    motions: tuple[str, ...]
+    seconds: float
+    step: float = 0.002
+    gain: float = 1.0
+    decoy: Decoy = ""
+    level: str = ""
+    notes: str = field(default="", compare=False)
+
+
+def cases(set: str = "quick", seed: int = 0) -> list[Case]:
+    """The cases of a set; the same for the same seed.
+
+    Args:
+        set: ``quick`` (30), ``full`` (165), or one kind of case only.
+        seed: decides places, magnitudes, sensing and motions.
+
+    Raises:
+        ConfigError: no such set.
+    """
+    if set not in get_args(SetName):
+        raise ConfigError(f"set of trials '{set}'; allowed: {', '.join(get_args(SetName))}")
+    if set == "quick":
+        rows = [row for row in _singles() if row[0][0] not in _SLOW][::6]
+        rows += _pairs()[::4] + _outsiders()[::3] + _nulls()[::7]
+    else:
+        every = {"singles": _singles, "pairs": _pairs, "outsiders": _outsiders, "nulls": _nulls}
+        rows = [row for name, make in every.items() if set in ("full", name) for row in make()]
+    return [_case(i, row, seed) for i, row in enumerate(rows)]
+
+
+Row = tuple[tuple[str, ...], str, str, Kind, Decoy]
+"""Effects, rig, level, kind, decoy."""
+
+_SLOW = ("actuator.fade",)
+_ON_MOTOR = (
+    "joint.friction_coulomb", "joint.friction_viscous", "joint.stiffness", "joint.armature",
+    "joint.hysteresis", "joint.friction_stribeck", "joint.friction_load", "joint.stop",
+    "actuator.gain", "actuator.ripple", "actuator.deadband", "actuator.saturation",
+    "body.payload_fixed", "body.mass", "sensor.offset",
+)  # fmt: skip
+_ON_PENDULUM = (*_ON_MOTOR[:8], "joint.friction_quadratic", "joint.backlash", "joint.elasticity",
+                "actuator.delay", "actuator.lag", "actuator.bias", "actuator.gain",
+                "actuator.ripple", "actuator.speed_limit")  # fmt: skip
+_PAIRED = (
+    ("joint.friction_coulomb", "actuator.gain"), ("joint.friction_viscous", "joint.backlash"),
+    ("actuator.delay", "joint.friction_coulomb"), ("body.payload_fixed", "joint.friction_viscous"),
+    ("joint.stiffness", "joint.friction_stribeck"), ("actuator.ripple", "joint.armature"),
+    ("joint.elasticity", "joint.friction_coulomb"), ("actuator.deadband", "actuator.delay"),
+    ("sensor.offset", "joint.friction_coulomb"), ("joint.stop", "joint.friction_viscous"),
+    ("body.payload_fixed", "actuator.lag"), ("actuator.saturation", "joint.friction_coulomb"),
+)  # fmt: skip
+_DECOYS: tuple[Decoy, ...] = (
+    "", "coarse_step", "coloured_noise", "", "tight_servo", "poor_excitation",
+)  # fmt: skip
+
+
+def _singles() -> list[Row]:
+    levels = list(SHARE)
+    rows: list[Row] = []
+    for i, effect in enumerate(LIBRARY):
+        rows.append(((effect,), "arm6", levels[i % 3], "single", ""))
+        rows.append(((effect,), "arm3", levels[(i + 1) % 3], "single", ""))
+        if effect in _ON_MOTOR:
+            rows.append(((effect,), "arm3_motor", levels[(i + 2) % 3], "single", ""))
+        if effect in _ON_PENDULUM:
+            rig = "pendulum_motor" if i % 4 == 0 and effect in _ON_MOTOR else "pendulum"
+            rows.append(((effect,), rig, levels[(i + 2) % 3], "single", ""))
+    return rows
+
+
+def _pairs() -> list[Row]:
+    rigs = ("arm6", "arm3")
+    return [(pair, rigs[i % 2], "obvious", "pair", "") for i, pair in enumerate(_PAIRED)]
+
+
+def _outsiders() -> list[Row]:
+    return [
+        ((effect,), rig, "obvious" if i % 2 else "clear", "outsider", "")
+        for i, effect in enumerate(OUTSIDERS)
+        for rig in ("arm6", "arm3", "pendulum")
+        if places(effect, rig)
+    ]
+
+
+def _nulls() -> list[Row]:
+    rows: list[Row] = []
+    for i in range(42):
+        decoy, rig = _DECOYS[i % 6], ARMS[(i + i // 6) % 6]
+        # a motor has no servo to tighten
+        rig = rig.removesuffix("_motor") if decoy == "tight_servo" else rig
+        rows.append(((), rig, "", "null", decoy))
+    return rows
+
+
+def _case(index: int, row: Row, seed: int) -> Case:
+    effects, rig, level, kind, decoy = row
+    rng = np.random.default_rng([seed, index, len(effects)])
+    motor = RIGS[rig].motor
+    quiet = any(effect.startswith(("body.", "world.")) for effect in effects)
+    sensing = _sensing(rng, motor, decoy, quiet)
+    truth: list[Truth] = []
+    for effect in effects:
+        taken = {_joint(rig, t) for t in truth}
+        free = [j for j in places(effect, rig) if j not in taken]
+        joint = int(rng.choice(free))
+        noise = sensing.position_noise
+        found = parameters(effect, rig, joint, level, noise, int(rng.integers(2**31)))
+        truth.append(_truth(effect, rig, joint, found, rng))
+    first, second = MOTIONS.get(effects[0] if effects else "", _two(rng))
+    held = str(rng.choice([m for m in ALL_MOTIONS if m not in (first, second)] + ["mixture"] * 3))
+    if effects and effects[0] in ("actuator.saturation", "actuator.speed_limit"):
+        held = "jumps"
+    return Case(
+        name=f"{index:03d}-{rig}-{'+'.join(effects) or decoy or 'nothing'}"
+        + (f"-{level}" if level else ""),
+        rig=rig,
+        seed=int(rng.integers(2**31)),
+        kind=kind,
+        truth=tuple(truth),
+        sensing=sensing,
+        motions=(first, second, held),
+        seconds=float(rng.uniform(14, 18)) if effects != ("actuator.fade",) else 26.0,
+        step=0.005 if decoy == "coarse_step" else float(rng.choice([0.001, 0.002])),
+        gain=4.0 if decoy == "tight_servo" else 1.0,
+        decoy=decoy,
+        level=level,
+    )
+
+
+def _two(rng: np.random.Generator) -> tuple[str, str]:
+    first = str(rng.choice(["multisine", "multisine", "triangle", "chirp"]))
+    second = str(rng.choice([m for m in ("moves", "jumps", "triangle", "holds") if m != first]))
+    return first, second
+
+
+def _joint(rig: str, truth: Truth) -> int:
+    robot = RIGS[rig]
+    name = truth.name.removesuffix("_drive")
+    return robot.joints.index(name) if name in robot.joints else robot.bodies.index(name)
+
+
+def _truth(effect: str, rig: str, joint: int, found: Parameters, rng: np.random.Generator) -> Truth:
+    robot = RIGS[rig]
+    name, body = robot.joints[joint], robot.bodies[joint]
+    group = effect.partition(".")[0]
+    if group == "body":
+        return Truth(effect, "body", body, found, effect)
+    if group == "actuator":
+        return Truth(effect, "actuator", f"{name}_drive", found, effect)
+    if group == "world":
+        return Truth(effect, "world", "world", found, effect)
+    if effect == "sensor.delay" and rng.random() < 0.5:
+        return Truth(effect, "sensor", "all", found, effect)
+    if effect == "outsider.flywheel":
+        moved = tuple(("joint", j) for j in robot.joints[: joint + 1])
+        return Truth("unknown", "body", body, found, effect, accept=moved)
+    if effect == "outsider.cable":
+        other = robot.joints[joint - 1]
+        either = (("joint", other), ("joint", name), ("pair", f"{name}+{other}"))
+        return Truth("unknown", "pair", f"{other}+{name}", found, effect, accept=either)
+    if group == "outsider":
+        return Truth("unknown", "joint", name, found, effect)
+    return Truth(effect, "joint", name, found, effect)
+
+
+def _sensing(rng: np.random.Generator, motor: bool, decoy: str, quiet: bool) -> Sensing:
+    """Quiet: for effects on bodies, which stiff servos all but hide in their small errors."""
+    rate = float(rng.choice([200, 500] if motor else [50, 100, 100, 200, 200, 500]))
+    bits = int(rng.integers(14 if quiet else 12, 18))
+    step = 2 * np.pi / 2**bits
+    noise = min(step * float(10 ** rng.uniform(-1.0, 1.0)), 1.5e-4 if quiet else 6e-4)
+    jitter = float(rng.choice([0.0, 0.0, 0.02, 0.06]))
+    drops = float(rng.choice([0.0, 0.0, 0.005, 0.02]))
+    return Sensing(
+        rate=rate,
+        bits=bits,
+        noise=noise,
+        colour=float(rng.uniform(0.6, 0.9)) if decoy == "coloured_noise" else 0.0,
+        jitter=jitter,
+        clock="loop" if rng.random() < 0.4 else "stamps",
+        drops=drops,
+        missing="nan" if rng.random() < 0.5 else "rows",
+        qvel=str(rng.choice(["none", "noisy", "noisy", "filtered"])),  # type: ignore[arg-type]
+        qvel_noise=float(10 ** rng.uniform(-2.5, -1.7)),
+        gyro=bool(rng.random() < 0.2),
+    )

@@ -1,0 +1,248 @@
+"""For every effect: seeded magnitudes.
+
+Magnitudes are set by the torque (or travel) that they make, in three levels from obvious down to
+a few times the noise: the smallest is never below ``FLOOR`` times what the position noise means
+in torque, kp × noise, so that every hidden effect leaves a trace.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from wt.prove.hidden import Parameters
+from wt.prove.rigs import RIGS, Rig
+from wt.prove.scales import Scales, scales
+
+SHARE = {"obvious": 0.35, "clear": 0.14, "faint": 0.06}
+"""Level → torque of an effect, as a fraction of the joint's rms torque."""
+FLOOR = 6.0
+
+
+@dataclass(frozen=True)
+class Draw:
+    """What a magnitude may depend on.
+
+    Attributes:
+        rig: the robot.
+        joint: index of the joint, or of the joint that carries the body.
+        level: one of ``SHARE``.
+        noise: rms position noise with quantization [rad].
+        rng: decides the rest.
+    """
+
+    rig: Rig
+    joint: int
+    level: str
+    noise: float
+    rng: np.random.Generator
+
+    @property
+    def scale(self) -> Scales:
+        """Of the rig."""
+        return scales(self.rig.name)
+
+    def of(self, name: str) -> float:
+        """One of the scales at the joint."""
+        return float(getattr(self.scale, name)[self.joint])
+
+    def u(self, low: float, high: float) -> float:
+        """Uniform."""
+        return float(self.rng.uniform(low, high))
+
+    def sign(self) -> float:
+        """±1."""
+        return float(self.rng.choice([-1.0, 1.0]))
+
+    def pick(self, obvious: float, clear: float, faint: float) -> float:
+        """The value of the level, ± 15 %."""
+        return {"obvious": obvious, "clear": clear, "faint": faint}[self.level] * self.u(0.85, 1.15)
+
+    @property
+    def torque(self) -> float:
+        """Torque of an effect of this level [N·m]."""
+        seen = FLOOR * self.noise * self.rig.links[self.joint].kp
+        usual = max(self.of("torque"), 0.1 * self.of("peak"))
+        return max(SHARE[self.level] * usual, seen) * self.u(0.9, 1.3)
+
+    @property
+    def angle(self) -> float:
+        """A position that motions pass often [rad]."""
+        return self.u(self.of("low"), self.of("high"))
+
+    def direction(self) -> list[float]:
+        """A random unit vector."""
+        v = self.rng.normal(size=3)
+        return [float(x) for x in v / np.linalg.norm(v)]
+
+
+Magnitudes = Callable[[Draw], Parameters]
+
+
+def _stribeck(d: Draw) -> Parameters:
+    coulomb = d.torque
+    return {"coulomb": coulomb, "static": coulomb * d.u(1.5, 2.2), "velocity": d.u(0.04, 0.12)}
+
+
+def _elasticity(d: Draw) -> Parameters:
+    twist = max(d.pick(0.02, 0.009, 0.004), FLOOR * d.noise)
+    stiff = max(d.of("torque"), 0.15 * d.of("peak")) / twist
+    rotor = d.rig.links[d.joint].armature
+    return {"stiffness": stiff, "damping": 2 * d.u(0.05, 0.15) * math.sqrt(stiff * rotor)}
+
+
+def _stop(d: Draw) -> Parameters:
+    side, middle = d.sign(), d.rig.links[d.joint].middle
+    reach = d.rig.links[d.joint].amplitude * d.pick(0.25, 0.35, 0.45)
+    return {"position": middle + side * reach, "side": side}
+
+
+def _gain(d: Draw) -> Parameters:
+    change = min(max(d.pick(0.4, 0.2, 0.1), d.torque / d.of("peak")), 0.6)
+    return {"factor": 1.0 + change * (d.sign() if change < 0.3 else -1.0)}
+
+
+def _delay(d: Draw) -> float:
+    return max(d.pick(0.03, 0.014, 0.007), FLOOR * d.noise / d.of("speed"))
+
+
+def _saturation(d: Draw) -> Parameters:
+    low, high = d.of("hold"), d.of("peak")
+    return {"torque": low * 1.05 + (high - low) * d.pick(0.15, 0.28, 0.42)}
+
+
+def _speed_limit(d: Draw) -> Parameters:
+    return {"stall": d.of("peak") * d.u(1.0, 1.3), "speed": d.of("dash") * d.pick(0.6, 0.85, 1.1)}
+
+
+def _fade(d: Draw) -> Parameters:
+    return {
+        "loss": d.pick(0.4, 0.25, 0.15),
+        "time_constant": d.u(3.0, 8.0),
+        "rated": d.of("torque"),
+    }
+
+
+def _payload(d: Draw) -> Parameters:
+    reach = np.array(d.rig.links[d.joint].to) * d.u(0.5, 1.1)
+    aside = d.rng.uniform(-0.06, 0.06, 3)
+    return {
+        "mass": d.pick(1.2, 0.6, 0.3),
+        "position": [round(float(x), 4) for x in reach + aside],
+    }
+
+
+def _windows(d: Draw) -> Parameters:
+    start, windows = d.u(1.0, 2.0), []
+    while start < 13.0:
+        end = start + d.u(0.25, 1.2)
+        windows.append([round(start, 3), round(end, 3)])
+        start = end + d.u(0.8, 3.0)
+    return {"force": _scaled(d, d.pick(20.0, 10.0, 5.0)), "windows": windows}
+
+
+def _scaled(d: Draw, size: float) -> list[float]:
+    return [size * x for x in d.direction()]
+
+
+def _tether(d: Draw) -> Parameters:
+    anchor = [d.u(0.1, 0.6), d.u(-0.5, 0.5), d.u(0.0, 0.9)]
+    return {"stiffness": d.pick(40.0, 20.0, 9.0), "anchor": [round(x, 3) for x in anchor]}
+
+
+def _load(d: Draw) -> Parameters:
+    return {"coulomb": 0.4 * d.torque, "fraction": d.pick(0.3, 0.18, 0.1)}
+
+
+def _hysteresis(d: Draw) -> Parameters:
+    level = 1.3 * d.torque
+    return {
+        "stiffness": level / (d.u(0.08, 0.25) * d.rig.links[d.joint].amplitude),
+        "yield": level,
+    }
+
+
+def _width(d: Draw) -> float:
+    return d.u(0.12, 0.25) * d.rig.links[d.joint].amplitude
+
+
+def _detent(d: Draw) -> Parameters:
+    return {"torque": 2.5 * d.torque, "angle": d.angle, "width": _width(d)}
+
+
+def _eddy(d: Draw) -> Parameters:
+    c = 2.5 * d.torque / d.of("speed")
+    return {"coefficient": c, "angle": d.angle, "width": 2.5 * _width(d)}
+
+
+def _tight(d: Draw) -> Parameters:
+    return {"coulomb": 2.5 * d.torque, "angle": d.angle, "width": _width(d)}
+
+
+def _cable(d: Draw) -> Parameters:
+    a, b = d.rig.links[d.joint - 1], d.rig.links[d.joint]
+    ratio = d.sign() * d.u(0.5, 1.5)
+    slack = ratio * a.middle + b.middle + d.u(-0.2, 0.1)
+    return {"ratio": ratio, "slack": slack, "stiffness": 4.0 * d.torque / b.amplitude}
+
+
+MAGNITUDES: dict[str, Magnitudes] = {
+    "joint.friction_coulomb": lambda d: {"coulomb": d.torque},
+    "joint.friction_viscous": lambda d: {"coefficient": 1.5 * d.torque / d.of("speed")},
+    "joint.friction_quadratic": lambda d: {"coefficient": 2.0 * d.torque / d.of("speed") ** 2},
+    "joint.friction_stribeck": _stribeck,
+    "joint.friction_load": _load,
+    "joint.stiffness": lambda d: {
+        "stiffness": 3.0 * d.torque / d.rig.links[d.joint].amplitude, "reference": d.angle,
+    },
+    "joint.armature": lambda d: {"inertia": max(
+        d.pick(0.5, 0.25, 0.12) * d.of("inertia"), 1.5 * d.torque / d.of("acceleration")
+    )},
+    "joint.backlash": lambda d: {"gap": max(d.pick(0.04, 0.018, 0.008), 6.0 * d.noise)},
+    "joint.elasticity": _elasticity,
+    "joint.hysteresis": _hysteresis,
+    "joint.stop": _stop,
+    "actuator.gain": _gain,
+    "actuator.bias": lambda d: {"torque": d.sign() * d.torque},
+    "actuator.delay": lambda d: {"delay": _delay(d)},
+    "actuator.lag": lambda d: {"time_constant": 1.3 * _delay(d)},
+    "actuator.saturation": _saturation,
+    "actuator.speed_limit": _speed_limit,
+    "actuator.deadband": lambda d: {"width": d.torque},
+    "actuator.ripple": lambda d: {
+        "amplitude": d.torque, "cycles": float(d.rng.integers(5, 16)), "phase": d.u(-3.0, 3.0),
+    },
+    "actuator.fade": _fade,
+    "body.mass": lambda d: {"factor": 1.0 + d.pick(0.7, 0.4, 0.2)},
+    "body.com": lambda d: {"shift": _scaled(d, d.pick(0.1, 0.06, 0.035))},
+    "body.inertia": lambda d: {"factor": d.pick(14.0, 9.0, 6.0)},
+    "body.payload_fixed": _payload,
+    "body.force": lambda d: {"force": _scaled(d, d.pick(16.0, 8.0, 4.0))},
+    "body.force_intermittent": _windows,
+    "body.drag": lambda d: {"coefficient": d.pick(40.0, 20.0, 10.0)},
+    "body.tether": _tether,
+    "sensor.offset": lambda d: {"offset": d.sign() * max(d.pick(0.12, 0.06, 0.03), 10 * d.noise)},
+    "sensor.scale": lambda d: {"factor": 1.0 + d.sign() * d.pick(0.1, 0.06, 0.03)},
+    "sensor.delay": lambda d: {"delay": _delay(d)},
+    "sensor.quantization": lambda d: {"step": max(d.pick(0.04, 0.02, 0.012), 10 * d.noise)},
+    "world.gravity": lambda d: {"angle": d.pick(0.25, 0.12, 0.06), "direction": d.u(-3.1, 3.1)},
+    "outsider.detent": _detent,
+    "outsider.eddy_brake": _eddy,
+    "outsider.tight_spot": _tight,
+    "outsider.flywheel": lambda d: {"momentum": d.pick(1.6, 0.9, 0.5), "axis": d.direction()},
+    "outsider.cable": _cable,
+}  # fmt: skip
+
+LIBRARY = tuple(effect for effect in MAGNITUDES if not effect.startswith("outsider."))
+OUTSIDERS = tuple(effect for effect in MAGNITUDES if effect.startswith("outsider."))
+
+
+def parameters(
+    effect: str, rig: str, joint: int, level: str, noise: float, seed: int
+) -> Parameters:
+    """Magnitudes of an effect at a joint (or its body)."""
+    draw = Draw(RIGS[rig], joint, level, noise, np.random.default_rng(seed))
+    return MAGNITUDES[effect](draw)

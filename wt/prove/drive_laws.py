@@ -1,0 +1,214 @@
+"""What acts between the command and the joint: the ``actuator.*`` effects and the gear.
+
+Definitions of the parameters stand at each law. Limits have smooth knees of 2 %.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from wt.prove.hidden import CommandLaw, GearLaw, Law, Parameters, Plant, TorqueLaw
+
+
+class Delay(CommandLaw):
+    """The servo gets u(t − delay)."""
+
+    def bind(self, plant: Plant) -> None:
+        """Length of the queue: whole steps, and a fraction that is interpolated."""
+        steps = self.number("delay") / plant.h
+        self._whole, self._part = int(steps), steps - int(steps)
+        self._queue: list[float] = []
+        self._at = 0
+
+    def command(self, u: float) -> float:
+        """One in, one out; full of the first command at the start."""
+        size = self._whole + 2
+        if not self._queue:
+            self._queue = [u] * size
+        self._queue[self._at] = u
+        late = self._queue[(self._at - self._whole) % size]
+        later = self._queue[(self._at - self._whole - 1) % size]
+        self._at = (self._at + 1) % size
+        return late + self._part * (later - late)
+
+
+class Lag(CommandLaw):
+    """time_constant·ẋ = u − x; the servo gets x."""
+
+    def bind(self, plant: Plant) -> None:
+        """Exact decay over one step, during which u is constant."""
+        self._keep = math.exp(-plant.h / self.number("time_constant"))
+        self._half = math.exp(-0.5 * plant.h / self.number("time_constant"))
+        self._x: float | None = None
+
+    def command(self, u: float) -> float:
+        """The filter's state in the middle of the step."""
+        x = u if self._x is None else self._x
+        self._x = u + (x - u) * self._keep
+        return u + (x - u) * self._half
+
+
+class Gain(TorqueLaw):
+    """τ → factor·τ."""
+
+    def torque(self, tau: float, q: float, v: float) -> float:
+        """See the class."""
+        return self.number("factor") * tau
+
+
+class Bias(TorqueLaw):
+    """τ → τ + torque."""
+
+    def torque(self, tau: float, q: float, v: float) -> float:
+        """See the class."""
+        return tau + self.number("torque")
+
+
+def knee(x: float, top: float, width: float) -> float:
+    """The smaller of x and ``top``, with a smooth knee of ``width``."""
+    s = (top - x) / width
+    if s > 30.0:
+        return x
+    # top − width·log(1 + e^s)
+    return top - width * (math.log1p(math.exp(s)) if s > -30.0 else 0.0)
+
+
+class Saturation(TorqueLaw):
+    """|τ| ≤ torque."""
+
+    def torque(self, tau: float, q: float, v: float) -> float:
+        """See the class."""
+        top = self.number("torque")
+        return -knee(-knee(tau, top, 0.02 * top), top, 0.02 * top)
+
+
+class SpeedLimit(TorqueLaw):
+    """A DC motor at limited voltage: −stall·(1 + v/speed) ≤ τ ≤ stall·(1 − v/speed)."""
+
+    def torque(self, tau: float, q: float, v: float) -> float:
+        """See the class."""
+        stall, pace = self.number("stall"), v / self.number("speed")
+        tau = knee(tau, stall * (1 - pace), 0.02 * stall)
+        return -knee(-tau, stall * (1 + pace), 0.02 * stall)
+
+
+class Deadband(TorqueLaw):
+    """The first ``width`` of torque of either sign is lost: τ → sign(τ)·max(|τ| − width, 0)."""
+
+    def torque(self, tau: float, q: float, v: float) -> float:
+        """See the class, with knees of 2 % of the width."""
+        width = self.number("width")
+        up = tau - knee(tau, width, 0.02 * width)
+        return up + (tau - (-knee(-tau, width, 0.02 * width)))
+
+
+class Ripple(TorqueLaw):
+    """τ → τ + amplitude·sin(cycles·q + phase)."""
+
+    def torque(self, tau: float, q: float, v: float) -> float:
+        """See the class."""
+        angle = self.number("cycles") * q + self.number("phase")
+        return tau + self.number("amplitude") * math.sin(angle)
+
+
+class Fade(TorqueLaw):
+    """τ → (1 − loss·x)·τ with heat x: time_constant·ẋ = (τ/rated)² − x, x(0) = 0.
+
+    ``rated`` is the joint's root mean square torque in ordinary motion, at which x goes to 1.
+    """
+
+    def bind(self, plant: Plant) -> None:
+        """Pick up the step."""
+        self._h, self._heat = plant.h, 0.0
+
+    def start(self) -> None:
+        """Cold."""
+        self._heat = 0.0
+
+    def torque(self, tau: float, q: float, v: float) -> float:
+        """See the class; heat is bounded, as a motor's thermal protection would."""
+        power = min((tau / self.number("rated")) ** 2, 8.0)
+        self._heat += self._h / self.number("time_constant") * (power - self._heat)
+        return (1.0 - self.number("loss") * min(self._heat, 1.5)) * tau
+
+
+class _Gear(GearLaw):
+    """A rotor with the joint's armature, turning in smaller steps than the rest of the world."""
+
+    fine = True
+    SUBSTEPS = 4
+
+    def bind(self, plant: Plant) -> None:
+        """Move the armature from the joint to the rotor."""
+        joint = plant.index(self.place)
+        self.rotor = float(plant.model.dof_armature[joint])
+        plant.model.dof_armature[joint] = 0.0
+        self.link = plant.inertia(joint)
+        self.h = plant.h / self.SUBSTEPS
+        self.angle, self.rate = 0.0, 0.0
+
+    def advance(self, tau: float, q: float, v: float) -> float:
+        """Semi-implicit steps of the rotor while the joint moves on at v; mean gear torque."""
+        total = 0.0
+        for k in range(self.SUBSTEPS):
+            passed = self.mesh(self.angle - q - v * k * self.h, self.rate - v)
+            self.rate += self.h * (tau - passed) / self.rotor
+            self.angle += self.h * self.rate
+            total += passed
+        return total / self.SUBSTEPS
+
+    def mesh(self, twist: float, rate: float) -> float:
+        """Torque through the gear [N·m] at a twist [rad] and its rate."""
+        raise AssertionError("a gear overrides this")
+
+
+class Backlash(_Gear):
+    """Nothing is passed while |twist| < gap/2; beyond, stiff teeth."""
+
+    def bind(self, plant: Plant) -> None:
+        """Teeth as stiff as the steps allow."""
+        super().bind(plant)
+        stiff = min(self.rotor * (0.25 / self.h) ** 2, 0.1 * self.link / plant.h**2)
+        reduced = self.rotor * self.link / (self.rotor + self.link)
+        self._k, self._c = stiff, 0.8 * math.sqrt(stiff * reduced)
+        self._half = 0.5 * self.number("gap")
+
+    def mesh(self, twist: float, rate: float) -> float:
+        """Teeth push and never pull."""
+        if twist > self._half:
+            return max(self._k * (twist - self._half) + self._c * rate, 0.0)
+        if twist < -self._half:
+            return min(self._k * (twist + self._half) + self._c * rate, 0.0)
+        return 0.0
+
+
+class Elasticity(_Gear):
+    """stiffness·twist + damping·rate."""
+
+    def mesh(self, twist: float, rate: float) -> float:
+        """See the class."""
+        return self.number("stiffness") * twist + self.number("damping") * rate
+
+
+LAWS: dict[str, type[Law]] = {
+    "actuator.delay": Delay,
+    "actuator.lag": Lag,
+    "actuator.gain": Gain,
+    "actuator.bias": Bias,
+    "actuator.saturation": Saturation,
+    "actuator.speed_limit": SpeedLimit,
+    "actuator.deadband": Deadband,
+    "actuator.ripple": Ripple,
+    "actuator.fade": Fade,
+    "joint.backlash": Backlash,
+    "joint.elasticity": Elasticity,
+}
+
+
+def make(
+    laws: dict[str, type[Law]], effect: str, place: str, parameters: Parameters, seed: int
+) -> Law:
+    """The law of an effect."""
+    return laws[effect](place, parameters, np.random.default_rng(seed))

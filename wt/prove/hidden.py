@@ -1,0 +1,278 @@
+"""The hidden world: a rig on bare MuJoCo stepping, its servo and every effect integrated here.
+
+The model has no actuators and no damping; all torques are computed in this package and applied.
+MuJoCo's semi-implicit Euler is a leapfrog: velocities live half a step before positions, and a
+force acts from half a step before its time until half a step after. So laws and recordings see
+q̇ + h/2·q̈, and the servo the command's mean over that interval: the world is of second order in h.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import mujoco
+import numpy as np
+
+from wt.prove.rigs import Rig, nominal_xml
+
+Array = np.ndarray
+Parameters = dict[str, object]
+
+
+class Law:
+    """One effect at one place. A law overrides the hooks of the stage at which it acts.
+
+    Attributes:
+        fine: whether the law is stiff and asks for half the rig's step.
+    """
+
+    fine = False
+
+    def __init__(self, place: str, parameters: Parameters, rng: np.random.Generator) -> None:
+        """Take the parameters.
+
+        Args:
+            place: MJCF name, ``a+b`` or ``world``.
+            parameters: by the names of the interface, SI units.
+            rng: decides what the parameters leave open (bristle stiffness, …).
+        """
+        self.place, self.parameters, self.rng = place, parameters, rng
+
+    def number(self, name: str) -> float:
+        """A scalar parameter."""
+        return float(self.parameters[name])  # type: ignore[arg-type]
+
+    def vector(self, name: str) -> Array:
+        """A parameter of several numbers."""
+        return np.array(self.parameters[name], dtype=float)
+
+    def edit(self, spec: mujoco.MjSpec) -> None:
+        """Change the rig before it is compiled."""
+
+    def bind(self, plant: Plant) -> None:
+        """Change the compiled model; look up what the other hooks need."""
+
+    def start(self) -> None:
+        """The recording's first sample: the motor is cold."""
+
+
+class CommandLaw(Law):
+    """Acts on the command before the servo."""
+
+    def command(self, u: float) -> float:
+        """Command that the servo gets [rad or N·m] for the one that was sent."""
+        return u
+
+
+class TorqueLaw(Law):
+    """Acts on the actuator's torque."""
+
+    def torque(self, tau: float, q: float, v: float) -> float:
+        """Torque that comes out [N·m] at joint position q [rad] and velocity v [rad/s]."""
+        return tau
+
+
+class GearLaw(Law):
+    """Stands between the motor, which it integrates, and the joint."""
+
+    angle: float
+    rate: float
+
+    def advance(self, tau: float, q: float, v: float) -> float:
+        """Torque on the joint [N·m] while the motor turns for one step under ``tau``."""
+        return tau
+
+
+class JointLaw(Law):
+    """Acts at a joint."""
+
+    def joint(self, q: float, v: float, drive: float) -> float:
+        """Added torque [N·m]; ``drive`` is the torque that the drive transmits [N·m]."""
+        return 0.0
+
+
+class WorldLaw(Law):
+    """Acts on bodies, or on several joints."""
+
+    def act(self, plant: Plant, t: float) -> None:
+        """Add to ``plant.data.xfrc_applied`` or ``plant.total`` at time t [s] of the recording."""
+
+
+class Plant:
+    """A rig with its hidden physics, stepped one fine step at a time."""
+
+    def __init__(
+        self, rig: Rig, laws: Sequence[Law], gain: float, off: Array, step: float | None = None
+    ) -> None:
+        """Build and compile.
+
+        Args:
+            rig: the robot.
+            laws: what is hidden.
+            gain: factor on servo stiffness, as in the nominal model.
+            off: factors on each link's mass (row 0) and damping (row 1), (2, joints).
+            step: time step [s]; the rig's when None, halved for stiff laws.
+        """
+        spec = mujoco.MjSpec.from_string(nominal_xml(rig, gyro=True))
+        for actuator in list(spec.actuators):
+            spec.delete(actuator)
+        for law in laws:
+            law.edit(spec)
+        self.rig, self.model = rig, spec.compile()
+        fine = any(law.fine for law in laws)
+        self.h = step or rig.step * (0.5 if fine and rig.step > 3e-4 else 1.0)
+        self.model.opt.timestep = self.h
+        self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+        self._servo(gain, off)
+        mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
+        self.data = mujoco.MjData(self.model)
+        self.total = np.zeros(len(rig.links))
+        for law in laws:
+            law.bind(self)
+        # inertias may have changed
+        mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
+        self._sort(laws)
+
+    def _servo(self, gain: float, off: Array) -> None:
+        links, model = self.rig.links, self.model
+        for i, link in enumerate(links):
+            body = self.body(link.body)
+            model.body_mass[body] *= off[0, i]
+            model.body_inertia[body] *= off[0, i]
+        self.damping = np.array([link.damping for link in links]) * off[1]
+        model.dof_damping[:] = 0.0
+        self.kp = np.array([link.kp * gain for link in links])
+        self.kv = np.array([link.kv * gain**0.5 for link in links])
+        self.limit = np.array([link.limit for link in links])
+
+    def _sort(self, laws: Sequence[Law]) -> None:
+        def of(kind: type) -> list[tuple[int, Law]]:
+            return [(self.index(law.place), law) for law in laws if isinstance(law, kind)]
+
+        self._command, self._torque, self._gear = of(CommandLaw), of(TorqueLaw), of(GearLaw)
+        self._joint = of(JointLaw)
+        self._world = [law for law in laws if isinstance(law, WorldLaw)]
+        self._laws = list(laws)
+
+    def index(self, place: str) -> int:
+        """Index of a joint, given its name or its actuator's."""
+        return self.rig.joints.index(place.removesuffix("_drive"))
+
+    def body(self, name: str) -> int:
+        """MuJoCo's id of a body."""
+        return mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)
+
+    def inertia(self, joint: int) -> float:
+        """Inertia about a joint, all else locked, where motions happen [kg·m²], with armature."""
+        data = mujoco.MjData(self.model)
+        data.qpos[:] = [link.middle for link in self.rig.links]
+        mujoco.mj_forward(self.model, data)
+        full = np.zeros((self.model.nv, self.model.nv))
+        mujoco.mj_fullM(self.model, data, full)
+        return float(full[joint, joint])
+
+    def gravity_torques(self, path: Array) -> Array:
+        """Torques that hold the rig still [N·m], effects on joints left out.
+
+        Args:
+            path: positions, (n, joints) [rad].
+        """
+        data, out = mujoco.MjData(self.model), np.empty_like(path)
+        for row, q in enumerate(path):
+            data.qpos[:] = q
+            mujoco.mj_fwdPosition(self.model, data)
+            mujoco.mj_fwdVelocity(self.model, data)
+            out[row] = data.qfrc_bias
+        return out
+
+    def run(
+        self,
+        q0: Array,
+        samples: Array,
+        controller: Callable[[int, Array, Array], Array],
+        lead: int,
+    ) -> Trace:
+        """Step through a recording.
+
+        Args:
+            q0: initial positions (joints,) [rad].
+            samples: increasing step indices of samples, (n,); step 0 is time 0.
+            controller: (sample, q, q̇) → command, held until the next sample.
+            lead: steps of lead-in under sample 0's command before time 0.
+        """
+        mujoco.mj_resetData(self.model, self.data)
+        self.data.qpos[:] = q0
+        for _, gear in self._gear:
+            gear.angle, gear.rate = float(q0[self.index(gear.place)]), 0.0  # type: ignore[attr-defined]
+        mujoco.mj_step1(self.model, self.data)
+        u = before = controller(0, q0, np.zeros_like(q0))
+        trace = Trace(len(samples), len(self.rig.links), int(samples[-1]) + 1, self.h)
+        row = 0
+        for k in range(-lead, int(samples[-1]) + 1):
+            mujoco.mj_step1(self.model, self.data)
+            q, v = self.data.qpos, self.data.qvel + 0.5 * self.h * self.data.qacc
+            if k == 0:
+                for law in self._laws:
+                    law.start()
+            if k == samples[row]:
+                u = controller(row, q, v)
+                trace.put(row, q, v, u, self.data.sensordata)
+                row += 1
+            tau = self._finish(q, v, 0.5 * (before + u), k * self.h)
+            before = u
+            if k >= 0:
+                trace.fine_q[k], trace.fine_v[k], trace.fine_tau[k] = q, v, tau
+            mujoco.mj_step2(self.model, self.data)
+        return trace
+
+    def _finish(self, q: Array, v: Array, u: Array, t: float) -> Array:
+        """Set the applied forces of one step; returns the drives' torques on the joints."""
+        if self._command:
+            u = u.copy()
+            for i, law in self._command:
+                u[i] = law.command(float(u[i]))  # type: ignore[attr-defined]
+        # τ = kp·(u − q) − kv·q̇, with q and q̇ on the motor's side of the gear
+        motor_q, motor_v = q, v
+        if self._gear:
+            motor_q, motor_v = q.copy(), v.copy()
+            for i, law in self._gear:
+                motor_q[i], motor_v[i] = law.angle, law.rate  # type: ignore[attr-defined]
+        tau = u.copy() if self.rig.motor else self.kp * (u - motor_q) - self.kv * motor_v
+        np.clip(tau, -self.limit, self.limit, out=tau)
+        for i, law in self._torque:
+            tau[i] = law.torque(float(tau[i]), float(motor_q[i]), float(motor_v[i]))  # type: ignore[attr-defined]
+        for i, law in self._gear:
+            tau[i] = law.advance(float(tau[i]), float(q[i]), float(v[i]))  # type: ignore[attr-defined]
+        np.subtract(tau, self.damping * v, out=self.total)
+        for i, law in self._joint:
+            self.total[i] += law.joint(float(q[i]), float(v[i]), float(tau[i]))  # type: ignore[attr-defined]
+        if self._world:
+            self.data.xfrc_applied[:] = 0.0
+            for world in self._world:
+                world.act(self, t)
+        self.data.qfrc_applied[:] = self.total
+        return tau
+
+
+class Trace:
+    """What happened: at the samples, and at every fine step.
+
+    Attributes:
+        q: positions at the samples, (samples, joints) [rad].
+        v: velocities [rad/s].
+        u: commands in force from each sample.
+        sensors: MuJoCo's sensordata: encoder [rad], gyro [rad/s].
+        fine_q: positions at every step, (steps, joints); ``fine_v`` and ``fine_tau`` likewise
+            velocities and drive torques.
+    """
+
+    def __init__(self, samples: int, joints: int, steps: int, h: float) -> None:
+        """Empty arrays."""
+        self.h = h
+        self.q, self.v, self.u = (np.zeros((samples, joints)) for _ in range(3))
+        self.sensors = np.zeros((samples, 4))
+        self.fine_q, self.fine_v, self.fine_tau = (np.zeros((steps, joints)) for _ in range(3))
+
+    def put(self, row: int, q: Array, v: Array, u: Array, sensors: Array) -> None:
+        """Store one sample."""
+        self.q[row], self.v[row], self.u[row], self.sensors[row] = q, v, u, sensors

@@ -1,0 +1,177 @@
+"""What acts at a joint: the ``joint.*`` effects but for the gear, and outsiders of no list."""
+
+from __future__ import annotations
+
+import math
+
+from wt.prove.hidden import JointLaw, Law, Plant
+
+
+class _Bristle(JointLaw):
+    """LuGre friction: ż = v − σ₀|v|z/g, torque −σ₀z − σ₁ż, g the level of sliding friction.
+
+    The bristle's stiffness σ₀ and damping σ₁ are the world's secret: σ₀ lets the joint creep by
+    0.1 to 0.5 mrad before it slides, σ₁ damps that creep and vanishes in sliding.
+    """
+
+    def bind(self, plant: Plant) -> None:
+        """Bristles from the inertia at the joint."""
+        inertia = plant.inertia(plant.index(self.place))
+        creep = float(self.rng.uniform(1e-4, 5e-4))
+        self._s0 = min(self.typical() / creep, 0.1 * inertia / plant.h**2)
+        self._s1 = 0.6 * math.sqrt(self._s0 * inertia)
+        self._h, self._z = plant.h, 0.0
+
+    def typical(self) -> float:
+        """Level that sets the bristle's stiffness [N·m]."""
+        return self.number("coulomb")
+
+    def level(self, q: float, v: float, drive: float) -> float:
+        """Sliding friction g > 0 [N·m]."""
+        return self.number("coulomb")
+
+    def joint(self, q: float, v: float, drive: float) -> float:
+        """See the class; z implicit, so that any speed is stable."""
+        shed = self._s0 * abs(v) / self.level(q, v, drive)
+        z = (self._z + self._h * v) / (1.0 + self._h * shed)
+        rate = (z - self._z) / self._h
+        self._z = z
+        return -self._s0 * z - self._s1 * rate
+
+
+class Coulomb(_Bristle):
+    """Dry friction of level ``coulomb`` added to the joint."""
+
+
+class Stribeck(_Bristle):
+    """g = coulomb + (static − coulomb)·exp(−(v/velocity)²)."""
+
+    def level(self, q: float, v: float, drive: float) -> float:
+        """See the class."""
+        fc, fs = self.number("coulomb"), self.number("static")
+        return fc + (fs - fc) * math.exp(-((v / self.number("velocity")) ** 2))
+
+
+class Load(_Bristle):
+    """g = coulomb + fraction·|torque transmitted by the drive|."""
+
+    def typical(self) -> float:
+        """The part without load, doubled."""
+        return 2.0 * self.number("coulomb")
+
+    def level(self, q: float, v: float, drive: float) -> float:
+        """See the class, |x| rounded over a hundredth of the constant part."""
+        fc = self.number("coulomb")
+        return fc + self.number("fraction") * math.hypot(drive, 0.01 * fc)
+
+
+class Viscous(JointLaw):
+    """−coefficient·v."""
+
+    def joint(self, q: float, v: float, drive: float) -> float:
+        """See the class."""
+        return -self.number("coefficient") * v
+
+
+class Quadratic(JointLaw):
+    """−coefficient·v·|v|."""
+
+    def joint(self, q: float, v: float, drive: float) -> float:
+        """See the class."""
+        return -self.number("coefficient") * v * abs(v)
+
+
+class Stiffness(JointLaw):
+    """−stiffness·(q − reference)."""
+
+    def joint(self, q: float, v: float, drive: float) -> float:
+        """See the class."""
+        return -self.number("stiffness") * (q - self.number("reference"))
+
+
+class Armature(JointLaw):
+    """A heavier rotor: ``inertia`` added to the joint's own."""
+
+    def bind(self, plant: Plant) -> None:
+        """Part of the mass matrix."""
+        plant.model.dof_armature[plant.index(self.place)] += self.number("inertia")
+
+
+class Hysteresis(JointLaw):
+    """Bouc–Wen: ż = stiffness·v·(1 − ½(1 + sign(v·z))·|z/yield|⁴), torque −z.
+
+    Elastic with ``stiffness`` after every reversal, and flowing at ``yield``.
+    """
+
+    def bind(self, plant: Plant) -> None:
+        """At rest, relaxed."""
+        self._h, self._z = plant.h, 0.0
+
+    def joint(self, q: float, v: float, drive: float) -> float:
+        """See the class."""
+        loading = v * self._z > 0
+        flow = 1.0 - (self._z / self.number("yield")) ** 4 if loading else 1.0
+        self._z += self._h * self.number("stiffness") * v * flow
+        return -self._z
+
+
+class Stop(JointLaw):
+    """A stiff buffer beyond ``position`` on ``side`` (+1: q cannot exceed it), Hunt–Crossley."""
+
+    fine = True
+
+    def bind(self, plant: Plant) -> None:
+        """As stiff as the steps allow, at most 30 kN·m/rad."""
+        inertia = plant.inertia(plant.index(self.place))
+        self._k = min(0.05 * inertia / plant.h**2, 3e4)
+
+    def joint(self, q: float, v: float, drive: float) -> float:
+        """depth·k·(1 + 1.2·closing speed), and never pulling."""
+        side = self.number("side")
+        depth = side * (q - self.number("position"))
+        if depth <= 0:
+            return 0.0
+        return -side * self._k * depth * max(1.0 + 1.2 * side * v, 0.0)
+
+
+class Detent(JointLaw):
+    """Outsider: a magnet that pulls towards ``angle``, at most ``torque`` at ``width`` from it."""
+
+    def joint(self, q: float, v: float, drive: float) -> float:
+        """−torque·s·exp(½(1 − s²)), s = (q − angle)/width."""
+        s = (q - self.number("angle")) / self.number("width")
+        return -self.number("torque") * s * math.exp(0.5 * (1.0 - s * s))
+
+
+class Eddy(JointLaw):
+    """Outsider: an eddy-current brake, viscous, around ``angle`` over ``width`` only."""
+
+    def joint(self, q: float, v: float, drive: float) -> float:
+        """−coefficient·v between smooth edges."""
+        s = (abs(q - self.number("angle")) - 0.5 * self.number("width")) / 0.04
+        return -self.number("coefficient") * v / (1.0 + math.exp(min(s, 50.0)))
+
+
+class TightSpot(_Bristle):
+    """Outsider: dry friction that rises to ``coulomb`` at ``angle``, a bell of ``width``."""
+
+    def level(self, q: float, v: float, drive: float) -> float:
+        """Never quite zero."""
+        s = (q - self.number("angle")) / self.number("width")
+        return self.number("coulomb") * (1e-3 + math.exp(-0.5 * s * s))
+
+
+LAWS: dict[str, type[Law]] = {
+    "joint.friction_coulomb": Coulomb,
+    "joint.friction_stribeck": Stribeck,
+    "joint.friction_load": Load,
+    "joint.friction_viscous": Viscous,
+    "joint.friction_quadratic": Quadratic,
+    "joint.stiffness": Stiffness,
+    "joint.armature": Armature,
+    "joint.hysteresis": Hysteresis,
+    "joint.stop": Stop,
+    "outsider.detent": Detent,
+    "outsider.eddy_brake": Eddy,
+    "outsider.tight_spot": TightSpot,
+}

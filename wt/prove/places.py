@@ -1,0 +1,62 @@
+"""For every effect: where it can be told from its neighbours, and motions that show it."""
+
+from __future__ import annotations
+
+# Joints (indices, per rig family) where an effect can be told from its neighbours. Nothing that a
+# vertical first axis cannot feel: offsets and biases there shift a position that nothing else
+# depends on, and mass there is armature. Gears need a link much heavier than the encoder's step.
+_ALL = {"pendulum": (0,), "arm3": (0, 1, 2), "arm6": (0, 1, 2, 3, 4, 5)}
+_GRAVITY = {"pendulum": (0,), "arm3": (1, 2), "arm6": (1, 2, 4)}
+_LOADED = {"pendulum": (0,), "arm3": (1, 2), "arm6": (1, 2)}
+_GEARED = {"pendulum": (0,), "arm3": (0, 1, 2), "arm6": (0, 1, 2, 4)}
+_BODIES = {"arm3": (1, 2), "arm6": (1, 2, 4)}
+_ENDS = {"arm3": (2,), "arm6": (2, 4, 5)}
+_PAIRS = {"arm3": (2,), "arm6": (2, 4)}
+
+PLACES: dict[str, dict[str, tuple[int, ...]]] = {
+    "joint.friction_load": _LOADED,
+    "joint.backlash": _GEARED,
+    "joint.elasticity": _GEARED,
+    "actuator.bias": _GRAVITY,
+    "actuator.gain": _GRAVITY,
+    "actuator.deadband": _GRAVITY,
+    "actuator.fade": _GRAVITY,
+    "sensor.offset": _GRAVITY,
+    "body.mass": _BODIES,
+    "body.com": _BODIES,
+    "body.inertia": {"arm3": (1, 2), "arm6": (1, 2)},
+    "body.payload_fixed": _ENDS,
+    "body.force": _ENDS,
+    "body.force_intermittent": _ENDS,
+    "body.drag": _ENDS,
+    "body.tether": _ENDS,
+    "world.gravity": {"arm3": (1,), "arm6": (1,)},
+    "outsider.flywheel": {"arm3": (2,), "arm6": (2, 4)},
+    "outsider.cable": _PAIRS,
+}
+
+MOTIONS: dict[str, tuple[str, str]] = {
+    "joint.friction_stribeck": ("triangle", "moves"),
+    "joint.friction_load": ("triangle", "multisine"),
+    "joint.hysteresis": ("triangle", "multisine"),
+    "joint.backlash": ("triangle", "multisine"),
+    "joint.friction_quadratic": ("chirp", "multisine"),
+    "joint.stop": ("moves", "multisine"),
+    "joint.armature": ("multisine", "chirp"),
+    "joint.elasticity": ("jumps", "chirp"),
+    "actuator.delay": ("jumps", "multisine"),
+    "actuator.lag": ("jumps", "multisine"),
+    "actuator.saturation": ("jumps", "moves"),
+    "actuator.speed_limit": ("jumps", "chirp"),
+    "actuator.fade": ("multisine", "holds"),
+    "body.drag": ("chirp", "multisine"),
+    "body.inertia": ("multisine", "chirp"),
+    "sensor.delay": ("multisine", "jumps"),
+}
+"""Motions that show an effect; others get two at random. Held out is always another."""
+
+
+def places(effect: str, rig: str) -> tuple[int, ...]:
+    """Joints of a rig (by its name) at which an effect is hidden; empty where it cannot be."""
+    family = rig.removesuffix("_motor")
+    return PLACES.get(effect, _ALL).get(family, ())

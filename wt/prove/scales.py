@@ -1,0 +1,72 @@
+"""How much torque, speed and travel ordinary motions of a rig have, to scale effects by."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+
+from wt.prove.hidden import Plant
+from wt.prove.motions import reference
+from wt.prove.rigs import RIGS
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Per joint, all (joints,).
+
+    Attributes:
+        torque: rms torque of the drive [N·m].
+        hold: torque exceeded 5 % of the time in slow motion [N·m].
+        peak: torque exceeded 1 % of the time in jumps [N·m].
+        speed: rms speed [rad/s].
+        dash: speed exceeded 1 % of the time in jumps [rad/s].
+        acceleration: rms acceleration in multisine [rad/s²].
+        low: position exceeded 90 % of the time in moves [rad].
+        high: position exceeded 10 % of the time [rad].
+        inertia: about each joint [kg·m²].
+    """
+
+    torque: Array
+    hold: Array
+    peak: Array
+    speed: Array
+    dash: Array
+    acceleration: Array
+    low: Array
+    high: Array
+    inertia: Array
+
+
+@functools.lru_cache
+def scales(name: str) -> Scales:
+    """Measured on the rig with nothing hidden, as position servos."""
+    rig = RIGS[name.removesuffix("_motor")]
+    plant = Plant(rig, [], 1.0, np.ones((2, len(rig.links))), step=0.001)
+    middle = np.array([link.middle for link in rig.links])
+    amplitude = np.array([link.amplitude for link in rig.links])
+    t = np.arange(0, 8, 0.01)
+    steps = np.arange(len(t)) * 10
+    traces = {}
+    for seed, kind in enumerate(("multisine", "triangle", "jumps", "moves")):
+        rng = np.random.default_rng(seed)
+        path = reference(kind, t, middle, amplitude, rig.tempo, rng)
+        traces[kind] = plant.run(path[0], steps, lambda k, q, v, path=path: path[k], 500)  # type: ignore[misc]
+    usual = [traces["multisine"], traces["moves"]]
+    tau = np.concatenate([trace.fine_tau for trace in usual])
+    v = np.concatenate([trace.fine_v for trace in usual])
+    wave, q = traces["multisine"].fine_v, traces["moves"].fine_q
+    return Scales(
+        torque=np.sqrt((tau**2).mean(axis=0)),
+        hold=np.quantile(np.abs(traces["triangle"].fine_tau), 0.95, axis=0),
+        peak=np.quantile(np.abs(traces["jumps"].fine_tau), 0.99, axis=0),
+        speed=np.sqrt((v**2).mean(axis=0)),
+        dash=np.quantile(np.abs(traces["jumps"].fine_v), 0.99, axis=0),
+        acceleration=np.sqrt(((np.diff(wave, axis=0) / plant.h) ** 2).mean(axis=0)),
+        low=np.quantile(q, 0.1, axis=0),
+        high=np.quantile(q, 0.9, axis=0),
+        inertia=np.array([plant.inertia(i) for i in range(len(rig.links))]),
+    )

@@ -1,0 +1,237 @@
+"""Line charts as SVG, drawn by hand so that a page needs no library and no network.
+
+A chart has no colours of its own: each series carries a CSS class, so that the page decides, in
+light and dark. Long lines are thinned to their envelope, which no eye can tell from the original.
+"""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from wt.show.text import short
+
+Array = np.ndarray
+
+Mark = Literal["line", "dots", "beads"]
+"""A line, a cloud of points, or a line with a bead at each point."""
+
+WIDTH, HEIGHT = 520.0, 230.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 54.0, 8.0, 10.0, 38.0
+_COLUMNS = 300  # of a line's envelope
+_DOTS = 500
+_LOG_FLOOR = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """What is drawn over x.
+
+    Attributes:
+        css: class that gives it its colour, e.g. ``"before"``.
+        x: (N,), increasing where ``mark`` is a line.
+        y: (N,), NaN where there is nothing to draw.
+        mark: how it is drawn.
+    """
+
+    css: str
+    x: Array
+    y: Array
+    mark: Mark = "line"
+
+
+@dataclass(frozen=True)
+class Axes:
+    """Labels and scales of a chart.
+
+    Attributes:
+        x: label below, with its unit.
+        y: label at the left, with its unit.
+        alt: what a listener hears instead of seeing the chart.
+        log: whether both scales are logarithmic.
+        spans: (start, end) pairs along x that are shaded.
+        floor: half height of a band around zero, or None; below it is only noise.
+    """
+
+    x: str
+    y: str
+    alt: str
+    log: bool = False
+    spans: tuple[tuple[float, float], ...] = ()
+    floor: float | None = None
+
+
+def chart(series: Sequence[Series], axes: Axes) -> str:
+    """One chart as an ``<svg>`` element; series that come later lie on top."""
+    drawn = [s for s in series if np.isfinite(s.y).any()]
+    x0, x1 = _limits([s.x[np.isfinite(s.y)] for s in drawn], axes.log, 0.0)
+    heights = [s.y for s in drawn]
+    if axes.floor is not None:
+        heights.append(np.array([-axes.floor, axes.floor]))
+    y0, y1 = _limits(heights, axes.log, 0.06)
+    to_x = _scale(x0, x1, _LEFT, WIDTH - _RIGHT, axes.log)
+    to_y = _scale(y0, y1, HEIGHT - _BOTTOM, _TOP, axes.log)
+    parts = [
+        f'<svg class="chart" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" '
+        f'aria-label="{html.escape(axes.alt)}">',
+        *_spans(axes, to_x, (x0, x1)),
+        *_floor(axes, to_y),
+        *_grid(axes, (x0, x1, y0, y1), to_x, to_y),
+    ]
+    for s in drawn:
+        x, y = (s.x, s.y) if s.mark == "beads" else _thin(s)
+        if axes.log:
+            x, y = np.maximum(x, _LOG_FLOOR), np.maximum(y, _LOG_FLOOR)
+        parts.append(_marked(s, to_x(x), to_y(y)))
+    return "".join(parts) + "</svg>"
+
+
+def ticks(low: float, high: float, most: int = 6) -> Array:
+    """Round numbers (1, 2 or 5 times a power of ten) between two ends, at most ``most`` of them."""
+    power = 10.0 ** math.floor(math.log10((high - low) / most))
+    for step in (power * m for m in (1, 2, 5, 10, 20)):
+        first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+        if last - first < most:
+            break
+    return step * np.arange(first, last + 1)
+
+
+def _limits(values: Sequence[Array], log: bool, margin: float) -> tuple[float, float]:
+    every = [v[np.isfinite(v)] for v in values]
+    if log:
+        every = [v[v > 0] for v in every]
+    every = [v for v in every if v.size]
+    if not every:
+        return (0.1, 1.0) if log else (0.0, 1.0)
+    low, high = min(float(v.min()) for v in every), max(float(v.max()) for v in every)
+    if log:
+        grown = max(math.log10(high / low), 0.3) * max(margin, 0.02)
+        return low / 10**grown, high * 10**grown
+    if high - low < 1e-12 * max(1.0, abs(high)):
+        low, high = low - 0.5, high + 0.5
+    grown = margin * (high - low)
+    return low - grown, high + grown
+
+
+def _scale(
+    low: float, high: float, start: float, end: float, log: bool
+) -> Callable[[Array], Array]:
+    def to_page(value: Array) -> Array:
+        if log:
+            value, a, b = np.log10(value), math.log10(low), math.log10(high)
+        else:
+            a, b = low, high
+        return start + (np.asarray(value) - a) / (b - a) * (end - start)
+
+    return to_page
+
+
+def _spans(axes: Axes, to_x: Callable[[Array], Array], ends: tuple[float, float]) -> list[str]:
+    found = []
+    for span in axes.spans:
+        a, b = to_x(np.clip(np.array(span), *ends))
+        if b > a:
+            found.append(
+                f'<rect class="span" x="{a:.1f}" y="{_TOP:g}" width="{max(b - a, 1.5):.1f}" '
+                f'height="{HEIGHT - _TOP - _BOTTOM:g}"/>'
+            )
+    return found
+
+
+def _floor(axes: Axes, to_y: Callable[[Array], Array]) -> list[str]:
+    if axes.floor is None:
+        return []
+    bottom, top = to_y(np.array([-axes.floor, axes.floor]))
+    return [
+        f'<rect class="floor" x="{_LEFT:g}" y="{top:.1f}" '
+        f'width="{WIDTH - _LEFT - _RIGHT:g}" height="{bottom - top:.1f}"/>'
+    ]
+
+
+def _grid(
+    axes: Axes,
+    limits: tuple[float, float, float, float],
+    to_x: Callable[[Array], Array],
+    to_y: Callable[[Array], Array],
+) -> list[str]:
+    x0, x1, y0, y1 = limits
+    parts = []
+    bottom, right = HEIGHT - _BOTTOM, WIDTH - _RIGHT
+    for value, y in _placed(_values(y0, y1, axes.log, 6), to_y):
+        css = "zero" if value == 0 else "grid"
+        parts.append(f'<path class="{css}" d="M{_LEFT:g} {y:.1f}H{right:g}"/>')
+        parts.append(f'<text class="y" x="{_LEFT - 6:g}" y="{y + 4:.1f}">{_said(value)}</text>')
+    for value, x in _placed(_values(x0, x1, axes.log, 7), to_x):
+        parts.append(f'<path class="grid" d="M{x:.1f} {bottom:g}v4"/>')
+        parts.append(f'<text class="x" x="{x:.1f}" y="{bottom + 17:g}">{_said(value)}</text>')
+    middle = (_LEFT + right) / 2
+    label = f'<text class="x label" x="{middle:g}" y="{HEIGHT - 5:g}">{html.escape(axes.x)}</text>'
+    half = (_TOP + bottom) / 2
+    side = (
+        f'<text class="x label" transform="translate(12 {half:g}) rotate(-90)">'
+        f"{html.escape(axes.y)}</text>"
+    )
+    return [*parts, label, side]
+
+
+def _values(low: float, high: float, log: bool, most: int) -> Array:
+    if not log:
+        return ticks(low, high, most)
+    powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    for steps in ((1, 2, 5), (1, 3), (1,)):
+        found = [m * 10.0**p for p in powers for m in steps if low <= m * 10.0**p <= high]
+        if len(found) <= most:
+            break
+    return np.array(found)
+
+
+def _placed(values: Array, to_page: Callable[[Array], Array]) -> list[tuple[float, float]]:
+    return list(zip(values.tolist(), to_page(values).tolist(), strict=True)) if values.size else []
+
+
+def _said(value: float) -> str:
+    return "0" if abs(value) < 1e-14 else short(value).replace("-", "−")
+
+
+def _thin(series: Series) -> tuple[Array, Array]:
+    """A line's envelope, or evenly chosen dots, of which there are few enough for a page."""
+    x, y = series.x, series.y
+    if series.mark == "dots":
+        step = max(1, -(-len(x) // _DOTS))
+        return x[::step], y[::step]
+    if len(x) <= 2 * _COLUMNS:
+        return x, y
+    rows: list[int] = []
+    for part in np.array_split(np.arange(len(x)), _COLUMNS):
+        if np.isfinite(y[part]).any():
+            ends = {int(part[np.nanargmin(y[part])]), int(part[np.nanargmax(y[part])])}
+            rows += sorted(ends)
+        else:
+            rows.append(int(part[0]))
+    rows.append(len(x) - 1)
+    return x[rows], y[rows]
+
+
+def _marked(series: Series, x: Array, y: Array) -> str:
+    """One ``<path>``; a gap where y is not finite."""
+    points = [
+        f"{a:.1f} {b:.1f}" if math.isfinite(b) else ""
+        for a, b in zip(x.tolist(), y.tolist(), strict=True)
+    ]
+    if series.mark == "dots":
+        d = "".join(f"M{p}h0" for p in points if p)
+        return f'<path class="dots {series.css}" d="{d}"/>'
+    d, pen = "", "M"
+    for p in points:
+        d += pen + p if p else ""
+        pen = "L" if p else "M"
+    line = f'<path class="line {series.css}" d="{d}"/>'
+    if series.mark == "beads":
+        beads = "".join(f"M{p}h0" for p in points if p)
+        line += f'<path class="beads {series.css}" d="{beads}"/>'
+    return line
