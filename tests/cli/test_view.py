@@ -32,9 +32,20 @@ def test_a_folder_means_its_rollout(recording: Path) -> None:
     assert view.recording_of(recording / "rollout.rrd") == recording / "rollout.rrd"
 
 
-@pytest.mark.parametrize("name", ["", "nothing.rrd"])
-def test_a_missing_file_is_named(tmp_path: Path, name: str) -> None:
-    with pytest.raises(UserError, match=r"\.rrd does not exist; give") as error:
+def test_the_folder_of_a_diagnosis_means_its_recording(recording: Path) -> None:
+    found = (recording / "rollout.rrd").rename(recording / "diagnosis.rrd")
+    assert view.recording_of(recording) == found
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("", r"holds neither rollout\.rrd nor diagnosis\.rrd; give"),
+        ("nothing.rrd", r"nothing\.rrd does not exist; give"),
+    ],
+)
+def test_a_missing_file_is_named(tmp_path: Path, name: str, message: str) -> None:
+    with pytest.raises(UserError, match=message) as error:
         view.recording_of(tmp_path / name)
     assert error.value.exit_code == 2
     assert "\n" not in str(error.value)

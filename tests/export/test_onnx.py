@@ -141,6 +141,19 @@ def test_a_wrong_example_or_output_is_refused_before_anything_is_written(
     assert not list(tmp_path.iterdir())
 
 
+class Fixed(torch.nn.Module):
+    """Turns the batch size into a number, as ``len`` does, so that the graph holds only one."""
+
+    def forward(self, o: torch.Tensor, a: torch.Tensor, o_next_sim: torch.Tensor) -> torch.Tensor:
+        return o_next_sim + o.new_zeros(len(o), 6) + 0.0 * a.sum(dim=1, keepdim=True) + 0.0 * o
+
+
+def test_a_graph_of_one_batch_size_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="fixes the batch size of 'o'"):
+        export(Fixed(), SPEC, tmp_path / "model.onnx", example=example(4))
+    assert not (tmp_path / "model.onnx").exists()
+
+
 def test_a_model_that_onnx_cannot_express_says_so_in_one_line(tmp_path: Path) -> None:
     class Foreign(torch.nn.Module):
         def forward(self, o: torch.Tensor, a: torch.Tensor, n: torch.Tensor) -> torch.Tensor:

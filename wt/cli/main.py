@@ -29,7 +29,7 @@ QUIET = {
 }
 """Switches of the libraries' telemetry. Only entry points may set them, never an import."""
 
-_HELP = """When a simulator and a robot disagree, translate between them.
+_HELP = """When a simulator and a robot disagree, find what is missing, or translate between them.
 
 Every command has --help with an example. Exit codes: 0 done, 1 the work failed, 2 bad input.
 With WT_DEBUG=1 in the environment, an error shows its traceback."""

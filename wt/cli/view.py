@@ -14,6 +14,7 @@ import typer
 
 from wt.errors import UserError, WorkError
 
+_NAMES = ("rollout.rrd", "diagnosis.rrd")  # what 'wt fit' and 'wt diagnose' leave
 _MAGIC = b"RRF"  # the first bytes of every .rrd
 _WEB_PORT, _DATA_PORT = 9090, 9876  # Rerun's own; others are taken when these are in use
 _START_SECONDS = 20.0
@@ -21,19 +22,23 @@ _START_SECONDS = 20.0
 
 def command(
     source: Annotated[
-        Path, typer.Argument(metavar="RUN_OR_RRD", help="A run's folder, or a .rrd file.")
+        Path,
+        typer.Argument(
+            metavar="RUN_OR_RRD", help="The folder of a fit or a diagnosis, or a .rrd file."
+        ),
     ],
     serve: Annotated[
         bool, typer.Option("--serve", help="Serve the web viewer and print its URL instead.")
     ] = False,
 ) -> None:
-    """Open the Rerun viewer on a run's rollout.
+    """Open the Rerun viewer on what a fit or a diagnosis recorded.
 
     With --serve no window opens: a browser on this machine shows the viewer until Ctrl-C. Nothing
     is sent to anyone, the viewer's usage statistics are off.
 
     Example:
         wt view runs/r5_force-2026-11-21T10-00-00
+        wt view diagnosis --serve
     """
     path = recording_of(source)
     if serve:
@@ -53,10 +58,19 @@ def recording_of(source: Path) -> Path:
     Raises:
         UserError: there is none, or the file is something else.
     """
-    path = source / "rollout.rrd" if source.is_dir() else source
+    path = source
+    if source.is_dir():
+        found = [source / name for name in _NAMES if (source / name).is_file()]
+        if not found:
+            raise UserError(
+                f"{source} holds neither {' nor '.join(_NAMES)}; give the folder of a finished "
+                "'wt fit' or 'wt diagnose', or a .rrd file"
+            )
+        path = found[0]
     if not path.is_file():
         raise UserError(
-            f"{path} does not exist; give a .rrd file or the folder of a finished 'wt fit'"
+            f"{path} does not exist; give a .rrd file, or the folder of a finished 'wt fit' or "
+            "'wt diagnose'"
         )
     with path.open("rb") as file:
         if not file.read(len(_MAGIC)) == _MAGIC:

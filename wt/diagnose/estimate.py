@@ -75,7 +75,9 @@ def _spread(objective: Objective, now: Assessed, slope: Array) -> Array:
     covariance = (inverse @ meat @ inverse) / scale / scale[:, None]
     freedom = max(blocks - p, 2)
     deviation = np.sqrt(np.maximum(np.diag(covariance)[:p], 0.0))
-    return np.asarray(student.ppf(0.975, freedom) * deviation)
+    # what the replays' steps may still be wrong by, seen through the same estimator
+    numerical = inverse @ (objective.numerical_score(now, slope) / scale) / scale
+    return np.asarray(np.hypot(student.ppf(0.975, freedom) * deviation, 2.0 * numerical[:p]))
 
 
 def _named(planted: Planted, low: Array, high: Array) -> dict[str, Estimate]:

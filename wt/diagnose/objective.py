@@ -253,6 +253,17 @@ class Objective:
         np.add.at(scores, block.ravel(), np.einsum("ijk,ij->ik", weighted, left))
         return hessian, scores, count
 
+    def numerical_score(self, now: Assessed, slope: Array) -> Array:
+        """Score that half of the steps' known error would have, (p + nuisances,).
+
+        Args:
+            now: the fitted hypothesis.
+            slope: Jacobian of its error in the parameters, (N, nv, p).
+        """
+        both = np.concatenate([slope, self._jacobian], axis=2) / now.mse[:, None]
+        wrong = 0.5 * self.project(self._correction)
+        return np.asarray(np.einsum("ijk,ij->k", both, wrong))
+
     def _mse(self, error: Array) -> Array:
         count = np.maximum(self.valid.sum(axis=0), 1)
         return np.maximum((error**2).sum(axis=0) / count, self.noise**2)

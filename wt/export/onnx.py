@@ -121,6 +121,12 @@ def _graph(model: torch.nn.Module, inputs: tuple[torch.Tensor, ...]) -> ModelPro
     assert program is not None  # None only from the exporter that dynamo replaces
     proto = program.model_proto
     _strip(proto)
+    closed = [i.name for i in proto.graph.input if not i.type.tensor_type.shape.dim[0].dim_param]
+    if closed:
+        raise ModelError(
+            f"export: {type(model).__name__} fixes the batch size of '{closed[0]}': its code turns "
+            "a length into a number; use tensor.shape[0] there"
+        )
     return proto
 
 

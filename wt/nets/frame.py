@@ -112,7 +112,8 @@ class Frame(nn.Module):
     def nominal_change(self, x: Float[Tensor, "batch condition"]) -> Float[Tensor, "batch state"]:
         """n(o, a): the nominal simulator's normalised change; zero without a mean field."""
         if self.nominal is None:
-            return x.new_zeros(len(x), self.spec.n_state)
+            # shape, not len: an exported graph keeps its batch size open
+            return x.new_zeros(x.shape[0], self.spec.n_state)
         return self.nominal(x)
 
     def shift_change(

@@ -12,6 +12,7 @@ from mujoco.batch import Batch
 
 from wt.physics.acting import Acting, acting, is_live
 from wt.physics.live import StepState
+from wt.physics.quiet import quiet
 from wt.physics.replay import Inputs, Outputs, Planted, Stretch
 from wt.physics.scene import Scene
 
@@ -54,6 +55,7 @@ class Replayer:
         lengths = [(s.t[-1] - s.t[0]) / self.step for s in self.stretches]
         self.shortest = max(1, int(np.ceil(min(lengths) - 1e-6)))
 
+    @quiet()  # replays of bad hypotheses explode, and NaN says it
     def run(self, hypotheses: Sequence[Sequence[Planted]]) -> Replays:
         """Replay every stretch on every hypothesis."""
         count, nv = len(hypotheses), self.scene.model.nv

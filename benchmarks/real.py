@@ -1,0 +1,278 @@
+"""Diagnose three real machines, and compare with figures that are published for them.
+
+Recordings are split by motion: a motion is fitted or held out, never both. One table a machine:
+what was found, and the errors of open-loop replays of the held-out motions, joint by joint, with
+the rigid model as it is before, with the best published parameters, and with the findings.
+
+Usage: python benchmarks/real.py --machine so101|dfki|bam [--fit MOTION …] [--holdout MOTION …]
+           [--seconds S] [--seed S] [--recordings DIR] [--out DIR]
+
+``--seconds`` cuts each recording to its first S seconds. ``--out`` writes the report too. For the
+servo bench one more line replays the findings on the log of a firmware gain that was not fitted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from wt.data.importers import base
+from wt.diagnose import proof
+from wt.diagnose.pipeline import STEP_S, diagnose
+from wt.diagnose.prepare import prepare
+from wt.diagnose.result import Diagnosis
+from wt.diagnose.smooth import smooth
+from wt.errors import DataError, UserError, WorkError, suggest
+from wt.physics.effect import effects
+from wt.physics.replay import Planted
+from wt.physics.scene import Scene
+from wt.types import Location, Recording
+from wt.worlds.rigs import spec_for, write_mjcf
+from wt.worlds.so101_model import ARM_JOINTS
+
+Array = np.ndarray
+
+RECORDINGS = Path(__file__).resolve().parents[1].parent / "shared" / "recordings"
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine and how its recordings are split.
+
+    Attributes:
+        folder: below the recordings.
+        suffix: that the importer wants behind a motion's name.
+        fit: motions fitted by default.
+        holdout: motions held out by default.
+        elsewhere: motions of other set-ups, on which the findings are replayed.
+        seconds: of each recording that are used by default [s].
+        joints: that a machine's mean is taken over.
+        published: (effect, joint, theta) to compare with, on top of the rigid model.
+        reference: what those parameters are called.
+    """
+
+    folder: str
+    suffix: str
+    fit: tuple[str, ...]
+    holdout: tuple[str, ...]
+    joints: tuple[str, ...]
+    published: tuple[tuple[str, str, float], ...]
+    reference: str
+    elsewhere: tuple[str, ...] = ()
+    seconds: float = np.inf
+
+
+_STOCK_FRICTION, _STOCK_DELAY = 0.3 - 0.052, 0.020  # N·m beyond the model's own; s
+
+MACHINES = {
+    "so101": Machine(
+        "so101", "", ("multisine", "step_response"), ("fast_transitions", "single_joint_elbow"),
+        ARM_JOINTS,
+        tuple(
+            part
+            for joint in ARM_JOINTS
+            for part in (
+                ("joint.friction_coulomb", joint, _STOCK_FRICTION),
+                ("actuator.delay", joint, _STOCK_DELAY),
+            )
+        ),
+        "stock: frictionloss .3, delay 20 ms",
+        seconds=60.0,
+    ),
+    "dfki": Machine(
+        "dfki_double_pendulum", "", ("c1_143339", "c1_143524", "c1_143704"),
+        ("c1_143601", "c1_144003"), ("shoulder", "elbow"),
+        (
+            ("joint.friction_coulomb", "shoulder", 0.16),
+            ("joint.friction_viscous", "shoulder", 0.001),
+            ("joint.friction_coulomb", "elbow", 0.12),
+            ("joint.friction_viscous", "elbow", 0.001),
+        ),
+        "published friction",
+    ),
+    "bam": Machine(
+        "bam_xl330", ".json", ("kp200_sin_sin", "kp200_sin_time_square"), ("kp200_up_and_down",),
+        ("hinge",),
+        (
+            ("joint.friction_coulomb", "hinge", 0.01283272036582759),
+            ("joint.friction_viscous", "hinge", 0.003661672282824312),
+            ("joint.armature", "hinge", 0.0018141672784458866),
+        ),
+        "published m1",
+        elsewhere=(
+            "kp100_sin_sin", "kp100_up_and_down", "kp100_sin_time_square", "kp100_lift_and_drop",
+            "kp400_sin_sin", "kp400_up_and_down", "kp400_sin_time_square", "kp400_lift_and_drop",
+        ),
+    ),
+}  # fmt: skip
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Print a machine's tables; 0 if its diagnosis came back."""
+    args = _arguments(argv)
+    machine = MACHINES[args.machine]
+    folder = args.recordings / machine.folder
+    fit_names, held_names = args.fit or machine.fit, args.holdout or machine.holdout
+    both = sorted(set(fit_names) & set(held_names))
+    try:
+        if both:
+            raise UserError(f"'{both[0]}' is both fitted and held out; a motion can be one only")
+        seconds = args.seconds or machine.seconds
+        fit = [read(folder, n, machine, seconds) for n in fit_names]
+        held = [read(folder, n, machine, seconds) for n in held_names]
+        with tempfile.TemporaryDirectory() as scratch:
+            model = Path(scratch) / f"{args.machine}.xml"
+            write_mjcf(spec_for(fit[0].meta), model)
+            started = time.perf_counter()
+            found = diagnose(model, fit, held, seed=args.seed, progress=_say)
+            print(f"\n{args.machine}: {time.perf_counter() - started:.0f} s", flush=True)
+            print(findings_table(found))
+            print(errors_table(found, model, held, machine))
+            if args.out:
+                found.write(args.out)
+            for name in machine.elsewhere:
+                print(transfer_line(found, read(folder, name, machine, np.inf), machine, model))
+    except (UserError, WorkError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2 if isinstance(error, UserError) else 1
+    return 0
+
+
+def read(folder: Path, name: str, machine: Machine, seconds: float) -> Recording:
+    """A motion's first seconds as a recording.
+
+    Raises:
+        DataError: there is no such motion.
+    """
+    path = folder / f"{name}{machine.suffix}"
+    if not path.exists():
+        known = [p.name.removesuffix(machine.suffix) for p in folder.glob(f"*{machine.suffix}")]
+        raise DataError(f"no motion {name!r} in '{folder}'; {suggest(name, known)}")
+    whole = base.read(path)
+    rows = whole.t <= whole.t[0] + seconds
+    columns = {column: values[rows] for column, values in whole.columns.items()}
+    return Recording(whole.t[rows], columns, whole.meta)
+
+
+def planted(found: Diagnosis) -> tuple[Planted, ...]:
+    """The named findings as a hypothesis; unknown ones have no parameters and are left out."""
+    known = effects()
+    return tuple(
+        Planted(
+            known[f.effect],
+            f.at,
+            np.concatenate(
+                [np.atleast_1d(f.parameters[p.name].value) for p in known[f.effect].parameters]
+            ),
+        )
+        for f in found.findings
+        if f.effect != "unknown"
+    )
+
+
+def published(machine: Machine) -> tuple[Planted, ...]:
+    """What is published for a machine, as a hypothesis."""
+    known = effects()
+    return tuple(
+        Planted(known[name], Location(known[name].kind, joint), np.array([theta]))
+        for name, joint, theta in machine.published
+    )
+
+
+def findings_table(found: Diagnosis) -> str:
+    """Verdict, and each finding with its parameters, intervals and worth."""
+    lines = [f"verdict: {found.verdict}"]
+    for f in found.findings:
+        lines.append(
+            f"  {f.effect} at {f.at}: share {f.holdout_gain:.2f}, p {f.p_value:.1e}"
+            + "".join(f" ~ {c.effect} at {c.at}" for c in f.confusable_with)
+        )
+        for name, e in f.parameters.items():
+            lines.append(
+                f"      {name} = {_figures(e.value)} {e.unit}, 95 % "
+                f"[{_figures(e.ci95[0])}, {_figures(e.ci95[1])}] {e.warning}".rstrip()
+            )
+        if f.formula:
+            lines.append(f"      depends on {', '.join(f.depends_on)}: {f.formula}")
+    lines += [f"  note: {note}" for note in found.notes]
+    return "\n".join(lines)
+
+
+def errors_table(found: Diagnosis, model: Path, held: Sequence[Recording], machine: Machine) -> str:
+    """Held-out RMSE per joint: rigid model, published parameters, findings, noise."""
+    scene = Scene(model)
+    kept = hold(scene, held)
+    theirs = proof.errors(kept, [published(machine)], STEP_S)[0]
+    stock = dict(zip(scene.joints, np.sqrt(np.nanmean(theirs**2, axis=0)), strict=True))
+    what = "long stretches" if kept.forgets else "restarted every 0.5 s"
+    lines = [
+        f"\nheld out, {what}; {machine.reference!r} beside it",
+        f"{'RMSE':<16}{'model':>10}{'published':>11}{'findings':>10}{'noise':>10}{'ratio':>8}",
+    ]
+    rows = [
+        (name, e.before, stock[name], e.after, e.noise_floor)
+        for name, e in found.proof.joints.items()
+    ]
+    mean = [row for row in rows if row[0] in machine.joints]
+    rows.append(("mean", *(float(np.mean(c)) for c in list(zip(*mean, strict=True))[1:])))
+    for name, before, theirs_, after, noise in rows:
+        lines.append(
+            f"{name:<16}{before:>10.4f}{theirs_:>11.4f}{after:>10.4f}{noise:>10.5f}"
+            f"{after / theirs_:>8.2f}"
+        )
+    for horizon, (before, after) in found.proof.horizons.items():
+        lines.append(f"  {horizon:>5.2f} s ahead: {before:.4f} → {after:.4f}")
+    return "\n".join(lines)
+
+
+def hold(scene: Scene, recordings: Sequence[Recording]) -> proof.Held:
+    """Recordings ready for replays as the proof does them."""
+    from wt.diagnose.stretches import forgets
+
+    smoothed = smooth(scene, prepare(scene, recordings, recordings).held)
+    return proof.hold(smoothed, forgets(smoothed, STEP_S))
+
+
+def transfer_line(found: Diagnosis, recording: Recording, machine: Machine, model: Path) -> str:
+    """Mean absolute errors on a set-up of its own model, to which nothing was fitted."""
+    path = model.with_name("elsewhere.xml")
+    write_mjcf(spec_for(recording.meta), path)
+    scene = Scene(path)
+    kept = hold(scene, [recording])
+    three = proof.errors(kept, [(), published(machine), planted(found)], STEP_S)
+    before, theirs, after = np.nanmean(np.abs(three), axis=(1, 2))
+    return (
+        f"{recording.meta['source']:<28} MAE {before:.4f}, published {theirs:.4f}, "
+        f"findings {after:.4f} rad"
+    )
+
+
+def _figures(value: float | tuple[float, ...]) -> str:
+    return " ".join(f"{x:.4g}" for x in np.atleast_1d(value))
+
+
+def _say(what: str, share: float) -> None:
+    print(f"  {share:4.0%} {what}", file=sys.stderr, flush=True)
+
+
+def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--machine", required=True, choices=MACHINES)
+    parser.add_argument("--fit", nargs="+", help="motions to fit")
+    parser.add_argument("--holdout", nargs="+", help="motions to hold out")
+    parser.add_argument("--seconds", type=float, help="of each recording")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--recordings", type=Path, default=RECORDINGS, help="their folder")
+    parser.add_argument("--out", type=Path, help="folder for the reports")
+    return parser.parse_args(argv)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

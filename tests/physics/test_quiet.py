@@ -1,0 +1,83 @@
+"""Replays that explode say so by NaN alone; outside of replays MuJoCo warns as before."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from mujoco.batch import Batch
+
+from tests.physics.arm import ARM, commands, scene
+from wt.physics.effect import effects
+from wt.physics.quiet import quiet
+from wt.physics.replay import Planted, Stretch
+from wt.physics.rollout import Replayer
+from wt.types import Location
+
+LOG = Path("MUJOCO_LOG.TXT")
+MODEL = """<mujoco><worldbody><body>
+  <joint name="a"/><geom size="0.1" mass="1"/>
+</body></worldbody></mujoco>"""
+
+
+def explode(threads: int) -> None:
+    """Step eight simulations whose velocities MuJoCo calls huge."""
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    batch = Batch(model, nsim=8, nthread=threads)
+    batch.bind("qvel")[:] = 1e200
+    batch.step()
+    assert batch.warning[:, :, 1].any()
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # where MuJoCo writes its log
+
+
+@pytest.mark.parametrize("threads", [1, 4])
+def test_nothing_is_printed_or_written_inside(
+    threads: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with quiet():
+        explode(threads)
+    assert not LOG.exists()
+    assert capfd.readouterr() == ("", "")
+
+
+def test_warnings_are_back_after_the_last_left(capfd: pytest.CaptureFixture[str]) -> None:
+    first, second = quiet(), quiet()
+    # as two threads do it: the first to come leaves first
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    explode(1)
+    assert not LOG.exists()
+    second.__exit__(None, None, None)
+    explode(1)
+    assert "QVEL" in LOG.read_text()
+    assert "QVEL" in "".join(capfd.readouterr())
+
+
+def test_warnings_are_back_after_an_error() -> None:
+    with pytest.raises(ZeroDivisionError), quiet():
+        raise ZeroDivisionError
+    explode(1)
+    assert LOG.exists()
+
+
+def test_a_replay_that_explodes_is_silent(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    t, held = commands(0.1)
+    gain = Planted(
+        effects()["actuator.gain"], Location(kind="actuator", name="m1"), np.array([-1e7])
+    )
+    still = np.zeros(3)
+    stretch = Stretch(0, t, held, still, still)
+    replay = Replayer(scene(tmp_path, ARM), [stretch]).run([[gain], []])
+    assert np.isnan(replay.q[0]).all()
+    assert np.isfinite(replay.q[1]).all()
+    assert not LOG.exists()
+    assert capfd.readouterr() == ("", "")
