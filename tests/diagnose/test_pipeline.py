@@ -1,0 +1,99 @@
+"""The whole of a diagnosis on concealed worlds, whose physics is none of ours, and on bad input."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from wt.diagnose.pipeline import diagnose
+from wt.diagnose.result import Diagnosis
+from wt.errors import RecordingError, UserError
+from wt.prove.cases import Case, cases
+from wt.prove.score import score
+from wt.prove.world import World, build
+from wt.types import Recording
+
+SEED = 2
+
+
+def case_named(part: str) -> Case:
+    return next(c for c in cases("full", SEED) if part in c.name)
+
+
+def model_of(world: World, folder: Path) -> Path:
+    path = folder / "robot.xml"
+    path.write_text(world.nominal_xml)
+    return path
+
+
+def diagnosed(case: Case, folder: Path) -> Diagnosis:
+    world = build(case)
+    return diagnose(model_of(world, folder), world.fit, holdout=world.holdout)
+
+
+@pytest.mark.parametrize("name", ["pendulum-joint.friction_viscous", "pendulum-actuator.delay"])
+def test_a_hidden_effect_is_named_and_its_size_found(name: str, tmp_path: Path) -> None:
+    case = case_named(name)
+    found = diagnosed(case, tmp_path)
+    marks = score(found.to_json(), case)
+    assert marks.location
+    assert marks.effect
+    assert max(marks.errors.values()) < 0.1
+    after, before = found.proof.holdout.after, found.proof.holdout.before
+    assert after < 0.5 * before
+    # the patch is plain MJCF, and what changed says why
+    patched = mujoco.MjModel.from_xml_string(found.patched_xml)
+    assert patched.nq == 1
+    assert found.findings[0].statement in found.patched_xml
+    json.dumps(found.to_json())
+
+
+def test_nothing_is_said_where_nothing_is_hidden(tmp_path: Path) -> None:
+    found = diagnosed(case_named("pendulum-nothing"), tmp_path)
+    assert found.findings == ()
+    assert found.verdict == "no_mismatch"
+    if not any("time step" in note for note in found.notes):
+        assert found.patched_xml == (tmp_path / "robot.xml").read_text()
+
+
+def test_the_same_seed_says_the_same(tmp_path: Path) -> None:
+    world = build(case_named("pendulum-tight_servo"))
+    model = model_of(world, tmp_path)
+    said = [diagnose(model, world.fit[:1]).to_json() for _ in range(2)]
+    assert said[0] == said[1]
+
+
+@pytest.fixture(scope="module")
+def still() -> World:
+    return build(case_named("pendulum-nothing"))
+
+
+def changed(recording: Recording, **columns: np.ndarray) -> Recording:
+    names = {name.replace("__", "/"): values for name, values in columns.items()}
+    return Recording(recording.t, {**recording.columns, **names}, recording.meta)
+
+
+def test_bad_recordings_are_one_line(still: World, tmp_path: Path) -> None:
+    model = model_of(still, tmp_path)
+    good = still.fit[0]
+    empty = np.full(len(good), np.nan)
+    foreign = Recording(good.t, {"ctrl/elsewhere": empty + 1.0, "qpos/nowhere": empty}, {})
+    constant = {
+        name: np.zeros(len(good)) for name in good.columns if name.startswith(("ctrl/", "qpos/"))
+    }
+    wrong = {
+        "names nothing in the model": foreign,
+        "has no finite value": changed(good, qpos__hinge=empty),
+        "degrees": changed(good, qpos__hinge=np.degrees(good.columns["qpos/hinge"])),
+        "nothing is excited": Recording(good.t, constant, {}),
+    }
+    for message, recording in wrong.items():
+        with pytest.raises(RecordingError, match=message) as caught:
+            diagnose(model, [recording])
+        assert "\n" not in str(caught.value)
+    with pytest.raises(UserError, match="at least one"):
+        diagnose(model, [])
