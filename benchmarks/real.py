@@ -221,7 +221,8 @@ def errors_table(found: Diagnosis, model: Path, held: Sequence[Recording], machi
         for name, e in found.proof.joints.items()
     ]
     mean = [row for row in rows if row[0] in machine.joints]
-    rows.append(("mean", *(float(np.mean(c)) for c in list(zip(*mean, strict=True))[1:])))
+    before, theirs_, after, noise = (float(x) for x in np.mean([row[1:] for row in mean], axis=0))
+    rows.append(("mean", before, theirs_, after, noise))
     for name, before, theirs_, after, noise in rows:
         lines.append(
             f"{name:<16}{before:>10.4f}{theirs_:>11.4f}{after:>10.4f}{noise:>10.5f}"

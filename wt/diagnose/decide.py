@@ -18,7 +18,7 @@ from wt.physics.replay import Planted
 Array = np.ndarray
 Report = Callable[[str, float], None]
 
-MOST_EFFECTS = 4
+MOST_EFFECTS = 8
 MIN_NATS = 12.0
 """Log-likelihood an effect must gain after the price of its parameters."""
 MIN_DROP = 0.15
@@ -78,7 +78,10 @@ def search(screen: Screen, objective: Objective, report: Report | None = None) -
     now = nominal = objective.reference(())
     while len(accepted) < MOST_EFFECTS:
         if report:
-            report(f"looking for effect {len(accepted) + 1}", 0.15 + 0.15 * len(accepted))
+            report(
+                f"looking for effect {len(accepted) + 1}",
+                0.15 + 0.55 * len(accepted) / MOST_EFFECTS,
+            )
         found = _best_addition(screen, objective, now, accepted, considered)
         if found is None:
             break
