@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from wt.data import recording as recordings
+from wt.data.importers.base import delays
 from wt.errors import RecordingError
 from wt.types import Recording
 
@@ -155,7 +156,7 @@ def test_delay_of_a_delayed_copy() -> None:
     rng = np.random.default_rng(0)
     command = np.convolve(rng.normal(size=len(t) + 60), np.hanning(30), "same")[60:]
     late = np.interp(t - 0.083, t, command)
-    found = recordings.response_delay(Recording(t, {"ctrl/a": command, "qpos/a": 0.8 * late}))
-    assert found == pytest.approx(0.083, abs=0.002)
+    found = delays(Recording(t, {"ctrl/a": command, "qpos/a": 0.8 * late}))
+    assert found == {"a": pytest.approx(0.083, abs=0.002)}
     still = Recording(t, {"ctrl/a": command, "qpos/a": np.zeros_like(t)})
-    assert recordings.response_delay(still) is None
+    assert delays(still) == {}

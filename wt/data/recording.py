@@ -23,7 +23,6 @@ Array = np.ndarray
 META_KEY = b"wt"
 DEGREE = np.pi / 180.0
 _BEYOND = 0.5  # rad past a limit: more than any sensor offset or compliance explains
-_MAX_DELAY = 0.4  # s, longest command-to-response delay looked for
 
 
 def read(path: str | Path) -> Recording:
@@ -117,36 +116,6 @@ def check_against(recording: Recording, model: mujoco.MjModel) -> None:
     for i in range(model.njnt):
         if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE:
             _refuse_unequal_units(recording, model.joint(i).name)
-
-
-def response_delay(recording: Recording) -> float | None:
-    """Median delay from commands to the motion of the joints of the same names [s].
-
-    For every name with both ``ctrl/`` and ``qpos/``, the lag at which commanded and measured
-    velocity correlate best; a lag at the end of the search range counts as not found.
-
-    Returns:
-        The median over joints, or None where nothing moves.
-    """
-    step = float(np.median(np.diff(recording.t)))
-    clock = np.arange(recording.t[0], recording.t[-1], step)
-    lags = np.arange(int(_MAX_DELAY / step) + 1)
-    found = []
-    for name, command in recording.columns.items():
-        position = recording.columns.get(f"qpos/{name.removeprefix('ctrl/')}")
-        if not name.startswith("ctrl/") or position is None or len(clock) < 3 * len(lags):
-            continue
-        speeds = [np.diff(np.interp(clock, recording.t, x)) for x in (command, position)]
-        if not all(np.isfinite(s).all() and s.std() > 1e-6 for s in speeds):
-            continue
-        u, v = speeds
-        r = np.array([np.corrcoef(u[: len(u) - k], v[k:])[0, 1] for k in lags])
-        k = int(np.argmax(r))
-        if 0 < k < len(lags) - 1:
-            # the peak of the parabola through the three highest points
-            bend = r[k - 1] - 2.0 * r[k] + r[k + 1]
-            found.append((k + 0.5 * (r[k - 1] - r[k + 1]) / bend) * step)
-    return float(np.median(found)) if found else None
 
 
 def _column_names(model: mujoco.MjModel) -> set[str]:

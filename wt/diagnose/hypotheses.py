@@ -8,7 +8,8 @@ import numpy as np
 
 from wt.diagnose.objective import Assessed, Objective
 from wt.diagnose.screen import Scored, Screen
-from wt.physics.effect import Effect, Shape, effects
+from wt.physics.acting import is_live
+from wt.physics.effect import Shape, effects
 from wt.physics.replay import Planted
 from wt.types import Location
 
@@ -62,7 +63,7 @@ def candidates(
     chosen = {s.planted.key: s for s in strong}
     for s in ranked:
         at = s.planted.at
-        cheap = type(s.planted.effect).live is Effect.live
+        cheap = not is_live(s.planted.effect)
         if (s.planted.effect.id, at) in wanted or (cheap and _dof(screen, at) in worst):
             chosen.setdefault(s.planted.key, s)
     found: list[tuple[Planted, Shape | None]] = [(s.planted, s.shape) for s in chosen.values()]

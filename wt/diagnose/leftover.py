@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
-from scipy.optimize import least_squares, lsq_linear
+from scipy.optimize import least_squares
 
-from wt.diagnose.nuisance import BOX, forces, nuisances
 from wt.diagnose.objective import Hypothesis
-from wt.diagnose.screen import SLOW, Screen
+from wt.diagnose.screen import Screen, bounded, boxed
 from wt.physics.effect import Shape
 from wt.physics.motion import Motion
 from wt.physics.replay import Planted
@@ -46,17 +44,13 @@ class Leftover:
 def leftover(screen: Screen, hypothesis: Hypothesis) -> Leftover:
     """Fit the signatures of a hypothesis and the bounded nuisances to the weak residual."""
     signatures = [signature(screen.motion, p) for p in hypothesis]
-    free = [np.zeros((*screen.residual.shape, 0))]
-    free += [screen.weak(s) for s in signatures if s is not None]
-    nuisance = _nuisance_columns(screen)
-    columns = np.concatenate([*free, nuisance], axis=2)
-    bound = np.full(columns.shape[2], np.inf)
-    bound[columns.shape[2] - nuisance.shape[2] :] = BOX
-    keep = moving(screen)
+    free = [screen.weak(s) for s in signatures if s is not None]
+    columns = np.concatenate([*free, screen.nuisance], axis=2)
+    bound, keep = boxed(columns, screen), screen.keep
     x = np.zeros(columns.shape[2])
     mse = np.mean(screen.residual**2, axis=0)
     for _ in range(3):
-        x = _bounded(columns, screen.residual, keep / np.maximum(mse, screen.floor**2), bound)
+        x = bounded(columns, screen.residual, keep / np.maximum(mse, screen.floor**2), bound)
         left = screen.residual - columns @ x
         mse = (keep * left**2).sum(axis=0) / np.maximum(keep.sum(axis=0), 1)
     parts, start = [], 0
@@ -83,13 +77,6 @@ def signature(motion: Motion, planted: Planted) -> Array | None:
     return effect.columns(motion, at, _shape(planted, shapes, columns.shape[2]))
 
 
-def moving(screen: Screen) -> Array:
-    """Rows in which sliding, not presliding, decides friction, (R, nv) bool."""
-    keep = np.abs(screen.motion.v[screen.rows]) > SLOW
-    keep[:, keep.mean(axis=0) < 0.5] = True
-    return keep
-
-
 def _shape(planted: Planted, shapes: Sequence[Shape], k: int) -> Shape:
     """The shape whose parameters, with suitable coefficients, are those of the effect."""
     effect, theta = planted.effect, planted.theta
@@ -109,26 +96,3 @@ def _shape(planted: Planted, shapes: Sequence[Shape], k: int) -> Shape:
         if cost < _EXACT:
             break
     return best[1]
-
-
-@lru_cache(maxsize=4)
-def _nuisance_columns(screen: Screen) -> Array:
-    """Weak forces of the errors of any rig, one standard deviation each, (R, nv, n)."""
-    found = [screen.weak(f) for f in forces(screen.motion, nuisances(screen.motion.scene))]
-    return np.stack(found, axis=2) if found else np.zeros((*screen.residual.shape, 0))
-
-
-def _bounded(columns: Array, target: Array, weight: Array, bound: Array) -> Array:
-    """Weighted least squares inside ±bound, by way of the Gram matrix' root."""
-    if columns.shape[2] == 0:
-        return np.zeros(0)
-    root = np.sqrt(weight).reshape(-1, 1)
-    flat = columns.reshape(-1, columns.shape[2]) * root
-    gram = flat.T @ flat
-    scale = np.sqrt(np.diag(gram)) + 1e-300
-    right = flat.T @ (target.reshape(-1) * root[:, 0]) / scale
-    gram = gram / scale / scale[:, None] + 1e-9 * np.eye(len(gram))
-    factor = np.linalg.cholesky(gram)
-    limits = (-bound * scale - 1e-12, bound * scale + 1e-12)
-    found = lsq_linear(factor.T, np.linalg.solve(factor, right), limits)
-    return np.asarray(found.x / scale)

@@ -64,6 +64,8 @@ class Screen:
         residual: weak residual, (R, nv) [N·m].
         floor: what measurement noise alone makes of it, (nv,) [N·m].
         rows: for each of the R rows, the sample at the window's centre.
+        keep: rows that count for each degree of freedom: moving, unless that drops most, (R, nv).
+        nuisance: weak force of the errors of any rig, one deviation each, (R, nv, n) [N·m].
         velocity_noise: uncertainty of the smoothed velocity, (nv,) [rad/s].
     """
 
@@ -76,8 +78,9 @@ class Screen:
         renewed = resmooth(smoothed, rng)
         self.floor = np.std(self.weak(renewed.residual - self.motion.residual), axis=0)
         self.floor = np.maximum(self.floor, 1e-6 * (np.std(self.motion.demand, axis=0) + 1e-3))
-        self._keep = _fast_enough(self.motion, self.rows)
-        self._nuisance = [self.weak(f) for f in forces(self.motion, nuisances(self.motion.scene))]
+        self.keep = _fast_enough(self.motion, self.rows)
+        small = forces(self.motion, nuisances(self.motion.scene))
+        self.nuisance = np.stack([self.weak(f) for f in small], axis=2)
         self.velocity_noise = np.std(renewed.v - self.motion.v, axis=0)
         self._cache: dict[tuple[str, Location], list[_Block]] = {}
 
@@ -160,13 +163,12 @@ class _Base:
 
     def __init__(self, screen: Screen, accepted: Sequence[Array]) -> None:
         self.screen = screen
-        self.keep = screen._keep
-        free = [c[:, :, k] for c in accepted for k in range(c.shape[2])]
-        columns = np.stack([*free, *screen._nuisance], axis=2)
-        bound = np.array([np.inf] * len(free) + [BOX] * len(screen._nuisance))
+        self.keep = screen.keep
+        columns = np.concatenate([*accepted, screen.nuisance], axis=2)
+        bound = boxed(columns, screen)
         self.weight = self.keep / np.maximum(np.mean(screen.residual**2, axis=0), screen.floor**2)
         for _ in range(3):
-            x = self._bounded(columns, screen.residual, bound)
+            x = bounded(columns, screen.residual, self.weight, bound)
             self.left = screen.residual - columns @ x
             self.mse = self._mse(self.left)
             self.weight = self.keep / self.mse
@@ -177,17 +179,6 @@ class _Base:
         gram = flat.T @ (self.weight.reshape(-1, 1) * flat)
         gram += 1e-9 * np.trace(gram) / max(len(gram), 1) * np.eye(len(gram))
         self.factor = cho_factor(gram)
-
-    def _bounded(self, columns: Array, target: Array, bound: Array) -> Array:
-        root = np.sqrt(self.weight).reshape(-1, 1)
-        flat = columns.reshape(-1, columns.shape[2]) * root
-        gram = flat.T @ flat
-        scale = np.sqrt(np.diag(gram)) + 1e-300
-        right = flat.T @ (target.reshape(-1) * root[:, 0]) / scale
-        gram = gram / scale / scale[:, None] + 1e-10 * np.eye(len(gram))
-        r = np.linalg.cholesky(gram)
-        found = lsq_linear(r.T, np.linalg.solve(r, right), (-bound * scale, bound * scale))
-        return np.asarray(found.x / scale)
 
     def _mse(self, left: Array) -> Array:
         count = np.maximum(self.keep.sum(axis=0), 1)
@@ -228,6 +219,33 @@ class _Base:
         return float(gained.sum() - price)
 
 
+def boxed(columns: Array, screen: Screen) -> Array:
+    """Bounds of columns of which the last are the nuisances: their box, and none for the rest."""
+    bound = np.full(columns.shape[2], np.inf)
+    bound[columns.shape[2] - screen.nuisance.shape[2] :] = BOX
+    return bound
+
+
+def bounded(columns: Array, target: Array, weight: Array, bound: Array) -> Array:
+    """Weighted least squares inside ±bound, by way of the Gram matrix' root.
+
+    Args:
+        columns: (R, nv, n).
+        target: (R, nv).
+        weight: (R, nv).
+        bound: largest coefficients, (n,).
+    """
+    root = np.sqrt(weight).reshape(-1, 1)
+    flat = columns.reshape(-1, columns.shape[2]) * root
+    gram = flat.T @ flat
+    scale = np.sqrt(np.diag(gram)) + 1e-300
+    right = flat.T @ (target.reshape(-1) * root[:, 0]) / scale
+    gram = gram / scale / scale[:, None] + 1e-10 * np.eye(len(gram))
+    factor = np.linalg.cholesky(gram)
+    found = lsq_linear(factor.T, np.linalg.solve(factor, right), (-bound * scale, bound * scale))
+    return np.asarray(found.x / scale)
+
+
 def _kernel() -> Array:
     kernel = np.cos(np.linspace(-np.pi / 2, np.pi / 2, WINDOW + 2)[1:-1]) ** 2
     return np.asarray(kernel / kernel.sum())
@@ -243,4 +261,4 @@ def _fast_enough(motion: Motion, rows: Array) -> Array:
     """Rows that count for each degree of freedom, (R, nv): moving, unless that drops most."""
     keep = np.abs(motion.v[rows]) > SLOW
     keep[:, keep.mean(axis=0) < 0.5] = True
-    return keep.astype(float)
+    return keep

@@ -1,4 +1,4 @@
-"""What several effects need: columns on one joint, units, and edits of an MJCF that stay exact."""
+"""What several effects need: drives with another law, units, and edits of an MJCF that stay exact."""
 
 from __future__ import annotations
 
@@ -18,13 +18,6 @@ Array = np.ndarray
 
 _BRISTLE_FREQUENCY, _BRISTLE_DAMPING = 0.4, 0.5  # frequency · time step, damping ratio
 _FROM_GEOMS = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
-
-
-def on_joint(motion: Motion, dof: int, *values: Array) -> Array:
-    """Columns that act on one degree of freedom, (T, nv, n) from n arrays (T,)."""
-    columns = np.zeros((*motion.q.shape, len(values)))
-    columns[:, dof, :] = np.stack(values, axis=1)
-    return columns
 
 
 def added(motion: Motion, effect: Effect, at: Location, theta: Array) -> Array:

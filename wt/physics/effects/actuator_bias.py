@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import free_of_limits, on_joint, settle
+from wt.physics.effects._tools import free_of_limits, settle
 from wt.physics.motion import Motion
 from wt.types import Location
 
@@ -26,7 +26,7 @@ class ActuatorBias(Effect):
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """1, except where the drive is at its limit."""
         drive = motion.scene.drive(at.name)
-        return on_joint(motion, drive.dof, free_of_limits(motion, drive))
+        return motion.on(drive.dof, free_of_limits(motion, drive))
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """The torque on the joint."""

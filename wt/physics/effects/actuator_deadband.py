@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import DriveLaw, on_joint
+from wt.physics.effects._tools import DriveLaw
 from wt.physics.live import Live
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
@@ -37,7 +37,7 @@ class ActuatorDeadband(Effect):
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """What the drive swallows."""
         drive = motion.scene.drive(at.name)
-        return on_joint(motion, drive.dof, -np.clip(motion.force(drive), -shape[0], shape[0]))
+        return motion.on(drive.dof, -np.clip(motion.force(drive), -shape[0], shape[0]))
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """For forces beyond both, c times what width w swallows is what width c · w swallows."""

@@ -37,9 +37,7 @@ class ActuatorDelay(Effect):
         """Force under the delayed command minus force under the command as sent."""
         drive = motion.scene.drive(at.name)
         late = motion.delayed(drive.index, shape[0])
-        columns = np.zeros((*motion.q.shape, 1))
-        columns[:, drive.dof, 0] = motion.force(drive, late) - motion.force(drive)
-        return columns
+        return motion.on(drive.dof, motion.force(drive, late) - motion.force(drive))
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """To first order, c times the force of a delay d is the force of a delay c · d."""

@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 
 from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import DriveLaw
 from wt.physics.live import Live
-from wt.physics.live_drive import DriveLaw, without_limits
 from wt.physics.motion import Motion
-from wt.physics.scene import Drive, Scene
+from wt.physics.scene import Scene
 from wt.types import Location
 
 Array = np.ndarray
@@ -52,12 +52,14 @@ class ActuatorFade(Effect):
         actuator.biasprm = np.array(actuator.biasprm) * (1.0 - theta[0])
 
     def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
-        """Lift the clamps, which the law applies itself."""
-        without_limits(spec, at.name)
+        """Nothing: the replay computes the force at every step."""
 
     def live(self, scene: Scene, at: Location, theta: Array) -> Live:
-        """The command is moved so that the drive gives the faded force."""
-        return _Faded(scene.drive(at.name), scene, theta)
+        """Take the lost force off."""
+        loss, tau = theta.T
+        return DriveLaw(
+            scene, at.name, lambda force, v, t: force * (1.0 - loss * (1.0 - np.exp(-t / tau)))
+        )
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""
@@ -69,9 +71,3 @@ class ActuatorFade(Effect):
     def separation(self, at: Location) -> str:
         """See :meth:`Effect.separation`."""
         return f"the same motion of {at.name} from cold, repeated for several minutes"
-
-
-class _Faded(DriveLaw):
-    def force(self, wanted: Array, drive: Drive, v: Array, t: Array) -> Array:
-        loss, tau = self.theta[:, 0], self.theta[:, 1]
-        return np.asarray(wanted * (1.0 - loss * (1.0 - np.exp(-t / tau))))

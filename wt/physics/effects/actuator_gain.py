@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import free_of_limits, on_joint, settle
+from wt.physics.effects._tools import free_of_limits, settle
 from wt.physics.motion import Motion
 from wt.types import Location
 
@@ -27,7 +27,7 @@ class ActuatorGain(Effect):
         """The drive's force, except where it is at its limit."""
         drive = motion.scene.drive(at.name)
         force = motion.force(drive) * free_of_limits(motion, drive)
-        return on_joint(motion, drive.dof, force)
+        return motion.on(drive.dof, force)
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """One plus the coefficient."""

@@ -10,7 +10,6 @@ import numpy as np
 from scipy.signal import lfilter
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import on_joint
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.types import Location
@@ -56,7 +55,7 @@ class ActuatorLag(Effect):
             before = np.concatenate([halves[:1], halves[1:-1:2]])
             late[s.rows] = 0.5 * (before + halves[::2])
         change = motion.force(drive, late) - motion.force(drive)
-        return on_joint(motion, drive.dof, change)
+        return motion.on(drive.dof, change)
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """To first order, c times the force of a lag τ is the force of a lag c · τ."""

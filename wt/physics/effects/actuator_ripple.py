@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import on_joint, passive
+from wt.physics.effects._tools import passive
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.types import Location
@@ -49,7 +49,7 @@ class ActuatorRipple(Effect):
         """cos(cycles·q) and sin(cycles·q)."""
         dof = motion.scene.drive(at.name).dof
         angle = shape[0] * motion.q[:, dof]
-        return on_joint(motion, dof, np.cos(angle), np.sin(angle))
+        return motion.on(dof, np.cos(angle), np.sin(angle))
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """Amplitude, cycles and phase."""

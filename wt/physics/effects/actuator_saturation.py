@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import on_joint
 from wt.physics.motion import Motion
 from wt.types import Location
 
@@ -34,7 +33,7 @@ class ActuatorSaturation(Effect):
         """What the clipped drive lacks; the coefficient of the true torque is 1."""
         drive = motion.scene.drive(at.name)
         force = motion.force(drive)
-        return on_joint(motion, drive.dof, np.clip(force, -shape[0], shape[0]) - force)
+        return motion.on(drive.dof, np.clip(force, -shape[0], shape[0]) - force)
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """The torque."""

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import DriveLaw, on_joint
+from wt.physics.effects._tools import DriveLaw
 from wt.physics.effects.actuator_saturation import narrow
 from wt.physics.live import Live
 from wt.physics.motion import Motion
@@ -45,7 +45,7 @@ class ActuatorSpeedLimit(Effect):
         drive = motion.scene.drive(at.name)
         force = motion.force(drive)
         limited = _limited(force, motion.v[:, drive.dof], *shape)
-        return on_joint(motion, drive.dof, limited - force)
+        return motion.on(drive.dof, limited - force)
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """Stall torque and no-load speed."""

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, register
 from wt.physics.motion import Motion
-from wt.physics.rotor import rotor, split
-from wt.physics.scene import Scene
+from wt.physics.rotor import GearEffect, split
 from wt.types import Location
 
 Array = np.ndarray
@@ -20,30 +19,13 @@ _CONTACT = 0.002
 
 
 @register
-class Backlash(Effect):
+class Backlash(GearEffect):
     """No torque passes while |rotor − link| < gap / 2; the teeth are stiff beyond."""
 
     id = "joint.backlash"
     excludes = ("joint.elasticity",)
-    kind = "joint"
     parameters = (Parameter("gap", "rad", 1e-4, 1.0, 2e-4),)
     reference = "M. Nordin and P.-O. Gutman, Controlling mechanical systems with backlash, 2002"
-
-    def places(self, scene: Scene) -> Sequence[Location]:
-        """Joints with a drive."""
-        return [Location("joint", name) for name in dict.fromkeys(d.joint for d in scene.drives)]
-
-    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
-        """None: where in its gap a gear is, only a replay knows."""
-        return []
-
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
-        """Nothing; see :meth:`shapes`."""
-        return np.zeros((*motion.q.shape, 0))
-
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
-        """Nothing; see :meth:`shapes`."""
-        return np.zeros(1)
 
     def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
         """From 0.2° to 4°."""
@@ -59,10 +41,6 @@ class Backlash(Effect):
         tendon.limited = mujoco.mjtLimited.mjLIMITED_TRUE
         tendon.range = [-0.5 * theta[0], 0.5 * theta[0]]
         tendon.solref_limit = [_CONTACT, 1.0]
-
-    def followers(self, at: Location) -> Mapping[str, str]:
-        """The rotor starts at the link's angle."""
-        return {rotor(at.name): at.name}
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""

@@ -2,48 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, register
 from wt.physics.motion import Motion
-from wt.physics.rotor import rotor, split
-from wt.physics.scene import Scene
+from wt.physics.rotor import GearEffect, split
 from wt.types import Location
 
 Array = np.ndarray
 
 
 @register
-class Elasticity(Effect):
+class Elasticity(GearEffect):
     """τ = stiffness · (rotor − link) + damping · (their speeds' difference)."""
 
     id = "joint.elasticity"
     excludes = ("joint.backlash",)
-    kind = "joint"
     parameters = (
         Parameter("stiffness", "N·m/rad", 1e-2, 1e6, 1e-1),
         Parameter("damping", "N·m·s/rad", 0.0, 1e4, 1e-3),
     )
     reference = "M. W. Spong, Modeling and control of elastic joint robots, ASME JDSMC 1987"
-
-    def places(self, scene: Scene) -> Sequence[Location]:
-        """Joints with a drive."""
-        return [Location("joint", name) for name in dict.fromkeys(d.joint for d in scene.drives)]
-
-    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
-        """None: the rotor's angle is not measured."""
-        return []
-
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
-        """Nothing; see :meth:`shapes`."""
-        return np.zeros((*motion.q.shape, 0))
-
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
-        """Nothing; see :meth:`shapes`."""
-        return np.zeros(2)
 
     def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
         """Twists of 10, 30 and 100 mrad under the largest force, lightly damped."""
@@ -62,10 +44,6 @@ class Elasticity(Effect):
         tendon.stiffness = [theta[0], 0.0, 0.0]
         tendon.damping = [theta[1], 0.0, 0.0]
         tendon.springlength = [0.0, 0.0]
-
-    def followers(self, at: Location) -> Mapping[str, str]:
-        """The rotor starts at the link's angle."""
-        return {rotor(at.name): at.name}
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""

@@ -26,9 +26,7 @@ class FrictionCoulomb(Effect):
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """−sign(v) on the joint's row."""
         dof = motion.scene.dof(at.name)
-        columns = np.zeros((*motion.q.shape, 1))
-        columns[:, dof, 0] = -np.sign(motion.v[:, dof])
-        return columns
+        return motion.on(dof, -np.sign(motion.v[:, dof]))
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """The coefficient is the friction torque."""

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import Bristle, compiled, drive_force, on_joint
+from wt.physics.effects._tools import Bristle, compiled, drive_force
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
@@ -33,7 +33,7 @@ class FrictionLoad(Effect):
         """−sign(v) and −sign(v)·|drive force|."""
         dof = motion.scene.dof(at.name)
         sign = np.sign(motion.v[:, dof])
-        return on_joint(motion, dof, -sign, -sign * np.abs(motion.drive_forces[:, dof]))
+        return motion.on(dof, -sign, -sign * np.abs(motion.drive_forces[:, dof]))
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """Constant part and fraction of the load."""

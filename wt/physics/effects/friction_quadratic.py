@@ -6,7 +6,6 @@ import mujoco
 import numpy as np
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import on_joint
 from wt.physics.motion import Motion
 from wt.types import Location
 
@@ -27,7 +26,7 @@ class FrictionQuadratic(Effect):
         """−v·|v| on the joint's row."""
         dof = motion.scene.dof(at.name)
         v = motion.v[:, dof]
-        return on_joint(motion, dof, -v * np.abs(v))
+        return motion.on(dof, -v * np.abs(v))
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """The coefficient itself."""

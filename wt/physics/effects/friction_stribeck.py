@@ -12,7 +12,6 @@ from wt.physics.effects._tools import (
     Bristle,
     compiled,
     effective_inertia,
-    on_joint,
     passive,
     physics_step,
 )
@@ -52,7 +51,7 @@ class FrictionStribeck(Effect):
         """−sign(v) and −sign(v)·exp(−(v/velocity)²)."""
         dof = motion.scene.dof(at.name)
         v = motion.v[:, dof]
-        return on_joint(motion, dof, -np.sign(v), -np.sign(v) * np.exp(-((v / shape[0]) ** 2)))
+        return motion.on(dof, -np.sign(v), -np.sign(v) * np.exp(-((v / shape[0]) ** 2)))
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """Friction in motion, at standstill, and the velocity between them."""

@@ -6,7 +6,6 @@ import mujoco
 import numpy as np
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import on_joint
 from wt.physics.motion import Motion
 from wt.types import Location
 
@@ -26,7 +25,7 @@ class FrictionViscous(Effect):
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """−v on the joint's row."""
         dof = motion.scene.dof(at.name)
-        return on_joint(motion, dof, -motion.v[:, dof])
+        return motion.on(dof, -motion.v[:, dof])
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """The coefficient itself."""

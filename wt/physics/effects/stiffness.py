@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import per_radian
 from wt.physics.motion import Motion
 from wt.types import Location
 
@@ -41,11 +42,9 @@ class Stiffness(Effect):
         total = old[0] + theta[0]
         if total > 0.0:
             # the compiler reads springref in the model's angle unit
-            unit = np.pi / 180.0 if spec.compiler.degree else 1.0
-            hinge = joint.type == mujoco.mjtJoint.mjJNT_HINGE
-            unit = unit if hinge else 1.0
-            middle = (old[0] * joint.springref * unit + theta[0] * theta[1]) / total
-            joint.springref = middle / unit
+            unit = per_radian(joint)
+            middle = (old[0] * joint.springref / unit + theta[0] * theta[1]) / total
+            joint.springref = middle * unit
         joint.stiffness = [total, *old[1:]]
 
     def statement(self, at: Location, theta: Array) -> str:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import per_radian
 from wt.physics.motion import Motion
 from wt.types import Location
 
@@ -51,15 +52,12 @@ class Stop(Effect):
     def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
         """The joint's ``range``; its other end stays."""
         joint = spec.joint(at.name)
-        unit = np.pi / 180.0 if spec.compiler.degree else 1.0
-        if joint.type != mujoco.mjtJoint.mjJNT_HINGE:
-            unit = 1.0
         limited = joint.limited != mujoco.mjtLimited.mjLIMITED_FALSE and any(joint.range)
         low, high = joint.range if limited else (-1e3, 1e3)
         if theta[1] > 0.0:
-            high = theta[0] / unit
+            high = theta[0] * per_radian(joint)
         else:
-            low = theta[0] / unit
+            low = theta[0] * per_radian(joint)
         if low >= high:
             low, high = min(low, high), max(low, high) + 1e-3
         joint.range = [low, high]
