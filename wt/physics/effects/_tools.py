@@ -1,4 +1,4 @@
-"""What several effects need: drives with another law, units, and edits of an MJCF that stay exact."""
+"""What several effects need: drives with another law, units, exact edits of an MJCF."""
 
 from __future__ import annotations
 
