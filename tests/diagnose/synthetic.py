@@ -16,6 +16,7 @@ from wt.diagnose.result import (
     Error,
     Estimate,
     Finding,
+    Interval,
     Located,
     Proof,
     Role,
@@ -56,6 +57,7 @@ PATCHED = ARM.replace(
 RATE = 100.0
 J2 = Location("joint", "j2")
 A2 = Location("actuator", "a2")
+WHEN = (Interval("fit.parquet", 2.1, 2.6), Interval("fit.parquet", 5.4, 6.0))
 
 
 def commands(seconds: float, phase: float) -> np.ndarray:
@@ -148,7 +150,7 @@ def diagnosis(model_path: str = "arm.xml") -> Diagnosis:
         ),
         verdict="explained",
         locations=(
-            Located(J2, 0.93, ((2.1, 2.6), (5.4, 6.0)), "at speeds below 0.1 rad/s"),
+            Located(J2, 0.93, WHEN, "at speeds below 0.1 rad/s"),
             Located(A2, 0.07),
         ),
         findings=(found,),

@@ -6,11 +6,16 @@ import mujoco
 import numpy as np
 import pytest
 
-from tests.diagnose.hidden_forces import on_joint, world
+from tests.diagnose.hidden_forces import chain, on_joint, record, world
 from wt.diagnose.locate import locate
+from wt.diagnose.prepare import prepare
+from wt.diagnose.samples import Part
+from wt.diagnose.screen import Screen
+from wt.diagnose.smooth import smooth
 from wt.physics.effect import effects
 from wt.physics.replay import Planted
-from wt.types import Location
+from wt.physics.scene import Scene
+from wt.types import Location, Recording
 
 J2 = Location("joint", "j2")
 
@@ -27,9 +32,10 @@ def test_a_detent_is_located_in_position_and_time(tmp_path: Path) -> None:
     assert (place.at, place.share) == (J2, 1.0)
     assert place.condition.startswith("near ")
     assert float(place.condition.split()[1]) == pytest.approx(0.7, abs=0.1)
-    assert 1 <= len(place.intervals_s) <= 10
+    assert 1 <= len(place.intervals) <= 10
+    assert {i.recording for i in place.intervals} == {"recording 1"}
     t, q = w.screen.motion.t, w.screen.motion.q[:, 1]
-    said = np.any([(t >= a) & (t <= b) for a, b in place.intervals_s], axis=0)
+    said = np.any([(t >= i.start) & (t <= i.end) for i in place.intervals], axis=0)
     # whenever the force is strong it is inside, and most of the rest is outside
     assert said[np.abs(q - 0.7) < 0.08][50:-50].mean() > 0.95
     assert said[np.abs(q - 0.7) > 0.35].mean() < 0.35
@@ -81,7 +87,7 @@ def test_a_push_on_a_body_is_not_blamed_on_its_joints(tmp_path: Path) -> None:
     w = world(tmp_path, 5, push)
     (place,) = locate(w.screen, (), [], unexplained={f"j{i}": 0.2 for i in range(1, 6)})
     assert place.at == Location("body", "link5")
-    start, end = place.intervals_s[0][0], place.intervals_s[-1][1]
+    start, end = place.intervals[0].start, place.intervals[-1].end
     assert (start, end) == (pytest.approx(3.0, abs=0.15), pytest.approx(7.0, abs=0.15))
 
 
@@ -109,3 +115,32 @@ def test_a_cable_over_two_joints_is_a_pair(tmp_path: Path) -> None:
 def test_a_fault_that_shows_in_no_force_stays_with_its_joint(tmp_path: Path) -> None:
     (place,) = locate(world(tmp_path, 2, None).screen, (), [], unexplained={"j1": 1.0})
     assert (place.at, place.condition) == (Location("joint", "j1"), "")
+
+
+def test_intervals_say_which_recording_they_are_of(tmp_path: Path) -> None:
+    def push(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        data.qfrc_applied[1] += 3.0 * (4.0 < data.time < 5.0)
+
+    path = tmp_path / "chain.xml"
+    path.write_text(chain(2), encoding="utf-8")
+    # nothing is hidden in the first of three recordings
+    parts = [Part(record(chain(2), push if seed else None, 8.0, seed), seed) for seed in range(3)]
+    screen = Screen(smooth(Scene(path), parts), 0)
+    names = ("a.parquet", "b.parquet", "c.parquet")
+    (place,) = locate(screen, (), [], unexplained={"j2": 1.0}, names=names)
+    spans = [(i.recording, i.start, i.end) for i in place.intervals]
+    assert [name for name, *_ in spans] == ["b.parquet", "c.parquet"]
+    for _, start, end in spans:
+        assert (start, end) == (pytest.approx(4.0, abs=0.15), pytest.approx(5.0, abs=0.15))
+    # in JSON intervals have no name: they are those of one recording
+    assert place.to_json()["intervals_s"] == [list(spans[0][1:])]
+
+
+def test_recordings_of_one_name_are_told_apart(tmp_path: Path) -> None:
+    path = tmp_path / "chain.xml"
+    path.write_text(chain(2), encoding="utf-8")
+    plain = record(chain(2), None, 4.0, 0)
+    same = Recording(plain.t, plain.columns, {"source": "bench"})
+    prepared = prepare(Scene(path), [same, plain, same], [same])
+    assert prepared.names == ("bench", "recording 2", "bench (2)", "bench (3)")
+    assert [u.path for u in prepared.used] == list(prepared.names)

@@ -17,6 +17,7 @@ from rerun.chunk import RrdReader
 
 from tests.diagnose import synthetic
 from wt.diagnose.playback import PAUSE_S, playback
+from wt.diagnose.result import Interval, Located
 
 
 def read(path: Path) -> dict[str, list[dict[str, Any]]]:
@@ -94,6 +95,18 @@ def test_held_out_comes_first_and_events_are_logged(rows: dict[str, list[dict[st
     assert [text for _, text in events][:2] == ["held.parquet, held out", "fit.parquet, fitted"]
     assert [when for when, _ in events] == pytest.approx([0.0, second, second + 2.1, second + 5.4])
     assert "joint j2 at speeds below 0.1 rad/s" in events[2][1]
+
+
+def test_events_belong_to_their_recording(tmp_path: Path) -> None:
+    full = synthetic.diagnosis(str(synthetic.write_model(tmp_path)))
+    both = (Interval("held.parquet", 1.0, 2.0), Interval("fit.parquet", 3.0, 4.0))
+    moved = dataclasses.replace(full, locations=(Located(synthetic.J2, 1.0, both),))
+    (tmp_path / "a.rrd").write_bytes(playback(moved))
+    events = sorted((seconds(r), r["TextLog:text"][0]) for r in read(tmp_path / "a.rrd")["/log"])
+    held = full.traces[0]
+    second = float(held.t[-1] - held.t[0]) + PAUSE_S
+    assert [when for when, _ in events] == pytest.approx([0.0, 1.0, second, second + 3.0])
+    assert events[1][1] == "joint j2 until 2.00 s"
 
 
 def test_the_words_are_in_it(rows: dict[str, list[dict[str, Any]]]) -> None:

@@ -13,8 +13,18 @@ import pytest
 
 from tests.diagnose import synthetic
 from wt.diagnose import words
+from wt.diagnose.evidence import Measured, MeasuredForce, SensorError
 from wt.diagnose.report import report
-from wt.diagnose.result import Considered, Diagnosis, Error, Estimate, Located
+from wt.diagnose.result import (
+    Considered,
+    Diagnosis,
+    Error,
+    Estimate,
+    Finding,
+    Interval,
+    Located,
+    Used,
+)
 from wt.diagnose.robot_drawing import draw, joint_of
 from wt.types import Location
 
@@ -78,7 +88,7 @@ def test_it_says_what_was_found(source: str) -> None:
         "0.795 … 0.829",
         "joint.friction_stribeck",
         "slow reversals of j2 below 0.05 rad/s",
-        "at speeds below 0.1 rad/s; 2.10 to 2.60 s",
+        "at speeds below 0.1 rad/s 2.1 to 2.6 s, 5.4 to 6.0 s",
         "was refined to 0.5 ms",
         "Coulomb, Théorie des machines simples",
         'frictionloss="0.8"',
@@ -212,3 +222,136 @@ def test_a_marked_body_stands_out_and_stays_on_the_page() -> None:
     assert not re.search(r'class="s\d hot"', draw(model, np.zeros(2), {}))
     numbers = [float(n) for d in re.findall(r'd="([^"]+)"', svg) for n in re.findall(r"[\d.]+", d)]
     assert max(numbers) <= 560
+
+
+def test_figures_stay_with_their_units(source: str) -> None:
+    shown = re.sub(
+        r"<style>.*?</style>|<script>.*?</script>|<pre>.*?</pre>", "", source, flags=re.S
+    )
+    assert "95\u00a0% interval" in shown
+    assert "0.81\u00a0N·m" in shown
+    apart = re.findall(r"[0-9⁻⁰¹²³⁴⁵⁶⁷⁸⁹] (?:%|[mµ]?rad|[mµ]?s|N|N·m)(?![\w])", shown)
+    # what a picture says is read aloud, and breaks nowhere
+    assert [a for a in apart if a not in " ".join(re.findall(r'aria-label="[^"]*"', shown))] == []
+    assert words.tied("in 5 months at 3 m/s and 2 steps") == "in 5 months at 3\u00a0m/s and 2 steps"
+
+
+def test_lines_on_a_terminal_keep_them_too(
+    diagnosis: Diagnosis, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for end in range(30):
+        longer = dataclasses.replace(diagnosis, notes=("x" * end + " within 95 % of 0.81 N·m",))
+        longer.show()
+    printed = capsys.readouterr().out
+    assert "\u00a0" not in printed
+    assert not re.search(r"(95|0\.81)\n", printed)
+
+
+@pytest.mark.parametrize(
+    ("effect", "said"),
+    [("joint.friction_coulomb", "Coulomb friction"), ("body.payload_fixed", "fixed payload"),
+     ("actuator.speed_limit", "speed limit"), ("unknown", "unknown")],
+)  # fmt: skip
+def test_effects_have_names(effect: str, said: str) -> None:
+    assert words.name_of(effect) == said
+
+
+def used(*paths: str) -> tuple[Used, ...]:
+    return tuple(Used(path, "fit", 10.0, 100.0) for path in paths)
+
+
+def test_recordings_are_named_where_there_are_several(diagnosis: Diagnosis) -> None:
+    several = dataclasses.replace(diagnosis, recordings=used("a/run.parquet", "b/run.parquet"))
+    when = (
+        Interval("a/run.parquet", 1.0, 2.0),
+        Interval("b/run.parquet", 0.5, 0.75),
+        Interval("b/run.parquet", 3.0, 4.0),
+    )
+    assert [line.replace("\u00a0", " ") for line in words.times(several, when)] == [
+        "a/run.parquet: 1.0 to 2.0 s",
+        "b/run.parquet: 0.50 to 0.75 s, 3.00 to 4.00 s",
+    ]
+    alone = dataclasses.replace(diagnosis, recordings=used("a/run.parquet"))
+    assert words.times(alone, [Interval("a/run.parquet", 0.01, 9.99)]) == ["throughout"]
+    assert words.short_name(alone, "a/run.parquet") == "run.parquet"
+
+
+def test_shaded_is_when_the_mismatch_shows_in_that_very_recording(diagnosis: Diagnosis) -> None:
+    page = report(diagnosis)
+    held, fitted = page.split("<summary>fit.parquet")[:2]
+    assert 'class="span"' not in held
+    assert fitted.count('class="span"') == 4  # two intervals, two joints
+    other = Located(synthetic.J2, 1.0, (Interval("held.parquet", 1.0, 2.0),))
+    moved = report(dataclasses.replace(diagnosis, locations=(other,)))
+    held, fitted = moved.split("<summary>fit.parquet")[:2]
+    assert held.count('class="span"') == 2
+    assert 'class="span"' not in fitted
+
+
+def test_an_outlier_does_not_squeeze_the_law(diagnosis: Diagnosis) -> None:
+    (held, fitted) = diagnosis.traces
+    wild = np.array(held.force_before)
+    wild[100, 1] = 500.0
+    odd = dataclasses.replace(
+        diagnosis, traces=(dataclasses.replace(held, force_before=wild), fitted)
+    )
+    chart = report(odd).split("missing force [N·m]")[0].rpartition("<svg")[2]
+    assert max(float(n) for n in re.findall(r'class="y"[^>]*>([0-9.]+)<', chart)) <= 1.0
+
+
+def test_a_law_that_only_replays_tell_shows_no_after(diagnosis: Diagnosis) -> None:
+    same = tuple(dataclasses.replace(t, force_after=t.force_before) for t in diagnosis.traces)
+    page = report(dataclasses.replace(diagnosis, traces=same))
+    chart = page.split("missing force [N·m]")[1].partition("</figure>")[0]
+    assert "beads before" in chart
+    assert "beads after" not in chart
+    assert "shows in replays alone" in chart
+
+
+def force(actuator: str, joint: str, side: str) -> MeasuredForce:
+    return MeasuredForce(actuator, joint, ("fore",), 0.1, 0.8, 0.8, "N·m", side)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("effect", "at", "side", "said"),
+    [
+        ("joint.friction_coulomb", synthetic.J2, "behind", "bears this out"),
+        ("joint.friction_coulomb", synthetic.J2, "drive", "speaks against this"),
+        ("joint.friction_coulomb", synthetic.J2, "both", "bears this out"),
+        ("joint.friction_coulomb", synthetic.J2, "neither", ""),
+        ("joint.friction_coulomb", Location("joint", "j1"), "behind", ""),
+        ("joint.backlash", synthetic.J2, "drive", ""),
+        ("actuator.gain", synthetic.A2, "drive", "bears this out"),
+        ("actuator.gain", synthetic.A2, "behind", "speaks against this"),
+        ("body.mass", Location("body", "fore"), "behind", "bears this out"),
+        ("sensor.offset", synthetic.J2, "drive", ""),
+        ("unknown", synthetic.J2, "behind", ""),
+    ],
+)
+def test_a_measured_force_speaks_for_or_against_a_finding(
+    diagnosis: Diagnosis, effect: str, at: Location, side: str, said: str
+) -> None:
+    found: Finding = dataclasses.replace(diagnosis.findings[0], effect=effect, at=at)
+    seen = dataclasses.replace(
+        diagnosis, findings=(found,), measured=Measured((force("a2", "j2", side),))
+    )
+    assert bool(said) == bool(words.borne_out(seen, found))
+    assert said in words.borne_out(seen, found)
+    assert said in Page(report(seen)).words
+
+
+def test_other_sensors_stand_in_the_proof(diagnosis: Diagnosis, tmp_path: Path) -> None:
+    sensors = (
+        SensorError("gyro", "rad/s", 0.02, 0.005),
+        SensorError("enc", "rad", 4e-3, 2e-4),
+        SensorError("force/a2", "N·m", 0.8, None),
+    )
+    seen = dataclasses.replace(diagnosis, measured=Measured((), sensors))
+    said = Page(report(seen)).words
+    assert "gyro 0.0200 rad/s 0.00500 rad/s 25 %" in said
+    assert "enc 4.00 mrad 0.200 mrad 5.0 %" in said
+    assert "force/a2 0.800 N·m – –" in said
+    assert "What else the robot reports" not in Page(report(diagnosis)).words
+    plain = synthetic.nothing(str(synthetic.write_model(tmp_path)))
+    alone = Page(report(dataclasses.replace(plain, measured=seen.measured))).words
+    assert "gyro 0.0200 rad/s enc 4.00 mrad" in alone

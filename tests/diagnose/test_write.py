@@ -91,7 +91,7 @@ def test_a_diagnosis_shows_and_writes_itself(
     assert listing(tmp_path / "out") == NAMES
     found.show()
     assert "Joint j2 loses 0.81 N·m" in capsys.readouterr().out
-    assert "<b>Joint j2 loses 0.81 N·m" in found._repr_html_()
+    assert "<b>Joint j2 loses 0.81\u00a0N·m" in found._repr_html_()
     assert "&amp; qpos/j1" in synthetic.unexplained()._repr_html_()
 
 

@@ -90,8 +90,8 @@ def test_windows_of_a_push_are_found_and_replayed(tmp_path: Path) -> None:
     assert (start, end) == pytest.approx((0.8, 1.1), abs=0.04)
     found, _ = coefficients(moved, effect.columns(moved, at, (0.0, 0.8, 1.1)))
     assert effect.theta(found, ()) == pytest.approx(np.array([6.0, 2.0, -5.0]), rel=0.02)
-    bound = effect.with_windows((0.0, 0.8, 1.1))
-    assert bound.named(found)["windows"] == [0.8, 1.1]
+    bound = effect.shaped((0.0, 0.8, 1.1))
+    assert bound.observed() == {"windows": ("s", (0.8, 1.1))}
     stretch = Stretch(0, run.t, run.held, run.q[0], run.v[0])
     planted = Planted(bound, at, np.array([6.0, 2.0, -5.0]))
     replay = Replayer(scene(tmp_path), [stretch]).run([[planted]])

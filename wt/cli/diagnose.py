@@ -64,6 +64,14 @@ def command(
         Path | None,
         typer.Option(metavar="OUT.parquet", help="Write the commands to record next."),
     ] = None,
+    jobs: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N|ray",
+            help="Replay on N threads, or spread over a Ray cluster: the one that RAY_ADDRESS "
+            "names, else one of this machine's cores. Same answer.  [default: one thread a core]",
+        ),
+    ] = None,
 ) -> None:
     """Locate, name, model and prove what the simulator leaves out.
 
@@ -81,10 +89,11 @@ def command(
     from wt.diagnose.pipeline import diagnose
     from wt.diagnose.words import print_summary
     from wt.diagnose.write import write
+    from wt.physics.spread import over
 
     if out.exists() and not out.is_dir():
         raise UserError(f"--out {out} is a file; name a folder")
-    with bar("reading") as progress:
+    with bar("reading") as progress, over(jobs):
         found = diagnose(model, recordings, holdout or (), seed=seed, progress=progress)
         progress("writing", 0.98)
         write(found, out)

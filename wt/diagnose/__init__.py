@@ -3,8 +3,9 @@
 Map: ``pipeline`` is the six steps in order; ``smooth`` makes a :class:`~wt.physics.motion.Motion`
 of recordings; ``screen`` compares thousands of hypotheses on the force residual; ``decide``
 replays the survivors; ``locate``, ``proof`` and ``remainder`` say where, how much better, and what
-is left; ``result`` and ``evidence`` hold what comes out; ``words``, ``figures``, ``report``,
-``robot_drawing`` and ``playback`` show it, and ``write`` writes it.
+is left; ``measured`` and ``sensed`` what else the robot reports says to it; ``result`` and
+``evidence`` hold what comes out; ``words``, ``figures``, ``report``, ``robot_drawing`` and
+``playback`` show it, and ``write`` writes it.
 
 The package can be called: ``wt.diagnose("robot.xml", ["a.parquet"])`` is :func:`diagnose`.
 """
@@ -28,6 +29,7 @@ def diagnose(
     holdout: Sequence[str | Path | Recording] = (),
     *,
     seed: int = 0,
+    jobs: int | str | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Diagnosis:
     """Find what a model leaves out, from recordings of the real machine.
@@ -41,15 +43,20 @@ def diagnose(
         holdout: recordings for the proof only. Without any, the last of several recordings is
             held out, or the last quarter of a single one.
         seed: of everything random.
+        jobs: where recordings are replayed: on so many threads (by default one a core), or with
+            ``"ray"`` on a Ray cluster (see :func:`wt.physics.spread.over`); the answer is the same.
         progress: called as the work goes on, with what is being done and the share behind, 0…1.
 
     Raises:
         ModelError: the MJCF cannot be used.
         RecordingError: a recording cannot be used.
+        UserError: ``jobs`` is none of these, or there is no Ray or no cluster.
     """
     from wt.diagnose.pipeline import diagnose as run
+    from wt.physics.spread import over
 
-    return run(model, recordings, holdout, seed=seed, progress=progress)
+    with over(jobs):
+        return run(model, recordings, holdout, seed=seed, progress=progress)
 
 
 class _Callable(ModuleType):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.stats import ttest_ind
 
+from wt.diagnose.result import Interval
 from wt.diagnose.screen import SLOW, Screen
 
 Array = np.ndarray
@@ -32,15 +33,16 @@ class _Split:
     words: str
 
 
-def intervals(screen: Screen, size: Array) -> tuple[tuple[float, float], ...]:
-    """When a residual stands out, in the first recording that shows it.
+def intervals(screen: Screen, size: Array, names: Sequence[str] = ()) -> tuple[Interval, ...]:
+    """When a residual stands out.
 
     Args:
         screen: gives the rows' times.
         size: residual in units of its noise floor, (R,).
+        names: of the recordings, by index; by default ``recording 1`` and so on.
 
     Returns:
-        (start, end) pairs in time order [s], at most ``MOST_INTERVALS``.
+        At most ``MOST_INTERVALS`` of each recording, in order of time.
     """
     m, rows = screen.motion, screen.rows
     level = max(STANDS_OUT, _SHARE_OF_PEAK * float(np.quantile(np.abs(size), 0.95)))
@@ -60,8 +62,11 @@ def intervals(screen: Screen, size: Array) -> tuple[tuple[float, float], ...]:
             (float(t[a] - gap / 2), float(t[b] + gap / 2))
             for a, b in zip(starts, ends, strict=True)
         ]
-    shown = next((found[r] for r in sorted(found) if found[r]), [])
-    return tuple(_merged(shown))
+    return tuple(
+        Interval(names[r] if r < len(names) else f"recording {r + 1}", start, end)
+        for r in sorted(found)
+        for start, end in _merged(found[r])
+    )
 
 
 def _merged(some: list[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -102,6 +102,8 @@ def _named(planted: Planted, low: Array, high: Array) -> dict[str, Estimate]:
             (_plain(ends[0], bool(p.axes)), _plain(ends[1], bool(p.axes))),
             warning,
         )
+    for name, (unit, values) in planted.effect.observed().items():
+        found[name] = Estimate(values, unit, (values, values))
     return found
 
 

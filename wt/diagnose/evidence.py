@@ -74,6 +74,72 @@ class Considered:
     verdict: str
 
 
+Side = Literal["drive", "behind", "both", "measurement", "neither"]
+"""Where a measured force says that physics is missing: in the drive, that is before the measurement
+(or the recorded position is not the one that the drive works with); behind it, in joint or bodies;
+in both; in the measurement itself, which then agrees with nothing; in neither."""
+
+
+@dataclass(frozen=True)
+class MeasuredForce:
+    """A measured actuator force beside the model's and beside what the motion demands.
+
+    Root mean squares of the joint's force over the fitted recordings [N·m or N].
+
+    Attributes:
+        actuator: its name.
+        joint: the joint that it drives.
+        moves: the bodies that this joint moves.
+        off_law: measured force less the model's law at the recorded command and motion.
+        off_motion: force that the motion demands of the model, less the measured one.
+        lacking: force that the motion demands, less the model's law: the sum of the two.
+        unit: of these.
+        side: where something is missing.
+    """
+
+    actuator: str
+    joint: str
+    moves: tuple[str, ...]
+    off_law: float
+    off_motion: float
+    lacking: float
+    unit: str
+    side: Side
+
+
+@dataclass(frozen=True)
+class SensorError:
+    """Root mean square error of what replays of held-out recordings say that a sensor reports.
+
+    Attributes:
+        name: of the MJCF sensor, or ``force/<actuator>`` of a measured actuator force.
+        unit: of the errors.
+        before: of the model as it was given.
+        after: of the patched model; None where the replay does not tell.
+    """
+
+    name: str
+    unit: str
+    before: float
+    after: float | None
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What the robot reports besides its joints' motion.
+
+    Attributes:
+        forces: measured actuator forces.
+        sensors: further sensors, and the forces again, in replays.
+        notes: one sentence on each force that says where something is missing, and on sensors
+            that were not compared.
+    """
+
+    forces: tuple[MeasuredForce, ...] = ()
+    sensors: tuple[SensorError, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True, eq=False)
 class Trace:
     """One recording and its replays, for pictures. Arrays are (T, n_joints) unless said.

@@ -10,7 +10,8 @@ import numpy as np
 
 from wt.diagnose.result import Diagnosis, Finding, Trace
 from wt.diagnose.robot_drawing import draw, joint_of
-from wt.diagnose.words import number, scaled
+from wt.diagnose.words import error as said_error
+from wt.diagnose.words import name_of, number, scaled, short_name, tied
 from wt.show.charts import Axes, Series, chart
 from wt.types import Location
 
@@ -18,10 +19,12 @@ Array = np.ndarray
 
 _OVER_VELOCITY = ("friction", "speed_limit", "drag", "delay", "lag")
 _OVER_ACCELERATION = ("armature", "body.inertia")
-_OVER_COMMAND = ("gain", "deadband", "saturation")
+_OVER_DRIVE = ("gain", "deadband", "saturation")
 _OVER_TIME = ("fade", "force_intermittent", "payload_moving")
 _BINS, _LEAST = 36, 5
 _MOST_TRACES = 4
+_MOST_SHADED = 0.8  # of a trace, from which shading tells nothing
+_EXTREME = 0.005  # share of samples at either end that would squeeze all the rest
 BEFORE_AFTER = (
     '<span class="key before">model as given</span> <span class="key after">patched model</span>'
 )
@@ -58,9 +61,10 @@ def filled(t: Array, values: Array) -> Array:
 
 def robot(diagnosis: Diagnosis, model: mujoco.MjModel) -> str:
     """The robot where its error is largest, with its culprits, as a figure."""
-    marked = {
-        f.at: f.effect.partition(".")[2].replace("_", " ") or f.effect for f in diagnosis.findings
-    }
+    names: dict[Location, list[str]] = {}
+    for f in diagnosis.findings:
+        names.setdefault(f.at, []).append(name_of(f.effect))
+    marked = {at: ", ".join(some) for at, some in names.items()}
     if not marked and diagnosis.verdict != "no_mismatch":
         marked = {place.at: "unexplained" for place in diagnosis.locations[:1]}
     poses, when = np.tile(model.qpos0, (1, 1)), ""
@@ -69,13 +73,15 @@ def robot(diagnosis: Diagnosis, model: mujoco.MjModel) -> str:
         poses = full_pose(model, diagnosis.joints, filled(trace.t, trace.recorded))
         error = np.nan_to_num(np.abs(trace.recorded - trace.before)).sum(axis=1)
         row = int(error.argmax())
-        when = f", as recorded at {number(float(trace.t[row]))} s of {trace.name}"
+        name = short_name(diagnosis, trace.name)
+        when = f", as recorded at {trace.t[row]:.1f} s of {name}, where the error is largest"
         seen = poses[:: max(1, len(poses) // 40)]
     else:
         row, seen = 0, poses
-    caption = f"The robot{when}." + (" The finding's place is marked." if marked else "")
+    what = "what was found" if diagnosis.findings else "the mismatch"
+    caption = f"The robot{when}." + (f" Marked: where {what} acts." if marked else "")
     svg = draw(model, poses[row], marked, list(seen))
-    return f"<figure>{svg}<figcaption>{html.escape(caption)}</figcaption></figure>"
+    return _figure(svg, caption)
 
 
 def joint_order(diagnosis: Diagnosis) -> list[int]:
@@ -87,8 +93,6 @@ def joint_order(diagnosis: Diagnosis) -> list[int]:
 
 def over_time(diagnosis: Diagnosis, trace: Trace) -> Iterator[str]:
     """Errors of the replays of one recording, a figure a joint."""
-    first = diagnosis.recordings[0].path if diagnosis.recordings else trace.name
-    spans = diagnosis.locations[0].intervals_s if diagnosis.locations else ()
     for j in joint_order(diagnosis):
         name = diagnosis.joints[j]
         before, after = (q[:, j] - trace.recorded[:, j] for q in (trace.before, trace.after))
@@ -101,15 +105,28 @@ def over_time(diagnosis: Diagnosis, trace: Trace) -> Iterator[str]:
         said = f"Joint {name}: error RMS {number(float(rms[0]))} {unit}"
         if diagnosis.findings:
             series.append(Series("after", trace.t, after * factor))
-            said += f" with the model as given, {number(float(rms[1]))} {unit} with the patched one"
+            left = said_error(float(rms[1]), error.noise_floor * factor if error else 0.0)
+            said += f" with the model as given, {left} {unit} with the patched one"
         axes = Axes(
             x="time [s]",
             y=f"error of {name} [{unit}]",
             alt=f"{said}, over time in {trace.name}",
-            spans=spans if trace.name == first else (),
+            spans=spans(diagnosis, trace),
             floor=2 * error.noise_floor * factor if error else None,
         )
         yield _figure(chart(series, axes), f"{said}.")
+
+
+def spans(diagnosis: Diagnosis, trace: Trace) -> tuple[tuple[float, float], ...]:
+    """When the largest mismatch shows in a trace; empty if it does throughout, or in another."""
+    first, last = float(trace.t[0]), float(trace.t[-1])
+    found = tuple(
+        (max(i.start, first), min(i.end, last))
+        for i in (diagnosis.locations[0].intervals if diagnosis.locations else ())
+        if i.recording == trace.name and i.end > first and i.start < last
+    )
+    covered = sum(end - start for start, end in found)
+    return found if covered < _MOST_SHADED * (last - first) else ()
 
 
 def shown_traces(diagnosis: Diagnosis) -> tuple[Trace, ...]:
@@ -125,23 +142,28 @@ def dependence(diagnosis: Diagnosis, finding: Finding, model: mujoco.MjModel | N
         return ""
     name = diagnosis.joints[column]
     variable, label, values = _variable(diagnosis, finding, column, model)
-    slides = model is not None and model.joint(name).type[0] == mujoco.mjtJoint.mjJNT_SLIDE
-    unit = "N" if slides else "N·m"
+    unit = _force_unit(model, name)
     x = np.concatenate(values)
-    # a few extremes would squeeze all the rest
-    low, high = np.nanquantile(x, [0.005, 0.995])
-    x = np.where((x >= low) & (x <= high), x, np.nan)
+    x = _usual(x)
     series = []
-    for css in ("before", "after"):
-        force = np.concatenate([getattr(t, f"force_{css}")[:, column] for t in diagnosis.traces])
+    forces = [
+        np.concatenate([f[:, column] for f in some])
+        for some in zip(*((t.force_before, t.force_after) for t in diagnosis.traces), strict=True)
+    ]
+    told = not np.allclose(forces[0], forces[1], equal_nan=True)
+    for css, force in zip(("before", "after"), (_usual(f) for f in forces), strict=True):
+        if css == "after" and not told:
+            continue
         fine = np.isfinite(x) & np.isfinite(force)
         order = np.flatnonzero(fine)[np.random.default_rng(0).permutation(int(fine.sum()))]
         series.append(Series(css, x[order], force[order], "dots"))
         series.append(Series(css, *_binned(x[fine], force[fine]), "beads"))
-    series = [series[0], series[2], series[1], series[3]]  # means lie on the clouds
+    series.sort(key=lambda s: s.mark == "beads")  # means lie on the clouds
     said = f"The force at joint {name} that the model leaves out, over {variable}"
     axes = Axes(x=label, y=f"missing force [{unit}]", alt=said)
     caption = f"{said}: dots are samples of all recordings, beads their means."
+    if not told:
+        caption += " What the finding takes of it shows in replays alone."
     return _figure(chart(series, axes), caption)
 
 
@@ -162,7 +184,13 @@ def horizon(diagnosis: Diagnosis) -> str:
 
 
 def _figure(svg: str, caption: str) -> str:
-    return f"<figure>{svg}<figcaption>{html.escape(caption)}</figcaption></figure>"
+    return f"<figure>{svg}<figcaption>{html.escape(tied(caption))}</figcaption></figure>"
+
+
+def _usual(values: Array) -> Array:
+    """Values with the extreme ones left out, as NaN."""
+    low, high = np.nanquantile(values, [_EXTREME, 1.0 - _EXTREME])
+    return np.where((values >= low) & (values <= high), values, np.nan)
 
 
 def _joint(diagnosis: Diagnosis, at: Location, model: mujoco.MjModel | None) -> int | None:
@@ -190,7 +218,7 @@ def _variable(
     for kinds, said in (
         (_OVER_VELOCITY, "velocity"),
         (_OVER_ACCELERATION, "acceleration"),
-        (_OVER_COMMAND, "command"),
+        (_OVER_DRIVE, "drive"),
         (_OVER_TIME, "time"),
     ):
         if any(part in finding.effect for part in kinds):
@@ -201,12 +229,14 @@ def _variable(
         if group in ("qpos", "qvel") and name in diagnosis.joints:
             joint, column = name, diagnosis.joints.index(name)
     command = _actuator(finding, joint, model)
-    if kind == "command" and all(command in t.command for t in traces):
-        return (
-            f"the command of {command}",
-            f"command of {command}",
-            [t.command[command] for t in traces],
-        )
+    known = all(command in t.command for t in traces)
+    if kind == "drive" and known and model is not None:
+        values = [_drive_force(model, command, t, column) for t in traces]
+        force = f"force of {command} in the model"
+        return f"the {force}", f"{force} [{_force_unit(model, joint)}]", values
+    if kind in ("command", "drive") and known:
+        values = [t.command[command] for t in traces]
+        return f"the command of {command}", f"command of {command}", values
     if kind == "time":
         return "time", "time [s]", [t.t for t in traces]
     if kind == "velocity":
@@ -217,6 +247,21 @@ def _variable(
         return f"the acceleration of {joint}", f"acceleration of {joint} [{unit}/s²]", values
     values = [t.recorded[:, column] for t in traces]
     return f"the position of {joint}", f"position of {joint} [{unit}]", values
+
+
+def _force_unit(model: mujoco.MjModel | None, joint: str) -> str:
+    slides = model is not None and model.joint(joint).type[0] == mujoco.mjtJoint.mjJNT_SLIDE
+    return "N" if slides else "N·m"
+
+
+def _drive_force(model: mujoco.MjModel, actuator: str, trace: Trace, column: int) -> Array:
+    """What an actuator of the given model does to its joint along a recording, (T,) [N·m]."""
+    a = model.actuator(actuator)
+    gear = float(a.gear[0])
+    bias = a.biasprm if a.biastype[0] == mujoco.mjtBias.mjBIAS_AFFINE else np.zeros(3)
+    moved = bias[1] * trace.recorded[:, column] + bias[2] * trace.velocity[:, column]
+    force = a.gainprm[0] * trace.command[actuator] + bias[0] + gear * moved
+    return np.asarray(gear * force)
 
 
 def _actuator(finding: Finding, joint: str, model: mujoco.MjModel | None) -> str:

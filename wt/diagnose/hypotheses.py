@@ -8,6 +8,7 @@ import numpy as np
 
 from wt.diagnose.objective import Assessed, Objective
 from wt.diagnose.screen import Scored, Screen
+from wt.diagnose.worth import CLEAN
 from wt.physics.acting import is_live
 from wt.physics.effect import Shape, effects
 from wt.physics.replay import Planted
@@ -21,6 +22,16 @@ KEPT = 10
 """At most so many of the screen's hypotheses are replayed in a round."""
 SHARE = 0.2
 """… and only those with at least this share of the best one's gain."""
+USUAL = (
+    "joint.friction_coulomb",
+    "joint.friction_viscous",
+    "actuator.bias",
+    "actuator.gain",
+    "actuator.delay",
+)
+"""What hardly a real joint is without: replayed wherever replays err."""
+EACH, LEAST = 2, 10.0
+"""… and so many at each joint, from so many nats on: another joint may just be worse."""
 RELATED = {
     "joint.friction_coulomb": ("joint.friction_stribeck", "joint.friction_load"),
     "joint.friction_viscous": ("joint.friction_quadratic", "joint.friction_stribeck"),
@@ -51,20 +62,23 @@ def candidates(
     """
     best = ranked[0].gain if ranked else 0.0
     strong = [s for s in ranked[:KEPT] if s.gain >= SHARE * best and s.gain > 0.0]
+    strong += _best_of_each(screen, [s for s in ranked if s not in strong and s.gain > LEAST])
     wanted = {
         (name, place)
-        for s in strong[:6]
+        for s in strong
         for name in RELATED.get(s.planted.effect.id, ())
         for place in _near(screen, s.planted.at)
     }
     # where replays err and forces show nothing, every effect of that joint gets its chance
     excess = now.mse / objective.noise**2
     worst = [int(d) for d in np.argsort(-excess)[:WORST] if excess[d] > 2.0]
+    erring = [d for d in range(len(excess)) if excess[d] > CLEAN**2]
     chosen = {s.planted.key: s for s in strong}
     for s in ranked:
         at = s.planted.at
-        cheap = not is_live(s.planted.effect)
-        if (s.planted.effect.id, at) in wanted or (cheap and _dof(screen, at) in worst):
+        cheap, dof = not is_live(s.planted.effect), dof_of(screen, at)
+        usual = s.planted.effect.id in USUAL and dof in erring
+        if (s.planted.effect.id, at) in wanted or (cheap and dof in worst) or usual:
             chosen.setdefault(s.planted.key, s)
     found: list[tuple[Planted, Shape | None]] = [(s.planted, s.shape) for s in chosen.values()]
     found += [(p, None) for p in _replay_only(screen, worst)]
@@ -72,20 +86,33 @@ def candidates(
     return [
         (p, shape)
         for p, shape in found
-        if p.key not in taken and not any(_exclude(p, other) for other in now.hypothesis)
+        if p.key not in taken and not any(excluded(p, other) for other in now.hypothesis)
     ]
+
+
+def _best_of_each(screen: Screen, ranked: Sequence[Scored]) -> list[Scored]:
+    """The first at each joint of a ranking."""
+    count: dict[int, int] = {}
+    found = []
+    for s in ranked:
+        dof = dof_of(screen, s.planted.at)
+        count[dof] = count.get(dof, 0) + 1
+        if dof >= 0 and count[dof] <= EACH:
+            found.append(s)
+    return found
 
 
 def _near(screen: Screen, at: Location) -> list[Location]:
     """A joint and its drives, either of which may be at fault."""
-    dof = _dof(screen, at)
+    dof = dof_of(screen, at)
     scene = screen.motion.scene
     drives = [Location("actuator", d.name) for d in scene.drives if d.dof == dof]
     joints = [Location("joint", name) for name in scene.joints if scene.dof(name) == dof]
     return [at, *drives, *joints, Location("sensor", "all")]
 
 
-def _exclude(one: Planted, other: Planted) -> bool:
+def excluded(one: Planted, other: Planted) -> bool:
+    """Whether two effects cannot stand beside each other."""
     same = one.at == other.at
     return same and (
         one.effect.id in other.effect.excludes or other.effect.id in one.effect.excludes
@@ -98,12 +125,12 @@ def _replay_only(screen: Screen, worst: Sequence[int]) -> list[Planted]:
     found = []
     for effect in effects().values():
         for at in effect.places(scene):
-            if _dof(screen, at) in worst and not effect.shapes(screen.motion, at):
+            if dof_of(screen, at) in worst and not effect.shapes(screen.motion, at):
                 found += [Planted(effect, at, start) for start in effect.starts(screen.motion, at)]
     return found
 
 
-def _dof(screen: Screen, at: Location) -> int:
+def dof_of(screen: Screen, at: Location) -> int:
     """Degree of freedom that a place acts on alone; −1 if several."""
     scene = screen.motion.scene
     if at.kind == "joint":

@@ -8,18 +8,20 @@ is learned, is said to be unknown.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wt.diagnose import proof
-from wt.diagnose.decide import Accepted
+from wt.diagnose.addition import Accepted
+from wt.diagnose.calibrate import calibration, comments
 from wt.diagnose.estimate import Estimated, estimate
 from wt.diagnose.objective import Hypothesis, Objective
 from wt.diagnose.remainder import Unknown, find
 from wt.diagnose.result import Confusable, Finding, Verdict
 from wt.diagnose.rivals import DOUBTFUL, rivals_nonparametric
 from wt.diagnose.screen import Screen
+from wt.diagnose.worth import CLEAN
 from wt.physics.replay import Planted
 
 Array = np.ndarray
@@ -29,8 +31,6 @@ SIGNIFICANT = 0.01
 MOST_UNKNOWN = 2
 MISMATCH = 0.05
 """Share of a joint's motion that replays must err by before it is called unexplained."""
-CLEAN = 3.0
-"""Replays within so many deviations of measurement noise leave nothing to explain."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,16 +42,34 @@ class Judged:
         estimated: their parameters.
         gains: what each is worth on held-out data.
         unknown: what no known effect explains.
+        corrections: of what any rig is off by, beside the findings.
     """
 
     accepted: tuple[Accepted, ...]
     estimated: Estimated
     gains: tuple[proof.Gain, ...]
     unknown: tuple[Unknown, ...]
+    corrections: Hypothesis = ()
+
+    @property
+    def patch(self) -> Hypothesis:
+        """What is written into the model: named effects and corrections."""
+        return (*self.estimated.hypothesis, *self.corrections)
+
+    @property
+    def comments(self) -> list[str]:
+        """A sentence for each part of :attr:`patch`."""
+        named = [p.statement for p in self.estimated.hypothesis]
+        return named + comments(self.corrections)
+
+    @property
+    def complete(self) -> Hypothesis:
+        """Findings and corrections."""
+        return (*self.hypothesis, *self.corrections)
 
     @property
     def hypothesis(self) -> Hypothesis:
-        """All effects, named ones first."""
+        """All effects that were found, named ones first."""
         return (*self.estimated.hypothesis, *(u.planted for u in self.unknown))
 
     @property
@@ -78,34 +96,47 @@ class Court:
     step: float
     seed: int
 
-    def judge(self, accepted: Sequence[Accepted]) -> Judged:
-        """Prove, doubt, and look at what is left."""
-        proven = self._proven(tuple(accepted))
+    def judge(self, proven: Judged) -> Judged:
+        """Doubt names, look at what is left, and correct what any rig is off by."""
+        judged = self._doubted(proven)
+        found = calibration(self.objective, self.held, judged.hypothesis, self.step)
+        return replace(judged, corrections=found)
+
+    def _doubted(self, proven: Judged) -> Judged:
         named = self._with_unknown(proven)
         doubtful = [i for i in range(len(proven.accepted)) if self._doubtful(proven, i)]
         if not doubtful:
             return named
         rest = tuple(a for i, a in enumerate(proven.accepted) if i not in doubtful)
-        unnamed = self._with_unknown(self._proven(rest))
+        unnamed = self._with_unknown(self.proven(rest))
         return unnamed if self._better(unnamed, named) else named
 
-    def _proven(self, accepted: tuple[Accepted, ...]) -> Judged:
-        """Only what improves the held-out fit stays; the rest is estimated again without it."""
+    def proven(self, accepted: tuple[Accepted, ...], attempts: int = 1) -> Judged:
+        """Only what improves the held-out fit stays; the rest is estimated again without it.
+
+        Args:
+            accepted: what the search found.
+            attempts: how often held-out data have been asked; all that is asked has to be paid.
+        """
         estimated = estimate(self.objective, tuple(a.planted for a in accepted))
         while accepted:
             gains = proof.gains(self.held, estimated.hypothesis, self.step)
             weakest = int(np.argmax([g.p_value for g in gains]))
-            if gains[weakest].p_value <= SIGNIFICANT:
+            if gains[weakest].p_value <= SIGNIFICANT / attempts:
                 return Judged(accepted, estimated, tuple(gains), ())
             accepted = tuple(a for i, a in enumerate(accepted) if i != weakest)
             rest = [p for i, p in enumerate(estimated.hypothesis) if i != weakest]
             estimated = estimate(self.objective, tuple(rest))
         return Judged((), estimated, (), ())
 
+    def clean(self, judged: Judged) -> bool:
+        """Whether nothing but noise is left of the fitted recordings."""
+        left = np.sqrt(judged.estimated.assessed.mse) / self.objective.noise
+        return bool((left < CLEAN).all())
+
     def _with_unknown(self, judged: Judged) -> Judged:
         """Learn what is left, as long as that improves the held-out fit."""
-        left = np.sqrt(judged.estimated.assessed.mse) / self.objective.noise
-        if (left < CLEAN).all():
+        if self.clean(judged):
             return judged
         found: list[Unknown] = []
         assessed = judged.estimated.assessed

@@ -25,6 +25,7 @@ def locate(
     shares: Sequence[float],
     *,
     unexplained: Mapping[str, float] | None = None,
+    names: Sequence[str] = (),
 ) -> tuple[Located, ...]:
     """Places where physics is missing, ranked by their share of the mismatch.
 
@@ -34,6 +35,7 @@ def locate(
         shares: weight of each finding; they are scaled to what is explained.
         unexplained: joint → share (0…1) of the mismatch that no finding explains; where in the
             machine it arises is judged by how the force residual spreads over the joints.
+        names: of the recordings, by index.
 
     Returns:
         One entry per place; nothing if there are neither findings nor anything unexplained.
@@ -43,39 +45,38 @@ def locate(
     lost = min(sum(open_.values()), 1.0) if hypothesis else 1.0
     weights = np.maximum(np.asarray(shares, dtype=float), 0.0)
     weights = (1.0 - lost if open_ else 1.0) * weights / max(float(weights.sum()), 1e-12)
-    found: dict[Location, tuple[float, Located]] = {}
+    seen: dict[Location, float] = {}
+    largest: dict[Location, tuple[float, Array]] = {}
+
+    def add(at: Location, share: float, size: Array) -> None:
+        """Enter a place; of several effects at one place, the largest says when."""
+        seen[at] = min(seen.get(at, 0.0) + share, 1.0)
+        if at not in largest or share >= largest[at][0]:
+            largest[at] = (share, size)
+
     for i, planted in enumerate(hypothesis):
-        _add(found, planted.at, float(weights[i]), screen, _size(screen, rest, i, planted))
+        add(planted.at, float(weights[i]), _size(screen, rest, i, planted))
     if open_:
         for at, share in places(screen, rest, open_).items():
             dofs = _dofs(screen.motion.scene, at)
             # the errors of any rig bear a part of it, and spread it: only what stands out twice
             options = (rest.left, rest.left + rest.adapted)
             size = np.minimum(*(_norm(x / screen.floor, dofs) for x in options))
-            _add(found, at, lost * share, screen, size)
-    return tuple(sorted((place for _, place in found.values()), key=lambda p: -p.share))
+            add(at, lost * share, size)
+    places_ = [_located(screen, at, seen[at], size, names) for at, (_, size) in largest.items()]
+    return tuple(sorted(places_, key=lambda p: -p.share))
 
 
-def _add(
-    found: dict[Location, tuple[float, Located]],
-    at: Location,
-    share: float,
-    screen: Screen,
-    size: Array,
-) -> None:
-    """Enter a place; of several effects at one place, the largest says when."""
+def _located(
+    screen: Screen, at: Location, share: float, size: Array, names: Sequence[str]
+) -> Located:
+    """A place with the times and the condition at which a residual (R,) shows."""
     scene = screen.motion.scene
-    before, place = found.get(at, (0.0, Located(at, 0.0)))
-    if share >= before:
-        dofs = _dofs(scene, at)
-        own = at.kind in ("joint", "actuator")
-        of = "" if own else f" of joint {scene.joints[dofs[-1]]}"
-        place = Located(at, 0.0, intervals(screen, size), condition(screen, size, dofs[-1], of))
-    total = min(found[at][1].share + share if at in found else share, 1.0)
-    found[at] = (
-        max(before, share),
-        Located(at, total, place.intervals_s, place.condition),
-    )
+    dof = _dofs(scene, at)[-1]
+    own = at.kind in ("joint", "actuator")
+    of = "" if own else f" of joint {scene.joints[dof]}"
+    when = intervals(screen, size, names)
+    return Located(at, share, when, condition(screen, size, dof, of))
 
 
 def _size(screen: Screen, rest: Leftover, index: int, planted: Planted) -> Array:

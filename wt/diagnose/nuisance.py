@@ -32,15 +32,22 @@ class Nuisance:
     Attributes:
         planted: the effect that expresses it, one standard deviation large.
         neutral: its ``theta`` when there is no error.
+        lowest: smallest ``theta`` that a model can hold.
     """
 
     planted: Planted
     neutral: Array
+    lowest: float = -np.inf
 
     def scaled(self, size: float) -> Planted:
         """The effect of an error of ``size`` standard deviations."""
         theta = self.neutral + size * (self.planted.theta - self.neutral)
-        return Planted(self.planted.effect, self.planted.at, theta)
+        return Planted(self.planted.effect, self.planted.at, np.maximum(theta, self.lowest))
+
+    @property
+    def correctable(self) -> bool:
+        """Whether a model can be corrected by it: a command cannot come early."""
+        return self.planted.effect.id != "actuator.delay"
 
 
 def nuisances(scene: Scene) -> tuple[Nuisance, ...]:
@@ -49,9 +56,11 @@ def nuisances(scene: Scene) -> tuple[Nuisance, ...]:
     known = effects()
     found: list[Nuisance] = []
 
-    def add(effect: str, at: Location, size: float, neutral: float) -> None:
+    def add(
+        effect: str, at: Location, size: float, neutral: float, lowest: float = -np.inf
+    ) -> None:
         theta = np.array([neutral + size])
-        found.append(Nuisance(Planted(known[effect], at, theta), np.array([neutral])))
+        found.append(Nuisance(Planted(known[effect], at, theta), np.array([neutral]), lowest))
 
     for body in scene.moving:
         add("body.mass", Location("body", body), _MASS, 1.0)
@@ -61,7 +70,8 @@ def nuisances(scene: Scene) -> tuple[Nuisance, ...]:
             at = Location("joint", joint)
             add("joint.friction_viscous", at, _DAMPING * float(m.dof_damping[dof]), 0.0)
         # half the rotor's inertia is rarely published; a share of the whole is what is unsure
-        add("joint.armature", Location("joint", joint), _ARMATURE * float(m.dof_M0[dof]), 0.0)
+        share, own = _ARMATURE * float(m.dof_M0[dof]), float(m.dof_armature[dof])
+        add("joint.armature", Location("joint", joint), share, 0.0, -own)
     for drive in scene.drives:
         at = Location("actuator", drive.name)
         add("actuator.gain", at, _GAIN, 1.0)

@@ -183,11 +183,21 @@ class Objective:
         """The error once the nuisances have adapted, (N, nv)."""
         return np.asarray(assessed.error + self._jacobian @ assessed.nuisance)
 
-    def _adapt(self, error: Array, mse: Array) -> Array:
-        """The nuisances inside their box: bounded ridge regression."""
+    def calibration(self, assessed: Assessed) -> Hypothesis:
+        """The nuisances as small corrections of the model, without those that it cannot hold."""
+        sizes = self._adapt(assessed.error, assessed.mse, [n.correctable for n in self.some])
+        return tuple(n.scaled(float(x)) for n, x in zip(self.some, sizes, strict=True) if x != 0.0)
+
+    def _adapt(self, error: Array, mse: Array, free: Sequence[bool] | None = None) -> Array:
+        """The nuisances inside their box: bounded ridge regression; 0 where not free."""
         if self._jacobian.shape[2] == 0:
             return np.zeros(0)
-        x, _ = self.solve(error, np.zeros((*error.shape, 0)), mse, np.zeros(0), np.zeros(0), 0.0)
+        empty, none = np.zeros((*error.shape, 0)), np.zeros(0)
+        held = self._jacobian
+        if free is not None:
+            self._jacobian = held * np.asarray(free, dtype=float)
+        x, _ = self.solve(error, empty, mse, none, none, 0.0)
+        self._jacobian = held
         return x
 
     def solve(

@@ -13,15 +13,17 @@ from wt.diagnose import proof
 from wt.diagnose.decide import search
 from wt.diagnose.judge import Court, Judged, findings, suggestions, verdict
 from wt.diagnose.locate import locate
+from wt.diagnose.measured import measured
 from wt.diagnose.objective import Objective
 from wt.diagnose.patch import patched_xml
 from wt.diagnose.prepare import Source, prepare
-from wt.diagnose.result import Diagnosis
+from wt.diagnose.result import Considered, Diagnosis
 from wt.diagnose.screen import Screen
 from wt.diagnose.smooth import Smoothed, smooth
 from wt.diagnose.standalone import standalone
 from wt.diagnose.stretches import forgets, stretches_of
 from wt.diagnose.traces import traces
+from wt.physics.replay import Key
 from wt.physics.scene import Scene
 
 Array = np.ndarray
@@ -32,6 +34,8 @@ STEP_S = 5e-4
 """Physics step of replays [s]; the model's own, if that is smaller."""
 SEARCH_S = 16.0
 """At most so many seconds of recordings are replayed while hypotheses are compared."""
+ATTEMPTS = 3
+"""So many searches, each without the effects that held-out data refused to the ones before."""
 
 
 def diagnose(
@@ -63,35 +67,56 @@ def diagnose(
     say("screening hypotheses", 0.08)
     screen = Screen(fitted, seed)
     forgetting = forgets(fitted, STEP_S)
-    outcome = search(screen, _objective(fitted, screen, forgetting, SEARCH_S), say)
-    say("estimating and proving", 0.7)
     everything = _objective(fitted, screen, forgetting, np.inf)
     held = proof.hold(held_out, forgetting)
-    judged = Court(screen, everything, held, STEP_S, seed).judge(outcome.accepted)
+    court = Court(screen, everything, held, STEP_S, seed)
+    some = _objective(fitted, screen, forgetting, SEARCH_S)
+    proven, considered = _found(screen, some, court, say)
+    say("judging", 0.8)
+    judged = court.judge(proven)
     say("preparing pictures", 0.9)
     coarse = _too_coarse(scene, held, judged)
-    found = findings(judged)
-    named = judged.estimated.hypothesis
+    found, seen = findings(judged), measured(prepared, screen, held, judged.complete, STEP_S)
     return Diagnosis(
         model_path=str(model),
         model_sha256=hashlib.sha256(scene.path.read_bytes()).hexdigest(),
         joints=scene.joints,
         recordings=prepared.used,
         verdict=verdict(judged, everything),
-        locations=locate(screen, judged.hypothesis, judged.shares),
+        locations=locate(screen, judged.hypothesis, judged.shares, names=prepared.names),
         findings=found,
-        proof=proof.prove(held, judged.hypothesis, STEP_S, prepared.split, seed),
+        proof=proof.prove(held, judged.complete, STEP_S, prepared.split, seed),
         given_xml=standalone(scene.path),
         patched_xml=patched_xml(
-            scene, named, [p.statement for p in named], timestep=STEP_S if coarse else None
+            scene, judged.patch, judged.comments, timestep=STEP_S if coarse else None
         ),
-        considered=outcome.considered,
-        traces=traces(prepared, (fitted, held_out), judged.hypothesis, STEP_S),
+        considered=considered,
+        traces=traces(prepared, (fitted, held_out), judged.complete, STEP_S),
         suggestions=suggestions(found),
-        notes=_notes(scene, forgetting, coarse),
+        measured=seen,
+        notes=(*_notes(scene, forgetting, coarse), *seen.notes),
         residual_onnx=judged.unknown[0].onnx if judged.unknown else None,
         seconds=time.monotonic() - began,
     )
+
+
+def _found(
+    screen: Screen, objective: Objective, court: Court, say: Report
+) -> tuple[Judged, tuple[Considered, ...]]:
+    """Search and prove; where the proof drops effects and leaves errors, search for others."""
+    outcome, banned = search(screen, objective, say), set[Key]()
+    considered = outcome.considered
+    for attempt in range(1, ATTEMPTS + 1):
+        say("estimating and proving", 0.7)
+        proven = court.proven(outcome.accepted, attempt)
+        kept = {a.planted.key for a in proven.accepted}
+        dropped = {a.planted.key for a in outcome.accepted} - kept
+        if not dropped or attempt == ATTEMPTS or court.clean(proven):
+            break
+        banned |= dropped
+        outcome = search(screen, objective, say, proven.accepted, banned)
+        considered += outcome.considered
+    return proven, considered
 
 
 def _silent(what: str, share: float) -> None:

@@ -167,20 +167,18 @@ def _send(
 
 
 def _log_events(recording: rr.RecordingStream, diagnosis: Diagnosis, film: Film) -> None:
-    """Beginnings of recordings, and the intervals of places in the first one, in order of time."""
-    first = diagnosis.recordings[0].path if diagnosis.recordings else ""
+    """Beginnings of recordings, and the intervals of places in them, in order of time."""
     events: list[tuple[float, str, rr.TextLogLevel]] = []
     for start, trace in zip(film.starts, film.traces, strict=True):
         role = "held out" if trace.role == "holdout" else "fitted"
         events.append((start, f"{trace.name}, {role}", rr.TextLogLevel.INFO))
-        if trace.name != first:
-            continue
+        shift = start - float(trace.t[0])
         for place in diagnosis.locations:
-            for a, b in place.intervals_s:
-                if trace.t[0] <= a <= trace.t[-1]:
-                    until = f"until {words.number(start + b - float(trace.t[0]))} s"
+            for i in place.intervals:
+                if i.recording == trace.name and trace.t[0] <= i.start <= trace.t[-1]:
+                    until = f"until {words.number(shift + i.end)} s"
                     text = " ".join(filter(None, [str(place.at), place.condition, until]))
-                    events.append((start + a - float(trace.t[0]), text, rr.TextLogLevel.WARN))
+                    events.append((shift + i.start, text, rr.TextLogLevel.WARN))
     for when, text, level in sorted(events, key=lambda e: e[0]):
         recording.set_time("time", duration=when)
         recording.log("log", rr.TextLog(text, level=level), strict=True)

@@ -55,7 +55,7 @@ def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) ->
     """
     if not given:
         raise RecordingError("no recording was given; give at least one .parquet file")
-    named = [_read(scene, source, i) for i, source in enumerate([*given, *holdout])]
+    named = _told_apart([_read(scene, source, i) for i, source in enumerate([*given, *holdout])])
     parts = [Part(r, i) for i, (_, r) in enumerate(named)]
     fit, held = parts[: len(given)], parts[len(given) :]
     split = "recordings given with --holdout"
@@ -92,6 +92,15 @@ def _read(scene: Scene, source: Source, index: int) -> tuple[str, Recording]:
     except RecordingError as error:
         raise RecordingError(f"'{name}': {error}") from error
     return name, recording
+
+
+def _told_apart(named: list[tuple[str, Recording]]) -> list[tuple[str, Recording]]:
+    """Recordings of one name with a number behind it."""
+    found: list[tuple[str, Recording]] = []
+    for name, recording in named:
+        same = sum(other == name for other, _ in named[: len(found)])
+        found.append((f"{name} ({same + 1})" if same else name, recording))
+    return found
 
 
 def _check_contents(scene: Scene, recording: Recording) -> None:

@@ -11,6 +11,7 @@ from scipy.stats import bootstrap, wilcoxon
 from wt.diagnose.objective import Hypothesis
 from wt.diagnose.result import Error, Proof
 from wt.diagnose.samples import Samples
+from wt.diagnose.signature import elsewhere
 from wt.diagnose.smooth import Smoothed
 from wt.diagnose.stretches import stretches_of
 from wt.physics.replay import Stretch
@@ -21,6 +22,8 @@ Array = np.ndarray
 HORIZONS_S = (0.1, 0.25, 0.5, 1.0, 2.0)
 _BLOCK_S, _BLOCKS = (0.25, 1.0), 24
 """Shortest and longest block [s], and how many there should be: errors remember for less."""
+_TOUCHED = 1e-3
+"""A block whose error changes by less than this share of the largest change is not touched."""
 _RAN_AWAY = 1.0
 """Error that a replay counts with after it exploded [rad or m]."""
 _RESAMPLES = 1000
@@ -35,6 +38,7 @@ class Held:
         stretches: what is replayed open loop.
         measured: positions, (N, nv); NaN where missing.
         block: index of the block of up to a second that each sample belongs to, (N,).
+        fine: the same with the shortest blocks.
         forgets: whether stretches are long.
     """
 
@@ -42,7 +46,12 @@ class Held:
     stretches: tuple[Stretch, ...]
     measured: Array
     block: Array
+    fine: Array
     forgets: bool
+
+    def here(self, hypothesis: Hypothesis) -> Hypothesis:
+        """A hypothesis as it shows in these recordings."""
+        return elsewhere(self.smoothed.motion, hypothesis)
 
 
 def hold(smoothed: Smoothed, forgets: bool) -> Held:
@@ -50,20 +59,26 @@ def hold(smoothed: Smoothed, forgets: bool) -> Held:
     pairs = stretches_of(smoothed, forgets)
     stretches = tuple(s for s, _ in pairs)
     total = sum(s.t[-1] - s.t[0] for s in stretches)
-    length = float(np.clip(total / _BLOCKS, _BLOCK_S[0], _BLOCK_S[1]))
-    labels = np.concatenate(
-        [
-            np.stack([np.full(len(s.t), i), (s.t / length).astype(int)], axis=1)
-            for i, s in enumerate(stretches)
-        ]
-    )
-    _, block = np.unique(labels, axis=0, return_inverse=True)
-    return Held(smoothed, stretches, np.concatenate([q for _, q in pairs]), block.ravel(), forgets)
+    block = _blocks(stretches, float(np.clip(total / _BLOCKS, _BLOCK_S[0], _BLOCK_S[1])))
+    fine = _blocks(stretches, _BLOCK_S[0])
+    measured = np.concatenate([q for _, q in pairs])
+    return Held(smoothed, stretches, measured, block, fine, forgets)
+
+
+def _blocks(stretches: Sequence[Stretch], length: float) -> Array:
+    """Index of the block of a length [s] that each sample belongs to, (N,)."""
+    labels = [
+        np.stack([np.full(len(s.t), i), (s.t / length).astype(int)], axis=1)
+        for i, s in enumerate(stretches)
+    ]
+    _, block = np.unique(np.concatenate(labels), axis=0, return_inverse=True)
+    return block.ravel()
 
 
 def errors(held: Held, hypotheses: Sequence[Hypothesis], step: float) -> Array:
     """Open-loop errors, (H, N, nv); NaN where nothing was measured."""
-    q = Replayer(held.smoothed.motion.scene, held.stretches, step).run(hypotheses).q
+    here = [held.here(h) for h in hypotheses]
+    q = Replayer(held.smoothed.motion.scene, held.stretches, step).run(here).q
     return np.where(np.isfinite(q), q, held.measured + _RAN_AWAY) - held.measured
 
 
@@ -84,21 +99,34 @@ class Gain:
 def gains(held: Held, hypothesis: Hypothesis, step: float) -> list[Gain]:
     """Held-out gain of each effect: all of them against all but this one."""
     without = [tuple(p for k, p in enumerate(hypothesis) if k != i) for i in range(len(hypothesis))]
-    found = errors(held, [hypothesis, *without], step)
-    noise = held.smoothed.noise
-    # joints in units of their noise, so that none drowns another
-    full, *lesser = (_block_sums((e / noise) ** 2, held.block) for e in found)
-    result = []
-    for less in lesser:
-        difference = less - full
-        if not np.isfinite(difference).all() or len(difference) < 3:
-            result.append(Gain(0.0, 1.0))
-            continue
-        # ranks: a block in which an error ran away counts no more than any other
-        test = wilcoxon(less, full, alternative="greater")
-        share = float(difference.sum() / less.sum())
-        result.append(Gain(share, min(1.0, float(test.pvalue) * len(lesser))))
-    return result
+    full, *lesser = _chi_squares(held, [hypothesis, *without], step)
+    found = [_gain(held, less, full) for less in lesser]
+    return [Gain(g.share, min(1.0, g.p_value * len(found))) for g in found]
+
+
+def gain(held: Held, hypothesis: Hypothesis, other: Hypothesis, step: float) -> Gain:
+    """Held-out gain of one hypothesis over another."""
+    full, less = _chi_squares(held, [hypothesis, other], step)
+    return _gain(held, less, full)
+
+
+def _chi_squares(held: Held, hypotheses: Sequence[Hypothesis], step: float) -> list[Array]:
+    """Squared errors, joints in units of their noise so that none drowns another, (N, nv) each."""
+    return list((errors(held, hypotheses, step) / held.smoothed.noise) ** 2)
+
+
+def _gain(held: Held, less: Array, full: Array) -> Gain:
+    pairs = [(_block_sums(less, b), _block_sums(full, b)) for b in (held.block, held.fine)]
+    for one, other in pairs:
+        difference = one - other
+        if not np.isfinite(difference).all() or len(difference) < 3 or not difference.any():
+            return Gain(0.0, 1.0)
+        # what shows in few blocks only, such as a stop, is tested with the shortest ones
+        if np.sum(np.abs(difference) > _TOUCHED * np.abs(difference).max()) >= _BLOCKS // 2:
+            break
+    # ranks: a block in which an error ran away counts no more than any other
+    test = wilcoxon(one, other, alternative="greater")
+    return Gain(float(difference.sum() / one.sum()), float(test.pvalue))
 
 
 def prove(held: Held, hypothesis: Hypothesis, step: float, split: str, seed: int = 0) -> Proof:
@@ -153,7 +181,7 @@ def _ahead(held: Held, hypothesis: Hypothesis, step: float, horizon: float) -> t
                 Stretch(s.recording, s.t[rows], s.held[rows], state[0][first], state[1][first])
             )
             measured.append(s.q[rows])
-    q = Replayer(held.smoothed.motion.scene, stretches, step).run([(), hypothesis]).q
+    q = Replayer(held.smoothed.motion.scene, stretches, step).run([(), held.here(hypothesis)]).q
     late = np.concatenate([np.arange(len(m)) > 0 for m in measured])
     error = (q - np.concatenate(measured))[:, late]
     before, after = np.sqrt(np.nanmean(error**2, axis=(1, 2)))

@@ -10,7 +10,7 @@ import numpy as np
 
 from wt.diagnose.remainder_fit import Data, Fit, crossval
 from wt.diagnose.remainder_law import Atom, Term
-from wt.diagnose.screen import STRIDE, WINDOW
+from wt.diagnose.scoring import STRIDE, WINDOW
 
 Array = np.ndarray
 

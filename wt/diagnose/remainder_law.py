@@ -112,12 +112,16 @@ class Law:
 
     def force(self, x: Array) -> Array:
         """Force of column values (N, n), (N,) [N·m]."""
+        if not self.terms:
+            return np.zeros(len(x))
         inside = np.clip(x, self.low, self.high)
         fade = np.clip(1.0 - np.abs(x - inside) / self.margin, 0.0, 1.0).prod(axis=1)
         values = [a.value(inside[:, a.column]) for a in self.atoms]
         table = np.stack([*values, np.ones(len(x))], axis=1)
         products = table[:, self.factors[:, 0]] * table[:, self.factors[:, 1]]
-        return np.asarray(fade * (products @ self.weights))
+        # one term after another: a matrix product would round by how many rows it is given
+        total = np.cumsum(products * self.weights, axis=1)[:, -1]
+        return np.asarray(fade * total)
 
     def text(self) -> str:
         """The formula, e.g. ``"-1.2·sign(qvel/j2) + 0.4·qpos/j1"``."""

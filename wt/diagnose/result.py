@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from wt.diagnose.evidence import Considered, Proof, Role, Trace
+from wt.diagnose.evidence import Considered, Measured, Proof, Role, Trace
 from wt.diagnose.evidence import Error as Error
 from wt.types import Location
 
@@ -95,27 +95,46 @@ class Finding:
 
 
 @dataclass(frozen=True)
+class Interval:
+    """A stretch of time of one recording.
+
+    Attributes:
+        recording: its name.
+        start: since the recording's start [s].
+        end: likewise [s].
+    """
+
+    recording: str
+    start: float
+    end: float
+
+
+@dataclass(frozen=True)
 class Located:
     """A place where simulation and recording part.
 
     Attributes:
         at: the place.
         share: of the mismatch, 0…1.
-        intervals_s: when, (start, end) pairs of the first recording that shows it [s].
+        intervals: when, recording after recording and in order of time.
         condition: under which condition, in words; "" if always.
     """
 
     at: Location
     share: float
-    intervals_s: tuple[tuple[float, float], ...] = ()
+    intervals: tuple[Interval, ...] = ()
     condition: str = ""
 
     def to_json(self) -> dict[str, Any]:
-        """As in ``diagnosis.json``."""
+        """As in ``diagnosis.json``, whose intervals are those of the first recording that has any.
+
+        They come without its name there, so those of other recordings would be mistaken for it.
+        """
+        first = self.intervals[0].recording if self.intervals else ""
         return {
             "at": _place(self.at),
             "share": self.share,
-            "intervals_s": [list(i) for i in self.intervals_s],
+            "intervals_s": [[i.start, i.end] for i in self.intervals if i.recording == first],
             "condition": self.condition,
         }
 
@@ -156,6 +175,7 @@ class Diagnosis:
         patched_xml: the MJCF with the findings.
         considered: the search, best first.
         traces: recordings and replays.
+        measured: what measured forces and further sensors say.
         suggestions: what to record next, in words.
         notes: warnings and remarks, e.g. a refined time step.
         residual_onnx: learned remainder as ONNX bytes, if one was needed.
@@ -175,6 +195,7 @@ class Diagnosis:
     patched_xml: str
     considered: tuple[Considered, ...] = ()
     traces: tuple[Trace, ...] = ()
+    measured: Measured = field(default_factory=Measured)
     suggestions: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     residual_onnx: bytes | None = None

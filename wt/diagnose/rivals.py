@@ -11,10 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wt.diagnose.leftover import leftover, signature
+from wt.diagnose.leftover import leftover
 from wt.diagnose.objective import Hypothesis
 from wt.diagnose.remainder_fit import Data, choose_among
-from wt.diagnose.screen import STRIDE, WINDOW, Screen
+from wt.diagnose.scoring import STRIDE, WINDOW
+from wt.diagnose.screen import Screen
+from wt.diagnose.signature import signature
 from wt.physics.scene import Scene
 from wt.types import Location
 

@@ -73,24 +73,23 @@ def samples_of(scene: Scene, parts: Sequence[Part]) -> tuple[Samples, ...]:
     found = []
     for part in parts:
         recording = part.recording
-        t = _stamps(recording)
+        t = stamps(recording)
         q = _table(recording, [f"qpos/{name}" for name in scene.joints])
         v = _table(recording, [f"qvel/{name}" for name in scene.joints])
         m = scene.model
         held = _table(recording, [f"ctrl/{m.actuator(i).name}" for i in range(m.nactuator)])
-        known = np.isfinite(held).all(axis=1) & np.isfinite(q).any(axis=1)
-        known &= (t >= part.span[0]) & (t < part.span[1])
+        known = np.isfinite(held).all(axis=1) & (t >= part.span[0]) & (t < part.span[1])
         t, q, v, held = t[known], q[known], v[known], held[known]
-        if len(t) < 2:
+        seen = np.flatnonzero(np.isfinite(q).any(axis=1))
+        if len(seen) < 2:
             continue
-        # within one interval the joints' missing samples are bridged by the spline
-        dt = float(np.median(np.diff(t)))
-        ends = np.flatnonzero(np.diff(t) > max(LONG_GAP, 4.0 * dt)) + 1
-        found += [
-            Samples(part.index, t[rows], q[rows], v[rows], held[rows])
-            for rows in np.split(np.arange(len(t)), ends)
-            if len(rows) >= 12 and t[rows[-1]] - t[rows[0]] >= SHORTEST
-        ]
+        # short gaps are bridged by the spline; the commands recorded in them are kept
+        dt = float(np.median(np.diff(t[seen])))
+        ends = np.flatnonzero(np.diff(t[seen]) > max(LONG_GAP, 4.0 * dt)) + 1
+        for part_seen in np.split(seen, ends):
+            rows = slice(part_seen[0], part_seen[-1] + 1)
+            if len(part_seen) >= 12 and t[part_seen[-1]] - t[part_seen[0]] >= SHORTEST:
+                found.append(Samples(part.index, t[rows], q[rows], v[rows], held[rows]))
     if not found:
         raise RecordingError(
             f"no stretch of {SHORTEST:g} s without a gap has commands and positions; "
@@ -105,7 +104,7 @@ def _table(recording: Recording, names: Sequence[str]) -> Array:
     return np.stack(columns, axis=1) if columns else np.zeros((len(recording), 0))
 
 
-def _stamps(recording: Recording) -> Array:
+def stamps(recording: Recording) -> Array:
     """Time since the start [s]; jitter of the stamps is removed where the clock was even.
 
     If the measured positions lie on a smoother curve over an even grid (rounded by an isotonic

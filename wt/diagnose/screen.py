@@ -8,14 +8,17 @@ so far, and what any rig is off by inside its box.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
-from scipy.optimize import lsq_linear, minimize
+from scipy.optimize import minimize
 
-from wt.diagnose.nuisance import BOX, forces, nuisances
+from wt.diagnose.nuisance import forces, nuisances
+from wt.diagnose.scoring import STRIDE, WINDOW, Base, Block
+from wt.diagnose.signature import reduced
 from wt.diagnose.smooth import Smoothed, resmooth
 from wt.physics.effect import Effect, Shape, effects
 from wt.physics.motion import Motion
@@ -24,8 +27,6 @@ from wt.types import Location
 
 Array = np.ndarray
 
-WINDOW, STRIDE = 13, 5
-"""Length and spacing of the weak form's cos² windows, in samples."""
 SLOW = 0.05
 """Below this speed [rad/s] presliding decides friction, and a row is left out."""
 REFINED = 30
@@ -48,12 +49,18 @@ class Scored:
     gain: float
 
 
-@dataclass(frozen=True, eq=False)
-class _Block:
-    effect: Effect
-    at: Location
-    shape: Shape
-    columns: Array  # (R, nv, k), filtered
+class Pair(NamedTuple):
+    """Two hypotheses together.
+
+    Attributes:
+        gain: log-likelihood gained, less the price of all parameters [nats].
+        first: one of them.
+        second: the other.
+    """
+
+    gain: float
+    first: Planted
+    second: Planted
 
 
 class Screen:
@@ -82,7 +89,7 @@ class Screen:
         small = forces(self.motion, nuisances(self.motion.scene))
         self.nuisance = np.stack([self.weak(f) for f in small], axis=2)
         self.velocity_noise = np.std(renewed.v - self.motion.v, axis=0)
-        self._cache: dict[tuple[str, Location], list[_Block]] = {}
+        self._cache: dict[tuple[str, Location], list[Block]] = {}
 
     def weak(self, signal: Array) -> Array:
         """Weak form of a signal: (T, …) → (R, …)."""
@@ -99,151 +106,85 @@ class Screen:
         Args:
             accepted: effects found already, with the shape of their signature; they stay free.
         """
-        base = _Base(self, [self._accepted(p, s) for p, s in accepted if s is not None])
+        base = Base(self, [self._accepted(p, s) for p, s in accepted if s is not None])
+        rest = reduced(self.motion, [p for p, _ in accepted])
         taken = {p.key for p, _ in accepted}
-        scored: list[tuple[float, _Block]] = []
+        scored: list[tuple[float, Block]] = []
         for effect in effects().values():
             for at in effect.places(self.motion.scene):
                 if (effect.id, at.kind, at.name) in taken:
                     continue
-                options = [(base.gain(b), b) for b in self._blocks(effect, at) if b.columns.size]
+                options = [(base.fit(b)[0], b) for b in self._blocks(effect, at, rest)]
                 if options:
                     scored.append(max(options, key=lambda o: o[0]))
         scored.sort(key=lambda o: -o[0])
         best = [
-            self._refined(base, gain, block) if gain > 0.0 and i < REFINED else _scored(base, block)
-            for i, (gain, block) in enumerate(scored)
+            _scored(base, self._polished(base, gain, b) if gain > 0.0 and i < REFINED else b)
+            for i, (gain, b) in enumerate(scored)
         ]
         return sorted(best, key=lambda s: -s.gain)
 
-    def _blocks(self, effect: Effect, at: Location) -> list[_Block]:
+    def pairs(
+        self, accepted: Sequence[tuple[Planted, Shape | None]], some: Sequence[Scored]
+    ) -> list[Pair]:
+        """Two of some hypotheses together, by falling gain.
+
+        Args:
+            accepted: effects found already, as in :meth:`rank`.
+            some: hypotheses, with their shapes.
+        """
+        base = Base(self, [self._accepted(p, s) for p, s in accepted if s is not None])
+        blocks = [self._block(s.planted.effect, s.planted.at, s.shape) for s in some]
+        found = []
+        for one, other in itertools.combinations(blocks, 2):
+            gain, (first, second) = base.fit(one, other)
+            found.append(Pair(gain, first, second))
+        return sorted(found, key=lambda p: -p.gain)
+
+    def _blocks(self, effect: Effect, at: Location, rest: Motion) -> list[Block]:
+        """Signatures of an effect, those that read the residual from what is left of it."""
         key = (effect.id, at)
+        if effect.reads_residual:
+            return [self._block(effect, at, s, rest) for s in effect.shapes(rest, at)]
         if key not in self._cache:
-            self._cache[key] = [
-                self._block(effect, at, shape) for shape in effect.shapes(self.motion, at)
-            ]
+            shapes = effect.shapes(self.motion, at)
+            self._cache[key] = [self._block(effect, at, s) for s in shapes]
         return self._cache[key]
 
-    def _block(self, effect: Effect, at: Location, shape: Shape) -> _Block:
-        return _Block(effect, at, shape, self.weak(effect.columns(self.motion, at, shape)))
+    def _block(
+        self, effect: Effect, at: Location, shape: Shape, motion: Motion | None = None
+    ) -> Block:
+        columns = effect.columns(motion or self.motion, at, shape)
+        return Block(effect, at, shape, self.weak(columns))
 
     def _accepted(self, planted: Planted, shape: Shape) -> Array:
         return self._block(planted.effect, planted.at, shape).columns
 
-    def _refined(self, base: _Base, gain: float, block: _Block) -> Scored:
-        """The shape polished by Nelder-Mead, and the parameters that belong to it."""
+    def _polished(self, base: Base, gain: float, block: Block) -> Block:
+        """A hypothesis with its shape improved by Nelder-Mead."""
         shape = np.array(block.shape)
-        if shape.size and (shape > 0.0).all():
+        if not shape.size or not (shape > 0.0).all():
+            return block
 
-            def cost(log_shape: Array) -> float:
-                trial = tuple(float(x) for x in np.exp(log_shape))
-                return -base.gain(self._block(block.effect, block.at, trial))
+        def cost(log_shape: Array) -> float:
+            trial = tuple(float(x) for x in np.exp(log_shape))
+            return -base.fit(self._block(block.effect, block.at, trial))[0]
 
-            spread = np.vstack([np.log(shape), np.log(shape) + 0.25 * np.eye(shape.size)])
-            found = minimize(
-                cost,
-                np.log(shape),
-                method="Nelder-Mead",
-                options={"maxfev": 18 * shape.size, "initial_simplex": spread, "fatol": 0.3},
-            )
-            if -found.fun > gain:
-                trial = tuple(float(x) for x in np.exp(found.x))
-                block = self._block(block.effect, block.at, trial)
-        return _scored(base, block)
-
-
-def _scored(base: _Base, block: _Block) -> Scored:
-    theta = np.nan_to_num(block.effect.theta(base.coefficients(block), block.shape))
-    theta = np.clip(theta, *block.effect.bounds())
-    return Scored(Planted(block.effect, block.at, theta), block.shape, base.gain(block))
+        spread = np.vstack([np.log(shape), np.log(shape) + 0.25 * np.eye(shape.size)])
+        found = minimize(
+            cost,
+            np.log(shape),
+            method="Nelder-Mead",
+            options={"maxfev": 18 * shape.size, "initial_simplex": spread, "fatol": 0.3},
+        )
+        if -found.fun <= gain:
+            return block
+        return self._block(block.effect, block.at, tuple(float(x) for x in np.exp(found.x)))
 
 
-class _Base:
-    """What adapts freely beside a hypothesis: accepted effects, and nuisances in their box."""
-
-    def __init__(self, screen: Screen, accepted: Sequence[Array]) -> None:
-        self.screen = screen
-        self.keep = screen.keep
-        columns = np.concatenate([*accepted, screen.nuisance], axis=2)
-        bound = boxed(columns, screen)
-        self.weight = self.keep / np.maximum(np.mean(screen.residual**2, axis=0), screen.floor**2)
-        for _ in range(3):
-            x = bounded(columns, screen.residual, self.weight, bound)
-            self.left = screen.residual - columns @ x
-            self.mse = self._mse(self.left)
-            self.weight = self.keep / self.mse
-        inside = np.abs(x) < bound - 1e-6
-        inside[0] |= not inside.any()  # never nothing at all
-        self.columns = columns[:, :, inside]
-        flat = self.columns.reshape(self.columns.shape[0] * self.columns.shape[1], -1)
-        gram = flat.T @ (self.weight.reshape(-1, 1) * flat)
-        gram += 1e-9 * np.trace(gram) / max(len(gram), 1) * np.eye(len(gram))
-        self.factor = cho_factor(gram)
-
-    def _mse(self, left: Array) -> Array:
-        count = np.maximum(self.keep.sum(axis=0), 1)
-        return np.maximum((self.keep * left**2).sum(axis=0) / count, self.screen.floor**2)
-
-    def coefficients(self, block: _Block) -> Array:
-        """Least squares coefficients of a block, everything else free, (k,)."""
-        return self._solve(block)[0]
-
-    def _solve(self, block: _Block) -> tuple[Array, Array]:
-        """(coefficients, what is left of the residual)."""
-        k = block.columns.shape[2]
-        flat, w = block.columns.reshape(-1, k), self.weight.reshape(-1, 1)
-        base = self.columns.reshape(-1, self.columns.shape[2])
-        weighted = w * flat
-        cross = base.T @ weighted
-        adapt = cho_solve(self.factor, cross)
-        gram = flat.T @ weighted - cross.T @ adapt
-        size = np.sqrt(np.maximum(np.diag(flat.T @ weighted), 1e-300))
-        scaled = gram / size / size[:, None] + 1e-7 * np.eye(k)
-        right = weighted.T @ self.left.reshape(-1) / size
-        c = np.linalg.solve(scaled, right) / size
-        left = self.left - (flat @ c - base @ (adapt @ c)).reshape(self.left.shape)
-        return c, left
-
-    def gain(self, block: _Block) -> float:
-        """Log-likelihood gained by a block, less half a log of the sample count per parameter."""
-        if not np.isfinite(block.columns).all() or not block.columns.any():
-            return -np.inf
-        c, left = self._solve(block)
-        for sign, value in zip(block.effect.signed, c, strict=False):
-            if sign * value < 0.0:
-                return -np.inf
-        # neighbouring windows overlap: only every WINDOW / STRIDE-th row is new
-        count = self.keep.sum(axis=0) * STRIDE / WINDOW
-        gained = 0.5 * count * np.log(self.mse / self._mse(left))
-        price = 0.5 * (block.effect.n_theta) * np.log(max(count.sum(), 2.0))
-        return float(gained.sum() - price)
-
-
-def boxed(columns: Array, screen: Screen) -> Array:
-    """Bounds of columns of which the last are the nuisances: their box, and none for the rest."""
-    bound = np.full(columns.shape[2], np.inf)
-    bound[columns.shape[2] - screen.nuisance.shape[2] :] = BOX
-    return bound
-
-
-def bounded(columns: Array, target: Array, weight: Array, bound: Array) -> Array:
-    """Weighted least squares inside ±bound, by way of the Gram matrix' root.
-
-    Args:
-        columns: (R, nv, n).
-        target: (R, nv).
-        weight: (R, nv).
-        bound: largest coefficients, (n,).
-    """
-    root = np.sqrt(weight).reshape(-1, 1)
-    flat = columns.reshape(-1, columns.shape[2]) * root
-    gram = flat.T @ flat
-    scale = np.sqrt(np.diag(gram)) + 1e-300
-    right = flat.T @ (target.reshape(-1) * root[:, 0]) / scale
-    gram = gram / scale / scale[:, None] + 1e-10 * np.eye(len(gram))
-    factor = np.linalg.cholesky(gram)
-    found = lsq_linear(factor.T, np.linalg.solve(factor, right), (-bound * scale, bound * scale))
-    return np.asarray(found.x / scale)
+def _scored(base: Base, block: Block) -> Scored:
+    gain, (planted,) = base.fit(block)
+    return Scored(planted, block.shape, gain)
 
 
 def _kernel() -> Array:

@@ -9,8 +9,8 @@ import numpy as np
 from wt.diagnose.objective import Hypothesis
 from wt.diagnose.prepare import Prepared
 from wt.diagnose.result import Trace
+from wt.diagnose.signature import elsewhere, reduced
 from wt.diagnose.smooth import Smoothed
-from wt.physics.motion import Motion
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 
@@ -35,8 +35,11 @@ def traces(
             Stretch(s.recording, s.t, s.held, state[0][0], state[1][0])
             for s, state in zip(some.samples, some.at_samples, strict=True)
         ]
-        both = Replayer(scene, stretches, step).run([(), hypothesis]).q
-        after = _force_left(some.motion, hypothesis)
+        here = hypothesis
+        if role == "holdout":  # what happens at times happens at theirs
+            here = elsewhere(some.motion, hypothesis)
+        both = Replayer(scene, stretches, step).run([(), here]).q
+        after = reduced(some.motion, here).residual
         start = 0
         for s, state, segment in zip(
             some.samples, some.at_samples, some.motion.segments, strict=True
@@ -61,20 +64,6 @@ def traces(
                 )
             )
     return tuple(found)
-
-
-def _force_left(motion: Motion, hypothesis: Hypothesis) -> Array:
-    """Force residual once each effect's signature is taken out by least squares, (T, nv)."""
-    columns = []
-    for planted in hypothesis:
-        shapes = planted.effect.shapes(motion, planted.at)
-        columns += [planted.effect.columns(motion, planted.at, shape) for shape in shapes[:1]]
-    if not columns:
-        return motion.residual
-    design = np.concatenate(columns, axis=2).reshape(motion.residual.size, -1)
-    size = np.linalg.norm(design, axis=0) + 1e-12
-    found, *_ = np.linalg.lstsq(design / size, motion.residual.reshape(-1), rcond=1e-8)
-    return motion.residual - (design @ (found / size)).reshape(motion.residual.shape)
 
 
 def _at(t: Array, grid: Array, values: Array) -> Array:

@@ -4,18 +4,28 @@ from __future__ import annotations
 
 import html
 import math
+import re
+import textwrap
 from collections.abc import Sequence
+from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt.diagnose.result import Diagnosis, Error, Estimate, Finding
+from wt.diagnose.result import Diagnosis, Error, Estimate, Finding, Interval
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _TINY_P = 1e-12
+_NBSP = "\N{NO-BREAK SPACE}"
+_BEFORE_UNIT = re.compile(
+    r"(?<=[0-9⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:%|°|[mµ]?rad|[mµ]?m|[mµ]?s|N|kg|Hz|nats)(?!\w))"
+)
+_NOUNS = ("friction", "payload", "force")  # that an effect's id has before what qualifies them
+_PROPER = ("coulomb", "stribeck")
+_MOST_SPANS = 6
 
 
 def sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
@@ -41,15 +51,76 @@ def fit(diagnosis: Diagnosis) -> str:
     """The held-out fit in one sentence or two."""
     h = diagnosis.proof.holdout
     factor, unit = scaled(max(h.before, h.after), diagnosis.unit)
-    noise = f"measurement noise alone would give {number(h.noise_floor * factor)} {unit}"
+    noise = f"measurement noise alone would give {number(h.noise_floor * factor, 2)} {unit}"
     if not diagnosis.findings:
         return (
             f"The replay's error on held-out data is {number(h.before * factor)} {unit}; {noise}."
         )
     return (
         f"The replay's error on held-out data fell from {number(h.before * factor)} to "
-        f"{number(h.after * factor)} {unit}, to {ratio(h)}; {noise}."
+        f"{error(h.after * factor, h.noise_floor * factor)} {unit}, to {ratio(h)}; {noise}."
     )
+
+
+def tied(text: str) -> str:
+    """The text with no-break spaces between figures and their units."""
+    return _BEFORE_UNIT.sub(_NBSP, text)
+
+
+def name_of(effect: str) -> str:
+    """An effect's id as people say it: ``joint.friction_viscous`` is viscous friction."""
+    words = (effect.partition(".")[2] or effect).split("_")
+    words = [word.capitalize() if word in _PROPER else word for word in words]
+    if words[0] in _NOUNS:
+        words = [*words[1:], words[0]]
+    return " ".join(words)
+
+
+def short_name(diagnosis: Diagnosis, path: str) -> str:
+    """A recording's file name, with as many folders as tell it from the other recordings."""
+    own, others = PurePath(path).parts, {r.path for r in diagnosis.recordings} - {path}
+    for length in range(1, len(own)):
+        if all(PurePath(other).parts[-length:] != own[-length:] for other in others):
+            return str(PurePath(*own[-length:]))
+    return path
+
+
+def times(diagnosis: Diagnosis, intervals: Sequence[Interval]) -> list[str]:
+    """When, one line a recording; without its name where there is only one."""
+    lengths = {r.path: r.seconds for r in diagnosis.recordings if r.role == "fit"}
+    lines = []
+    for path in dict.fromkeys(i.recording for i in intervals):
+        mine = [i for i in intervals if i.recording == path]
+        digits = 1 if all(i.end - i.start >= 0.5 for i in mine) else 2
+        spans = [f"{i.start:.{digits}f} to {i.end:.{digits}f} s".replace(" ", _NBSP) for i in mine]
+        if len(spans) > _MOST_SPANS:
+            spans[_MOST_SPANS:] = [f"{len(spans) - _MOST_SPANS} more"]
+        if sum(i.end - i.start for i in mine) > 0.95 * lengths.get(path, math.inf):
+            spans = ["throughout"]
+        name = f"{short_name(diagnosis, path)}: " if len(lengths) > 1 else ""
+        lines.append(name + ", ".join(spans))
+    return lines
+
+
+def borne_out(diagnosis: Diagnosis, finding: Finding) -> str:
+    """Whether measured forces speak for or against a finding, in a sentence; "" for neither."""
+    group, at = finding.effect.partition(".")[0], finding.at.name
+    # play, elasticity and the rotor lie on either side of a force, as it is measured
+    if finding.effect in ("joint.backlash", "joint.elasticity", "joint.armature"):
+        return ""
+    near = {
+        "actuator": [f for f in diagnosis.measured.forces if f.actuator == at],
+        "joint": [f for f in diagnosis.measured.forces if f.joint == at],
+        "body": [f for f in diagnosis.measured.forces if at in f.moves],
+    }.get(group, [])
+    expected, other = ("drive", "behind") if group == "actuator" else ("behind", "drive")
+    agreeing = [f.actuator for f in near if f.side in (expected, "both")]
+    opposing = [f.actuator for f in near if f.side == other]
+    if bool(agreeing) == bool(opposing):
+        return ""
+    names = ", ".join(agreeing or opposing)
+    verb = "bears this out" if agreeing else "speaks against this"
+    return f"The measured force of {names} {verb}."
 
 
 def ratio(error: Error) -> str:
@@ -82,6 +153,11 @@ def number(value: float, digits: int = 3) -> str:
         said = f"{round(value, digits - 1 - power):.{max(digits - 1 - power, 0)}f}"
         return said.replace("-", "−")
     return f"{mantissa}·10{str(power).translate(_SUPERSCRIPT)}"
+
+
+def error(rms: float, noise: float) -> str:
+    """An error; what is near the noise is not told to the last digit."""
+    return number(rms, 2 if rms < 2.0 * noise else 3)
 
 
 def percent(share: float) -> str:
@@ -149,16 +225,23 @@ def print_summary(diagnosis: Diagnosis, console: Console) -> None:
     from rich.table import Table
     from rich.text import Text
 
+    def say(sentence: str, style: str = "") -> None:
+        # rich would break lines at no-break spaces
+        lines = textwrap.wrap(tied(sentence), console.width, break_long_words=False)
+        text = Text("\n".join(lines).replace(_NBSP, " "), style=style)
+        console.print(text, soft_wrap=True)
+
     for sentence in sentences(diagnosis):
-        console.print(Text(sentence, style="bold"))
-    console.print(Text(f"{VERDICTS[diagnosis.verdict].capitalize()}. {fit(diagnosis)}"))
+        say(sentence, "bold")
+    say(f"{VERDICTS[diagnosis.verdict].capitalize()}. {fit(diagnosis)}")
     rows = parameter_rows(diagnosis.findings)
     if rows:
-        table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), pad_edge=False)
+        left = 1 if console.width > 90 else 0
+        table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, left), pad_edge=False)
         for head in ("effect", "at", "parameter"):
             table.add_column(head, overflow="fold")
         for head in ("value", "95 % interval"):
-            table.add_column(head, justify="right")
+            table.add_column(head, justify="right", no_wrap=True)
         for effect, at, name, value, unit, interval, _ in rows:
             table.add_row(*(Text(x) for x in (effect, at, name, f"{value} {unit}", interval)))
         console.print(table)
@@ -169,17 +252,21 @@ def print_summary(diagnosis: Diagnosis, console: Console) -> None:
             for c in finding.confusable_with
         ]
     for line in [*said, *diagnosis.proof.left_over, *diagnosis.notes]:
-        console.print(Text(f"note: {line}", style="dim"))
+        say(f"note: {line}", "dim")
 
 
 def to_html(diagnosis: Diagnosis) -> str:
     """A short summary for a notebook."""
-    items = "".join(f"<li><b>{html.escape(s)}</b></li>" for s in sentences(diagnosis))
+    items = "".join(f"<li><b>{_e(s)}</b></li>" for s in sentences(diagnosis))
     rows = "".join(
-        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>"
+        "<tr>" + "".join(f"<td>{_e(cell)}</td>" for cell in row) + "</tr>"
         for row in parameter_rows(diagnosis.findings)
     )
     names = ("effect", "at", "parameter", "value", "unit", "95 % interval", "")
-    head = "".join(f"<th>{name}</th>" for name in names)
+    head = "".join(f"<th>{_e(name)}</th>" for name in names)
     table = f"<table><tr>{head}</tr>{rows}</table>" if rows else ""
-    return f"<ul>{items}</ul><p>{html.escape(fit(diagnosis))}</p>{table}"
+    return f"<ul>{items}</ul><p>{_e(fit(diagnosis))}</p>{table}"
+
+
+def _e(text: str) -> str:
+    return html.escape(tied(text))

@@ -14,7 +14,7 @@ from wt.physics.scene import Scene
 
 Array = np.ndarray
 
-_Key = tuple[tuple[str, str, str], int]
+_Key = tuple[int, tuple[str, str, str], int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,9 @@ def is_live(effect: Effect) -> bool:
 
 
 def acting(scene: Scene, hypotheses: Sequence[Sequence[Planted]]) -> list[Acting]:
-    """One law for each effect and place, whatever hypotheses it is part of.
+    """One law for each effect and place, in the order in which each hypothesis has them.
+
+    So the sum of several forces does not depend, to the bit, on the other replays of a batch.
 
     Args:
         scene: the machine.
@@ -45,14 +47,13 @@ def acting(scene: Scene, hypotheses: Sequence[Sequence[Planted]]) -> list[Acting
     rows: dict[_Key, list[int]] = {}
     planted: dict[_Key, list[Planted]] = {}
     for row, hypothesis in enumerate(hypotheses):
-        for p in hypothesis:
-            if is_live(p.effect):
-                # two learned laws share an id, and are still two objects
-                key = (p.key, id(p.effect))
-                rows.setdefault(key, []).append(row)
-                planted.setdefault(key, []).append(p)
+        for turn, p in enumerate(p for p in hypothesis if is_live(p.effect)):
+            # two learned laws share an id, and are still two objects
+            key = (turn, p.key, id(p.effect))
+            rows.setdefault(key, []).append(row)
+            planted.setdefault(key, []).append(p)
     found = []
-    for same, some in planted.items():
+    for same, some in sorted(planted.items(), key=lambda item: item[0][0]):
         live = some[0].effect.live(scene, some[0].at, np.stack([p.theta for p in some]))
         if live is not None:
             found.append(Acting(np.array(rows[same]), live))

@@ -85,6 +85,7 @@ class Effect(abc.ABC):
         native: whether the patch expresses it fully in MJCF.
         excludes: ids that cannot stand at the same place beside it.
         odds_against: log odds against it beside a more common effect that fits as well [nats].
+        reads_residual: whether the shapes to try are read off the force residual itself.
         signed: for each coefficient of the signature the sign it must have: +1, -1 or 0 for any.
     """
 
@@ -95,6 +96,7 @@ class Effect(abc.ABC):
     native: ClassVar[bool] = True
     excludes: ClassVar[tuple[str, ...]] = ()
     odds_against: ClassVar[float] = 0.0
+    reads_residual: ClassVar[bool] = False
     signed: ClassVar[tuple[int, ...]] = ()
 
     def places(self, scene: Scene) -> Sequence[Location]:
@@ -132,6 +134,14 @@ class Effect(abc.ABC):
     def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
         """Parameters to start the replay's refinement from where no signature tells."""
         return []
+
+    def shaped(self, shape: Shape) -> Effect:
+        """The effect bound to what ``theta`` leaves open of a shape, such as times of events."""
+        return self
+
+    def elsewhere(self, motion: Motion, at: Location, theta: Array) -> Effect:
+        """The effect as it shows in other recordings; events have times of their own there."""
+        return self
 
     # -- replay ------------------------------------------------------------------------------
 
@@ -177,6 +187,11 @@ class Effect(abc.ABC):
         """Length of ``theta``."""
         return sum(p.size for p in self.parameters)
 
+    @property
+    def n_free(self) -> int:
+        """How many figures were chosen for it: ``theta``, and what was read off."""
+        return self.n_theta + sum(len(values) for _, values in self.observed().values())
+
     def bounds(self) -> tuple[Array, Array]:
         """Smallest and largest admissible ``theta``."""
         lower = np.concatenate([np.full(p.size, p.lower) for p in self.parameters])
@@ -186,6 +201,10 @@ class Effect(abc.ABC):
     def steps(self) -> Array:
         """Finite-difference steps of ``theta``."""
         return np.concatenate([np.full(p.size, p.step) for p in self.parameters])
+
+    def observed(self) -> Mapping[str, tuple[str, tuple[float, ...]]]:
+        """What was read off the recordings instead of fitted: name → (unit, values)."""
+        return {}
 
     def named(self, theta: Array) -> dict[str, float | list[float]]:
         """``theta`` by parameter names: floats, and lists for vectors."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import mujoco
@@ -145,6 +145,13 @@ class Motion:
         Inverse dynamics minus the force of the drives.
         """
         return self.demand - self.drive_forces
+
+    def without(self, force: Array) -> Motion:
+        """The same recording with a known force, (T, nv) [N·m], taken out of the residual."""
+        rest = replace(self)
+        known = {"demand": self.demand, "drive_forces": self.drive_forces}
+        rest.__dict__.update(known, residual=self.residual - force)
+        return rest
 
     def inverse(self, model: mujoco.MjModel) -> Array:
         """Inverse dynamics of this motion on a model with the same joints, (T, nv) [N·m].

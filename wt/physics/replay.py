@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from wt.physics.effect import Effect
+from wt.physics.motion import Motion
 from wt.types import Location
 
 Array = np.ndarray
+Key = tuple[str, str, str]
+"""An effect at a place: its id, the place's kind and name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +38,12 @@ class Planted:
         """One plain sentence with figures."""
         return self.effect.statement(self.at, self.theta)
 
+    def elsewhere(self, motion: Motion) -> Planted:
+        """The same effect in other recordings: what happens at times happens at theirs."""
+        return replace(self, effect=self.effect.elsewhere(motion, self.at, self.theta))
+
     @property
-    def key(self) -> tuple[str, str, str]:
+    def key(self) -> Key:
         """Identity without the parameters."""
         return (self.effect.id, self.at.kind, self.at.name)
 

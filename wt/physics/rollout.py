@@ -15,6 +15,7 @@ from wt.physics.live import StepState
 from wt.physics.quiet import quiet
 from wt.physics.replay import Inputs, Outputs, Planted, Stretch
 from wt.physics.scene import Scene
+from wt.physics.spread import chosen
 
 Array = np.ndarray
 
@@ -35,7 +36,8 @@ class Replays:
 class Replayer:
     """Replays stretches of recordings on models patched by hypotheses.
 
-    The simulations of a call run side by side; each has its own compiled model.
+    The simulations of a call run side by side; each has its own compiled model. Where they run is
+    for :func:`wt.physics.spread.over` to say.
     """
 
     def __init__(self, scene: Scene, stretches: Sequence[Stretch], step: float = 5e-4) -> None:
@@ -55,30 +57,47 @@ class Replayer:
         lengths = [(s.t[-1] - s.t[0]) / self.step for s in self.stretches]
         self.shortest = max(1, int(np.ceil(min(lengths) - 1e-6)))
 
-    @quiet()  # replays of bad hypotheses explode, and NaN says it
     def run(self, hypotheses: Sequence[Sequence[Planted]]) -> Replays:
         """Replay every stretch on every hypothesis."""
-        count, nv = len(hypotheses), self.scene.model.nv
-        samples = [len(s.t) for s in self.stretches]
+        return Replays(*chosen().replay(self, hypotheses))
+
+    @quiet()  # replays of bad hypotheses explode, and NaN says it
+    def part(
+        self, hypotheses: Sequence[Sequence[Planted]], stretches: Sequence[int], threads: int
+    ) -> Array:
+        """Replay some stretches on some hypotheses in this process.
+
+        What one replay says does not depend, to the bit, on which others run beside it.
+
+        Args:
+            hypotheses: H of them.
+            stretches: indices of the stretches.
+            threads: how many to use; 0 for one a core.
+
+        Returns:
+            Positions and velocities at the N samples of these stretches, one after another,
+            (2, H, N, nv); NaN where a replay exploded.
+        """
+        samples = [len(self.stretches[s].t) for s in stretches]
         ends = np.cumsum(samples)
-        q, v = (np.full((count, int(ends[-1]), nv), np.nan) for _ in range(2))
+        path = np.full((2, len(hypotheses), int(ends[-1]), self.scene.model.nv), np.nan)
         groups: dict[tuple[object, ...], list[tuple[int, int, _Job]]] = {}
         for h, hypothesis in enumerate(hypotheses):
             try:
                 model = self.compile(hypothesis)
-                jobs = [_Job(self, hypothesis, s, model) for s in self.stretches]
             except (ValueError, mujoco.FatalError):
                 # MuJoCo refuses such parameters: as bad as a replay that explodes
                 continue
-            for s, job in enumerate(jobs):
-                groups.setdefault(job.layout, []).append((h, s, job))
+            for k, s in enumerate(stretches):
+                job = _Job(self, hypothesis, self.stretches[s], model)
+                groups.setdefault(job.layout, []).append((h, k, job))
         for members in groups.values():
-            for outputs, (h, s, _) in zip(
-                _simulate([job for *_, job in members]), members, strict=True
+            for outputs, (h, k, _) in zip(
+                _simulate([job for *_, job in members], threads), members, strict=True
             ):
-                rows = slice(ends[s] - samples[s], ends[s])
-                q[h, rows], v[h, rows] = outputs.q, outputs.v
-        return Replays(q, v)
+                rows = slice(ends[k] - samples[k], ends[k])
+                path[0, h, rows], path[1, h, rows] = outputs.q, outputs.v
+        return path
 
     def compile(self, hypothesis: Sequence[Planted]) -> mujoco.MjModel:
         """The model of a hypothesis, with the replays' time step."""
@@ -147,12 +166,12 @@ def _sizes(model: mujoco.MjModel) -> tuple[int, ...]:
     return tuple(getattr(model, name) for name in _size_names())
 
 
-def _simulate(jobs: Sequence[_Job]) -> list[Outputs]:
+def _simulate(jobs: Sequence[_Job], threads: int) -> list[Outputs]:
     """Run jobs of one layout side by side."""
     first = jobs[0]
     # a step of few replays is shorter than waking a second thread
     alone = first.live and len(jobs) <= FEW
-    batch = Batch(first.model, nsim=len(jobs), nthread=1 if alone else 0)
+    batch = Batch(first.model, nsim=len(jobs), nthread=1 if alone else threads)
     batch.set_models([job.model for job in jobs])
     qpos, qvel = batch.bind("qpos"), batch.bind("qvel")
     for row, job in enumerate(jobs):

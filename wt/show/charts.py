@@ -187,6 +187,8 @@ def _values(low: float, high: float, log: bool, most: int) -> Array:
         found = [m * 10.0**p for p in powers for m in steps if low <= m * 10.0**p <= high]
         if len(found) <= most:
             break
+    if len(found) < 3:  # less than a decade
+        found = [m * 10.0**p for p in powers for m in (1, 2, 3, 5, 7) if low <= m * 10.0**p <= high]
     return np.array(found)
 
 

@@ -8,26 +8,14 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from wt.physics.effect import Effect
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.scene import Drive, Scene
-from wt.types import Location
 
 Array = np.ndarray
 
 _BRISTLE_FREQUENCY, _BRISTLE_DAMPING = 0.4, 0.5  # frequency · time step, damping ratio
 _FROM_GEOMS = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
-
-
-def added(motion: Motion, effect: Effect, at: Location, theta: Array) -> Array:
-    """Force that an effect's patch adds to the machine along a motion, (T, nv) [N·m].
-
-    The inverse dynamics of the patched model demand less of what the patch supplies.
-    """
-    spec = motion.scene.spec()
-    effect.patch(spec, at, theta)
-    return -motion.change(spec.compile())
 
 
 def free_of_limits(motion: Motion, drive: Drive) -> Array:

@@ -25,7 +25,7 @@ class ActuatorFade(Effect):
     kind = "actuator"
     parameters = (
         Parameter("loss", "-", 0.0, 0.95, 1e-3),
-        Parameter("time_constant", "s", 0.5, 1e4, 1e-2),
+        Parameter("time_constant", "s", 2.0, 1e4, 1e-2),
     )
     reference = "J. Pyrhönen et al., Design of Rotating Electrical Machines, chapter 9"
     native = False

@@ -15,6 +15,8 @@ from wt.types import Location
 
 Array = np.ndarray
 
+_FEWEST = 3.0  # cycles a turn
+
 
 @register
 class ActuatorRipple(Effect):
@@ -24,7 +26,7 @@ class ActuatorRipple(Effect):
     kind = "actuator"
     parameters = (
         Parameter("amplitude", "N·m", 0.0, 1e3, 1e-3),
-        Parameter("cycles", "1/rev", 0.5, 500.0, 1e-3),
+        Parameter("cycles", "1/rev", 1.0, 500.0, 1e-3),
         Parameter("phase", "rad", -2.0 * np.pi, 2.0 * np.pi, 1e-3),
     )
     reference = "MuJoCo XML reference, actuator/dcmotor/cogging"
@@ -40,10 +42,10 @@ class ActuatorRipple(Effect):
         ]
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
-        """1 to 60 cycles a turn, of which the motion covers at least one."""
+        """Up to 60 cycles a turn, of which the motion covers at least one."""
         q = motion.q[:, motion.scene.drive(at.name).dof]
         covered = (q.max() - q.min()) / (2.0 * np.pi)
-        return [(float(n),) for n in range(1, 61) if n * covered >= 1.0]
+        return [(float(n),) for n in range(3, 61) if n * covered >= 1.0]
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """cos(cycles·q) and sin(cycles·q)."""
@@ -63,6 +65,10 @@ class ActuatorRipple(Effect):
         if amplitude > 0.0:
             joint = spec.actuator(at.name).target
             passive(spec, f"{at.name}_ripple", joint, cogging=[amplitude, cycles, phase])
+
+    def plausible(self, at: Location, theta: Array) -> bool:
+        """One or two waves a turn are a weight, not the teeth or poles of a drive."""
+        return bool(theta[1] >= _FEWEST)
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""

@@ -5,14 +5,15 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from wt.physics import inertia
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import added, weighed
+from wt.physics.effects._tools import weighed
 from wt.physics.motion import Motion
 from wt.types import Location
 
 Array = np.ndarray
 
-_APART = 0.05  # m; the demand is quadratic in the shift, so any central difference is exact
+_APART = 0.05  # m; the moments are quadratic in the shift, so any central difference is exact
 
 
 @register
@@ -27,13 +28,13 @@ class BodyCom(Effect):
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """Force per metre of shift along x, y and z."""
-        return np.stack(
-            [
-                (added(motion, self, at, e) - added(motion, self, at, -e)) / (2.0 * _APART)
-                for e in _APART * np.eye(3)
-            ],
-            axis=2,
-        )
+        mass, centre, moments = inertia.own(motion.scene, at.name)
+        shifted = [
+            inertia.parameters(mass, centre + e, moments)
+            - inertia.parameters(mass, centre - e, moments)
+            for e in _APART * np.eye(3)
+        ]
+        return -inertia.demand(motion, at.name) @ np.stack(shifted, axis=1) / (2.0 * _APART)
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """The shift."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,7 +27,7 @@ class BodyForceIntermittent(Effect):
     """A force constant in the world's frame on the centre of mass, inside windows of time.
 
     The windows are no part of ``theta``: they stand in the signature's shape, flattened
-    (recording, start, end, …), and :meth:`with_windows` returns the effect that replays them.
+    (recording, start, end, …), and :meth:`shaped` returns the effect that replays them.
     """
 
     id = "body.force_intermittent"
@@ -35,21 +35,33 @@ class BodyForceIntermittent(Effect):
     parameters = (Parameter("force", "N", -1e4, 1e4, 1e-2, ("x", "y", "z")),)
     reference = "S. Haddadin, A. De Luca and A. Albu-Schäffer, Robot collisions, IEEE T-RO 33, 2017"
     native = False
+    reads_residual = True
     signed = (0, 0, 0)
 
     def __init__(self, windows: Shape = ()) -> None:
         """Bind windows, flattened (recording, start [s], end [s], …)."""
         self.windows = windows
 
-    def with_windows(self, windows: Shape) -> BodyForceIntermittent:
+    def shaped(self, shape: Shape) -> BodyForceIntermittent:
         """The effect bound to windows."""
         bound = copy.copy(self)
-        bound.windows = tuple(windows)
+        bound.windows = tuple(shape)
         return bound
+
+    def elsewhere(self, motion: Motion, at: Location, theta: Array) -> BodyForceIntermittent:
+        """The same force, at the times at which these recordings show it."""
+        return self.shaped(_acting(motion, at.name, theta))
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Times at which the residual, as a force on the body, stands out."""
-        found = {_proposed(motion, at.name, threshold) for threshold in _THRESHOLDS}
+        if self.windows:
+            return [self.windows]
+        found = set()
+        for threshold in _THRESHOLDS:
+            windows = _proposed(motion, at.name, threshold)
+            if windows:
+                force = _mean_force(motion, at.name, self.columns(motion, at, windows))
+                found.add(_acting(motion, at.name, force))
         return sorted(windows for windows in found if windows)
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
@@ -76,10 +88,9 @@ class BodyForceIntermittent(Effect):
         force = inputs.force.setdefault(body, np.zeros((len(inputs.t), 3)))
         force += inside[:, None] * theta
 
-    def named(self, theta: Array) -> dict[str, float | list[float]]:
-        """Force, and the windows' starts and ends one after another [s]."""
-        windows = [x for _, start, end in _triples(self.windows) for x in (start, end)]
-        return {**super().named(theta), "windows": windows}
+    def observed(self) -> Mapping[str, tuple[str, tuple[float, ...]]]:
+        """The windows' starts and ends, one after another."""
+        return {"windows": ("s", tuple(x for _, *ends in _triples(self.windows) for x in ends))}
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""
@@ -105,6 +116,23 @@ def _covered(t: Array, h: float, start: float, end: float) -> Array:
     return np.asarray(np.clip((np.minimum(t + h, end) - np.maximum(t, start)) / h, 0.0, 1.0))
 
 
+def _mean_force(motion: Motion, body: str, columns: Array) -> Array:
+    """The force on a body that its columns (T, nv, 3) explain the residual best with, (3,) [N]."""
+    scale = np.std(motion.residual, axis=0) + 1e-12
+    design = (columns / scale[:, None]).reshape(-1, 3)
+    found, *_ = np.linalg.lstsq(design, (motion.residual / scale).reshape(-1), rcond=1e-6)
+    return np.asarray(found)
+
+
+def _acting(motion: Motion, body: str, force: Array) -> Shape:
+    """Windows in which a known force shows: more than half of it, by a matched filter."""
+    weight = 1.0 / (np.var(motion.residual, axis=0) + 1e-24)
+    expected = motion.point(body).jacobian.swapaxes(1, 2) @ force  # (T, nv)
+    size = expected**2 @ weight
+    seen = (motion.residual * expected) @ weight / (size + 0.05 * size.mean() + 1e-12)
+    return _windows(motion, seen, lambda _: 0.5)
+
+
 def _proposed(motion: Motion, body: str, threshold: float) -> Shape:
     """Windows in which the residual's part that a force on the body can make stands out."""
     jacobian = motion.point(body).jacobian
@@ -112,13 +140,21 @@ def _proposed(motion: Motion, body: str, threshold: float) -> Shape:
     scaled = np.swapaxes(jacobian / scale, 1, 2)  # (T, nv, 3)
     projected = scaled @ (np.linalg.pinv(scaled, rcond=1e-3) @ (motion.residual / scale)[..., None])
     size = np.linalg.norm(projected[..., 0], axis=1)
+
+    def unusual(smooth: Array) -> float:
+        usual = float(np.median(smooth))
+        return usual + threshold * (1.4826 * float(np.median(np.abs(smooth - usual))) + 1e-12)
+
+    return _windows(motion, size, unusual)
+
+
+def _windows(motion: Motion, signal: Array, level: Callable[[Array], float]) -> Shape:
+    """Spans in which a signal (T,), smoothed, exceeds a level of it, flattened."""
     windows: list[float] = []
     for s in motion.segments:
         width = max(1, round(_SMOOTH / s.dt))
-        smooth = np.convolve(size[s.rows], np.full(width, 1.0 / width), mode="same")
-        usual = np.median(smooth)
-        spread = 1.4826 * np.median(np.abs(smooth - usual)) + 1e-12
-        for start, end in _spans(smooth > usual + threshold * spread, round(_GAP / s.dt)):
+        smooth = np.convolve(signal[s.rows], np.full(width, 1.0 / width), mode="same")
+        for start, end in _spans(smooth > level(smooth), round(_GAP / s.dt)):
             t = motion.t[s.rows]
             if t[end] - t[start] >= _SHORTEST:
                 windows += [float(s.recording), float(t[start]), float(t[end])]

@@ -5,8 +5,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from wt.physics import inertia
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import added, weighed
+from wt.physics.effects._tools import weighed
 from wt.physics.motion import Motion
 from wt.types import Location
 
@@ -25,8 +26,10 @@ class BodyInertia(Effect):
     signed = (0,)
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
-        """Force of doubling the moments; inverse dynamics are linear in the factor."""
-        return added(motion, self, at, np.array([2.0]))[:, :, None]
+        """Force of doubling the moments."""
+        _, centre, moments = inertia.own(motion.scene, at.name)
+        alone = inertia.parameters(0.0, centre, moments)
+        return -(inertia.demand(motion, at.name) @ alone)[:, :, None]
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """One plus the coefficient."""

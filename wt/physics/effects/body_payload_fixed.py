@@ -7,14 +7,15 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
+from wt.physics import inertia
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import added, settle
+from wt.physics.effects._tools import settle
 from wt.physics.motion import Motion
 from wt.types import Location
 
 Array = np.ndarray
 
-_APART = 0.1  # m; the demand is quadratic in the position, so any central difference is exact
+_APART = 0.1  # m; the moments are quadratic in the position, so any central difference is exact
 _RADIUS = 0.01  # m, of the sphere that stands for the weight
 
 
@@ -43,15 +44,14 @@ class BodyPayloadFixed(Effect):
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """Force per kilogram at the shape's position, and per kg·m away from it."""
-        there = np.array(shape)
-
-        def force(position: Array) -> Array:
-            return added(motion, self, at, np.array([1.0, *position]))
-
-        slopes = [
-            (force(there + e) - force(there - e)) / (2.0 * _APART) for e in _APART * np.eye(3)
-        ]
-        return np.stack([force(there), *slopes], axis=2)
+        there, point = np.array(shape), np.zeros((3, 3))
+        ahead, behind = (
+            [inertia.parameters(1.0, there + e, point) for e in sign * _APART * np.eye(3)]
+            for sign in (1.0, -1.0)
+        )
+        slopes = (np.array(ahead) - np.array(behind)) / (2.0 * _APART)
+        columns = np.vstack([inertia.parameters(1.0, there, point), slopes])
+        return -inertia.demand(motion, at.name) @ columns.T
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """Mass, and position from the first moments."""

@@ -33,8 +33,8 @@ class FrictionCoulomb(Effect):
         return coefficients
 
     def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
-        """Add to the joint's ``frictionloss``."""
-        if theta[0] > 0.0:
+        """Add to the joint's ``frictionloss``; a rival may take away from it."""
+        if theta[0] != 0.0:
             add_dry_friction(spec, at.name, float(theta[0]))
 
     def statement(self, at: Location, theta: Array) -> str:

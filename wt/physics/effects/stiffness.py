@@ -21,7 +21,7 @@ class Stiffness(Effect):
     kind = "joint"
     parameters = (
         Parameter("stiffness", "N·m/rad", 0.0, 1e5, 1e-2),
-        Parameter("reference", "rad", -20.0, 20.0, 1e-3),
+        Parameter("reference", "rad", -6.5, 6.5, 1e-3),
     )
     reference = "R. Hooke, De potentia restitutiva, 1678"
     signed = (1, 0)

@@ -26,6 +26,7 @@ class Stop(Effect):
         Parameter("side", "±1", -1.0, 1.0, 0.0),
     )
     reference = "K. Hunt and F. Crossley, Coefficient of restitution as damping, ASME JAM 1975"
+    reads_residual = True
     signed = (1,)
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
@@ -39,11 +40,12 @@ class Stop(Effect):
         return found
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
-        """A push back in the last bit of the way."""
+        """All that pushes towards the stop in the last bit of the way, taken back."""
         dof = motion.scene.dof(at.name)
         position, side = shape
         beyond = side * (motion.q[:, dof] - position) > 0.0
-        return motion.on(dof, -side * beyond.astype(float))
+        push = np.maximum(-side * motion.residual[:, dof], 0.0)
+        return motion.on(dof, -side * beyond * push)
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """The shape is all there is."""

@@ -1,0 +1,297 @@
+"""Replays say the same to the bit wherever they run; what cannot run anywhere is one line."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from itertools import permutations
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from tests.physics.arm import ARM, commands, scene
+from tests.physics.truths import TRUTHS
+from wt.cli.main import main
+from wt.diagnose import pipeline
+from wt.diagnose.remainder import UnknownForce
+from wt.diagnose.remainder_law import Atom, Law
+from wt.errors import UserError
+from wt.physics import cluster
+from wt.physics.effect import effects
+from wt.physics.replay import Planted, Stretch
+from wt.physics.rollout import Replayer, Replays
+from wt.physics.spread import Threads, chosen, over
+from wt.types import Location
+
+Array = np.ndarray
+Hypothesis = tuple[Planted, ...]
+
+
+def planted(effect: str, kind: str, name: str, *theta: float) -> Planted:
+    return Planted(effects()[effect], Location(kind, name), np.array(theta))  # type: ignore[arg-type]
+
+
+def learned(terms: int) -> Planted:
+    """A learned law of so many terms on joint j1."""
+    kinds = ("linear", "sign", "square", "sin", "cos", "bump", "kink")
+    atoms = [Atom(c, kind, 0.1, 0.3) for kind in kinds for c in (0, 1)]  # type: ignore[arg-type]
+    used = tuple((a,) for a in atoms[:terms])
+    weights = np.linspace(-0.3, 0.4, terms)
+    law = Law(("qpos/j1", "qvel/j1"), np.full(2, -5.0), np.full(2, 5.0), used, weights)
+    return Planted(UnknownForce(law, ""), Location("joint", "j1"), np.ones(1))
+
+
+def hypotheses() -> list[Hypothesis]:
+    """Every effect; laws that act at every step, also together; and what MuJoCo cannot replay."""
+    known = [(Planted(effects()[t.id], t.at, np.array(t.theta)),) for t in TRUTHS]
+    together = permutations(
+        [
+            planted("joint.friction_stribeck", "joint", "j1", 0.3, 0.5, 0.1),
+            planted("actuator.fade", "actuator", "m1", 0.3, 2.0),
+            planted("actuator.speed_limit", "actuator", "m1", 5.0, 3.0),
+        ]
+    )
+    explodes = planted("actuator.gain", "actuator", "m1", -1e7)
+    refused = planted("body.mass", "body", "b1", -1.0)
+    laws = [(learned(n),) for n in (3, 8, 13)]
+    return [(), *known, *together, *laws, (explodes,), (refused,)]
+
+
+@pytest.fixture(scope="module")
+def replayer(tmp_path_factory: pytest.TempPathFactory) -> Replayer:
+    t, held = commands(0.5)
+    pieces = [(0, 150), (100, 251), (200, 500), (600, 899)]
+    stretches = [
+        Stretch(i % 2, t[a:b], held[a:b], 0.1 * held[a], np.zeros(3))
+        for i, (a, b) in enumerate(pieces)
+    ]
+    return Replayer(scene(tmp_path_factory.mktemp("arm"), ARM), stretches, 1e-3)
+
+
+@pytest.fixture(scope="module")
+def whole(replayer: Replayer) -> Replays:
+    """As everybody gets it who chooses nothing."""
+    return replayer.run(hypotheses())
+
+
+def same(a: Replays, b: Replays) -> bool:
+    return a.q.tobytes() == b.q.tobytes() and a.v.tobytes() == b.v.tobytes()
+
+
+def test_company_changes_no_bit(replayer: Replayer, whole: Replays) -> None:
+    ends = np.cumsum([0, *(len(s.t) for s in replayer.stretches)])
+    both = np.stack([whole.q, whole.v])
+    assert np.isnan(both[:, -2:]).all()
+    assert np.isfinite(both[:, :-2]).all()
+    for h, hypothesis in enumerate(hypotheses()):
+        for s, rows in enumerate(map(slice, ends, ends[1:])):
+            alone = replayer.part([hypothesis], [s], 1)
+            assert alone.tobytes() == both[:, [h], rows].tobytes(), (h, s)
+
+
+@pytest.mark.parametrize("jobs", [1, "3"])
+def test_threads_say_the_same(replayer: Replayer, whole: Replays, jobs: int | str) -> None:
+    with over(jobs), over(None), over(jobs):
+        assert chosen() == Threads(int(jobs))
+        assert same(replayer.run(hypotheses()), whole)
+    assert chosen() == Threads()
+
+
+# -- Ray -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def ray_of_two() -> Iterator[None]:
+    import ray
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("RAY_ADDRESS", raising=False)
+        patch.setenv("RAY_OVERRIDE_RESOURCES", '{"CPU": 2}')
+        cluster._connect("local")
+        yield
+        ray.shutdown()
+
+
+@pytest.mark.usefixtures("ray_of_two")
+def test_ray_says_the_same(
+    replayer: Replayer, whole: Replays, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with over("ray"):
+        assert isinstance(chosen(), cluster.Cluster)
+        assert same(replayer.run(hypotheses()), whole)
+        one = replayer.run(hypotheses()[5:6])
+        assert same(one, Replays(whole.q[5:6], whole.v[5:6]))
+        assert replayer.run([]).q.shape == (0, *whole.q.shape[1:])
+    import ray
+
+    assert ray.is_initialized()  # what was there before stays
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.usefixtures("ray_of_two")
+def test_what_a_worker_raises_is_raised_here(
+    replayer: Replayer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    versions = cluster._versions()
+    with over("ray"):
+        monkeypatch.setattr(cluster, "_versions", lambda: {**versions, "mujoco": "1.50"})
+        with pytest.raises(UserError, match=r"'mujoco': '1\.50'.*install the same"):
+            replayer.run([()])
+
+
+@pytest.mark.parametrize("sizes", [(1, 1, 1), (7, 3, 2), (2, 5, 16), (1, 9, 4), (5, 1, 64)])
+def test_every_replay_is_in_one_part(sizes: tuple[int, int, int]) -> None:
+    hypotheses, stretches, cores = sizes
+    count = np.zeros((hypotheses, stretches), int)
+    parts = cluster.split(*sizes)
+    for some, run in parts:
+        count[some, run] += 1
+    assert (count == 1).all()
+    assert len(parts) >= min(cores, hypotheses * stretches) // 2
+    assert len(parts) < 2 * cores
+
+
+def test_a_model_travels_with_its_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    here, away = tmp_path / "here", tmp_path / "away"
+    for folder in (here / "robot", here / "meshes", away):
+        folder.mkdir(parents=True)
+    (here / "meshes" / "m.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+    )
+    (here / "robot" / "parts.xml").write_text(
+        '<mujoco><asset><mesh name="m" file="m.obj"/></asset></mujoco>'
+    )
+    main_file = here / "robot" / "robot.xml"
+    main_file.write_text(
+        '<mujoco><compiler meshdir="../meshes"/><include file="parts.xml"/><worldbody><body>'
+        '<joint name="j"/><geom type="mesh" mesh="m"/></body></worldbody></mujoco>'
+    )
+    before = mujoco.MjModel.from_xml_path(str(main_file))
+    packed = cluster._packed(main_file)
+    assert cluster._unpacked(packed) == main_file  # the files are here
+    monkeypatch.setattr(cluster, "_folder", lambda: away)
+    here.rename(tmp_path / "gone")
+    after = mujoco.MjModel.from_xml_path(str(cluster._unpacked(packed)))
+    assert after.body_inertia.tobytes() == before.body_inertia.tobytes()
+
+
+_LONG = """
+import sys
+from tests.physics.test_spread import *
+from wt.physics.spread import over
+with over("ray"):
+    replayer = Replayer(scene(Path(sys.argv[1])), [Stretch(0, *commands(0.5), *np.zeros((2, 3)))])
+    replayer.run([()])
+    print("runs", flush=True)
+    while True:
+        replayer.run(8 * [()])
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
+def test_ctrl_c_ends_the_workers(tmp_path: Path, root: Path) -> None:
+    env = {**os.environ, "RAY_OVERRIDE_RESOURCES": '{"CPU": 2}', "PYTHONPATH": str(root)}
+    env.pop("RAY_ADDRESS", None)
+    started = subprocess.Popen(
+        [sys.executable, "-c", _LONG, str(tmp_path)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=env, start_new_session=True,
+    )  # fmt: skip
+    assert started.stdout is not None
+    assert started.stdout.readline() == "runs\n"
+    assert len(alive(started.pid)) > 2
+    os.killpg(started.pid, signal.SIGINT)  # as a terminal does it
+    _, err = started.communicate(timeout=60)
+    assert err.splitlines()[-1] == "KeyboardInterrupt"
+    until = time.monotonic() + 20.0
+    while alive(started.pid) and time.monotonic() < until:
+        time.sleep(0.2)
+    assert not alive(started.pid)
+
+
+def alive(group: int) -> list[str]:
+    """Processes of a group that work: none that are only waited for, nor Ray's two agents.
+
+    On a busy machine Ray ends their parent so abruptly that they take a minute to notice.
+    """
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            name, _, rest = path.read_text().rpartition(")")
+        except OSError:  # it ended meanwhile
+            continue
+        state, _, its_group = rest.split()[:3]
+        if int(its_group) == group and state != "Z" and not re.search("::(Dash|Runt)", name):
+            found.append(name)
+    return found
+
+
+# -- the command ---------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[object]:
+    """Where replays would have run; the analysis is replaced by a failure."""
+    found: list[object] = []
+
+    def analysis(*_: object, **__: object) -> None:
+        found.append(chosen())
+        raise UserError("that is all")
+
+    monkeypatch.setattr(pipeline, "diagnose", analysis)
+    monkeypatch.setenv("WT_DEBUG", "0")
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
+    return found
+
+
+def refusal(jobs: str, capsys: pytest.CaptureFixture[str]) -> str:
+    """The one line of a command that was refused."""
+    assert main(["diagnose", "m.xml", "a.parquet", "--out", "nowhere", f"--jobs={jobs}"]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    return printed.err
+
+
+def test_the_option_reaches_the_replays(
+    asked: list[object], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert refusal("3", capsys) == "error: that is all\n"
+    assert asked == [Threads(3)]
+
+
+@pytest.mark.parametrize("jobs", ["0", "-2", "1.5", "many", "Ray", ""])
+def test_wrong_jobs_are_refused(
+    jobs: str, asked: list[object], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert f"jobs '{jobs}': give a number of threads from 1 up, or 'ray'" in refusal(jobs, capsys)
+    assert asked == []
+
+
+def test_without_ray_the_extra_is_named(
+    asked: list[object], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "ray", None)
+    assert "pip install 'world-translation[scale]'" in refusal("ray", capsys)
+    assert asked == []
+
+
+def test_a_cluster_that_nobody_runs_is_refused(
+    asked: list[object], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ray.is_initialized", lambda: False)
+    with socket.socket() as nobody:  # bound, but not listening
+        nobody.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{nobody.getsockname()[1]}"
+        monkeypatch.setenv("RAY_ADDRESS", address)
+        assert f"RAY_ADDRESS '{address}': [Errno" in refusal("ray", capsys)
+    monkeypatch.setenv("RAY_ADDRESS", "head")
+    assert "'head' is neither HOST:PORT" in refusal("ray", capsys)
+    assert asked == []

@@ -1,0 +1,183 @@
+"""How much log-likelihood hypotheses gain on the force residual, everything else free to adapt.
+
+Linear least squares throughout: accepted effects are free, what any rig is off by adapts inside
+its box, and a hypothesis' coefficients are solved for together with both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from wt.diagnose.nuisance import BOX
+from wt.physics.effect import Effect, Shape
+from wt.physics.replay import Planted
+from wt.types import Location
+
+if TYPE_CHECKING:
+    from wt.diagnose.screen import Screen
+
+Array = np.ndarray
+
+WINDOW, STRIDE = 13, 5
+"""Length and spacing of the weak form's cos² windows, in samples."""
+_ATTEMPTS = 24  # at finding which nuisances stand at their bounds
+_SLACK = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """The signature of a hypothesis with its shape given.
+
+    Attributes:
+        effect: what.
+        at: where.
+        shape: its nonlinear parameters.
+        columns: weak force per unit of each coefficient, (R, nv, k).
+    """
+
+    effect: Effect
+    at: Location
+    shape: Shape
+    columns: Array
+
+    @property
+    def usable(self) -> bool:
+        """Whether there is anything to score."""
+        return bool(self.columns.size and np.isfinite(self.columns).all() and self.columns.any())
+
+    @property
+    def signs(self) -> Array:
+        """Sign that each coefficient must have, 0 for any, (k,)."""
+        found = np.zeros(self.columns.shape[2])
+        given = self.effect.signed[: len(found)]
+        found[: len(given)] = given
+        return found
+
+    def planted(self, coefficients: Array) -> Planted:
+        """The effect with the parameters that belong to coefficients."""
+        theta = np.nan_to_num(self.effect.theta(coefficients, self.shape))
+        theta = np.clip(theta, *self.effect.bounds())
+        return Planted(self.effect.shaped(self.shape), self.at, theta)
+
+
+class Base:
+    """What adapts freely beside a hypothesis: accepted effects, and nuisances in their box."""
+
+    def __init__(self, screen: Screen, accepted: Sequence[Array]) -> None:
+        """Fit what adapts, given the signatures of the accepted effects, (R, nv, k) each."""
+        self.screen = screen
+        self.keep = screen.keep
+        columns = np.concatenate([*accepted, screen.nuisance], axis=2)
+        bound = boxed(columns, screen)
+        self.weight = self.keep / np.maximum(np.mean(screen.residual**2, axis=0), screen.floor**2)
+        for _ in range(3):
+            x = bounded(columns, screen.residual, self.weight, bound)
+            self.left = screen.residual - columns @ x
+            self.mse = self._mse(self.left)
+            self.weight = self.keep / self.mse
+        self.columns = columns
+        self.room = np.stack([-bound - x, bound - x])
+        self.weighted = (columns * self.weight[:, :, None]).reshape(-1, columns.shape[2])
+        self.gram = self.weighted.T @ columns.reshape(self.weighted.shape)
+        self.right = self.weighted.T @ self.left.reshape(-1)
+
+    def _mse(self, left: Array) -> Array:
+        count = np.maximum(self.keep.sum(axis=0), 1)
+        return np.maximum((self.keep * left**2).sum(axis=0) / count, self.screen.floor**2)
+
+    def fit(self, *blocks: Block) -> tuple[float, tuple[Planted, ...]]:
+        """Blocks together, everything else free to adapt.
+
+        Returns:
+            (log-likelihood gained, less half a log of the sample count per parameter; the effects
+            with the parameters found).
+        """
+        if not all(b.usable for b in blocks):
+            return -np.inf, tuple(b.planted(np.zeros(b.columns.shape[2])) for b in blocks)
+        coefficients, left = self._solve(blocks)
+        planted, price, start = [], 0, 0
+        for block in blocks:
+            end = start + block.columns.shape[2]
+            planted.append(block.planted(coefficients[start:end]))
+            price += planted[-1].effect.n_free
+            start = end
+        # neighbouring windows overlap: only every WINDOW / STRIDE-th row is new
+        count = self.keep.sum(axis=0) * STRIDE / WINDOW
+        gained = 0.5 * float(count @ np.log(self.mse / self._mse(left)))
+        gained -= 0.5 * price * float(np.log(max(count.sum(), 2.0)))
+        return gained, tuple(planted)
+
+    def _solve(self, blocks: Sequence[Block]) -> tuple[Array, Array]:
+        """(coefficients of the blocks, with the signs they must have; what is left)."""
+        columns = np.concatenate([b.columns for b in blocks], axis=2)
+        signs = np.concatenate([b.signs for b in blocks])
+        k = columns.shape[2]
+        flat = columns.reshape(-1, k)
+        weighted = self.weight.reshape(-1, 1) * flat
+        cross = self.weighted.T @ flat
+        gram = np.block([[weighted.T @ flat, cross.T], [cross, self.gram]])
+        right = np.concatenate([weighted.T @ self.left.reshape(-1), self.right])
+        low = np.concatenate([np.where(signs > 0, 0.0, -np.inf), self.room[0]])
+        high = np.concatenate([np.where(signs < 0, 0.0, np.inf), self.room[1]])
+        step = _clamped(gram, right, low, high)
+        base = self.columns.reshape(-1, self.columns.shape[2])
+        left = self.left - (flat @ step[:k] + base @ step[k:]).reshape(self.left.shape)
+        return step[:k], left
+
+
+def _clamped(gram: Array, right: Array, low: Array, high: Array) -> Array:
+    """Least squares inside a box, by block principal pivoting (Portugal, Júdice, Vicente, 1994).
+
+    What would leave the box is held at its bound, what pulls inwards is let go again; one at a
+    time, once all at a time have had several tries.
+    """
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    gram = gram / scale / scale[:, None] + 1e-7 * np.eye(len(gram))
+    right, low, high = right / scale, low * scale, high * scale
+    x, free = np.zeros(len(gram)), np.ones(len(gram), bool)
+    for attempt in range(_ATTEMPTS):
+        held = gram[np.ix_(free, ~free)] @ x[~free]
+        x[free] = np.linalg.solve(gram[np.ix_(free, free)], right[free] - held)
+        pull = right - gram @ x
+        outside = free & ((x < low) | (x > high))
+        inwards = ~free & np.where(x <= low, pull > _SLACK, pull < -_SLACK)
+        wrong = np.flatnonzero(outside | inwards)
+        if not len(wrong):
+            break
+        if attempt >= _ATTEMPTS // 2:
+            wrong = wrong[-1:]
+        free[wrong] = ~free[wrong]
+        x[~free] = np.clip(x[~free], low[~free], high[~free])
+    return np.clip(x, low, high) / scale
+
+
+def boxed(columns: Array, screen: Screen) -> Array:
+    """Bounds of columns of which the last are the nuisances: their box, and none for the rest."""
+    bound = np.full(columns.shape[2], np.inf)
+    bound[columns.shape[2] - screen.nuisance.shape[2] :] = BOX
+    return bound
+
+
+def bounded(columns: Array, target: Array, weight: Array, bound: Array) -> Array:
+    """Weighted least squares inside ±bound, by way of the Gram matrix' root.
+
+    Args:
+        columns: (R, nv, n).
+        target: (R, nv).
+        weight: (R, nv).
+        bound: largest coefficients, (n,).
+    """
+    root = np.sqrt(weight).reshape(-1, 1)
+    flat = columns.reshape(-1, columns.shape[2]) * root
+    gram = flat.T @ flat
+    scale = np.sqrt(np.diag(gram)) + 1e-300
+    right = flat.T @ (target.reshape(-1) * root[:, 0]) / scale
+    gram = gram / scale / scale[:, None] + 1e-10 * np.eye(len(gram))
+    factor = np.linalg.cholesky(gram)
+    found = lsq_linear(factor.T, np.linalg.solve(factor, right), (-bound * scale, bound * scale))
+    return np.asarray(found.x / scale)

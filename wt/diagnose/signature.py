@@ -1,0 +1,80 @@
+"""The generalised force of effects with given parameters along a recorded motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from wt.physics.effect import Shape
+from wt.physics.motion import Motion
+from wt.physics.replay import Planted
+
+Array = np.ndarray
+
+_EXACT = 1e-3  # relative misfit of parameters at which a shape counts as theirs
+
+
+def elsewhere(motion: Motion, hypothesis: Sequence[Planted]) -> tuple[Planted, ...]:
+    """A hypothesis as it shows in other recordings: what happens at times happens at theirs."""
+    found = []
+    for planted in hypothesis:
+        if planted.effect.observed():
+            others = [p for p in hypothesis if not p.effect.observed()]
+            planted = planted.elsewhere(reduced(motion, others))
+        found.append(planted)
+    return tuple(found)
+
+
+def reduced(motion: Motion, some: Sequence[Planted]) -> Motion:
+    """A motion without what some effects, fitted by least squares, explain of its residual."""
+    found = [s for s in (signature(motion, p) for p in some) if s is not None]
+    if not found:
+        return motion
+    scale = np.std(motion.residual, axis=0) + 1e-12
+    columns = np.concatenate(found, axis=2)
+    design = (columns / scale[:, None]).reshape(motion.residual.size, -1)
+    size = np.linalg.norm(design, axis=0) + 1e-12
+    x, *_ = np.linalg.lstsq(design / size, (motion.residual / scale).reshape(-1), rcond=1e-8)
+    return motion.without(columns @ (x / size))
+
+
+def signature(motion: Motion, planted: Planted) -> Array | None:
+    """An effect's generalised force per coefficient, (T, nv, k), for the shape of its parameters.
+
+    None if it has no signature in forces.
+    """
+    effect, at = planted.effect, planted.at
+    shapes = effect.shapes(motion, at)
+    if not shapes:
+        return None
+    columns = effect.columns(motion, at, shapes[0])
+    if not shapes[0]:
+        return columns
+    return effect.columns(motion, at, _shape(planted, shapes, columns.shape[2]))
+
+
+def _shape(planted: Planted, shapes: Sequence[Shape], k: int) -> Shape:
+    """The shape whose parameters, with suitable coefficients, are those of the effect."""
+    effect, theta = planted.effect, planted.theta
+    scale = np.abs(theta) + effect.steps()
+    # where coefficients and shape say the same, as of a delay, the shape says all of it
+    free = k if k + len(shapes[0]) <= len(theta) else 0
+    ones = np.ones(k - free)
+    best: tuple[float, Shape] = (np.inf, shapes[0])
+    for shape in shapes:
+
+        def miss(z: Array) -> Array:
+            coefficients = np.concatenate([z[:free], ones])
+            made = effect.theta(coefficients, tuple(float(s) for s in z[free:]))
+            return np.nan_to_num((made - theta) / scale, nan=1e3, posinf=1e3, neginf=-1e3)
+
+        start = np.concatenate([np.full(free, float(np.median(np.abs(theta)))), shape])
+        found = least_squares(miss, start, x_scale=np.abs(start) + 1e-3, max_nfev=40)
+        cost = float(np.sqrt(2.0 * found.cost))
+        if cost < best[0]:
+            best = (cost, tuple(float(s) for s in found.x[free:]))
+        if cost < _EXACT:
+            break
+    return best[1]

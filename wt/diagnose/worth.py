@@ -1,0 +1,54 @@
+"""What an effect must earn: log-likelihood beyond its price, and a share of some joint's error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wt.diagnose.objective import Assessed, Hypothesis, Objective
+
+MIN_NATS = 12.0
+"""Log-likelihood an effect must gain after the price of its parameters."""
+MIN_DROP = 0.15
+"""… and the share of some joint's mean square error that it must remove."""
+
+CLEAN = 3.0
+"""Replays within so many deviations of measurement noise leave nothing to explain."""
+
+
+def simplest(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> Assessed:
+    """The best fit, or one as good as it with fewer parameters.
+
+    A law that contains another (load-dependent friction and Coulomb's) always fits a little
+    better; it has to earn its further parameters as any effect has.
+    """
+    top = worth(objective, fits[0], now)
+    close = [f for f in fits if worth(objective, f, now) > top - MIN_NATS]
+
+    def size(fit: Assessed) -> int:
+        return sum(p.effect.n_free for p in fit.hypothesis)
+
+    fewest = min(size(f) for f in close)
+    return next(f for f in close if size(f) == fewest)
+
+
+def price(objective: Objective, hypothesis: Hypothesis) -> float:
+    """Half a log of the sample count for each parameter (Schwarz, 1978), and prior odds."""
+    parameters = sum(p.effect.n_free for p in hypothesis)
+    odds = sum(p.effect.odds_against for p in hypothesis)
+    return odds + 0.5 * parameters * float(np.log(max(objective.count.sum(), 2.0)))
+
+
+def worth(objective: Objective, fit: Assessed, now: Assessed) -> float:
+    """Nats gained by a hypothesis over the present one, after the price of its parameters."""
+    if not all(p.effect.plausible(p.at, p.theta) for p in fit.hypothesis):
+        return -np.inf
+    added = price(objective, fit.hypothesis) - price(objective, now.hypothesis)
+    return fit.loglik - now.loglik - added
+
+
+def earns(objective: Objective, fit: Assessed, now: Assessed) -> bool:
+    """Whether a hypothesis earns its place in place of the present one."""
+    drop = 1.0 - fit.mse / now.mse
+    return worth(objective, fit, now) > MIN_NATS and bool((drop > MIN_DROP).any())

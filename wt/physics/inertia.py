@@ -1,0 +1,98 @@
+"""How the force that a motion demands depends on a body's mass, centre of mass and inertia.
+
+Inverse dynamics are linear in the ten inertial parameters of each body (C. H. An, C. G. Atkeson
+and J. M. Hollerbach, Estimation of inertial parameters of rigid body links, 1985): mass m, first
+moments m·c, and the moments of inertia about the body frame's origin, all in the body's frame.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+
+from wt.physics.motion import Motion
+from wt.physics.scene import Scene
+
+Array = np.ndarray
+
+_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # of the moments of inertia
+
+
+def parameters(mass: float, centre: Array, inertia: Array) -> Array:
+    """The ten inertial parameters, (10,).
+
+    Args:
+        mass: [kg].
+        centre: centre of mass in the body's frame, (3,) [m].
+        inertia: about the centre of mass, in the body's frame, (3, 3) [kg·m²].
+    """
+    about_origin = inertia + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    moments = [about_origin[i, j] for i, j in _PAIRS]
+    return np.array([mass, *(mass * centre), *moments])
+
+
+def own(scene: Scene, body: str) -> tuple[float, Array, Array]:
+    """Mass, centre of mass and inertia about it of a body as the model has them."""
+    b = scene.model.body(body)
+    rotation = np.empty(9)
+    mujoco.mju_quat2Mat(rotation, b.iquat)
+    axes = rotation.reshape(3, 3)
+    return float(b.mass[0]), np.array(b.ipos), axes @ np.diag(b.inertia) @ axes.T
+
+
+@lru_cache(maxsize=64)
+def demand(motion: Motion, body: str) -> Array:
+    """Generalised force demanded per unit of each inertial parameter, (T, nv, 10)."""
+    spin, turning, lifting, slide, turn = _kinematics(motion)[body]
+    axes = np.eye(3)
+    moved = [np.cross(turning, e) + np.cross(spin, np.cross(spin, e)) for e in axes]
+    forces = [lifting, *moved, *[np.zeros_like(spin)] * 6]
+    torques = [np.zeros_like(spin), *[np.cross(e, lifting) for e in axes]]
+    for i, j in _PAIRS:
+        unit = np.zeros((3, 3))
+        unit[i, j] = unit[j, i] = 1.0
+        torques.append(turning @ unit + np.cross(spin, spin @ unit))
+    columns = [
+        np.einsum("tij,ti->tj", slide, f) + np.einsum("tij,ti->tj", turn, t)
+        for f, t in zip(forces, torques, strict=True)
+    ]
+    return np.stack(columns, axis=2)
+
+
+@lru_cache(maxsize=4)
+def _kinematics(motion: Motion) -> dict[str, tuple[Array, Array, Array, Array, Array]]:
+    """What moves each body, in its own frame.
+
+    Returns:
+        Per body its angular velocity and acceleration, the linear acceleration of its origin
+        against gravity, (T, 3) each, and the Jacobians of origin and rotation, (T, 3, nv) each.
+    """
+    m, d = mujoco.MjModel.__copy__(motion.scene.model), motion.scene.data
+    n, nv, kind = len(motion), m.nv, mujoco.mjtObj.mjOBJ_XBODY
+    names = motion.scene.moving
+    ids = [m.body(name).id for name in names]
+    velocity, acceleration = np.empty((2, len(names), n, 6))
+    jacobian = np.empty((len(names), n, 2, 3, nv))
+    for k in range(n):
+        d.qpos[:], d.qvel[:], d.qacc[:] = motion.q[k], motion.v[k], motion.a[k]
+        mujoco.mj_kinematics(m, d)
+        mujoco.mj_comPos(m, d)
+        mujoco.mj_comVel(m, d)
+        mujoco.mj_rnePostConstraint(m, d)
+        for b, i in enumerate(ids):
+            mujoco.mj_objectVelocity(m, d, kind, i, velocity[b, k], 1)
+            mujoco.mj_objectAcceleration(m, d, kind, i, acceleration[b, k], 1)
+            mujoco.mj_jacBody(m, d, jacobian[b, k, 0], jacobian[b, k, 1], i)
+            jacobian[b, k] = d.xmat[i].reshape(3, 3).T @ jacobian[b, k]
+    return {
+        name: (
+            velocity[b, :, :3],
+            acceleration[b, :, :3],
+            acceleration[b, :, 3:],
+            jacobian[b, :, 0],
+            jacobian[b, :, 1],
+        )
+        for b, name in enumerate(names)
+    }
