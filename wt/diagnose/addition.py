@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wt.diagnose.hypotheses import candidates, dof_of, excluded
+from wt.diagnose.hypotheses import candidates, dof_of, erring_joints, excluded
 from wt.diagnose.objective import Assessed, Hypothesis, Objective
 from wt.diagnose.refine import evaluate, refine
 from wt.diagnose.result import Considered
@@ -22,7 +22,7 @@ from wt.physics.replay import Key, Planted
 
 EQUIVALENT_NATS = 4.0
 """Hypotheses closer than this cannot be told apart."""
-_STARTS, _PROMISING, _FINALISTS = 24, 8, 4
+_STARTS, _PROMISING, _FINALISTS = 20, 8, 4
 """How many hypotheses of a round get one step, two more steps, and all effects refined."""
 _EACH = 2
 """… and so many at each joint get the two more steps, and their chance beside the best."""
@@ -112,7 +112,7 @@ def _replayed(
     """The additions, refined the more the better they are."""
     starts = _first_of_each(screen, objective, now, additions)
     fits = _by_worth(objective, _refined(objective, starts, now, 1), now)
-    leading = _leading(screen, fits, _PROMISING, _EACH)
+    leading = _leading(screen, fits, erring_joints(objective, now), _PROMISING, _EACH)
     rest = [f for f in fits if f not in leading]
     return [*_refined(objective, [f.hypothesis for f in leading], now, 2), *rest]
 
@@ -189,7 +189,7 @@ def _beside(
         if dof_of(screen, f.hypothesis[-1].at) not in (taken, -1)
         and worth(objective, f, now) > MIN_NATS
     ]
-    chosen = _leading(screen, elsewhere, 0, _EACH)
+    chosen = _leading(screen, elsewhere, erring_joints(objective, now), 0, _EACH)
     if not chosen:
         return []
     reference = objective.reference(best.hypothesis)
@@ -238,19 +238,22 @@ def _first_of_each(
     # a start may be far off and its effect still right: a few that are worse than nothing stay
     ordered = sorted(found.values(), key=lambda a: -a.loglik)
     finite = [a for a in ordered if np.isfinite(a.loglik)]
-    return [a.hypothesis for a in _leading(screen, finite, _STARTS, _STARTED)]
+    return [
+        a.hypothesis
+        for a in _leading(screen, finite, erring_joints(objective, now), _STARTS, _STARTED)
+    ]
 
 
 def _leading(
-    screen: Screen, ordered: Sequence[Assessed], overall: int, each: int
+    screen: Screen, ordered: Sequence[Assessed], erring: Container[int], overall: int, each: int
 ) -> list[Assessed]:
-    """The first of a list, and the first at each place that one joint alone feels."""
+    """The first of a list, and the first of what acts on one erring joint alone."""
     count: dict[int, int] = {}
     found = []
     for i, assessed in enumerate(ordered):
         dof = dof_of(screen, assessed.hypothesis[-1].at)
         count[dof] = count.get(dof, 0) + 1
-        if i < overall or (dof >= 0 and count[dof] <= each):
+        if i < overall or (dof in erring and count[dof] <= each):
             found.append(assessed)
     return found
 

@@ -72,7 +72,7 @@ def candidates(
     # where replays err and forces show nothing, every effect of that joint gets its chance
     excess = now.mse / objective.noise**2
     worst = [int(d) for d in np.argsort(-excess)[:WORST] if excess[d] > 2.0]
-    erring = [d for d in range(len(excess)) if excess[d] > CLEAN**2]
+    erring = erring_joints(objective, now)
     chosen = {s.planted.key: s for s in strong}
     for s in ranked:
         at = s.planted.at
@@ -88,6 +88,11 @@ def candidates(
         for p, shape in found
         if p.key not in taken and not any(excluded(p, other) for other in now.hypothesis)
     ]
+
+
+def erring_joints(objective: Objective, now: Assessed) -> list[int]:
+    """Degrees of freedom whose replays err by more than noise."""
+    return [int(d) for d in np.flatnonzero(now.mse > (CLEAN * objective.noise) ** 2)]
 
 
 def _best_of_each(screen: Screen, ranked: Sequence[Scored]) -> list[Scored]:

@@ -155,26 +155,45 @@ class Court:
         return rivalry is not None and rivalry.ratio < DOUBTFUL
 
     def _better(self, one: Judged, other: Judged) -> bool:
-        """Whether the held-out fit, each joint in units of its noise, is better."""
+        """Whether the held-out fit is better."""
         if not one.unknown:
             return False
-        both = proof.errors(self.held, [one.hypothesis, other.hypothesis], self.step)
-        chi = [float(np.nansum((e / self.held.smoothed.noise) ** 2)) for e in both]
-        return chi[0] < chi[1]
+        return proof.gain(self.held, one.hypothesis, other.hypothesis, self.step).share > 0.0
 
 
-def verdict(judged: Judged, objective: Objective) -> Verdict:
-    """In one word, by what the findings leave in replays, in units of noise."""
-    left = np.sqrt(judged.estimated.assessed.mse)
-    clean = bool((left < CLEAN * objective.noise).all())
+def verdict(judged: Judged, objective: Objective, others: Sequence[Finding] = ()) -> Verdict:
+    """In one word, by what the findings leave in replays, in units of noise.
+
+    Args:
+        judged: what stands.
+        objective: replays of all fitted data.
+        others: findings that replays do not show.
+    """
+    clean = bool((_left(judged) < CLEAN * objective.noise).all())
     if judged.unknown:
         return "partly_explained" if judged.accepted else "unexplained"
     if not judged.accepted:
-        # a very quiet sensor sees what any rig is off by: that alone is no mismatch
-        moved = np.nanstd(objective.measured, axis=0)
-        large = (left > CLEAN * objective.noise) & (left > MISMATCH * moved)
-        return "unexplained" if large.any() else "no_mismatch"
+        if unexplained(judged, objective):
+            return "unexplained"
+        return "explained" if others else "no_mismatch"
     return "explained" if clean else "partly_explained"
+
+
+def unexplained(judged: Judged, objective: Objective) -> dict[str, float]:
+    """Where nothing was found and still replays err by much: joint → share of it."""
+    if judged.accepted or judged.unknown:
+        return {}
+    left = _left(judged)
+    # a very quiet sensor sees what any rig is off by: that alone is no mismatch
+    moved = np.nanstd(objective.measured, axis=0)
+    large = (left > CLEAN * objective.noise) & (left > MISMATCH * moved)
+    size = np.where(large, (left / objective.noise) ** 2, 0.0)
+    joints = objective.scene.joints
+    return {joints[j]: float(size[j] / size.sum()) for j in np.flatnonzero(large)}
+
+
+def _left(judged: Judged) -> Array:
+    return np.asarray(np.sqrt(judged.estimated.assessed.mse))
 
 
 def findings(judged: Judged) -> tuple[Finding, ...]:

@@ -5,18 +5,20 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from wt.diagnose import proof
 from wt.diagnose.decide import search
-from wt.diagnose.judge import Court, Judged, findings, suggestions, verdict
+from wt.diagnose.grid import coarse_steps, located
+from wt.diagnose.judge import Court, Judged, findings, suggestions, unexplained, verdict
 from wt.diagnose.locate import locate
 from wt.diagnose.measured import measured
 from wt.diagnose.objective import Objective
 from wt.diagnose.patch import patched_xml
-from wt.diagnose.prepare import Source, prepare
+from wt.diagnose.prepare import Prepared, Source, prepare
 from wt.diagnose.result import Considered, Diagnosis
 from wt.diagnose.screen import Screen
 from wt.diagnose.smooth import Smoothed, smooth
@@ -75,28 +77,47 @@ def diagnose(
     say("judging", 0.8)
     judged = court.judge(proven)
     say("preparing pictures", 0.9)
+    told = _told(scene, prepared, fitted, court, judged)
+    return replace(told, considered=considered, seconds=time.monotonic() - began)
+
+
+def _told(
+    scene: Scene, prepared: Prepared, fitted: Smoothed, court: Court, judged: Judged
+) -> Diagnosis:
+    """What was judged, with all that a report shows of it."""
+    held = court.held
     coarse = _too_coarse(scene, held, judged)
-    found, seen = findings(judged), measured(prepared, screen, held, judged.complete, STEP_S)
+    coarsely = coarse_steps(prepared.fit, prepared.held, scene.joints)
+    found = (*findings(judged), *coarsely)
+    seen = measured(prepared, court.screen, held, judged.complete, STEP_S)
+    where = unexplained(judged, court.objective)
     return Diagnosis(
-        model_path=str(model),
+        model_path=str(scene.path),
         model_sha256=hashlib.sha256(scene.path.read_bytes()).hexdigest(),
         joints=scene.joints,
         recordings=prepared.used,
-        verdict=verdict(judged, everything),
-        locations=locate(screen, judged.hypothesis, judged.shares, names=prepared.names),
+        verdict=verdict(judged, court.objective, coarsely),
+        locations=(
+            *locate(
+                court.screen,
+                judged.hypothesis,
+                judged.shares,
+                unexplained=where,
+                names=prepared.names,
+            ),
+            *located(coarsely, alone=not judged.hypothesis),
+        ),
         findings=found,
-        proof=proof.prove(held, judged.complete, STEP_S, prepared.split, seed),
+        proof=proof.prove(held, judged.complete, STEP_S, prepared.split, court.seed),
         given_xml=standalone(scene.path),
         patched_xml=patched_xml(
             scene, judged.patch, judged.comments, timestep=STEP_S if coarse else None
         ),
-        considered=considered,
-        traces=traces(prepared, (fitted, held_out), judged.complete, STEP_S),
+        traces=traces(prepared, (fitted, held.smoothed), judged.complete, STEP_S),
         suggestions=suggestions(found),
         measured=seen,
-        notes=(*_notes(scene, forgetting, coarse), *seen.notes),
+        notes=(*_notes(scene, held.forgets, coarse), *seen.notes),
         residual_onnx=judged.unknown[0].onnx if judged.unknown else None,
-        seconds=time.monotonic() - began,
     )
 
 

@@ -111,8 +111,14 @@ def gain(held: Held, hypothesis: Hypothesis, other: Hypothesis, step: float) -> 
 
 
 def _chi_squares(held: Held, hypotheses: Sequence[Hypothesis], step: float) -> list[Array]:
-    """Squared errors, joints in units of their noise so that none drowns another, (N, nv) each."""
-    return list((errors(held, hypotheses, step) / held.smoothed.noise) ** 2)
+    """Squared errors, (N, nv) each, joints in units of what the first hypothesis leaves of them.
+
+    So none drowns another: in units of noise alone, a quiet sensor behind a model that is not
+    exact would.
+    """
+    found = errors(held, hypotheses, step)
+    left = np.sqrt(np.nanmean(found[0] ** 2, axis=0))
+    return list((found / np.fmax(left, held.smoothed.noise)) ** 2)
 
 
 def _gain(held: Held, less: Array, full: Array) -> Gain:

@@ -158,7 +158,7 @@ class Used:
         }
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Diagnosis:
     """Everything a diagnosis found, with what a report needs to show it.
 
@@ -243,6 +243,12 @@ class Diagnosis:
         from wt.diagnose.words import print_summary
 
         print_summary(self, Console())
+
+    def __repr__(self) -> str:
+        """The findings in plain sentences."""
+        from wt.diagnose.words import fit, sentences
+
+        return "\n".join([f"Diagnosis: {self.verdict}", *sentences(self), fit(self)])
 
     def _repr_html_(self) -> str:
         """A short summary, which a notebook shows by itself."""

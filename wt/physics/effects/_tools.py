@@ -28,16 +28,28 @@ def free_of_limits(motion: Motion, drive: Drive) -> Array:
     return ((force > low) & (force < high)).astype(float)
 
 
-def drive_force(scene: Scene, drive: Drive, u: Array, q: Array, v: Array) -> Array:
-    """Force of a drive on its joint with the model's clamps, from its joint's state [N·m]."""
+def force_law(scene: Scene, drive: Drive) -> Callable[[Array, Array, Array], Array]:
+    """Force of a drive on its joint [N·m] from (command, joint position, joint velocity).
+
+    With the model's clamps, all looked up once: it is called at every physics step.
+    """
     m, i = scene.model, drive.index
-    if m.actuator_ctrllimited[i]:
-        u = np.clip(u, *m.actuator_ctrlrange[i])
-    force = drive.gain * u + drive.bias[0]
-    force = force + drive.bias[1] * drive.gear * q + drive.bias[2] * drive.gear * v
-    if m.actuator_forcelimited[i]:
-        force = np.clip(force, *m.actuator_forcerange[i])
-    return np.asarray(force * drive.gear)
+    anything = (-np.inf, np.inf)
+    commands = m.actuator_ctrlrange[i] if m.actuator_ctrllimited[i] else anything
+    forces = m.actuator_forcerange[i] if m.actuator_forcelimited[i] else anything
+    gain, gear = drive.gain, drive.gear
+    constant, stiffness, damping = drive.bias[0], drive.bias[1] * gear, drive.bias[2] * gear
+
+    def force(u: Array, q: Array, v: Array) -> Array:
+        raw = gain * between(u, *commands) + constant + stiffness * q + damping * v
+        return np.asarray(between(raw, *forces) * gear)
+
+    return force
+
+
+def between(x: Array, low: float | Array, high: float | Array) -> Array:
+    """``numpy.clip`` without its overhead, which counts at every physics step."""
+    return np.minimum(np.maximum(x, low), high)
 
 
 class DriveLaw(Live):
@@ -53,13 +65,14 @@ class DriveLaw(Live):
             actuator: the drive's name.
             law: (force, joint velocity, time), each (n,), → the force instead.
         """
-        self.scene, self.drive, self.law = scene, scene.drive(actuator), law
+        self.drive, self.law = scene.drive(actuator), law
+        self.given = force_law(scene, self.drive)
 
     def act(self, state: StepState) -> None:
         """Add what the law changes."""
         i, dof = self.drive.index, self.drive.dof
         q, v = state.q[:, dof], state.v[:, dof]
-        force = drive_force(self.scene, self.drive, state.u[:, i], q, v)
+        force = self.given(state.u[:, i], q, v)
         state.applied[:, dof] += self.law(force, v, state.t) - force
 
 
@@ -110,8 +123,9 @@ class Bristle(Live):
         stiffness = self.inertia * frequency**2
         damping = 2.0 * _BRISTLE_DAMPING * self.inertia * frequency
         # the bristle bends with the joint and slips where it would carry more than friction
-        self.bent = np.clip(self.bent + state.h * v, -most / stiffness, most / stiffness)
-        state.applied[:, self.dof] -= np.clip(stiffness * self.bent + damping * v, -most, most)
+        bend = most / stiffness
+        self.bent = between(self.bent + state.h * v, -bend, bend)
+        state.applied[:, self.dof] -= between(stiffness * self.bent + damping * v, -most, most)
 
 
 def physics_step(spec: mujoco.MjSpec) -> float:

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import DriveLaw
+from wt.physics.effects._tools import DriveLaw, between
 from wt.physics.live import Live
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
@@ -49,7 +49,7 @@ class ActuatorDeadband(Effect):
     def live(self, scene: Scene, at: Location, theta: Array) -> Live:
         """Take the swallowed force off."""
         width = theta[:, 0]
-        return DriveLaw(scene, at.name, lambda force, v, t: force - np.clip(force, -width, width))
+        return DriveLaw(scene, at.name, lambda force, v, t: force - between(force, -width, width))
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""

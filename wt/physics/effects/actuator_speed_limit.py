@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import DriveLaw
+from wt.physics.effects._tools import DriveLaw, between
 from wt.physics.effects.actuator_saturation import narrow
 from wt.physics.live import Live
 from wt.physics.motion import Motion
@@ -76,4 +76,4 @@ class ActuatorSpeedLimit(Effect):
 
 
 def _limited(force: Array, v: Array, stall: Array | float, speed: Array | float) -> Array:
-    return np.clip(force, -stall * (1.0 + v / speed), stall * (1.0 - v / speed))
+    return between(force, -stall * (1.0 + v / speed), stall * (1.0 - v / speed))
