@@ -5,10 +5,11 @@ what was found, and the errors of open-loop replays of the held-out motions, joi
 the rigid model as it is before, with the best published parameters, and with the findings.
 
 Usage: python benchmarks/real.py --machine so101|dfki|bam [--fit MOTION …] [--holdout MOTION …]
-           [--seconds S] [--seed S] [--recordings DIR] [--out DIR]
+           [--seconds S] [--seed S] [--recordings DIR] [--out DIR] [--rival sysid]
 
 ``--seconds`` cuts each recording to its first S seconds. ``--out`` writes the report too. For the
-servo bench one more line replays the findings on the log of a firmware gain that was not fitted.
+servo bench one more line a log replays the findings at a firmware gain that was not fitted. The
+rival fits armature, damping, dry friction and gain of every joint to the same recordings.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from wt.errors import DataError, UserError, WorkError, suggest
 from wt.physics.effect import effects
 from wt.physics.replay import Planted
 from wt.physics.scene import Scene
+from wt.prove.sysid_rival import Fitted, Rival, every_parameter
 from wt.types import Location, Recording
 from wt.worlds.rigs import spec_for, write_mjcf
 from wt.worlds.so101_model import ARM_JOINTS
@@ -127,18 +129,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         seconds = args.seconds or machine.seconds
         fit = [read(folder, n, machine, seconds) for n in fit_names]
         held = [read(folder, n, machine, seconds) for n in held_names]
+        started = time.perf_counter()
         with tempfile.TemporaryDirectory() as scratch:
             model = Path(scratch) / f"{args.machine}.xml"
             write_mjcf(spec_for(fit[0].meta), model)
-            started = time.perf_counter()
             found = diagnose(model, fit, held, seed=args.seed, progress=_say)
             print(f"\n{args.machine}: {time.perf_counter() - started:.0f} s", flush=True)
             print(findings_table(found))
-            print(errors_table(found, model, held, machine))
+            rival = rival_of(args.rival, model, fit, args.seed)
+            print(errors_table(found, model, held, machine, rival))
             if args.out:
                 found.write(args.out)
             for name in machine.elsewhere:
-                print(transfer_line(found, read(folder, name, machine, np.inf), machine, model))
+                log = read(folder, name, machine, np.inf)
+                print(transfer_line(found, rival, log, machine, model))
     except (UserError, WorkError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2 if isinstance(error, UserError) else 1
@@ -205,28 +209,43 @@ def findings_table(found: Diagnosis) -> str:
     return "\n".join(lines)
 
 
-def errors_table(found: Diagnosis, model: Path, held: Sequence[Recording], machine: Machine) -> str:
-    """Held-out RMSE per joint: rigid model, published parameters, findings, noise."""
+def rival_of(name: str | None, model: Path, fit: Sequence[Recording], seed: int) -> Fitted | None:
+    """What a rival makes of the fitted recordings; None if none is asked for."""
+    if name is None:
+        return None
+    rival = Rival(model, fit)
+    _say(f"fitting every parameter with mujoco.{name}", 1.0)
+    fitted = rival.fit(every_parameter(rival.scene), seed)
+    print(f"\nmujoco.{name}, {fitted.jacobian.shape[1]} parameters: {fitted.seconds:.0f} s")
+    for (effect, place), theta in fitted.theta.items():
+        print(f"  {effect} at {place}: {_figures(theta)}")
+    return fitted
+
+
+def errors_table(
+    found: Diagnosis, model: Path, held: Sequence[Recording], machine: Machine, rival: Fitted | None
+) -> str:
+    """Held-out RMSE per joint; the last column is the findings' over the published parameters'."""
     scene = Scene(model)
     kept = hold(scene, held)
-    theirs = proof.errors(kept, [published(machine)], STEP_S)[0]
-    stock = dict(zip(scene.joints, np.sqrt(np.nanmean(theirs**2, axis=0)), strict=True))
+    others = [published(machine), *([rival.hypothesis] if rival else [])]
+    squares = np.nanmean(proof.errors(kept, others, STEP_S) ** 2, axis=1)
+    stock = dict(zip(scene.joints, np.sqrt(squares).T, strict=True))
     what = "long stretches" if kept.forgets else "restarted every 0.5 s"
+    beside = f"{'published':>11}" + (f"{'sysid':>11}" if rival else "")
     lines = [
         f"\nheld out, {what}; {machine.reference!r} beside it",
-        f"{'RMSE':<16}{'model':>10}{'published':>11}{'findings':>10}{'noise':>10}{'ratio':>8}",
+        f"{'RMSE':<16}{'model':>10}{beside}{'findings':>10}{'noise':>10}{'ratio':>8}",
     ]
     rows = [
-        (name, e.before, stock[name], e.after, e.noise_floor)
+        (name, np.array([e.before, *stock[name], e.after, e.noise_floor]))
         for name, e in found.proof.joints.items()
     ]
-    mean = [row for row in rows if row[0] in machine.joints]
-    before, theirs_, after, noise = (float(x) for x in np.mean([row[1:] for row in mean], axis=0))
-    rows.append(("mean", before, theirs_, after, noise))
-    for name, before, theirs_, after, noise in rows:
+    rows.append(("mean", np.mean([row for name, row in rows if name in machine.joints], axis=0)))
+    for name, (before, *theirs, after, noise) in rows:
         lines.append(
-            f"{name:<16}{before:>10.4f}{theirs_:>11.4f}{after:>10.4f}{noise:>10.5f}"
-            f"{after / theirs_:>8.2f}"
+            f"{name:<16}{before:>10.4f}{''.join(f'{x:>11.4f}' for x in theirs)}{after:>10.4f}"
+            f"{noise:>10.5f}{after / theirs[0]:>8.2f}"
         )
     for horizon, (before, after) in found.proof.horizons.items():
         lines.append(f"  {horizon:>5.2f} s ahead: {before:.4f} → {after:.4f}")
@@ -241,21 +260,22 @@ def hold(scene: Scene, recordings: Sequence[Recording]) -> proof.Held:
     return proof.hold(smoothed, forgets(smoothed, STEP_S))
 
 
-def transfer_line(found: Diagnosis, recording: Recording, machine: Machine, model: Path) -> str:
+def transfer_line(
+    found: Diagnosis, rival: Fitted | None, recording: Recording, machine: Machine, model: Path
+) -> str:
     """Mean absolute errors on a set-up of its own model, to which nothing was fitted."""
     path = model.with_name("elsewhere.xml")
     write_mjcf(spec_for(recording.meta), path)
     scene = Scene(path)
     kept = hold(scene, [recording])
-    three = proof.errors(kept, [(), published(machine), planted(found)], STEP_S)
-    before, theirs, after = np.nanmean(np.abs(three), axis=(1, 2))
-    return (
-        f"{recording.meta['source']:<28} MAE {before:.4f}, published {theirs:.4f}, "
-        f"findings {after:.4f} rad"
-    )
+    some = {"": (), "published": published(machine), "findings": planted(found)}
+    some |= {"sysid": rival.hypothesis} if rival else {}
+    errors = np.nanmean(np.abs(proof.errors(kept, list(some.values()), STEP_S)), axis=(1, 2))
+    said = ", ".join(f"{who} {e:.4f}".strip() for who, e in zip(some, errors, strict=True))
+    return f"{recording.meta['source']:<28} MAE {said} rad"
 
 
-def _figures(value: float | tuple[float, ...]) -> str:
+def _figures(value: float | tuple[float, ...] | Array) -> str:
     return " ".join(f"{x:.4g}" for x in np.atleast_1d(value))
 
 
@@ -272,6 +292,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--recordings", type=Path, default=RECORDINGS, help="their folder")
     parser.add_argument("--out", type=Path, help="folder for the reports")
+    parser.add_argument("--rival", choices=["sysid"], help="what to compare with beside")
     return parser.parse_args(argv)
 
 

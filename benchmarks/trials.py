@@ -112,7 +112,7 @@ def table(results: Sequence[Result]) -> str:
     """Summary by kind of case."""
     head = f"{'kind':<10}{'cases':>6}{'location':>10}{'effect':>8}{'near':>7}{'extra':>7}"
     lines = ["", head + f"{'median error':>14}{'coverage':>10}{'after/floor':>13}{'seconds':>9}"]
-    for kind in ("single", "pair", "outsider", "null", "all"):
+    for kind in ("single", "pair", "triple", "outsider", "null", "all"):
         rows = [r for r in results if kind in (r["kind"], "all")]
         if rows:
             lines.append(_row(kind, rows))

@@ -40,7 +40,7 @@ def test_the_folder_of_a_diagnosis_means_its_recording(recording: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("", r"holds neither rollout\.rrd nor diagnosis\.rrd; give"),
+        ("", r"holds none of rollout\.rrd, diagnosis\.rrd, trials\.rrd; give"),
         ("nothing.rrd", r"nothing\.rrd does not exist; give"),
     ],
 )

@@ -326,3 +326,44 @@ def test_inertia_factor_leaves_the_mass() -> None:
     q = np.array([[0.5]])
     assert heavy.gravity_torques(q) == pytest.approx(plain.gravity_torques(q))
     assert plain.gravity_torques(q)[0, 0] == pytest.approx(MGL * math.sin(0.5))
+
+
+def test_rubber_hardens() -> None:
+    rubber = law("outsider.rubber", {"stiffness": 5.0, "reference": 0.1})
+    rubber.bind(pendulum())
+    assert rubber.joint(0.6, 0.3, 0.0) == pytest.approx(-5.0 * 0.5**3)  # type: ignore[attr-defined]
+    u = rest(rubber, u=0.9)
+    assert KP * (0.9 - u) - 5.0 * (u - 0.1) ** 3 == pytest.approx(MGL * math.sin(u), abs=2e-4)
+
+
+def test_a_strap_is_a_spring_that_lets_go() -> None:
+    strap, plant = law("outsider.strap", {"stiffness": 8.0, "time_constant": 0.2}), pendulum()
+    strap.bind(plant)
+    # drawn at a steady speed it settles at stiffness·time_constant·v, then lets go
+    drawn = [strap.joint(0.0, 0.5, 0.0) for _ in range(round(2.0 / plant.h))]  # type: ignore[attr-defined]
+    assert drawn[0] == pytest.approx(-8.0 * 0.5 * plant.h, rel=1e-3)
+    assert drawn[-1] == pytest.approx(-8.0 * 0.2 * 0.5, rel=1e-3)
+    held = [strap.joint(0.0, 0.0, 0.0) for _ in range(round(0.2 / plant.h))]  # type: ignore[attr-defined]
+    assert held[-1] == pytest.approx(drawn[-1] * math.exp(-1.0), rel=1e-3)
+
+
+def test_slosh_swings_on_at_its_own_frequency() -> None:
+    parameters: Parameters = {"inertia": 0.05, "frequency": 12.0, "damping": 0.0}
+    slosh, plant = law("outsider.slosh", parameters), pendulum()
+    slosh.bind(plant)
+    slosh.joint(0.0, 0.0, 0.0)  # type: ignore[attr-defined]
+    slosh._x = 0.1  # type: ignore[attr-defined]
+    t = np.arange(round(2.0 / plant.h)) * plant.h
+    torque = np.array([slosh.joint(0.0, 0.0, 0.0) for _ in t])  # type: ignore[attr-defined]
+    expected = 0.05 * 12.0**2 * 0.1 * np.cos(12.0 * t)
+    np.testing.assert_allclose(torque, expected, atol=0.01 * expected.max())
+
+
+def test_unbalance_keeps_its_own_pace() -> None:
+    parameters: Parameters = {"torque": 0.4, "frequency": 9.0, "phase": 0.2}
+    shake = law("outsider.unbalance", parameters)
+    plant = pendulum(shake)
+    for t in (0.0, 0.13, 1.7):
+        plant.total[:] = 0.0
+        shake.act(plant, t)  # type: ignore[attr-defined]
+        assert plant.total[0] == pytest.approx(0.4 * math.sin(9.0 * t + 0.2))

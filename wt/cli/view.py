@@ -14,7 +14,8 @@ import typer
 
 from wt.errors import UserError, WorkError
 
-_NAMES = ("rollout.rrd", "diagnosis.rrd")  # what 'wt fit' and 'wt diagnose' leave
+_NAMES = ("rollout.rrd", "diagnosis.rrd", "trials.rrd")
+"""What ``wt fit``, ``wt diagnose`` and ``wt prove`` leave."""
 _MAGIC = b"RRF"  # the first bytes of every .rrd
 _WEB_PORT, _DATA_PORT = 9090, 9876  # Rerun's own; others are taken when these are in use
 _START_SECONDS = 20.0
@@ -24,14 +25,14 @@ def command(
     source: Annotated[
         Path,
         typer.Argument(
-            metavar="RUN_OR_RRD", help="The folder of a fit or a diagnosis, or a .rrd file."
+            metavar="RUN_OR_RRD", help="Folder of a fit, diagnosis or trial, or a .rrd file."
         ),
     ],
     serve: Annotated[
         bool, typer.Option("--serve", help="Serve the web viewer and print its URL instead.")
     ] = False,
 ) -> None:
-    """Open the Rerun viewer on what a fit or a diagnosis recorded.
+    """Open the Rerun viewer on what a fit, a diagnosis or a trial recorded.
 
     With --serve no window opens: a browser on this machine shows the viewer until Ctrl-C. Nothing
     is sent to anyone, the viewer's usage statistics are off.
@@ -63,14 +64,14 @@ def recording_of(source: Path) -> Path:
         found = [source / name for name in _NAMES if (source / name).is_file()]
         if not found:
             raise UserError(
-                f"{source} holds neither {' nor '.join(_NAMES)}; give the folder of a finished "
-                "'wt fit' or 'wt diagnose', or a .rrd file"
+                f"{source} holds none of {', '.join(_NAMES)}; give the folder of a finished "
+                "'wt fit', 'wt diagnose' or 'wt prove', or a .rrd file"
             )
         path = found[0]
     if not path.is_file():
         raise UserError(
-            f"{path} does not exist; give a .rrd file, or the folder of a finished 'wt fit' or "
-            "'wt diagnose'"
+            f"{path} does not exist; give a .rrd file, or the folder of a finished 'wt fit', "
+            "'wt diagnose' or 'wt prove'"
         )
     with path.open("rb") as file:
         if not file.read(len(_MAGIC)) == _MAGIC:

@@ -154,6 +154,19 @@ class Cable(WorldLaw):
         plant.total[self._b] -= pull
 
 
+class Unbalance(WorldLaw):
+    """Outsider: something turns at its own pace: torque·sin(frequency·t + phase) on a joint."""
+
+    def bind(self, plant: Plant) -> None:
+        """Look up the joint."""
+        self._joint = plant.index(self.place)
+
+    def act(self, plant: Plant, t: float) -> None:
+        """See the class."""
+        angle = self.number("frequency") * t + self.number("phase")
+        plant.total[self._joint] += self.number("torque") * math.sin(angle)
+
+
 LAWS: dict[str, type[Law]] = {
     "body.mass": Mass,
     "body.com": Com,
@@ -166,4 +179,5 @@ LAWS: dict[str, type[Law]] = {
     "world.gravity": Gravity,
     "outsider.flywheel": Flywheel,
     "outsider.cable": Cable,
+    "outsider.unbalance": Unbalance,
 }

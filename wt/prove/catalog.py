@@ -2,7 +2,8 @@
 
 Magnitudes are set by the torque (or travel) that they make, in three levels from obvious down to
 a few times the noise: the smallest is never below ``FLOOR`` times what the position noise means
-in torque, kp × noise, so that every hidden effect leaves a trace.
+in torque, kp × noise, so that every hidden effect leaves a trace. The fourth level, ``below``, is
+for effects that leave none: nobody can find them, and a claim had better be silent.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from wt.prove.scales import Scales, scales
 SHARE = {"obvious": 0.35, "clear": 0.14, "faint": 0.06}
 """Level → torque of an effect, as a fraction of the joint's rms torque."""
 FLOOR = 6.0
+DROWNED = 0.3
+"""What effects of the level ``below`` make of the noise instead."""
 
 
 @dataclass(frozen=True)
@@ -59,14 +62,18 @@ class Draw:
 
     def pick(self, obvious: float, clear: float, faint: float) -> float:
         """The value of the level, ± 15 %."""
-        return {"obvious": obvious, "clear": clear, "faint": faint}[self.level] * self.u(0.85, 1.15)
+        values = {"obvious": obvious, "clear": clear, "faint": faint, "below": faint}
+        return values[self.level] * self.u(0.85, 1.15)
+
+    def seen(self, usual: float, noise: float, floor: float = FLOOR) -> float:
+        """A size that shows above what the noise looks like, or does not, as the level wants."""
+        return DROWNED * noise if self.level == "below" else max(usual, floor * noise)
 
     @property
     def torque(self) -> float:
         """Torque of an effect of this level [N·m]."""
-        seen = FLOOR * self.noise * self.rig.links[self.joint].kp
-        usual = max(self.of("torque"), 0.1 * self.of("peak"))
-        return max(SHARE[self.level] * usual, seen) * self.u(0.9, 1.3)
+        usual = SHARE.get(self.level, 0.0) * max(self.of("torque"), 0.1 * self.of("peak"))
+        return self.seen(usual, self.noise * self.rig.links[self.joint].kp) * self.u(0.9, 1.3)
 
     @property
     def angle(self) -> float:
@@ -88,7 +95,7 @@ def _stribeck(d: Draw) -> Parameters:
 
 
 def _elasticity(d: Draw) -> Parameters:
-    twist = max(d.pick(0.02, 0.009, 0.004), FLOOR * d.noise)
+    twist = d.seen(d.pick(0.02, 0.009, 0.004), d.noise)
     stiff = max(d.of("torque"), 0.15 * d.of("peak")) / twist
     rotor = d.rig.links[d.joint].armature
     return {"stiffness": stiff, "damping": 2 * d.u(0.05, 0.15) * math.sqrt(stiff * rotor)}
@@ -106,7 +113,7 @@ def _gain(d: Draw) -> Parameters:
 
 
 def _delay(d: Draw) -> float:
-    return max(d.pick(0.03, 0.014, 0.007), FLOOR * d.noise / d.of("speed"))
+    return d.seen(d.pick(0.03, 0.014, 0.007), d.noise / d.of("speed"))
 
 
 def _saturation(d: Draw) -> Parameters:
@@ -189,6 +196,25 @@ def _cable(d: Draw) -> Parameters:
     return {"ratio": ratio, "slack": slack, "stiffness": 4.0 * d.torque / b.amplitude}
 
 
+def _rubber(d: Draw) -> Parameters:
+    a = d.rig.links[d.joint].amplitude
+    return {"stiffness": 4.0 * d.torque / a**3, "reference": d.rig.links[d.joint].middle}
+
+
+def _strap(d: Draw) -> Parameters:
+    relaxes = d.u(0.15, 0.4)
+    return {"stiffness": 3.0 * d.torque / (d.of("speed") * relaxes), "time_constant": relaxes}
+
+
+def _slosh(d: Draw) -> Parameters:
+    inertia = 2.0 * d.torque / d.of("acceleration")
+    return {"inertia": inertia, "frequency": d.u(9.0, 16.0), "damping": d.u(0.05, 0.15)}
+
+
+def _unbalance(d: Draw) -> Parameters:
+    return {"torque": 2.0 * d.torque, "frequency": d.u(8.0, 25.0), "phase": d.u(-3.0, 3.0)}
+
+
 MAGNITUDES: dict[str, Magnitudes] = {
     "joint.friction_coulomb": lambda d: {"coulomb": d.torque},
     "joint.friction_viscous": lambda d: {"coefficient": 1.5 * d.torque / d.of("speed")},
@@ -201,7 +227,7 @@ MAGNITUDES: dict[str, Magnitudes] = {
     "joint.armature": lambda d: {"inertia": max(
         d.pick(0.5, 0.25, 0.12) * d.of("inertia"), 1.5 * d.torque / d.of("acceleration")
     )},
-    "joint.backlash": lambda d: {"gap": max(d.pick(0.04, 0.018, 0.008), 6.0 * d.noise)},
+    "joint.backlash": lambda d: {"gap": d.seen(d.pick(0.04, 0.018, 0.008), d.noise)},
     "joint.elasticity": _elasticity,
     "joint.hysteresis": _hysteresis,
     "joint.stop": _stop,
@@ -224,16 +250,24 @@ MAGNITUDES: dict[str, Magnitudes] = {
     "body.force_intermittent": _windows,
     "body.drag": lambda d: {"coefficient": d.pick(40.0, 20.0, 10.0)},
     "body.tether": _tether,
-    "sensor.offset": lambda d: {"offset": d.sign() * max(d.pick(0.12, 0.06, 0.03), 10 * d.noise)},
+    "sensor.offset": lambda d: {
+        "offset": d.sign() * d.seen(d.pick(0.12, 0.06, 0.03), d.noise, 10.0),
+    },
     "sensor.scale": lambda d: {"factor": 1.0 + d.sign() * d.pick(0.1, 0.06, 0.03)},
     "sensor.delay": lambda d: {"delay": _delay(d)},
-    "sensor.quantization": lambda d: {"step": max(d.pick(0.04, 0.02, 0.012), 10 * d.noise)},
+    "sensor.quantization": lambda d: {
+        "step": d.seen(d.pick(0.04, 0.02, 0.012), d.noise, 10.0),
+    },
     "world.gravity": lambda d: {"angle": d.pick(0.25, 0.12, 0.06), "direction": d.u(-3.1, 3.1)},
     "outsider.detent": _detent,
     "outsider.eddy_brake": _eddy,
     "outsider.tight_spot": _tight,
     "outsider.flywheel": lambda d: {"momentum": d.pick(1.6, 0.9, 0.5), "axis": d.direction()},
     "outsider.cable": _cable,
+    "outsider.rubber": _rubber,
+    "outsider.strap": _strap,
+    "outsider.slosh": _slosh,
+    "outsider.unbalance": _unbalance,
 }  # fmt: skip
 
 LIBRARY = tuple(effect for effect in MAGNITUDES if not effect.startswith("outsider."))

@@ -161,6 +161,51 @@ class TightSpot(_Bristle):
         return self.number("coulomb") * (1e-3 + math.exp(-0.5 * s * s))
 
 
+class Rubber(JointLaw):
+    """Outsider: a buffer of rubber, a spring that hardens: −stiffness·(q − reference)³."""
+
+    def joint(self, q: float, v: float, drive: float) -> float:
+        """See the class."""
+        return -self.number("stiffness") * (q - self.number("reference")) ** 3
+
+
+class Strap(JointLaw):
+    """Outsider: a strap that creeps (Maxwell): ż = v − z/time_constant, torque −stiffness·z."""
+
+    def bind(self, plant: Plant) -> None:
+        """Slack; the decay over one step is exact."""
+        self._z, self._h = 0.0, plant.h
+        self._keep = math.exp(-plant.h / self.number("time_constant"))
+
+    def joint(self, q: float, v: float, drive: float) -> float:
+        """See the class."""
+        tau = self.number("time_constant")
+        self._z = self._keep * self._z + (1.0 - self._keep) * tau * v
+        return -self.number("stiffness") * self._z
+
+
+class Slosh(JointLaw):
+    """Outsider: a liquid that swings along, a rotor on a spring: natural ``frequency`` [rad/s].
+
+    inertia·ẍ = −k·(x − q) − c·(ẋ − v) with k = inertia·frequency², c = 2·damping·inertia·frequency;
+    the joint feels the opposite.
+    """
+
+    def bind(self, plant: Plant) -> None:
+        """Starts where the joint is, when that is known."""
+        self._h, self._x, self._rate = plant.h, math.nan, 0.0
+
+    def joint(self, q: float, v: float, drive: float) -> float:
+        """See the class; semi-implicit."""
+        if math.isnan(self._x):
+            self._x = q
+        w = self.number("frequency")
+        pull = w * w * (self._x - q) + 2.0 * self.number("damping") * w * (self._rate - v)
+        self._rate -= self._h * pull
+        self._x += self._h * self._rate
+        return self.number("inertia") * pull
+
+
 LAWS: dict[str, type[Law]] = {
     "joint.friction_coulomb": Coulomb,
     "joint.friction_stribeck": Stribeck,
@@ -174,4 +219,7 @@ LAWS: dict[str, type[Law]] = {
     "outsider.detent": Detent,
     "outsider.eddy_brake": Eddy,
     "outsider.tight_spot": TightSpot,
+    "outsider.rubber": Rubber,
+    "outsider.strap": Strap,
+    "outsider.slosh": Slosh,
 }

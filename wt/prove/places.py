@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from wt.prove.rigs import RIGS
+
 # Joints (indices, per rig family) where an effect can be told from its neighbours. Nothing that a
 # vertical first axis cannot feel: offsets and biases there shift a position that nothing else
 # depends on, and mass there is armature. Gears need a link much heavier than the encoder's step.
-_ALL = {"pendulum": (0,), "arm3": (0, 1, 2), "arm6": (0, 1, 2, 3, 4, 5)}
-_GRAVITY = {"pendulum": (0,), "arm3": (1, 2), "arm6": (1, 2, 4)}
+_ALL = {"pendulum": (0,), "arm3": (0, 1, 2), "arm6": (0, 1, 2, 3, 4, 5), "arm2_passive": (0, 1)}
+_GRAVITY = {"pendulum": (0,), "arm3": (1, 2), "arm6": (1, 2, 4), "arm2_passive": (0,)}
 _LOADED = {"pendulum": (0,), "arm3": (1, 2), "arm6": (1, 2)}
-_GEARED = {"pendulum": (0,), "arm3": (0, 1, 2), "arm6": (0, 1, 2, 4)}
+_GEARED = {"pendulum": (0,), "arm3": (0, 1, 2), "arm6": (0, 1, 2, 4), "arm2_passive": (0,)}
 _BODIES = {"arm3": (1, 2), "arm6": (1, 2, 4)}
-_ENDS = {"arm3": (2,), "arm6": (2, 4, 5)}
+_ENDS = {"arm3": (2,), "arm6": (2, 4, 5), "arm2_passive": (1,)}
 _PAIRS = {"arm3": (2,), "arm6": (2, 4)}
 
 PLACES: dict[str, dict[str, tuple[int, ...]]] = {
@@ -58,5 +60,6 @@ MOTIONS: dict[str, tuple[str, str]] = {
 
 def places(effect: str, rig: str) -> tuple[int, ...]:
     """Joints of a rig (by its name) at which an effect is hidden; empty where it cannot be."""
-    family = rig.removesuffix("_motor")
-    return PLACES.get(effect, _ALL).get(family, ())
+    found = PLACES.get(effect, _ALL).get(rig.removesuffix("_motor"), ())
+    driven = [link.driven for link in RIGS[rig].links]
+    return tuple(j for j in found if driven[j] or not effect.startswith("actuator."))

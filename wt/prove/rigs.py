@@ -1,16 +1,19 @@
-"""The robots of the trials, built from primitives: pendulum, three-joint arm, six-joint arm.
+"""The robots of the trials, built from primitives: pendulums and arms of two to six joints.
 
-Each is a chain in open air: no contacts, gravity −z, one actuator a joint. Position servos give
-τ = kp·(u − q) − kv·q̇, motors give τ = u; both are clipped at ``limit``. Links are capsules whose
-masses are given, so that everybody computes the same inertias from the same file.
+Each is a chain in open air: no contacts, gravity −z, one actuator a joint unless it is passive.
+Position servos give τ = kp·(u − q) − kv·q̇, motors give τ = u; both are clipped at ``limit``. Links
+are capsules whose masses are given, so that everybody computes the same inertias from the file.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-RigName = Literal["pendulum", "pendulum_motor", "arm3", "arm3_motor", "arm6"]
+RigName = Literal[
+    "pendulum", "pendulum_motor", "arm2_passive", "arm3", "arm3_motor", "arm6"
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,7 @@ class Link:
         kp: servo stiffness [N·m/rad].
         kv: servo damping [N·m·s/rad].
         limit: largest torque [N·m].
+        driven: whether an actuator drives the joint; gains and limit are 0 if not.
     """
 
     joint: str
@@ -50,6 +54,7 @@ class Link:
     kp: float
     kv: float
     limit: float
+    driven: bool = True
 
 
 @dataclass(frozen=True)
@@ -83,13 +88,27 @@ class Rig:
 
     @property
     def actuators(self) -> tuple[str, ...]:
-        """Actuator names in the order of the joints."""
-        return tuple(f"{link.joint}_drive" for link in self.links)
+        """Actuator names in the order of the joints they drive."""
+        return tuple(f"{link.joint}_drive" for link in self.links if link.driven)
+
+    def hanging(self, pose: Iterable[float]) -> list[float]:
+        """A pose [rad] with its passive joints hanging down, in a chain of parallel axes."""
+        found: list[float] = []
+        for link, angle in zip(self.links, pose, strict=True):
+            found.append(float(angle) if link.driven else -sum(found))
+        return found
 
 
 PENDULUM = (
     Link("hinge", "rod", "0 1 0", (0.0, 0.0, 1.0), (0.0, 0.0, -0.4), 1.2, 0.03,
          (-2.6, 2.6), 0.4, 1.2, 0.01, 0.05, 30.0, 2.0, 30.0),
+)  # fmt: skip
+
+PASSIVE = (
+    Link("crank", "crank_arm", "0 1 0", (0.0, 0.0, 1.0), (0.0, 0.0, -0.3), 1.0, 0.03,
+         (-2.6, 2.6), 0.3, 0.6, 0.02, 0.1, 60.0, 3.5, 40.0),
+    Link("trailer", "bob", "0 1 0", (0.0, 0.0, -0.3), (0.0, 0.0, -0.25), 0.6, 0.025,
+         (-3.1, 3.1), 0.0, 1.0, 0.001, 0.02, 0.0, 0.0, 0.0, driven=False),
 )  # fmt: skip
 
 ARM3 = (
@@ -119,6 +138,7 @@ ARM6 = (
 RIGS: dict[str, Rig] = {
     "pendulum": Rig("pendulum", PENDULUM, False, 0.00025, 1.2),
     "pendulum_motor": Rig("pendulum_motor", PENDULUM, True, 0.00025, 1.2),
+    "arm2_passive": Rig("arm2_passive", PASSIVE, False, 0.0005, 0.9),
     "arm3": Rig("arm3", ARM3, False, 0.0005, 1.0),
     "arm3_motor": Rig("arm3_motor", ARM3, True, 0.0005, 1.0),
     "arm6": Rig("arm6", ARM6, False, 0.0005, 1.0),
@@ -145,7 +165,7 @@ def nominal_xml(rig: Rig, step: float = 0.002, gain: float = 1.0, gyro: bool = F
         )
     last = rig.links[-1]
     body += f'<site name="tip" pos="{_text(last.to)}"/>' + "</body>" * len(rig.links)
-    drives = "".join(_drive(rig, link, gain) for link in rig.links)
+    drives = "".join(_drive(rig, link, gain) for link in rig.links if link.driven)
     sensors = f'<jointpos name="encoder" joint="{rig.joints[0]}"/><gyro name="gyro" site="tip"/>'
     return (
         f'<mujoco model="{rig.name}">\n'

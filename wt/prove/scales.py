@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,19 +55,32 @@ def scales(name: str) -> Scales:
     for seed, kind in enumerate(("multisine", "triangle", "jumps", "moves")):
         rng = np.random.default_rng(seed)
         path = reference(kind, t, middle, amplitude, rig.tempo, rng)
-        traces[kind] = plant.run(path[0], steps, lambda k, q, v, path=path: path[k], 500)  # type: ignore[misc]
+        start = np.array(rig.hanging(path[0]))
+        traces[kind] = plant.run(start, steps, _follow(path), 500)
     usual = [traces["multisine"], traces["moves"]]
     tau = np.concatenate([trace.fine_tau for trace in usual])
     v = np.concatenate([trace.fine_v for trace in usual])
     wave, q = traces["multisine"].fine_v, traces["moves"].fine_q
+    inertia = np.array([plant.inertia(i) for i in range(len(rig.links))])
+    acceleration = np.sqrt(((np.diff(wave, axis=0) / plant.h) ** 2).mean(axis=0))
+    driven = np.array([link.driven for link in rig.links])
+
+    def drives(torque: Array) -> Array:
+        # nothing drives a passive joint: what counts there is what swings it
+        return np.where(driven, torque, inertia * acceleration)
+
     return Scales(
-        torque=np.sqrt((tau**2).mean(axis=0)),
-        hold=np.quantile(np.abs(traces["triangle"].fine_tau), 0.95, axis=0),
-        peak=np.quantile(np.abs(traces["jumps"].fine_tau), 0.99, axis=0),
+        torque=drives(np.sqrt((tau**2).mean(axis=0))),
+        hold=drives(np.quantile(np.abs(traces["triangle"].fine_tau), 0.95, axis=0)),
+        peak=drives(np.quantile(np.abs(traces["jumps"].fine_tau), 0.99, axis=0)),
         speed=np.sqrt((v**2).mean(axis=0)),
         dash=np.quantile(np.abs(traces["jumps"].fine_v), 0.99, axis=0),
-        acceleration=np.sqrt(((np.diff(wave, axis=0) / plant.h) ** 2).mean(axis=0)),
+        acceleration=acceleration,
         low=np.quantile(q, 0.1, axis=0),
         high=np.quantile(q, 0.9, axis=0),
-        inertia=np.array([plant.inertia(i) for i in range(len(rig.links))]),
+        inertia=inertia,
     )
+
+
+def _follow(path: Array) -> Callable[[int, Array, Array], Array]:
+    return lambda row, q, v: np.asarray(path[row])

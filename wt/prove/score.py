@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from wt.prove import machine
 from wt.prove.cases import Case, Truth
+from wt.prove.machine import Machine
 from wt.prove.rigs import RIGS
 
 Finding = Mapping[str, Any]
@@ -52,6 +54,8 @@ PARAMETERS: dict[str, tuple[str, ...]] = {
 
 ANGLES = ("phase", "direction")
 """Parameters that are the same a turn later."""
+_END = 1.959964
+"""Standard deviations from the middle of a normal distribution to the end of its middle 95 %."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,9 @@ class Score:
             difference over the length; of angles the difference [rad].
         covered: parameter → whether its 95 % interval holds the truth, where one was given.
         after: held-out RMSE after over the noise floor; NaN where none was given.
+        said: for each hidden effect what was said at its place, "" if nothing was.
+        off: parameter → how far the truth is from the estimate in standard deviations, taken from
+            the end of the 95 % interval on the truth's side; of vectors ``name[i]``.
     """
 
     location: bool | None
@@ -76,6 +83,8 @@ class Score:
     errors: Mapping[str, float] = field(default_factory=dict)
     covered: Mapping[str, bool] = field(default_factory=dict)
     after: float = float("nan")
+    said: tuple[str, ...] = ()
+    off: Mapping[str, float] = field(default_factory=dict)
 
 
 def score(diagnosis: Mapping[str, Any], case: Case) -> Score:
@@ -88,70 +97,76 @@ def score(diagnosis: Mapping[str, Any], case: Case) -> Score:
         diagnosis: the diagnosis JSON as a dict.
         case: what was hidden.
     """
-    findings: Sequence[Finding] = diagnosis["findings"]
+    return mark(diagnosis, case.truth, machine.of_rig(RIGS[case.rig]), case.excused)
+
+
+def mark(
+    diagnosis: Mapping[str, Any],
+    truth: Sequence[Truth],
+    names: Machine,
+    excused: Sequence[tuple[str, str, str]] = (),
+) -> Score:
+    """Mark a diagnosis against what was hidden in a machine.
+
+    Args:
+        diagnosis: the diagnosis JSON as a dict.
+        truth: what was hidden.
+        names: which of the machine's names are one place.
+        excused: (effect, kind, name) that may be said beyond it.
+    """
+    findings = [
+        finding
+        for finding in diagnosis["findings"]
+        if (finding["effect"], finding["at"]["kind"], finding["at"]["name"]) not in excused
+    ]
     after = _after(diagnosis)
-    if not case.truth:
+    if not truth:
         return Score(None, None, None, len(findings), after=after)
-    first = list(findings[: len(case.truth)])
-    found = _match(case, first)
-    named = {i: f for i, f in found.items() if f["effect"] == case.truth[i].effect}
+    found = _match(truth, names, findings[: len(truth)])
+    named = {i: f for i, f in found.items() if f["effect"] == truth[i].effect}
     errors: dict[str, float] = {}
     covered: dict[str, bool] = {}
+    off: dict[str, float] = {}
     for i, finding in named.items():
-        _mark_parameters(case.truth[i], finding, errors, covered)
-    every = range(len(case.truth))
+        _mark_parameters(truth[i], finding, errors, covered, off)
+    every = range(len(truth))
     return Score(
-        location=len(found) == len(case.truth),
-        effect=len(named) == len(case.truth),
+        location=len(found) == len(truth),
+        effect=len(named) == len(truth),
         effect_top_or_confusable=all(
-            i in found and case.truth[i].effect in _names(found[i]) for i in every
+            i in found and truth[i].effect in _names(found[i]) for i in every
         ),
-        false_claims=max(len(findings) - len(case.truth), 0),
+        false_claims=max(len(findings) - len(truth), 0),
         errors=errors,
         covered=covered,
         after=after,
+        said=tuple(found[i]["effect"] if i in found else "" for i in every),
+        off=off,
     )
 
 
-def _match(case: Case, findings: list[Finding]) -> dict[int, Finding]:
+def _match(
+    truth: Sequence[Truth], names: Machine, findings: Sequence[Finding]
+) -> dict[int, Finding]:
     """Truth index → the finding at its place, those with the right effect first."""
     found: dict[int, Finding] = {}
     left = list(findings)
     for exact in (True, False):
-        for i, truth in enumerate(case.truth):
+        for i, one in enumerate(truth):
             for finding in left:
-                right = not exact or finding["effect"] == truth.effect
-                if i not in found and right and same_place(case, truth, finding):
+                right = not exact or finding["effect"] == one.effect
+                if i not in found and right and _same_place(one, names, finding):
                     found[i] = finding
                     left.remove(finding)
                     break
     return found
 
 
-def same_place(case: Case, truth: Truth, finding: Finding) -> bool:
-    """Whether a finding is where the truth is.
-
-    A joint and the actuator that drives it are one place, as are a pair in either order, and a
-    joint or its encoder. Bodies must be exact: no rig has two of its own bodies welded together.
-    """
-    at = (finding["at"]["kind"], finding["at"]["name"])
+def _same_place(truth: Truth, names: Machine, finding: Finding) -> bool:
+    """Whether a finding is where the truth is, or at a place that is as right."""
     right = [(truth.kind, truth.name), *truth.accept]
-    return _canonical(case, *at) in [_canonical(case, *place) for place in right]
-
-
-def _canonical(case: Case, kind: str, name: str) -> tuple[str, str]:
-    rig = RIGS[case.rig]
-    if name in rig.actuators:
-        return "joint", name.removesuffix("_drive")
-    if kind == "sensor" and name == "encoder":
-        return "joint", rig.joints[0]
-    if kind == "pair" or "+" in name:
-        return "pair", "+".join(sorted(part.removesuffix("_drive") for part in name.split("+")))
-    if name in rig.joints:
-        return "joint", name
-    if name in ("all", "world"):
-        return "whole", name
-    return kind, name
+    at = finding["at"]
+    return names.place(at["kind"], at["name"]) in [names.place(*place) for place in right]
 
 
 def _names(finding: Finding) -> list[str]:
@@ -159,11 +174,15 @@ def _names(finding: Finding) -> list[str]:
 
 
 def _mark_parameters(
-    truth: Truth, finding: Finding, errors: dict[str, float], covered: dict[str, bool]
+    truth: Truth,
+    finding: Finding,
+    errors: dict[str, float],
+    covered: dict[str, bool],
+    off: dict[str, float],
 ) -> None:
     for name in PARAMETERS.get(truth.effect, ()):
         said = finding["parameters"].get(name)
-        if said is None:
+        if said is None or name not in truth.parameters:
             continue
         key = f"{truth.effect}.{name}"
         right = np.atleast_1d(np.asarray(truth.parameters[name], dtype=float))
@@ -177,24 +196,35 @@ def _mark_parameters(
             errors[key] = float(np.abs(error).max())
         else:
             errors[key] = float(np.linalg.norm(error)) / max(float(np.linalg.norm(right)), 1e-12)
-        ci = said.get("ci95")
-        if ci is not None and name != "side":
-            inside = _inside(np.asarray(ci, dtype=float), value, right, error)
-            if inside is not None:
-                covered[key] = inside
+        ends = _ends(said.get("ci95"), value.size)
+        if ends is not None and name != "side":
+            # an angle is compared near the said value, wherever the turn was cut
+            near = value - error
+            covered[key] = bool(((ends[:, 0] <= near) & (near <= ends[:, 1])).all())
+            for i, distance in enumerate(_distances(value, near, ends)):
+                off[key if value.size == 1 else f"{key}[{i}]"] = distance
 
 
-def _inside(ci: np.ndarray, value: np.ndarray, right: np.ndarray, error: np.ndarray) -> bool | None:
-    """Whether intervals hold the truth, for all elements; [low, high] or one such pair each."""
-    if ci.shape == (2,) and right.size == 1:
-        ci = ci[None]
-    if ci.shape != (right.size, 2):
-        ci = ci.T
-    if ci.shape != (right.size, 2):
+def _ends(interval: object, size: int) -> np.ndarray | None:
+    """Lower and upper ends of a parameter's intervals, (size, 2); None where none was given.
+
+    A vector's may be given as (lower ends, upper ends), or as one pair for each element.
+    """
+    if interval is None:
         return None
-    # an angle is compared near the said value, wherever the turn was cut
-    near = value - error
-    return bool(((ci[:, 0] <= near) & (near <= ci[:, 1])).all())
+    ends = np.asarray(interval, dtype=float)
+    ends = ends[None] if ends.shape == (2,) and size == 1 else ends
+    ends = ends.T if ends.shape != (size, 2) else ends
+    return ends if ends.shape == (size, 2) else None
+
+
+def _distances(value: np.ndarray, right: np.ndarray, ends: np.ndarray) -> list[float]:
+    """Truth less estimate, in standard deviations by the interval's end on the truth's side."""
+    above = right >= value
+    half = np.where(above, ends[:, 1] - value, value - ends[:, 0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = (right - value) / half * _END
+    return [float(d) for d in np.where(right == value, 0.0, distance)]
 
 
 def _after(diagnosis: Mapping[str, Any]) -> float:

@@ -122,7 +122,8 @@ def measure(
     if sensing.missing == "nan":
         lost = rng.random(len(q)) < sensing.drops
         lost[[0, -1]] = False
-    columns = {f"ctrl/{a}": trace.u[:, i] for i, a in enumerate(rig.actuators)}
+    driven = [i for i, link in enumerate(rig.links) if link.driven]
+    columns = {f"ctrl/{a}": trace.u[:, i] for i, a in zip(driven, rig.actuators, strict=True)}
     speed = _velocity(sensing, measured, v, steps * trace.h, rng)
     for i, joint in enumerate(rig.joints):
         columns[f"qpos/{joint}"] = np.where(lost, np.nan, measured[:, i])

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wt.prove import body_laws, drive_laws, joint_laws
-from wt.prove.cases import Case
+from wt.prove.cases import Case, Truth
 from wt.prove.hidden import Law, Plant, Trace
 from wt.prove.motions import reference
 from wt.prove.rigs import RIGS, Rig, nominal_xml
@@ -19,6 +19,8 @@ from wt.types import Recording
 Array = np.ndarray
 LAWS: dict[str, type[Law]] = drive_laws.LAWS | joint_laws.LAWS | body_laws.LAWS
 LEAD_S = 1.5  # the robot settles under the first command
+_OUTER_KP = 0.4
+"""Stiffness of the controller outside the model, as a share of the servo's."""
 
 
 @dataclass(frozen=True)
@@ -65,26 +67,30 @@ def build(case: Case) -> World:
     )
 
 
-def hidden_plant(case: Case, bare: bool = False) -> Plant:
-    """The hidden world of a case, or the same robot with nothing but its few per cent (bare)."""
+def hidden_plant(case: Case, hidden: Sequence[Truth] | None = None) -> Plant:
+    """The hidden world of a case, with all that is hidden in it or with a part of that."""
     rig = RIGS[case.rig]
-    laws: list[Law] = []
-    for truth in () if bare else case.truth:
-        if truth.law in LAWS:  # sensors are not in the world
-            rng = np.random.default_rng([case.seed, 2, len(laws)])
-            laws.append(LAWS[truth.law](truth.name, truth.parameters, rng))
+    acting = [truth for truth in case.truth if truth.law in LAWS]  # sensors are not in the world
+    laws = [
+        LAWS[truth.law](truth.name, truth.parameters, np.random.default_rng([case.seed, 2, i]))
+        for i, truth in enumerate(acting)
+        if hidden is None or truth in hidden
+    ]
     rng = np.random.default_rng([case.seed, 3])
     shape = (2, len(rig.links))
     off = 1.0 + rng.choice([-1.0, 1.0], shape) * rng.uniform(0.01, 0.03, shape)
+    if case.decoy == "wrong_mass":
+        wrong = rig.bodies.index(case.excused[0][2])
+        off[0, wrong] = 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(0.06, 0.1)
     return Plant(rig, laws, case.gain, off)
 
 
-def sensor_effects(case: Case) -> list[SensorEffect]:
-    """What is wrong with the sensors of a case."""
+def sensor_effects(case: Case, hidden: Sequence[Truth] | None = None) -> list[SensorEffect]:
+    """What is wrong with the sensors of a case, or a part of that."""
     return [
         (truth.law, truth.name, truth.parameters)
         for truth in case.truth
-        if truth.law.startswith("sensor.")
+        if truth.law.startswith("sensor.") and (hidden is None or truth in hidden)
     ]
 
 
@@ -95,7 +101,7 @@ def record(case: Case, plant: Plant, index: int) -> tuple[Trace, Array]:
     steps = sample_steps(case.sensing, case.seconds, plant.h, rng)
     path = _path(case, rig, case.motions[index], steps * plant.h, rng)
     controller = _motor_loop(rig, path, steps * plant.h) if rig.motor else _commands(path)
-    trace = plant.run(path[0], steps, controller, round(LEAD_S / plant.h))
+    trace = plant.run(np.array(rig.hanging(path[0])), steps, controller, round(LEAD_S / plant.h))
     return trace, steps
 
 
@@ -103,8 +109,9 @@ def _path(case: Case, rig: Rig, kind: str, t: Array, rng: np.random.Generator) -
     middle = np.array([link.middle for link in rig.links])
     amplitude = np.array([link.amplitude for link in rig.links])
     if case.decoy == "poor_excitation":
-        lazy = np.random.default_rng([case.seed, 5]).integers(len(rig.links))
-        amplitude[lazy] *= 0.02
+        driven = [i for i, link in enumerate(rig.links) if link.driven]
+        lazy = np.random.default_rng([case.seed, 5]).integers(len(driven))
+        amplitude[driven[lazy]] *= 0.02
     return reference(kind, t, middle, amplitude, rig.tempo, rng)
 
 
@@ -116,7 +123,7 @@ def _motor_loop(rig: Rig, path: Array, t: Array) -> Callable[[int, Array, Array]
     """A PD controller with gravity compensation outside the model: its torque is the command."""
     nominal = Plant(rig, [], 1.0, np.ones((2, len(rig.links))))
     # softer than the servos, since it acts at the sampling rate
-    kp, kv = 0.4 * nominal.kp, 0.5 * nominal.kv
+    kp, kv = _OUTER_KP * nominal.kp, 0.5 * nominal.kv
     hold = nominal.gravity_torques(path)
     speed = np.gradient(path, t, axis=0)
     limit = nominal.limit
@@ -129,20 +136,40 @@ def _motor_loop(rig: Rig, path: Array, t: Array) -> Callable[[int, Array, Array]
 
 
 def visibility(case: Case) -> float:
-    """Rms change of recorded positions by what is hidden, over their noise.
+    """Rms change of recordings by what is hidden, over their noise; see :func:`visibilities`."""
+    return _change(case, case.truth, ())
 
-    At the joint and in the fit recording where it is largest; sensor effects are counted too.
+
+def visibilities(case: Case) -> tuple[float, ...]:
+    """For each hidden effect the rms change that it makes in the recordings, over their noise.
+
+    It is the change of positions at the joint and in the fit recording where it is largest, the
+    other hidden effects acting in both worlds; sensor effects are counted too. The controller of
+    a torque-controlled rig is outside the model and hides in its commands what a servo shows in
+    positions: there, the change of its torque over its stiffness counts as well.
     """
+    return tuple(
+        _change(case, case.truth, tuple(other for other in case.truth if other is not truth))
+        for truth in case.truth
+    )
+
+
+def _change(case: Case, some: Sequence[Truth], others: Sequence[Truth]) -> float:
     rig = RIGS[case.rig]
-    plants = [hidden_plant(case, bare) for bare in (False, True)]
     sharp = replace(case.sensing, noise=0.0, bits=30, drops=0.0)
+    stiffness = np.array([_OUTER_KP * link.kp for link in rig.links])
     change = 0.0
     for index in range(len(case.motions) - 1):
-        seen, plain = (
-            measure(rig, sharp, *record(case, plant, index), effects, np.random.default_rng(0))[0]
-            for plant, effects in zip(plants, (sensor_effects(case), []), strict=True)
-        )
-        for joint in rig.joints:
-            apart = seen[f"qpos/{joint}"] - plain[f"qpos/{joint}"]
-            change = max(change, float((apart**2).mean()))
+        seen, sent = [], []
+        for hidden in (some, others):
+            trace, steps = record(case, hidden_plant(case, hidden), index)
+            found = measure(
+                rig, sharp, trace, steps, sensor_effects(case, hidden), np.random.default_rng(0)
+            )[0]
+            seen.append(np.stack([found[f"qpos/{joint}"] for joint in rig.joints]))
+            sent.append(trace.u.T)
+        apart = ((seen[0] - seen[1]) ** 2).mean(axis=1)
+        if rig.motor:
+            apart = np.maximum(apart, (((sent[0] - sent[1]).T / stiffness) ** 2).mean(axis=0))
+        change = max(change, float(apart.max()))
     return math.sqrt(change) / case.sensing.position_noise

@@ -1,0 +1,77 @@
+"""Real machines become cases of which nobody knows the truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wt.errors import DataError
+from wt.prove import bench, real, replay
+from wt.prove.folder import Folder, Plan
+from wt.prove.real import MACHINES, present, write_case
+from wt.prove.results import summary
+
+
+def test_no_motion_is_both_fitted_and_held_out() -> None:
+    for machine in MACHINES:
+        assert not set(machine.fit) & set(machine.holdout)
+
+
+def test_a_folder_without_them_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="holds recordings of none of so101"):
+        present(tmp_path)
+    (tmp_path / "bam_xl330").mkdir()
+    assert [machine.name for machine in present(tmp_path)] == ["servo_bench"]
+    with pytest.raises(DataError, match=r"no motion .*kp200_sin_sin.json'"):
+        write_case(present(tmp_path)[0], tmp_path, tmp_path / "case")
+
+
+def test_the_servo_bench_as_a_case(
+    shared: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    home = tmp_path / "recordings"
+    home.mkdir()
+    (home / "bam_xl330").symlink_to(shared / "recordings" / "bam_xl330")
+    monkeypatch.setattr(bench, "cases", lambda set, seed: [])
+    monkeypatch.setattr(bench, "chosen", lambda set, only, seed: [])
+    plan = Plan("full", "", 0, ("coulomb",), "", "this code", str(home))
+    trial = Folder.begin(tmp_path / "trial", plan)
+    bench.make(trial, 1, lambda what, share: None)
+    (name,) = trial.manifest
+    assert sorted(path.name for path in (trial.cases / name).glob("*.parquet")) == [
+        "fit-1.parquet", "fit-2.parquet", "holdout-1.parquet",
+    ]  # fmt: skip
+    measured = replay.read(
+        trial.cases / name / "robot.xml", [trial.cases / name / "holdout-1.parquet"]
+    )
+    # published open-loop errors of models with fitted friction are .05 to .09 rad
+    assert 0.05 < replay.rmse(trial.cases / name / "robot.xml", measured) < 0.5
+
+
+def test_the_repeat_floor_of_the_arm(shared: Path, tmp_path: Path) -> None:
+    """Published for this arm (median of 61 pairs, runs apart): pan .004, lift .005, elbow .014."""
+    arm = next(machine for machine in MACHINES if machine.name == "so101")
+    floor = real._floor(arm, shared / "recordings" / "so101")
+    apart = {joint: np.sqrt(2.0) * deviation for joint, deviation in floor.items()}
+    assert apart["shoulder_pan"] == pytest.approx(0.004, rel=0.5)
+    assert apart["shoulder_lift"] == pytest.approx(0.005, rel=0.6)
+    assert apart["elbow_flex"] == pytest.approx(0.014, rel=0.5)
+
+
+def test_they_count_in_no_score() -> None:
+    row = {
+        "name": "real-arm", "kind": "real", "rig": "arm", "decoy": "", "truth": [],
+        "before_rmse": 0.02, "after_rmse": {"coulomb": 0.01}, "noise_rms": 0.005,
+        "said": {"coulomb": {"seconds": 1.0, "error": "", "findings": [], "marks": {
+            "false_claims": 3, "off": {}, "errors": {}, "said": [],
+            "effect_top_or_confusable": None}}},
+    }  # fmt: skip
+    found = summary([row], ["coulomb"])
+    assert found["scores"]["coulomb"]["false_alarms"]["of"] == 0
+    assert found["confusion"]["coulomb"] == {}
+    assert found["machines"] == [
+        {"name": "arm", "before_rmse": 0.02, "after_rmse": {"coulomb": 0.01},
+         "repeat_rmse": 0.005, "findings": {"coulomb": []}},
+    ]  # fmt: skip

@@ -1,0 +1,205 @@
+"""The trial from beginning to end: make and seal, diagnose blind, record, open, mark.
+
+Every phase leaves its work on disk and finds it again, so that an interrupted trial is continued.
+The key of the seals is read in one place, :func:`opened`, which first makes sure that everything
+that was said is in the ledger and unchanged.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import hmac
+import json
+import multiprocessing
+import shutil
+import signal
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from wt.data import recording as recordings
+from wt.errors import ConfigError
+from wt.prove import blind, contenders, real
+from wt.prove.answer import Answer, from_json, of_case
+from wt.prove.blind import Job
+from wt.prove.cases import Case, cases
+from wt.prove.folder import SEALED, Folder, write_json
+from wt.prove.seal import new_key, seal, sha256, unseal
+from wt.prove.world import build, visibilities
+
+Report = Callable[[str, float], None]
+"""Called with (what is being done, share of the whole 0…1)."""
+
+_BUILT, _DIAGNOSED = 0.1, 0.95
+"""Shares of the whole after which cases are built and diagnosed."""
+
+
+def chosen(set: str, only: str, seed: int) -> list[Case]:
+    """The cases of a set whose names match a pattern, or contain it.
+
+    Raises:
+        ConfigError: there is no such set, or none matches.
+    """
+    pattern = only if "*" in only else f"*{only}*"
+    found = [case for case in cases(set, seed) if fnmatch.fnmatch(case.name, pattern)]
+    if not found:
+        raise ConfigError(
+            f"--only '{only}' matches no case of the set '{set}'; "
+            "give a part of a case's name, such as 'arm6-joint.backlash'"
+        )
+    return found
+
+
+def make(folder: Folder, jobs: int, say: Report) -> None:
+    """Build the cases that are not there yet, seal their answers, and publish the manifest."""
+    if folder.plan.brought or (folder.path / "manifest.json").exists():
+        return
+    key = folder.kept_key
+    if key is None:
+        key = new_key()
+        folder.keep_key(key)
+    every = chosen(folder.plan.set, folder.plan.only, folder.plan.seed)
+    left = [case for case in every if not (folder.cases / alias(case.name, key)).exists()]
+    done = len(every) - len(left)
+    with workers(min(jobs, len(left))) as pool:
+        for future in as_completed(pool.submit(make_one, c, folder.cases, key) for c in left):
+            future.result()
+            done += 1
+            say(f"made {done} of {len(every)} cases", _BUILT * done / len(every))
+    _take_in(folder, key)
+    publish(folder.path)
+
+
+def _take_in(folder: Folder, key: bytes) -> None:
+    """Write the cases of real machines, if they take part."""
+    home = Path(folder.plan.machines)
+    for machine in real.present(home) if folder.plan.machines else ():
+        name = alias(machine.name, key)
+        if not (folder.cases / name).exists():
+            part = folder.cases / f".{name}.part"
+            write_sealed(part, name, real.write_case(machine, home, part), key)
+            part.rename(folder.cases / name)
+
+
+def publish(home: Path) -> None:
+    """Write the manifest of the cases in a folder; each has its commitment beside its seal."""
+    entries = {}
+    for case in sorted(path for path in (home / "cases").iterdir() if path.name[0] != "."):
+        files = [file for file in sorted(case.iterdir()) if file.name != "commitment"]
+        entries[case.name] = {
+            "files": {file.name: sha256(file) for file in files},
+            "commitment": (case / "commitment").read_text().strip(),
+        }
+    write_json(home / "manifest.json", {"schema": 1, "cases": entries})
+
+
+def alias(name: str, key: bytes) -> str:
+    """A case's name while it is sealed, which says nothing; their order says nothing either."""
+    return f"case-{hmac.digest(key, name.encode(), 'sha256').hex()[:8]}"
+
+
+def make_one(case: Case, folder: Path, key: bytes) -> None:
+    """Simulate a case and write what may be seen of it, with its answer sealed."""
+    name, world = alias(case.name, key), build(case)
+    part = folder / f".{name}.part"
+    shutil.rmtree(part, ignore_errors=True)
+    part.mkdir(parents=True)
+    (part / "robot.xml").write_text(world.nominal_xml)
+    meta = {"robot": case.rig, "source": "concealed trial"}
+    for kind, some in (("fit", world.fit), ("holdout", world.holdout)):
+        for i, one in enumerate(some, 1):
+            recordings.write(replace(one, meta=meta), part / f"{kind}-{i}.parquet")
+    answer = of_case(case, visibilities(case), world.noise_rms)
+    write_sealed(part, name, answer, key)
+    part.rename(folder / name)
+
+
+def write_sealed(case: Path, name: str, answer: Answer, key: bytes) -> None:
+    """Write an answer's seal and the commitment to it into a case's folder."""
+    sealed, committed = seal(answer.to_json(), name, key)
+    (case / SEALED).write_bytes(sealed)
+    (case / "commitment").write_text(committed + "\n")
+
+
+def diagnose(folder: Folder, jobs: int, say: Report) -> None:
+    """Let everybody work on every case, blind, and record what was said."""
+    if (folder.path / "ledger.json").exists():
+        return
+    every = [(who, name) for who in folder.plan.who for name in folder.manifest]
+    done = 0
+    # rivals after us: they have the time that we took
+    for who in folder.plan.who:
+        todo = [
+            _job(folder, who, name)
+            for name in folder.manifest
+            if not folder.said(who, name).exists()
+        ]
+        done += len(folder.manifest) - len(todo)
+        for _ in blind.run(todo, jobs):
+            done += 1
+            share = _BUILT + (_DIAGNOSED - _BUILT) * done / len(every)
+            say(f"{done} of {len(every)} diagnoses", share)
+    folder.write_ledger()
+
+
+def _job(folder: Folder, who: str, name: str) -> Job:
+    budget = contenders.LIMIT_S
+    if who != contenders.OURS and contenders.OURS in folder.plan.who:
+        budget = ran(folder, contenders.OURS, name)["seconds"]
+    return Job(
+        case=folder.cases / name,
+        out=folder.said(who, name),
+        program=contenders.program(who, budget),
+        closed=contenders.closed(who, folder.path, folder.home),
+        limit_s=contenders.limit(who, budget),
+    )
+
+
+def ran(folder: Folder, who: str, name: str) -> dict[str, Any]:
+    """How a diagnosis went: ``seconds`` and ``error``."""
+    found: dict[str, Any] = json.loads((folder.said(who, name) / blind.RAN).read_text())
+    return found
+
+
+def opened(folder: Folder, key: bytes | None = None) -> dict[str, Answer]:
+    """Open the seals, now that all is said: the answer of every case.
+
+    Args:
+        folder: the trial.
+        key: that of cases of others; our own is in the folder.
+
+    Raises:
+        WorkError: not everything is recorded, or was changed since.
+        DataError: the key is not the right one, or an answer cannot be read.
+    """
+    _ = folder.ledger  # refuses where something is missing or was changed
+    key = key or folder.kept_key
+    if key is None:
+        raise ConfigError("the seals are not ours: give --key, as those who sealed them have it")
+    answers, shown = {}, {}
+    for name, entry in folder.manifest.items():
+        sealed = (folder.cases / name / SEALED).read_bytes()
+        inside, salt = unseal(sealed, name, key, entry["commitment"])
+        answers[name] = from_json(inside, name)
+        shown[name] = {"salt": salt, "answer": inside}
+    write_json(folder.path / "answers.json", {"key": key.hex(), "cases": shown})
+    return answers
+
+
+@contextmanager
+def workers(count: int) -> Iterator[ProcessPoolExecutor]:
+    """Processes that leave Ctrl-C to us; what they have not begun is dropped then."""
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(max(count, 1), context, _deaf) as pool:
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+def _deaf() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,0 +1,209 @@
+"""``report.html`` of a trial: scores, confusions, power, calibration and every case, on one page.
+
+The page needs nothing but a browser; it shares styles and pieces with the report of a diagnosis.
+"""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Callable, Mapping, Sequence
+from importlib import resources
+from string import Template
+from typing import Any
+
+import numpy as np
+
+from wt.diagnose.page import section, table, text
+from wt.prove.page_tables import cases, confusion, first, machines
+from wt.prove.results import LABELS, Results, cell, title
+from wt.prove.tally import SEEN
+from wt.show.charts import Axes, Series, chart
+
+STYLE = """<style>
+table.heat { width: auto; font-size: 12.5px }
+.heat td { text-align: center; padding: 3px 4px; min-width: 24px }
+.heat td.name { text-align: left; padding-left: 0 }
+.heat th { font-weight: 500; font-size: 12px; vertical-align: bottom; padding: 3px 4px }
+.heat th.up { writing-mode: vertical-rl; transform: rotate(180deg); white-space: nowrap }
+.heat td.same { outline: 2px solid var(--ok); outline-offset: -2px }
+.strip { width: 320px; max-width: 100% } .strip .axis { stroke: var(--line) }
+.strip .limit { stroke: var(--soft); stroke-dasharray: 2 3 }
+.strip .hit { fill: var(--after) }
+.strip .miss { fill: none; stroke: var(--before); stroke-width: 2 }
+.strip .near { fill: none; stroke: var(--after); stroke-width: 2 }
+.ok { color: var(--ok) } .bad { color: var(--before) }
+</style>"""
+_LOW, _HIGH = 0.1, 1e4
+"""Ends of the scale of effect over noise."""
+_BINS = np.array([0.1, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e4])
+
+
+def page(results: Results) -> str:
+    """The page, for ``results.json``."""
+    template = resources.files("wt.diagnose").joinpath("report.html").read_text(encoding="utf-8")
+    parts: tuple[Callable[[Results], str], ...] = (
+        _opening, _scores, machines, _power, confusion, _calibration, cases, _sealed,
+    )  # fmt: skip
+    body = "\n".join(part(results) for part in parts)
+    return Template(template).substitute(title="Trial of wt diagnose", shades="", body=STYLE + body)
+
+
+def _opening(results: Results) -> str:
+    who = first(results)
+    scores = results["scores"][who]
+    place, effect, alarms = (scores[k] for k in ("location", "effect", "false_alarms"))
+    said = []
+    if place["of"]:
+        said.append(
+            f"Found the place of {place['right']} of {place['of']} hidden effects, and named "
+            f"{effect['right']} of {effect['of']} that are in its vocabulary."
+        )
+    if alarms["of"]:
+        said.append(
+            f"Accused {alarms['right']} of {alarms['of']} machines in which nothing is hidden."
+        )
+    tiles = "".join(
+        f"<div><b>{text(cell(name, scores[name]))}</b><span>{text(LABELS[name])}</span></div>"
+        for name in ("location", "effect", "false_alarms", "coverage", "unknown", "error_left")
+        if cell(name, scores[name]) != "–"
+    )
+    what = f"set {results['set']}, seed {results['seed']}" if results["set"] else "cases of others"
+    return (
+        f"<header><h1>Trial of <strong>{text(title(who))}</strong> on {len(results['cases'])} "
+        f'concealed cases, {text(what)}</h1><ul class="lead">'
+        f"{''.join(f'<li>{text(s)}</li>' for s in said)}</ul>"
+        f'<div class="figures">{tiles}</div></header>'
+    )
+
+
+def _scores(results: Results) -> str:
+    everybody = list(results["scores"])
+    wanted = {t["score"]: t for t in results["targets"]}
+    rows = []
+    for name, label in LABELS.items():
+        scores = [results["scores"][who].get(name) for who in everybody]
+        cells = [cell(name, score) for score in scores]
+        if all(c == "–" for c in cells):
+            continue
+        target = wanted.get(name)
+        goal, css = "", ""
+        if target is not None:
+            goal = f"{100 * target['from']:.0f} to {100 * target['to']:.0f} %"
+            css = {True: " ok", False: " bad", None: ""}[target["met"]]
+        rows.append(
+            f'<tr><td class="name">{text(label)}</td><td class="n">{_of(scores[0])}</td>'
+            + "".join(
+                f'<td class="n{css if i == 0 else ""}">{text(c)}</td>' for i, c in enumerate(cells)
+            )
+            + f'<td class="n">{text(goal)}</td></tr>'
+        )
+    head = ("", "#of", *(f"#{title(who)}" for who in everybody), "#wanted")
+    said = (
+        f"Places and effects count where the effect changes the recordings by more than {SEEN:g} "
+        "times their noise. Held-out errors are those of the patched MJCF in plain MuJoCo."
+    )
+    return section("Scores", said, table(head, rows))
+
+
+def _of(score: object) -> str:
+    """Of how many, and between which shares the truth lies, if it is a share."""
+    if not isinstance(score, dict) or score["ci95"] is None:
+        return ""
+    low, high = (100 * end for end in score["ci95"])
+    return f'<span title="95 % interval of ours: {low:.0f} to {high:.0f} %">{score["of"]}</span>'
+
+
+def _power(results: Results) -> str:
+    who = first(results)
+    laws: Mapping[str, Sequence[Mapping[str, Any]]] = results["power"][who]
+    if not laws:
+        return ""
+    points = [point for some in laws.values() for point in some]
+    size = np.array([p["visibility"] for p in points])
+    rows = []
+    for law, some in sorted(laws.items()):
+        located, named = (sum(p[key] for p in some) for key in ("located", "named"))
+        rows.append(
+            f"<tr><td><code>{html.escape(law)}</code></td><td>{_strip(some)}</td>"
+            f'<td class="n">{located} of {len(some)}</td>'
+            f'<td class="n">{named} of {len(some)}</td></tr>'
+        )
+    series = []
+    for css, key in (("before", "located"), ("after", "named")):
+        x, y = _rates(size, np.array([p[key] for p in points], dtype=float))
+        series.append(Series(css, x, y, "beads"))
+    ends = np.log10([size.min() + 1e-9, size.max() + 1e-9])
+    series.append(Series("grid", ends, np.zeros(2)))  # the scale starts at nothing found
+    axes = Axes(
+        "log₁₀ of effect over noise", "share found", "Share of effects that were located and named"
+    )
+    keys = '<p><span class="key before">located</span><span class="key after">named</span></p>'
+    said = (
+        "Each hidden effect by its size: how much it changes recorded positions, over their noise. "
+        "Full: named. Ring: located, named otherwise. Orange: missed. Dotted: three times the "
+        "noise."
+    )
+    head = ("effect", "from 0.1 to 10 000 times the noise", "#located", "#named")
+    figure = f'<div class="grid"><figure>{chart(series, axes)}{keys}</figure></div>'
+    return section("Power", said, figure + table(head, rows))
+
+
+def _rates(size: np.ndarray, hit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Middles of bins of size and the share of hits in each that is not empty."""
+    which = np.digitize(np.clip(size, _LOW, _HIGH * 0.999), _BINS) - 1
+    used = [i for i in range(len(_BINS) - 1) if (which == i).any()]
+    middle = [float(np.log10(size[which == i] + 1e-9).mean()) for i in used]
+    return np.array(middle), np.array([float(hit[which == i].mean()) for i in used])
+
+
+def _strip(points: Sequence[Mapping[str, Any]]) -> str:
+    """Effects of one kind along a logarithmic line of their sizes."""
+
+    def at(size: float) -> float:
+        share = math.log(min(max(size, _LOW), _HIGH) / _LOW) / math.log(_HIGH / _LOW)
+        return 8.0 + 304.0 * share
+
+    dots = "".join(
+        f'<circle class="{"hit" if p["named"] else "near" if p["located"] else "miss"}" '
+        f'cx="{at(p["visibility"]):.1f}" cy="10" r="4.5"><title>{p["visibility"]:.3g}</title>'
+        "</circle>"
+        for p in points
+    )
+    return (
+        '<svg class="strip" viewBox="0 0 320 20" role="img" aria-label="sizes of effects">'
+        f'<path class="axis" d="M8 10H312"/><path class="limit" d="M{at(SEEN):.1f} 0V20"/>'
+        f"{dots}</svg>"
+    )
+
+
+def _calibration(results: Results) -> str:
+    points = results["calibration"][first(results)]
+    if not points:
+        return ""
+    nominal = np.array([0.0, *(p["nominal"] for p in points)])
+    covered = np.array([0.0, *(p["covered"] for p in points)])
+    series = [Series("before", nominal, nominal), Series("after", nominal, covered, "beads")]
+    axes = Axes("share that intervals should hold", "share they hold", "Calibration of intervals")
+    keys = '<p><span class="key before">as it should</span><span class="key after">is</span></p>'
+    words = (
+        "How often intervals hold the truth, for intervals of every size, scaled from those of "
+        "95 % as for normal errors; rightly named effects only."
+    )
+    body = f'<div class="grid"><figure>{chart(series, axes)}{keys}</figure></div>'
+    return section("Calibration", words, body)
+
+
+def _sealed(results: Results) -> str:
+    wall = {
+        "landlock": "the kernel (Landlock) and Python's audit hook",
+        "audit": "Python's audit hook; this system has no Landlock",
+    }[results["guard"]]
+    said = (
+        f"Answers were sealed before the first diagnosis. What kept them: {wall}. manifest.json "
+        "has hashes of all cases and commitments to the answers, ledger.json those of everything "
+        "that was said, answers.json the opened answers with their salts and the key."
+    )
+    changed = "<p>The code was changed while the trial ran.</p>" * bool(results["code_changed"])
+    code = f"<p>Code: SHA-256 <code>{html.escape(results['code'])}</code></p>"
+    return section("Seals", said, code + changed)

@@ -1,0 +1,119 @@
+"""Real machines as cases: nobody knows what is hidden in them, so only held-out motions count.
+
+Motions are fitted or held out, never both. Where the same commands were run again, the spread of
+the runs is the floor: what a model would be off by that knew everything but chance.
+"""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from wt.data import recording as recordings
+from wt.data.importers import base
+from wt.errors import DataError
+from wt.prove.answer import Answer
+from wt.types import Recording
+from wt.worlds.rigs import spec_for, write_mjcf
+
+REAL = "real"
+
+
+@dataclass(frozen=True)
+class RealMachine:
+    """A machine and how its recordings are split.
+
+    Attributes:
+        name: of the case.
+        folder: below the recordings.
+        suffix: that the importer wants behind a motion's name.
+        fit: motions to learn from.
+        holdout: motions to score on.
+        repeated: motions that were run again with the same commands, below ``repeats/``.
+        seconds: of each recording that are used [s].
+    """
+
+    name: str
+    folder: str
+    suffix: str
+    fit: tuple[str, ...]
+    holdout: tuple[str, ...]
+    repeated: tuple[str, ...] = ()
+    seconds: float = np.inf
+
+
+MACHINES = (
+    RealMachine(
+        "so101", "so101", "", ("multisine", "step_response"),
+        ("fast_transitions", "single_joint_elbow"), ("fast_transitions",), 60.0,
+    ),
+    RealMachine(
+        "double_pendulum", "dfki_double_pendulum", "", ("c1_143339", "c1_143524", "c1_143704"),
+        ("c1_143601", "c1_144003"),
+    ),
+    RealMachine(
+        "servo_bench", "bam_xl330", ".json", ("kp200_sin_sin", "kp200_sin_time_square"),
+        ("kp200_up_and_down",),
+    ),
+)  # fmt: skip
+
+
+def present(home: Path) -> list[RealMachine]:
+    """The machines whose recordings are in a folder.
+
+    Raises:
+        DataError: none is.
+    """
+    found = [machine for machine in MACHINES if (home / machine.folder).is_dir()]
+    if not found:
+        names = ", ".join(machine.folder for machine in MACHINES)
+        raise DataError(f"--machines: '{home}' holds recordings of none of {names}")
+    return found
+
+
+def write_case(machine: RealMachine, home: Path, case: Path) -> Answer:
+    """Write a machine's model and recordings as a case; its answer, which is that nobody knows.
+
+    Raises:
+        DataError: a motion is missing or cannot be read.
+    """
+    shutil.rmtree(case, ignore_errors=True)
+    for kind, motions in (("fit", machine.fit), ("holdout", machine.holdout)):
+        for i, motion in enumerate(motions, 1):
+            one = _read(home / machine.folder / f"{motion}{machine.suffix}", machine.seconds)
+            recordings.write(one, case / f"{kind}-{i}.parquet")
+    write_mjcf(spec_for(one.meta), case / "robot.xml")
+    floor = _floor(machine, home / machine.folder)
+    return Answer(f"real-{machine.name}", REAL, (), (), rig=machine.name, noise_rms=floor)
+
+
+def _floor(machine: RealMachine, folder: Path) -> dict[str, float]:
+    """Joint → rms deviation of one run from the mean of two with the same commands."""
+    squares: dict[str, list[float]] = {}
+    for motion in machine.repeated:
+        runs = (folder / motion, folder / "repeats" / motion)
+        first, second = (_read(run, machine.seconds) for run in runs)
+        n = min(len(first), len(second))
+        for column in (c for c in first.columns if c.startswith("qpos/")):
+            # two runs differ by √2 times what each is off by
+            apart = (first.columns[column][:n] - second.columns[column][:n]) / np.sqrt(2.0)
+            joint = column.removeprefix("qpos/")
+            squares.setdefault(joint, []).append(float(np.nanmean(apart**2)))
+    return {joint: float(np.sqrt(np.mean(some))) for joint, some in squares.items()}
+
+
+def _read(path: Path, seconds: float) -> Recording:
+    """A recording's first seconds.
+
+    Raises:
+        DataError: there is none.
+    """
+    if not path.exists():
+        raise DataError(f"there is no motion '{path}'; copy the machine's recordings whole")
+    whole = base.read(path)
+    rows = whole.t <= whole.t[0] + seconds
+    columns = {column: values[rows] for column, values in whole.columns.items()}
+    return Recording(whole.t[rows], columns, whole.meta)

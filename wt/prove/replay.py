@@ -1,0 +1,279 @@
+"""A patched MJCF on held-out recordings, in plain MuJoCo: what a model is worth, whoever made it.
+
+Nothing of what diagnoses is used here. The file is compiled and stepped as it is, with its own
+time step and integrator. A replay starts on the measured motion: for ``LEAD_S`` the machine's
+joints are led along the recording, so that everything else that has a state (filters, delays, a
+rotor behind a gear) finds it; then it runs open loop, commands held as recorded. A machine whose
+joints are all held by position servos runs to the end of the recording, any other for ``WINDOW_S``
+and then anew, since errors of a free joint grow without bound, whatever the model.
+
+Sensors that err have no element in MJCF; the findings of ``diagnosis.json`` that are about them
+are applied to the replayed positions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from scipy.interpolate import make_smoothing_spline
+
+from wt.data import recording as recordings
+from wt.types import Recording
+
+Array = np.ndarray
+
+LEAD_S, WINDOW_S = 0.3, 0.5
+_BAD = (
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+)
+RAN_AWAY = 1.0
+"""Error that a sample counts with after a replay exploded [rad or m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """A held-out recording of a machine, N samples.
+
+    Attributes:
+        joints: their names, as the given model has them.
+        drives: names of the actuators whose commands were recorded.
+        t: time since the start, (N,) [s].
+        q: measured positions, (N, joints); NaN where missing.
+        smooth: position and velocity of a smoothing spline, (2, N, joints), for starts.
+        u: commands in force from each sample, (N, drives).
+        held: whether a position servo holds every joint.
+    """
+
+    joints: tuple[str, ...]
+    drives: tuple[str, ...]
+    t: Array
+    q: Array
+    smooth: Array
+    u: Array
+    held: bool
+
+
+def measure(recording: Recording, model: mujoco.MjModel) -> Measured:
+    """Prepare a recording.
+
+    Args:
+        recording: held out.
+        model: the model as it was given, which names the joints.
+    """
+    joints = tuple(model.joint(i).name for i in range(model.njnt))
+    drives = tuple(
+        model.actuator(i).name
+        for i in range(model.nactuator)
+        if f"ctrl/{model.actuator(i).name}" in recording.columns
+    )
+    servos = {
+        int(model.actuator_trnid[i, 0])
+        for i in range(model.nactuator)
+        if model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT
+        and model.actuator_biasprm[i, 1] < 0.0
+    }
+    held = servos >= set(range(model.njnt))
+    t = recording.t - recording.t[0]
+    missing = np.full(len(t), np.nan)
+    q = np.stack([recording.columns.get(f"qpos/{joint}", missing) for joint in joints], axis=1)
+    # where a machine is held, only the start needs a smooth motion
+    rows = t <= (4.0 * LEAD_S if held else t[-1])
+    smooth = np.zeros((2, *q.shape))
+    smooth[:, rows] = np.stack([_smooth(t[rows], column[rows]) for column in q.T], axis=2)
+    u = np.stack([_held(recording.columns[f"ctrl/{drive}"]) for drive in drives], axis=1)
+    return Measured(joints, drives, t, q, smooth, u, held)
+
+
+def read(given: Path, held_out: Sequence[Path]) -> list[Measured]:
+    """Held-out recordings of a machine, prepared.
+
+    Args:
+        given: the MJCF as it was given, which names the joints.
+        held_out: recordings that nothing was fitted to.
+    """
+    model = mujoco.MjModel.from_xml_path(str(given))
+    return [measure(recordings.read(path), model) for path in held_out]
+
+
+def rmse(
+    model: Path, held_out: Sequence[Measured], findings: Sequence[Mapping[str, Any]] = ()
+) -> float:
+    """Root mean square error of a model's replays [rad or m].
+
+    MuJoCo warns of replays that explode; whoever does not want to see that is quiet about it.
+
+    Args:
+        model: the MJCF to replay.
+        held_out: recordings that nothing was fitted to.
+        findings: of the diagnosis that the model belongs to, for sensors that err.
+    """
+    compiled = mujoco.MjModel.from_xml_path(str(model))
+    errors = [replay(compiled, one, findings) - one.q for one in held_out]
+    every = np.concatenate([error.ravel() for error in errors])
+    known = every[~np.isnan(every)]
+    return float(np.sqrt(np.mean(np.clip(known, -RAN_AWAY, RAN_AWAY) ** 2)))
+
+
+def replay(
+    model: mujoco.MjModel, measured: Measured, findings: Sequence[Mapping[str, Any]] = ()
+) -> Array:
+    """Positions that a model's sensors would report, (N, joints); NaN while it is led.
+
+    Args:
+        model: compiled, with the machine's joints and actuators among its own.
+        measured: what to replay.
+        findings: sensor effects among them are applied.
+    """
+    runner = _Runner(model, measured, findings)
+    found = np.full_like(measured.q, np.nan)
+    t = measured.t
+    length = np.inf if measured.held else WINDOW_S
+    start = t[0]
+    while start + LEAD_S < t[-1]:
+        end = min(start + LEAD_S + length, t[-1])
+        rows = np.flatnonzero((t > start + LEAD_S) & (t <= end))
+        runner.run(start, end)
+        found[rows] = runner.positions(t[rows])
+        start = end - LEAD_S if end < t[-1] else t[-1]
+    return found
+
+
+class _Runner:
+    """Steps a model along a recording."""
+
+    def __init__(
+        self, model: mujoco.MjModel, measured: Measured, findings: Sequence[Mapping[str, Any]]
+    ) -> None:
+        self._model, self._measured = model, measured
+        self._data = mujoco.MjData(model)
+        self._sense = [f for f in findings if f["effect"].startswith("sensor.")]
+        self._q = np.array([model.joint(name).qposadr[0] for name in measured.joints])
+        self._v = np.array([model.joint(name).dofadr[0] for name in measured.joints])
+        self._ctrl = np.array([model.actuator(name).id for name in measured.drives], dtype=int)
+        self._tied = _tied(model, measured.joints)
+        self._t: Array = np.zeros(0)
+        self._path: Array = np.zeros((0, len(measured.joints)))
+
+    def run(self, start: float, end: float) -> None:
+        """From ``start`` to ``end`` [s], led at first."""
+        model, data, h = self._model, self._data, float(self._model.opt.timestep)
+        mujoco.mj_resetData(model, data)
+        steps = int(np.ceil((end - start) / h)) + 1
+        self._t = start + h * np.arange(steps + 1)
+        controls = self._controls(start, steps, h)
+        q, v = (self._along(self._t, curve) for curve in self._measured.smooth)
+        q, v = self._true(q, v)
+        for i, (joint, ratio) in self._tied.items():
+            data.qpos[i] = ratio * q[0, joint]
+        lead = int(np.ceil(LEAD_S / h))
+        self._path = np.empty_like(q)
+        for k in range(steps):
+            if k <= lead:
+                data.qpos[self._q], data.qvel[self._v] = q[k], v[k]
+            self._path[k] = data.qpos[self._q]
+            data.ctrl[self._ctrl] = controls[k]
+            mujoco.mj_step(model, data)
+            # MuJoCo starts anew by itself when numbers are out of all bounds
+            if any(data.warning[kind].number for kind in _BAD):
+                self._path[k:] = np.inf
+                return
+        self._path[steps] = data.qpos[self._q]
+
+    def positions(self, t: Array) -> Array:
+        """What the sensors report at times (n,), (n, joints)."""
+        found = np.empty((len(t), len(self._measured.joints)))
+        for j in range(found.shape[1]):
+            late = sum(self._number(f, "delay") for f in self._of("sensor.delay", j))
+            found[:, j] = np.interp(t - late, self._t, self._path[:, j])
+            for f in self._of("sensor.scale", j):
+                found[:, j] *= self._number(f, "factor")
+            for f in self._of("sensor.offset", j):
+                found[:, j] += self._number(f, "offset")
+            for f in self._of("sensor.quantization", j):
+                step = self._number(f, "step")
+                found[:, j] = step * np.round(found[:, j] / step)
+        return found
+
+    def _true(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Where the machine really is when its sensors say so; delays are left to the lead."""
+        q, v = q.copy(), v.copy()
+        for j in range(q.shape[1]):
+            for f in self._of("sensor.offset", j):
+                q[:, j] -= self._number(f, "offset")
+            for f in self._of("sensor.scale", j):
+                q[:, j] /= self._number(f, "factor")
+                v[:, j] /= self._number(f, "factor")
+            for f in self._of("sensor.delay", j):
+                q[:, j] += v[:, j] * self._number(f, "delay")
+        return q, v
+
+    def _of(self, effect: str, joint: int) -> list[Mapping[str, Any]]:
+        names = ("all", self._measured.joints[joint])
+        return [f for f in self._sense if f["effect"] == effect and f["at"]["name"] in names]
+
+    @staticmethod
+    def _number(finding: Mapping[str, Any], name: str) -> float:
+        return float(finding["parameters"][name]["value"])
+
+    def _controls(self, start: float, steps: int, h: float) -> Array:
+        """Commands of every step, (steps, drives): means of the held ones around its start.
+
+        MuJoCo's semi-implicit step stands for half a step before its time until half a step after.
+        """
+        t, u = self._measured.t, self._measured.u
+        integral = np.zeros_like(u)
+        integral[1:] = np.cumsum(u[:-1] * np.diff(t)[:, None], axis=0)
+        knots = np.concatenate([[t[0] - 1.0], t, [t[-1] + 1.0]])
+        integral = np.vstack([-u[0], integral, integral[-1] + u[-1]])
+        edges = start + h * (np.arange(steps + 1) - 0.5)
+        sums = np.stack([np.interp(edges, knots, column) for column in integral.T], axis=1)
+        return np.asarray(np.diff(sums, axis=0) / h)
+
+    def _along(self, t: Array, curve: Array) -> Array:
+        return np.stack([np.interp(t, self._measured.t, column) for column in curve.T], axis=1)
+
+
+def _tied(model: mujoco.MjModel, joints: Sequence[str]) -> dict[int, tuple[int, float]]:
+    """Position of each added joint that a fixed tendon ties to one of the machine's, and how.
+
+    Where the tendon has no length, the added joint is ratio times the machine's.
+    """
+    found: dict[int, tuple[int, float]] = {}
+    own = {int(model.joint(name).id): i for i, name in enumerate(joints)}
+    for tendon in range(model.ntendon):
+        first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
+        wraps = range(first, first + count)
+        if count != 2 or any(model.wrap_type[w] != mujoco.mjtWrap.mjWRAP_JOINT for w in wraps):
+            continue
+        a, b = sorted(wraps, key=lambda w: int(model.wrap_objid[w]) in own)
+        added, ours = int(model.wrap_objid[a]), int(model.wrap_objid[b])
+        if added not in own and ours in own:
+            ratio = -float(model.wrap_prm[b]) / float(model.wrap_prm[a])
+            found[int(model.jnt_qposadr[added])] = (own[ours], ratio)
+    return found
+
+
+def _smooth(t: Array, x: Array) -> Array:
+    """Position and velocity of a smoothing spline through what was measured, (2, N).
+
+    How smooth is chosen by generalised cross-validation (P. Craven and G. Wahba, 1979).
+    """
+    known = np.isfinite(x)
+    if known.sum() < 5:
+        return np.zeros((2, len(t)))
+    spline = make_smoothing_spline(t[known], x[known])
+    return np.stack([spline(t), spline.derivative()(t)])
+
+
+def _held(u: Array) -> Array:
+    """Commands with the last known one where one is missing."""
+    known = np.isfinite(u)
+    last = np.maximum.accumulate(np.where(known, np.arange(len(u)), 0))
+    return np.nan_to_num(u[last])

@@ -1,0 +1,163 @@
+"""Which effects are hidden on which rig in which set; a row is what a case is drawn from.
+
+Rows keep their places: a new one is appended to :func:`_more`, so that the cases that were there
+keep their names and seeds.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+from wt.errors import ConfigError
+from wt.prove.catalog import LIBRARY, OUTSIDERS
+from wt.prove.places import places
+
+SetName = Literal[
+    "brief", "quick", "full", "nulls", "singles", "pairs", "triples", "outsiders", "faintest"
+]
+Kind = Literal["single", "pair", "triple", "outsider", "null"]
+Decoy = Literal[
+    "", "coarse_step", "coloured_noise", "tight_servo", "poor_excitation", "wrong_mass"
+]  # fmt: skip
+Row = tuple[tuple[str, ...], str, str, Kind, Decoy]
+"""Effects, rig, level, kind, decoy."""
+
+BELOW = "below"
+"""The level of effects that drown in the noise."""
+LEVELS = ("obvious", "clear", "faint")
+ARMS = ("arm6", "arm3", "pendulum", "arm6", "arm3_motor", "arm3")
+
+_SLOW = ("actuator.fade",)
+_ON_MOTOR = (
+    "joint.friction_coulomb", "joint.friction_viscous", "joint.stiffness", "joint.armature",
+    "joint.hysteresis", "joint.friction_stribeck", "joint.friction_load", "joint.stop",
+    "actuator.gain", "actuator.ripple", "actuator.deadband", "actuator.saturation",
+    "body.payload_fixed", "body.mass", "sensor.offset",
+)  # fmt: skip
+_ON_PENDULUM = (*_ON_MOTOR[:8], "joint.friction_quadratic", "joint.backlash", "joint.elasticity",
+                "actuator.delay", "actuator.lag", "actuator.bias", "actuator.gain",
+                "actuator.ripple", "actuator.speed_limit")  # fmt: skip
+_ON_PASSIVE = (
+    "joint.friction_coulomb", "joint.friction_viscous", "joint.friction_quadratic",
+    "joint.stiffness", "joint.armature", "joint.backlash", "actuator.delay", "actuator.gain",
+    "sensor.scale", "body.payload_fixed",
+)  # fmt: skip
+_BELOW = (
+    ("joint.friction_coulomb", "arm6"), ("joint.friction_viscous", "arm3"),
+    ("actuator.bias", "arm3"), ("joint.stiffness", "arm6"), ("joint.hysteresis", "arm3"),
+    ("sensor.offset", "arm6"), ("actuator.delay", "arm6"), ("joint.friction_coulomb", "pendulum"),
+)  # fmt: skip
+_PAIRED = (
+    ("joint.friction_coulomb", "actuator.gain"), ("joint.friction_viscous", "joint.backlash"),
+    ("actuator.delay", "joint.friction_coulomb"), ("body.payload_fixed", "joint.friction_viscous"),
+    ("joint.stiffness", "joint.friction_stribeck"), ("actuator.ripple", "joint.armature"),
+    ("joint.elasticity", "joint.friction_coulomb"), ("actuator.deadband", "actuator.delay"),
+    ("sensor.offset", "joint.friction_coulomb"), ("joint.stop", "joint.friction_viscous"),
+    ("body.payload_fixed", "actuator.lag"), ("actuator.saturation", "joint.friction_coulomb"),
+)  # fmt: skip
+_TRIPLED = (
+    ("joint.friction_coulomb", "joint.backlash", "actuator.gain"),
+    ("actuator.delay", "joint.stiffness", "joint.friction_viscous"),
+    ("body.payload_fixed", "joint.friction_coulomb", "joint.armature"),
+    ("joint.friction_stribeck", "actuator.bias", "joint.friction_viscous"),
+    ("joint.elasticity", "joint.friction_coulomb", "actuator.ripple"),
+    ("sensor.offset", "joint.hysteresis", "joint.friction_viscous"),
+    ("actuator.lag", "joint.friction_coulomb", "joint.stiffness"),
+    ("joint.stop", "actuator.gain", "joint.friction_viscous"),
+)
+_DECOYS: tuple[Decoy, ...] = (
+    "", "coarse_step", "coloured_noise", "", "tight_servo", "poor_excitation",
+)  # fmt: skip
+_FIRST_OUTSIDERS = 5
+"""Outsiders of the first rows; later ones have theirs in :func:`_more`."""
+_BRIEF = (
+    "arm3-joint.friction_coulomb", "pendulum-actuator.delay", "arm3-joint.backlash",
+    "arm3_motor-actuator.gain", "pendulum-joint.friction_viscous", "arm2_passive-joint.stiffness",
+    "arm3-body.payload_fixed+", "pendulum-outsider.detent", "pendulum-nothing",
+    "arm3-coloured_noise",
+)  # fmt: skip
+"""What the cases of the shortest set begin with after their number, one each."""
+
+
+def rows(set: str) -> list[Row]:
+    """The rows of a set, in order.
+
+    Raises:
+        ConfigError: no such set.
+    """
+    if set not in get_args(SetName):
+        raise ConfigError(f"set of trials '{set}'; allowed: {', '.join(get_args(SetName))}")
+    if set == "quick":
+        found = [row for row in _singles() if row[0][0] not in _SLOW][::6]
+        return found + _pairs()[::4] + _outsiders()[::3] + _nulls()[::7]
+    every = _singles() + _pairs() + _outsiders() + _nulls() + _more()
+    if set == "faintest":
+        return [row for row in every if row[2] == BELOW]
+    if set == "brief":
+        return [next(r for r in every if _label(r).startswith(name)) for name in _BRIEF]
+    kind = set.removesuffix("s")
+    return every if set == "full" else [row for row in every if row[3] == kind]
+
+
+def _label(row: Row) -> str:
+    effects, rig, _, _, decoy = row
+    return f"{rig}-{'+'.join(effects) or decoy or 'nothing'}"
+
+
+def _singles() -> list[Row]:
+    found: list[Row] = []
+    for i, effect in enumerate(LIBRARY):
+        found.append(((effect,), "arm6", LEVELS[i % 3], "single", ""))
+        found.append(((effect,), "arm3", LEVELS[(i + 1) % 3], "single", ""))
+        if effect in _ON_MOTOR:
+            found.append(((effect,), "arm3_motor", LEVELS[(i + 2) % 3], "single", ""))
+        if effect in _ON_PENDULUM:
+            rig = "pendulum_motor" if i % 4 == 0 and effect in _ON_MOTOR else "pendulum"
+            found.append(((effect,), rig, LEVELS[(i + 2) % 3], "single", ""))
+    return found
+
+
+def _pairs() -> list[Row]:
+    rigs = ("arm6", "arm3")
+    return [(pair, rigs[i % 2], "obvious", "pair", "") for i, pair in enumerate(_PAIRED)]
+
+
+def _outsiders() -> list[Row]:
+    return _outside(OUTSIDERS[:_FIRST_OUTSIDERS])
+
+
+def _outside(effects: tuple[str, ...]) -> list[Row]:
+    return [
+        ((effect,), rig, "obvious" if i % 2 else "clear", "outsider", "")
+        for i, effect in enumerate(effects)
+        for rig in ("arm6", "arm3", "pendulum")
+        if places(effect, rig)
+    ]
+
+
+def _nulls() -> list[Row]:
+    found: list[Row] = []
+    for i in range(42):
+        decoy, rig = _DECOYS[i % 6], ARMS[(i + i // 6) % 6]
+        # a motor has no servo to tighten
+        rig = rig.removesuffix("_motor") if decoy == "tight_servo" else rig
+        found.append(((), rig, "", "null", decoy))
+    return found
+
+
+def _more() -> list[Row]:
+    """What came later: three at once, a passive joint, below the noise, a mass that is wrong."""
+    found: list[Row] = [
+        (three, ("arm6", "arm3")[i % 2], LEVELS[i % 2], "triple", "")
+        for i, three in enumerate(_TRIPLED)
+    ]
+    found += [
+        ((effect,), "arm2_passive", LEVELS[i % 3], "single", "")
+        for i, effect in enumerate(_ON_PASSIVE)
+    ]
+    found += [((effect,), rig, BELOW, "single", "") for effect, rig in _BELOW]
+    found += _outside(OUTSIDERS[_FIRST_OUTSIDERS:])
+    found += [((), rig, "", "null", "wrong_mass") for rig in ("arm6", "arm3") * 3]
+    found += [((), rig, "", "null", "") for rig in ("arm2_passive", "pendulum_motor") * 2]
+    found += [((), rig, "", "null", "coloured_noise") for rig in ("arm2_passive", "arm3_motor")]
+    return found
