@@ -12,8 +12,8 @@ from wt.prove.answer import Answer
 from wt.prove.bench import Report, workers
 from wt.prove.contenders import OURS
 from wt.prove.folder import Folder, write_json
-from wt.prove.real import REAL
 from wt.prove.marks import Row, row
+from wt.prove.real import REAL
 from wt.prove.tally import Scores
 
 if TYPE_CHECKING:
