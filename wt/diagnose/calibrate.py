@@ -34,4 +34,8 @@ def calibration(
 
 def comments(corrections: Hypothesis) -> list[str]:
     """What stands beside the corrections in the patched model."""
-    return [f"Within tolerance, no finding: {p.statement}" for p in corrections]
+    return [
+        f"Within tolerance, no finding: {p.effect.id} of {p.at}, "
+        + ", ".join(f"{name} {value:.4g}" for name, value in p.effect.named(p.theta).items())
+        for p in corrections
+    ]

@@ -29,6 +29,7 @@ INDEPENDENT_PER_SECOND = 10.0
 """Errors of replays remember; this many samples a second count as new."""
 COARSE = 2.0
 """Physics step of most replays, in steps of the final ones; the extrapolation needs two."""
+_WORTHWHILE = 0.05  # deviations: a smaller correction is not worth a change of the model
 BURN_IN_S = 0.25
 """Start of a long stretch that is not scored: hidden states (gears, buffers) settle [s]."""
 
@@ -186,7 +187,9 @@ class Objective:
     def calibration(self, assessed: Assessed) -> Hypothesis:
         """The nuisances as small corrections of the model, without those that it cannot hold."""
         sizes = self._adapt(assessed.error, assessed.mse, [n.correctable for n in self.some])
-        return tuple(n.scaled(float(x)) for n, x in zip(self.some, sizes, strict=True) if x != 0.0)
+        found = zip(self.some, sizes, strict=True)
+        # the bounded solver leaves dust where nothing may move; a delay of dust is a whole step
+        return tuple(n.scaled(float(x)) for n, x in found if n.correctable and abs(x) > _WORTHWHILE)
 
     def _adapt(self, error: Array, mse: Array, free: Sequence[bool] | None = None) -> Array:
         """The nuisances inside their box: bounded ridge regression; 0 where not free."""

@@ -149,7 +149,7 @@ def machines(results: Results) -> Table | None:
     if not results["machines"]:
         return None
     shown = Table(box=None, pad_edge=False, header_style="bold")
-    shown.add_column("held-out error [mrad]", no_wrap=True)
+    shown.add_column("held-out error, mrad", no_wrap=True)
     for head in ("given", *(map(title, results["scores"])), "floor"):
         shown.add_column(head, justify="right", no_wrap=True)
     for one in results["machines"]:
