@@ -35,7 +35,7 @@ fit: env ## train, evaluate and register World Translation on the simulated R5
 	$(BIN)/wt fit --config conf/r5.yaml $(ARGS)
 
 test: lint ## lint, types and all tests
-	OMP_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --dist loadfile $(ARGS)
+	OMP_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --dist loadfile --max-worker-restart=0 $(ARGS)
 
 lint: env ## ruff, its formatter and mypy
 	$(BIN)/ruff check --quiet .

@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import re
-import signal
 import socket
-import subprocess
 import sys
-import time
-from collections.abc import Iterator
 from itertools import permutations
 from pathlib import Path
 
@@ -65,15 +59,20 @@ def hypotheses() -> list[Hypothesis]:
     return [(), *known, *together, *laws, (explodes,), (refused,)]
 
 
-@pytest.fixture(scope="module")
-def replayer(tmp_path_factory: pytest.TempPathFactory) -> Replayer:
+def on_the_arm(folder: Path) -> Replayer:
+    """Four stretches of two recordings, that overlap and leave gaps."""
     t, held = commands(0.5)
     pieces = [(0, 150), (100, 251), (200, 500), (600, 899)]
     stretches = [
         Stretch(i % 2, t[a:b], held[a:b], 0.1 * held[a], np.zeros(3))
         for i, (a, b) in enumerate(pieces)
     ]
-    return Replayer(scene(tmp_path_factory.mktemp("arm"), ARM), stretches, 1e-3)
+    return Replayer(scene(folder, ARM), stretches, 1e-3)
+
+
+@pytest.fixture(scope="module")
+def replayer(tmp_path_factory: pytest.TempPathFactory) -> Replayer:
+    return on_the_arm(tmp_path_factory.mktemp("arm"))
 
 
 @pytest.fixture(scope="module")
@@ -103,48 +102,6 @@ def test_threads_say_the_same(replayer: Replayer, whole: Replays, jobs: int | st
         assert chosen() == Threads(int(jobs))
         assert same(replayer.run(hypotheses()), whole)
     assert chosen() == Threads()
-
-
-# -- Ray -----------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def ray_of_two() -> Iterator[None]:
-    import ray
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("RAY_ADDRESS", raising=False)
-        patch.setenv("RAY_OVERRIDE_RESOURCES", '{"CPU": 2}')
-        cluster._connect("local")
-        yield
-        ray.shutdown()
-
-
-@pytest.mark.usefixtures("ray_of_two")
-def test_ray_says_the_same(
-    replayer: Replayer, whole: Replays, capfd: pytest.CaptureFixture[str]
-) -> None:
-    with over("ray"):
-        assert isinstance(chosen(), cluster.Cluster)
-        assert same(replayer.run(hypotheses()), whole)
-        one = replayer.run(hypotheses()[5:6])
-        assert same(one, Replays(whole.q[5:6], whole.v[5:6]))
-        assert replayer.run([]).q.shape == (0, *whole.q.shape[1:])
-    import ray
-
-    assert ray.is_initialized()  # what was there before stays
-    assert capfd.readouterr() == ("", "")
-
-
-@pytest.mark.usefixtures("ray_of_two")
-def test_what_a_worker_raises_is_raised_here(
-    replayer: Replayer, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    versions = cluster._versions()
-    with over("ray"):
-        monkeypatch.setattr(cluster, "_versions", lambda: {**versions, "mujoco": "1.50"})
-        with pytest.raises(UserError, match=r"'mujoco': '1\.50'.*install the same"):
-            replayer.run([()])
 
 
 @pytest.mark.parametrize("sizes", [(1, 1, 1), (7, 3, 2), (2, 5, 16), (1, 9, 4), (5, 1, 64)])
@@ -181,56 +138,6 @@ def test_a_model_travels_with_its_files(tmp_path: Path, monkeypatch: pytest.Monk
     here.rename(tmp_path / "gone")
     after = mujoco.MjModel.from_xml_path(str(cluster._unpacked(packed)))
     assert after.body_inertia.tobytes() == before.body_inertia.tobytes()
-
-
-_LONG = """
-import sys
-from tests.physics.test_spread import *
-from wt.physics.spread import over
-with over("ray"):
-    replayer = Replayer(scene(Path(sys.argv[1])), [Stretch(0, *commands(0.5), *np.zeros((2, 3)))])
-    replayer.run([()])
-    print("runs", flush=True)
-    while True:
-        replayer.run(8 * [()])
-"""
-
-
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
-def test_ctrl_c_ends_the_workers(tmp_path: Path, root: Path) -> None:
-    env = {**os.environ, "RAY_OVERRIDE_RESOURCES": '{"CPU": 2}', "PYTHONPATH": str(root)}
-    env.pop("RAY_ADDRESS", None)
-    started = subprocess.Popen(
-        [sys.executable, "-c", _LONG, str(tmp_path)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=env, start_new_session=True,
-    )  # fmt: skip
-    assert started.stdout is not None
-    assert started.stdout.readline() == "runs\n"
-    assert len(alive(started.pid)) > 2
-    os.killpg(started.pid, signal.SIGINT)  # as a terminal does it
-    _, err = started.communicate(timeout=60)
-    assert err.splitlines()[-1] == "KeyboardInterrupt"
-    until = time.monotonic() + 20.0
-    while alive(started.pid) and time.monotonic() < until:
-        time.sleep(0.2)
-    assert not alive(started.pid)
-
-
-def alive(group: int) -> list[str]:
-    """Processes of a group that work: none that are only waited for, nor Ray's two agents.
-
-    On a busy machine Ray ends their parent so abruptly that they take a minute to notice.
-    """
-    found = []
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            name, _, rest = path.read_text().rpartition(")")
-        except OSError:  # it ended meanwhile
-            continue
-        state, _, its_group = rest.split()[:3]
-        if int(its_group) == group and state != "Z" and not re.search("::(Dash|Runt)", name):
-            found.append(name)
-    return found
 
 
 # -- the command ---------------------------------------------------------------------------------
