@@ -4,8 +4,9 @@ Recordings are split by motion: a motion is fitted or held out, never both. One 
 what was found, and the errors of open-loop replays of the held-out motions, joint by joint, with
 the rigid model as it is before, with the best published parameters, and with the findings.
 
-Usage: python benchmarks/real.py --machine so101|dfki|bam [--fit MOTION …] [--holdout MOTION …]
-           [--seconds S] [--seed S] [--recordings DIR] [--out DIR] [--rival sysid]
+Usage: python benchmarks/real.py --machine so101|double_pendulum|servo_bench [--fit MOTION …]
+           [--holdout MOTION …] [--seconds S] [--seed S] [--recordings DIR] [--out DIR]
+           [--rival sysid]
 
 ``--seconds`` cuts each recording to its first S seconds. ``--out`` writes the report too. For the
 servo bench one more line a log replays the findings at a firmware gain that was not fitted. The
@@ -24,16 +25,16 @@ from pathlib import Path
 
 import numpy as np
 
-from wt.data.importers import base
 from wt.diagnose import proof
 from wt.diagnose.pipeline import STEP_S, diagnose
 from wt.diagnose.prepare import prepare
 from wt.diagnose.result import Diagnosis
 from wt.diagnose.smooth import smooth
-from wt.errors import DataError, UserError, WorkError, suggest
+from wt.errors import UserError, WorkError
 from wt.physics.effect import effects
 from wt.physics.replay import Planted
 from wt.physics.scene import Scene
+from wt.prove.real import MACHINES, read
 from wt.prove.sysid_rival import Fitted, Rival, every_parameter
 from wt.types import Location, Recording
 from wt.worlds.rigs import spec_for, write_mjcf
@@ -45,37 +46,26 @@ RECORDINGS = Path(__file__).resolve().parents[1].parent / "shared" / "recordings
 
 
 @dataclass(frozen=True)
-class Machine:
-    """A machine and how its recordings are split.
+class Known:
+    """What is known of a machine elsewhere.
 
     Attributes:
-        folder: below the recordings.
-        suffix: that the importer wants behind a motion's name.
-        fit: motions fitted by default.
-        holdout: motions held out by default.
-        elsewhere: motions of other set-ups, on which the findings are replayed.
-        seconds: of each recording that are used by default [s].
         joints: that a machine's mean is taken over.
         published: (effect, joint, theta) to compare with, on top of the rigid model.
         reference: what those parameters are called.
+        elsewhere: motions of other set-ups, on which the findings are replayed.
     """
 
-    folder: str
-    suffix: str
-    fit: tuple[str, ...]
-    holdout: tuple[str, ...]
     joints: tuple[str, ...]
     published: tuple[tuple[str, str, float], ...]
     reference: str
     elsewhere: tuple[str, ...] = ()
-    seconds: float = np.inf
 
 
 _STOCK_FRICTION, _STOCK_DELAY = 0.3 - 0.052, 0.020  # N·m beyond the model's own; s
 
-MACHINES = {
-    "so101": Machine(
-        "so101", "", ("multisine", "step_response"), ("fast_transitions", "single_joint_elbow"),
+KNOWN = {
+    "so101": Known(
         ARM_JOINTS,
         tuple(
             part
@@ -86,11 +76,9 @@ MACHINES = {
             )
         ),
         "stock: frictionloss .3, delay 20 ms",
-        seconds=60.0,
     ),
-    "dfki": Machine(
-        "dfki_double_pendulum", "", ("c1_143339", "c1_143524", "c1_143704"),
-        ("c1_143601", "c1_144003"), ("shoulder", "elbow"),
+    "double_pendulum": Known(
+        ("shoulder", "elbow"),
         (
             ("joint.friction_coulomb", "shoulder", 0.16),
             ("joint.friction_viscous", "shoulder", 0.001),
@@ -99,8 +87,7 @@ MACHINES = {
         ),
         "published friction",
     ),
-    "bam": Machine(
-        "bam_xl330", ".json", ("kp200_sin_sin", "kp200_sin_time_square"), ("kp200_up_and_down",),
+    "servo_bench": Known(
         ("hinge",),
         (
             ("joint.friction_coulomb", "hinge", 0.01283272036582759),
@@ -119,16 +106,16 @@ MACHINES = {
 def main(argv: Sequence[str] | None = None) -> int:
     """Print a machine's tables; 0 if its diagnosis came back."""
     args = _arguments(argv)
-    machine = MACHINES[args.machine]
-    folder = args.recordings / machine.folder
+    machines = {m.name: m for m in MACHINES}
+    machine, known = machines[args.machine], KNOWN[args.machine]
     fit_names, held_names = args.fit or machine.fit, args.holdout or machine.holdout
     both = sorted(set(fit_names) & set(held_names))
     try:
         if both:
             raise UserError(f"'{both[0]}' is both fitted and held out; a motion can be one only")
         seconds = args.seconds or machine.seconds
-        fit = [read(folder, n, machine, seconds) for n in fit_names]
-        held = [read(folder, n, machine, seconds) for n in held_names]
+        fit = [read(machine, args.recordings, n, seconds) for n in fit_names]
+        held = [read(machine, args.recordings, n, seconds) for n in held_names]
         started = time.perf_counter()
         with tempfile.TemporaryDirectory() as scratch:
             model = Path(scratch) / f"{args.machine}.xml"
@@ -137,32 +124,16 @@ def main(argv: Sequence[str] | None = None) -> int:
             print(f"\n{args.machine}: {time.perf_counter() - started:.0f} s", flush=True)
             print(findings_table(found))
             rival = rival_of(args.rival, model, fit, args.seed)
-            print(errors_table(found, model, held, machine, rival))
+            print(errors_table(found, model, held, known, rival))
             if args.out:
                 found.write(args.out)
-            for name in machine.elsewhere:
-                log = read(folder, name, machine, np.inf)
-                print(transfer_line(found, rival, log, machine, model))
+            for name in known.elsewhere:
+                log = read(machine, args.recordings, name, np.inf)
+                print(transfer_line(found, rival, log, known, model))
     except (UserError, WorkError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2 if isinstance(error, UserError) else 1
     return 0
-
-
-def read(folder: Path, name: str, machine: Machine, seconds: float) -> Recording:
-    """A motion's first seconds as a recording.
-
-    Raises:
-        DataError: there is no such motion.
-    """
-    path = folder / f"{name}{machine.suffix}"
-    if not path.exists():
-        known = [p.name.removesuffix(machine.suffix) for p in folder.glob(f"*{machine.suffix}")]
-        raise DataError(f"no motion {name!r} in '{folder}'; {suggest(name, known)}")
-    whole = base.read(path)
-    rows = whole.t <= whole.t[0] + seconds
-    columns = {column: values[rows] for column, values in whole.columns.items()}
-    return Recording(whole.t[rows], columns, whole.meta)
 
 
 def planted(found: Diagnosis) -> tuple[Planted, ...]:
@@ -181,7 +152,7 @@ def planted(found: Diagnosis) -> tuple[Planted, ...]:
     )
 
 
-def published(machine: Machine) -> tuple[Planted, ...]:
+def published(machine: Known) -> tuple[Planted, ...]:
     """What is published for a machine, as a hypothesis."""
     known = effects()
     return tuple(
@@ -223,7 +194,7 @@ def rival_of(name: str | None, model: Path, fit: Sequence[Recording], seed: int)
 
 
 def errors_table(
-    found: Diagnosis, model: Path, held: Sequence[Recording], machine: Machine, rival: Fitted | None
+    found: Diagnosis, model: Path, held: Sequence[Recording], machine: Known, rival: Fitted | None
 ) -> str:
     """Held-out RMSE per joint; the last column is the findings' over the published parameters'."""
     scene = Scene(model)
@@ -261,7 +232,7 @@ def hold(scene: Scene, recordings: Sequence[Recording]) -> proof.Held:
 
 
 def transfer_line(
-    found: Diagnosis, rival: Fitted | None, recording: Recording, machine: Machine, model: Path
+    found: Diagnosis, rival: Fitted | None, recording: Recording, machine: Known, model: Path
 ) -> str:
     """Mean absolute errors on a set-up of its own model, to which nothing was fitted."""
     path = model.with_name("elsewhere.xml")
@@ -285,7 +256,7 @@ def _say(what: str, share: float) -> None:
 
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--machine", required=True, choices=MACHINES)
+    parser.add_argument("--machine", required=True, choices=KNOWN)
     parser.add_argument("--fit", nargs="+", help="motions to fit")
     parser.add_argument("--holdout", nargs="+", help="motions to hold out")
     parser.add_argument("--seconds", type=float, help="of each recording")

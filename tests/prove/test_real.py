@@ -53,7 +53,7 @@ def test_the_servo_bench_as_a_case(
 def test_the_repeat_floor_of_the_arm(shared: Path, tmp_path: Path) -> None:
     """Published for this arm (median of 61 pairs, runs apart): pan .004, lift .005, elbow .014."""
     arm = next(machine for machine in MACHINES if machine.name == "so101")
-    floor = real._floor(arm, shared / "recordings" / "so101")
+    floor = real._floor(arm, shared / "recordings")
     apart = {joint: np.sqrt(2.0) * deviation for joint, deviation in floor.items()}
     assert apart["shoulder_pan"] == pytest.approx(0.004, rel=0.5)
     assert apart["shoulder_lift"] == pytest.approx(0.005, rel=0.6)

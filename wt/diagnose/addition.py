@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wt.diagnose.hypotheses import candidates, dof_of, erring_joints, excluded
+from wt.diagnose.hypotheses import candidates, dof_of, excluded
 from wt.diagnose.objective import Assessed, Hypothesis, Objective
 from wt.diagnose.refine import evaluate, refine
 from wt.diagnose.result import Considered
 from wt.diagnose.screen import Scored, Screen
-from wt.diagnose.worth import CLEAN, MIN_NATS, earns, simplest, worth
+from wt.diagnose.worth import MIN_NATS, earns, erring_joints, simplest, worth
 from wt.physics.effect import Shape
 from wt.physics.replay import Key, Planted
 
@@ -35,28 +35,18 @@ _FRICTION = ("joint.friction_coulomb", "joint.friction_viscous")
 
 
 @dataclass(frozen=True, eq=False)
-class Rival:
-    """A hypothesis that was replayed in place of an accepted one."""
-
-    planted: Planted
-    loglik: float
-
-
-@dataclass(frozen=True, eq=False)
 class Accepted:
     """An effect that earned its place.
 
     Attributes:
         planted: effect, place, parameters.
         shape: of its signature, if it has one.
-        gain: log-likelihood gained when it was added, after its price [nats].
         rivals: what was replayed in its place and came close.
     """
 
     planted: Planted
     shape: Shape | None
-    gain: float
-    rivals: tuple[Rival, ...]
+    rivals: tuple[Planted, ...]
 
 
 def addition(
@@ -150,15 +140,16 @@ def _pairs(
     Real joints lack several things at once, each of which alone explains little: dry and viscous
     friction, say. What wins alone may then be none of them. The force residual knows which two.
     """
-    found = []
+    groups = []
     for dof in range(len(objective.noise)):
         tried = [f for f in fits if dof_of(screen, f.hypothesis[-1].at) == dof]
-        left = min((np.sqrt(f.mse[dof]) for f in tried), default=0.0)
-        if left < CLEAN * objective.noise[dof]:
+        if not tried or any(dof not in erring_joints(objective, f) for f in tried):
             continue
         here = [s for s in ranked if dof_of(screen, s.planted.at) == dof]
         usual = [s for s in here[_PAIRED:] if s.planted.effect.id in _FRICTION]
-        pairs = screen.pairs(known, [*here[:_PAIRED], *usual])
+        groups.append([*here[:_PAIRED], *usual])
+    found = []
+    for pairs in screen.pairs(known, groups):
         allowed = [(p.first, p.second) for p in pairs if not excluded(p.first, p.second)]
         friction = [p for p in allowed[_PAIRS:] if {x.effect.id for x in p} == set(_FRICTION)]
         found += [*allowed[:_PAIRS], *friction]
@@ -216,14 +207,12 @@ def _accepted(
     new = best.hypothesis[len(now.hypothesis) :]
     names = {p.key for p in new}
     rivals = tuple(
-        Rival(f.hypothesis[-1], f.loglik - best.loglik)
+        f.hypothesis[-1]
         for f in fits
         if f.hypothesis[-1].key not in names and worth(objective, f, now) > gain - EQUIVALENT_NATS
     )
     last = len(new) - 1
-    return [
-        Accepted(p, shapes.get(p.key), gain, rivals if i == last else ()) for i, p in enumerate(new)
-    ]
+    return [Accepted(p, shapes.get(p.key), rivals if i == last else ()) for i, p in enumerate(new)]
 
 
 def _first_of_each(

@@ -10,9 +10,6 @@ from __future__ import annotations
 from wt.diagnose import proof
 from wt.diagnose.objective import Hypothesis, Objective
 
-SIGNIFICANT = 0.01
-"""Largest p-value of the corrections' gain."""
-
 
 def calibration(
     objective: Objective, held: proof.Held, hypothesis: Hypothesis, step: float
@@ -29,7 +26,7 @@ def calibration(
         return ()
     found = objective.calibration(objective.reference(hypothesis))
     gain = proof.gain(held, (*hypothesis, *found), hypothesis, step)
-    return found if gain.p_value <= SIGNIFICANT else ()
+    return found if gain.p_value <= proof.SIGNIFICANT else ()
 
 
 def comments(corrections: Hypothesis) -> list[str]:

@@ -16,6 +16,7 @@ from wt.diagnose.worth import MIN_NATS, earns, worth
 from wt.physics.replay import Key
 
 Report = Callable[[str, float], None]
+"""Called with (what is being done, share of the whole 0…1)."""
 
 MOST_EFFECTS = 10
 

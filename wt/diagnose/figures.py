@@ -12,6 +12,7 @@ from wt.diagnose.result import Diagnosis, Finding, Trace
 from wt.diagnose.robot_drawing import draw, joint_of
 from wt.diagnose.words import error as said_error
 from wt.diagnose.words import name_of, number, scaled, short_name, tied
+from wt.physics.scene import drives
 from wt.show.charts import Axes, Series, chart
 from wt.types import Location
 
@@ -231,7 +232,11 @@ def _variable(
     command = _actuator(finding, joint, model)
     known = all(command in t.command for t in traces)
     if kind == "drive" and known and model is not None:
-        values = [_drive_force(model, command, t, column) for t in traces]
+        drive = next(d for d in drives(model) if d.name == command)
+        values = [
+            drive.force(t.command[command], t.recorded[:, column], t.velocity[:, column])
+            for t in traces
+        ]
         force = f"force of {command} in the model"
         return f"the {force}", f"{force} [{_force_unit(model, joint)}]", values
     if kind in ("command", "drive") and known:
@@ -252,16 +257,6 @@ def _variable(
 def _force_unit(model: mujoco.MjModel | None, joint: str) -> str:
     slides = model is not None and model.joint(joint).type[0] == mujoco.mjtJoint.mjJNT_SLIDE
     return "N" if slides else "N·m"
-
-
-def _drive_force(model: mujoco.MjModel, actuator: str, trace: Trace, column: int) -> Array:
-    """What an actuator of the given model does to its joint along a recording, (T,) [N·m]."""
-    a = model.actuator(actuator)
-    gear = float(a.gear[0])
-    bias = a.biasprm if a.biastype[0] == mujoco.mjtBias.mjBIAS_AFFINE else np.zeros(3)
-    moved = bias[1] * trace.recorded[:, column] + bias[2] * trace.velocity[:, column]
-    force = a.gainprm[0] * trace.command[actuator] + bias[0] + gear * moved
-    return np.asarray(gear * force)
 
 
 def _actuator(finding: Finding, joint: str, model: mujoco.MjModel | None) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from wt.diagnose.objective import Assessed, Objective
 from wt.diagnose.screen import Scored, Screen
-from wt.diagnose.worth import CLEAN
+from wt.diagnose.worth import erring_joints
 from wt.physics.acting import is_live
 from wt.physics.effect import Shape, effects
 from wt.physics.replay import Planted
@@ -88,11 +88,6 @@ def candidates(
         for p, shape in found
         if p.key not in taken and not any(excluded(p, other) for other in now.hypothesis)
     ]
-
-
-def erring_joints(objective: Objective, now: Assessed) -> list[int]:
-    """Degrees of freedom whose replays err by more than noise."""
-    return [int(d) for d in np.flatnonzero(now.mse > (CLEAN * objective.noise) ** 2)]
 
 
 def _best_of_each(screen: Screen, ranked: Sequence[Scored]) -> list[Scored]:

@@ -21,13 +21,11 @@ from wt.diagnose.remainder import Unknown, find
 from wt.diagnose.result import Confusable, Finding, Verdict
 from wt.diagnose.rivals import DOUBTFUL, rivals_nonparametric
 from wt.diagnose.screen import Screen
-from wt.diagnose.worth import CLEAN
+from wt.diagnose.worth import CLEAN, erring_joints
 from wt.physics.replay import Planted
 
 Array = np.ndarray
 
-SIGNIFICANT = 0.01
-"""Largest p-value of a finding."""
 MOST_UNKNOWN = 2
 MISMATCH = 0.05
 """Share of a joint's motion that replays must err by before it is called unexplained."""
@@ -122,7 +120,7 @@ class Court:
         while accepted:
             gains = proof.gains(self.held, estimated.hypothesis, self.step)
             weakest = int(np.argmax([g.p_value for g in gains]))
-            if gains[weakest].p_value <= SIGNIFICANT / attempts:
+            if gains[weakest].p_value <= proof.SIGNIFICANT / attempts:
                 return Judged(accepted, estimated, tuple(gains), ())
             accepted = tuple(a for i, a in enumerate(accepted) if i != weakest)
             rest = [p for i, p in enumerate(estimated.hypothesis) if i != weakest]
@@ -131,8 +129,7 @@ class Court:
 
     def clean(self, judged: Judged) -> bool:
         """Whether nothing but noise is left of the fitted recordings."""
-        left = np.sqrt(judged.estimated.assessed.mse) / self.objective.noise
-        return bool((left < CLEAN).all())
+        return not erring_joints(self.objective, judged.estimated.assessed)
 
     def _with_unknown(self, judged: Judged) -> Judged:
         """Learn what is left, as long as that improves the held-out fit."""
@@ -169,31 +166,27 @@ def verdict(judged: Judged, objective: Objective, others: Sequence[Finding] = ()
         objective: replays of all fitted data.
         others: findings that replays do not show.
     """
-    clean = bool((_left(judged) < CLEAN * objective.noise).all())
     if judged.unknown:
         return "partly_explained" if judged.accepted else "unexplained"
     if not judged.accepted:
         if unexplained(judged, objective):
             return "unexplained"
         return "explained" if others else "no_mismatch"
-    return "explained" if clean else "partly_explained"
+    left = erring_joints(objective, judged.estimated.assessed)
+    return "partly_explained" if left else "explained"
 
 
 def unexplained(judged: Judged, objective: Objective) -> dict[str, float]:
     """Where nothing was found and still replays err by much: joint → share of it."""
     if judged.accepted or judged.unknown:
         return {}
-    left = _left(judged)
+    left = np.sqrt(judged.estimated.assessed.mse)
     # a very quiet sensor sees what any rig is off by: that alone is no mismatch
     moved = np.nanstd(objective.measured, axis=0)
     large = (left > CLEAN * objective.noise) & (left > MISMATCH * moved)
     size = np.where(large, (left / objective.noise) ** 2, 0.0)
     joints = objective.scene.joints
     return {joints[j]: float(size[j] / size.sum()) for j in np.flatnonzero(large)}
-
-
-def _left(judged: Judged) -> Array:
-    return np.asarray(np.sqrt(judged.estimated.assessed.mse))
 
 
 def findings(judged: Judged) -> tuple[Finding, ...]:
@@ -206,7 +199,7 @@ def findings(judged: Judged) -> tuple[Finding, ...]:
             statement=planted.statement,
             holdout_gain=gain.share,
             p_value=gain.p_value,
-            confusable_with=tuple(_confusable(planted, r.planted) for r in a.rivals),
+            confusable_with=tuple(_confusable(planted, r) for r in a.rivals),
             reference=planted.effect.reference,
         )
         for a, planted, values, gain in zip(

@@ -175,7 +175,7 @@ class Objective:
         nuisance = np.zeros(self._jacobian.shape[2])
         mse = self._mse(error)
         for _ in range(3):
-            nuisance = self._adapt(error, mse)
+            nuisance = self._adapt(error, self._jacobian, mse)
             mse = self._mse(error + self._jacobian @ nuisance)
         loglik = -0.5 * float(self.count @ np.log(mse)) - 0.5 * float(nuisance @ nuisance)
         return Assessed(hypothesis, loglik, mse, nuisance, error)
@@ -186,22 +186,15 @@ class Objective:
 
     def calibration(self, assessed: Assessed) -> Hypothesis:
         """The nuisances as small corrections of the model, without those that it cannot hold."""
-        sizes = self._adapt(assessed.error, assessed.mse, [n.correctable for n in self.some])
-        found = zip(self.some, sizes, strict=True)
-        # the bounded solver leaves dust where nothing may move; a delay of dust is a whole step
-        return tuple(n.scaled(float(x)) for n, x in found if n.correctable and abs(x) > _WORTHWHILE)
+        able = [i for i, n in enumerate(self.some) if n.correctable]
+        sizes = self._adapt(assessed.error, self._jacobian[:, :, able], assessed.mse)
+        found = [(self.some[i], float(x)) for i, x in zip(able, sizes, strict=True)]
+        return tuple(n.scaled(x) for n, x in found if abs(x) > _WORTHWHILE)
 
-    def _adapt(self, error: Array, mse: Array, free: Sequence[bool] | None = None) -> Array:
-        """The nuisances inside their box: bounded ridge regression; 0 where not free."""
-        if self._jacobian.shape[2] == 0:
-            return np.zeros(0)
-        empty, none = np.zeros((*error.shape, 0)), np.zeros(0)
-        held = self._jacobian
-        if free is not None:
-            self._jacobian = held * np.asarray(free, dtype=float)
-        x, _ = self.solve(error, empty, mse, none, none, 0.0)
-        self._jacobian = held
-        return x
+    def _adapt(self, error: Array, columns: Array, mse: Array) -> Array:
+        """Nuisances inside their box, given their columns of the Jacobian: bounded ridge."""
+        size = np.full(columns.shape[2], BOX)
+        return self._step(error, columns, mse, -size, size, np.ones(len(size)))
 
     def solve(
         self, error: Array, jacobian: Array, mse: Array, lower: Array, upper: Array, damping: float
@@ -220,26 +213,40 @@ class Objective:
             (nuisances, step of the parameters).
         """
         both = np.concatenate([jacobian, self._jacobian], axis=2)
-        p, n = jacobian.shape[2], both.shape[2]
+        p, size = jacobian.shape[2], np.full(len(self.some), BOX)
+        low, high = np.concatenate([lower, -size]), np.concatenate([upper, size])
+        prior = np.concatenate([np.zeros(p), np.ones(len(size))])
+        x = self._step(error, both, mse, low, high, prior, damping)
+        return x[p:], x[:p]
+
+    def _step(
+        self,
+        error: Array,
+        columns: Array,
+        mse: Array,
+        low: Array,
+        high: Array,
+        prior: Array,
+        damping: float = 0.0,
+    ) -> Array:
+        """Bounded least squares with a prior's weight for each column, damped where it is 0."""
+        n = columns.shape[2]
+        if n == 0:
+            return np.zeros(0)
         # weights such that one joint's samples together count as its independent ones
         weight = self.count / np.maximum(self.valid.sum(axis=0), 1) / mse
-        flat = both.reshape(-1, n)
-        weighted = (both * weight[:, None]).reshape(-1, n)
+        flat = columns.reshape(-1, n)
+        weighted = (columns * weight[:, None]).reshape(-1, n)
         gram = flat.T @ weighted
-        gram[range(p, n), range(p, n)] += 1.0
-        gram[range(p), range(p)] *= 1.0 + damping
+        gram[range(n), range(n)] *= np.where(prior > 0.0, 1.0, 1.0 + damping)
+        gram[range(n), range(n)] += prior
         right = -weighted.T @ error.reshape(-1)
         scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         scaled = gram / scale / scale[:, None] + 1e-9 * np.eye(n)
         root = np.linalg.cholesky(scaled)
-        bounds = (
-            np.concatenate([lower, np.full(n - p, -BOX)]),
-            np.concatenate([upper, np.full(n - p, BOX)]),
-        )
-        low, high = bounds[0] * scale - 1e-12, bounds[1] * scale + 1e-12
-        found = lsq_linear(root.T, np.linalg.solve(root, right / scale), (low, high))
-        x = np.asarray(found.x) / scale
-        return x[p:], x[:p]
+        bounds = (low * scale - 1e-12, high * scale + 1e-12)
+        found = lsq_linear(root.T, np.linalg.solve(root, right / scale), bounds)
+        return np.asarray(found.x) / scale
 
     def curvature(self, now: Assessed, slope: Array, block_s: float) -> tuple[Array, Array, int]:
         """What intervals are made of.

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from wt.diagnose import proof
-from wt.diagnose.decide import search
+from wt.diagnose.decide import Report, search
 from wt.diagnose.grid import coarse_steps, located
 from wt.diagnose.judge import Court, Judged, findings, suggestions, unexplained, verdict
 from wt.diagnose.locate import locate
@@ -29,8 +29,6 @@ from wt.physics.replay import Key
 from wt.physics.scene import Scene
 
 Array = np.ndarray
-Report = Callable[[str, float], None]
-"""Called with (what is being done, share of the whole 0…1)."""
 
 STEP_S = 5e-4
 """Physics step of replays [s]; the model's own, if that is smaller."""

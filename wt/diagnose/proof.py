@@ -19,6 +19,8 @@ from wt.physics.rollout import Replayer
 
 Array = np.ndarray
 
+SIGNIFICANT = 0.01
+"""Largest p-value of a gain that counts."""
 HORIZONS_S = (0.1, 0.25, 0.5, 1.0, 2.0)
 _BLOCK_S, _BLOCKS = (0.25, 1.0), 24
 """Shortest and longest block [s], and how many there should be: errors remember for less."""

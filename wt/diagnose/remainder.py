@@ -20,6 +20,7 @@ from wt.diagnose.remainder_formula import reduced, sparse
 from wt.diagnose.remainder_law import Law, table
 from wt.diagnose.remainder_onnx import to_onnx
 from wt.diagnose.screen import Screen
+from wt.diagnose.worth import CLEAN
 from wt.physics.effect import Effect, Parameter, Shape
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
@@ -29,10 +30,8 @@ from wt.types import Location
 
 Array = np.ndarray
 
-EXCESS = 3.0
-"""A joint's replay error, in units of noise, from which something is missing."""
-SIGNIFICANT, WORTH = 0.01, 0.1
-"""Largest p-value, and smallest share of the held-out squared error that it must remove."""
+WORTH = 0.1
+"""Smallest share of the held-out squared error that a law must remove."""
 MOST_JOINTS = 3
 _HELD_CHANCE = 0.05  # largest p-value on the held-out replays alone
 _ROUNDS = 2
@@ -145,7 +144,7 @@ def find(
     excess = np.sqrt(assessed.mse) / objective.noise
     rest = leftover(screen, assessed.hypothesis)
     force = np.sqrt((rest.keep * rest.left**2).sum(axis=0) / rest.keep.sum(axis=0)) / screen.floor
-    force = np.where(excess > EXCESS, force, 0.0)
+    force = np.where(excess > CLEAN, force, 0.0)
     found: list[Unknown] = []
     for dof in np.argsort(-force)[:MOST_JOINTS]:
         if force[dof] < 1.5:
@@ -154,7 +153,7 @@ def find(
         every = np.ones(len(screen.rows), bool)
         data = Data(screen, joint, rest.left[:, dof], every, seed, COARSE * step)
         unknown = _learn(data, assessed, held, step)
-        if unknown and unknown.gain.p_value <= SIGNIFICANT and unknown.gain.share >= WORTH:
+        if unknown and unknown.gain.p_value <= proof.SIGNIFICANT and unknown.gain.share >= WORTH:
             found.append(unknown)
     return max(found, key=lambda u: u.gain.share, default=None)
 

@@ -146,7 +146,7 @@ def table(scene: Scene, names: Sequence[str], t: Array, q: Array, v: Array, u: A
     Args:
         scene: the machine.
         names: ``t``, ``qpos/<joint>``, ``qvel/<joint>``, ``ctrl/<actuator>`` or
-            ``force/<actuator>``; the last is what the model's drive would give.
+            ``force/<actuator>``; the last is what the model's drive would give its joint.
         t: times, (N,).
         q: joint positions, (N, nv).
         v: joint velocities, (N, nv).
@@ -162,16 +162,9 @@ def table(scene: Scene, names: Sequence[str], t: Array, q: Array, v: Array, u: A
         elif kind == "ctrl":
             found.append(u[:, scene.model.actuator(place).id])
         elif kind == "force":
-            found.append(_drive_force(scene, place, q, v, u))
+            drive = scene.drive(place)
+            command, dof = u[:, drive.index], drive.dof
+            found.append(drive.force(command, q[:, dof], v[:, dof]))
         else:
             found.append(t)
     return np.stack(found, axis=1)
-
-
-def _drive_force(scene: Scene, name: str, q: Array, v: Array, u: Array) -> Array:
-    d, m = scene.drive(name), scene.model
-    x, speed = d.gear * q[:, d.dof], d.gear * v[:, d.dof]
-    raw = d.gain * u[:, d.index] + d.bias[0] + d.bias[1] * x + d.bias[2] * speed
-    if m.actuator_forcelimited[d.index]:
-        raw = np.clip(raw, *m.actuator_forcerange[d.index])
-    return np.asarray(raw)

@@ -109,37 +109,41 @@ class Screen:
         base = Base(self, [self._accepted(p, s) for p, s in accepted if s is not None])
         rest = reduced(self.motion, [p for p, _ in accepted])
         taken = {p.key for p, _ in accepted}
-        scored: list[tuple[float, Block]] = []
+        scored: list[Scored] = []
         for effect in effects().values():
             for at in effect.places(self.motion.scene):
                 if (effect.id, at.kind, at.name) in taken:
                     continue
-                options = [(base.fit(b)[0], b) for b in self._blocks(effect, at, rest)]
+                options = [_scored(base, b) for b in self._blocks(effect, at, rest)]
                 if options:
-                    scored.append(max(options, key=lambda o: o[0]))
-        scored.sort(key=lambda o: -o[0])
-        best = [
-            _scored(base, self._polished(base, gain, b) if gain > 0.0 and i < REFINED else b)
-            for i, (gain, b) in enumerate(scored)
-        ]
-        return sorted(best, key=lambda s: -s.gain)
+                    scored.append(max(options, key=lambda s: s.gain))
+        scored.sort(key=lambda s: -s.gain)
+        promising = sum(s.gain > 0.0 for s in scored[:REFINED])
+        best = [self._polished(base, s) for s in scored[:promising]]
+        return sorted(best + scored[promising:], key=lambda s: -s.gain)
 
     def pairs(
-        self, accepted: Sequence[tuple[Planted, Shape | None]], some: Sequence[Scored]
-    ) -> list[Pair]:
-        """Two of some hypotheses together, by falling gain.
+        self,
+        accepted: Sequence[tuple[Planted, Shape | None]],
+        groups: Sequence[Sequence[Scored]],
+    ) -> list[list[Pair]]:
+        """Two hypotheses of a group together, by falling gain.
 
         Args:
             accepted: effects found already, as in :meth:`rank`.
-            some: hypotheses, with their shapes.
+            groups: hypotheses, with their shapes.
+
+        Returns:
+            The pairs of each group.
         """
         base = Base(self, [self._accepted(p, s) for p, s in accepted if s is not None])
-        blocks = [self._block(s.planted.effect, s.planted.at, s.shape) for s in some]
         found = []
-        for one, other in itertools.combinations(blocks, 2):
-            gain, (first, second) = base.fit(one, other)
-            found.append(Pair(gain, first, second))
-        return sorted(found, key=lambda p: -p.gain)
+        for some in groups:
+            blocks = [self._block(s.planted.effect, s.planted.at, s.shape) for s in some]
+            fits = [base.fit(one, other) for one, other in itertools.combinations(blocks, 2)]
+            pairs = [Pair(gain, *planted) for gain, planted in fits]
+            found.append(sorted(pairs, key=lambda p: -p.gain))
+        return found
 
     def _blocks(self, effect: Effect, at: Location, rest: Motion) -> list[Block]:
         """Signatures of an effect, those that read the residual from what is left of it."""
@@ -160,26 +164,24 @@ class Screen:
     def _accepted(self, planted: Planted, shape: Shape) -> Array:
         return self._block(planted.effect, planted.at, shape).columns
 
-    def _polished(self, base: Base, gain: float, block: Block) -> Block:
+    def _polished(self, base: Base, scored: Scored) -> Scored:
         """A hypothesis with its shape improved by Nelder-Mead."""
-        shape = np.array(block.shape)
+        effect, at, shape = scored.planted.effect, scored.planted.at, np.array(scored.shape)
         if not shape.size or not (shape > 0.0).all():
-            return block
+            return scored
 
-        def cost(log_shape: Array) -> float:
-            trial = tuple(float(x) for x in np.exp(log_shape))
-            return -base.fit(self._block(block.effect, block.at, trial))[0]
+        def trial(log_shape: Array) -> Scored:
+            found = tuple(float(x) for x in np.exp(log_shape))
+            return _scored(base, self._block(effect, at, found))
 
         spread = np.vstack([np.log(shape), np.log(shape) + 0.25 * np.eye(shape.size)])
         found = minimize(
-            cost,
+            lambda log_shape: -trial(log_shape).gain,
             np.log(shape),
             method="Nelder-Mead",
             options={"maxfev": 18 * shape.size, "initial_simplex": spread, "fatol": 0.3},
         )
-        if -found.fun <= gain:
-            return block
-        return self._block(block.effect, block.at, tuple(float(x) for x in np.exp(found.x)))
+        return max(scored, trial(found.x), key=lambda s: s.gain)
 
 
 def _scored(base: Base, block: Block) -> Scored:

@@ -17,6 +17,11 @@ CLEAN = 3.0
 """Replays within so many deviations of measurement noise leave nothing to explain."""
 
 
+def erring_joints(objective: Objective, assessed: Assessed) -> list[int]:
+    """Degrees of freedom whose replays err by more than noise."""
+    return [int(d) for d in np.flatnonzero(assessed.mse > (CLEAN * objective.noise) ** 2)]
+
+
 def simplest(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> Assessed:
     """The best fit, or one as good as it with fewer parameters.
 

@@ -96,12 +96,7 @@ class Motion:
             u: other commands than the recorded, (T,).
         """
         command = self.u[:, drive.index] if u is None else u
-        q, v = self.q[:, drive.dof] * drive.gear, self.v[:, drive.dof] * drive.gear
-        raw = drive.gain * command + drive.bias[0] + drive.bias[1] * q + drive.bias[2] * v
-        m, i = self.scene.model, drive.index
-        if m.actuator_forcelimited[i]:
-            raw = np.clip(raw, *m.actuator_forcerange[i])
-        return raw * drive.gear
+        return drive.force(command, self.q[:, drive.dof], self.v[:, drive.dof])
 
     def shifted(self, dq: Array, dv: Array | None = None, da: Array | None = None) -> Motion:
         """The same recording with other positions, velocities and accelerations, (T, nv) each."""

@@ -20,7 +20,8 @@ _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 class Drive:
     """An actuator that acts on one joint with a force affine in command, position and velocity.
 
-    Its force on the joint is ``gear · (gain · u + bias + bias_q · gear · q + bias_v · gear · v)``.
+    Its force on the joint is ``gear · (gain · u + bias + bias_q · gear · q + bias_v · gear · v)``,
+    with the command u and the force before the gear inside the model's ranges.
 
     Attributes:
         name: the actuator's name.
@@ -30,6 +31,8 @@ class Drive:
         gear: transmission ratio.
         gain: force per command.
         bias: constant, per position and per velocity part of the force, (3,).
+        commands: range that commands are clamped to.
+        forces: range that forces before the gear are clamped to.
     """
 
     name: str
@@ -39,11 +42,58 @@ class Drive:
     gear: float
     gain: float
     bias: tuple[float, float, float]
+    commands: tuple[float, float] = (-np.inf, np.inf)
+    forces: tuple[float, float] = (-np.inf, np.inf)
+
+    def force(self, u: Array, q: Array, v: Array) -> Array:
+        """Force on the joint [N·m or N] from its command, position and velocity, of one shape."""
+        return np.asarray(self.gear * between(self.unclamped(u, q, v), *self.forces))
+
+    def unclamped(self, u: Array, q: Array, v: Array) -> Array:
+        """The force before the gear and before its own clamp."""
+        constant, stiffness, damping = self.bias
+        spring = stiffness * self.gear * q + damping * self.gear * v
+        return np.asarray(self.gain * between(u, *self.commands) + constant + spring)
 
     @property
     def servo(self) -> bool:
         """Whether it holds a position: its force falls with the joint's position."""
         return self.bias[1] < 0.0
+
+
+def between(x: Array, low: float | Array, high: float | Array) -> Array:
+    """``numpy.clip`` without its overhead, which counts at every physics step."""
+    return np.minimum(np.maximum(x, low), high)
+
+
+def drives(m: mujoco.MjModel) -> tuple[Drive, ...]:
+    """The actuators of a model that act on a joint, in its order."""
+    found = []
+    for i in range(m.nactuator):
+        if m.actuator_trntype[i] != mujoco.mjtTrn.mjTRN_JOINT:
+            continue
+        joint = int(m.actuator_trnid[i, 0])
+        bias = m.actuator_biasprm[i, :3]
+        if m.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_NONE:
+            bias = np.zeros(3)
+        found.append(
+            Drive(
+                name=m.actuator(i).name,
+                index=i,
+                joint=m.joint(joint).name,
+                dof=int(m.jnt_dofadr[joint]),
+                gear=float(m.actuator_gear[i, 0]),
+                gain=float(m.actuator_gainprm[i, 0]),
+                bias=(float(bias[0]), float(bias[1]), float(bias[2])),
+                commands=_range(bool(m.actuator_ctrllimited[i]), m.actuator_ctrlrange[i]),
+                forces=_range(bool(m.actuator_forcelimited[i]), m.actuator_forcerange[i]),
+            )
+        )
+    return tuple(found)
+
+
+def _range(limited: bool, ends: Array) -> tuple[float, float]:
+    return (float(ends[0]), float(ends[1])) if limited else (-np.inf, np.inf)
 
 
 class Scene:
@@ -95,27 +145,7 @@ class Scene:
     @cached_property
     def drives(self) -> tuple[Drive, ...]:
         """The actuators that act on a joint, in the model's order."""
-        found = []
-        m = self.model
-        for i in range(m.nactuator):
-            if m.actuator_trntype[i] != mujoco.mjtTrn.mjTRN_JOINT:
-                continue
-            joint = int(m.actuator_trnid[i, 0])
-            bias = m.actuator_biasprm[i, :3]
-            if m.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_NONE:
-                bias = np.zeros(3)
-            found.append(
-                Drive(
-                    name=m.actuator(i).name,
-                    index=i,
-                    joint=m.joint(joint).name,
-                    dof=int(m.jnt_dofadr[joint]),
-                    gear=float(m.actuator_gear[i, 0]),
-                    gain=float(m.actuator_gainprm[i, 0]),
-                    bias=(float(bias[0]), float(bias[1]), float(bias[2])),
-                )
-            )
-        return tuple(found)
+        return drives(self.model)
 
     def drive(self, name: str) -> Drive:
         """The drive of an actuator.

@@ -14,7 +14,7 @@ import numpy as np
 
 from wt.data import recording as recordings
 from wt.data.importers import base
-from wt.errors import DataError
+from wt.errors import DataError, suggest
 from wt.prove.answer import Answer
 from wt.types import Recording
 from wt.worlds.rigs import spec_for, write_mjcf
@@ -83,19 +83,19 @@ def write_case(machine: RealMachine, home: Path, case: Path) -> Answer:
     shutil.rmtree(case, ignore_errors=True)
     for kind, motions in (("fit", machine.fit), ("holdout", machine.holdout)):
         for i, motion in enumerate(motions, 1):
-            one = _read(home / machine.folder / f"{motion}{machine.suffix}", machine.seconds)
+            one = read(machine, home, motion, machine.seconds)
             recordings.write(one, case / f"{kind}-{i}.parquet")
     write_mjcf(spec_for(one.meta), case / "robot.xml")
-    floor = _floor(machine, home / machine.folder)
+    floor = _floor(machine, home)
     return Answer(f"real-{machine.name}", REAL, (), (), rig=machine.name, noise_rms=floor)
 
 
-def _floor(machine: RealMachine, folder: Path) -> dict[str, float]:
+def _floor(machine: RealMachine, home: Path) -> dict[str, float]:
     """Joint → rms deviation of one run from the mean of two with the same commands."""
     squares: dict[str, list[float]] = {}
     for motion in machine.repeated:
-        runs = (folder / motion, folder / "repeats" / motion)
-        first, second = (_read(run, machine.seconds) for run in runs)
+        runs = (motion, f"repeats/{motion}")
+        first, second = (read(machine, home, run, machine.seconds) for run in runs)
         n = min(len(first), len(second))
         for column in (c for c in first.columns if c.startswith("qpos/")):
             # two runs differ by √2 times what each is off by
@@ -105,14 +105,17 @@ def _floor(machine: RealMachine, folder: Path) -> dict[str, float]:
     return {joint: float(np.sqrt(np.mean(some))) for joint, some in squares.items()}
 
 
-def _read(path: Path, seconds: float) -> Recording:
-    """A recording's first seconds.
+def read(machine: RealMachine, home: Path, motion: str, seconds: float) -> Recording:
+    """The first seconds of a machine's motion.
 
     Raises:
-        DataError: there is none.
+        DataError: there is no such motion.
     """
+    folder = home / machine.folder
+    path = folder / f"{motion}{machine.suffix}"
     if not path.exists():
-        raise DataError(f"there is no motion '{path}'; copy the machine's recordings whole")
+        known = [p.name.removesuffix(machine.suffix) for p in folder.glob(f"*{machine.suffix}")]
+        raise DataError(f"there is no motion '{path}'; {suggest(motion, known)}")
     whole = base.read(path)
     rows = whole.t <= whole.t[0] + seconds
     columns = {column: values[rows] for column, values in whole.columns.items()}

@@ -10,7 +10,7 @@ import numpy as np
 
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
-from wt.physics.scene import Drive, Scene
+from wt.physics.scene import Drive, Scene, between
 
 Array = np.ndarray
 
@@ -20,36 +20,10 @@ _FROM_GEOMS = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
 
 def free_of_limits(motion: Motion, drive: Drive) -> Array:
     """1 where a drive's force is inside the model's force range and 0 where clipped, (T,)."""
-    m, i = motion.scene.model, drive.index
-    if not m.actuator_forcelimited[i]:
-        return np.ones(len(motion))
-    force = motion.force(drive) / drive.gear
-    low, high = m.actuator_forcerange[i]
+    dof = drive.dof
+    force = drive.unclamped(motion.u[:, drive.index], motion.q[:, dof], motion.v[:, dof])
+    low, high = drive.forces
     return ((force > low) & (force < high)).astype(float)
-
-
-def force_law(scene: Scene, drive: Drive) -> Callable[[Array, Array, Array], Array]:
-    """Force of a drive on its joint [N·m] from (command, joint position, joint velocity).
-
-    With the model's clamps, all looked up once: it is called at every physics step.
-    """
-    m, i = scene.model, drive.index
-    anything = (-np.inf, np.inf)
-    commands = m.actuator_ctrlrange[i] if m.actuator_ctrllimited[i] else anything
-    forces = m.actuator_forcerange[i] if m.actuator_forcelimited[i] else anything
-    gain, gear = drive.gain, drive.gear
-    constant, stiffness, damping = drive.bias[0], drive.bias[1] * gear, drive.bias[2] * gear
-
-    def force(u: Array, q: Array, v: Array) -> Array:
-        raw = gain * between(u, *commands) + constant + stiffness * q + damping * v
-        return np.asarray(between(raw, *forces) * gear)
-
-    return force
-
-
-def between(x: Array, low: float | Array, high: float | Array) -> Array:
-    """``numpy.clip`` without its overhead, which counts at every physics step."""
-    return np.minimum(np.maximum(x, low), high)
 
 
 class DriveLaw(Live):
@@ -66,13 +40,12 @@ class DriveLaw(Live):
             law: (force, joint velocity, time), each (n,), → the force instead.
         """
         self.drive, self.law = scene.drive(actuator), law
-        self.given = force_law(scene, self.drive)
 
     def act(self, state: StepState) -> None:
         """Add what the law changes."""
         i, dof = self.drive.index, self.drive.dof
         q, v = state.q[:, dof], state.v[:, dof]
-        force = self.given(state.u[:, i], q, v)
+        force = self.drive.force(state.u[:, i], q, v)
         state.applied[:, dof] += self.law(force, v, state.t) - force
 
 

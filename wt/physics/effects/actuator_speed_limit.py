@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import DriveLaw, between
+from wt.physics.effects._tools import DriveLaw
 from wt.physics.effects.actuator_saturation import narrow
 from wt.physics.live import Live
 from wt.physics.motion import Motion
-from wt.physics.scene import Scene
+from wt.physics.scene import Scene, between
 from wt.types import Location
 
 Array = np.ndarray

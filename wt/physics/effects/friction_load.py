@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import Bristle, compiled, force_law
+from wt.physics.effects._tools import Bristle, compiled
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
@@ -66,14 +66,13 @@ class FrictionLoad(Effect):
 class _Loaded(Bristle):
     def __init__(self, scene: Scene, joint: str, theta: Array) -> None:
         super().__init__(scene, joint, theta)
-        drives = [d for d in scene.drives if d.dof == self.dof]
-        self.drives = [(d.index, force_law(scene, d)) for d in drives]
+        self.drives = [d for d in scene.drives if d.dof == self.dof]
 
     def level(self, state: StepState) -> Array:
         q, v = state.q[:, self.dof], state.v[:, self.dof]
         load = np.zeros_like(q)
-        for index, force in self.drives:
-            load += force(state.u[:, index], q, v)
+        for drive in self.drives:
+            load += drive.force(state.u[:, drive.index], q, v)
         return np.asarray(self.theta[:, 0] + self.theta[:, 1] * np.abs(load))
 
 
