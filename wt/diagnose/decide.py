@@ -12,7 +12,7 @@ from wt.diagnose.objective import Assessed, Objective
 from wt.diagnose.refine import refine
 from wt.diagnose.result import Considered
 from wt.diagnose.screen import Screen
-from wt.diagnose.worth import MIN_NATS, earns, worth
+from wt.diagnose.worth import MIN_NATS, earns, exhausted, worth
 from wt.physics.replay import Key
 
 Report = Callable[[str, float], None]
@@ -53,7 +53,7 @@ def search(
     accepted = list(start)
     considered: list[Considered] = []
     now = objective.reference(tuple(a.planted for a in accepted))
-    while len(accepted) < MOST_EFFECTS:
+    while len(accepted) < MOST_EFFECTS and not exhausted(objective, now):
         if report:
             what = f"looking for effect {len(accepted) + 1}"
             report(what, 0.15 + 0.55 * len(accepted) / MOST_EFFECTS)

@@ -17,6 +17,7 @@ from wt.diagnose.addition import Accepted
 from wt.diagnose.calibrate import calibration, comments
 from wt.diagnose.estimate import Estimated, estimate
 from wt.diagnose.objective import Hypothesis, Objective
+from wt.diagnose.refine import evaluate
 from wt.diagnose.remainder import Unknown, find
 from wt.diagnose.result import Confusable, Finding, Verdict
 from wt.diagnose.rivals import DOUBTFUL, rivals_nonparametric
@@ -118,7 +119,7 @@ class Court:
         """
         estimated = estimate(self.objective, tuple(a.planted for a in accepted))
         while accepted:
-            gains = proof.gains(self.held, estimated.hypothesis, self.step)
+            gains = self._gains(estimated)
             weakest = int(np.argmax([g.p_value for g in gains]))
             if gains[weakest].p_value <= proof.SIGNIFICANT / attempts:
                 return Judged(accepted, estimated, tuple(gains), ())
@@ -126,6 +127,20 @@ class Court:
             rest = [p for i, p in enumerate(estimated.hypothesis) if i != weakest]
             estimated = estimate(self.objective, tuple(rest))
         return Judged((), estimated, (), ())
+
+    def _gains(self, estimated: Estimated) -> list[proof.Gain]:
+        """Held-out gain of each effect: all of them against all but this one.
+
+        Either side has what the rig is off by as the fitted recordings say it, given that side.
+        """
+        whole = estimated.assessed
+        parts = range(len(whole.hypothesis))
+        without = [tuple(p for k, p in enumerate(whole.hypothesis) if k != i) for i in parts]
+        full, *lesser = [
+            (*fit.hypothesis, *self.objective.calibration(fit))
+            for fit in (whole, *evaluate(self.objective, without))
+        ]
+        return proof.gains(self.held, full, lesser, self.step)
 
     def clean(self, judged: Judged) -> bool:
         """Whether nothing but noise is left of the fitted recordings."""

@@ -1,21 +1,21 @@
 """How well a hypothesis replays the recordings: errors, likelihood, and what may adapt beside it.
 
-The error of a replay is projected in two ways before it is judged. The estimated initial state of
-each stretch is uncertain, so what a plausible other initial state explains is taken out; and what
-any rig is off by (:mod:`wt.diagnose.nuisance`) may adapt inside its box. Both are linear around a
-reference hypothesis, so that a new hypothesis costs one replay and no more. Replays take coarse
-steps; what fine steps change is added from the reference, where it is computed exactly.
+The error of a replay is judged once the initial state of its stretches and what any rig is off by
+have adapted (:mod:`wt.diagnose.adapt`). Both are linear around a reference hypothesis, so that a
+new hypothesis costs one replay and no more; replays are run with what the rig was found to be off
+by, so that the linear part stays small. Replays take coarse steps; what fine steps change is added
+from the reference, where it is computed exactly.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
-from wt.diagnose.nuisance import BOX, Nuisance, nuisances
+from wt.diagnose.adapt import Adaptable, InitialState, bounded_step, box, initial_states
+from wt.diagnose.nuisance import Nuisance, nuisances
 from wt.diagnose.smooth import Smoothed
 from wt.physics.replay import Planted, Stretch
 from wt.physics.rollout import Replayer
@@ -29,6 +29,8 @@ INDEPENDENT_PER_SECOND = 10.0
 """Errors of replays remember; this many samples a second count as new."""
 COARSE = 2.0
 """Physics step of most replays, in steps of the final ones; the extrapolation needs two."""
+_RELINEARISED, _LINEAR = 4, 0.3
+"""Most linearisations around a hypothesis; error of the linear part that is let be, in noise."""
 _WORTHWHILE = 0.05  # deviations: a smaller correction is not worth a change of the model
 BURN_IN_S = 0.25
 """Start of a long stretch that is not scored: hidden states (gears, buffers) settle [s]."""
@@ -43,7 +45,7 @@ class Assessed:
         loglik: log-likelihood, up to a constant [nats]; −inf if a replay exploded.
         mse: mean square error per joint after the adaptations, (nv,).
         nuisance: the adapted errors, in standard deviations.
-        error: projected error, before the nuisances' share is taken out, (N, nv).
+        error: projected error that replays without any nuisance would have, (N, nv).
     """
 
     hypothesis: Hypothesis
@@ -96,46 +98,75 @@ class Objective:
         share = self.valid.mean(axis=0)
         self.count = np.minimum(seconds * INDEPENDENT_PER_SECOND * share, self.valid.sum(axis=0))
         self.some: tuple[Nuisance, ...] = nuisances(self.scene)
-        self._jacobian = np.zeros((*self.measured.shape, 0))
-        self._initial: list[tuple[Array, Array]] = []
+        none = np.zeros((*self.measured.shape, len(self.some)))
+        self._around = Adaptable(none, np.zeros(len(self.some)))
 
     def rows(self, stretch: int) -> slice:
         """Rows of one stretch among all samples."""
         end = int(self._ends[stretch])
         return slice(end - len(self.stretches[stretch].t), end)
 
-    def raw(self, hypotheses: Sequence[Hypothesis]) -> Array:
-        """Simulated minus measured positions, (H, N, nv); 0 where nothing counts."""
+    def errors(self, hypotheses: Sequence[Hypothesis]) -> list[Array]:
+        """Projected errors (N, nv) of replays without any nuisance; 0 where nothing counts."""
+        raw = self._raw([(*h, *self._rig(self._around.centre)) for h in hypotheses])
+        return [self._around.at_origin(e) for e in raw]
+
+    def _raw(self, hypotheses: Sequence[Hypothesis]) -> Array:
+        """Simulated minus measured positions, (H, N, nv)."""
         q = self._coarse.run(hypotheses).q + self._correction
         return np.where(self.valid, q - self.measured, 0.0)
 
+    def _rig(self, sizes: Array) -> Hypothesis:
+        """Nuisances of so many deviations, those that a model can hold."""
+        pairs = zip(self.some, sizes, strict=True)
+        return tuple(n.scaled(float(x)) for n, x in pairs if n.correctable and x)
+
     def reference(self, hypothesis: Hypothesis) -> Assessed:
-        """Linearise what may adapt around a hypothesis, and assess it."""
-        nv = self.scene.model.nv
-        shifted = [hypothesis, *((*hypothesis, n.planted) for n in self.some)]
+        """Linearise what may adapt around a hypothesis, and assess it.
+
+        Again around what was found, until replays with it say the same as the linear prediction.
+        """
+        for _ in range(_RELINEARISED):
+            assessed = self._linearised(hypothesis)
+            centre = np.where([n.correctable for n in self.some], assessed.nuisance, 0.0)
+            (actual,) = self._raw([(*hypothesis, *self._rig(centre))])
+            apart = self._around.project(actual) - assessed.error - self._around.columns @ centre
+            if not (self._rms(apart) > _LINEAR * self.noise).any():
+                break
+            self._around = replace(self._around, centre=centre)
+        return assessed
+
+    def _linearised(self, hypothesis: Hypothesis) -> Assessed:
+        """Linearise around a hypothesis and the present nuisances."""
+        centre = self._around.centre
+        here = (*hypothesis, *self._rig(centre))
+        moved = [
+            (*hypothesis, *self._rig(centre + one)) if n.correctable else (*here, n.planted)
+            for n, one in zip(self.some, np.eye(len(self.some)), strict=True)
+        ]
         self._correction = np.zeros_like(self.measured)
-        errors = self.raw(shifted)
+        errors = self._raw([here, *moved])
         # the steps' error is of first order: Richardson's extrapolation removes it
-        exact = 2.0 * self._fine.run([hypothesis]).q[0] - self.measured
+        exact = 2.0 * self._fine.run([here]).q[0] - self.measured
         exact -= errors[0] + self.measured
         self._correction = np.nan_to_num(np.where(self.valid, exact - errors[0], 0.0))
         errors = errors + self._correction
         self.mse = self._mse(np.nan_to_num(errors[0], nan=1.0))
-        self._initial = []
-        if not self.forgets:
-            self._initial = self._initial_response(hypothesis, errors[0], nv)
-        base = self.project(errors[0])
-        self._jacobian = np.stack(
-            [np.nan_to_num(self.project(e) - base) for e in errors[1:]], axis=2
-        )
-        assessed = self.assess(hypothesis, base)
+        initial = () if self.forgets else self._initial_states(here, errors[0])
+        none = np.zeros((*self.measured.shape, len(self.some)))
+        around = Adaptable(none, centre, initial)
+        base = around.project(errors[0])
+        columns = [np.nan_to_num(around.project(e) - base) for e in errors[1:]]
+        if columns:
+            around = replace(around, columns=np.stack(columns, axis=2))
+        self._around = around
+        assessed = self.assess(hypothesis, around.at_origin(errors[0]))
         self.mse = assessed.mse
         return assessed
 
-    def _initial_response(
-        self, hypothesis: Hypothesis, base: Array, nv: int
-    ) -> list[tuple[Array, Array]]:
-        """Per stretch: response to the initial state (K·nv, 2nv), and its ridge solution."""
+    def _initial_states(self, here: Hypothesis, base: Array) -> tuple[InitialState, ...]:
+        """What other initial states change in the stretches' replays."""
+        nv = self.scene.model.nv
         moved = []
         for k in range(2 * nv):
             shift = np.zeros(2 * nv)
@@ -144,57 +175,42 @@ class Objective:
                 Stretch(s.recording, s.t, s.held, s.q0 + shift[:nv], s.v0 + shift[nv:])
                 for s in self.stretches
             ]
-            q = Replayer(self.scene, stretches, self._coarse.step).run([hypothesis]).q[0]
+            q = Replayer(self.scene, stretches, self._coarse.step).run([here]).q[0]
             shifted = q + self._correction - self.measured
             moved.append(np.where(self.valid, shifted, 0.0) - base)
         response = np.nan_to_num(np.stack(moved, axis=2))
-        found = []
-        for i in range(len(self.stretches)):
-            s = response[self.rows(i)]
-            weighted = s / self.mse[:, None]
-            flat, w = s.reshape(-1, 2 * nv), weighted.reshape(-1, 2 * nv)
-            solve = np.linalg.solve(w.T @ flat + np.eye(2 * nv), w.T)
-            found.append((flat, solve))
-        return found
-
-    def project(self, error: Array) -> Array:
-        """Take out of an error (N, nv) what a plausible other initial state explains."""
-        if not self._initial:
-            return error
-        left = error.copy()
-        for i, (flat, solve) in enumerate(self._initial):
-            part = error[self.rows(i)].reshape(-1)
-            left[self.rows(i)] -= (flat @ (solve @ part)).reshape(-1, error.shape[1])
-        return left
+        rows = [self.rows(i) for i in range(len(self.stretches))]
+        return initial_states(rows, response, self.mse)
 
     def assess(self, hypothesis: Hypothesis, error: Array) -> Assessed:
         """Likelihood of a projected error, with the nuisances adapted inside their box."""
         if not np.isfinite(error).all():
             bad = np.full(error.shape[1], np.inf)
             return Assessed(hypothesis, -np.inf, bad, np.zeros(len(self.some)), error)
-        nuisance = np.zeros(self._jacobian.shape[2])
-        mse = self._mse(error)
+        columns = self._around.columns
+        nuisance, mse = np.zeros(len(self.some)), self._mse(error)
         for _ in range(3):
-            nuisance = self._adapt(error, self._jacobian, mse)
-            mse = self._mse(error + self._jacobian @ nuisance)
+            nuisance = self._adapt(error, columns, mse)
+            mse = self._mse(error + columns @ nuisance)
         loglik = -0.5 * float(self.count @ np.log(mse)) - 0.5 * float(nuisance @ nuisance)
         return Assessed(hypothesis, loglik, mse, nuisance, error)
 
     def left(self, assessed: Assessed) -> Array:
         """The error once the nuisances have adapted, (N, nv)."""
-        return np.asarray(assessed.error + self._jacobian @ assessed.nuisance)
+        return np.asarray(assessed.error + self._around.columns @ assessed.nuisance)
 
     def calibration(self, assessed: Assessed) -> Hypothesis:
         """The nuisances as small corrections of the model, without those that it cannot hold."""
         able = [i for i, n in enumerate(self.some) if n.correctable]
-        sizes = self._adapt(assessed.error, self._jacobian[:, :, able], assessed.mse)
+        sizes = self._adapt(assessed.error, self._around.columns[:, :, able], assessed.mse)
         found = [(self.some[i], float(x)) for i, x in zip(able, sizes, strict=True)]
         return tuple(n.scaled(x) for n, x in found if abs(x) > _WORTHWHILE)
 
     def _adapt(self, error: Array, columns: Array, mse: Array) -> Array:
-        """Nuisances inside their box, given their columns of the Jacobian: bounded ridge."""
-        size = np.full(columns.shape[2], BOX)
-        return self._step(error, columns, mse, -size, size, np.ones(len(size)))
+        """Nuisances inside their box, given their columns."""
+        size = box(columns.shape[2])
+        prior = np.ones(len(size))
+        return bounded_step(error, columns, self._weight(mse), -size, size, prior)
 
     def solve(
         self, error: Array, jacobian: Array, mse: Array, lower: Array, upper: Array, damping: float
@@ -212,41 +228,16 @@ class Objective:
         Returns:
             (nuisances, step of the parameters).
         """
-        both = np.concatenate([jacobian, self._jacobian], axis=2)
-        p, size = jacobian.shape[2], np.full(len(self.some), BOX)
+        both = np.concatenate([jacobian, self._around.columns], axis=2)
+        p, size = jacobian.shape[2], box(len(self.some))
         low, high = np.concatenate([lower, -size]), np.concatenate([upper, size])
         prior = np.concatenate([np.zeros(p), np.ones(len(size))])
-        x = self._step(error, both, mse, low, high, prior, damping)
+        x = bounded_step(error, both, self._weight(mse), low, high, prior, damping)
         return x[p:], x[:p]
 
-    def _step(
-        self,
-        error: Array,
-        columns: Array,
-        mse: Array,
-        low: Array,
-        high: Array,
-        prior: Array,
-        damping: float = 0.0,
-    ) -> Array:
-        """Bounded least squares with a prior's weight for each column, damped where it is 0."""
-        n = columns.shape[2]
-        if n == 0:
-            return np.zeros(0)
-        # weights such that one joint's samples together count as its independent ones
-        weight = self.count / np.maximum(self.valid.sum(axis=0), 1) / mse
-        flat = columns.reshape(-1, n)
-        weighted = (columns * weight[:, None]).reshape(-1, n)
-        gram = flat.T @ weighted
-        gram[range(n), range(n)] *= np.where(prior > 0.0, 1.0, 1.0 + damping)
-        gram[range(n), range(n)] += prior
-        right = -weighted.T @ error.reshape(-1)
-        scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        scaled = gram / scale / scale[:, None] + 1e-9 * np.eye(n)
-        root = np.linalg.cholesky(scaled)
-        bounds = (low * scale - 1e-12, high * scale + 1e-12)
-        found = lsq_linear(root.T, np.linalg.solve(root, right / scale), bounds)
-        return np.asarray(found.x) / scale
+    def _weight(self, mse: Array) -> Array:
+        """Weights with which one joint's samples together count as its independent ones, (nv,)."""
+        return np.asarray(self.count / np.maximum(self.valid.sum(axis=0), 1) / mse)
 
     def curvature(self, now: Assessed, slope: Array, block_s: float) -> tuple[Array, Array, int]:
         """What intervals are made of.
@@ -260,7 +251,7 @@ class Objective:
             (Hessian of parameters and nuisances, the nuisances' prior included; score of each
             block; number of blocks).
         """
-        both = np.concatenate([slope, self._jacobian], axis=2)
+        both = np.concatenate([slope, self._around.columns], axis=2)
         p, n = slope.shape[2], both.shape[2]
         weighted = both / now.mse[:, None]
         hessian = weighted.reshape(-1, n).T @ both.reshape(-1, n)
@@ -280,10 +271,13 @@ class Objective:
             now: the fitted hypothesis.
             slope: Jacobian of its error in the parameters, (N, nv, p).
         """
-        both = np.concatenate([slope, self._jacobian], axis=2) / now.mse[:, None]
-        wrong = 0.5 * self.project(self._correction)
+        both = np.concatenate([slope, self._around.columns], axis=2) / now.mse[:, None]
+        wrong = 0.5 * self._around.project(self._correction)
         return np.asarray(np.einsum("ijk,ij->k", both, wrong))
 
     def _mse(self, error: Array) -> Array:
+        return np.maximum(self._rms(error) ** 2, self.noise**2)
+
+    def _rms(self, error: Array) -> Array:
         count = np.maximum(self.valid.sum(axis=0), 1)
-        return np.maximum((error**2).sum(axis=0) / count, self.noise**2)
+        return np.asarray(np.sqrt((error**2).sum(axis=0) / count))

@@ -32,6 +32,8 @@ Array = np.ndarray
 
 STEP_S = 5e-4
 """Physics step of replays [s]; the model's own, if that is smaller."""
+SEARCH_STEP_S = 1e-3
+"""… and while hypotheses are compared."""
 SEARCH_S = 16.0
 """At most so many seconds of recordings are replayed while hypotheses are compared."""
 ATTEMPTS = 3
@@ -67,10 +69,10 @@ def diagnose(
     say("screening hypotheses", 0.08)
     screen = Screen(fitted, seed)
     forgetting = forgets(fitted, STEP_S)
-    everything = _objective(fitted, screen, forgetting, np.inf)
+    everything = _objective(fitted, screen, forgetting, np.inf, STEP_S)
     held = proof.hold(held_out, forgetting)
     court = Court(screen, everything, held, STEP_S, seed)
-    some = _objective(fitted, screen, forgetting, SEARCH_S)
+    some = _objective(fitted, screen, forgetting, SEARCH_S, SEARCH_STEP_S)
     proven, considered = _found(screen, some, court, say)
     say("judging", 0.8)
     judged = court.judge(proven)
@@ -142,9 +144,11 @@ def _silent(what: str, share: float) -> None:
     """Nobody listens."""
 
 
-def _objective(smoothed: Smoothed, screen: Screen, forgetting: bool, seconds: float) -> Objective:
+def _objective(
+    smoothed: Smoothed, screen: Screen, forgetting: bool, seconds: float, step: float
+) -> Objective:
     pairs = stretches_of(smoothed, forgetting, seconds)
-    return Objective(smoothed, pairs, screen.velocity_noise, STEP_S, forgetting)
+    return Objective(smoothed, pairs, screen.velocity_noise, step, forgetting)
 
 
 def _too_coarse(scene: Scene, held: proof.Held, judged: Judged) -> bool:

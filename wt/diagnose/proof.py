@@ -98,9 +98,10 @@ class Gain:
     p_value: float
 
 
-def gains(held: Held, hypothesis: Hypothesis, step: float) -> list[Gain]:
-    """Held-out gain of each effect: all of them against all but this one."""
-    without = [tuple(p for k, p in enumerate(hypothesis) if k != i) for i in range(len(hypothesis))]
+def gains(
+    held: Held, hypothesis: Hypothesis, without: Sequence[Hypothesis], step: float
+) -> list[Gain]:
+    """Held-out gain of a hypothesis over each of some lesser ones; p-values pay for all."""
     full, *lesser = _chi_squares(held, [hypothesis, *without], step)
     found = [_gain(held, less, full) for less in lesser]
     return [Gain(g.share, min(1.0, g.p_value * len(found))) for g in found]

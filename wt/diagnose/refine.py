@@ -42,10 +42,8 @@ def evaluate(objective: Objective, hypotheses: Sequence[Hypothesis]) -> list[Ass
     """Replay and assess hypotheses."""
     if not hypotheses:
         return []
-    errors = objective.raw(hypotheses)
-    return [
-        objective.assess(h, objective.project(e)) for h, e in zip(hypotheses, errors, strict=True)
-    ]
+    errors = objective.errors(hypotheses)
+    return [objective.assess(h, e) for h, e in zip(hypotheses, errors, strict=True)]
 
 
 def refine(
@@ -92,13 +90,10 @@ def jacobian(
             moved[k] = np.clip(moved[k] + step[k], lower[k], upper[k])
             neighbours.append(unpack(assessed.hypothesis, parts, moved))
         sizes.append(step)
-    errors = objective.raw(neighbours)
+    errors = objective.errors(neighbours)
     result, start = [], 0
     for assessed, step in zip(at, sizes, strict=True):
-        columns = [
-            (objective.project(errors[start + k]) - assessed.error) / step[k]
-            for k in range(len(step))
-        ]
+        columns = [(errors[start + k] - assessed.error) / step[k] for k in range(len(step))]
         start += len(step)
         result.append(np.nan_to_num(np.stack(columns, axis=2)))
     return result

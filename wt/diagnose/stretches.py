@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from wt.diagnose.samples import Samples
 from wt.diagnose.smooth import Smoothed
@@ -14,6 +15,8 @@ Array = np.ndarray
 WINDOW_S = 0.5
 """Length of the stretches of a machine that does not forget its initial state [s]."""
 _TEST_S, _SHOVE, _FORGOTTEN = 1.5, 0.02, 0.3
+_AROUND, _MISFIT = 9, 2.0
+"""Samples around a start over which the curve may miss the measured positions by so much noise."""
 
 
 def forgets(smoothed: Smoothed, step: float) -> bool:
@@ -48,11 +51,24 @@ def stretches_of(
     keep = min(1.0, seconds / total)
     found = []
     for s, (q, v, _) in zip(smoothed.samples, smoothed.at_samples, strict=True):
+        ready = np.flatnonzero(_known(s.q - q, smoothed.noise))
         for first, last in _blocks(s, keep, forgets):
+            later = ready[(ready >= first) & (ready <= (first + last) // 2)]
+            first = int(later[0]) if len(later) else first
             rows = slice(first, last)
             stretch = Stretch(s.recording, s.t[rows], s.held[rows], q[first], v[first])
             found.append((stretch, s.q[rows]))
     return found
+
+
+def _known(misfit: Array, noise: Array) -> Array:
+    """Where the smooth curve is to be trusted as an initial state, (K,) bool.
+
+    Not where it misses the samples, as in a jolt that is faster than its knots.
+    """
+    square = np.nan_to_num(misfit / noise) ** 2
+    local = uniform_filter1d(square, _AROUND, axis=0, mode="nearest")
+    return np.asarray((local < _MISFIT**2).all(axis=1))
 
 
 def _blocks(s: Samples, keep: float, forgets: bool) -> list[tuple[int, int]]:

@@ -22,6 +22,12 @@ def erring_joints(objective: Objective, assessed: Assessed) -> list[int]:
     return [int(d) for d in np.flatnonzero(assessed.mse > (CLEAN * objective.noise) ** 2)]
 
 
+def exhausted(objective: Objective, now: Assessed) -> bool:
+    """Whether no addition could earn its place: even one that leaves nothing but noise."""
+    perfect = -float(objective.count @ np.log(objective.noise))
+    return perfect - now.loglik < MIN_NATS
+
+
 def simplest(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> Assessed:
     """The best fit, or one as good as it with fewer parameters.
 
@@ -34,8 +40,8 @@ def simplest(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> A
     def size(fit: Assessed) -> int:
         return sum(p.effect.n_free for p in fit.hypothesis)
 
-    fewest = min(size(f) for f in close)
-    return next(f for f in close if size(f) == fewest)
+    # none is close where even the best exploded
+    return min(close, key=size) if close else fits[0]
 
 
 def price(objective: Objective, hypothesis: Hypothesis) -> float:

@@ -198,7 +198,7 @@ class Plant:
             q0: initial positions (joints,) [rad].
             samples: increasing step indices of samples, (n,); step 0 is time 0.
             controller: (sample, q, q̇) → command, held until the next sample.
-            lead: steps of lead-in under sample 0's command before time 0.
+            lead: steps of lead-in before time 0, in which sample 0 is held.
         """
         mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[:] = q0
@@ -207,7 +207,7 @@ class Plant:
         mujoco.mj_step1(self.model, self.data)
         u = before = controller(0, q0, np.zeros_like(q0))
         trace = Trace(len(samples), len(self.rig.links), int(samples[-1]) + 1, self.h)
-        row = 0
+        row, every = 0, max(1, round(float(np.median(np.diff(samples)))))
         for k in range(-lead, int(samples[-1]) + 1):
             mujoco.mj_step1(self.model, self.data)
             q, v = self.data.qpos, self.data.qvel + 0.5 * self.h * self.data.qacc
@@ -218,6 +218,8 @@ class Plant:
                 u = controller(row, q, v)
                 trace.put(row, q, v, u, self.data.sensordata)
                 row += 1
+            elif k < 0 and k % every == 0:
+                u = controller(0, q, v)
             tau = self._finish(q, v, 0.5 * (before + u), k * self.h)
             before = u
             if k >= 0:
