@@ -93,7 +93,7 @@ def test_amplitude_zero_is_neutral(worlds: Callable[[str], World]) -> None:
     found = find(w.screen, w.objective, w.objective.reference(()), w.held, step=STEP)
     assert found is not None
     off = Planted(found.planted.effect, found.planted.at, np.zeros(1))
-    plain, without, acting = w.objective.errors([(), (off,), (found.planted,)])
+    plain, without, acting = (a.error for a in w.objective.evaluate([(), (off,), (found.planted,)]))
     np.testing.assert_allclose(without, plain, atol=1e-9)
     assert np.abs(acting - plain).max() > 1e-4
 

@@ -14,8 +14,14 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from wt.diagnose.nuisance import BOX
+from wt.physics.replay import Planted, Stretch
+from wt.physics.rollout import Replayer
 
 Array = np.ndarray
+
+REWEIGHTED = 4
+"""So often initial states adapt, each time as far as what the last left of the error allows."""
+_IDLE = 0.01  # change of the weighted error, its standard deviation being one
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +37,30 @@ class InitialState:
     rows: slice
     response: Array
     solve: Array
+
+
+def initial_deviations(noise: Array, velocity_noise: Array) -> Array:
+    """Of a stretch's estimated initial positions and velocities, (2nv,), from the sensors'."""
+    return np.concatenate([0.5 * np.nan_to_num(noise, nan=1.0), velocity_noise])
+
+
+def responses(replayer: Replayer, hypothesis: Sequence[Planted], deviations: Array) -> Array:
+    """What other initial states change in replays, (N, nv, 2nv).
+
+    Args:
+        replayer: of the stretches.
+        hypothesis: what is replayed.
+        deviations: of each initial position and velocity, (2nv,).
+    """
+    nv, stretches = len(deviations) // 2, replayer.stretches
+    shifted = [
+        Stretch(s.recording, s.t, s.held, s.q0 + shift[:nv], s.v0 + shift[nv:])
+        for shift in (np.zeros(2 * nv), *np.diag(deviations))
+        for s in stretches
+    ]
+    q = Replayer(replayer.scene, shifted, replayer.step).run([hypothesis]).q[0]
+    base, *moved = np.split(q, 2 * nv + 1)
+    return np.nan_to_num(np.stack([m - base for m in moved], axis=2))
 
 
 def initial_states(rows: Sequence[slice], response: Array, mse: Array) -> tuple[InitialState, ...]:
@@ -56,7 +86,7 @@ class Adaptable:
 
     Attributes:
         columns: change of the projected error per deviation of each nuisance, (N, nv, n).
-        centre: nuisances that replays are run with, in deviations, (n,).
+        centre: nuisances that replays are run with unless others are said, in deviations, (n,).
         initial: of the stretches of a machine that does not forget its initial state.
     """
 
@@ -75,9 +105,18 @@ class Adaptable:
             left[state.rows] -= explained.reshape(part.shape)
         return left
 
-    def at_origin(self, error: Array) -> Array:
-        """The projected error (N, nv) that a replay without any nuisance would have."""
-        return np.asarray(self.project(error) - self.columns @ self.centre)
+    def at_origin(self, error: Array, centre: Array) -> Array:
+        """What the error (N, nv) of a replay with some nuisances would be without, projected."""
+        return np.asarray(self.project(error) - self.columns @ centre)
+
+
+def linear(changes: Array, centre: Array, initial: tuple[InitialState, ...] = ()) -> Adaptable:
+    """What adapts, from the changes of the error per deviation of each nuisance, (n, N, nv)."""
+    none = Adaptable(np.zeros((*changes.shape[1:], 0)), np.zeros(0), initial)
+    columns = [none.project(change) for change in changes]
+    if not columns:
+        return none
+    return Adaptable(np.stack(columns, axis=2), centre, initial)
 
 
 def bounded_step(
@@ -113,10 +152,15 @@ def bounded_step(
     gram[range(n), range(n)] += prior
     right = -weighted.T @ error.reshape(-1)
     scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    # what changes nothing within its bounds stays as it is
+    idle = scale * (high - low) < _IDLE
+    low, high = np.where(idle, 0.0, low), np.where(idle, 0.0, high)
     scaled = gram / scale / scale[:, None] + 1e-9 * np.eye(n)
     root = np.linalg.cholesky(scaled)
     bounds = (low * scale - 1e-12, high * scale + 1e-12)
-    found = lsq_linear(root.T, np.linalg.solve(root, right / scale), bounds)
+    target = np.linalg.solve(root, right / scale)
+    # an active set: reflections from bounds stop short in the long valleys of a quiet sensor
+    found = lsq_linear(root.T, target, bounds, method="bvls")
     return np.asarray(found.x) / scale
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from wt.diagnose.hypotheses import candidates, dof_of, excluded
 from wt.diagnose.objective import Assessed, Hypothesis, Objective
-from wt.diagnose.refine import evaluate, refine
+from wt.diagnose.refine import refine
 from wt.diagnose.result import Considered
 from wt.diagnose.screen import Scored, Screen
 from wt.diagnose.worth import MIN_NATS, earns, erring_joints, simplest, worth
@@ -220,7 +220,7 @@ def _first_of_each(
 ) -> list[Hypothesis]:
     """One start for each effect and place, the best of those that are given, and only the best."""
     found: dict[Key, Assessed] = {}
-    for assessed in evaluate(objective, [(*now.hypothesis, p) for p in additions]):
+    for assessed in objective.evaluate([(*now.hypothesis, p) for p in additions]):
         key = assessed.hypothesis[-1].key
         if key not in found or assessed.loglik > found[key].loglik:
             found[key] = assessed

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wt.diagnose.addition import Accepted, addition
-from wt.diagnose.objective import Assessed, Objective
+from wt.diagnose.addition import EQUIVALENT_NATS, Accepted, addition
+from wt.diagnose.objective import Assessed, Hypothesis, Objective
 from wt.diagnose.refine import refine
 from wt.diagnose.result import Considered
 from wt.diagnose.screen import Screen
@@ -63,16 +63,57 @@ def search(
         if not found:
             break
         accepted += found
-        now = objective.reference((*now.hypothesis, *(a.planted for a in found)))
-        (now,) = refine(objective, [now.hypothesis], [range(len(accepted))], iterations=3)
-        now = objective.reference(now.hypothesis)
+        now = _fitted(objective, (*now.hypothesis, *(a.planted for a in found)))
         accepted, now = _prune(objective, accepted, now)
+        accepted, now = _reconsidered(screen, objective, accepted, now, considered, banned, found)
         if {a.planted.key for a in accepted} <= before:
             break  # what was added lasted no longer than its round
     final = [
         replace(a, planted=planted) for a, planted in zip(accepted, now.hypothesis, strict=True)
     ]
     return Outcome(tuple(final), tuple(considered))
+
+
+def _fitted(objective: Objective, hypothesis: Hypothesis) -> Assessed:
+    """All effects of a hypothesis refined together, with the objective linear around them."""
+    now = objective.reference(hypothesis)
+    if not hypothesis:
+        return now
+    (now,) = refine(objective, [now.hypothesis], [range(len(hypothesis))], iterations=3)
+    return objective.reference(now.hypothesis, now.nuisance)
+
+
+def _reconsidered(
+    screen: Screen,
+    objective: Objective,
+    accepted: list[Accepted],
+    now: Assessed,
+    considered: list[Considered],
+    banned: Container[Key],
+    found: Sequence[Accepted],
+) -> tuple[list[Accepted], Assessed]:
+    """Each of two effects that joined together is looked for again beside the other.
+
+    Such a pair was chosen by the force residual, and few others were replayed in its place.
+    """
+    places = [a.planted.key for a in found]
+    for key in places if len(places) > 1 else ():
+        index = next((i for i, a in enumerate(accepted) if a.planted.key == key), None)
+        if index is None:  # replaced or pruned already
+            continue
+        rest = [a for i, a in enumerate(accepted) if i != index]
+        without = tuple(p for i, p in enumerate(now.hypothesis) if i != index)
+        base = _fitted(objective, without)
+        kept = [replace(a, planted=p) for a, p in zip(rest, base.hypothesis, strict=True)]
+        others = addition(screen, objective, base, kept, considered, 1, banned)
+        names = {a.planted.key for a in accepted}
+        if any(a.planted.key not in names for a in others):
+            other = _fitted(objective, (*base.hypothesis, others[0].planted))
+            if worth(objective, other, now) > EQUIVALENT_NATS:
+                accepted, now = [*rest, *others], other
+                continue
+        now = objective.reference(now.hypothesis, now.nuisance)
+    return accepted, now
 
 
 def _prune(
@@ -89,5 +130,5 @@ def _prune(
         if losses[weakest] > MIN_NATS and earns(objective, now, fits[weakest]):
             break
         accepted = [a for i, a in enumerate(accepted) if i != weakest]
-        now = objective.reference(fits[weakest].hypothesis)
+        now = objective.reference(fits[weakest].hypothesis, fits[weakest].nuisance)
     return accepted, now

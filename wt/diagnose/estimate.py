@@ -49,7 +49,7 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
         return Estimated(now, ())
     parts = range(len(start))
     (now,) = refine(objective, [start], [parts], iterations=3)
-    now = objective.reference(now.hypothesis)
+    now = objective.reference(now.hypothesis, now.nuisance)
     (slope,) = jacobian(objective, [now], [parts])
     spread = _spread(objective, now, slope)
     theta = pack(now.hypothesis, parts)
@@ -65,7 +65,7 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
 
 def _spread(objective: Objective, now: Assessed, slope: Array) -> Array:
     """Half width of the 95 % intervals of the parameters, (p,)."""
-    hessian, scores, blocks = objective.curvature(now, slope, BLOCK_S)
+    hessian, scores, blocks = _curvature(objective, now, slope)
     p, n = slope.shape[2], len(hessian)
     scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     inverse = np.linalg.pinv(hessian / scale / scale[:, None], rcond=1e-10)
@@ -76,8 +76,40 @@ def _spread(objective: Objective, now: Assessed, slope: Array) -> Array:
     freedom = max(blocks - p, 2)
     deviation = np.sqrt(np.maximum(np.diag(covariance)[:p], 0.0))
     # what the replays' steps may still be wrong by, seen through the same estimator
-    numerical = inverse @ (objective.numerical_score(now, slope) / scale) / scale
+    numerical = inverse @ (_numerical_score(objective, now, slope) / scale) / scale
     return np.asarray(np.hypot(student.ppf(0.975, freedom) * deviation, 2.0 * numerical[:p]))
+
+
+def _curvature(objective: Objective, now: Assessed, slope: Array) -> tuple[Array, Array, int]:
+    """What intervals are made of.
+
+    Args:
+        objective: the replays.
+        now: the fitted hypothesis.
+        slope: Jacobian of its error in the parameters, (N, nv, p).
+
+    Returns:
+        (Hessian of parameters and nuisances, the nuisances' prior included; score of each block;
+        number of blocks).
+    """
+    both = np.concatenate([slope, objective.columns], axis=2)
+    p, n = slope.shape[2], both.shape[2]
+    weighted = both / now.mse[:, None]
+    hessian = weighted.reshape(-1, n).T @ both.reshape(-1, n)
+    hessian[range(p, n), range(p, n)] += 1.0
+    left = objective.left(now)
+    labels = np.stack([objective.recording, (objective.t / BLOCK_S).astype(int)], axis=1)
+    _, block = np.unique(labels, axis=0, return_inverse=True)
+    count = int(block.max()) + 1
+    scores = np.zeros((count, n))
+    np.add.at(scores, block.ravel(), np.einsum("ijk,ij->ik", weighted, left))
+    return hessian, scores, count
+
+
+def _numerical_score(objective: Objective, now: Assessed, slope: Array) -> Array:
+    """Score that half of the steps' known error would have, (p + nuisances,)."""
+    both = np.concatenate([slope, objective.columns], axis=2) / now.mse[:, None]
+    return np.asarray(np.einsum("ijk,ij->k", both, objective.numerical_error))
 
 
 def _named(planted: Planted, low: Array, high: Array) -> dict[str, Estimate]:

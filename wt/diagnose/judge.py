@@ -15,9 +15,9 @@ import numpy as np
 from wt.diagnose import proof
 from wt.diagnose.addition import Accepted
 from wt.diagnose.calibrate import calibration, comments
+from wt.diagnose.crossfit import MUTE, WORTH, left_in_turn
 from wt.diagnose.estimate import Estimated, estimate
 from wt.diagnose.objective import Hypothesis, Objective
-from wt.diagnose.refine import evaluate
 from wt.diagnose.remainder import Unknown, find
 from wt.diagnose.result import Confusable, Finding, Verdict
 from wt.diagnose.rivals import DOUBTFUL, rivals_nonparametric
@@ -129,18 +129,30 @@ class Court:
         return Judged((), estimated, (), ())
 
     def _gains(self, estimated: Estimated) -> list[proof.Gain]:
-        """Held-out gain of each effect: all of them against all but this one.
+        """Gain of each effect: all of them against all but this one.
 
-        Either side has what the rig is off by as the fitted recordings say it, given that side.
+        On held-out data, or on the fitted ones where those cannot say; either kind of test pays
+        for how many there are of it.
         """
-        whole = estimated.assessed
+        whole, objective = estimated.assessed, self.objective
         parts = range(len(whole.hypothesis))
         without = [tuple(p for k, p in enumerate(whole.hypothesis) if k != i) for i in parts]
+        sides = [whole, *objective.evaluate(without)]
+        # what the rig is off by is known from replays that leave nothing else to explain
+        known = not erring_joints(objective, whole)
         full, *lesser = [
-            (*fit.hypothesis, *self.objective.calibration(fit))
-            for fit in (whole, *evaluate(self.objective, without))
+            (*s.hypothesis, *(objective.calibration(s) if known else ())) for s in sides
         ]
-        return proof.gains(self.held, full, lesser, self.step)
+        gains = proof.gains(self.held, full, lesser, self.step)
+        mute = [
+            i for i, g in enumerate(gains) if g.p_value > proof.SIGNIFICANT and g.potential < MUTE
+        ]
+        for i in mute:
+            fitted = left_in_turn(objective, whole.hypothesis, i)
+            proven = fitted.share >= WORTH
+            p_value = min(1.0, fitted.p_value * len(mute)) if proven else 1.0
+            gains[i] = replace(gains[i], p_value=p_value, in_turn=True)
+        return gains
 
     def clean(self, judged: Judged) -> bool:
         """Whether nothing but noise is left of the fitted recordings."""

@@ -9,12 +9,22 @@ from the reference, where it is computed exactly.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wt.diagnose.adapt import Adaptable, InitialState, bounded_step, box, initial_states
+from wt.diagnose.adapt import (
+    REWEIGHTED,
+    Adaptable,
+    bounded_step,
+    box,
+    initial_deviations,
+    initial_states,
+    linear,
+    responses,
+)
 from wt.diagnose.nuisance import Nuisance, nuisances
 from wt.diagnose.smooth import Smoothed
 from wt.physics.replay import Planted, Stretch
@@ -29,6 +39,7 @@ INDEPENDENT_PER_SECOND = 10.0
 """Errors of replays remember; this many samples a second count as new."""
 COARSE = 2.0
 """Physics step of most replays, in steps of the final ones; the extrapolation needs two."""
+_STEP = 0.1  # deviations: long valleys between an effect and its nuisance need good derivatives
 _RELINEARISED, _LINEAR = 4, 0.3
 """Most linearisations around a hypothesis; error of the linear part that is let be, in noise."""
 _WORTHWHILE = 0.05  # deviations: a smaller correction is not worth a change of the model
@@ -45,6 +56,7 @@ class Assessed:
         loglik: log-likelihood, up to a constant [nats]; −inf if a replay exploded.
         mse: mean square error per joint after the adaptations, (nv,).
         nuisance: the adapted errors, in standard deviations.
+        centre: those that it was replayed with.
         error: projected error that replays without any nuisance would have, (N, nv).
     """
 
@@ -52,6 +64,7 @@ class Assessed:
     loglik: float
     mse: Array
     nuisance: Array
+    centre: Array
     error: Array
 
 
@@ -90,7 +103,7 @@ class Objective:
         self.valid = np.isfinite(self.measured) & settled[:, None]
         self.forgets = forgets
         self._ends = np.cumsum([len(s.t) for s in self.stretches])
-        self._sigma0 = np.concatenate([0.5 * self.noise, noise_v0])
+        self._sigma0 = initial_deviations(self.noise, noise_v0)
         self._fine = Replayer(self.scene, self.stretches, step)
         self._coarse = Replayer(self.scene, self.stretches, COARSE * step)
         self._correction = np.zeros_like(self.measured)
@@ -98,6 +111,7 @@ class Objective:
         share = self.valid.mean(axis=0)
         self.count = np.minimum(seconds * INDEPENDENT_PER_SECOND * share, self.valid.sum(axis=0))
         self.some: tuple[Nuisance, ...] = nuisances(self.scene)
+        self._able = np.array([n.correctable for n in self.some], dtype=bool)
         none = np.zeros((*self.measured.shape, len(self.some)))
         self._around = Adaptable(none, np.zeros(len(self.some)))
 
@@ -106,10 +120,23 @@ class Objective:
         end = int(self._ends[stretch])
         return slice(end - len(self.stretches[stretch].t), end)
 
-    def errors(self, hypotheses: Sequence[Hypothesis]) -> list[Array]:
-        """Projected errors (N, nv) of replays without any nuisance; 0 where nothing counts."""
-        raw = self._raw([(*h, *self._rig(self._around.centre)) for h in hypotheses])
-        return [self._around.at_origin(e) for e in raw]
+    def evaluate(
+        self, hypotheses: Sequence[Hypothesis], centres: Sequence[Array] | None = None
+    ) -> list[Assessed]:
+        """Replay and assess hypotheses, each with nuisances close to those that it will have.
+
+        Args:
+            hypotheses: what to replay.
+            centres: nuisances of each, in deviations; those of the reference if left out.
+        """
+        if centres is None:
+            centres = [self._around.centre] * len(hypotheses)
+        centres = [np.where(self._able, c, 0.0) for c in centres]
+        raw = self._raw([(*h, *self._rig(c)) for h, c in zip(hypotheses, centres, strict=True)])
+        return [
+            self._assess(h, self._around.at_origin(e, c), c)
+            for h, c, e in zip(hypotheses, centres, raw, strict=True)
+        ]
 
     def _raw(self, hypotheses: Sequence[Hypothesis]) -> Array:
         """Simulated minus measured positions, (H, N, nv)."""
@@ -121,14 +148,20 @@ class Objective:
         pairs = zip(self.some, sizes, strict=True)
         return tuple(n.scaled(float(x)) for n, x in pairs if n.correctable and x)
 
-    def reference(self, hypothesis: Hypothesis) -> Assessed:
+    def reference(self, hypothesis: Hypothesis, nuisance: Array | None = None) -> Assessed:
         """Linearise what may adapt around a hypothesis, and assess it.
 
         Again around what was found, until replays with it say the same as the linear prediction.
+
+        Args:
+            hypothesis: the reference.
+            nuisance: where the rig's errors are believed, in deviations; as before if left out.
         """
+        if nuisance is not None:
+            self._around = replace(self._around, centre=np.where(self._able, nuisance, 0.0))
         for _ in range(_RELINEARISED):
             assessed = self._linearised(hypothesis)
-            centre = np.where([n.correctable for n in self.some], assessed.nuisance, 0.0)
+            centre = np.where(self._able, assessed.nuisance, 0.0)
             (actual,) = self._raw([(*hypothesis, *self._rig(centre))])
             apart = self._around.project(actual) - assessed.error - self._around.columns @ centre
             if not (self._rms(apart) > _LINEAR * self.noise).any():
@@ -142,7 +175,7 @@ class Objective:
         here = (*hypothesis, *self._rig(centre))
         moved = [
             (*hypothesis, *self._rig(centre + one)) if n.correctable else (*here, n.planted)
-            for n, one in zip(self.some, np.eye(len(self.some)), strict=True)
+            for n, one in zip(self.some, _STEP * np.eye(len(self.some)), strict=True)
         ]
         self._correction = np.zeros_like(self.measured)
         errors = self._raw([here, *moved])
@@ -151,57 +184,53 @@ class Objective:
         exact -= errors[0] + self.measured
         self._correction = np.nan_to_num(np.where(self.valid, exact - errors[0], 0.0))
         errors = errors + self._correction
-        self.mse = self._mse(np.nan_to_num(errors[0], nan=1.0))
-        initial = () if self.forgets else self._initial_states(here, errors[0])
-        none = np.zeros((*self.measured.shape, len(self.some)))
-        around = Adaptable(none, centre, initial)
-        base = around.project(errors[0])
-        columns = [np.nan_to_num(around.project(e) - base) for e in errors[1:]]
-        if columns:
-            around = replace(around, columns=np.stack(columns, axis=2))
-        self._around = around
-        assessed = self.assess(hypothesis, around.at_origin(errors[0]))
-        self.mse = assessed.mse
+        size = np.where(self._able, _STEP, 1.0)
+        columns = np.nan_to_num(errors[1:] - errors[0]) / size[:, None, None]
+        if self.forgets:
+            self._around = linear(columns, centre)
+            return self._assess(hypothesis, self._around.at_origin(errors[0], centre), centre)
+        response = responses(self._coarse, here, self._sigma0) * self.valid[:, :, None]
+        rows = [self.rows(i) for i in range(len(self.stretches))]
+        mse = self._mse(np.nan_to_num(errors[0], nan=1.0))
+        # how far an initial state may go depends on what is left once all has adapted
+        for _ in range(REWEIGHTED):
+            self._around = linear(columns, centre, initial_states(rows, response, mse))
+            assessed = self._assess(hypothesis, self._around.at_origin(errors[0], centre), centre)
+            mse = np.where(np.isfinite(assessed.mse), assessed.mse, mse)
         return assessed
 
-    def _initial_states(self, here: Hypothesis, base: Array) -> tuple[InitialState, ...]:
-        """What other initial states change in the stretches' replays."""
-        nv = self.scene.model.nv
-        moved = []
-        for k in range(2 * nv):
-            shift = np.zeros(2 * nv)
-            shift[k] = self._sigma0[k]
-            stretches = [
-                Stretch(s.recording, s.t, s.held, s.q0 + shift[:nv], s.v0 + shift[nv:])
-                for s in self.stretches
-            ]
-            q = Replayer(self.scene, stretches, self._coarse.step).run([here]).q[0]
-            shifted = q + self._correction - self.measured
-            moved.append(np.where(self.valid, shifted, 0.0) - base)
-        response = np.nan_to_num(np.stack(moved, axis=2))
-        rows = [self.rows(i) for i in range(len(self.stretches))]
-        return initial_states(rows, response, self.mse)
-
-    def assess(self, hypothesis: Hypothesis, error: Array) -> Assessed:
+    def _assess(self, hypothesis: Hypothesis, error: Array, centre: Array) -> Assessed:
         """Likelihood of a projected error, with the nuisances adapted inside their box."""
         if not np.isfinite(error).all():
             bad = np.full(error.shape[1], np.inf)
-            return Assessed(hypothesis, -np.inf, bad, np.zeros(len(self.some)), error)
+            return Assessed(hypothesis, -np.inf, bad, np.zeros(len(self.some)), centre, error)
         columns = self._around.columns
         nuisance, mse = np.zeros(len(self.some)), self._mse(error)
         for _ in range(3):
             nuisance = self._adapt(error, columns, mse)
             mse = self._mse(error + columns @ nuisance)
         loglik = -0.5 * float(self.count @ np.log(mse)) - 0.5 * float(nuisance @ nuisance)
-        return Assessed(hypothesis, loglik, mse, nuisance, error)
+        return Assessed(hypothesis, loglik, mse, nuisance, centre, error)
 
     def left(self, assessed: Assessed) -> Array:
         """The error once the nuisances have adapted, (N, nv)."""
-        return np.asarray(assessed.error + self._around.columns @ assessed.nuisance)
+        return self.adapted(assessed.error, assessed.nuisance)
+
+    def adapted(self, error: Array, nuisance: Array) -> Array:
+        """A projected error (N, nv) with so many deviations of each nuisance."""
+        return np.asarray(error + self._around.columns @ nuisance)
+
+    def only(self, rows: Array) -> Objective:
+        """The same replays, judged by some of the samples, (N,) bool."""
+        some = copy.copy(self)
+        some.valid = self.valid & rows[:, None]
+        share = some.valid.sum(axis=0) / np.maximum(self.valid.sum(axis=0), 1)
+        some.count = self.count * share
+        return some
 
     def calibration(self, assessed: Assessed) -> Hypothesis:
         """The nuisances as small corrections of the model, without those that it cannot hold."""
-        able = [i for i, n in enumerate(self.some) if n.correctable]
+        able = np.flatnonzero(self._able)
         sizes = self._adapt(assessed.error, self._around.columns[:, :, able], assessed.mse)
         found = [(self.some[i], float(x)) for i, x in zip(able, sizes, strict=True)]
         return tuple(n.scaled(x) for n, x in found if abs(x) > _WORTHWHILE)
@@ -239,41 +268,15 @@ class Objective:
         """Weights with which one joint's samples together count as its independent ones, (nv,)."""
         return np.asarray(self.count / np.maximum(self.valid.sum(axis=0), 1) / mse)
 
-    def curvature(self, now: Assessed, slope: Array, block_s: float) -> tuple[Array, Array, int]:
-        """What intervals are made of.
+    @property
+    def columns(self) -> Array:
+        """Change of the error per deviation of each nuisance, (N, nv, n)."""
+        return self._around.columns
 
-        Args:
-            now: the fitted hypothesis.
-            slope: Jacobian of its error in the parameters, (N, nv, p).
-            block_s: length of the blocks that count as independent [s].
-
-        Returns:
-            (Hessian of parameters and nuisances, the nuisances' prior included; score of each
-            block; number of blocks).
-        """
-        both = np.concatenate([slope, self._around.columns], axis=2)
-        p, n = slope.shape[2], both.shape[2]
-        weighted = both / now.mse[:, None]
-        hessian = weighted.reshape(-1, n).T @ both.reshape(-1, n)
-        hessian[range(p, n), range(p, n)] += 1.0
-        left = self.left(now)
-        labels = np.stack([self.recording, (self.t / block_s).astype(int)], axis=1)
-        _, block = np.unique(labels, axis=0, return_inverse=True)
-        count = int(block.max()) + 1
-        scores = np.zeros((count, n))
-        np.add.at(scores, block.ravel(), np.einsum("ijk,ij->ik", weighted, left))
-        return hessian, scores, count
-
-    def numerical_score(self, now: Assessed, slope: Array) -> Array:
-        """Score that half of the steps' known error would have, (p + nuisances,).
-
-        Args:
-            now: the fitted hypothesis.
-            slope: Jacobian of its error in the parameters, (N, nv, p).
-        """
-        both = np.concatenate([slope, self._around.columns], axis=2) / now.mse[:, None]
-        wrong = 0.5 * self._around.project(self._correction)
-        return np.asarray(np.einsum("ijk,ij->k", both, wrong))
+    @property
+    def numerical_error(self) -> Array:
+        """Half of the steps' known error, projected, (N, nv): what may still be wrong."""
+        return 0.5 * self._around.project(self._correction)
 
     def _mse(self, error: Array) -> Array:
         return np.maximum(self._rms(error) ** 2, self.noise**2)

@@ -116,7 +116,7 @@ def _told(
         traces=traces(prepared, (fitted, held.smoothed), judged.complete, STEP_S),
         suggestions=suggestions(found),
         measured=seen,
-        notes=(*_notes(scene, held.forgets, coarse), *seen.notes),
+        notes=(*_notes(scene, held.forgets, coarse, judged), *seen.notes),
         residual_onnx=judged.unknown[0].onnx if judged.unknown else None,
     )
 
@@ -162,8 +162,13 @@ def _too_coarse(scene: Scene, held: proof.Held, judged: Judged) -> bool:
     return bool((added > held.smoothed.noise).any())
 
 
-def _notes(scene: Scene, forgetting: bool, coarse: bool) -> tuple[str, ...]:
-    notes = []
+def _notes(scene: Scene, forgetting: bool, coarse: bool, judged: Judged) -> tuple[str, ...]:
+    notes = [
+        f"The held-out recordings hardly excite {p}: it is proven on the fitted ones, each part "
+        "left out in turn."
+        for p, gain in zip(judged.estimated.hypothesis, judged.gains, strict=True)
+        if gain.in_turn
+    ]
     if coarse:
         notes.append(
             f"The model's time step of {1e3 * scene.model.opt.timestep:g} ms is too coarse for "

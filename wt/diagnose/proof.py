@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import bootstrap, wilcoxon
 
+from wt.diagnose.adapt import (
+    REWEIGHTED,
+    Adaptable,
+    initial_deviations,
+    initial_states,
+    responses,
+)
 from wt.diagnose.objective import Hypothesis
 from wt.diagnose.result import Error, Proof
 from wt.diagnose.samples import Samples
 from wt.diagnose.signature import elsewhere
-from wt.diagnose.smooth import Smoothed
+from wt.diagnose.smooth import Smoothed, resmooth
 from wt.diagnose.stretches import stretches_of
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
@@ -26,7 +33,7 @@ _BLOCK_S, _BLOCKS = (0.25, 1.0), 24
 """Shortest and longest block [s], and how many there should be: errors remember for less."""
 _TOUCHED = 1e-3
 """A block whose error changes by less than this share of the largest change is not touched."""
-_RAN_AWAY = 1.0
+RAN_AWAY = 1.0
 """Error that a replay counts with after it exploded [rad or m]."""
 _RESAMPLES = 1000
 
@@ -42,6 +49,7 @@ class Held:
         block: index of the block of up to a second that each sample belongs to, (N,).
         fine: the same with the shortest blocks.
         forgets: whether stretches are long.
+        deviations: of the estimated initial positions and velocities, (2nv,).
     """
 
     smoothed: Smoothed
@@ -50,6 +58,7 @@ class Held:
     block: Array
     fine: Array
     forgets: bool
+    deviations: Array
 
     def here(self, hypothesis: Hypothesis) -> Hypothesis:
         """A hypothesis as it shows in these recordings."""
@@ -60,28 +69,61 @@ def hold(smoothed: Smoothed, forgets: bool) -> Held:
     """Prepare held-out recordings."""
     pairs = stretches_of(smoothed, forgets)
     stretches = tuple(s for s, _ in pairs)
-    total = sum(s.t[-1] - s.t[0] for s in stretches)
-    block = _blocks(stretches, float(np.clip(total / _BLOCKS, _BLOCK_S[0], _BLOCK_S[1])))
-    fine = _blocks(stretches, _BLOCK_S[0])
+    label = np.concatenate([np.full(len(s.t), i) for i, s in enumerate(stretches)])
+    block, fine = blocks_of(label, np.concatenate([s.t for s in stretches]))
     measured = np.concatenate([q for _, q in pairs])
-    return Held(smoothed, stretches, measured, block, fine, forgets)
+    nv = smoothed.motion.scene.model.nv
+    deviations = np.zeros(2 * nv)
+    if not forgets:
+        renewed = resmooth(smoothed, np.random.default_rng(0))
+        velocity_noise = np.std(renewed.v - smoothed.motion.v, axis=0)
+        deviations = initial_deviations(smoothed.noise, velocity_noise)
+    return Held(smoothed, stretches, measured, block, fine, forgets, deviations)
 
 
-def _blocks(stretches: Sequence[Stretch], length: float) -> Array:
-    """Index of the block of a length [s] that each sample belongs to, (N,)."""
-    labels = [
-        np.stack([np.full(len(s.t), i), (s.t / length).astype(int)], axis=1)
-        for i, s in enumerate(stretches)
-    ]
-    _, block = np.unique(np.concatenate(labels), axis=0, return_inverse=True)
-    return block.ravel()
+def blocks_of(label: Array, t: Array) -> tuple[Array, Array]:
+    """Index of the block that each sample belongs to, (N,): about as many as wanted, and shortest.
+
+    Args:
+        label: what blocks must not reach across, (N,).
+        t: time, (N,) [s].
+    """
+    total = sum(float(np.ptp(t[label == x])) for x in np.unique(label))
+    lengths = (float(np.clip(total / _BLOCKS, _BLOCK_S[0], _BLOCK_S[1])), _BLOCK_S[0])
+    found = []
+    for length in lengths:
+        pairs = np.stack([label, (t / length).astype(int)], axis=1)
+        found.append(np.unique(pairs, axis=0, return_inverse=True)[1].ravel())
+    return found[0], found[1]
 
 
 def errors(held: Held, hypotheses: Sequence[Hypothesis], step: float) -> Array:
-    """Open-loop errors, (H, N, nv); NaN where nothing was measured."""
+    """Open-loop errors, (H, N, nv); NaN where nothing was measured.
+
+    Where a machine remembers how it began, each stretch's initial state, which was estimated and
+    not measured, adapts within its uncertainty.
+    """
     here = [held.here(h) for h in hypotheses]
-    q = Replayer(held.smoothed.motion.scene, held.stretches, step).run(here).q
-    return np.where(np.isfinite(q), q, held.measured + _RAN_AWAY) - held.measured
+    replayer = Replayer(held.smoothed.motion.scene, held.stretches, step)
+    q = replayer.run(here).q
+    found = np.where(np.isfinite(q), q, held.measured + RAN_AWAY) - held.measured
+    if held.forgets:
+        return found
+    measured = np.isfinite(held.measured)
+    response = responses(replayer, here[0], held.deviations) * measured[:, :, None]
+    return np.stack([np.where(measured, _begun(held, e, response), np.nan) for e in found])
+
+
+def _begun(held: Held, error: Array, response: Array) -> Array:
+    """An error (N, nv) once the initial states have adapted."""
+    ends = np.cumsum([len(s.t) for s in held.stretches])
+    rows = [slice(int(e) - len(s.t), int(e)) for e, s in zip(ends, held.stretches, strict=True)]
+    left = error = np.nan_to_num(error)
+    for _ in range(REWEIGHTED):
+        mse = np.maximum(np.mean(left**2, axis=0), np.nan_to_num(held.smoothed.noise, nan=1.0) ** 2)
+        states = initial_states(rows, response, mse)
+        left = Adaptable(np.zeros((*error.shape, 0)), np.zeros(0), states).project(error)
+    return left
 
 
 @dataclass(frozen=True)
@@ -92,50 +134,56 @@ class Gain:
         share: share of the squared error that it removes.
         p_value: of that being chance. Held-out data had no part in the search, so what has to be
             paid for is the number of effects that are tested, not that of all hypotheses.
+        potential: largest share that an effect which changes the replays so much could remove.
+        in_turn: whether the p-value is of fitted data left out in turn, held-out ones being mute.
     """
 
     share: float
     p_value: float
+    potential: float = 1.0
+    in_turn: bool = False
 
 
 def gains(
     held: Held, hypothesis: Hypothesis, without: Sequence[Hypothesis], step: float
 ) -> list[Gain]:
     """Held-out gain of a hypothesis over each of some lesser ones; p-values pay for all."""
-    full, *lesser = _chi_squares(held, [hypothesis, *without], step)
-    found = [_gain(held, less, full) for less in lesser]
-    return [Gain(g.share, min(1.0, g.p_value * len(found))) for g in found]
+    full, *lesser = scaled(errors(held, [hypothesis, *without], step), held.smoothed.noise)
+    found = [gain_of(less, full, (held.block, held.fine)) for less in lesser]
+    return [replace(g, p_value=min(1.0, g.p_value * len(found))) for g in found]
 
 
 def gain(held: Held, hypothesis: Hypothesis, other: Hypothesis, step: float) -> Gain:
     """Held-out gain of one hypothesis over another."""
-    full, less = _chi_squares(held, [hypothesis, other], step)
-    return _gain(held, less, full)
+    (found,) = gains(held, hypothesis, [other], step)
+    return found
 
 
-def _chi_squares(held: Held, hypotheses: Sequence[Hypothesis], step: float) -> list[Array]:
-    """Squared errors, (N, nv) each, joints in units of what the first hypothesis leaves of them.
+def scaled(found: Array, noise: Array) -> Array:
+    """Errors (H, N, nv), joints in units of what the first hypothesis leaves of them.
 
     So none drowns another: in units of noise alone, a quiet sensor behind a model that is not
     exact would.
     """
-    found = errors(held, hypotheses, step)
     left = np.sqrt(np.nanmean(found[0] ** 2, axis=0))
-    return list((found / np.fmax(left, held.smoothed.noise)) ** 2)
+    return np.asarray(found / np.fmax(left, noise))
 
 
-def _gain(held: Held, less: Array, full: Array) -> Gain:
-    pairs = [(_block_sums(less, b), _block_sums(full, b)) for b in (held.block, held.fine)]
+def gain_of(less: Array, full: Array, blocks: tuple[Array, Array]) -> Gain:
+    """Gain in scaled errors (N, nv), tested over blocks (N,): those wanted, or the shortest."""
+    pairs = [(_block_sums(less**2, b), _block_sums(full**2, b)) for b in blocks]
     for one, other in pairs:
         difference = one - other
         if not np.isfinite(difference).all() or len(difference) < 3 or not difference.any():
-            return Gain(0.0, 1.0)
+            return Gain(0.0, 1.0, 0.0)
         # what shows in few blocks only, such as a stop, is tested with the shortest ones
         if np.sum(np.abs(difference) > _TOUCHED * np.abs(difference).max()) >= _BLOCKS // 2:
             break
     # ranks: a block in which an error ran away counts no more than any other
     test = wilcoxon(one, other, alternative="greater")
-    return Gain(float(difference.sum() / one.sum()), float(test.pvalue))
+    change, left = (np.nansum(x**2, axis=0) for x in (less - full, full))
+    potential = float(np.max(change / np.maximum(change + left, 1e-30)))
+    return Gain(float(difference.sum() / one.sum()), float(test.pvalue), potential)
 
 
 def prove(held: Held, hypothesis: Hypothesis, step: float, split: str, seed: int = 0) -> Proof:

@@ -17,7 +17,11 @@ from wt.physics.replay import Planted
 Array = np.ndarray
 
 _RELATIVE_STEP = 0.01
-_TRIALS = (1.0, 30.0)  # factors on the damping, tried side by side
+_DAMPING = 0.03  # to begin with
+_TRIALS = (
+    1e-6,
+    1.0,
+)  # factors on the damping, tried side by side: hardly any reaches along valleys
 _CONVERGED = 0.05  # nats gained in a step
 
 
@@ -34,16 +38,8 @@ class _Climb:
 
     free: tuple[int, ...]
     now: Assessed
-    damping: float = 1e-3
+    damping: float = _DAMPING
     done: bool = False
-
-
-def evaluate(objective: Objective, hypotheses: Sequence[Hypothesis]) -> list[Assessed]:
-    """Replay and assess hypotheses."""
-    if not hypotheses:
-        return []
-    errors = objective.errors(hypotheses)
-    return [objective.assess(h, e) for h, e in zip(hypotheses, errors, strict=True)]
 
 
 def refine(
@@ -63,7 +59,7 @@ def refine(
     Returns:
         The improved hypotheses, in the order given.
     """
-    climbs = [_Climb(tuple(f), a) for f, a in zip(free, evaluate(objective, starts), strict=True)]
+    climbs = [_Climb(tuple(f), a) for f, a in zip(free, objective.evaluate(starts), strict=True)]
     for _ in range(iterations):
         active = [i for i, c in enumerate(climbs) if not c.done and np.isfinite(c.now.loglik)]
         if not active:
@@ -78,6 +74,7 @@ def jacobian(
 ) -> list[Array]:
     """Derivatives of the projected errors in the free parameters, (N, nv, p) each."""
     neighbours: list[Hypothesis] = []
+    centres: list[Array] = []
     sizes: list[Array] = []
     for assessed, parts in zip(at, free, strict=True):
         theta = pack(assessed.hypothesis, parts)
@@ -90,7 +87,8 @@ def jacobian(
             moved[k] = np.clip(moved[k] + step[k], lower[k], upper[k])
             neighbours.append(unpack(assessed.hypothesis, parts, moved))
         sizes.append(step)
-    errors = objective.errors(neighbours)
+        centres += [assessed.centre] * len(theta)
+    errors = [a.error for a in objective.evaluate(neighbours, centres)]
     result, start = [], 0
     for assessed, step in zip(at, sizes, strict=True):
         columns = [(errors[start + k] - assessed.error) / step[k] for k in range(len(step))]
@@ -102,11 +100,12 @@ def jacobian(
 def _step(objective: Objective, climbs: Sequence[_Climb]) -> list[_Climb]:
     jacobians = jacobian(objective, [c.now for c in climbs], [c.free for c in climbs])
     trials: list[Hypothesis] = []
+    centres: list[Array] = []
     for climb, slope in zip(climbs, jacobians, strict=True):
         theta = pack(climb.now.hypothesis, climb.free)
         lower, upper = bounds(climb.now.hypothesis, climb.free)
         for factor in _TRIALS:
-            _, step = objective.solve(
+            nuisance, step = objective.solve(
                 climb.now.error,
                 slope,
                 climb.now.mse,
@@ -116,7 +115,8 @@ def _step(objective: Objective, climbs: Sequence[_Climb]) -> list[_Climb]:
             )
             moved = np.clip(theta + step, lower, upper)
             trials.append(unpack(climb.now.hypothesis, climb.free, moved))
-    assessed = evaluate(objective, trials)
+            centres.append(nuisance)
+    assessed = objective.evaluate(trials, centres)
     result = []
     for i, climb in enumerate(climbs):
         options = assessed[i * len(_TRIALS) : (i + 1) * len(_TRIALS)]

@@ -27,6 +27,7 @@ WINDOW, STRIDE = 13, 5
 """Length and spacing of the weak form's cos² windows, in samples."""
 _ATTEMPTS = 24  # at finding which nuisances stand at their bounds
 _SLACK = 1e-9
+_IDLE = 1e-16  # of the largest square of a block's columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +125,10 @@ class Base:
         right = np.concatenate([weighted.T @ self.left.reshape(-1), self.right])
         low = np.concatenate([np.where(signs > 0, 0.0, -np.inf), self.room[0]])
         high = np.concatenate([np.where(signs < 0, 0.0, np.inf), self.room[1]])
+        # a push along an axis, say, that moves no joint: its size is anybody's guess
+        size = np.diag(gram)[:k]
+        idle = np.flatnonzero(size < _IDLE * size.max())
+        low[idle], high[idle] = 0.0, 0.0
         step = _clamped(gram, right, low, high)
         base = self.columns.reshape(-1, self.columns.shape[2])
         left = self.left - (flat @ step[:k] + base @ step[k:]).reshape(self.left.shape)

@@ -50,8 +50,12 @@ def stretches_of(
     total = sum(float(s.t[-1] - s.t[0]) for s in smoothed.samples)
     keep = min(1.0, seconds / total)
     found = []
-    for s, (q, v, _) in zip(smoothed.samples, smoothed.at_samples, strict=True):
+    for s, (q, v, _), spacing in zip(
+        smoothed.samples, smoothed.at_samples, smoothed.spacing, strict=True
+    ):
         ready = np.flatnonzero(_known(s.q - q, smoothed.noise))
+        if not forgets:  # at its very ends a curve's slope is loose
+            ready = ready[ready >= max(spacing)]
         for first, last in _blocks(s, keep, forgets):
             later = ready[(ready >= first) & (ready <= (first + last) // 2)]
             first = int(later[0]) if len(later) else first

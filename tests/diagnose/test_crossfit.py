@@ -1,0 +1,68 @@
+"""Effects that held-out recordings do not excite are proven on fitted ones left out in turn."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.diagnose.hidden_forces import NOISE, STEP, chain, record
+from wt.diagnose.crossfit import WORTH, left_in_turn
+from wt.diagnose.objective import Objective
+from wt.diagnose.proof import gain_of
+from wt.diagnose.samples import Part
+from wt.diagnose.screen import Screen
+from wt.diagnose.smooth import smooth
+from wt.diagnose.stretches import stretches_of
+from wt.physics.effect import effects
+from wt.physics.replay import Planted
+from wt.physics.scene import Scene
+from wt.types import Location
+
+ROTOR = Planted(effects()["joint.armature"], Location("joint", "j1"), np.array([0.05]))
+RUBS = Planted(effects()["joint.friction_coulomb"], Location("joint", "j2"), np.array([0.01]))
+
+
+def objective(folder: Path, recordings: int) -> Objective:
+    """A chain of two with a rotor of .05 kg·m² in its first joint, and nothing else."""
+    path = folder / "chain.xml"
+    path.write_text(chain(2))
+    made_by = chain(2).replace('name="j1"', 'name="j1" armature=".05"')
+    parts = [Part(record(made_by, None, 8.0 / recordings, i), i) for i in range(recordings)]
+    fit = smooth(Scene(path), parts)
+    screen = Screen(fit, 0)
+    return Objective(fit, stretches_of(fit, True), screen.velocity_noise, STEP, True)
+
+
+@pytest.mark.parametrize("recordings", [1, 2])
+def test_what_is_there_passes_and_what_is_not_does_not(tmp_path: Path, recordings: int) -> None:
+    some = objective(tmp_path, recordings)
+    now = some.reference((ROTOR, RUBS))
+    real, imagined = (left_in_turn(some, now.hypothesis, i) for i in range(2))
+    assert real.p_value < 1e-3
+    assert real.share > 3 * WORTH
+    assert imagined.share < 0.3 * WORTH
+
+
+def test_the_rest_is_not_looked_at(tmp_path: Path) -> None:
+    some = objective(tmp_path, 1)
+    late = some.t > 4.0
+    early = some.only(~late)
+    assert not early.valid[late].any()
+    np.testing.assert_array_equal(early.valid[~late], some.valid[~late])
+    np.testing.assert_allclose(early.count, 0.5 * some.count, rtol=0.1)
+    (now,) = early.evaluate([()])
+    assert not now.error[late].any()
+    assert some.valid[late].all()  # the whole keeps its own
+
+
+def test_data_that_an_effect_leaves_as_they_are_are_mute() -> None:
+    rng = np.random.default_rng(0)
+    left, block = NOISE * rng.standard_normal((400, 2)), np.arange(400) // 10
+    same = gain_of(left / NOISE, left / NOISE, (block, block))
+    assert (same.share, same.p_value, same.potential) == (0.0, 1.0, 0.0)
+    nudged = left + 0.05 * NOISE * np.sin(np.arange(400))[:, None]
+    assert gain_of(nudged / NOISE, left / NOISE, (block, block)).potential < 0.01
+    moved = left + 0.5 * NOISE * np.sin(np.arange(400))[:, None]
+    assert gain_of(moved / NOISE, left / NOISE, (block, block)).potential > 0.05
