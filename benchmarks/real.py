@@ -152,12 +152,12 @@ def planted(found: Diagnosis) -> tuple[Planted, ...]:
     )
 
 
-def published(machine: Known) -> tuple[Planted, ...]:
+def published(known: Known) -> tuple[Planted, ...]:
     """What is published for a machine, as a hypothesis."""
-    known = effects()
+    all_of_them = effects()
     return tuple(
-        Planted(known[name], Location(known[name].kind, joint), np.array([theta]))
-        for name, joint, theta in machine.published
+        Planted(all_of_them[name], Location(all_of_them[name].kind, joint), np.array([theta]))
+        for name, joint, theta in known.published
     )
 
 
@@ -194,25 +194,25 @@ def rival_of(name: str | None, model: Path, fit: Sequence[Recording], seed: int)
 
 
 def errors_table(
-    found: Diagnosis, model: Path, held: Sequence[Recording], machine: Known, rival: Fitted | None
+    found: Diagnosis, model: Path, held: Sequence[Recording], known: Known, rival: Fitted | None
 ) -> str:
     """Held-out RMSE per joint; the last column is the findings' over the published parameters'."""
     scene = Scene(model)
     kept = hold(scene, held)
-    others = [published(machine), *([rival.hypothesis] if rival else [])]
+    others = [published(known), *([rival.hypothesis] if rival else [])]
     squares = np.nanmean(proof.errors(kept, others, STEP_S) ** 2, axis=1)
     stock = dict(zip(scene.joints, np.sqrt(squares).T, strict=True))
     what = "long stretches" if kept.forgets else "restarted every 0.5 s"
     beside = f"{'published':>11}" + (f"{'sysid':>11}" if rival else "")
     lines = [
-        f"\nheld out, {what}; {machine.reference!r} beside it",
+        f"\nheld out, {what}; {known.reference!r} beside it",
         f"{'RMSE':<16}{'model':>10}{beside}{'findings':>10}{'noise':>10}{'ratio':>8}",
     ]
     rows = [
         (name, np.array([e.before, *stock[name], e.after, e.noise_floor]))
         for name, e in found.proof.joints.items()
     ]
-    rows.append(("mean", np.mean([row for name, row in rows if name in machine.joints], axis=0)))
+    rows.append(("mean", np.mean([row for name, row in rows if name in known.joints], axis=0)))
     for name, (before, *theirs, after, noise) in rows:
         lines.append(
             f"{name:<16}{before:>10.4f}{''.join(f'{x:>11.4f}' for x in theirs)}{after:>10.4f}"
@@ -232,14 +232,14 @@ def hold(scene: Scene, recordings: Sequence[Recording]) -> proof.Held:
 
 
 def transfer_line(
-    found: Diagnosis, rival: Fitted | None, recording: Recording, machine: Known, model: Path
+    found: Diagnosis, rival: Fitted | None, recording: Recording, known: Known, model: Path
 ) -> str:
     """Mean absolute errors on a set-up of its own model, to which nothing was fitted."""
     path = model.with_name("elsewhere.xml")
     write_mjcf(spec_for(recording.meta), path)
     scene = Scene(path)
     kept = hold(scene, [recording])
-    some = {"": (), "published": published(machine), "findings": planted(found)}
+    some = {"": (), "published": published(known), "findings": planted(found)}
     some |= {"sysid": rival.hypothesis} if rival else {}
     errors = np.nanmean(np.abs(proof.errors(kept, list(some.values()), STEP_S)), axis=(1, 2))
     said = ", ".join(f"{who} {e:.4f}".strip() for who, e in zip(some, errors, strict=True))

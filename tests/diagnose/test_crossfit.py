@@ -45,6 +45,12 @@ def test_what_is_there_passes_and_what_is_not_does_not(tmp_path: Path, recording
     assert imagined.share < 0.3 * WORTH
 
 
+def test_a_single_effect_is_compared_with_none(tmp_path: Path) -> None:
+    some = objective(tmp_path, 2)
+    now = some.reference((ROTOR,))
+    assert left_in_turn(some, now.hypothesis, 0).p_value < 1e-3
+
+
 def test_the_rest_is_not_looked_at(tmp_path: Path) -> None:
     some = objective(tmp_path, 1)
     late = some.t > 4.0

@@ -19,7 +19,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("ray")
 START_S, WORK_S = 120.0, 240.0
 
 _STARTS = """

@@ -17,9 +17,6 @@ from wt.prove.score import score
 from wt.prove.sensing import Sensing
 from wt.prove.world import build
 
-pytest.importorskip("absl", reason="mujoco.sysid needs the extra 'rivals'")
-pytest.importorskip("pysindy", reason="sparse regression needs the extra 'rivals'")
-
 SENSING = Sensing(rate=200.0, bits=17, noise=5e-5, qvel="none")
 
 

@@ -18,9 +18,6 @@ from wt.prove.sysid_rival import Rival, every_parameter
 from wt.prove.world import World, build
 from wt.types import Recording
 
-pytest.importorskip("absl", reason="mujoco.sysid needs the extra 'rivals'")
-pytest.importorskip("tabulate", reason="mujoco.sysid needs the extra 'rivals'")
-
 COULOMB = 0.6  # N·m, by a law of the hidden worlds, which share no code with what is fitted
 FRICTION = ("joint.friction_coulomb", "hinge")
 SENSING = Sensing(200.0, bits=16, noise=1e-4, qvel="none", drops=0.01, missing="nan", gyro=True)

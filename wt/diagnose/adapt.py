@@ -80,6 +80,18 @@ def initial_states(rows: Sequence[slice], response: Array, mse: Array) -> tuple[
     return tuple(found)
 
 
+def project(error: Array, initial: Sequence[InitialState]) -> Array:
+    """Take out of an error (N, nv) what plausible other initial states explain."""
+    if not initial:
+        return error
+    left = error.copy()
+    for state in initial:
+        part = error[state.rows]
+        explained = state.response @ (state.solve @ part.reshape(-1))
+        left[state.rows] -= explained.reshape(part.shape)
+    return left
+
+
 @dataclass(frozen=True, eq=False)
 class Adaptable:
     """Linearised errors of replays.
@@ -95,15 +107,8 @@ class Adaptable:
     initial: tuple[InitialState, ...] = ()
 
     def project(self, error: Array) -> Array:
-        """Take out of an error (N, nv) what a plausible other initial state explains."""
-        if not self.initial:
-            return error
-        left = error.copy()
-        for state in self.initial:
-            part = error[state.rows]
-            explained = state.response @ (state.solve @ part.reshape(-1))
-            left[state.rows] -= explained.reshape(part.shape)
-        return left
+        """Take out of an error (N, nv) what plausible other initial states explain."""
+        return project(error, self.initial)
 
     def at_origin(self, error: Array, centre: Array) -> Array:
         """What the error (N, nv) of a replay with some nuisances would be without, projected."""
@@ -112,11 +117,10 @@ class Adaptable:
 
 def linear(changes: Array, centre: Array, initial: tuple[InitialState, ...] = ()) -> Adaptable:
     """What adapts, from the changes of the error per deviation of each nuisance, (n, N, nv)."""
-    none = Adaptable(np.zeros((*changes.shape[1:], 0)), np.zeros(0), initial)
-    columns = [none.project(change) for change in changes]
-    if not columns:
-        return none
-    return Adaptable(np.stack(columns, axis=2), centre, initial)
+    columns = np.empty((*changes.shape[1:], len(changes)))
+    for k, change in enumerate(changes):
+        columns[:, :, k] = project(change, initial)
+    return Adaptable(columns, centre, initial)
 
 
 def bounded_step(

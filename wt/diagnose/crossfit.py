@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wt.diagnose.objective import Hypothesis, Objective
+from wt.diagnose.objective import Hypothesis, Objective, without
 from wt.diagnose.proof import RAN_AWAY, Gain, blocks_of, gain_of, scaled
 from wt.diagnose.refine import refine
 
@@ -30,8 +30,8 @@ def left_in_turn(objective: Objective, hypothesis: Hypothesis, index: int) -> Ga
         hypothesis: the effects.
         index: of the effect in question.
     """
-    without = tuple(p for k, p in enumerate(hypothesis) if k != index)
-    pair, free = [hypothesis, without], [range(len(hypothesis)), range(len(without))]
+    pair = [hypothesis, without(hypothesis, index)]
+    free = [range(len(h)) for h in pair]
     errors = np.full((2, *objective.measured.shape), np.nan)
     for part in _parts(objective):
         fits = refine(objective.only(~part), pair, free, iterations=2)

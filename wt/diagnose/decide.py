@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wt.diagnose.addition import EQUIVALENT_NATS, Accepted, addition
-from wt.diagnose.objective import Assessed, Hypothesis, Objective
+from wt.diagnose.objective import Assessed, Hypothesis, Objective, without
 from wt.diagnose.refine import refine
 from wt.diagnose.result import Considered
 from wt.diagnose.screen import Screen
@@ -77,8 +77,6 @@ def search(
 def _fitted(objective: Objective, hypothesis: Hypothesis) -> Assessed:
     """All effects of a hypothesis refined together, with the objective linear around them."""
     now = objective.reference(hypothesis)
-    if not hypothesis:
-        return now
     (now,) = refine(objective, [now.hypothesis], [range(len(hypothesis))], iterations=3)
     return objective.reference(now.hypothesis, now.nuisance)
 
@@ -102,8 +100,7 @@ def _reconsidered(
         if index is None:  # replaced or pruned already
             continue
         rest = [a for i, a in enumerate(accepted) if i != index]
-        without = tuple(p for i, p in enumerate(now.hypothesis) if i != index)
-        base = _fitted(objective, without)
+        base = _fitted(objective, without(now.hypothesis, index))
         kept = [replace(a, planted=p) for a, p in zip(rest, base.hypothesis, strict=True)]
         others = addition(screen, objective, base, kept, considered, 1, banned)
         names = {a.planted.key for a in accepted}
@@ -121,10 +118,8 @@ def _prune(
 ) -> tuple[list[Accepted], Assessed]:
     """Drop effects that the later ones made superfluous."""
     while len(accepted) > 1:
-        without = [
-            tuple(p for k, p in enumerate(now.hypothesis) if k != i) for i in range(len(accepted))
-        ]
-        fits = refine(objective, without, [range(len(accepted) - 1)] * len(without), iterations=2)
+        lesser = [without(now.hypothesis, i) for i in range(len(accepted))]
+        fits = refine(objective, lesser, [range(len(accepted) - 1)] * len(lesser), iterations=2)
         losses = [worth(objective, now, fit) for fit in fits]
         weakest = int(np.argmin(losses))
         if losses[weakest] > MIN_NATS and earns(objective, now, fits[weakest]):

@@ -17,7 +17,7 @@ from wt.diagnose.addition import Accepted
 from wt.diagnose.calibrate import calibration, comments
 from wt.diagnose.crossfit import MUTE, WORTH, left_in_turn
 from wt.diagnose.estimate import Estimated, estimate
-from wt.diagnose.objective import Hypothesis, Objective
+from wt.diagnose.objective import Hypothesis, Objective, without
 from wt.diagnose.remainder import Unknown, find
 from wt.diagnose.result import Confusable, Finding, Verdict
 from wt.diagnose.rivals import DOUBTFUL, rivals_nonparametric
@@ -124,8 +124,7 @@ class Court:
             if gains[weakest].p_value <= proof.SIGNIFICANT / attempts:
                 return Judged(accepted, estimated, tuple(gains), ())
             accepted = tuple(a for i, a in enumerate(accepted) if i != weakest)
-            rest = [p for i, p in enumerate(estimated.hypothesis) if i != weakest]
-            estimated = estimate(self.objective, tuple(rest))
+            estimated = estimate(self.objective, without(estimated.hypothesis, weakest))
         return Judged((), estimated, (), ())
 
     def _gains(self, estimated: Estimated) -> list[proof.Gain]:
@@ -135,9 +134,8 @@ class Court:
         for how many there are of it.
         """
         whole, objective = estimated.assessed, self.objective
-        parts = range(len(whole.hypothesis))
-        without = [tuple(p for k, p in enumerate(whole.hypothesis) if k != i) for i in parts]
-        sides = [whole, *objective.evaluate(without)]
+        all_but_one = [without(whole.hypothesis, i) for i in range(len(whole.hypothesis))]
+        sides = [whole, *objective.evaluate(all_but_one)]
         # what the rig is off by is known from replays that leave nothing else to explain
         known = not erring_joints(objective, whole)
         full, *lesser = [

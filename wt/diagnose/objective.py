@@ -35,6 +35,12 @@ Array = np.ndarray
 
 Hypothesis = tuple[Planted, ...]
 
+
+def without(hypothesis: Hypothesis, index: int) -> Hypothesis:
+    """All effects but one."""
+    return hypothesis[:index] + hypothesis[index + 1 :]
+
+
 INDEPENDENT_PER_SECOND = 10.0
 """Errors of replays remember; this many samples a second count as new."""
 COARSE = 2.0

@@ -10,9 +10,9 @@ from scipy.stats import bootstrap, wilcoxon
 
 from wt.diagnose.adapt import (
     REWEIGHTED,
-    Adaptable,
     initial_deviations,
     initial_states,
+    project,
     responses,
 )
 from wt.diagnose.objective import Hypothesis
@@ -121,8 +121,7 @@ def _begun(held: Held, error: Array, response: Array) -> Array:
     left = error = np.nan_to_num(error)
     for _ in range(REWEIGHTED):
         mse = np.maximum(np.mean(left**2, axis=0), np.nan_to_num(held.smoothed.noise, nan=1.0) ** 2)
-        states = initial_states(rows, response, mse)
-        left = Adaptable(np.zeros((*error.shape, 0)), np.zeros(0), states).project(error)
+        left = project(error, initial_states(rows, response, mse))
     return left
 
 

@@ -18,10 +18,7 @@ Array = np.ndarray
 
 _RELATIVE_STEP = 0.01
 _DAMPING = 0.03  # to begin with
-_TRIALS = (
-    1e-6,
-    1.0,
-)  # factors on the damping, tried side by side: hardly any reaches along valleys
+_TRIALS = (1e-6, 1.0)  # factors on it, tried side by side: a valley needs hardly any
 _CONVERGED = 0.05  # nats gained in a step
 
 
@@ -59,7 +56,8 @@ def refine(
     Returns:
         The improved hypotheses, in the order given.
     """
-    climbs = [_Climb(tuple(f), a) for f, a in zip(free, objective.evaluate(starts), strict=True)]
+    evaluated = zip(free, objective.evaluate(starts), strict=True)
+    climbs = [_Climb(tuple(f), a, done=not len(f)) for f, a in evaluated]
     for _ in range(iterations):
         active = [i for i, c in enumerate(climbs) if not c.done and np.isfinite(c.now.loglik)]
         if not active:
