@@ -195,7 +195,7 @@ TRUTHS = [
         _at("actuator", "m1"),
         (0.4, 1.0),
         hook=instead(lambda f, d: f * (1 - 0.4 * (1 - np.exp(-d.time / 1.0)))),
-        shape=(1.0,),
+        shape=(1.0, 0.0),  # the load is the usual one all the time
     ),
     Truth("body.mass", _at("body", "b2"), (1.5,), edited((B2, 'mass="1.2"'))),
     Truth(

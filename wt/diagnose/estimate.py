@@ -3,7 +3,8 @@
 The covariance is a sandwich over blocks longer than the errors' memory (H. White, 1982; D. W. K.
 Andrews, 1991): it holds although neighbouring errors resemble each other and the model is not
 exact. The nuisances enter with their prior spread, so that what they could explain widens the
-intervals of what they are confused with.
+intervals of what they are confused with. What no data of one kind of motion can show is that a
+machine follows a law of a library only roughly: :data:`LAW` is added for it.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ Array = np.ndarray
 
 BLOCK_S = 2.0
 """Length of a block [s]: longer than a servo's or a gravity-loaded joint's memory."""
+LAW = 0.01
+"""Share of its strength to which a machine follows a law at best: half of the interval."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +54,8 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     (now,) = refine(objective, [start], [parts], iterations=3)
     now = objective.reference(now.hypothesis, now.nuisance)
     (slope,) = jacobian(objective, [now], [parts])
-    spread = _spread(objective, now, slope)
     theta = pack(now.hypothesis, parts)
+    spread = np.hypot(_spread(objective, now, slope), _inexact(now.hypothesis))
     lower, upper = bounds(now.hypothesis, parts)
     low, high = np.maximum(theta - spread, lower), np.minimum(theta + spread, upper)
     estimates, offset = [], 0
@@ -78,6 +81,20 @@ def _spread(objective: Objective, now: Assessed, slope: Array) -> Array:
     # what the replays' steps may still be wrong by, seen through the same estimator
     numerical = inverse @ (_numerical_score(objective, now, slope) / scale) / scale
     return np.asarray(np.hypot(student.ppf(0.975, freedom) * deviation, 2.0 * numerical[:p]))
+
+
+def _inexact(hypothesis: Hypothesis) -> Array:
+    """Half width below which no interval makes sense, however much data there is, (p,).
+
+    The smallest change that matters; and for what is measured from nothing, a share of it.
+    """
+    found: list[float] = []
+    for planted in hypothesis:
+        sizes = iter(np.abs(planted.theta))
+        for p in planted.effect.parameters:
+            share = LAW if p.lower == 0.0 and p.unit != "-" else 0.0
+            found += [float(np.hypot(p.step, share * next(sizes))) for _ in range(p.size)]
+    return np.array(found)
 
 
 def _curvature(objective: Objective, now: Assessed, slope: Array) -> tuple[Array, Array, int]:

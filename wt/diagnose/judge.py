@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import chi2
 
 from wt.diagnose import proof
 from wt.diagnose.addition import Accepted
@@ -24,11 +25,12 @@ from wt.diagnose.rivals import DOUBTFUL, rivals_nonparametric
 from wt.diagnose.screen import Screen
 from wt.diagnose.worth import CLEAN, erring_joints
 from wt.physics.replay import Planted
+from wt.types import Location
 
 Array = np.ndarray
 
 MOST_UNKNOWN = 2
-MISMATCH = 0.05
+MISMATCH = 0.01
 """Share of a joint's motion that replays must err by before it is called unexplained."""
 
 
@@ -249,6 +251,29 @@ def findings(judged: Judged) -> tuple[Finding, ...]:
         for u in judged.unknown
     ]
     return tuple(sorted(found, key=lambda f: -f.holdout_gain))
+
+
+def unforeseen(judged: Judged, objective: Objective) -> tuple[Finding, ...]:
+    """Where nothing was found and still replays err by much: something unknown, without a law."""
+    found = []
+    for joint in unexplained(judged, objective):
+        dof = objective.scene.dof(joint)
+        excess = float(judged.estimated.assessed.mse[dof] / objective.noise[dof] ** 2)
+        count = float(objective.count[dof])
+        found.append(
+            Finding(
+                effect="unknown",
+                at=Location("joint", joint),
+                parameters={},
+                statement=(
+                    f"Joint {joint} is moved by something unknown that nothing recorded predicts."
+                ),
+                holdout_gain=0.0,
+                # of noise alone being as large
+                p_value=float(chi2.sf(excess * count, count)),
+            )
+        )
+    return tuple(found)
 
 
 def suggestions(found: Sequence[Finding]) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ import numpy as np
 from wt.diagnose import proof
 from wt.diagnose.decide import Report, search
 from wt.diagnose.grid import coarse_steps, located
-from wt.diagnose.judge import Court, Judged, findings, suggestions, unexplained, verdict
+from wt.diagnose.judge import Court, Judged, findings, suggestions, unexplained, unforeseen, verdict
 from wt.diagnose.locate import locate
 from wt.diagnose.measured import measured
 from wt.diagnose.objective import Objective
@@ -88,7 +88,7 @@ def _told(
     held = court.held
     coarse = _too_coarse(scene, held, judged)
     coarsely = coarse_steps(prepared.fit, prepared.held, scene.joints)
-    found = (*findings(judged), *coarsely)
+    found = (*findings(judged), *unforeseen(judged, court.objective), *coarsely)
     seen = measured(prepared, court.screen, held, judged.complete, STEP_S)
     where = unexplained(judged, court.objective)
     return Diagnosis(

@@ -14,10 +14,12 @@ from scipy.stats import combine_pvalues, ttest_1samp, wilcoxon
 
 from wt.diagnose import proof
 from wt.diagnose.leftover import leftover
+from wt.diagnose.memory import Remembering, along, memory_of, recorded
 from wt.diagnose.objective import COARSE, Assessed, Hypothesis, Objective
-from wt.diagnose.remainder_fit import Data, Fit, choose, solve
+from wt.diagnose.remainder_choice import choose, remembers
+from wt.diagnose.remainder_fit import Data, Fit, solve
 from wt.diagnose.remainder_formula import reduced, sparse
-from wt.diagnose.remainder_law import Law, table
+from wt.diagnose.remainder_law import Law
 from wt.diagnose.remainder_onnx import to_onnx
 from wt.diagnose.screen import Screen
 from wt.diagnose.worth import CLEAN
@@ -65,8 +67,7 @@ class UnknownForce(Effect):
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """The law along a motion."""
         m = motion
-        force = self.law.force(table(m.scene, self.law.columns, m.t, m.q, m.v, m.u))
-        return m.on(m.scene.dof(at.name), force)
+        return m.on(m.scene.dof(at.name), self.law.force(along(m, self.law.columns)))
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """The coefficient is the amplitude."""
@@ -82,18 +83,19 @@ class UnknownForce(Effect):
 
     def separation(self, at: Location) -> str:
         """See :meth:`Effect.separation`."""
-        others = ", ".join(self.law.columns)
+        others = ", ".join(recorded(self.law.columns))
         return f"slow and fast sweeps of {at.name} over its whole range that vary {others} alone"
 
 
 class _Pushing(Live):
     def __init__(self, law: Law, scene: Scene, dof: int, theta: Array) -> None:
-        self.law, self.scene, self.dof, self.amplitude = law, scene, dof, theta[:, 0]
+        self.law, self.dof, self.amplitude = law, dof, theta[:, 0]
+        self.columns = Remembering(scene, law.columns)
 
     def act(self, state: StepState) -> None:
         """See :meth:`Live.act`."""
-        x = table(self.scene, self.law.columns, state.t, state.q, state.v, state.u)
-        state.applied[:, self.dof] += self.amplitude * self.law.force(x)
+        force = self.law.force(self.columns.step(state))
+        state.applied[:, self.dof] += self.amplitude * force
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +106,8 @@ class Unknown:
         planted: acts in replays like any other effect; its parameter is a factor, 1 as learned.
         depends_on: columns in the recording format's names.
         formula: the force in them [N·m], of few terms.
-        onnx: the force that acts, as an ONNX graph; inputs are ``depends_on``, float32 (batch, 1).
+        onnx: the force that acts, as an ONNX graph; inputs are the columns of its law, float32
+            (batch, 1): ``depends_on``, or what remembers them (:mod:`wt.diagnose.memory`).
         r2: share of the joint's unexplained force that is predicted in blocks of time not seen.
         statement: one sentence.
         gain: what it is worth on held-out recordings.
@@ -163,7 +166,7 @@ def _learn(data: Data, assessed: Assessed, held: proof.Held, step: float) -> Unk
     fit, tried = choose(data)
     if fit.r2 < _LEAST_R2:
         return None
-    formula = _formula(data, fit, assessed)
+    formula = fit if remembers(fit) else _formula(data, fit, assessed)
     plain = formula.r2 >= _FORMULA_SHARE * fit.r2
     used = formula if plain else fit
     blank = float(min(1.0, tried * _chance(data, used)))
@@ -180,7 +183,7 @@ def _learn(data: Data, assessed: Assessed, held: proof.Held, step: float) -> Unk
     p_value = float(combine_pvalues([blank, chance]).pvalue) if sure else 1.0
     return Unknown(
         planted,
-        used.names,
+        recorded(used.names),
         solve(data, formula).text(),
         to_onnx(law),
         used.r2,
@@ -238,10 +241,10 @@ def _improves(before: Array, after: Array) -> float:
 def statement(data: Data, law: Law) -> str:
     """One sentence on a force, from how it acts along the motion."""
     m = data.screen.motion
-    force = law.force(table(m.scene, law.columns, m.t, m.q, m.v, m.u))
+    force = law.force(along(m, law.columns))
     power = force * m.v[:, m.scene.dof(data.joint)]
     verb = "held back" if power.sum() < -0.5 * np.abs(power).sum() else "pushed"
-    words = [_words(name, data.joint) for name in law.columns]
+    words = list(dict.fromkeys(_words(name, data.joint) for name in law.columns))
     depends = words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
     said = f"Joint {data.joint} is {verb} by something unknown that depends on {depends}"
     near = _peak(data, law, force)
@@ -249,6 +252,11 @@ def statement(data: Data, law: Law) -> str:
 
 
 def _words(name: str, joint: str) -> str:
+    memory = memory_of(name)
+    if memory is not None:
+        return (
+            "how it moved before" if memory.joint == joint else f"how {memory.joint} moved before"
+        )
     kind, _, place = name.partition("/")
     if kind in ("qpos", "qvel"):
         noun = "position" if kind == "qpos" else "speed"

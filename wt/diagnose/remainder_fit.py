@@ -1,9 +1,7 @@
-"""Which columns an unexplained force depends on, and the law that predicts it best.
+"""Regressions of an unexplained force on columns, judged by blocks of time they have not seen.
 
-Candidate sets of columns are compared by how well a smooth regression on them predicts blocks of
-time it has not seen; the smallest set within one standard error of the best is chosen (L. Breiman
-et al., Classification and Regression Trees, 1984). Features are computed along the motion and pass
-the same weak form as the force, so that windows that are wide beside a bump do not blur the law.
+Features are computed along the motion and pass the same weak form as the force, so that windows
+that are wide beside a bump do not blur the law.
 """
 
 from __future__ import annotations
@@ -15,18 +13,15 @@ from functools import lru_cache
 
 import numpy as np
 
-from wt.diagnose.remainder_law import Atom, Law, Term, table
+from wt.diagnose.memory import along
+from wt.diagnose.remainder_law import Atom, Law, Term
 from wt.diagnose.screen import Screen
 
 Array = np.ndarray
 
 FOLDS, BLOCK_S, MOMENT_S = 6, 1.5, 0.5
-MOST_COLUMNS = 4
 _RIDGES = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)  # relative to the number of rows
 _BUMPS = 14
-_LEADING = 4  # columns that are tried in pairs with all others
-_LITTLE = 0.4  # predicted share below which a drive's columns are considered, and must add
-_ENOUGH = 0.97  # predicted share beyond which no column is added
 
 
 class Data:
@@ -80,11 +75,10 @@ class Data:
         self.ease = max(0.02, strong * step / inertia)
         self._bumps = int(np.clip(len(self.force) / 25, 6, _BUMPS))
 
-    @lru_cache(maxsize=64)  # noqa: B019 – lives and dies with a diagnosis
+    @lru_cache(maxsize=256)  # noqa: B019 – lives and dies with a diagnosis
     def column(self, name: str) -> Array:
         """Values along the motion, (T,)."""
-        m = self.screen.motion
-        return np.asarray(table(m.scene, [name], m.t, m.q, m.v, m.u)[:, 0])
+        return along(self.screen.motion, [name])[:, 0]
 
     def span(self, name: str) -> tuple[float, float]:
         """Smallest and largest value of a column."""
@@ -125,9 +119,15 @@ class Data:
     def law(
         self, names: Sequence[str], terms: Sequence[Term], weights: Array, beyond: float = 0.0
     ) -> Law:
-        """A law of terms over the range that was seen, of all but positions widened by a share."""
+        """A law of terms over the range that was seen, of all but positions widened by a share.
+
+        What only turns with time goes on turning.
+        """
         low, high = np.array([self.span(n) for n in names]).T
         wider = beyond * (high - low) * [not n.startswith("qpos/") for n in names]
+        kinds = [{a.kind for t in terms for a in t if a.column == i} for i in range(len(names))]
+        turns = [n == "t" and k <= {"sin", "cos"} for n, k in zip(names, kinds, strict=True)]
+        wider = np.where(turns, np.inf, wider)
         return Law(tuple(names), low - wider, high + wider, tuple(terms), weights)
 
 
@@ -203,56 +203,3 @@ def solve(data: Data, fit: Fit, beyond: float = 0.0) -> Law:
     gram = (f / size).T @ (f / size) + fit.ridge * np.eye(len(size))
     weights = np.linalg.solve(gram, (f / size).T @ data.force) / size
     return data.law(fit.names, fit.terms, weights, beyond)
-
-
-def choose(data: Data) -> tuple[Fit, int]:
-    """The columns that the force depends on, and how many sets were tried.
-
-    A drive that holds a position answers an unknown force with one of its own, so that command
-    and drive force predict it without being its cause: they count only where the state, which
-    moves freely, predicts little.
-    """
-    fit, tried = choose_among(data, data.state())
-    if fit.r2 >= _LITTLE or not data.drive():
-        return fit, tried
-    with_drive, more = choose_among(data, [*data.state(), *data.drive()])
-    return (with_drive if with_drive.r2 > fit.r2 + _LITTLE else fit), tried + more
-
-
-def choose_among(data: Data, names: Sequence[str]) -> tuple[Fit, int]:
-    """The smallest set of columns within one standard error of the best, and how many were tried.
-
-    Args:
-        data: the force.
-        names: columns to choose from.
-    """
-
-    def fitted(some: Sequence[str]) -> Fit:
-        return crossval(data, some, smooth_terms(data, some))
-
-    singles = sorted((fitted([n]) for n in names), key=_total)
-    leading = [f.names[0] for f in singles[:_LEADING]]
-    own = names[:2]
-    pairs = {tuple(sorted((a, b), key=names.index)) for a in {*leading, *own} for b in names}
-    tried = [*singles, *(fitted(p) for p in sorted(pairs) if p[0] != p[1])]
-    best = min(tried, key=_total)
-    while len(best.names) in range(2, MOST_COLUMNS) and best.r2 < _ENOUGH:
-        larger = [fitted([*best.names, n]) for n in names if n not in best.names]
-        tried += larger
-        grown = min([best, *larger], key=_total)
-        if grown is best or not _clearly(grown, best):
-            break
-        best = grown
-    good = [f for f in tried if not _clearly(best, f)]
-    fewest = min(len(f.names) for f in good)
-    return min((f for f in good if len(f.names) == fewest), key=_total), len(tried)
-
-
-def _total(fit: Fit) -> float:
-    return float(fit.error.sum())
-
-
-def _clearly(better: Fit, worse: Fit) -> bool:
-    """Whether the difference is more than a standard error, over blocks."""
-    difference = worse.error - better.error
-    return bool(difference.sum() > np.sqrt(len(difference)) * difference.std(ddof=1) + 1e-30)

@@ -1,8 +1,8 @@
 """Before a name is claimed: does a force without a name explain the same joint much better?
 
 The best library law always fits something. Whether it is the law is seen by comparing it with a
-smooth regression on positions, velocities and time that may take any shape and must predict blocks
-of time it has not seen: where the law is right, it cannot be beaten by much.
+regression on positions, velocities and time that may take any shape, or have a hidden state, and
+must predict blocks of time it has not seen: where the law is right, it cannot be beaten by much.
 """
 
 from __future__ import annotations
@@ -12,8 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from wt.diagnose.leftover import leftover
+from wt.diagnose.memory import recorded
 from wt.diagnose.objective import Hypothesis
-from wt.diagnose.remainder_fit import Data, choose_among
+from wt.diagnose.remainder_choice import freest
+from wt.diagnose.remainder_fit import Data
 from wt.diagnose.scoring import STRIDE, WINDOW
 from wt.diagnose.screen import Screen
 from wt.diagnose.signature import signature
@@ -69,13 +71,13 @@ def rivals_nonparametric(
     rest = leftover(screen, hypothesis)
     rows = rest.keep[:, dof]
     data = Data(screen, joint, rest.without(index)[:, dof], rows, seed, step)
-    fit, _ = choose_among(data, data.state())
+    fit, _ = freest(data)
     count, floor = len(data.force), float(screen.floor[dof]) ** 2
     named = max(float(np.mean(rest.left[rows, dof] ** 2)), floor)
     free = max(float(fit.error.sum()) / count, floor)
     total = max(float(np.mean(data.force**2)), floor)
     nats = 0.5 * count * STRIDE / WINDOW * float(np.log(named / free))
-    return Rivalry(free / named, nats, 1.0 - named / total, fit.names)
+    return Rivalry(free / named, nats, 1.0 - named / total, recorded(fit.names))
 
 
 def _joint(scene: Scene, at: Location) -> str | None:

@@ -166,13 +166,15 @@ class Screen:
 
     def _polished(self, base: Base, scored: Scored) -> Scored:
         """A hypothesis with its shape improved by Nelder-Mead."""
-        effect, at, shape = scored.planted.effect, scored.planted.at, np.array(scored.shape)
+        effect, at = scored.planted.effect, scored.planted.at
+        fitted = len(scored.shape) - effect.read_off
+        shape = np.array(scored.shape[:fitted])
         if not shape.size or not (shape > 0.0).all():
             return scored
 
         def trial(log_shape: Array) -> Scored:
             found = tuple(float(x) for x in np.exp(log_shape))
-            return _scored(base, self._block(effect, at, found))
+            return _scored(base, self._block(effect, at, (*found, *scored.shape[fitted:])))
 
         spread = np.vstack([np.log(shape), np.log(shape) + 0.25 * np.eye(shape.size)])
         found = minimize(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -59,22 +59,25 @@ def _shape(planted: Planted, shapes: Sequence[Shape], k: int) -> Shape:
     """The shape whose parameters, with suitable coefficients, are those of the effect."""
     effect, theta = planted.effect, planted.theta
     scale = np.abs(theta) + effect.steps()
+    fitted = len(shapes[0]) - effect.read_off
     # where coefficients and shape say the same, as of a delay, the shape says all of it
-    free = k if k + len(shapes[0]) <= len(theta) else 0
+    free = k if k + fitted <= len(theta) else 0
     ones = np.ones(k - free)
     best: tuple[float, Shape] = (np.inf, shapes[0])
     for shape in shapes:
 
-        def miss(z: Array) -> Array:
-            coefficients = np.concatenate([z[:free], ones])
-            made = effect.theta(coefficients, tuple(float(s) for s in z[free:]))
+        def whole(z: Array, shape: Shape = shape) -> Shape:
+            return (*(float(s) for s in z[free:]), *shape[fitted:])
+
+        def miss(z: Array, whole: Callable[[Array], Shape] = whole) -> Array:
+            made = effect.theta(np.concatenate([z[:free], ones]), whole(z))
             return np.nan_to_num((made - theta) / scale, nan=1e3, posinf=1e3, neginf=-1e3)
 
-        start = np.concatenate([np.full(free, float(np.median(np.abs(theta)))), shape])
+        start = np.concatenate([np.full(free, float(np.median(np.abs(theta)))), shape[:fitted]])
         found = least_squares(miss, start, x_scale=np.abs(start) + 1e-3, max_nfev=40)
         cost = float(np.sqrt(2.0 * found.cost))
         if cost < best[0]:
-            best = (cost, tuple(float(s) for s in found.x[free:]))
+            best = (cost, whole(found.x))
         if cost < _EXACT:
             break
     return best[1]

@@ -87,6 +87,7 @@ class Effect(abc.ABC):
         odds_against: log odds against it beside a more common effect that fits as well [nats].
         reads_residual: whether the shapes to try are read off the force residual itself.
         signed: for each coefficient of the signature the sign it must have: +1, -1 or 0 for any.
+        read_off: how many of a shape's last values come from the recordings and are not fitted.
     """
 
     id: ClassVar[str]
@@ -98,6 +99,7 @@ class Effect(abc.ABC):
     odds_against: ClassVar[float] = 0.0
     reads_residual: ClassVar[bool] = False
     signed: ClassVar[tuple[int, ...]] = ()
+    read_off: ClassVar[int] = 0
 
     def places(self, scene: Scene) -> Sequence[Location]:
         """Where in a model it can stand; by default everywhere of its kind."""

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from scipy.signal import lfilter
 
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.effects._tools import DriveLaw
-from wt.physics.live import Live
+from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.types import Location
 
 Array = np.ndarray
 
+_HOTTEST = 1.5  # heat beyond which a motor's protection would step in
+
 
 @register
 class ActuatorFade(Effect):
-    """τ → τ · (1 − loss · (1 − exp(−t / time_constant)))."""
+    """τ → τ · (1 − loss · x) with heat x: time_constant · ẋ = (τ/τ₀)² − x, cold at the start.
+
+    τ₀ is the root mean square of the drive's force in the recordings, read off them, so that the
+    whole ``loss`` shows when the motion that was recorded goes on.
+    """
 
     id = "actuator.fade"
     kind = "actuator"
@@ -30,16 +38,30 @@ class ActuatorFade(Effect):
     reference = "J. Pyrhönen et al., Design of Rotating Electrical Machines, chapter 9"
     native = False
     signed = (1,)
+    read_off = 1
+
+    def __init__(self, usual: float = 0.0) -> None:
+        """Bind τ₀ [N·m]; zero where it is not known, and then the load is taken as the usual."""
+        self.usual = usual
+
+    def shaped(self, shape: Shape) -> ActuatorFade:
+        """The effect bound to τ₀."""
+        bound = copy.copy(self)
+        bound.usual = float(shape[1])
+        return bound
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
-        """Fractions of the recording's length."""
+        """Time constants as fractions of the recording's length, and τ₀."""
         last = float(motion.t.max())
-        return [(f * last,) for f in (0.1, 0.25, 0.5, 1.0, 2.0)]
+        force = motion.force(motion.scene.drive(at.name))
+        usual = self.usual or float(np.sqrt(np.mean(force**2)))
+        return [(f * last, usual) for f in (0.1, 0.25, 0.5, 1.0, 2.0)]
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
-        """The force that is lost, per unit of final loss."""
+        """The force that is lost, per unit of loss."""
         drive = motion.scene.drive(at.name)
-        return motion.on(drive.dof, -motion.force(drive) * (1.0 - np.exp(-motion.t / shape[0])))
+        force = motion.force(drive)
+        return motion.on(drive.dof, -force * _heat(motion, force, *shape))
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """(loss, time constant)."""
@@ -56,18 +78,54 @@ class ActuatorFade(Effect):
 
     def live(self, scene: Scene, at: Location, theta: Array) -> Live:
         """Take the lost force off."""
-        loss, tau = theta.T
-        return DriveLaw(
-            scene, at.name, lambda force, v, t: force * (1.0 - loss * (1.0 - np.exp(-t / tau)))
-        )
+        return _Warming(scene, at.name, theta, self.usual)
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""
+        load = f" of {self.usual:.3g} N·m" if self.usual else ""
         return (
-            f"Actuator {at.name} loses {100.0 * theta[0]:.3g} % of its strength as it warms up, "
-            f"with a time constant of {theta[1]:.3g} s."
+            f"Actuator {at.name} loses {100.0 * theta[0]:.3g} % of its strength as it warms up "
+            f"under its usual load{load}, with a time constant of {theta[1]:.3g} s."
         )
 
     def separation(self, at: Location) -> str:
         """See :meth:`Effect.separation`."""
         return f"the same motion of {at.name} from cold, repeated for several minutes"
+
+
+class _Warming(DriveLaw):
+    """Keeps the heat of n drives."""
+
+    def __init__(self, scene: Scene, actuator: str, theta: Array, usual: float) -> None:
+        """Prepare; ``usual`` is τ₀ or zero."""
+        self.loss, self.tau = theta.T
+        self.usual = usual
+        self.heat: Array | None = None
+        super().__init__(scene, actuator, self._weakened)
+
+    def act(self, state: StepState) -> None:
+        """See :meth:`Live.act`."""
+        if self.heat is None:  # what came before is taken as the usual load
+            self.heat = 1.0 - np.exp(-state.t / self.tau)
+        self.step = -np.expm1(-state.h / self.tau)
+        super().act(state)
+
+    def _weakened(self, force: Array, v: Array, t: Array) -> Array:
+        if self.heat is None:
+            raise RuntimeError("a drive's heat is known from its first step on")
+        load = (force / self.usual) ** 2 if self.usual else np.ones_like(force)
+        now = force * (1.0 - self.loss * np.minimum(self.heat, _HOTTEST))
+        self.heat = self.heat + self.step * (load - self.heat)
+        return now
+
+
+def _heat(motion: Motion, force: Array, tau: float, usual: float) -> Array:
+    """Heat along a motion, (T,); before a segment begins, the load is taken as the usual."""
+    heat = np.empty(len(motion))
+    for s in motion.segments:
+        keep = float(np.exp(-s.dt / tau))
+        load = (force[s.rows] / usual) ** 2 if usual else np.ones(s.rows.stop - s.rows.start)
+        start = 1.0 - float(np.exp(-motion.t[s.rows.start] / tau))
+        before = np.concatenate([[start], (1.0 - keep) * load[:-1]])
+        heat[s.rows] = lfilter([1.0], [1.0, -keep], before)
+    return np.minimum(heat, _HOTTEST)

@@ -1,0 +1,71 @@
+"""A drive that heats up under load, against a machine that does so by code of this test."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from tests.diagnose.hidden_forces import World, world
+from wt.diagnose.signature import signature
+from wt.physics.effect import effects
+from wt.physics.replay import Planted
+from wt.types import Location
+
+LOSS, TAU, RATED = 0.4, 3.0, 1.0
+AT = Location("actuator", "a1")
+
+
+class Warming:
+    """Weakens the drive of j1 by its heat; cold until the recording begins."""
+
+    def __init__(self) -> None:
+        self.heat = 0.0
+
+    def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        force = 80.0 * (data.ctrl[0] - data.qpos[0]) - 4.0 * data.qvel[0]
+        if data.time <= 0.0:
+            self.heat = 0.0
+        data.qfrc_applied[0] -= LOSS * min(self.heat, 1.5) * force
+        self.heat += model.opt.timestep / TAU * ((force / RATED) ** 2 - self.heat)
+
+
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory: pytest.TempPathFactory) -> World:
+    return world(Path(tmp_path_factory.mktemp("warm")), 1, Warming())
+
+
+def planted(usual: float) -> Planted:
+    effect = effects()["actuator.fade"].shaped((TAU, usual))
+    return Planted(effect, AT, np.array([LOSS, TAU]))
+
+
+def test_signature_is_the_force_that_is_lost(warm: World) -> None:
+    found = signature(warm.screen.motion, planted(RATED))
+    assert found is not None
+    lost = LOSS * found[:, 0, 0]
+    residual = warm.screen.motion.residual[:, 0]
+    assert np.corrcoef(lost, residual)[0, 1] > 0.97
+    # taken as a matter of time alone, it is another force
+    other = signature(warm.screen.motion, planted(0.0))
+    assert other is not None
+    assert np.mean((residual - lost) ** 2) < 0.5 * np.mean((residual - LOSS * other[:, 0, 0]) ** 2)
+
+
+def test_replays_warm_up_as_the_machine_does(warm: World) -> None:
+    cold, timed, right = warm.objective.evaluate([(), (planted(0.0),), (planted(RATED),)])
+    size = [float(np.sqrt((a.error**2).mean())) for a in (cold, timed, right)]
+    assert size[2] < 0.1 * size[0]
+    assert size[2] < 0.3 * size[1]
+
+
+def test_the_usual_load_is_read_off_and_stays(warm: World) -> None:
+    effect, motion = effects()["actuator.fade"], warm.screen.motion
+    force = motion.force(motion.scene.drive("a1"))
+    shapes = effect.shapes(motion, AT)
+    assert {shape[1] for shape in shapes} == {float(np.sqrt(np.mean(force**2)))}
+    bound = effect.shaped((3.0, 7.0))
+    assert {shape[1] for shape in bound.shapes(motion, AT)} == {7.0}
+    assert "7 N·m" in bound.statement(AT, np.array([0.2, 3.0]))
