@@ -12,7 +12,8 @@ from wt.errors import ConfigError
 from wt.worlds.base import make
 
 CONF = Path(__file__).resolve().parent.parent / "conf"
-TASKS = sorted(p.name for p in CONF.glob("*.yaml") if p.name != "base.yaml")
+OTHERS = ("base", "policy_")  # what the tasks share, and what wt-train-policy reads
+TASKS = sorted(p.name for p in CONF.glob("*.yaml") if not p.name.startswith(OTHERS))
 
 
 def r5(*overrides: str) -> Fit:

@@ -17,7 +17,7 @@ LEVELS = [
     {"types", "errors"},
     {"schema", "config", "data", "nets", "losses", "physics", "show", "worlds"},
     {"train", "translate", "baselines", "diagnose"},
-    {"evaluate", "export", "track"},
+    {"evaluate", "export", "locomotion", "track"},
     {"study", "jobs", "publish", "fit", "prove"},
     {"cli", "__init__"},
 ]

@@ -9,7 +9,6 @@ from scipy.ndimage import gaussian_filter1d
 
 from tests.diagnose.hidden_forces import STEP, World, on_joint, world
 from wt.diagnose.remainder import find
-from wt.diagnose.memory import memory_of
 from wt.diagnose.remainder_choice import choose
 from wt.diagnose.remainder_fit import Data
 from wt.diagnose.remainder_law import Atom, Law

@@ -16,7 +16,9 @@ from wt.worlds import base
 
 CONF = Path(__file__).resolve().parents[2] / "conf"
 SECTIONS = {
-    path.stem: load(path).world for path in sorted(CONF.glob("*.yaml")) if path.stem != "base"
+    path.stem: load(path).world
+    for path in sorted(CONF.glob("*.yaml"))
+    if not path.stem.startswith(("base", "policy_"))
 }
 
 

@@ -1,0 +1,128 @@
+"""A policy acts as its graph says, and one that does not fit is refused in one line."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import onnx
+import pytest
+from onnx import TensorProto, helper, numpy_helper
+
+from wt.errors import ModelError
+from wt.worlds.policy import CARD, GRAPH, Policy, PolicyCard, gains, observation_names
+from wt.worlds.robots import G1, GO2
+
+WEIGHT = np.random.default_rng(0).normal(size=(45, 12)).astype(np.float32)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A policy written by hand: action = observation · WEIGHT."""
+    ports = [
+        helper.make_tensor_value_info(name, TensorProto.FLOAT, ["batch", width])
+        for name, width in (("observation", 45), ("action", 12))
+    ]
+    node = helper.make_node("MatMul", ["observation", "weight"], ["action"])
+    weight = numpy_helper.from_array(WEIGHT, "weight")
+    graph = helper.make_graph([node], "policy", ports[:1], ports[1:], [weight])
+    opset = [helper.make_opsetid("", 18)]
+    content = helper.make_model(graph, opset_imports=opset, ir_version=8).SerializeToString()
+    onnx.checker.check_model(onnx.load_model_from_string(content))
+    stiffness, velocity_gain = gains(GO2, GO2.physics)
+    card = PolicyCard(
+        name="test", robot="go2", rate_hz=50.0, joints=list(GO2.joints),
+        default=list(GO2.default), action_scale=list(GO2.action_scale), stiffness=stiffness,
+        velocity_gain=velocity_gain, observation=observation_names(GO2),
+        command_limits=[1.0, 0.5, 1.0], sha256=hashlib.sha256(content).hexdigest(),
+        made_by="a test", training={}, config={},
+    )  # fmt: skip
+    (tmp_path / GRAPH).write_bytes(content)
+    (tmp_path / CARD).write_text(card.text())
+    return tmp_path
+
+
+def edit(folder: Path, **changes: object) -> None:
+    card = json.loads((folder / CARD).read_text())
+    (folder / CARD).write_text(json.dumps({**card, **changes}))
+
+
+@pytest.mark.parametrize("file", ["", GRAPH])
+def test_actions_are_the_graph_s_of_observation_and_command(folder: Path, file: str) -> None:
+    policy = Policy.load(folder / file, GO2)
+    rng = np.random.default_rng(1)
+    observation, command = rng.normal(size=(5, 42)), rng.normal(size=(5, 3))
+    action = policy.act(observation, command)
+    assert action.dtype == np.float32
+    expected = np.concatenate([observation, command], axis=1) @ WEIGHT
+    np.testing.assert_allclose(action, expected, rtol=1e-4, atol=1e-5)
+
+
+def test_the_gains_of_other_physics_are_refused_unless_asked_for(folder: Path) -> None:
+    soft = dataclasses.replace(GO2.physics, stiffness=(40.0,))
+    with pytest.raises(ModelError, match=r"stiffness differs .*number 0 is 50.0 instead of 40.0"):
+        Policy.load(folder, GO2, soft)
+    edit(folder, stiffness=[40.0] * 12)
+    assert Policy.load(folder, GO2, soft).card.stiffness[0] == 40.0
+
+
+def test_joints_in_another_order_are_refused(folder: Path) -> None:
+    joints = list(GO2.joints)
+    joints[0], joints[3] = joints[3], joints[0]
+    edit(folder, joints=joints)
+    with pytest.raises(ModelError, match=r"joints differs .*number 0 is 'FR_hip_joint' instead of"):
+        Policy.load(folder, GO2)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"rate_hz": 100.0}, "rate_hz differs"),
+        ({"default": [0.0] * 12}, "default differs"),
+        ({"action_scale": [0.3] * 12}, "action_scale differs"),
+        ({"observation": ["gyro/x"]}, "observation differs.*1 values instead of 45"),
+        ({"sha256": "0" * 64}, "sha256 differ"),
+        ({"schema": 2}, "no card of schema 1"),
+        ({"colour": "red"}, "no card of schema 1"),
+    ],
+)
+def test_what_does_not_fit_is_refused(
+    folder: Path, changes: dict[str, object], message: str
+) -> None:
+    edit(folder, **changes)
+    with pytest.raises(ModelError, match=message):
+        Policy.load(folder, GO2)
+
+
+def test_another_robot_s_policy_is_refused(folder: Path) -> None:
+    with pytest.raises(ModelError, match="its robot differs from g1's"):
+        Policy.load(folder, G1)
+
+
+@pytest.mark.parametrize("file", [GRAPH, CARD])
+def test_a_missing_file_is_named(folder: Path, file: str) -> None:
+    (folder / file).unlink()
+    with pytest.raises(ModelError, match=rf"{file} is missing"):
+        Policy.load(folder, GO2)
+
+
+def test_a_missing_key_is_named(folder: Path) -> None:
+    card = json.loads((folder / CARD).read_text())
+    del card["joints"]
+    (folder / CARD).write_text(json.dumps(card))
+    with pytest.raises(ModelError, match="'joints'"):
+        Policy.load(folder, GO2)
+
+
+def test_a_card_that_is_no_json_is_refused(folder: Path) -> None:
+    (folder / CARD).write_text("{")
+    with pytest.raises(ModelError, match="is not JSON"):
+        Policy.load(folder, GO2)
+
+
+def test_a_policy_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(ModelError, match="'nobody' does not exist"):
+        Policy.load("nobody", GO2)

@@ -1,0 +1,87 @@
+"""``wt-train-policy``, which is ``wt train-policy``: train a walking policy."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    config: Annotated[Path, typer.Option(help="YAML file, e.g. conf/policy_go2.yaml.")],
+    overrides: Annotated[
+        list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Override what it says.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the training; runs/policy-<name> by default.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue the training in --out.")
+    ] = False,
+    start_from: Annotated[
+        Path | None, typer.Option(help="checkpoint.pt of another training to take the nets from.")
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option(min=0, help="Train at most so long, then evaluate and export.")
+    ] = None,
+    install: Annotated[
+        bool, typer.Option("--install", help="Also put the policy into the package.")
+    ] = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Also write rollout.rrd, a recording for Rerun.")
+    ] = False,
+) -> None:
+    """Train a walking policy by PPO, evaluate it, export it as ONNX with its card.
+
+    The policy tracks commanded velocities of a simulated robot. Its folder holds policy.onnx,
+    card.json, the checkpoint from which a later command continues, and a row of training.csv per
+    iteration.
+
+    Example:
+        wt-train-policy --config conf/policy_go2.yaml --out runs/go2 --seconds 480
+    """
+    from wt.cli._progress import bar
+    from wt.errors import ConfigError, WorkError
+    from wt.locomotion.config import load
+
+    settings = load(config, overrides or [])
+    folder = out or Path("runs") / f"policy-{settings.name}"
+    if resume and start_from is not None:
+        raise ConfigError("--resume and --start-from exclude each other: name one checkpoint")
+    words = ["wt-train-policy", "--config", str(config), *(overrides or [])]
+    words += ["--start-from", str(start_from)] if start_from else []
+    words += ["--seconds", f"{seconds:g}"] if seconds is not None else []
+
+    from wt.locomotion.job import run
+
+    try:
+        with bar(f"training {settings.name}") as show:
+            table = run(
+                settings, folder, made_by=" ".join(words), show=show, resume=resume,
+                start_from=start_from, seconds=seconds, install=install, watch=watch,
+            )  # fmt: skip
+    except KeyboardInterrupt as error:
+        raise WorkError(
+            "interrupted: nothing finished is lost; continue with: "
+            f"wt-train-policy --config {config} --resume --out {folder}"
+        ) from error
+    print(table)
+    print(f"policy, card and checkpoint in {folder}")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point of ``wt-train-policy``.
+
+    Args:
+        argv: the arguments; None for those of this process.
+    """
+    from wt.cli.main import main as wt_main
+
+    return wt_main(["train-policy", *(sys.argv[1:] if argv is None else argv)])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,158 @@
+"""What ``conf/policy_*.yaml`` may say."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import omegaconf
+
+from wt.errors import ConfigError
+from wt.schema import parse, read
+from wt.worlds.legged import Robot, Scene, Start
+from wt.worlds.legged_model import LeggedPhysics
+from wt.worlds.robots import robot_of
+
+Device = Literal["auto", "cpu", "cuda"]
+
+
+@dataclass
+class Commands:
+    """Which commands are practised (``commands:``)."""
+
+    forward: float = 1.0  # largest, either way [m/s]
+    sideways: float = 0.5  # [m/s]
+    turn: float = 1.0  # [rad/s]
+    seconds: float = 5.0  # a command holds so long on average
+    standing: float = 0.1  # share of zero commands
+    single: float = 0.3  # share of commands of one axis alone
+
+
+@dataclass
+class Episodes:
+    """How robots are started and disturbed (``episodes:``); none of it alters their dynamics."""
+
+    seconds: float = 20.0
+    start: Start = field(default_factory=lambda: Start(joints=0.1, speed=0.3))
+    push: float = 0.4  # largest sudden change of horizontal velocity [m/s]
+    push_seconds: float = 8.0  # mean time between two of them
+
+
+@dataclass
+class Rewards:
+    """Weights of the terms of ``wt.locomotion.rewards``, per second, and their constants."""
+
+    track_linear: float = 2.0
+    track_turn: float = 1.0
+    linear_width: float = 0.5  # [m/s] error at which tracking is worth 1/e
+    turn_width: float = 0.5  # [rad/s]
+    precise: float = 0.3  # share of tracking that is paid for a quarter of that error
+    alive: float = 0.0
+    fall: float = 3.0  # once, when it falls
+    vertical: float = 1.0
+    rolling: float = 0.03
+    tilt: float = 1.0
+    height: float = 1.0
+    torque: float = 1e-4
+    power: float = 0.0
+    acceleration: float = 1e-7
+    action_rate: float = 0.01
+    limits: float = 10.0
+    bumps: float = 1.0
+    slip: float = 0.1
+    clearance: float = 0.5
+    swing_height: float = 0.06  # [m] wanted of a foot's site over where it rests
+    air_time: float = 0.8
+    air_seconds: float = 0.3  # [s] wanted in the air
+    single_stance: float = 0.0
+    stance_seconds: float = 0.4  # [s] on one leg that is rewarded at most
+    impact: float = 0.0
+    still: float = 0.25
+    posture: dict[str, float] = field(default_factory=dict)  # weight by pattern of joint names
+
+
+@dataclass
+class Ppo:
+    """rsl_rl's PPO (``ppo:``)."""
+
+    iterations: int = 1500
+    steps: int = 24  # control steps of each robot per iteration
+    hidden: list[int] = field(default_factory=lambda: [256, 128, 64])
+    init_std: float = 0.5
+    epochs: int = 5
+    mini_batches: int = 4
+    learning_rate: float = 1e-3
+    desired_kl: float = 0.01
+    entropy: float = 0.003
+    gamma: float = 0.99
+    lam: float = 0.95
+    clip: float = 0.2
+    symmetry: bool = True  # every sample is also learnt from with left and right exchanged
+
+
+@dataclass
+class Policy:
+    """Everything ``wt-train-policy`` reads."""
+
+    name: str = omegaconf.MISSING
+    robot: str = omegaconf.MISSING
+    robots: int = 2048
+    seed: int = 0
+    threads: int = 0
+    device: Device = "auto"
+    save_every: int = 50
+    physics: LeggedPhysics | None = None
+    scene: Scene = field(default_factory=Scene)
+    commands: Commands = field(default_factory=Commands)
+    episodes: Episodes = field(default_factory=Episodes)
+    rewards: Rewards = field(default_factory=Rewards)
+    ppo: Ppo = field(default_factory=Ppo)
+
+    def body(self) -> Robot:
+        """The robot that is to walk."""
+        return robot_of(self.robot)
+
+
+def load(path: str | Path, overrides: Sequence[str] = ()) -> Policy:
+    """Read a configuration, apply overrides, check it.
+
+    Args:
+        path: a YAML file.
+        overrides: ``key=value`` words.
+
+    Raises:
+        ConfigError: file missing, not YAML, an unknown key, a wrong type, impossible values.
+    """
+    config = parse(Policy, read(Path(path), overrides), "")
+    _check_numbers(config, "")
+    robot_of(config.robot)
+    if not config.ppo.hidden or min(config.ppo.hidden) < 1:
+        raise ConfigError(f"ppo.hidden {config.ppo.hidden} needs at least one layer of one unit")
+    for name in ("standing", "single"):
+        if getattr(config.commands, name) > 1:
+            raise ConfigError(
+                f"commands.{name} is {getattr(config.commands, name)}; a share is 1 at most"
+            )
+    return config
+
+
+_ABOVE_ZERO = {
+    "robots", "save_every", "seconds", "push_seconds", "linear_width", "turn_width",
+    "iterations", "steps", "init_std", "epochs", "mini_batches", "learning_rate", "desired_kl",
+    "clip", "forward", "turn",
+}  # fmt: skip
+"""Numbers of any section that zero makes meaningless; no other may be negative either."""
+
+
+def _check_numbers(section: object, where: str) -> None:
+    for key, value in vars(section).items():
+        if dataclasses.is_dataclass(value):
+            _check_numbers(value, f"{where}{key}.")
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            above = key in _ABOVE_ZERO
+            if not (value > 0 if above else value >= 0):
+                needed = "above zero" if above else "zero or more"
+                raise ConfigError(f"{where}{key} is {value}; it must be {needed}")

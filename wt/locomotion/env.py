@@ -1,0 +1,223 @@
+"""The environment that rsl_rl steps: a herd with commands, rewards and automatic restarts.
+
+The actor's group ``policy`` is the observation of :meth:`wt.worlds.legged.Herd.observe` and the
+command. The critic also sees ``privileged``: velocity, height, contacts, clearances and times of
+the feet. Robots start in slightly different poses and are pushed now and then: that varies their
+states, never their dynamics. There is no domain randomization and no noise on observations.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from rsl_rl.env import VecEnv
+from tensordict import TensorDict
+
+from wt.locomotion import feet
+from wt.locomotion.config import Commands, Policy
+from wt.locomotion.mirror import Mirror
+from wt.locomotion.rewards import Judge, Step
+from wt.worlds.legged import TIMESTEP, Herd
+
+Array = np.ndarray
+
+_SOFT = 0.9  # share of a joint's range within its soft limits
+_CLIP = 20.0  # of actions: what a net that went astray may ask for
+
+
+def make_herd(config: Policy, robots: int, threads: int | None = None) -> Herd:
+    """A herd with sensors at the feet, as the configuration describes it.
+
+    Args:
+        config: what is trained.
+        robots: how many.
+        threads: physics threads instead of the configuration's.
+    """
+    robot = config.body()
+    spec = robot.describe(config.physics or robot.physics, TIMESTEP, config.scene)
+    feet.add_sensors(spec, robot)
+    threads = config.threads if threads is None else threads
+    return Herd(robot, spec.compile(), robots, config.scene, threads)
+
+
+class Walking(VecEnv):
+    """Velocity tracking; see the module and :class:`rsl_rl.env.VecEnv`.
+
+    Attributes:
+        herd: the robots.
+        command: what they are told, (N, 3), float32.
+        mirror: for the symmetry extension.
+        sums: running sums of what is logged, since :meth:`report`.
+    """
+
+    def __init__(self, config: Policy, device: str) -> None:
+        """Start all robots.
+
+        Args:
+            config: what is trained.
+            device: of the tensors; the simulation is on the processor.
+        """
+        self.cfg, self.device = config, device
+        self.herd = make_herd(config, config.robots)
+        herd = self.herd
+        model = herd.model
+        self.num_envs, self.num_actions = herd.size, len(herd.robot.joints)
+        self.max_episode_length = round(config.episodes.seconds / herd.dt)
+        self.episode_length_buf = torch.zeros(herd.size, dtype=torch.long)
+        self.mirror = Mirror(herd.robot, model, device)
+        self._rng = np.random.default_rng(config.seed)
+        self._judge = Judge(config.rewards, herd.robot.joints)
+        self._feet = feet.Feet(herd)
+        self._torque = herd.batch.bind("actuator_force")
+        joints = [model.joint(name).id for name in herd.robot.joints]
+        low, high = model.jnt_range[joints].T
+        middle, half = (low + high) / 2, _SOFT * (high - low) / 2
+        self._low, self._high = (x.astype(np.float32) for x in (middle - half, middle + half))
+        self._default = np.array(herd.robot.default, np.float32)
+        self._weight = float(model.body_mass.sum() * -model.opt.gravity[2])
+        self._last_vel = np.zeros((herd.size, self.num_actions), np.float32)
+        self.command = np.zeros((herd.size, 3), np.float32)
+        self._age = np.zeros(herd.size, int)
+        self.sums: dict[str, float] = {}
+        self._steps, self._ended, self._lived = 0, 0, 0
+        self._restart(np.arange(herd.size))
+        # so that the time-outs of all robots do not come at once
+        self.episode_length_buf[:] = torch.from_numpy(
+            self._rng.integers(self.max_episode_length, size=herd.size)
+        )
+        self._velocity = herd.velocity().astype(np.float32)
+        self._observation = self._tensors()
+
+    def get_observations(self) -> TensorDict:
+        """The observations as they are now."""
+        return self._observation
+
+    def step(
+        self, actions: torch.Tensor
+    ) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, torch.Tensor]]:
+        """One control step of all robots; who falls or is out of time starts anew."""
+        herd = self.herd
+        last_action = herd.action.copy()
+        herd.step(actions.clamp(-_CLIP, _CLIP).cpu().numpy())
+        self._feet.update()
+        self._velocity = herd.velocity().astype(np.float32)
+        fallen = herd.fallen()
+        step = self._measure(last_action)
+        reward, means = self._judge(step, fallen)
+        self._log(step, reward, fallen, means)
+        self.episode_length_buf += 1
+        late = self.episode_length_buf.numpy() >= self.max_episode_length
+        ended = np.flatnonzero(fallen | late)
+        time_outs = torch.from_numpy(late & ~fallen).to(self.device)
+        self._age += 1
+        self._lived += int(self._age[ended].sum())
+        self._ended += len(ended)
+        self._restart(ended)
+        self._disturb()
+        self._observation = self._tensors()
+        return (
+            self._observation,
+            torch.from_numpy(reward).to(self.device),
+            torch.from_numpy(fallen | late).to(self.device),
+            {"time_outs": time_outs},
+        )
+
+    def report(self) -> dict[str, float]:
+        """Means since the last call, by name.
+
+        ``reward`` is per second; ``episode`` the mean length of the episodes that ended [s];
+        ``falls`` per robot and minute; ``error_…`` mean absolute errors of tracking.
+        """
+        seconds = self._steps * self.herd.dt
+        means = {name: total / max(self._steps, 1) for name, total in self.sums.items()}
+        means["falls"] *= 60 / self.herd.dt
+        means["episode"] = self._lived * self.herd.dt / self._ended if self._ended else seconds
+        self.sums = {}
+        self._steps, self._ended, self._lived = 0, 0, 0
+        return means
+
+    def _measure(self, last_action: Array) -> Step:
+        herd, foot = self.herd, self._feet
+        pos, vel = herd.joint_pos.astype(np.float32), herd.joint_vel.astype(np.float32)
+        acc = (vel - self._last_vel) / np.float32(herd.dt)
+        self._last_vel = vel
+        return Step(
+            command=self.command,
+            velocity=self._velocity,
+            gyro=herd.qvel[:, 3:6].astype(np.float32),
+            gravity=herd.gravity().astype(np.float32),
+            height=(herd.height() - herd.robot.height).astype(np.float32),
+            pose=pos - self._default,
+            excess=np.maximum(self._low - pos, 0) + np.maximum(pos - self._high, 0),
+            joint_vel=vel,
+            joint_acc=acc,
+            torque=self._torque.astype(np.float32),
+            action=herd.action,
+            last_action=last_action,
+            contact=foot.contact,
+            landed=foot.landed,
+            others=foot.others,
+            force=foot.force / np.float32(self._weight),
+            clearance=foot.clearance,
+            foot_speed=foot.speed,
+            air=foot.air,
+            stance=foot.stance,
+            dt=herd.dt,
+        )
+
+    def _log(self, step: Step, reward: Array, fallen: Array, means: dict[str, float]) -> None:
+        error = np.abs(step.velocity[:, :3] - step.command).mean(0)
+        values = {
+            "reward": float(reward.mean()) / self.herd.dt,
+            "falls": float(fallen.mean()),
+            "error_forward": float(error[0]),
+            "error_sideways": float(error[1]),
+            "error_turn": float(error[2]),
+            **{f"term_{name}": mean for name, mean in means.items()},
+        }
+        for name, value in values.items():
+            self.sums[name] = self.sums.get(name, 0.0) + value
+        self._steps += 1
+
+    def _restart(self, ids: Array) -> None:
+        self.herd.reset(ids, self._rng, self.cfg.episodes.start)
+        self.episode_length_buf[ids] = 0
+        self._age[ids] = 0
+        self._feet.forget(ids)
+        self._last_vel[ids] = 0.0
+        self.command[ids] = sample_commands(self.cfg.commands, len(ids), self._rng)
+
+    def _disturb(self) -> None:
+        """New commands and pushes, each at the same chance in every step."""
+        rng, herd = self._rng, self.herd
+        new = np.flatnonzero(rng.random(herd.size) < herd.dt / self.cfg.commands.seconds)
+        self.command[new] = sample_commands(self.cfg.commands, len(new), rng)
+        push = self.cfg.episodes.push
+        if push:
+            chance = herd.dt / self.cfg.episodes.push_seconds
+            pushed = np.flatnonzero(rng.random(herd.size) < chance)
+            herd.qvel[pushed, :2] += rng.uniform(-push, push, (len(pushed), 2))
+
+    def _tensors(self) -> TensorDict:
+        herd, foot = self.herd, self._feet
+        policy = np.concatenate([herd.observe(), self.command], axis=1)
+        height = (herd.height()[:, None] - herd.robot.height).astype(np.float32)
+        privileged = np.concatenate(
+            [self._velocity, height, foot.contact, foot.clearance, foot.air, foot.stance],
+            axis=1, dtype=np.float32,
+        )  # fmt: skip
+        groups = {"policy": policy, "privileged": privileged}
+        tensors = {name: torch.from_numpy(x).to(self.device) for name, x in groups.items()}
+        return TensorDict(tensors, batch_size=[herd.size], device=self.device)
+
+
+def sample_commands(commands: Commands, count: int, rng: np.random.Generator) -> Array:
+    """Commands to practise, (count, 3), float32: uniform, some of one axis alone, some zero."""
+    largest = (commands.forward, commands.sideways, commands.turn)
+    out = rng.uniform(-1, 1, (count, 3)) * largest
+    kind = rng.random(count)
+    single = kind < commands.single
+    axis = rng.integers(3, size=count)
+    out[single] *= np.eye(3)[axis[single]]
+    out[kind > 1 - commands.standing] = 0.0
+    return out.astype(np.float32)

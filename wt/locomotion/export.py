@@ -1,0 +1,164 @@
+"""From rsl_rl's actor to the files of a policy: the ONNX graph and its card.
+
+The graph has a dynamic batch and everything inside; rsl_rl's own export has neither. What it
+computes is compared with the net before anything is written.
+"""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import importlib.metadata
+import logging
+import platform
+import warnings
+from collections.abc import Iterable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from omegaconf import OmegaConf
+
+from wt.errors import WorkError
+from wt.locomotion.config import Policy as Config
+from wt.locomotion.train import Trained
+from wt.show.files import write_together
+from wt.worlds.legged import RATE_HZ
+from wt.worlds.policy import CARD, GRAPH, PolicyCard, gains, observation_names
+
+OPSET = 18
+PACKAGES = ("mujoco", "numpy", "onnx", "rsl-rl-lib", "torch")
+_PARITY = 1e-4  # largest difference of an action that rounding explains, in units of the scale
+
+
+class Actor(torch.nn.Module):
+    """The mean action of an actor as a function of one tensor: normaliser, then net."""
+
+    normalizer: torch.nn.Module
+    mlp: torch.nn.Module
+
+    def __init__(self, model: Any) -> None:  # noqa: ANN401 – rsl_rl's MLPModel
+        """Copy the parts of rsl_rl's ``MLPModel``."""
+        super().__init__()
+        self.normalizer = copy.deepcopy(model.obs_normalizer)
+        self.mlp = copy.deepcopy(model.mlp)
+        self.eval()
+
+    def forward(self, observation: torch.Tensor) -> torch.Tensor:
+        """Actions for observations with commands, (batch, n_obs + 3) → (batch, n)."""
+        actions: torch.Tensor = self.mlp(self.normalizer(observation))
+        return actions
+
+
+def graph(actor: Actor, n_in: int) -> bytes:
+    """The actor as an ONNX file's bytes.
+
+    Args:
+        actor: in evaluation mode, on the processor.
+        n_in: width of its input.
+    """
+    logger = logging.getLogger("torch.onnx")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings(), torch.no_grad():
+            warnings.simplefilter("ignore")  # what the exporter says about its own internals
+            program = torch.onnx.export(
+                actor, (torch.zeros(2, n_in),), input_names=["observation"],
+                output_names=["action"], opset_version=OPSET,
+                dynamic_shapes=({0: torch.export.Dim("batch")},), dynamo=True, verbose=False,
+            )  # fmt: skip
+    finally:
+        logger.setLevel(level)
+    assert program is not None  # None only from the exporter that dynamo replaces
+    proto = program.model_proto
+    _strip(proto)
+    content: bytes = proto.SerializeToString(deterministic=True)
+    return content
+
+
+def write(
+    trained: Trained,
+    config: Config,
+    folder: Path,
+    made_by: str,
+    evaluation: dict[str, Any] | None = None,
+) -> PolicyCard:
+    """Write ``policy.onnx`` and ``card.json`` into a folder, both or neither.
+
+    Args:
+        trained: what came out of the training.
+        config: what it was trained with.
+        folder: where to; it is made.
+        made_by: the command line.
+        evaluation: figures of ``wt.locomotion.evaluate``, if there are any yet.
+
+    Raises:
+        WorkError: the graph computes something else than the net.
+    """
+    robot = config.body()
+    names = observation_names(robot)
+    actor = Actor(trained.actor)
+    content = graph(actor, len(names))
+    _compare(actor, content, len(names))
+    stiffness, velocity_gain = gains(robot, config.physics or robot.physics)
+    card = PolicyCard(
+        name=config.name,
+        robot=robot.name,
+        rate_hz=RATE_HZ,
+        joints=list(robot.joints),
+        default=list(robot.default),
+        action_scale=list(robot.action_scale),
+        stiffness=stiffness,
+        velocity_gain=velocity_gain,
+        observation=names,
+        command_limits=[config.commands.forward, config.commands.sideways, config.commands.turn],
+        sha256=hashlib.sha256(content).hexdigest(),
+        made_by=made_by,
+        training={
+            "iterations": trained.iterations,
+            "seconds": round(trained.seconds, 1),
+            "samples": trained.samples,
+        },
+        config=OmegaConf.to_container(OmegaConf.structured(config)),  # type: ignore[arg-type]
+        evaluation=evaluation or {},
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+        packages={"python": platform.python_version()}
+        | {package: importlib.metadata.version(package) for package in PACKAGES},
+    )
+    folder.mkdir(parents=True, exist_ok=True)
+    write_together(folder, {GRAPH: content, CARD: card.text()})
+    return card
+
+
+def _compare(actor: Actor, content: bytes, n_in: int) -> None:
+    import onnxruntime
+
+    session = onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
+    rows = np.random.default_rng(0).normal(size=(7, n_in)).astype(np.float32)
+    with torch.no_grad():
+        wanted = actor(torch.from_numpy(rows)).numpy()
+    difference = float(np.abs(session.run(None, {"observation": rows})[0] - wanted).max())
+    if not difference <= _PARITY * max(1.0, float(np.abs(wanted).max())):
+        raise WorkError(
+            f"export: the ONNX graph differs from the net by {difference:.2g}, {_PARITY} may be; "
+            "nothing was written: try another version of torch or onnxruntime"
+        )
+
+
+def _strip(proto: Any) -> None:  # noqa: ANN401 – onnx's messages have no common type
+    """Remove the exporter's notes: source lines and file names of this machine."""
+
+    def clear(messages: Iterable[Any]) -> None:
+        for message in messages:
+            message.ClearField("metadata_props")
+            message.ClearField("doc_string")
+
+    graphs = [proto.graph, *proto.functions]
+    clear([proto, *graphs])
+    for part in graphs:
+        clear(part.node)
+        clear(part.value_info)
+    clear([*proto.graph.input, *proto.graph.output, *proto.graph.initializer])

@@ -1,0 +1,69 @@
+"""What ``wt-train-policy`` does, step by step: train, export, evaluate, put in place."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from wt.locomotion.config import Policy as Config
+from wt.worlds.policy import SHIPPED, Policy
+
+
+def run(
+    config: Config,
+    folder: Path,
+    *,
+    made_by: str,
+    show: Callable[[str, float], None] | None = None,
+    resume: bool = False,
+    start_from: Path | None = None,
+    seconds: float | None = None,
+    install: bool = False,
+    watch: bool = False,
+) -> str:
+    """Train a policy and leave it in ``folder``; the rest is as :func:`wt.locomotion.train.train`.
+
+    Args:
+        config: what is trained.
+        folder: of the training.
+        made_by: the command line, for the card.
+        show: told what is being done and which share is behind.
+        resume: continue from the folder's checkpoint.
+        start_from: a checkpoint of another training.
+        seconds: wall clock of the training [s].
+        install: also write the policy into the package.
+        watch: also write a recording for Rerun.
+
+    Returns:
+        The table of its figures.
+    """
+    # rsl_rl imports GitPython, which refuses to be imported where there is no git
+    os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
+    from wt.locomotion import export
+    from wt.locomotion.evaluate import evaluate, table
+    from wt.locomotion.train import line, train
+
+    def progress(done: int, total: int, row: Mapping[str, float]) -> None:
+        if show:
+            show(f"reward {row['reward']:.2f} falls {row['falls']:.1f}", done / total)
+        if not sys.stderr.isatty():
+            print(line(done, total, row), flush=True)
+
+    trained = train(
+        config, folder, resume=resume, start_from=start_from, seconds=seconds, progress=progress
+    )
+    export.write(trained, config, folder, made_by)
+    if show:
+        show("evaluating", 1.0)
+    policy = Policy.load(folder, config.body(), config.physics)
+    figures = evaluate(config, policy.act, threads=config.threads)
+    export.write(trained, config, folder, made_by, figures.plain())
+    if install:
+        export.write(trained, config, SHIPPED / config.name, made_by, figures.plain())
+    if watch:
+        from wt.locomotion.watch import record
+
+        record(config, policy.act, folder / "rollout.rrd")
+    return table(figures)

@@ -1,0 +1,89 @@
+"""Left and right exchanged: every sample of a symmetric robot is worth two."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import torch
+from tensordict import TensorDict
+
+from wt.worlds.legged import Robot
+
+Array = np.ndarray
+
+ACTOR_AND_CRITIC = ("policy", "privileged")
+"""Groups of observations."""
+
+
+class Mirror:
+    """Maps observations, privileged observations and actions to their mirror images.
+
+    Each map is a permutation of channels with signs: ``mirrored = x[:, order] · sign``.
+    """
+
+    def __init__(self, robot: Robot, model: mujoco.MjModel, device: str | torch.device) -> None:
+        """Find each joint's and foot's counterpart.
+
+        Args:
+            robot: whose joints are named by sides (``left_…``, or legs ``FL``, ``FR``, …).
+            model: compiled; says about which axis each joint turns.
+            device: where the samples will be.
+        """
+        joints = _partners(robot.joints)
+        # a hinge across the robot's plane turns alike on both sides, any other the other way round
+        across = [abs(model.joint(name).axis[1]) > 0.5 for name in robot.joints]
+        signs = np.where(across, 1.0, -1.0)
+        feet = _partners(robot.feet)
+        action = (joints, signs)
+        observation = _joined([_signs("-+-"), _signs("+-+"), action, action, action, _signs("+--")])
+        foot = (feet, np.ones(len(feet)))
+        privileged = _joined([_signs("+--+"), _signs("+"), foot, foot, foot, foot])
+        self.maps = {
+            name: (torch.as_tensor(order, device=device), torch.as_tensor(sign, device=device))
+            for name, (order, sign) in {
+                "policy": observation, "privileged": privileged, "action": _joined([action]),
+            }.items()
+        }  # fmt: skip
+
+    def __call__(self, name: str, x: torch.Tensor) -> torch.Tensor:
+        """The mirror image of samples, (N, …) each of a group named as in ``maps``."""
+        order, sign = self.maps[name]
+        return x[:, order] * sign
+
+
+def augment(
+    env: object, obs: TensorDict | None, actions: torch.Tensor | None
+) -> tuple[TensorDict | None, torch.Tensor | None]:
+    """What rsl_rl's symmetry extension calls: the samples, then their mirror images."""
+    mirror: Mirror = env.mirror  # type: ignore[attr-defined]
+    if obs is not None:
+        flipped = {name: mirror(name, obs[name]) for name in ACTOR_AND_CRITIC}
+        both = {name: torch.cat([obs[name], x]) for name, x in flipped.items()}
+        obs = TensorDict(both, batch_size=[2 * obs.batch_size[0]], device=obs.device)
+    if actions is not None:
+        actions = torch.cat([actions, mirror("action", actions)])
+    return obs, actions
+
+
+def _partners(names: tuple[str, ...]) -> Array:
+    """Index of each name's counterpart on the other side; its own if it is in the middle."""
+
+    def other(name: str) -> str:
+        for a, b in (("left", "right"), ("FL", "FR"), ("RL", "RR")):
+            for one, two in ((a, b), (b, a)):
+                if name.startswith(one):
+                    return two + name[len(one) :]
+        return name
+
+    return np.array([names.index(other(name)) for name in names])
+
+
+def _signs(signs: str) -> tuple[Array, Array]:
+    """Channels that stay where they are, each as it is (+) or the other way round (−)."""
+    return np.arange(len(signs)), np.array([1.0 if sign == "+" else -1.0 for sign in signs])
+
+
+def _joined(parts: list[tuple[Array, Array]]) -> tuple[Array, Array]:
+    starts = np.cumsum([0, *(len(order) for order, _ in parts)])
+    order = np.concatenate([start + o for start, (o, _) in zip(starts, parts, strict=False)])
+    return order, np.concatenate([sign for _, sign in parts]).astype(np.float32)

@@ -1,0 +1,260 @@
+"""The terms of the reward: pure functions of what a control step did, one number per robot.
+
+Every term is zero or positive; the names of :class:`wt.locomotion.config.Rewards` say which are
+rewards (:data:`WANTED`), all others are penalties. The penalty of a fall is large enough that an
+early fall is not the cheaper way while the sum of all is still negative.
+
+Sources: legged_gym (Rudin et al. 2022) for most, mjlab for clearance, Isaac Lab for single stance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+
+import numpy as np
+
+from wt.errors import ConfigError, suggest
+from wt.locomotion.config import Rewards
+
+Array = np.ndarray
+
+WANTED = ("track_linear", "track_turn", "alive", "air_time", "single_stance")
+_MOVING = 0.1  # m/s and rad/s: a smaller command means to stand still
+
+
+@dataclass(frozen=True)
+class Step:
+    """What a control step did to N robots of n joints and F feet; float32.
+
+    Attributes:
+        command: (N, 3) [m/s, m/s, rad/s].
+        velocity: as commands mean it, and upward, (N, 4) [m/s, m/s, rad/s, m/s].
+        gyro: angular velocity in the trunk's frame, (N, 3) [rad/s].
+        gravity: its direction in the trunk's frame, (N, 3).
+        height: of the trunk over the ground, less that of the default pose, (N,) [m].
+        pose: joint positions less the default pose, (N, n) [rad].
+        excess: how far joints are beyond the soft limits, (N, n) [rad].
+        joint_vel: (N, n) [rad/s].
+        joint_acc: change of ``joint_vel`` over the step's time, (N, n) [rad/s²].
+        torque: of the drives, (N, n) [N·m].
+        action: (N, n).
+        last_action: the one before, (N, n).
+        contact, landed: (N, F) bool, as in :class:`wt.locomotion.feet.Feet`.
+        others: contacts of other parts than feet, (N,).
+        force: of contact, in units of the robot's weight, (N, F).
+        clearance: (N, F) [m].
+        foot_speed: (N, F) [m/s].
+        air, stance: (N, F) [s].
+        dt: length of the step [s].
+    """
+
+    command: Array
+    velocity: Array
+    gyro: Array
+    gravity: Array
+    height: Array
+    pose: Array
+    excess: Array
+    joint_vel: Array
+    joint_acc: Array
+    torque: Array
+    action: Array
+    last_action: Array
+    contact: Array
+    landed: Array
+    others: Array
+    force: Array
+    clearance: Array
+    foot_speed: Array
+    air: Array
+    stance: Array
+    dt: float
+
+    @property
+    def moving(self) -> Array:
+        """Which robots are told to move, (N,) bool."""
+        return np.abs(self.command).max(1) > _MOVING
+
+
+def _squares(x: Array) -> Array:
+    out: Array = np.einsum("ij,ij->i", x, x)
+    return out
+
+
+def _tracked(squared_error: Array, width: float, precise: float) -> Array:
+    # (1 − p) exp(−e² / σ²) + p exp(−e² / (σ/4)²): the wide one calls from afar, the narrow one
+    # still tells 0.1 from 0.2 m/s
+    e = squared_error / np.float32(width**2)
+    share = np.float32(precise)
+    return (1 - share) * np.exp(-e) + share * np.exp(-16 * e)
+
+
+def track_linear(step: Step, r: Rewards) -> Array:
+    """``_tracked`` of ‖v_xy − v*_xy‖."""
+    error = step.velocity[:, :2] - step.command[:, :2]
+    return _tracked(_squares(error), r.linear_width, r.precise)
+
+
+def track_turn(step: Step, r: Rewards) -> Array:
+    """``_tracked`` of ω_z − ω*_z."""
+    error = step.velocity[:, 2] - step.command[:, 2]
+    return _tracked(np.square(error), r.turn_width, r.precise)
+
+
+def alive(step: Step, r: Rewards) -> Array:
+    """1."""
+    return np.ones(len(step.command), np.float32)
+
+
+def vertical(step: Step, r: Rewards) -> Array:
+    """v_z²."""
+    return np.square(step.velocity[:, 3])
+
+
+def rolling(step: Step, r: Rewards) -> Array:
+    """ω_x² + ω_y²."""
+    return _squares(step.gyro[:, :2])
+
+
+def tilt(step: Step, r: Rewards) -> Array:
+    """g_x² + g_y²."""
+    return _squares(step.gravity[:, :2])
+
+
+def height(step: Step, r: Rewards) -> Array:
+    """(z − z₀)², in units of (10 cm)²."""
+    return np.square(10 * step.height)
+
+
+def torque(step: Step, r: Rewards) -> Array:
+    """Σ τ²."""
+    return _squares(step.torque)
+
+
+def power(step: Step, r: Rewards) -> Array:
+    """Σ |τ q̇|."""
+    out: Array = np.einsum("ij,ij->i", np.abs(step.torque), np.abs(step.joint_vel))
+    return out
+
+
+def acceleration(step: Step, r: Rewards) -> Array:
+    """Σ q̈²."""
+    return _squares(step.joint_acc)
+
+
+def action_rate(step: Step, r: Rewards) -> Array:
+    """Σ (a_t − a_{t−1})²."""
+    return _squares(step.action - step.last_action)
+
+
+def limits(step: Step, r: Rewards) -> Array:
+    """Σ of how far joints are beyond their soft limits."""
+    out: Array = step.excess.sum(1)
+    return out
+
+
+def bumps(step: Step, r: Rewards) -> Array:
+    """How many contacts other parts than feet have."""
+    return step.others
+
+
+def slip(step: Step, r: Rewards) -> Array:
+    """Σ over standing feet of ‖v_foot,xy‖²."""
+    out: Array = (np.square(step.foot_speed) * step.contact).sum(1)
+    return out
+
+
+def clearance(step: Step, r: Rewards) -> Array:
+    """Σ over feet of |h_foot − h*| ‖v_foot,xy‖, where the robot is to move and the foot is up."""
+    missing = np.abs(step.clearance - np.float32(r.swing_height)) * ~step.contact
+    out: Array = (missing * step.foot_speed).sum(1) * step.moving
+    return out
+
+
+def air_time(step: Step, r: Rewards) -> Array:
+    """Σ over landing feet of max(0, min(t_air, 1.5 T) − 0.5 T) per time, where it is to move.
+
+    As legged gym's Σ (t_air − T), but a short step is worth nothing rather than less, and a very
+    long one no more. Landing is an event of one step: its worth is spread over that step's time.
+    """
+    wanted = np.float32(r.air_seconds)
+    worth = np.clip(step.air - 0.5 * wanted, 0, wanted) * step.landed
+    out: Array = worth.sum(1) * step.moving / np.float32(step.dt)
+    return out
+
+
+def single_stance(step: Step, r: Rewards) -> Array:
+    """min(t of the stance leg and of the swing leg, T) while a biped stands on one."""
+    one = step.contact.sum(1) == 1
+    since = np.where(step.contact, step.stance, step.air).min(1)
+    return np.minimum(since, np.float32(r.stance_seconds)) * one * step.moving
+
+
+def impact(step: Step, r: Rewards) -> Array:
+    """Σ over landing feet of their force, in units of the robot's weight, per time."""
+    out: Array = (step.force * step.landed).sum(1) / np.float32(step.dt)
+    return out
+
+
+def still(step: Step, r: Rewards) -> Array:
+    """Σ |q − q₀| and the number of lifted feet, where the robot is to stand."""
+    return (np.abs(step.pose).sum(1) + (~step.contact).sum(1)) * ~step.moving
+
+
+Term = Callable[[Step, Rewards], Array]
+TERMS: Mapping[str, Term] = {
+    term.__name__: term
+    for term in (
+        track_linear, track_turn, alive, vertical, rolling, tilt, height, torque, power,
+        acceleration, action_rate, limits, bumps, slip, clearance, air_time, single_stance, impact,
+        still,
+    )
+}  # fmt: skip
+
+
+class Judge:
+    """Weighs the terms for one robot."""
+
+    def __init__(self, rewards: Rewards, joints: tuple[str, ...]) -> None:
+        """Look up the weights.
+
+        Args:
+            rewards: weights per second and constants.
+            joints: names, which ``rewards.posture`` has patterns of; a later pattern wins.
+
+        Raises:
+            ConfigError: a pattern fits no joint.
+        """
+        self._rewards = rewards
+        self._weights = {
+            name: (1.0 if name in WANTED else -1.0) * getattr(rewards, name)
+            for name in TERMS
+            if getattr(rewards, name)
+        }
+        self._posture = np.zeros(len(joints), np.float32)
+        for pattern, weight in rewards.posture.items():
+            fits = [fnmatchcase(joint, pattern) for joint in joints]
+            if not any(fits):
+                raise ConfigError(
+                    f"rewards.posture {pattern!r} fits no joint: {suggest(pattern, joints)}"
+                )
+            self._posture[fits] = weight
+
+    def __call__(self, step: Step, fallen: Array) -> tuple[Array, dict[str, float]]:
+        """Reward of a step, (N,) float32, and the mean of each weighted term per second.
+
+        Args:
+            step: what it did.
+            fallen: who fell in it, (N,) bool.
+        """
+        total = -(np.square(step.pose) @ self._posture)
+        means = {"posture": float(total.mean())} if self._posture.any() else {}
+        for name, weight in self._weights.items():
+            part = np.float32(weight) * TERMS[name](step, self._rewards)
+            means[name] = float(part.mean())
+            total += part
+        reward = total * np.float32(step.dt)
+        reward -= np.float32(self._rewards.fall) * fallen
+        return reward.astype(np.float32), means

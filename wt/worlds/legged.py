@@ -1,0 +1,265 @@
+"""Legged robots in motion: what training, collection and evaluation of policies share.
+
+A :class:`Robot` says what a policy may rely on. A :class:`Herd` is many simulations of one robot,
+stepped together at the control rate. The observation is proprioceptive and the same everywhere
+(:meth:`Robot.channels`): angular velocity of the trunk and direction of gravity in the trunk's
+frame, joint positions (absolute, as an encoder reports them) and velocities, and the last action.
+The command (forward and sideways velocity, turning rate) is known but no observation.
+
+An action ``a`` is in units of the robot's ``action_scale``: drives get ``default + scale · a``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from wt.errors import ConfigError
+from wt.types import Channel
+from wt.worlds.go2_model import Payload
+from wt.worlds.legged_model import STAND, LeggedPhysics
+from wt.worlds.terrain import Blocks, Ground
+
+Array = np.ndarray
+
+RATE_HZ = 50.0
+TIMESTEP = 0.005
+COMMAND = ("forward", "sideways", "turn")
+"""Channels of a command: velocities in the heading frame [m/s, m/s] and turning rate [rad/s]."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What surrounds a robot.
+
+    Attributes:
+        payload: a ball that rolls in a box on the back (Go2 only); None for nothing.
+        blocks: irregular terrain; None for a flat floor.
+    """
+
+    payload: Payload | None = None
+    blocks: Blocks | None = None
+
+
+FLAT = Scene()
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What a walking policy may rely on.
+
+    Attributes:
+        name: of the robot, e.g. ``"go2"``.
+        joints: names in the order of positions, velocities and actions; n of them.
+        default: pose that the action 0 asks for, n values [rad].
+        action_scale: what the action 1 adds to it, n values [rad].
+        trunk: body that carries the IMU; the free joint is its.
+        feet: sites at the feet.
+        sole_bodies: bodies whose contacts are the feet's, unless ``sole_geoms`` names geoms.
+        sole_geoms: the geoms that are the feet, where a foot's body has others.
+        height: of the trunk over the floor in the default pose [m].
+        foot_rest: height of a foot's site over the floor when it stands [m].
+        command: largest command either way (m/s, m/s, rad/s), as in :data:`COMMAND`.
+        fall_tilt: tilt of the trunk beyond which it has fallen [rad].
+        fall_height: height of the trunk over the ground below which it has fallen [m].
+        physics: the published physics, with the gains that a policy is trained for.
+        describe: builds the description for given physics, timestep [s] and scene.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    default: tuple[float, ...]
+    action_scale: tuple[float, ...]
+    trunk: str
+    feet: tuple[str, ...]
+    sole_bodies: tuple[str, ...]
+    sole_geoms: tuple[str, ...]
+    height: float
+    foot_rest: float
+    command: tuple[float, float, float]
+    fall_tilt: float
+    fall_height: float
+    physics: LeggedPhysics
+    describe: Callable[[LeggedPhysics, float, Scene], mujoco.MjSpec]
+
+    def channels(self) -> tuple[Channel, ...]:
+        """Names and units of the observation, in order; the command is not among them."""
+        n = self.joints
+        return (
+            *(Channel(f"gyro/{axis}", "rad/s") for axis in "xyz"),
+            *(Channel(f"gravity/{axis}", "1") for axis in "xyz"),
+            *(Channel(f"qpos/{joint}", "rad") for joint in n),
+            *(Channel(f"qvel/{joint}", "rad/s") for joint in n),
+            *(Channel(f"last_action/{joint}", "1") for joint in n),
+        )
+
+    def targets(self, action: Array) -> Array:
+        """Joint targets that actions (N, n) ask for, (N, n) [rad]."""
+        return np.asarray(np.array(self.default) + np.array(self.action_scale) * action)
+
+    def actions(self, targets: Array) -> Array:
+        """Actions that ask for joint targets, the inverse of :meth:`targets`."""
+        return np.asarray((targets - np.array(self.default)) / np.array(self.action_scale))
+
+
+@dataclass(frozen=True)
+class Start:
+    """How robots stand when an episode begins.
+
+    Attributes:
+        joints: largest deviation from the default pose [rad].
+        speed: largest velocity of the trunk along x and y [m/s], and half that of it turning.
+        area: half the side of the square around the origin in which they stand [m].
+    """
+
+    joints: float = 0.0
+    speed: float = 0.0
+    area: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse negative spreads."""
+        for name in ("joints", "speed", "area"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise ConfigError(f"start.{name} is {getattr(self, name)}; zero or more is needed")
+
+
+class Herd:
+    """``size`` simulations of one robot, each with its own state, stepped together.
+
+    Attributes:
+        robot: what stands in the model.
+        model: the compiled model.
+        batch: the simulations; ``qpos``, ``qvel`` and ``ctrl`` below are live views of it.
+        ground: heights of the terrain.
+        dt: control step [s].
+        action: the last action, (N, n), float32.
+    """
+
+    def __init__(
+        self, robot: Robot, model: mujoco.MjModel, size: int, scene: Scene = FLAT, threads: int = 0
+    ) -> None:
+        """Make the simulations; all stand in the default pose at the origin.
+
+        Args:
+            robot: what stands in the model.
+            model: compiled from the robot's description.
+            size: number of simulations N.
+            scene: what the model was described with.
+            threads: physics threads; 0 for one per core.
+        """
+        substeps = 1.0 / (RATE_HZ * model.opt.timestep)
+        if abs(substeps - round(substeps)) > 1e-6:
+            raise ConfigError(
+                f"timestep {model.opt.timestep} s does not divide the control step of "
+                f"{1 / RATE_HZ:g} s; {TIMESTEP} does"
+            )
+        self.robot, self.model, self.size = robot, model, size
+        self.batch = Batch(model, size, threads)
+        self.ground = Ground(scene.blocks)
+        self.dt = 1.0 / RATE_HZ
+        self._substeps = round(substeps)
+        self._n = len(robot.joints)
+        self._default = np.array(robot.default)
+        self._scale = np.array(robot.action_scale)
+        self._free_joints = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+        self._stand = model.key(STAND).id
+        self.batch.reset(keyframe=self._stand)
+        self.qpos, self.qvel, self.ctrl = self.batch.qpos, self.batch.qvel, self.batch.ctrl
+        self.action = np.zeros((size, self._n), np.float32)
+
+    @property
+    def joint_pos(self) -> Array:
+        """Joint positions, (N, n) [rad], live."""
+        return self.qpos[:, 7 : 7 + self._n]
+
+    @property
+    def joint_vel(self) -> Array:
+        """Joint velocities, (N, n) [rad/s], live."""
+        return self.qvel[:, 6 : 6 + self._n]
+
+    def reset(self, ids: Array, rng: np.random.Generator, start: Start) -> None:
+        """Let some robots start anew, facing anywhere.
+
+        Args:
+            ids: which, (K,) integers.
+            rng: decides about the rest.
+            start: spread of the initial state.
+        """
+        if not len(ids):
+            return
+        k, n = len(ids), self._n
+        self.batch.reset(ids, keyframe=self._stand, stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self.action[ids] = 0.0
+        at = rng.uniform(-start.area, start.area, (k, 2))
+        # as high as the highest ground under or beside the feet
+        reach = 0.25 if start.area else 0.0
+        corners = ((x, y) for x in (-reach, 0.0, reach) for y in (-reach, 0.0, reach))
+        lift = np.zeros(k)
+        for x, y in corners:
+            np.maximum(lift, self.ground.height(at[:, 0] + x, at[:, 1] + y), out=lift)
+        for joint in self._free_joints:  # the trunk's, and that of a ball on its axis
+            address = self.model.jnt_qposadr[joint]
+            self.qpos[ids, address : address + 2] += at
+            self.qpos[ids, address + 2] += lift
+        half = 0.5 * rng.uniform(-np.pi, np.pi, k)
+        self.qpos[ids, 3], self.qpos[ids, 6] = np.cos(half), np.sin(half)
+        self.qpos[ids, 7 : 7 + n] += rng.uniform(-start.joints, start.joints, (k, n))
+        self.qvel[ids, :2] = rng.uniform(-start.speed, start.speed, (k, 2))
+        self.qvel[ids, 5] = rng.uniform(-0.5 * start.speed, 0.5 * start.speed, k)
+
+    def step(self, action: Array) -> None:
+        """One control step of all robots under an action, (N, n) in units of the scale."""
+        self.action[:] = action
+        self.ctrl[:] = self._default + self._scale * self.action
+        self.batch.step(nstep=self._substeps)
+
+    def observe(self) -> Array:
+        """What the robots' own sensors say, (N, 6 + 3n), float32: :meth:`Robot.channels`."""
+        n = self._n
+        out = np.empty((self.size, 6 + 3 * n), np.float32)
+        out[:, :3] = self.qvel[:, 3:6]  # MuJoCo's free joint: angular velocity in the body's frame
+        out[:, 3:6] = self.gravity()
+        out[:, 6 : 6 + n] = self.joint_pos
+        out[:, 6 + n : 6 + 2 * n] = self.joint_vel
+        out[:, 6 + 2 * n :] = self.action
+        return out
+
+    def gravity(self) -> Array:
+        """Direction of gravity in the trunk's frame, (N, 3): (0, 0, −1) when upright."""
+        w, x, y, z = self.qpos[:, 3:7].T
+        # −(third row of the rotation matrix)
+        return np.stack(
+            [2 * (w * y - x * z), -2 * (w * x + y * z), 2 * (x * x + y * y) - 1], axis=1
+        )
+
+    def velocity(self) -> Array:
+        """Velocity of the trunk as commands mean it, (N, 3), and upward, (N, 4) in all.
+
+        Forward and sideways [m/s] in the frame that is turned with the trunk's heading, turning
+        rate about the vertical [rad/s], vertical velocity [m/s].
+        """
+        w, x, y, z = self.qpos[:, 3:7].T
+        vx, vy, vz, *omega = self.qvel[:, :6].T
+        # heading: the trunk's x axis seen from above
+        cos, sin = 1 - 2 * (y * y + z * z), 2 * (x * y + w * z)
+        length = np.sqrt(cos * cos + sin * sin) + 1e-9
+        cos, sin = cos / length, sin / length
+        gravity = self.gravity().T
+        out = np.empty((self.size, 4))
+        out[:, 0], out[:, 1] = cos * vx + sin * vy, cos * vy - sin * vx
+        out[:, 2] = -(gravity[0] * omega[0] + gravity[1] * omega[1] + gravity[2] * omega[2])
+        out[:, 3] = vz
+        return out
+
+    def height(self) -> Array:
+        """Height of the trunk over the ground under it, (N,) [m]."""
+        return self.qpos[:, 2] - self.ground.height(self.qpos[:, 0], self.qpos[:, 1])
+
+    def fallen(self) -> Array:
+        """Which robots have fallen: tilted or sunk too far, (N,) bool."""
+        upright = -self.gravity()[:, 2]
+        return (upright < np.cos(self.robot.fall_tilt)) | (self.height() < self.robot.fall_height)

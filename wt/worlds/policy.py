@@ -1,0 +1,237 @@
+"""A trained walking policy: an ONNX graph and the card that says what it may be used for.
+
+The folder of a policy holds ``policy.onnx`` and ``card.json``. The graph has one input
+``observation``, (batch, n_obs + 3): :meth:`wt.worlds.legged.Robot.channels` in order, then the
+command; and one output ``action``, (batch, n), in units of the robot's ``action_scale``. The
+observation normaliser is part of it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wt.errors import ModelError
+from wt.worlds.legged import COMMAND, RATE_HZ, Robot
+from wt.worlds.legged_model import LeggedPhysics
+
+if TYPE_CHECKING:
+    import onnxruntime
+
+Array = np.ndarray
+
+GRAPH = "policy.onnx"
+CARD = "card.json"
+SCHEMA = 1
+SHIPPED = Path(__file__).with_name("policies")
+"""Where the policies of the package are, one folder each."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolicyCard:
+    """What one must know to use a policy and to trust it.
+
+    Attributes:
+        name: of the policy.
+        robot: name of the robot.
+        rate_hz: control rate [Hz].
+        joints: names in the order of positions, velocities and actions.
+        default: pose that the action 0 asks for [rad].
+        action_scale: what the action 1 adds to it [rad].
+        stiffness: position gains of the drives [N·m/rad].
+        velocity_gain: their velocity gains [N·m·s/rad].
+        observation: channels of the graph's input, in order, the command's last.
+        command_limits: largest command that it was trained for, either way.
+        sha256: of the graph.
+        made_by: the command that made it.
+        training: iterations, seconds, samples.
+        config: the resolved configuration.
+        evaluation: figures of ``wt.locomotion.evaluate``.
+        created: UTC, ISO 8601.
+        packages: versions of what made it.
+        schema: version of this layout.
+    """
+
+    name: str
+    robot: str
+    rate_hz: float
+    joints: list[str]
+    default: list[float]
+    action_scale: list[float]
+    stiffness: list[float]
+    velocity_gain: list[float]
+    observation: list[str]
+    command_limits: list[float]
+    sha256: str
+    made_by: str
+    training: dict[str, int | float]
+    config: dict[str, Any]
+    evaluation: dict[str, Any] = field(default_factory=dict)
+    created: str = ""
+    packages: dict[str, str] = field(default_factory=dict)
+    schema: int = SCHEMA
+
+    def text(self) -> str:
+        """The card as JSON."""
+        return json.dumps(asdict(self), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+    @classmethod
+    def read(cls, path: Path) -> PolicyCard:
+        """Read a card.
+
+        Raises:
+            ModelError: it is missing, no JSON, or says less or more than a card says.
+        """
+        if not path.is_file():
+            raise ModelError(
+                f"{path} is missing: a policy is a folder with {GRAPH} and {CARD}, as "
+                "wt-train-policy leaves it"
+            )
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+        except ValueError as error:
+            raise ModelError(f"{path} is not JSON ({error}); export the policy again") from error
+        names = {f.name for f in fields(cls)}
+        if not isinstance(content, dict) or content.get("schema") != SCHEMA or set(content) - names:
+            raise ModelError(
+                f"{path} is no card of schema {SCHEMA}; export the policy again with this version"
+            )
+        try:
+            return cls(**content)
+        except TypeError as error:
+            raise ModelError(f"{path}: {error}; export the policy again") from error
+
+
+def gains(robot: Robot, physics: LeggedPhysics) -> tuple[list[float], list[float]]:
+    """Position and velocity gain of each joint's drive."""
+    n = len(robot.joints)
+    stiffness, speed = (physics.per_joint(x, n) for x in ("stiffness", "velocity_gain"))
+    return list(stiffness), list(speed)
+
+
+def observation_names(robot: Robot) -> list[str]:
+    """Channels of a policy's input, in order."""
+    return [channel.name for channel in robot.channels()] + [f"command/{c}" for c in COMMAND]
+
+
+class Policy:
+    """A policy that may be used with one robot; made by :meth:`load`.
+
+    Attributes:
+        card: what it says about itself.
+    """
+
+    def __init__(self, card: PolicyCard, session: onnxruntime.InferenceSession) -> None:
+        """Keep a checked card and its graph."""
+        self.card, self._session = card, session
+
+    @classmethod
+    def load(
+        cls, path: Path | str, robot: Robot, physics: LeggedPhysics | None = None, threads: int = 1
+    ) -> Policy:
+        """Load a policy and check that it fits.
+
+        Args:
+            path: a policy's folder, the graph in it, or the name of a policy of the package.
+            robot: what it is to walk.
+            physics: whose gains it is to have been trained for; None for the published.
+            threads: of inference.
+
+        Raises:
+            ModelError: a file is missing or not the one that the card is of; the policy is of
+                another robot, joint order, rate, pose, scale, observation or gains.
+        """
+        import onnxruntime
+
+        folder = _folder(Path(path))
+        card = PolicyCard.read(folder / CARD)
+        graph = folder / GRAPH
+        if not graph.is_file():
+            raise ModelError(
+                f"{graph} is missing beside its card; train or export the policy again"
+            )
+        content = graph.read_bytes()
+        if hashlib.sha256(content).hexdigest() != card.sha256:
+            raise ModelError(
+                f"{graph} is not the graph that {CARD} is of (their sha256 differ); "
+                "export the policy again"
+            )
+        _check(card, robot, physics or robot.physics, folder)
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = threads
+        session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+        return cls(card, session)
+
+    def act(self, observation: Array, command: Array) -> Array:
+        """Actions for N robots.
+
+        Args:
+            observation: of :meth:`wt.worlds.legged.Herd.observe`, (N, n_obs).
+            command: (N, 3) [m/s, m/s, rad/s].
+
+        Returns:
+            Actions, (N, n), float32, in units of the action scale.
+        """
+        both = np.concatenate([observation, command], axis=1, dtype=np.float32)
+        action: Array = self._session.run(["action"], {"observation": both})[0]
+        return action
+
+
+def _folder(path: Path) -> Path:
+    if path.name == GRAPH:
+        return path.parent
+    if not path.exists() and len(path.parts) == 1 and (SHIPPED / path).is_dir():
+        return SHIPPED / path
+    if not path.is_dir():
+        known = sorted(p.name for p in SHIPPED.iterdir() if p.is_dir()) if SHIPPED.is_dir() else []
+        raise ModelError(
+            f"policy {str(path)!r} does not exist; the package has: {', '.join(known) or 'none'}; "
+            "wt-train-policy makes others"
+        )
+    return path
+
+
+def _check(card: PolicyCard, robot: Robot, physics: LeggedPhysics, folder: Path) -> None:
+    """Compare a card with what is to be walked, the plainest first."""
+    stiffness, velocity_gain = gains(robot, physics)
+    expected: Mapping[str, object] = {
+        "robot": robot.name,
+        "rate_hz": RATE_HZ,
+        "joints": list(robot.joints),
+        "observation": observation_names(robot),
+        "default": list(robot.default),
+        "action_scale": list(robot.action_scale),
+        "stiffness": stiffness,
+        "velocity_gain": velocity_gain,
+    }
+    for name, wanted in expected.items():
+        given = getattr(card, name)
+        if _differ(given, wanted):
+            where = _first_difference(given, wanted)
+            raise ModelError(
+                f"policy {folder} does not fit: its {name} differs from {robot.name}'s ({where}); "
+                "take a policy that was trained for this robot, or train one: wt-train-policy"
+            )
+
+
+def _differ(given: object, wanted: object) -> bool:
+    if isinstance(wanted, list) and wanted and isinstance(wanted[0], float):
+        same = isinstance(given, list) and len(given) == len(wanted)
+        return not (same and np.allclose(np.array(given), wanted, rtol=1e-4, atol=1e-6))
+    return given != wanted
+
+
+def _first_difference(given: object, wanted: object) -> str:
+    if isinstance(given, list) and isinstance(wanted, list):
+        if len(given) != len(wanted):
+            return f"{len(given)} values instead of {len(wanted)}"
+        for i, (a, b) in enumerate(zip(given, wanted, strict=True)):
+            if _differ([a], [b]):
+                return f"number {i} is {a!r} instead of {b!r}"
+    return f"{given!r} instead of {wanted!r}"
