@@ -7,6 +7,7 @@ Map of the package (each concept has one home):
 ``wt.errors``          one class per mistake a user can make; each says what to do next
 ``wt.config``          what ``conf/*.yaml`` may say; ``wt.schema`` reads and checks it
 ``wt.worlds``          one file a task: robot model, two domains, hidden variable, policy
+``wt.locomotion``      training of the policies that legged robots walk with
 ``wt.data``            recordings, importers, collections on disk, normalisation, history
 ``wt.nets``            encoder, FiLM decoder, blind decoder, classifier, translator; their frame
 ``wt.losses``          the paper's objectives as pure functions, and our robust one

@@ -1,0 +1,104 @@
+"""From a torch module to an ONNX graph that stands alone: what all our exports share.
+
+The graph has a dynamic ``batch`` axis and nothing of the machine that wrote it, so that the same
+weights give the same bytes everywhere.
+"""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import torch
+
+from wt.errors import ModelError
+
+if TYPE_CHECKING:
+    from google.protobuf.message import Message
+    from onnx import ModelProto
+
+OPSET = 18
+
+
+def graph(
+    model: torch.nn.Module, inputs: tuple[torch.Tensor, ...], names: Sequence[str], output: str
+) -> ModelProto:
+    """The graph of a model in evaluation mode.
+
+    Args:
+        model: of one output, whose first axis is the batch.
+        inputs: of two rows each, since torch.export takes an axis of length 1 for a constant.
+        names: of the inputs.
+        output: name of the output.
+
+    Raises:
+        ModelError: the model uses something that ONNX cannot express, or fixes the batch size.
+    """
+    batch = torch.export.Dim("batch")
+    try:
+        with torch.no_grad(), _quiet():
+            program = torch.onnx.export(
+                model,
+                inputs,
+                input_names=names,
+                output_names=(output,),
+                opset_version=OPSET,
+                dynamic_shapes=({0: batch},) * len(inputs),
+                dynamo=True,
+                verbose=False,
+            )
+    except torch.onnx.errors.OnnxExporterError as error:
+        raise ModelError(
+            f"export: {type(model).__name__} cannot be written as an ONNX graph "
+            f"({str(error).strip().splitlines()[0]}); WT_DEBUG=1 shows where"
+        ) from error
+    assert program is not None  # None only from the exporter that dynamo replaces
+    proto = program.model_proto
+    _strip(proto)
+    closed = [i.name for i in proto.graph.input if not i.type.tensor_type.shape.dim[0].dim_param]
+    if closed:
+        raise ModelError(
+            f"export: {type(model).__name__} fixes the batch size of '{closed[0]}': its code turns "
+            "a length into a number; use tensor.shape[0] there"
+        )
+    return proto
+
+
+def content_of(proto: ModelProto) -> bytes:
+    """The bytes of a graph's file: the same for the same graph."""
+    content: bytes = proto.SerializeToString(deterministic=True)
+    return content
+
+
+def _strip(proto: ModelProto) -> None:
+    """Remove the exporter's notes: source lines and file names of this machine."""
+
+    def clear(messages: Iterable[Message]) -> None:
+        for message in messages:
+            message.ClearField("metadata_props")
+            message.ClearField("doc_string")
+
+    graphs = [proto.graph, *proto.functions]
+    clear([proto, *graphs])
+    for part in graphs:
+        clear(part.node)
+        clear(part.value_info)
+    clear([*proto.graph.input, *proto.graph.output, *proto.graph.initializer])
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Hide what the exporter says about torchvision, its own internals and shared axis names."""
+    logger = logging.getLogger("torch.onnx")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message=".*LeafSpec.*", category=FutureWarning)
+            warnings.filterwarnings("ignore", message=".*axis name: batch.*", category=UserWarning)
+            yield
+    finally:
+        logger.setLevel(level)
