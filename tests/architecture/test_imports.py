@@ -18,7 +18,7 @@ LEVELS = [
     {"schema", "config", "data", "nets", "losses", "physics", "show", "worlds"},
     {"train", "translate", "baselines", "diagnose"},
     {"evaluate", "export", "locomotion", "track"},
-    {"study", "jobs", "publish", "fit", "prove"},
+    {"study", "jobs", "publish", "fit", "prove", "reproduce"},
     {"cli", "__init__"},
 ]
 REGISTRY_MAY = {"types", "errors", "export"}

@@ -1,1 +1,1 @@
-"""Models leave the project as one ONNX graph: see ``wt.export.onnx``."""
+"""Models leave the project as one ONNX graph each: see ``graph``, and ``onnx`` for translations."""

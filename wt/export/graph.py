@@ -25,8 +25,8 @@ OPSET = 18
 
 def graph(
     model: torch.nn.Module, inputs: tuple[torch.Tensor, ...], names: Sequence[str], output: str
-) -> ModelProto:
-    """The graph of a model in evaluation mode.
+) -> bytes:
+    """A model in evaluation mode as the content of an ONNX file.
 
     Args:
         model: of one output, whose first axis is the batch.
@@ -64,11 +64,6 @@ def graph(
             f"export: {type(model).__name__} fixes the batch size of '{closed[0]}': its code turns "
             "a length into a number; use tensor.shape[0] there"
         )
-    return proto
-
-
-def content_of(proto: ModelProto) -> bytes:
-    """The bytes of a graph's file: the same for the same graph."""
     content: bytes = proto.SerializeToString(deterministic=True)
     return content
 

@@ -9,10 +9,7 @@ from __future__ import annotations
 import copy
 import hashlib
 import importlib.metadata
-import logging
 import platform
-import warnings
-from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -22,13 +19,13 @@ import torch
 from omegaconf import OmegaConf
 
 from wt.errors import WorkError
+from wt.export.graph import graph
 from wt.locomotion.config import Policy as Config
 from wt.locomotion.train import Trained
 from wt.show.files import write_together
 from wt.worlds.legged import RATE_HZ
 from wt.worlds.policy import CARD, GRAPH, PolicyCard, gains, observation_names
 
-OPSET = 18
 PACKAGES = ("mujoco", "numpy", "onnx", "rsl-rl-lib", "torch")
 _PARITY = 1e-4  # largest difference of an action that rounding explains, in units of the scale
 
@@ -50,33 +47,6 @@ class Actor(torch.nn.Module):
         """Actions for observations with commands, (batch, n_obs + 3) → (batch, n)."""
         actions: torch.Tensor = self.mlp(self.normalizer(observation))
         return actions
-
-
-def graph(actor: Actor, n_in: int) -> bytes:
-    """The actor as an ONNX file's bytes.
-
-    Args:
-        actor: in evaluation mode, on the processor.
-        n_in: width of its input.
-    """
-    logger = logging.getLogger("torch.onnx")
-    level = logger.level
-    logger.setLevel(logging.ERROR)
-    try:
-        with warnings.catch_warnings(), torch.no_grad():
-            warnings.simplefilter("ignore")  # what the exporter says about its own internals
-            program = torch.onnx.export(
-                actor, (torch.zeros(2, n_in),), input_names=["observation"],
-                output_names=["action"], opset_version=OPSET,
-                dynamic_shapes=({0: torch.export.Dim("batch")},), dynamo=True, verbose=False,
-            )  # fmt: skip
-    finally:
-        logger.setLevel(level)
-    assert program is not None  # None only from the exporter that dynamo replaces
-    proto = program.model_proto
-    _strip(proto)
-    content: bytes = proto.SerializeToString(deterministic=True)
-    return content
 
 
 def write(
@@ -101,7 +71,7 @@ def write(
     robot = config.body()
     names = observation_names(robot)
     actor = Actor(trained.actor)
-    content = graph(actor, len(names))
+    content = graph(actor, (torch.zeros(2, len(names)),), ("observation",), "action")
     _compare(actor, content, len(names))
     stiffness, velocity_gain = gains(robot, config.physics or robot.physics)
     card = PolicyCard(
@@ -146,19 +116,3 @@ def _compare(actor: Actor, content: bytes, n_in: int) -> None:
             f"export: the ONNX graph differs from the net by {difference:.2g}, {_PARITY} may be; "
             "nothing was written: try another version of torch or onnxruntime"
         )
-
-
-def _strip(proto: Any) -> None:  # noqa: ANN401 – onnx's messages have no common type
-    """Remove the exporter's notes: source lines and file names of this machine."""
-
-    def clear(messages: Iterable[Any]) -> None:
-        for message in messages:
-            message.ClearField("metadata_props")
-            message.ClearField("doc_string")
-
-    graphs = [proto.graph, *proto.functions]
-    clear([proto, *graphs])
-    for part in graphs:
-        clear(part.node)
-        clear(part.value_info)
-    clear([*proto.graph.input, *proto.graph.output, *proto.graph.initializer])
