@@ -30,6 +30,7 @@ def test_the_card_is_of_this_graph_and_of_a_robot_we_have(name: str) -> None:
     folder = SHIPPED / name
     assert sorted(p.name for p in folder.iterdir()) == [CARD, GRAPH]
     card = PolicyCard.read(folder / CARD)
+    assert card.name == name
     assert card.sha256 == hashlib.sha256((folder / GRAPH).read_bytes()).hexdigest()
     policy = Policy.load(name, robot_of(card.robot))
     assert policy.card == card
