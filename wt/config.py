@@ -31,10 +31,13 @@ MeanKind = Literal["none", "average", "mode"]
 for hidden variables that are often absent.
 """
 
-SimulatorUse = Literal["base", "read", "ignored"]
+SimulatorUse = Literal["base", "read", "mean", "ignored"]
 """How the mean field uses the simulator's own answer.
 
 ``base``: it is added to; ``read``: it is added to and is also an input of the correction;
+``mean``: the same, but with S's own average answer to (o, a) instead of its answer with nothing
+hidden, and with only such a share of what S then says of the hidden variable as helps: where
+hidden variables are never absent.
 ``ignored``: R's change is regressed on (o, a) alone.
 """
 

@@ -217,3 +217,21 @@ def test_transport_that_helps_is_the_ratio_of_the_effects(paper: Method, folder:
         effect = np.zeros(4)
         effect[[joint, joint + 2]] = SIM.effect() / unit[[joint, joint + 2]]
         np.testing.assert_allclose(effect @ found, effect / 1.4, atol=0.06 * np.abs(effect).max())
+
+
+def test_of_an_average_answer_only_such_a_share_is_taken_as_helps(
+    paper: Method, folder: Path
+) -> None:
+    # what S says of the hidden variable has nothing to do with R's: another seed's noise
+    toy, rng = Toy(0.0), np.random.default_rng(0)
+    sim, real, pairs = toy.collect(SIM, 40, 1), toy.collect(REAL, 40, 2), toy.pairs(20, 3)
+    noise = rng.standard_normal(pairs.sim_next.shape) * sim.s_next.std(axis=0)
+    method = replace(
+        paper,
+        mean=replace(MEAN, simulator="mean"),
+        translation=Translation(conditioned=True, transport=True, anchored=True),
+        train=replace(paper.train, steps=10),
+    )
+    world = World(toy.spec, sim, real, Pairs(pairs.real, pairs.sim_next + noise))
+    found = fit(world, method, folder, Sink()).frame.transport.numpy()
+    assert np.abs(found).max() < 0.3

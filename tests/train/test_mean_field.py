@@ -113,6 +113,26 @@ def test_nominal_regressor_learns_the_simulator_with_nothing_hidden() -> None:
     assert (error**2).mean() < 0.03 * (other.nominal - other.o[:, :4]).var()
 
 
+def test_average_answers_of_both_domains_where_nothing_is_ever_absent() -> None:
+    budget = {"width": 32, "depth": 2, "steps": 800, "batch": 256, "learning_rate": 5e-3}
+    mean = Mean(kind="average", simulator="mean", **budget)  # type: ignore[arg-type]
+    _, frame = field_error(mean)
+    other = pushed(4000, 2, TRUE_SHIFT)
+    o = torch.tensor(other.o)
+    with torch.no_grad():
+        x = frame.conditions(o, torch.tensor(other.a))
+        own = frame.nominal_change(x)
+        both = frame.next_states(o, own + frame.shift_change(x, own)).numpy()
+        own_next = frame.next_states(o, own).numpy()
+    # the mean push, 2 on as many steps as v1 says, along the last two channels
+    share = 0.35 + 0.3 * np.tanh(other.o[:, 2])
+    push = 2.0 * share[:, None] * [0.0, 0.0, 1.0, 1.0]
+    size = (push**2).mean()
+    assert ((own_next - other.nominal - push) ** 2).mean() < 0.05 * size
+    shift = other.o[:, 2:4] @ TRUE_SHIFT
+    assert ((both - other.nominal - push - shift) ** 2).mean() < 0.05 * size
+
+
 def test_number_of_regressions() -> None:
     assert regressions(Mean()) == 0
     assert regressions(Mean(kind="average")) == 2

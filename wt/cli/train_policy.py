@@ -42,6 +42,7 @@ def command(
 
     Example:
         wt-train-policy --config conf/policy_go2.yaml --out runs/go2 --seconds 480
+        wt train-policy --config conf/policy_go2.yaml --out runs/go2 --resume
     """
     from wt.cli._progress import bar
     from wt.errors import ConfigError, WorkError

@@ -105,7 +105,9 @@ def _mean_field(
         model.frame.requires_grad_(False)
         return
     # an untrained decoder has no say only where its difference is added to the simulator's answer
-    score = (lambda: errors(model, pairs)[0]) if model.method.translation.anchored else None
+    # … and only where all of that answer counts
+    whole = model.method.translation.anchored and model.method.mean.simulator != "mean"
+    score = (lambda: errors(model, pairs)[0]) if whole else None
     fit_mean_field(model.frame, sim, real, model.method.mean, seed, progress, score)
     folder.mkdir(parents=True, exist_ok=True)
     torch.save(model.frame.state_dict(), kept.with_suffix(".tmp"))
@@ -170,14 +172,22 @@ def _change_std(real: Transitions, spec: TransitionSpec) -> torch.Tensor:
 def _choose_transport(
     model: WorldModel, sim: Transitions, real: Transitions, pairs: PairTensors
 ) -> None:
-    """Take the closed-form transport if the validation pairs are better off with it."""
+    """Take the closed-form transport if the validation pairs are better off with it.
+
+    Where S's average answer stands in for what (o, a) says, S knows the rest only roughly at R's
+    (o, a): as large a share of it is taken as helps.
+    """
     if not model.method.translation.transport:
         return
     source, target = in_frame(model.frame, sim, real)
-    before, kept = errors(model, pairs)[0], model.frame.transport.clone()
-    model.frame.transport.copy_(gaussian_transport(source.y, target.y))
-    if errors(model, pairs)[0] >= before:
-        model.frame.transport.copy_(kept)
+    plain = model.frame.transport.clone()
+    shares = STRENGTHS if model.method.mean.simulator == "mean" else (1.0,)
+    options = [s * t for t in (plain, gaussian_transport(source.y, target.y)) for s in shares]
+    found = []
+    for option in options:
+        model.frame.transport.copy_(option)
+        found.append(errors(model, pairs)[0])
+    model.frame.transport.copy_(options[found.index(min(found))])
 
 
 @torch.no_grad()

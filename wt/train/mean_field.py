@@ -4,6 +4,9 @@
 (o, a, o′) what the hidden variable did. ``δ`` is what R does differently then. Where the hidden
 variable is often absent, δ is the most frequent difference rather than the average one
 (``mean.kind: mode``): the average is biased by whatever (o, a) gives away of the hidden variable.
+
+Where it is never absent there is no answer with nothing hidden, and ``n`` is S's average answer
+instead (``mean.simulator: mean``).
 """
 
 from __future__ import annotations
@@ -40,11 +43,11 @@ def fit_mean_field(
     progress: Progress | None = None,
     score: Score | None = None,
 ) -> None:
-    """Train n on the nominal simulator and δ on R against it; nothing for kind ``none``.
+    """Train n on the simulator and δ on R against it; nothing for kind ``none``.
 
     Args:
         frame: a frame with fitted normalisers; its regressors are trained in place.
-        sim: transitions of S; only (o, a) and the nominal answer are read.
+        sim: transitions of S; read are (o, a) and the nominal answer, or what came out.
         real: transitions of R.
         settings: kind and budget.
         seed: same seed, same regressors.
@@ -58,8 +61,10 @@ def fit_mean_field(
     if frame.nominal is None:
         n_real = torch.zeros_like(n_real)
     else:
-        x_sim, n_sim, _ = _tensors(frame, sim)
+        x_sim, n_sim, s_sim = _tensors(frame, sim)
         nominal, x, n = frame.nominal, torch.cat([x_sim, x_real]), torch.cat([n_sim, n_real])
+        if settings.simulator == "mean":
+            x, n = x_sim, s_sim
         regress(
             nominal,
             lambda rows: nominal(x[rows]) - n[rows],
@@ -68,6 +73,8 @@ def fit_mean_field(
             progress=_after(progress, done, total),
         )
         done += settings.steps
+        if settings.simulator == "mean":
+            n_real = _answers(nominal, x_real)
     inputs = torch.cat([x_real, n_real], dim=1) if frame.reads_simulator else x_real
     members = list(frame.shift.members)
     for k, member in enumerate(members):
@@ -147,6 +154,12 @@ def _second_moment(samples: Tensor) -> Tensor:
 def _power(matrix: Tensor, exponent: float) -> Tensor:
     values, vectors = torch.linalg.eigh(matrix)
     return (vectors * values.clamp_min(1e-12) ** exponent) @ vectors.T
+
+
+@torch.no_grad()
+def _answers(net: nn.Module, x: Tensor) -> Tensor:
+    """A regressor's answers, (N, channels), a part at a time."""
+    return torch.cat([net(part) for part in x.split(8192)])
 
 
 @torch.no_grad()
