@@ -37,8 +37,7 @@ def command(
     """Train a walking policy by PPO, evaluate it, export it as ONNX with its card.
 
     The policy tracks commanded velocities of a simulated robot. Its folder holds policy.onnx,
-    card.json, the checkpoint from which a later command continues, and a row of training.csv per
-    iteration.
+    card.json, the checkpoint to continue from, and a row of training.csv per iteration.
 
     Example:
         wt-train-policy --config conf/policy_go2.yaml --out runs/go2 --seconds 480
