@@ -7,13 +7,10 @@ from pathlib import Path
 import pytest
 import yaml
 
+from tests.tasks import CONF, TASKS
 from wt.config import Fit, load, to_yaml
 from wt.errors import ConfigError
 from wt.worlds.base import make
-
-CONF = Path(__file__).resolve().parent.parent / "conf"
-OTHERS = ("base", "policy_")  # what the tasks share, and what wt-train-policy reads
-TASKS = sorted(p.name for p in CONF.glob("*.yaml") if not p.name.startswith(OTHERS))
 
 
 def r5(*overrides: str) -> Fit:

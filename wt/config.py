@@ -7,7 +7,6 @@ or a value of the wrong type is refused before anything runs.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +15,7 @@ from typing import Any, Literal
 import omegaconf
 
 from wt.errors import ConfigError
-from wt.schema import parse, read, to_yaml
+from wt.schema import check_numbers, parse, read, to_yaml
 
 __all__ = ["parse", "to_yaml"]
 
@@ -192,7 +191,7 @@ _ABOVE_ZERO = {
 
 
 def _check(config: Fit) -> None:
-    _check_numbers(config, "")
+    check_numbers(config, _ABOVE_ZERO)
     seeds = config.seeds
     if not seeds or len(set(seeds)) != len(seeds) or min(seeds) < 0:
         raise ConfigError(f"seeds {seeds} must be a list of different integers, zero or more")
@@ -213,14 +212,3 @@ def _check(config: Fit) -> None:
                 f"{name}.translation.average is {method.translation.average}; it must be below 1, "
                 "or the average never moves"
             )
-
-
-def _check_numbers(section: object, where: str) -> None:
-    for key, value in vars(section).items():
-        if dataclasses.is_dataclass(value):
-            _check_numbers(value, f"{where}{key}.")
-        elif isinstance(value, int | float) and not isinstance(value, bool):
-            above = key in _ABOVE_ZERO
-            if not (value > 0 if above else value >= 0):  # so that NaN is refused too
-                needed = "above zero" if above else "zero or more"
-                raise ConfigError(f"{where}{key} is {value}; it must be {needed}")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -72,6 +72,27 @@ def parse(schema: type[T], values: Mapping[str, Any], where: str) -> T:
 def to_yaml(config: object) -> str:
     """A configuration as YAML that :func:`read` and :func:`parse` bring back unchanged."""
     return OmegaConf.to_yaml(OmegaConf.structured(config))
+
+
+def check_numbers(section: object, above_zero: Collection[str], where: str = "") -> None:
+    """Refuse numbers of a dataclass, and of those inside it, that no key can have.
+
+    Args:
+        section: the dataclass.
+        above_zero: keys of any section that zero makes meaningless; no other may be negative.
+        where: dotted prefix for messages.
+
+    Raises:
+        ConfigError: a number is too small, or none at all.
+    """
+    for key, value in vars(section).items():
+        if dataclasses.is_dataclass(value):
+            check_numbers(value, above_zero, f"{where}{key}.")
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            above = key in above_zero
+            if not (value > 0 if above else value >= 0):  # so that NaN is refused too
+                needed = "above zero" if above else "zero or more"
+                raise ConfigError(f"{where}{key} is {value}; it must be {needed}")
 
 
 def _read(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:

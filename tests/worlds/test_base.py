@@ -10,16 +10,12 @@ from typing import Any
 import pytest
 
 import wt.worlds
+from tests.tasks import CONF, TASKS
 from wt.config import load
 from wt.errors import ConfigError
 from wt.worlds import base
 
-CONF = Path(__file__).resolve().parents[2] / "conf"
-SECTIONS = {
-    path.stem: load(path).world
-    for path in sorted(CONF.glob("*.yaml"))
-    if not path.stem.startswith(("base", "policy_"))
-}
+SECTIONS = {name.removesuffix(".yaml"): load(CONF / name).world for name in TASKS}
 
 
 @dataclass(frozen=True)

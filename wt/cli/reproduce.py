@@ -33,15 +33,14 @@ def command(
         wt reproduce seeds=[0,1,2]
         wt reproduce --task go2_flat --task go2_payload --out runs/go2
     """
-    from rich import box
     from rich.console import Console
-    from rich.table import Table
 
     from wt.cli._progress import bars
     from wt.errors import WorkError
     from wt.reproduce.report import write
     from wt.reproduce.table import head, missing, rows
     from wt.reproduce.tasks import QUICK, chosen, run
+    from wt.show.text import terminal_table
 
     tasks, left_out = chosen(task or [], conf)
     words = [*(QUICK if quick else ()), *(overrides or [])]
@@ -55,13 +54,8 @@ def command(
             "interrupted: nothing finished is lost; run the same command again to continue"
         ) from error
     report = write(out, found, left_out)
-    shown = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), pad_edge=False)
-    for i, name in enumerate(head(found)):
-        shown.add_column(name, justify="right" if i else "left", no_wrap=True)
-    for row in rows(found):
-        shown.add_row(*row)
     console = Console()
-    console.print(shown)
+    console.print(terminal_table(head(found), rows(found)))
     if left_out:
         console.print(missing(left_out), highlight=False)
     console.print(f"{report}", highlight=False, soft_wrap=True)

@@ -7,7 +7,7 @@ is learned, is said to be unknown.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -253,10 +253,10 @@ def findings(judged: Judged) -> tuple[Finding, ...]:
     return tuple(sorted(found, key=lambda f: -f.holdout_gain))
 
 
-def unforeseen(judged: Judged, objective: Objective) -> tuple[Finding, ...]:
-    """Where nothing was found and still replays err by much: something unknown, without a law."""
+def unforeseen(judged: Judged, objective: Objective, where: Iterable[str]) -> tuple[Finding, ...]:
+    """At the joints that :func:`unexplained` names: something unknown, without a law."""
     found = []
-    for joint in unexplained(judged, objective):
+    for joint in where:
         dof = objective.scene.dof(joint)
         excess = float(judged.estimated.assessed.mse[dof] / objective.noise[dof] ** 2)
         count = float(objective.count[dof])

@@ -20,7 +20,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 from scipy.linalg import expm
@@ -89,8 +89,7 @@ def memory_of(name: str) -> Memory | None:
     if found is None:
         return None
     kind, rate, damping, joint = found.groups()
-    kinds: dict[str, Kind] = {"creep": "creep", "swing": "swing", "swing_rate": "swing_rate"}
-    return Memory(kinds[kind], joint, float(rate), float(damping or 0.0))
+    return Memory(cast(Kind, kind), joint, float(rate), float(damping or 0.0))
 
 
 def recorded(names: Sequence[str]) -> tuple[str, ...]:

@@ -88,9 +88,9 @@ def _told(
     held = court.held
     coarse = _too_coarse(scene, held, judged)
     coarsely = coarse_steps(prepared.fit, prepared.held, scene.joints)
-    found = (*findings(judged), *unforeseen(judged, court.objective), *coarsely)
-    seen = measured(prepared, court.screen, held, judged.complete, STEP_S)
     where = unexplained(judged, court.objective)
+    found = (*findings(judged), *unforeseen(judged, court.objective, where), *coarsely)
+    seen = measured(prepared, court.screen, held, judged.complete, STEP_S)
     return Diagnosis(
         model_path=str(scene.path),
         model_sha256=hashlib.sha256(scene.path.read_bytes()).hexdigest(),

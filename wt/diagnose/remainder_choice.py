@@ -100,7 +100,7 @@ def _creep(data: Data) -> tuple[Fit, int]:
     def fitted(rate: float) -> Fit:
         return _linear(data, [_named("creep", data.joint, rate)])
 
-    fit, tried = _polished(fitted, _CREEPS_S)
+    fit, tried = _polished(fitted, [(tau,) for tau in _CREEPS_S], [_CREEPS_S[1] / _CREEPS_S[0]])
     return _leaner(data, fit), tried
 
 
@@ -111,16 +111,10 @@ def _swing(data: Data) -> tuple[Fit, int]:
         kinds: tuple[Kind, ...] = ("swing", "swing_rate")
         return _linear(data, [_named(k, data.joint, rate, damping) for k in kinds])
 
-    tried = {(rate, d): fitted(rate, d) for rate in _SWINGS for d in _DAMPING}
-    near, wider = _SWINGS[1] / _SWINGS[0], _DAMPING[1] / _DAMPING[0]
-    for _ in range(_POLISHED):
-        near, wider = float(np.sqrt(near)), float(np.sqrt(wider))
-        for moves in ((near, 1.0), (1.0, wider)):
-            rate, d = min(tried, key=lambda at: _total(tried[at]))
-            for up in (1.0, -1.0):
-                at = (rate * moves[0] ** up, d * moves[1] ** up)
-                tried[at] = fitted(*at)
-    return _leaner(data, min(tried.values(), key=_total)), len(tried)
+    grid = [(rate, damping) for rate in _SWINGS for damping in _DAMPING]
+    gaps = [_SWINGS[1] / _SWINGS[0], _DAMPING[1] / _DAMPING[0]]
+    fit, tried = _polished(fitted, grid, gaps)
+    return _leaner(data, fit), tried
 
 
 def _beat(data: Data) -> tuple[Fit, int] | None:
@@ -138,8 +132,8 @@ def _beat(data: Data) -> tuple[Fit, int] | None:
         terms: list[Term] = [(Atom(0, "sin", 0.0, rate),), (Atom(0, "cos", 0.0, rate),)]
         return crossval(data, ["t"], terms, penalise=False)
 
-    near = 1.0 / (pace * float(np.ptp(t)))
-    fit, tried = _polished(fitted, (pace,), reach=1.0 + near)
+    near = 1.0 + 1.0 / (pace * float(np.ptp(t)))
+    fit, tried = _polished(fitted, [(pace,)], [near**2])
     return fit, tried + len(grid)
 
 
@@ -167,15 +161,22 @@ def _leaner(data: Data, fit: Fit) -> Fit:
 
 
 def _polished(
-    fitted: Callable[[float], Fit], rates: Sequence[float], reach: float = 0.0
+    fitted: Callable[..., Fit], grid: Sequence[tuple[float, ...]], gaps: Sequence[float]
 ) -> tuple[Fit, int]:
-    """The best regression over a rate: a grid first, then ever smaller steps around the best."""
-    tried = {rate: fitted(rate) for rate in rates}
-    step = reach or float(np.sqrt(rates[1] / rates[0]))
-    for _ in range(_POLISHED):
-        best = min(tried, key=lambda rate: _total(tried[rate]))
-        tried |= {rate: fitted(rate) for rate in (best / step, best * step) if rate not in tried}
-        step = float(np.sqrt(step))
+    """The best regression over some rates, and how many were tried.
+
+    Args:
+        fitted: the regression at given rates.
+        grid: where to look first.
+        gaps: factor between neighbours along each rate; ever smaller roots of it are tried then.
+    """
+    tried = {at: fitted(*at) for at in grid}
+    for k in range(1, _POLISHED + 1):
+        for i, gap in enumerate(gaps):
+            best, step = min(tried, key=lambda at: _total(tried[at])), gap**0.5**k
+            for rate in (best[i] / step, best[i] * step):
+                at = (*best[:i], rate, *best[i + 1 :])
+                tried[at] = fitted(*at)
     return min(tried.values(), key=_total), len(tried)
 
 

@@ -14,14 +14,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
 from wt.errors import DataError
 from wt.evaluate import paper
 from wt.show.files import write_whole
-from wt.show.text import markdown_table, short
+from wt.show.text import markdown_table, short, terminal_table
 from wt.types import Channel
 
 SCHEMA = 1
@@ -229,14 +227,8 @@ class Results:
 
     def print_table(self, console: Console) -> None:
         """Print the table of methods to a terminal."""
-        table = Table(
-            title=self._title(), box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), pad_edge=False
-        )
-        for i, name in enumerate(self._head()):
-            table.add_column(name, justify="right" if i else "left", no_wrap=True)
-        for row in self._rows(bold="[bold]{}[/bold]"):
-            table.add_row(*row)
-        console.print(table)
+        rows = self._rows(bold="[bold]{}[/bold]")
+        console.print(terminal_table(self._head(), rows, self._title()))
         console.print(self._ratio(), highlight=False)
         console.print(self.note, style="dim", highlight=False)
 

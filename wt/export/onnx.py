@@ -6,7 +6,6 @@ statistics. The file holds everything, weights too; see :mod:`wt.export.graph`.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +15,7 @@ import torch
 
 from wt.errors import ModelError
 from wt.export.graph import graph
+from wt.show.files import write_whole
 from wt.types import Array, TransitionSpec
 
 INPUTS = ("o", "a", "o_next_sim")
@@ -63,13 +63,7 @@ def export(
                 f"task {spec.task!r} needs (2, {spec.n_obs})"
             )
         content = graph(model, inputs, INPUTS, OUTPUT)
-    path = Path(path)
-    temporary = path.with_name(path.name + ".tmp")
-    try:
-        temporary.write_bytes(content)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_whole(Path(path), content)
 
 
 def eager(model: torch.nn.Module) -> Callable[[Array, Array, Array], Array]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Literal
 import omegaconf
 
 from wt.errors import ConfigError
-from wt.schema import parse, read
+from wt.schema import check_numbers, parse, read
 from wt.worlds.legged import Robot, Scene, Start
 from wt.worlds.legged_model import LeggedPhysics
 from wt.worlds.robots import robot_of
@@ -29,6 +28,11 @@ class Commands:
     seconds: float = 5.0  # a command holds so long on average
     standing: float = 0.1  # share of zero commands
     single: float = 0.3  # share of commands of one axis alone
+
+    @property
+    def largest(self) -> tuple[float, float, float]:
+        """Largest command either way, as in :data:`wt.worlds.legged.COMMAND`."""
+        return (self.forward, self.sideways, self.turn)
 
 
 @dataclass
@@ -127,7 +131,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Policy:
         ConfigError: file missing, not YAML, an unknown key, a wrong type, impossible values.
     """
     config = parse(Policy, read(Path(path), overrides), "")
-    _check_numbers(config, "")
+    check_numbers(config, _ABOVE_ZERO)
     robot_of(config.robot)
     if not config.ppo.hidden or min(config.ppo.hidden) < 1:
         raise ConfigError(f"ppo.hidden {config.ppo.hidden} needs at least one layer of one unit")
@@ -145,14 +149,3 @@ _ABOVE_ZERO = {
     "clip", "forward", "turn",
 }  # fmt: skip
 """Numbers of any section that zero makes meaningless; no other may be negative either."""
-
-
-def _check_numbers(section: object, where: str) -> None:
-    for key, value in vars(section).items():
-        if dataclasses.is_dataclass(value):
-            _check_numbers(value, f"{where}{key}.")
-        elif isinstance(value, int | float) and not isinstance(value, bool):
-            above = key in _ABOVE_ZERO
-            if not (value > 0 if above else value >= 0):
-                needed = "above zero" if above else "zero or more"
-                raise ConfigError(f"{where}{key} is {value}; it must be {needed}")

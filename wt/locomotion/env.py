@@ -74,7 +74,7 @@ class Walking(VecEnv):
         middle, half = (low + high) / 2, _SOFT * (high - low) / 2
         self._low, self._high = (x.astype(np.float32) for x in (middle - half, middle + half))
         self._default = np.array(herd.robot.default, np.float32)
-        self._weight = float(model.body_mass.sum() * -model.opt.gravity[2])
+        self._weight = herd.weight
         self._last_vel = np.zeros((herd.size, self.num_actions), np.float32)
         self.command = np.zeros((herd.size, 3), np.float32)
         self._age = np.zeros(herd.size, int)
@@ -213,8 +213,7 @@ class Walking(VecEnv):
 
 def sample_commands(commands: Commands, count: int, rng: np.random.Generator) -> Array:
     """Commands to practise, (count, 3), float32: uniform, some of one axis alone, some zero."""
-    largest = (commands.forward, commands.sideways, commands.turn)
-    out = rng.uniform(-1, 1, (count, 3)) * largest
+    out = rng.uniform(-1, 1, (count, 3)) * commands.largest
     kind = rng.random(count)
     single = kind < commands.single
     axis = rng.integers(3, size=count)

@@ -117,9 +117,7 @@ def evaluate(
 
 
 def _track(config: Config, act: Act, threads: int, robots: int, seed: int) -> tuple[Tracking, ...]:
-    largest = np.array(
-        [config.commands.forward, config.commands.sideways, config.commands.turn], np.float32
-    )
+    largest = np.array(config.commands.largest, np.float32)
     axes = [(a, sign) for a in range(3) for sign in (1, -1) if largest[a] > 0]
     command = np.zeros((len(axes) * robots, 3), np.float32)
     for k, (a, sign) in enumerate(axes):
@@ -179,7 +177,7 @@ class _Gait:
     def __init__(self, herd: Herd) -> None:
         self._herd = herd
         self._torque = herd.batch.bind("actuator_force")
-        self._weight = float(herd.model.body_mass.sum() * -herd.model.opt.gravity[2])
+        self._weight = herd.weight
         self._highest = np.zeros((herd.size, len(herd.robot.feet)))
         self._powers: list[float] = []
         self._costs: list[tuple[float, float]] = []  # power and speed while walking

@@ -84,7 +84,7 @@ def write(
         stiffness=stiffness,
         velocity_gain=velocity_gain,
         observation=names,
-        command_limits=[config.commands.forward, config.commands.sideways, config.commands.turn],
+        command_limits=list(config.commands.largest),
         sha256=hashlib.sha256(content).hexdigest(),
         made_by=made_by,
         training={

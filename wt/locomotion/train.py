@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -236,12 +235,9 @@ def _restore(
 
 def _save(runner: OnPolicyRunner, path: Path, iteration: int, seconds: float) -> None:
     saved = {"rsl_rl": runner.alg.save(), "iteration": iteration, "seconds": seconds}
-    temporary = path.with_name(path.name + ".tmp")
-    try:
-        torch.save(saved, temporary)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    content = io.BytesIO()
+    torch.save(saved, content)
+    write_whole(path, content.getvalue())
 
 
 class _Log:

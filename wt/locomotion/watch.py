@@ -40,8 +40,7 @@ def record(config: Config, act: Act, path: Path, seed: int = 0) -> None:
         seed: of the start.
     """
     herd = make_herd(config, 1, threads=1)
-    largest = (config.commands.forward, config.commands.sideways, config.commands.turn)
-    command = (_PROGRAM * largest).astype(np.float32)
+    command = (_PROGRAM * config.commands.largest).astype(np.float32)
     qpos, commanded, reached = _walk(herd, act, command, seed)
     t = np.arange(len(qpos)) * herd.dt
     recording = rr.RecordingStream("World Translation", send_properties=False)

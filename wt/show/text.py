@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from rich import box
+from rich.table import Table
+
 
 def short(value: float) -> str:
     """Three significant digits."""
@@ -15,3 +18,13 @@ def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[s
     """A Markdown table: first column left, the others right."""
     align = ["---"] + ["---:"] * (len(head) - 1)
     return ["| " + " | ".join(cells) + " |" for cells in (head, align, *rows)]
+
+
+def terminal_table(head: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> Table:
+    """The same for a terminal."""
+    table = Table(title=title or None, box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), pad_edge=False)
+    for i, name in enumerate(head):
+        table.add_column(name, justify="right" if i else "left", no_wrap=True)
+    for row in rows:
+        table.add_row(*row)
+    return table

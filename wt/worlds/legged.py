@@ -172,6 +172,11 @@ class Herd:
         self.action = np.zeros((size, self._n), np.float32)
 
     @property
+    def weight(self) -> float:
+        """Of one robot with its load [N]."""
+        return float(self.model.body_mass.sum() * -self.model.opt.gravity[2])
+
+    @property
     def joint_pos(self) -> Array:
         """Joint positions, (N, n) [rad], live."""
         return self.qpos[:, 7 : 7 + self._n]

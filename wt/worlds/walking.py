@@ -207,7 +207,7 @@ class WalkingWorld:
         steps = options.episode_steps
         herd = Herd(robot, self._models[domain], robots, self._scene, options.threads)
         herd.reset(np.arange(robots), rng, options.start)
-        limits = options.command * np.array(robot.command)
+        limits = options.command * np.array(self._policy.card.command_limits)
         command = rng.uniform(-limits, limits, (robots, 3))
         keep = np.exp(-herd.dt / options.noise_seconds)
         shape = (robots, len(robot.joints))

@@ -105,14 +105,12 @@ class _Warming(DriveLaw):
 
     def act(self, state: StepState) -> None:
         """See :meth:`Live.act`."""
-        if self.heat is None:  # what came before is taken as the usual load
-            self.heat = 1.0 - np.exp(-state.t / self.tau)
         self.step = -np.expm1(-state.h / self.tau)
         super().act(state)
 
     def _weakened(self, force: Array, v: Array, t: Array) -> Array:
-        if self.heat is None:
-            raise RuntimeError("a drive's heat is known from its first step on")
+        if self.heat is None:  # what came before is taken as the usual load
+            self.heat = 1.0 - np.exp(-t / self.tau)
         load = (force / self.usual) ** 2 if self.usual else np.ones_like(force)
         now = force * (1.0 - self.loss * np.minimum(self.heat, _HOTTEST))
         self.heat = self.heat + self.step * (load - self.heat)
