@@ -176,3 +176,17 @@ def test_a_payload_on_the_g1_is_refused(root: Path) -> None:
     wrong = dataclasses.replace(config(root, "go2_payload"), robot="g1")
     with pytest.raises(ConfigError, match="the G1 has no box"):
         make_herd(wrong, 1)
+
+
+@pytest.mark.parametrize("name", ["go2", "go2_payload"])
+def test_a_trunk_on_the_floor_is_a_bump_and_a_ball_in_its_box_is_none(
+    root: Path, name: str
+) -> None:
+    herd = make_herd(config(root, name), 2, 1)
+    feet = Feet(herd)
+    herd.qpos[1, 2], herd.qpos[1, 3:7] = 0.3, (0, 1, 0, 0)  # falls on its back
+    for _ in range(40):
+        herd.step(np.zeros((2, 12), np.float32))
+        feet.update()
+    assert feet.contact[0].all() and feet.others[0] == 0
+    assert feet.others[1] > 0

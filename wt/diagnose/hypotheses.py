@@ -70,7 +70,7 @@ def candidates(
         for place in _near(screen, s.planted.at)
     }
     # where replays err and forces show nothing, every effect of that joint gets its chance
-    excess = now.mse / objective.noise**2
+    excess = now.mse / objective.floor**2
     worst = [int(d) for d in np.argsort(-excess)[:WORST] if excess[d] > 2.0]
     erring = erring_joints(objective, now)
     chosen = {s.planted.key: s for s in strong}

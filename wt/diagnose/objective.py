@@ -49,6 +49,9 @@ _STEP = 0.1  # deviations: long valleys between an effect and its nuisance need 
 _RELINEARISED, _LINEAR = 4, 0.3
 """Most linearisations around a hypothesis; error of the linear part that is let be, in noise."""
 _WORTHWHILE = 0.05  # deviations: a smaller correction is not worth a change of the model
+LAW = 0.005
+"""Share of what the model as given errs by that is left even by the right law: real friction,
+say, is not quite the law's, and an error this small is no sign of anything else."""
 BURN_IN_S = 0.25
 """Start of a long stretch that is not scored: hidden states (gears, buffers) settle [s]."""
 
@@ -79,6 +82,8 @@ class Objective:
 
     Attributes:
         count: independent samples per joint, (nv,).
+        floor: error of a replay that leaves nothing to explain: noise, and what laws are apart
+            from machines (:data:`LAW`), (nv,).
     """
 
     def __init__(
@@ -120,6 +125,8 @@ class Objective:
         self._able = np.array([n.correctable for n in self.some], dtype=bool)
         none = np.zeros((*self.measured.shape, len(self.some)))
         self._around = Adaptable(none, np.zeros(len(self.some)))
+        given = np.nan_to_num(self._rms(self._raw([()])[0]))
+        self.floor = np.hypot(self.noise, LAW * given)
 
     def rows(self, stretch: int) -> slice:
         """Rows of one stretch among all samples."""
@@ -285,7 +292,7 @@ class Objective:
         return 0.5 * self._around.project(self._correction)
 
     def _mse(self, error: Array) -> Array:
-        return np.maximum(self._rms(error) ** 2, self.noise**2)
+        return np.maximum(self._rms(error) ** 2, self.floor**2)
 
     def _rms(self, error: Array) -> Array:
         count = np.maximum(self.valid.sum(axis=0), 1)

@@ -144,7 +144,7 @@ def find(
     Returns:
         The most useful unknown force, or None if none improves held-out replays.
     """
-    excess = np.sqrt(assessed.mse) / objective.noise
+    excess = np.sqrt(assessed.mse) / objective.floor
     rest = leftover(screen, assessed.hypothesis)
     force = np.sqrt((rest.keep * rest.left**2).sum(axis=0) / rest.keep.sum(axis=0)) / screen.floor
     force = np.where(excess > CLEAN, force, 0.0)

@@ -18,6 +18,7 @@ LONG_GAP = 0.15
 """A gap longer than this [s] ends a segment: what happened in it is not known."""
 SHORTEST = 0.5
 """Segments shorter than this [s] are left out."""
+_PARTS = 8  # whole intervals by which their number is searched either way
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,19 +114,34 @@ def stamps(recording: Recording) -> Array:
     """
     t = recording.t - recording.t[0]
     dt = float(np.median(np.diff(t)))
-    count = np.arange(len(t))
-    lag = isotonic_regression(t / dt - count).x
-    even = np.round(lag - np.median(lag - np.round(lag))) + count
-    # an average rate, not the median interval: stamps are quantised
-    slope, offset = np.polyfit(even, t, 1)
-    grid = even * slope
-    if (np.diff(grid) <= 0).any() or np.abs(t - offset - grid).max() > 1.5 * dt:
+    grid = _even(t, dt)
+    if (np.diff(grid) <= 0).any() or np.abs(t - grid).max() > 1.5 * dt:
         return t
     rough = [
         sum(_roughness(clock, c) for name, c in recording.columns.items() if name[:5] == "qpos/")
         for clock in (t, grid)
     ]
-    return grid if rough[1] <= rough[0] * 1.02 else t
+    return grid - grid[0] if rough[1] <= rough[0] * 1.02 else t
+
+
+def _even(t: Array, dt: float) -> Array:
+    """The even grid, with gaps where samples were dropped, that stamps (K,) are closest to [s].
+
+    The median interval is off by a little, over many samples by whole intervals; the interval is
+    a whole part of the time in all, and the right part leaves the smallest error.
+    """
+    intervals = int(np.round(np.diff(t) / dt).sum())
+    count = np.arange(len(t))
+    best, error = t, np.inf
+    for parts in range(max(intervals - _PARTS, len(t) - 1), intervals + _PARTS + 1):
+        lag = isotonic_regression(t * parts / t[-1] - count).x
+        even = np.round(lag - np.median(lag - np.round(lag))) + count
+        # an average rate, not one interval: stamps are quantised
+        slope, offset = np.polyfit(even, t, 1)
+        grid = offset + even * slope
+        if (left := float(np.square(t - grid).sum())) < error:
+            best, error = grid, left
+    return best
 
 
 def _roughness(t: Array, x: Array) -> float:

@@ -14,17 +14,17 @@ MIN_DROP = 0.15
 """… and the share of some joint's mean square error that it must remove."""
 
 CLEAN = 3.0
-"""Replays within so many deviations of measurement noise leave nothing to explain."""
+"""Replays within so many times the smallest error leave nothing to explain."""
 
 
 def erring_joints(objective: Objective, assessed: Assessed) -> list[int]:
-    """Degrees of freedom whose replays err by more than noise."""
-    return [int(d) for d in np.flatnonzero(assessed.mse > (CLEAN * objective.noise) ** 2)]
+    """Degrees of freedom whose replays err by more than noise and imperfect laws."""
+    return [int(d) for d in np.flatnonzero(assessed.mse > (CLEAN * objective.floor) ** 2)]
 
 
 def exhausted(objective: Objective, now: Assessed) -> bool:
-    """Whether no addition could earn its place: even one that leaves nothing but noise."""
-    perfect = -float(objective.count @ np.log(objective.noise))
+    """Whether no addition could earn its place: even one that leaves the smallest error."""
+    perfect = -float(objective.count @ np.log(objective.floor))
     return perfect - now.loglik < MIN_NATS
 
 

@@ -9,11 +9,13 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from wt.worlds.go2_model import BALL
 from wt.worlds.legged import Herd, Robot
 
 Array = np.ndarray
 
 _PREFIX = "feet/"
+_CARRIED = f"{_PREFIX}carried"  # contacts of a ball with its box, which are no bumps
 _FOUND = 1  # bit of the contact sensor's data field "found", the number of contacts
 _FORCE = 2  # … and "force"
 _NET = 3  # its reduction "netforce"
@@ -38,6 +40,12 @@ def add_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
         name=f"{_PREFIX}all", type=mujoco.mjtSensor.mjSENS_CONTACT,
         objtype=mujoco.mjtObj.mjOBJ_XBODY, objname=robot.trunk, intprm=[_FOUND, 0, 1],
     )  # fmt: skip
+    if spec.body(BALL) is not None:
+        spec.add_sensor(
+            name=_CARRIED, type=mujoco.mjtSensor.mjSENS_CONTACT,
+            objtype=mujoco.mjtObj.mjOBJ_XBODY, objname=robot.trunk,
+            reftype=body, refname=BALL, intprm=[_FOUND, 0, 1],
+        )  # fmt: skip
 
 
 class Feet:
@@ -65,7 +73,9 @@ class Feet:
         self._herd, self._sensordata = herd, herd.batch.bind("sensordata")
         first = model.sensor(f"{_PREFIX}{robot.feet[0]}/mjSENS_FRAMEPOS").adr[0]
         count = len(robot.feet)
-        self._block = slice(first, first + _WIDTH * count + 1)
+        carries = model.sensor(model.nsensor - 1).name == _CARRIED
+        self._width = _WIDTH * count
+        self._block = slice(first, first + self._width + 1 + carries)
         shape = (herd.size, count)
         self.contact = np.ones(shape, bool)
         self.landed = np.zeros(shape, bool)
@@ -78,12 +88,13 @@ class Feet:
         """Take in what the last control step did."""
         dt = np.float32(self._herd.dt)
         sensed = self._sensordata[:, self._block].astype(np.float32)
-        values = sensed[:, :-1].reshape(*self.contact.shape, _WIDTH)
+        values = sensed[:, : self._width].reshape(*self.contact.shape, _WIDTH)
         x, y, z, vx, vy = (values[..., i] for i in range(5))
         np.sqrt(vx * vx + vy * vy, out=self.speed)
         self.force = np.sqrt(np.square(values[..., 7:]).sum(-1))
         touched = values[..., 6] > 0
-        self.others = sensed[:, -1] - values[..., 6].sum(1)
+        every, *carried = sensed[:, self._width :].T
+        self.others = every - sum(carried) - values[..., 6].sum(1)
         # a time counts on through the step in which it ends, and from there anew
         self.landed = touched & ~self.contact
         self.air *= ~self.contact

@@ -22,11 +22,12 @@ class Acting:
     """A law that acts on some replays.
 
     Attributes:
-        rows: the replays, as rows of the batch.
+        rows: the replays, as rows of the batch: a slice where they are neighbours, whose states
+            the law then sees and changes in place.
         live: the law, with the parameters of each.
     """
 
-    rows: Array
+    rows: Array | slice
     live: Live
 
 
@@ -56,5 +57,11 @@ def acting(scene: Scene, hypotheses: Sequence[Sequence[Planted]]) -> list[Acting
     for same, some in sorted(planted.items(), key=lambda item: item[0][0]):
         live = some[0].effect.live(scene, some[0].at, np.stack([p.theta for p in some]))
         if live is not None:
-            found.append(Acting(np.array(rows[same]), live))
+            found.append(Acting(_neighbours(rows[same]), live))
     return found
+
+
+def _neighbours(rows: list[int]) -> Array | slice:
+    first, last = rows[0], rows[-1]
+    whole = rows == list(range(first, last + 1))
+    return slice(first, last + 1) if whole else np.array(rows)

@@ -243,11 +243,11 @@ def _advance(
         q, v, command = qpos[:, own], qvel[:, own], u[:, k].copy()
         extra[:] = 0.0
         for act in acts:
-            # rows are picked out and put back, so that each law sees its replays only
             some = act.rows
             now = StepState(t[some, k], h, q[some], v[some], command[some], extra[some])
             act.live.act(now)
-            command[some], extra[some] = now.u, now.applied
+            if not isinstance(some, slice):  # picked out of the batch: put back
+                command[some], extra[some] = now.u, now.applied
         ctrl[:], applied[:, own] = command[:, controls], extra
         for row, wrenches in pushed:
             xfrc[row] = wrenches[k].reshape(-1, 6)
