@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -128,3 +129,15 @@ def test_evaluation_knows_a_robot_that_only_stands(tiny: Config) -> None:
     assert figures.walk.fallen == 0
     assert figures.walk.duty_factor > 0.95
     assert "forward" in evaluate.table(figures)
+
+
+def test_without_rsl_rl_training_says_what_to_install(
+    root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name.startswith("wt.locomotion.")]:
+        monkeypatch.delitem(sys.modules, name)
+    for name in ("rsl_rl", "rsl_rl.env", "rsl_rl.runners"):
+        monkeypatch.setitem(sys.modules, name, None)
+    config = root / "conf" / "policy_go2.yaml"
+    assert main(["--config", str(config), "--out", str(tmp_path / "go2")]) == 2
+    assert "pip install 'world-translation[rl]'" in capsys.readouterr().err

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from wt.errors import ConfigError
 from wt.locomotion.config import Policy as Config
 from wt.worlds.policy import SHIPPED, Policy
 
@@ -38,9 +40,11 @@ def run(
 
     Returns:
         The table of its figures.
+
+    Raises:
+        ConfigError: rsl_rl is not installed, or as :func:`wt.locomotion.train.train` says.
     """
-    # rsl_rl imports GitPython, which refuses to be imported where there is no git
-    os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
+    _find_rsl_rl()
     from wt.locomotion import export
     from wt.locomotion.evaluate import evaluate, table
     from wt.locomotion.train import line, train
@@ -67,3 +71,15 @@ def run(
 
         record(config, policy.act, folder / "rollout.rrd")
     return table(figures)
+
+
+def _find_rsl_rl() -> None:
+    # it imports GitPython, which refuses to be imported where there is no git
+    os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
+    try:
+        importlib.import_module("rsl_rl.runners")
+    except ModuleNotFoundError as error:
+        raise ConfigError(
+            f"training needs {error.name}, which is not installed: "
+            "pip install 'world-translation[rl]'"
+        ) from error
