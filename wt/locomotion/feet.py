@@ -9,13 +9,11 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from wt.worlds.go2_model import BALL
 from wt.worlds.legged import Herd, Robot
 
 Array = np.ndarray
 
 _PREFIX = "feet/"
-_CARRIED = f"{_PREFIX}carried"  # contacts of a ball with its box, which are no bumps
 _FOUND = 1  # bit of the contact sensor's data field "found", the number of contacts
 _FORCE = 2  # … and "force"
 _NET = 3  # its reduction "netforce"
@@ -23,7 +21,7 @@ _WIDTH = 10  # numbers a foot: position, velocity, contacts, force
 
 
 def add_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
-    """Add position and velocity of each foot's site, its contacts, and those of all bodies."""
+    """Add position, velocity and contacts of each foot, and all contacts with the ground."""
     body, geom = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_GEOM
     sole = body if robot.sole_bodies else geom
     for foot, touching in zip(robot.feet, robot.sole_bodies or robot.sole_geoms, strict=True):
@@ -38,14 +36,9 @@ def add_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
         )  # fmt: skip
     spec.add_sensor(
         name=f"{_PREFIX}all", type=mujoco.mjtSensor.mjSENS_CONTACT,
-        objtype=mujoco.mjtObj.mjOBJ_XBODY, objname=robot.trunk, intprm=[_FOUND, 0, 1],
+        objtype=mujoco.mjtObj.mjOBJ_XBODY, objname=robot.trunk,
+        reftype=body, refname="world", intprm=[_FOUND, 0, 1],  # not with what it carries
     )  # fmt: skip
-    if spec.body(BALL) is not None:
-        spec.add_sensor(
-            name=_CARRIED, type=mujoco.mjtSensor.mjSENS_CONTACT,
-            objtype=mujoco.mjtObj.mjOBJ_XBODY, objname=robot.trunk,
-            reftype=body, refname=BALL, intprm=[_FOUND, 0, 1],
-        )  # fmt: skip
 
 
 class Feet:
@@ -60,7 +53,7 @@ class Feet:
             (N, F) [s].
         stance: how long each is on the ground, likewise, (N, F) [s].
         landed: which touched down in this step, (N, F) bool.
-        others: contacts of the robot's other parts, such as knees and trunk, (N,).
+        others: contacts of other parts with the ground, such as knees and trunk, (N,).
     """
 
     def __init__(self, herd: Herd) -> None:
@@ -73,9 +66,7 @@ class Feet:
         self._herd, self._sensordata = herd, herd.batch.bind("sensordata")
         first = model.sensor(f"{_PREFIX}{robot.feet[0]}/mjSENS_FRAMEPOS").adr[0]
         count = len(robot.feet)
-        carries = model.sensor(model.nsensor - 1).name == _CARRIED
-        self._width = _WIDTH * count
-        self._block = slice(first, first + self._width + 1 + carries)
+        self._block = slice(first, first + _WIDTH * count + 1)
         shape = (herd.size, count)
         self.contact = np.ones(shape, bool)
         self.landed = np.zeros(shape, bool)
@@ -88,13 +79,12 @@ class Feet:
         """Take in what the last control step did."""
         dt = np.float32(self._herd.dt)
         sensed = self._sensordata[:, self._block].astype(np.float32)
-        values = sensed[:, : self._width].reshape(*self.contact.shape, _WIDTH)
+        values = sensed[:, :-1].reshape(*self.contact.shape, _WIDTH)
         x, y, z, vx, vy = (values[..., i] for i in range(5))
         np.sqrt(vx * vx + vy * vy, out=self.speed)
         self.force = np.sqrt(np.square(values[..., 7:]).sum(-1))
         touched = values[..., 6] > 0
-        every, *carried = sensed[:, self._width :].T
-        self.others = every - sum(carried) - values[..., 6].sum(1)
+        self.others = sensed[:, -1] - values[..., 6].sum(1)
         # a time counts on through the step in which it ends, and from there anew
         self.landed = touched & ~self.contact
         self.air *= ~self.contact
