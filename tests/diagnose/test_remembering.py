@@ -59,7 +59,7 @@ def learned(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[World, 
     hidden: dict[str, Hidden] = {"strap": Strap(), "slosh": Slosh(), "beat": beat}
     found = {}
     for name, law in hidden.items():
-        w = world(Path(tmp_path_factory.mktemp(name)), 2, law)
+        w = world(Path(tmp_path_factory.mktemp(name)), 2, law, fitted=2 if law is beat else 1)
         found[name] = (w, find(w.screen, w.objective, w.objective.reference(()), w.held, step=STEP))
     return found
 

@@ -30,6 +30,7 @@ _DAMPING = (0.03, 0.1, 0.3)
 _POLISHED = 4  # rounds in which a rate is moved to where it fits best
 _BEATS = 4.0  # periods that a recording must hold, or it is a drift
 _BANDWIDTH = 0.7  # of the rows' own, up to which a pace can be told
+_AT_ONCE = 2_000_000  # rows times paces that are compared at once, to bound memory
 
 
 def choose(data: Data) -> tuple[Fit, int]:
@@ -121,12 +122,15 @@ def _beat(data: Data) -> tuple[Fit, int] | None:
     """A force that turns at a pace of its own, whatever the machine does."""
     motion = data.screen.motion
     t = motion.t[data.screen.rows[data.rows]]
-    spacing = float(np.median(np.diff(np.unique(t))))
+    gaps = np.diff(t)  # not of all times together: those of two recordings nearly coincide
+    spacing = float(np.median(gaps[gaps > 0.0]))
     slowest, fastest = 2.0 * np.pi * _BEATS / np.ptp(t), _BANDWIDTH * np.pi / spacing
     if fastest <= slowest:
         return None
     grid = np.arange(slowest, fastest, 1.0 / np.ptp(t))
-    pace = float(grid[np.argmax(lombscargle(t, data.force, grid))])
+    parts = np.array_split(grid, -(-len(grid) * len(t) // _AT_ONCE))
+    power = np.concatenate([lombscargle(t, data.force, part) for part in parts])
+    pace = float(grid[np.argmax(power)])
 
     def fitted(rate: float) -> Fit:
         terms: list[Term] = [(Atom(0, "sin", 0.0, rate),), (Atom(0, "cos", 0.0, rate),)]
