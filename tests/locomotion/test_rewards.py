@@ -68,6 +68,8 @@ UP = [[True, False], [True, True]]  # the first one's right foot is up
              "air": [[0, 0.3], [0, 0]]},
             [0.2, 0],
         ),
+        ("flight", {"contact": [[False, False]] * 2, "command": GO}, [1, 0]),
+        ("flight", {"contact": UP, "command": GO}, [0, 0]),
         ("impact", {"landed": UP, "force": [[2, 9], [1, 1]]}, [100, 100]),
         ("still", {"command": GO[::-1], "contact": UP, "pose": [[0.1, -0.2, 0], [1, 1, 1]]},
          [1.3, 0]),

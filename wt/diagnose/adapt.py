@@ -7,13 +7,14 @@ initial state of each stretch is uncertain, and any rig is off by a little
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from wt.diagnose.nuisance import BOX
+from wt.diagnose.squares import Squares
 from wt.physics.replay import Planted, Stretch
 from wt.physics.rollout import Replayer
 
@@ -21,7 +22,6 @@ Array = np.ndarray
 
 REWEIGHTED = 4
 """So often initial states adapt, each time as far as what the last left of the error allows."""
-_IDLE = 0.01  # change of the weighted error, its standard deviation being one
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,14 +97,23 @@ class Adaptable:
     """Linearised errors of replays.
 
     Attributes:
-        columns: change of the projected error per deviation of each nuisance, (N, nv, n).
+        changes: of the projected error per deviation of each nuisance, (nv, N, n).
         centre: nuisances that replays are run with unless others are said, in deviations, (n,).
         initial: of the stretches of a machine that does not forget its initial state.
     """
 
-    columns: Array
+    changes: Array
     centre: Array
     initial: tuple[InitialState, ...] = ()
+
+    @property
+    def columns(self) -> Array:
+        """The changes as columns of errors, (N, nv, n)."""
+        return self.changes.transpose(1, 0, 2)
+
+    def moved(self, nuisance: Array) -> Array:
+        """What so many deviations of each nuisance change in the error, (N, nv)."""
+        return np.asarray((self.changes @ nuisance).T)
 
     def project(self, error: Array) -> Array:
         """Take out of an error (N, nv) what plausible other initial states explain."""
@@ -112,60 +121,41 @@ class Adaptable:
 
     def at_origin(self, error: Array, centre: Array) -> Array:
         """What the error (N, nv) of a replay with some nuisances would be without, projected."""
-        return np.asarray(self.project(error) - self.columns @ centre)
+        return np.asarray(self.project(error) - self.moved(centre))
+
+    def squares(self, error: Array) -> Squares:
+        """Of an error (N, nv) that the nuisances change."""
+        return Squares(self._gram, _times(self.changes, error), np.einsum("ij,ij->j", error, error))
+
+    def squares_beside(self, error: Array, jacobian: Array) -> Squares:
+        """Of an error (N, nv) that p parameters, which come first, and the nuisances change.
+
+        Args:
+            error: (N, nv).
+            jacobian: of the error in the parameters, (N, nv, p).
+        """
+        own, some = self.squares(error), np.ascontiguousarray(jacobian.transpose(1, 0, 2))
+        among, across = some.transpose(0, 2, 1) @ some, some.transpose(0, 2, 1) @ self.changes
+        gram = np.block([[among, across], [across.transpose(0, 2, 1), own.gram]])
+        return Squares(gram, np.hstack([_times(some, error), own.right]), own.total)
+
+    @functools.cached_property
+    def _gram(self) -> Array:
+        return np.asarray(self.changes.transpose(0, 2, 1) @ self.changes)
+
+
+def _times(changes: Array, error: Array) -> Array:
+    """Products of changes (nv, N, n) and an error (N, nv), (nv, n)."""
+    return np.asarray((error.T[:, None, :] @ changes)[:, 0])
 
 
 def linear(changes: Array, centre: Array, initial: tuple[InitialState, ...] = ()) -> Adaptable:
     """What adapts, from the changes of the error per deviation of each nuisance, (n, N, nv)."""
-    columns = np.empty((*changes.shape[1:], len(changes)))
+    n, samples, nv = changes.shape
+    projected = np.empty((nv, samples, n))
     for k, change in enumerate(changes):
-        columns[:, :, k] = project(change, initial)
-    return Adaptable(columns, centre, initial)
-
-
-def bounded_step(
-    error: Array,
-    columns: Array,
-    weight: Array,
-    low: Array,
-    high: Array,
-    prior: Array,
-    damping: float = 0.0,
-) -> Array:
-    """Bounded least squares that removes an error.
-
-    Args:
-        error: (N, nv).
-        columns: what the error changes by per unit of each parameter, (N, nv, n).
-        weight: of each joint's squares, (nv,).
-        low: smallest step, (n,).
-        high: largest step, (n,).
-        prior: weight of each parameter's own square, (n,); 1 for nuisances, 0 for others.
-        damping: Levenberg-Marquardt, relative to the diagonal, where the prior is 0.
-
-    Returns:
-        The step, (n,).
-    """
-    n = columns.shape[2]
-    if n == 0:
-        return np.zeros(0)
-    flat = columns.reshape(-1, n)
-    weighted = (columns * weight[:, None]).reshape(-1, n)
-    gram = flat.T @ weighted
-    gram[range(n), range(n)] *= np.where(prior > 0.0, 1.0, 1.0 + damping)
-    gram[range(n), range(n)] += prior
-    right = -weighted.T @ error.reshape(-1)
-    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    # what changes nothing within its bounds stays as it is
-    idle = scale * (high - low) < _IDLE
-    low, high = np.where(idle, 0.0, low), np.where(idle, 0.0, high)
-    scaled = gram / scale / scale[:, None] + 1e-9 * np.eye(n)
-    root = np.linalg.cholesky(scaled)
-    bounds = (low * scale - 1e-12, high * scale + 1e-12)
-    target = np.linalg.solve(root, right / scale)
-    # an active set: reflections from bounds stop short in the long valleys of a quiet sensor
-    found = lsq_linear(root.T, target, bounds, method="bvls")
-    return np.asarray(found.x) / scale
+        projected[:, :, k] = project(change, initial).T
+    return Adaptable(projected, centre, initial)
 
 
 def box(count: int) -> Array:

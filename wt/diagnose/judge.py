@@ -23,6 +23,7 @@ from wt.diagnose.remainder import Unknown, find
 from wt.diagnose.result import Confusable, Finding, Verdict
 from wt.diagnose.rivals import DOUBTFUL, rivals_nonparametric
 from wt.diagnose.screen import Screen
+from wt.diagnose.simplify import simplified
 from wt.diagnose.worth import CLEAN, erring_joints
 from wt.physics.replay import Planted
 from wt.types import Location
@@ -120,6 +121,8 @@ class Court:
             attempts: how often held-out data have been asked; all that is asked has to be paid.
         """
         estimated = estimate(self.objective, tuple(a.planted for a in accepted))
+        motion = self.screen.motion
+        accepted, estimated = simplified(motion, self.objective, accepted, estimated)
         while accepted:
             gains = self._gains(estimated)
             weakest = int(np.argmax([g.p_value for g in gains]))

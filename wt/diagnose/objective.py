@@ -3,8 +3,7 @@
 The error of a replay is judged once the initial state of its stretches and what any rig is off by
 have adapted (:mod:`wt.diagnose.adapt`). Both are linear around a reference hypothesis, so that a
 new hypothesis costs one replay and no more; replays are run with what the rig was found to be off
-by, so that the linear part stays small. Replays take coarse steps; what fine steps change is added
-from the reference, where it is computed exactly.
+by, so that the linear part stays small. Replays take coarse steps (:mod:`wt.diagnose.extrapolate`).
 """
 
 from __future__ import annotations
@@ -18,18 +17,17 @@ import numpy as np
 from wt.diagnose.adapt import (
     REWEIGHTED,
     Adaptable,
-    bounded_step,
     box,
     initial_deviations,
     initial_states,
     linear,
     responses,
 )
+from wt.diagnose.extrapolate import Extrapolated
 from wt.diagnose.nuisance import Nuisance, nuisances
 from wt.diagnose.smooth import Smoothed
+from wt.diagnose.squares import Squares
 from wt.physics.replay import Planted, Stretch
-from wt.physics.rollout import Replayer
-from wt.physics.scene import Scene
 
 Array = np.ndarray
 
@@ -43,8 +41,6 @@ def without(hypothesis: Hypothesis, index: int) -> Hypothesis:
 
 INDEPENDENT_PER_SECOND = 10.0
 """Errors of replays remember; this many samples a second count as new."""
-COARSE = 2.0
-"""Physics step of most replays, in steps of the final ones; the extrapolation needs two."""
 _STEP = 0.1  # deviations: long valleys between an effect and its nuisance need good derivatives
 _RELINEARISED, _LINEAR = 4, 0.3
 """Most linearisations around a hypothesis; error of the linear part that is let be, in noise."""
@@ -81,6 +77,7 @@ class Objective:
     """Replays on a choice of stretches, and their likelihood.
 
     Attributes:
+        motion, scene: the recordings, smoothed, and their machine.
         count: independent samples per joint, (nv,).
         floor: error of a replay that leaves nothing to explain: noise, and what laws are apart
             from machines (:data:`LAW`), (nv,).
@@ -100,10 +97,10 @@ class Objective:
             smoothed: gives scene and noise.
             stretches: what to replay, each with the measured positions (K, nv).
             noise_v0: uncertainty of an initial velocity, (nv,).
-            step: physics step [s].
+            step: fine physics step [s].
             forgets: whether the machine forgets its initial state, so that stretches are long.
         """
-        self.scene: Scene = smoothed.motion.scene
+        self.motion, self.scene = smoothed.motion, smoothed.motion.scene
         self.noise = np.nan_to_num(smoothed.noise, nan=1.0)
         self.stretches = tuple(s for s, _ in stretches)
         self.measured = np.concatenate([q for _, q in stretches])
@@ -115,18 +112,16 @@ class Objective:
         self.forgets = forgets
         self._ends = np.cumsum([len(s.t) for s in self.stretches])
         self._sigma0 = initial_deviations(self.noise, noise_v0)
-        self._fine = Replayer(self.scene, self.stretches, step)
-        self._coarse = Replayer(self.scene, self.stretches, COARSE * step)
-        self._correction = np.zeros_like(self.measured)
+        self._replays = Extrapolated(self.scene, self.stretches, step)
         seconds = sum(s.t[-1] - s.t[0] for s in self.stretches)
         share = self.valid.mean(axis=0)
         self.count = np.minimum(seconds * INDEPENDENT_PER_SECOND * share, self.valid.sum(axis=0))
         self.some: tuple[Nuisance, ...] = nuisances(self.scene)
         self._able = np.array([n.correctable for n in self.some], dtype=bool)
-        none = np.zeros((*self.measured.shape, len(self.some)))
+        none = np.zeros((*self.measured.T.shape, len(self.some)))
         self._around = Adaptable(none, np.zeros(len(self.some)))
-        given = np.nan_to_num(self._rms(self._raw([()])[0]))
-        self.floor = np.hypot(self.noise, LAW * given)
+        self._reference: Assessed | None = None
+        self.floor = np.hypot(self.noise, LAW * np.nan_to_num(self._rms(self._raw([()])[0])))
 
     def rows(self, stretch: int) -> slice:
         """Rows of one stretch among all samples."""
@@ -153,7 +148,9 @@ class Objective:
 
     def _raw(self, hypotheses: Sequence[Hypothesis]) -> Array:
         """Simulated minus measured positions, (H, N, nv)."""
-        q = self._coarse.run(hypotheses).q + self._correction
+        return self._errors(self._replays.run(hypotheses))
+
+    def _errors(self, q: Array) -> Array:
         return np.where(self.valid, q - self.measured, 0.0)
 
     def _rig(self, sizes: Array) -> Hypothesis:
@@ -164,22 +161,27 @@ class Objective:
     def reference(self, hypothesis: Hypothesis, nuisance: Array | None = None) -> Assessed:
         """Linearise what may adapt around a hypothesis, and assess it.
 
-        Again around what was found, until replays with it say the same as the linear prediction.
+        Again around what was found, until replays with it say the same as the linear prediction;
+        not at all where it is the reference already.
 
         Args:
             hypothesis: the reference.
             nuisance: where the rig's errors are believed, in deviations; as before if left out.
         """
+        last = self._reference
+        if nuisance is None and last and [*map(id, hypothesis)] == [*map(id, last.hypothesis)]:
+            return last
         if nuisance is not None:
             self._around = replace(self._around, centre=np.where(self._able, nuisance, 0.0))
         for _ in range(_RELINEARISED):
             assessed = self._linearised(hypothesis)
             centre = np.where(self._able, assessed.nuisance, 0.0)
             (actual,) = self._raw([(*hypothesis, *self._rig(centre))])
-            apart = self._around.project(actual) - assessed.error - self._around.columns @ centre
+            apart = self._around.project(actual) - assessed.error - self._around.moved(centre)
             if not (self._rms(apart) > _LINEAR * self.noise).any():
                 break
             self._around = replace(self._around, centre=centre)
+        self._reference = assessed
         return assessed
 
     def _linearised(self, hypothesis: Hypothesis) -> Assessed:
@@ -190,25 +192,19 @@ class Objective:
             (*hypothesis, *self._rig(centre + one)) if n.correctable else (*here, n.planted)
             for n, one in zip(self.some, _STEP * np.eye(len(self.some)), strict=True)
         ]
-        self._correction = np.zeros_like(self.measured)
-        errors = self._raw([here, *moved])
-        # the steps' error is of first order: Richardson's extrapolation removes it
-        exact = 2.0 * self._fine.run([here]).q[0] - self.measured
-        exact -= errors[0] + self.measured
-        self._correction = np.nan_to_num(np.where(self.valid, exact - errors[0], 0.0))
-        errors = errors + self._correction
-        size = np.where(self._able, _STEP, 1.0)
-        columns = np.nan_to_num(errors[1:] - errors[0]) / size[:, None, None]
+        q, changes = self._replays.around(here, moved)
+        error, size = self._errors(q), np.where(self._able, _STEP, 1.0)
+        columns = np.nan_to_num(np.where(self.valid, changes, 0.0)) / size[:, None, None]
         if self.forgets:
             self._around = linear(columns, centre)
-            return self._assess(hypothesis, self._around.at_origin(errors[0], centre), centre)
-        response = responses(self._coarse, here, self._sigma0) * self.valid[:, :, None]
+            return self._assess(hypothesis, self._around.at_origin(error, centre), centre)
+        response = responses(self._replays.slopes, here, self._sigma0) * self.valid[:, :, None]
         rows = [self.rows(i) for i in range(len(self.stretches))]
-        mse = self._mse(np.nan_to_num(errors[0], nan=1.0))
+        mse = self._floored((np.nan_to_num(error, nan=1.0) ** 2).sum(axis=0))
         # how far an initial state may go depends on what is left once all has adapted
         for _ in range(REWEIGHTED):
             self._around = linear(columns, centre, initial_states(rows, response, mse))
-            assessed = self._assess(hypothesis, self._around.at_origin(errors[0], centre), centre)
+            assessed = self._assess(hypothesis, self._around.at_origin(error, centre), centre)
             mse = np.where(np.isfinite(assessed.mse), assessed.mse, mse)
         return assessed
 
@@ -217,11 +213,11 @@ class Objective:
         if not np.isfinite(error).all():
             bad = np.full(error.shape[1], np.inf)
             return Assessed(hypothesis, -np.inf, bad, np.zeros(len(self.some)), centre, error)
-        columns = self._around.columns
-        nuisance, mse = np.zeros(len(self.some)), self._mse(error)
+        squares, nuisance = self._around.squares(error), np.zeros(len(self.some))
+        mse = self._floored(squares.total)
         for _ in range(3):
-            nuisance = self._adapt(error, columns, mse)
-            mse = self._mse(error + columns @ nuisance)
+            nuisance = self._adapt(squares, mse)
+            mse = self._floored(squares.left(nuisance))
         loglik = -0.5 * float(self.count @ np.log(mse)) - 0.5 * float(nuisance @ nuisance)
         return Assessed(hypothesis, loglik, mse, nuisance, centre, error)
 
@@ -231,28 +227,28 @@ class Objective:
 
     def adapted(self, error: Array, nuisance: Array) -> Array:
         """A projected error (N, nv) with so many deviations of each nuisance."""
-        return np.asarray(error + self._around.columns @ nuisance)
+        return np.asarray(error + self._around.moved(nuisance))
 
     def only(self, rows: Array) -> Objective:
         """The same replays, judged by some of the samples, (N,) bool."""
         some = copy.copy(self)
+        some._replays, some._reference = copy.copy(self._replays), None
         some.valid = self.valid & rows[:, None]
-        share = some.valid.sum(axis=0) / np.maximum(self.valid.sum(axis=0), 1)
+        share = some.valid.sum(axis=0) / self._samples
         some.count = self.count * share
         return some
 
     def calibration(self, assessed: Assessed) -> Hypothesis:
         """The nuisances as small corrections of the model, without those that it cannot hold."""
         able = np.flatnonzero(self._able)
-        sizes = self._adapt(assessed.error, self._around.columns[:, :, able], assessed.mse)
+        sizes = self._adapt(self._around.squares(assessed.error).only(able), assessed.mse)
         found = [(self.some[i], float(x)) for i, x in zip(able, sizes, strict=True)]
         return tuple(n.scaled(x) for n, x in found if abs(x) > _WORTHWHILE)
 
-    def _adapt(self, error: Array, columns: Array, mse: Array) -> Array:
-        """Nuisances inside their box, given their columns."""
-        size = box(columns.shape[2])
-        prior = np.ones(len(size))
-        return bounded_step(error, columns, self._weight(mse), -size, size, prior)
+    def _adapt(self, squares: Squares, mse: Array) -> Array:
+        """Nuisances inside their box."""
+        size = box(squares.right.shape[1])
+        return squares.step(self._weight(mse), -size, size, np.ones(len(size)))
 
     def solve(
         self, error: Array, jacobian: Array, mse: Array, lower: Array, upper: Array, damping: float
@@ -270,16 +266,16 @@ class Objective:
         Returns:
             (nuisances, step of the parameters).
         """
-        both = np.concatenate([jacobian, self._around.columns], axis=2)
+        squares = self._around.squares_beside(error, jacobian)
         p, size = jacobian.shape[2], box(len(self.some))
         low, high = np.concatenate([lower, -size]), np.concatenate([upper, size])
         prior = np.concatenate([np.zeros(p), np.ones(len(size))])
-        x = bounded_step(error, both, self._weight(mse), low, high, prior, damping)
+        x = squares.step(self._weight(mse), low, high, prior, damping)
         return x[p:], x[:p]
 
     def _weight(self, mse: Array) -> Array:
         """Weights with which one joint's samples together count as its independent ones, (nv,)."""
-        return np.asarray(self.count / np.maximum(self.valid.sum(axis=0), 1) / mse)
+        return np.asarray(self.count / self._samples / mse)
 
     @property
     def columns(self) -> Array:
@@ -289,11 +285,16 @@ class Objective:
     @property
     def numerical_error(self) -> Array:
         """Half of the steps' known error, projected, (N, nv): what may still be wrong."""
-        return 0.5 * self._around.project(self._correction)
+        known = np.where(self.valid, self._replays.correction, 0.0)
+        return 0.5 * self._around.project(known)
 
-    def _mse(self, error: Array) -> Array:
-        return np.maximum(self._rms(error) ** 2, self.floor**2)
+    def _floored(self, squares: Array) -> Array:
+        """Mean of the squares of each joint, (nv,), no less than what even the right law leaves."""
+        return np.asarray(np.maximum(squares / self._samples, self.floor**2))
 
     def _rms(self, error: Array) -> Array:
-        count = np.maximum(self.valid.sum(axis=0), 1)
-        return np.asarray(np.sqrt((error**2).sum(axis=0) / count))
+        return np.asarray(np.sqrt((error**2).sum(axis=0) / self._samples))
+
+    @property
+    def _samples(self) -> Array:
+        return np.maximum(self.valid.sum(axis=0), 1)

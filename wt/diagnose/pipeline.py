@@ -31,7 +31,7 @@ from wt.physics.scene import Scene
 Array = np.ndarray
 
 STEP_S = 5e-4
-"""Physics step of replays [s]; the model's own, if that is smaller."""
+"""Fine physics step of replays [s]; the model's own, if that is smaller."""
 SEARCH_STEP_S = 1e-3
 """… and while hypotheses are compared."""
 SEARCH_S = 16.0
@@ -68,11 +68,12 @@ def diagnose(
     fitted, held_out = smooth(scene, prepared.fit), smooth(scene, prepared.held)
     say("screening hypotheses", 0.08)
     screen = Screen(fitted, seed)
-    forgetting = forgets(fitted, STEP_S)
-    everything = _objective(fitted, screen, forgetting, np.inf, STEP_S)
+    own = float(scene.model.opt.timestep)
+    step, forgetting = min(STEP_S, own), forgets(fitted, min(STEP_S, own))
+    everything = _objective(fitted, screen, forgetting, np.inf, step)
     held = proof.hold(held_out, forgetting)
-    court = Court(screen, everything, held, STEP_S, seed)
-    some = _objective(fitted, screen, forgetting, SEARCH_S, SEARCH_STEP_S)
+    court = Court(screen, everything, held, step, seed)
+    some = _objective(fitted, screen, forgetting, SEARCH_S, min(SEARCH_STEP_S, own))
     proven, considered = _found(screen, some, court, say)
     say("judging", 0.8)
     judged = court.judge(proven)
@@ -90,7 +91,7 @@ def _told(
     coarsely = coarse_steps(prepared.fit, prepared.held, scene.joints)
     where = unexplained(judged, court.objective)
     found = (*findings(judged), *unforeseen(judged, court.objective, where), *coarsely)
-    seen = measured(prepared, court.screen, held, judged.complete, STEP_S)
+    seen = measured(prepared, court.screen, held, judged.complete, court.step)
     return Diagnosis(
         model_path=str(scene.path),
         model_sha256=hashlib.sha256(scene.path.read_bytes()).hexdigest(),
@@ -108,12 +109,12 @@ def _told(
             *located(coarsely, alone=not judged.hypothesis),
         ),
         findings=found,
-        proof=proof.prove(held, judged.complete, STEP_S, prepared.split, court.seed),
+        proof=proof.prove(held, judged.complete, court.step, prepared.split, court.seed),
         given_xml=standalone(scene.path),
         patched_xml=patched_xml(
             scene, judged.patch, judged.comments, timestep=STEP_S if coarse else None
         ),
-        traces=traces(prepared, (fitted, held.smoothed), judged.complete, STEP_S),
+        traces=traces(prepared, (fitted, held.smoothed), judged.complete, court.step),
         suggestions=suggestions(found),
         measured=seen,
         notes=(*_notes(scene, held.forgets, coarse, judged), *seen.notes),

@@ -13,9 +13,10 @@ import numpy as np
 from scipy.stats import combine_pvalues, ttest_1samp, wilcoxon
 
 from wt.diagnose import proof
+from wt.diagnose.extrapolate import COARSE
 from wt.diagnose.leftover import leftover
 from wt.diagnose.memory import Remembering, along, memory_of, recorded
-from wt.diagnose.objective import COARSE, Assessed, Hypothesis, Objective
+from wt.diagnose.objective import Assessed, Hypothesis, Objective
 from wt.diagnose.remainder_choice import choose, remembers
 from wt.diagnose.remainder_fit import Data, Fit, solve
 from wt.diagnose.remainder_formula import reduced, sparse

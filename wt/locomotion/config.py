@@ -73,6 +73,7 @@ class Rewards:
     air_seconds: float = 0.3  # [s] wanted in the air
     single_stance: float = 0.0
     stance_seconds: float = 0.4  # [s] on one leg that is rewarded at most
+    flight: float = 0.0
     impact: float = 0.0
     still: float = 0.25
     posture: dict[str, float] = field(default_factory=dict)  # weight by pattern of joint names

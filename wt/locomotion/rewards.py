@@ -192,6 +192,12 @@ def single_stance(step: Step, r: Rewards) -> Array:
     return np.minimum(since, np.float32(r.stance_seconds)) * one * step.moving
 
 
+def flight(step: Step, r: Rewards) -> Array:
+    """1 while no foot is on the ground, where it is to move."""
+    out: Array = ~step.contact.any(1) & step.moving
+    return out.astype(np.float32)
+
+
 def impact(step: Step, r: Rewards) -> Array:
     """Σ over landing feet of their force, in units of the robot's weight, per time."""
     out: Array = (step.force * step.landed).sum(1) / np.float32(step.dt)
@@ -208,8 +214,8 @@ TERMS: Mapping[str, Term] = {
     term.__name__: term
     for term in (
         track_linear, track_turn, alive, vertical, rolling, tilt, height, torque, power,
-        acceleration, action_rate, limits, bumps, slip, clearance, air_time, single_stance, impact,
-        still,
+        acceleration, action_rate, limits, bumps, slip, clearance, air_time, single_stance, flight,
+        impact, still,
     )
 }  # fmt: skip
 

@@ -74,6 +74,12 @@ class Parameter:
         return max(1, len(self.axes))
 
 
+Intervals = Mapping[str, tuple[float | tuple[float, ...], float | tuple[float, ...]]]
+"""Lower and upper end of what each parameter may be."""
+NEGLIGIBLE = 0.05
+"""Share of a force that a law must add to a simpler one to be another."""
+
+
 class Effect(abc.ABC):
     """Physics that a model may leave out; the module says how to add one.
 
@@ -168,9 +174,25 @@ class Effect(abc.ABC):
         """What acts at every physics step of the replays of ``theta`` (n_replays, n_theta)."""
         return None
 
-    def plausible(self, at: Location, theta: Array) -> bool:
+    def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
         """Whether such parameters are this effect, and not another one in disguise."""
         return True
+
+    def simpler(
+        self, motion: Motion, at: Location, theta: Array, intervals: Intervals
+    ) -> tuple[str, Array] | None:
+        """The law with fewer parameters that this one is no different from, as far as is known.
+
+        Args:
+            motion: the recordings.
+            at: where it stands.
+            theta: its parameters.
+            intervals: name of a parameter → lower and upper end of its 95 % interval.
+
+        Returns:
+            Id and parameters of that law; None if this one is needed.
+        """
+        return None
 
     # -- people ------------------------------------------------------------------------------
 

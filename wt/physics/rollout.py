@@ -46,13 +46,12 @@ class Replayer:
         Args:
             scene: the machine.
             stretches: what to replay.
-            step: physics step [s]; the model's own, if that is smaller. It need not divide the
-                sampling interval: commands are averaged over steps, and what sensors report is
-                interpolated between them.
+            step: physics step [s]. It need not divide the sampling interval: commands are averaged
+                over steps, and what sensors report is interpolated between them.
         """
         self.scene = scene
         self.stretches = tuple(stretches)
-        self.step = min(step, float(scene.model.opt.timestep))
+        self.step = step
         self._spec = scene.spec()
         lengths = [(s.t[-1] - s.t[0]) / self.step for s in self.stretches]
         self.shortest = max(1, int(np.ceil(min(lengths) - 1e-6)))

@@ -66,7 +66,7 @@ class ActuatorRipple(Effect):
             joint = spec.actuator(at.name).target
             passive(spec, f"{at.name}_ripple", joint, cogging=[amplitude, cycles, phase])
 
-    def plausible(self, at: Location, theta: Array) -> bool:
+    def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
         """One or two waves a turn are a weight, not the teeth or poles of a drive."""
         return bool(theta[1] >= _FEWEST)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import NEGLIGIBLE, Effect, Intervals, Parameter, Shape, register
 from wt.physics.effects._tools import Bristle, compiled
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
@@ -51,6 +51,18 @@ class FrictionLoad(Effect):
         """Friction by an elastic bristle that slips."""
         return _Loaded(scene, at.name, theta)
 
+    def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
+        """Where the load adds next to nothing it is plain dry friction."""
+        return bool(theta[1] * _load(motion, at) > NEGLIGIBLE * theta[0])
+
+    def simpler(
+        self, motion: Motion, at: Location, theta: Array, intervals: Intervals
+    ) -> tuple[str, Array] | None:
+        """Coulomb's, where the load may add nothing."""
+        if np.min(intervals["fraction"][0]) > 0.0:
+            return None
+        return "joint.friction_coulomb", theta[:1] + theta[1] * _load(motion, at)
+
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""
         return (
@@ -74,6 +86,11 @@ class _Loaded(Bristle):
         for drive in self.drives:
             load += drive.force(state.u[:, drive.index], q, v)
         return np.asarray(self.theta[:, 0] + self.theta[:, 1] * np.abs(load))
+
+
+def _load(motion: Motion, at: Location) -> float:
+    """Mean size of the force of a joint's drives [N·m]."""
+    return float(np.abs(motion.drive_forces[:, motion.scene.dof(at.name)]).mean())
 
 
 def _mean_weight(model: mujoco.MjModel, joint: str) -> float:

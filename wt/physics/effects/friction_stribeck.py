@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Effect, Intervals, Parameter, Shape, register
 from wt.physics.effects._tools import (
     Bristle,
     compiled,
@@ -79,9 +79,16 @@ class FrictionStribeck(Effect):
         """Friction by an elastic bristle that slips."""
         return _Sticking(scene, at.name, theta)
 
-    def plausible(self, at: Location, theta: Array) -> bool:
+    def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
         """Without a rise of a tenth towards rest it is plain dry friction."""
         return bool(theta[1] > 1.1 * theta[0])
+
+    def simpler(
+        self, motion: Motion, at: Location, theta: Array, intervals: Intervals
+    ) -> tuple[str, Array] | None:
+        """Coulomb's, where friction at standstill is not clearly another."""
+        apart = np.min(intervals["static"][0]) > np.max(intervals["coulomb"][1])
+        return None if apart else ("joint.friction_coulomb", theta[:1])
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""

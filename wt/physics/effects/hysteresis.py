@@ -59,7 +59,7 @@ class Hysteresis(Effect):
             )
             tendon.wrap_joint(at.name, 1.0)
 
-    def plausible(self, at: Location, theta: Array) -> bool:
+    def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
         """What yields within a quarter of a degree is dry friction before it slides."""
         return bool(theta[1] > 0.004 * theta[0])
 

@@ -1,0 +1,47 @@
+"""Bounded least squares from products, against scipy on the samples themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from wt.diagnose.adapt import Adaptable
+
+SAMPLES, JOINTS, NUISANCES, FREE = 200, 3, 4, 2
+
+
+@pytest.fixture
+def made() -> tuple[Adaptable, np.ndarray, np.ndarray]:
+    """What nuisances change, an error, and what two parameters change in it."""
+    rng = np.random.default_rng(3)
+    changes = rng.standard_normal((JOINTS, SAMPLES, NUISANCES))
+    error = 5.0 * rng.standard_normal((SAMPLES, JOINTS))
+    jacobian = rng.standard_normal((SAMPLES, JOINTS, FREE))
+    return Adaptable(changes, np.zeros(NUISANCES)), error, jacobian
+
+
+def test_it_knows_what_is_left(made: tuple[Adaptable, np.ndarray, np.ndarray]) -> None:
+    around, error, _ = made
+    x = np.array([0.3, -2.0, 0.0, 1.0])
+    left = ((error + around.moved(x)) ** 2).sum(axis=0)
+    np.testing.assert_allclose(around.squares(error).left(x), left, rtol=1e-10)
+    np.testing.assert_allclose(around.moved(x), around.columns @ x)
+    some = np.array([0, 3])
+    left = ((error + around.columns[:, :, some] @ x[some]) ** 2).sum(axis=0)
+    np.testing.assert_allclose(around.squares(error).only(some).left(x[some]), left, rtol=1e-10)
+
+
+def test_a_step_is_that_of_the_samples(made: tuple[Adaptable, np.ndarray, np.ndarray]) -> None:
+    """Parameters come first and pay nothing, nuisances pay for every deviation."""
+    around, error, jacobian = made
+    weight = np.array([1.0, 0.1, 4.0])
+    prior = np.array([0.0] * FREE + [1.0] * NUISANCES)
+    high = np.array([0.05, 9.0, 9.0, 0.02, 9.0, 9.0])
+    rows = np.concatenate([jacobian, around.columns], axis=2) * np.sqrt(weight)[:, None]
+    stacked = np.vstack([rows.reshape(-1, FREE + NUISANCES), np.diag(np.sqrt(prior))])
+    target = np.concatenate([-(error * np.sqrt(weight)).ravel(), np.zeros(FREE + NUISANCES)])
+    best = lsq_linear(stacked, target, (-high, high), method="bvls").x
+    found = around.squares_beside(error, jacobian).step(weight, -high, high, prior)
+    np.testing.assert_allclose(found, best, rtol=1e-5, atol=1e-8)
+    assert np.abs(best[[0, 3]]) == pytest.approx(high[[0, 3]]), "bounds have to matter"
