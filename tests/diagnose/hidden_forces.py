@@ -91,7 +91,7 @@ def world(
     scene = Scene(path)
     made = [record(chain(joints), hidden, seconds, seed) for seed in range(fitted + 1)]
     # clocks are never the same to the last digit
-    parts = [Part(replace(one, t=one.t + 1e-13 * i), i) for i, one in enumerate(made)]
+    parts = [Part(replace(one, t=one.t * (1.0 + 1e-12 * i)), i) for i, one in enumerate(made)]
     fit, held = smooth(scene, parts[:-1]), smooth(scene, parts[-1:])
     screen = Screen(fit, 0)
     objective = Objective(fit, stretches_of(fit, True), screen.velocity_noise, STEP, True)
