@@ -30,7 +30,7 @@ def test_friction_that_no_load_changes_is_coulombs(rubbing: World) -> None:
     given = (Accepted(planted, None, ()),)
     before = estimate(rubbing.objective, (planted,))
     assert before.estimates[0]["fraction"].ci95[0] == 0.0
-    accepted, after = simplified(rubbing.screen.motion, rubbing.objective, given, before)
+    accepted, after = simplified(rubbing.objective, given, before)
     assert [a.planted.effect.id for a in accepted] == ["joint.friction_coulomb"]
     assert after.estimates[0]["coulomb"].value == pytest.approx(0.3, rel=0.03)
 

@@ -50,8 +50,9 @@ class Extrapolated:
             return replayer if (apart <= bound).all() else otherwise  # NaN is none
 
         self.coarse = bounded(COARSE * step, self._fine)
-        long = self.coarse.step < _SLOPE_STEP_S
-        self.slopes = bounded(_SLOPE_STEP_S, self.coarse) if long else self.coarse
+        self.slopes = self.coarse
+        if self.coarse.step < _SLOPE_STEP_S:
+            self.slopes = bounded(_SLOPE_STEP_S, self.coarse)
         self.correction = np.zeros_like(short)
 
     def run(self, hypotheses: Sequence[Sequence[Planted]]) -> Array:
@@ -66,8 +67,8 @@ class Extrapolated:
         Returns:
             (positions of the reference, (N, nv); what is different near it, (H, N, nv)).
         """
-        (q,) = self.coarse.run([reference]).q
+        base, *others = self.slopes.run([reference, *near]).q
+        q = base if self.slopes is self.coarse else self.coarse.run([reference]).q[0]
         if self.coarse is not self._fine:
             self.correction = np.nan_to_num(2.0 * (self._fine.run([reference]).q[0] - q))
-        base, *others = self.slopes.run([reference, *near]).q
         return q + self.correction, np.array(others).reshape(-1, *base.shape) - base

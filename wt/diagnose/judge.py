@@ -121,8 +121,7 @@ class Court:
             attempts: how often held-out data have been asked; all that is asked has to be paid.
         """
         estimated = estimate(self.objective, tuple(a.planted for a in accepted))
-        motion = self.screen.motion
-        accepted, estimated = simplified(motion, self.objective, accepted, estimated)
+        accepted, estimated = simplified(self.objective, accepted, estimated)
         while accepted:
             gains = self._gains(estimated)
             weakest = int(np.argmax([g.p_value for g in gains]))

@@ -245,7 +245,7 @@ def _ahead(held: Held, hypothesis: Hypothesis, step: float, horizon: float) -> t
 
 
 def _windows(s: Samples, horizon: float) -> list[tuple[int, int]]:
-    """Windows of a length, spread over a segment; no more than two over any moment."""
+    """Windows of a length, spread over a segment; about two over any moment, at most 60."""
     size = max(2, round(horizon / s.dt) + 1)
     count = int(np.clip(2 * len(s.t) // size, 1, 60))
     starts = np.unique(np.linspace(0, max(len(s.t) - size, 0), count).astype(int))

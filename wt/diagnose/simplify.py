@@ -14,24 +14,22 @@ from wt.diagnose.estimate import Estimated, estimate
 from wt.diagnose.objective import Objective
 from wt.diagnose.worth import erring_joints
 from wt.physics.effect import effects
-from wt.physics.motion import Motion
 from wt.physics.replay import Planted
 
 
 def simplified(
-    motion: Motion, objective: Objective, accepted: tuple[Accepted, ...], estimated: Estimated
+    objective: Objective, accepted: tuple[Accepted, ...], estimated: Estimated
 ) -> tuple[tuple[Accepted, ...], Estimated]:
     """The same effects by the simplest laws that leave no more to explain.
 
     Args:
-        motion: the fitted recordings.
-        objective: replays of them.
+        objective: replays of the fitted recordings.
         accepted: effects.
         estimated: their parameters.
     """
     for i, planted in enumerate(estimated.hypothesis):
         intervals = {name: e.ci95 for name, e in estimated.estimates[i].items()}
-        found = planted.effect.simpler(motion, planted.at, planted.theta, intervals)
+        found = planted.effect.simpler(objective.motion, planted.at, planted.theta, intervals)
         if found is None:
             continue
         law = Planted(effects()[found[0]], planted.at, found[1])

@@ -76,8 +76,6 @@ class Parameter:
 
 Intervals = Mapping[str, tuple[float | tuple[float, ...], float | tuple[float, ...]]]
 """Lower and upper end of what each parameter may be."""
-NEGLIGIBLE = 0.05
-"""Share of a force that a law must add to a simpler one to be another."""
 
 
 class Effect(abc.ABC):

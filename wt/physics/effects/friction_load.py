@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from wt.physics.effect import NEGLIGIBLE, Effect, Intervals, Parameter, Shape, register
+from wt.physics.effect import Effect, Intervals, Parameter, Shape, register
 from wt.physics.effects._tools import Bristle, compiled
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
@@ -13,6 +13,8 @@ from wt.physics.scene import Scene
 from wt.types import Location
 
 Array = np.ndarray
+
+_NEGLIGIBLE = 0.05  # share of the constant part that the load must add to count
 
 
 @register
@@ -53,7 +55,7 @@ class FrictionLoad(Effect):
 
     def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
         """Where the load adds next to nothing it is plain dry friction."""
-        return bool(theta[1] * _load(motion, at) > NEGLIGIBLE * theta[0])
+        return bool(theta[1] * _load(motion, at) > _NEGLIGIBLE * theta[0])
 
     def simpler(
         self, motion: Motion, at: Location, theta: Array, intervals: Intervals
