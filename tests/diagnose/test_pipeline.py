@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from unittest.mock import Mock
 
 import mujoco
 import numpy as np
 import pytest
 
+from wt.diagnose import pipeline
+from wt.diagnose.addition import Accepted
+from wt.diagnose.decide import Outcome
+from wt.diagnose.judge import Court, Judged
+from wt.diagnose.objective import Objective
 from wt.diagnose.pipeline import diagnose
 from wt.diagnose.result import Diagnosis
+from wt.diagnose.screen import Screen
 from wt.errors import RecordingError, UserError
+from wt.physics.replay import Planted
 from wt.prove.cases import Case, cases
 from wt.prove.score import score
 from wt.prove.world import World, build
@@ -97,3 +105,27 @@ def test_bad_recordings_are_one_line(still: World, tmp_path: Path) -> None:
         assert "\n" not in str(caught.value)
     with pytest.raises(UserError, match="at least one"):
         diagnose(model, [])
+
+
+@pytest.mark.parametrize(("proven", "searches"), [("simpler law", 1), ("", pipeline.ATTEMPTS)])
+def test_only_an_effect_that_was_refused_starts_another_search(
+    proven: str, searches: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def standing(name: str) -> tuple[Mock, ...]:
+        return (Mock(spec=Accepted, planted=Mock(spec=Planted, key=name)),) if name else ()
+
+    searched: list[set[str]] = []
+
+    def search(*args: object) -> Outcome:
+        banned = args[4] if len(args) > 4 else set()
+        assert isinstance(banned, set)
+        searched.append(set(banned))
+        return Outcome(standing(f"law {len(searched)}"), ())
+
+    monkeypatch.setattr(pipeline, "search", search)
+    court = Mock(spec=Court)
+    court.proven.return_value = Mock(spec=Judged, accepted=standing(proven))
+    court.clean.return_value = False
+    pipeline._found(Mock(spec=Screen), Mock(spec=Objective), court, lambda *_: None)
+    assert len(searched) == searches
+    assert searched[-1] == {f"law {i}" for i in range(1, searches)}

@@ -27,11 +27,15 @@ def rubbing(tmp_path_factory: pytest.TempPathFactory) -> World:
 
 def test_friction_that_no_load_changes_is_coulombs(rubbing: World) -> None:
     planted = Planted(LOAD, J2, np.array([0.28, 0.01]))
-    given = (Accepted(planted, None, ()),)
+    coulomb = Planted(effects()["joint.friction_coulomb"], J2, np.array([0.29]))
+    stribeck = Planted(STRIBECK, J2, np.array([0.28, 0.3, 0.1]))
+    given = (Accepted(planted, None, (coulomb, stribeck)),)
     before = estimate(rubbing.objective, (planted,))
     assert before.estimates[0]["fraction"].ci95[0] == 0.0
     accepted, after = simplified(rubbing.objective, given, before)
     assert [a.planted.effect.id for a in accepted] == ["joint.friction_coulomb"]
+    assert accepted[0].rivals == (stribeck,), "a law must not be its own rival"
+    assert accepted[0].shape == ()
     assert after.estimates[0]["coulomb"].value == pytest.approx(0.3, rel=0.03)
 
 

@@ -132,11 +132,12 @@ def _found(
     for attempt in range(1, ATTEMPTS + 1):
         say("estimating and proving", 0.7)
         proven = court.proven(outcome.accepted, attempt)
-        kept = {a.planted.key for a in proven.accepted}
-        dropped = {a.planted.key for a in outcome.accepted} - kept
-        if not dropped or attempt == ATTEMPTS or court.clean(proven):
+        # fewer, not others: an effect that a simpler law says as well was not refused
+        refused = len(proven.accepted) < len(outcome.accepted)
+        if not refused or attempt == ATTEMPTS or court.clean(proven):
             break
-        banned |= dropped
+        kept = {a.planted.key for a in proven.accepted}
+        banned |= {a.planted.key for a in outcome.accepted} - kept
         outcome = search(screen, objective, say, proven.accepted, banned)
         considered += outcome.considered
     return proven, considered

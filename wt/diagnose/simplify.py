@@ -7,8 +7,6 @@ where the simpler law lies inside its intervals, that one is said.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from wt.diagnose.addition import Accepted
 from wt.diagnose.estimate import Estimated, estimate
 from wt.diagnose.objective import Objective
@@ -37,6 +35,16 @@ def simplified(
         again = estimate(objective, others)
         before, after = (erring_joints(objective, e.assessed) for e in (estimated, again))
         if set(after) <= set(before):
-            accepted = (*accepted[:i], replace(accepted[i], planted=law), *accepted[i + 1 :])
+            now = _by(law, accepted[i], objective)
+            accepted = (*accepted[:i], now, *accepted[i + 1 :])
             estimated = again
     return accepted, estimated
+
+
+def _by(law: Planted, before: Accepted, objective: Objective) -> Accepted:
+    """An effect by another law, which is no rival of itself."""
+    return Accepted(
+        planted=law,
+        shape=next(iter(law.effect.shapes(objective.motion, law.at)), None),
+        rivals=tuple(r for r in before.rivals if r.key != law.key),
+    )
