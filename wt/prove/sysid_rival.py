@@ -12,6 +12,7 @@ from __future__ import annotations
 import functools
 import importlib
 import io
+import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -95,25 +96,24 @@ def every_parameter(scene: Scene) -> tuple[Free, ...]:
 
 
 class Rival:
-    """Recordings that are ready to be fitted as often as one likes.
+    """Recordings of a machine, its :attr:`scene`, ready to be fitted as often as one likes."""
 
-    Attributes:
-        scene: the model as it is before.
-    """
-
-    def __init__(self, model: str | Path, recordings: Sequence[Source]) -> None:
+    def __init__(
+        self, model: str | Path, recordings: Sequence[Source], threads: int | None = None
+    ) -> None:
         """Read, check and smooth.
 
         Args:
             model: an MJCF file.
             recordings: Parquet files of the recording format, or recordings; all are fitted.
+            threads: of its replays; as many as there are cores if left out.
 
         Raises:
             ModelError: the MJCF cannot be used.
             RecordingError: a recording cannot be used.
             WorkError: a package that ``mujoco.sysid`` needs is missing.
         """
-        self._sysid = _sysid()
+        self._sysid, self._threads = _sysid(), threads or os.cpu_count() or 1
         self.scene = Scene(model)
         # given as held out too, so that nothing is split off
         smoothed = smooth(self.scene, prepare(self.scene, recordings, recordings).fit)
@@ -159,6 +159,7 @@ class Rival:
             models_sequences=self._sequences,
             build_model=self._builder(freed),
             modify_residual=self._residual,
+            n_threads=self._threads,
             resample_true=False,  # commands have the grid of the physics steps already
         )
         first, rng = knobs.as_vector(), np.random.default_rng(seed)

@@ -11,22 +11,24 @@ from wt.types import Location
 
 Array = np.ndarray
 
+THREADS = 1
+"""Of each fit, as each of our diagnoses in a trial has one: cases run side by side."""
 _AT_ONCE = 0.25
 """Share of the parameters that are dropped in one round of BIC, the weakest."""
 
 
 def every(task: Task) -> list[Claim]:
     """All parameters are fitted; said are those whose 95 % interval leaves the nominal out."""
-    rival = Rival(task.model, task.fit)
-    fitted = rival.fit(every_parameter(rival.scene))
+    rival = Rival(task.model, task.fit, THREADS)
+    fitted = rival.fit(every_parameter(rival.scene), seconds=task.left)
     found = sorted(_claims(fitted), key=lambda pair: -pair[0])
     return [claim for strength, claim in found if strength > SURE]
 
 
 def bic(task: Task) -> list[Claim]:
     """The same, and parameters are dropped, weakest first, as long as BIC falls and time lasts."""
-    rival = Rival(task.model, task.fit)
-    best = rival.fit(every_parameter(rival.scene))
+    rival = Rival(task.model, task.fit, THREADS)
+    best = rival.fit(every_parameter(rival.scene), seconds=task.left)
     many = True
     while best.theta and task.left > best.seconds:
         order = sorted(_claims(best), key=lambda pair: pair[0])
@@ -34,7 +36,7 @@ def bic(task: Task) -> list[Claim]:
         kept: list[Free] = [(claim.effect, claim.at.name) for _, claim in order[drop:]]
         if not kept:
             break
-        fewer = rival.fit(kept)
+        fewer = rival.fit(kept, seconds=task.left)
         if fewer.bic < best.bic:
             best = fewer
         elif drop == 1:
