@@ -50,22 +50,13 @@ TABLE = {
     "sensor.quantization": [("step", "rad")],
     "world.gravity": [("angle", "rad"), ("direction", "rad")],
 }
-# Parameters at which an effect does nothing, on a model that has none of it.
-NEUTRAL = {
-    **{name: (0.0,) for name, parameters in TABLE.items() if len(parameters) == 1},
-    "joint.friction_load": (0.0, 0.0),
-    "joint.stiffness": (0.0, 0.0),
-    "actuator.gain": (1.0,),
-    "actuator.ripple": (0.0, 3.0, 0.0),
-    "actuator.fade": (0.0, 5.0),
-    "body.mass": (1.0,),
-    "body.com": (0.0, 0.0, 0.0),
-    "body.inertia": (1.0,),
-    "body.force": (0.0, 0.0, 0.0),
-    "body.force_intermittent": (0.0, 0.0, 0.0),
-    "world.gravity": (0.0, 0.0),
-}
-WITHOUT = ("joint.backlash", "actuator.saturation", "sensor.scale")
+# Nothing of these, and what they would be without it, are one model with more parts.
+WITHOUT = ("joint.backlash",)
+# Nothing of these is more than any machine has.
+ENDLESS = (
+    "actuator.saturation", "actuator.speed_limit", "body.payload_fixed", "body.tether",
+    "joint.elasticity", "joint.stop",
+)  # fmt: skip
 IDS = pytest.mark.parametrize("name", sorted(TABLE))
 
 
@@ -122,14 +113,36 @@ def test_signatures_fit_the_motion(name: str, arm: Scene, recorded: Run) -> None
             assert ((lower <= start) & (start <= upper)).all()
 
 
-@pytest.mark.parametrize("name", sorted(set(NEUTRAL) - set(WITHOUT)))
-def test_nothing_is_patched_by_nothing(name: str, arm: Scene) -> None:
+@pytest.mark.parametrize("name", sorted(set(TABLE) - set(WITHOUT)))
+def test_neutral_parameters_change_nothing(name: str, arm: Scene) -> None:
     effect = effects()[name]
+    given = next((t.theta for t in TRUTHS if t.id == name), np.ones(effect.n_theta))
+    declared = [p.neutral for p in effect.parameters for _ in range(p.size)]
+    if declared == [None] * len(declared):
+        assert name in ENDLESS, "say where the effect is nothing"
+        return
+    theta = [g if n is None else n for g, n in zip(given, declared, strict=True)]
     before = acceleration(arm.spec().compile())
     for at in effect.places(arm):
         spec = arm.spec()
-        effect.patch(spec, at, np.array(NEUTRAL[name]))
+        effect.patch(spec, at, np.array(theta))
         assert acceleration(spec.compile()) == pytest.approx(before, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", [e.id for e in effects().values() if e.weighted])
+def test_where_products_count_it_is_products_that_move(name: str) -> None:
+    effect, rng = effects()[name], np.random.default_rng(0)
+    theta, step = rng.uniform(0.5, 1.5, (2, effect.n_theta))
+    step[1:] *= -1.0
+    # the first parameter's own step, and that of each product by the product rule
+    first, others = theta[0] + step[0], theta[0] * theta[1:]
+    others = others + theta[0] * step[1:] + step[0] * theta[1:]
+    moved = effect.moved(theta, step)
+    assert moved[0] == pytest.approx(first)
+    assert moved[0] * moved[1:] == pytest.approx(others)
+    lower, upper = effect.bounds()
+    assert (effect.moved(theta, np.full(len(theta), -1e9)) >= lower).all()
+    assert (effect.moved(theta, np.full(len(theta), 1e9)) <= upper).all()
 
 
 @pytest.mark.parametrize("truth", TRUTHS, ids=lambda t: f"{t.id}-{t.at.name}")

@@ -17,6 +17,7 @@ from scipy.stats import t as student
 from wt.diagnose.objective import Assessed, Hypothesis, Objective
 from wt.diagnose.refine import bounds, jacobian, pack, refine
 from wt.diagnose.result import Estimate
+from wt.physics.effect import Parameter
 from wt.physics.replay import Planted
 
 Array = np.ndarray
@@ -64,6 +65,31 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
         offset = rows.stop
         estimates.append(_named(planted, low[rows], high[rows]))
     return Estimated(now, tuple(estimates))
+
+
+def least_certain(estimated: Estimated) -> int | None:
+    """The effect that may as well be nothing; None if all are certainly something.
+
+    That is one whose intervals hold all of its neutral values (A. Wald, 1943). Of several it is
+    the one nearest to them, in interval widths: the others may be certain without it.
+    """
+    away: dict[int, float] = {}
+    for i, planted in enumerate(estimated.hypothesis):
+        known = [p for p in planted.effect.parameters if p.neutral is not None]
+        widths = [_from_neutral(p, estimated.estimates[i][p.name]) for p in known]
+        if widths and np.isfinite(widths).all():
+            away[i] = max(widths)
+    return min(away, key=away.__getitem__, default=None)
+
+
+def _from_neutral(parameter: Parameter, estimate: Estimate) -> float:
+    """Distance from its neutral value in widths of the interval; infinite if that is outside."""
+    assert parameter.neutral is not None
+    neutral = max(parameter.neutral, parameter.lower)
+    low, high = (np.atleast_1d(end) for end in estimate.ci95)
+    if ((neutral < low) | (neutral > high)).any():
+        return np.inf
+    return float((np.abs(np.atleast_1d(estimate.value) - neutral) / (high - low)).max())
 
 
 def _spread(objective: Objective, now: Assessed, slope: Array) -> Array:
@@ -142,7 +168,7 @@ def _named(planted: Planted, low: Array, high: Array) -> dict[str, Estimate]:
             warning = "not identifiable from these recordings: the interval is wider than the value"
         span = upper[rows] - lower[rows]
         if ((value - lower[rows] < 1e-3 * span) | (upper[rows] - value < 1e-3 * span)).any():
-            near_zero = (np.abs(value) <= np.abs(lower[rows]) + 1e-3 * span).all()
+            near_zero = (np.abs(value) <= 1e-3 * span).all()
             if not near_zero:
                 warning = "at the bound of what is admissible: the law may be another one"
         found[p.name] = Estimate(

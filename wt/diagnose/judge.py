@@ -17,7 +17,7 @@ from wt.diagnose import proof
 from wt.diagnose.addition import Accepted
 from wt.diagnose.calibrate import calibration, comments
 from wt.diagnose.crossfit import MUTE, WORTH, left_in_turn
-from wt.diagnose.estimate import Estimated, estimate
+from wt.diagnose.estimate import Estimated, estimate, least_certain
 from wt.diagnose.objective import Hypothesis, Objective, without
 from wt.diagnose.remainder import Unknown, find
 from wt.diagnose.result import Confusable, Finding, Verdict
@@ -114,7 +114,7 @@ class Court:
         return unnamed if self._better(unnamed, named) else named
 
     def proven(self, accepted: tuple[Accepted, ...], attempts: int = 1) -> Judged:
-        """Only what improves the held-out fit stays; the rest is estimated again without it.
+        """Only what is certain and improves the held-out fit stays, estimated without the rest.
 
         Args:
             accepted: what the search found.
@@ -123,10 +123,12 @@ class Court:
         estimated = estimate(self.objective, tuple(a.planted for a in accepted))
         accepted, estimated = simplified(self.objective, accepted, estimated)
         while accepted:
-            gains = self._gains(estimated)
-            weakest = int(np.argmax([g.p_value for g in gains]))
-            if gains[weakest].p_value <= proof.SIGNIFICANT / attempts:
-                return Judged(accepted, estimated, tuple(gains), ())
+            weakest = least_certain(estimated)
+            if weakest is None:
+                gains = self._gains(estimated)
+                weakest = int(np.argmax([g.p_value for g in gains]))
+                if gains[weakest].p_value <= proof.SIGNIFICANT / attempts:
+                    return Judged(accepted, estimated, tuple(gains), ())
             accepted = tuple(a for i, a in enumerate(accepted) if i != weakest)
             estimated = estimate(self.objective, without(estimated.hypothesis, weakest))
         return Judged((), estimated, (), ())

@@ -100,19 +100,24 @@ def _step(objective: Objective, climbs: Sequence[_Climb]) -> list[_Climb]:
     trials: list[Hypothesis] = []
     centres: list[Array] = []
     for climb, slope in zip(climbs, jacobians, strict=True):
-        theta = pack(climb.now.hypothesis, climb.free)
-        lower, upper = bounds(climb.now.hypothesis, climb.free)
+        free = [climb.now.hypothesis[i] for i in climb.free]
+        reach = [p.effect.reach(p.theta) for p in free]
+        lower, upper = (np.concatenate(ends) for ends in zip(*reach, strict=True))
         for factor in _TRIALS:
             nuisance, step = objective.solve(
                 climb.now.error,
                 slope,
                 climb.now.mse,
-                lower - theta,
-                upper - theta,
+                lower,
+                upper,
                 climb.damping * factor,
             )
-            moved = np.clip(theta + step, lower, upper)
-            trials.append(unpack(climb.now.hypothesis, climb.free, moved))
+            ends = np.cumsum([p.effect.n_theta for p in free])[:-1]
+            moved = [
+                p.effect.moved(p.theta, own)
+                for p, own in zip(free, np.split(step, ends), strict=True)
+            ]
+            trials.append(unpack(climb.now.hypothesis, climb.free, np.concatenate(moved)))
             centres.append(nuisance)
     assessed = objective.evaluate(trials, centres)
     result = []

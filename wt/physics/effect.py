@@ -59,6 +59,7 @@ class Parameter:
         upper: largest admissible value.
         step: smallest change that matters, the unit of finite differences.
         axes: names of a vector's components, e.g. ``("x", "y", "z")``; empty for a scalar.
+        neutral: of every component, where the effect is nothing; None if it takes more than that.
     """
 
     name: str
@@ -67,6 +68,7 @@ class Parameter:
     upper: float
     step: float
     axes: tuple[str, ...] = ()
+    neutral: float | None = None
 
     @property
     def size(self) -> int:
@@ -92,6 +94,8 @@ class Effect(abc.ABC):
         reads_residual: whether the shapes to try are read off the force residual itself.
         signed: for each coefficient of the signature the sign it must have: +1, -1 or 0 for any.
         read_off: how many of a shape's last values come from the recordings and are not fitted.
+        weighted: whether the first parameter weighs the others, as a spring's stiffness weighs
+            where it pulls to: the force is linear in it and in its products with them.
     """
 
     id: ClassVar[str]
@@ -104,6 +108,7 @@ class Effect(abc.ABC):
     reads_residual: ClassVar[bool] = False
     signed: ClassVar[tuple[int, ...]] = ()
     read_off: ClassVar[int] = 0
+    weighted: ClassVar[bool] = False
 
     def places(self, scene: Scene) -> Sequence[Location]:
         """Where in a model it can stand; by default everywhere of its kind."""
@@ -223,6 +228,24 @@ class Effect(abc.ABC):
     def steps(self) -> Array:
         """Finite-difference steps of ``theta``."""
         return np.concatenate([np.full(p.size, p.step) for p in self.parameters])
+
+    def reach(self, theta: Array) -> tuple[Array, Array]:
+        """Smallest and largest step to ask :meth:`moved` for."""
+        lower, upper = (bound - theta for bound in self.bounds())
+        if self.weighted:
+            lower[1:], upper[1:] = -np.inf, np.inf
+        return lower, upper
+
+    def moved(self, theta: Array, step: Array) -> Array:
+        """``theta`` after a step that takes the force to be linear, inside the bounds.
+
+        Where it is linear in products, these are what moves: from a weak spring to a stiff one the
+        point that it pulls to goes as far as the pull says, not as its own slope would have it.
+        """
+        there = theta + step
+        if self.weighted and there[0] > 0.0:
+            there[1:] = theta[1:] + theta[0] * step[1:] / there[0]
+        return np.asarray(np.clip(there, *self.bounds()))
 
     def observed(self) -> Mapping[str, tuple[str, tuple[float, ...]]]:
         """What was read off the recordings instead of fitted: name → (unit, values)."""

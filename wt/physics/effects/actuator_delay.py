@@ -25,7 +25,7 @@ class ActuatorDelay(Effect):
 
     id = "actuator.delay"
     kind = "actuator"
-    parameters = (Parameter("delay", "s", 0.0, 0.3, 1e-4),)
+    parameters = (Parameter("delay", "s", 0.0, 0.3, 1e-4, neutral=0.0),)
     reference = "MuJoCo XML reference, actuator/general/delay"
     signed = (1,)
 

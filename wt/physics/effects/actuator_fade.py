@@ -32,7 +32,7 @@ class ActuatorFade(Effect):
     id = "actuator.fade"
     kind = "actuator"
     parameters = (
-        Parameter("loss", "-", 0.0, 0.95, 1e-3),
+        Parameter("loss", "-", 0.0, 0.95, 1e-3, neutral=0.0),
         Parameter("time_constant", "s", 2.0, 1e4, 1e-2),
     )
     reference = "J. Pyrhönen et al., Design of Rotating Electrical Machines, chapter 9"

@@ -19,7 +19,7 @@ class ActuatorGain(Effect):
 
     id = "actuator.gain"
     kind = "actuator"
-    parameters = (Parameter("factor", "-", 0.0, 5.0, 1e-3),)
+    parameters = (Parameter("factor", "-", 0.0, 5.0, 1e-3, neutral=1.0),)
     reference = "MuJoCo XML reference, actuator/general/gainprm and biasprm"
     signed = (0,)
 

@@ -26,7 +26,7 @@ class ActuatorLag(Effect):
 
     id = "actuator.lag"
     kind = "actuator"
-    parameters = (Parameter("time_constant", "s", 0.0, 2.0, 1e-4),)
+    parameters = (Parameter("time_constant", "s", 0.0, 2.0, 1e-4, neutral=0.0),)
     reference = "MuJoCo XML reference, actuator/general/dyntype (filterexact)"
     signed = (1,)
 

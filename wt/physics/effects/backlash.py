@@ -24,7 +24,7 @@ class Backlash(GearEffect):
 
     id = "joint.backlash"
     excludes = ("joint.elasticity",)
-    parameters = (Parameter("gap", "rad", 1e-4, 1.0, 2e-4),)
+    parameters = (Parameter("gap", "rad", 1e-4, 1.0, 2e-4, neutral=0.0),)
     reference = "M. Nordin and P.-O. Gutman, Controlling mechanical systems with backlash, 2002"
 
     def starts(self, motion: Motion, at: Location) -> Sequence[Array]:

@@ -22,7 +22,7 @@ class BodyCom(Effect):
 
     id = "body.com"
     kind = "body"
-    parameters = (Parameter("shift", "m", -2.0, 2.0, 5e-4, ("x", "y", "z")),)
+    parameters = (Parameter("shift", "m", -2.0, 2.0, 5e-4, ("x", "y", "z"), neutral=0.0),)
     reference = "C. H. An, C. G. Atkeson and J. M. Hollerbach, Model-Based Control of a Robot, 1988"
     signed = (0, 0, 0)
 

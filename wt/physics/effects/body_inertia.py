@@ -21,7 +21,7 @@ class BodyInertia(Effect):
     id = "body.inertia"
     kind = "body"
     odds_against = 4.0
-    parameters = (Parameter("factor", "-", 0.01, 20.0, 1e-3),)
+    parameters = (Parameter("factor", "-", 0.01, 20.0, 1e-3, neutral=1.0),)
     reference = "C. H. An, C. G. Atkeson and J. M. Hollerbach, Model-Based Control of a Robot, 1988"
     signed = (0,)
 

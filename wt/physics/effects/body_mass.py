@@ -20,7 +20,7 @@ class BodyMass(Effect):
 
     id = "body.mass"
     kind = "body"
-    parameters = (Parameter("factor", "-", 0.01, 10.0, 1e-3),)
+    parameters = (Parameter("factor", "-", 0.01, 10.0, 1e-3, neutral=1.0),)
     reference = "C. H. An, C. G. Atkeson and J. M. Hollerbach, Model-Based Control of a Robot, 1988"
     signed = (0,)
 

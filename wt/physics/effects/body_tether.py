@@ -24,6 +24,7 @@ class BodyTether(Effect):
     )
     reference = "R. Hooke, De potentia restitutiva, 1678"
     signed = (1, 0, 0, 0)
+    weighted = True
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """Per unit of k, and of k times each coordinate of the anchor."""

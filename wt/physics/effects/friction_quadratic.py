@@ -18,7 +18,7 @@ class FrictionQuadratic(Effect):
 
     id = "joint.friction_quadratic"
     kind = "joint"
-    parameters = (Parameter("coefficient", "N·m·s²/rad²", 0.0, 1e3, 1e-4),)
+    parameters = (Parameter("coefficient", "N·m·s²/rad²", 0.0, 1e3, 1e-4, neutral=0.0),)
     reference = "MuJoCo XML reference, body/joint/damping (polynomial)"
     signed = (1,)
 

@@ -18,7 +18,7 @@ class FrictionViscous(Effect):
 
     id = "joint.friction_viscous"
     kind = "joint"
-    parameters = (Parameter("coefficient", "N·m·s/rad", 0.0, 1e3, 1e-4),)
+    parameters = (Parameter("coefficient", "N·m·s/rad", 0.0, 1e3, 1e-4, neutral=0.0),)
     reference = "G. G. Stokes, Transactions of the Cambridge Philosophical Society 9, 1851"
     signed = (1,)
 

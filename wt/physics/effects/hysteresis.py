@@ -22,7 +22,7 @@ class Hysteresis(Effect):
     kind = "joint"
     parameters = (
         Parameter("stiffness", "N·m/rad", 1e-3, 1e5, 1e-2),
-        Parameter("yield", "N·m", 0.0, 1e3, 1e-3),
+        Parameter("yield", "N·m", 0.0, 1e3, 1e-3, neutral=0.0),
     )
     reference = "L. Prandtl, Ein Gedankenmodell zur kinetischen Theorie der festen Körper, 1928"
     signed = (1,)

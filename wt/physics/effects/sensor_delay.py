@@ -25,7 +25,7 @@ class SensorDelay(Effect):
     id = "sensor.delay"
     kind = "joint"
     odds_against = 8.0
-    parameters = (Parameter("delay", "s", 0.0, 0.3, 1e-4),)
+    parameters = (Parameter("delay", "s", 0.0, 0.3, 1e-4, neutral=0.0),)
     reference = "J. Olsson et al., Collecting and synchronizing robot data, 2019"
     native = False
 

@@ -24,7 +24,7 @@ class SensorOffset(Effect):
     id = "sensor.offset"
     kind = "joint"
     odds_against = 8.0
-    parameters = (Parameter("offset", "rad", -3.2, 3.2, 1e-4),)
+    parameters = (Parameter("offset", "rad", -3.2, 3.2, 1e-4, neutral=0.0),)
     reference = "B. Mooring, Z. Roth and M. Driels, Fundamentals of Manipulator Calibration, 1991"
     native = False
 

@@ -24,7 +24,7 @@ class SensorQuantization(Effect):
 
     id = "sensor.quantization"
     kind = "joint"
-    parameters = (Parameter("step", "rad", 1e-6, 1.0, 1e-4),)
+    parameters = (Parameter("step", "rad", 1e-6, 1.0, 1e-4, neutral=0.0),)
     reference = "B. Widrow and I. Kollár, Quantization Noise, 2008"
     native = False
 

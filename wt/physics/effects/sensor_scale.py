@@ -24,7 +24,7 @@ class SensorScale(Effect):
     id = "sensor.scale"
     kind = "joint"
     odds_against = 8.0
-    parameters = (Parameter("factor", "-", 0.1, 10.0, 1e-4),)
+    parameters = (Parameter("factor", "-", 0.1, 10.0, 1e-4, neutral=1.0),)
     reference = "B. Mooring, Z. Roth and M. Driels, Fundamentals of Manipulator Calibration, 1991"
     native = False
 

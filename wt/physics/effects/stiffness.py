@@ -20,11 +20,12 @@ class Stiffness(Effect):
     id = "joint.stiffness"
     kind = "joint"
     parameters = (
-        Parameter("stiffness", "N·m/rad", 0.0, 1e5, 1e-2),
+        Parameter("stiffness", "N·m/rad", 0.0, 1e5, 1e-2, neutral=0.0),
         Parameter("reference", "rad", -6.5, 6.5, 1e-3),
     )
     reference = "R. Hooke, De potentia restitutiva, 1678"
     signed = (1, 0)
+    weighted = True
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """−q and 1 on the joint's row."""

@@ -22,7 +22,7 @@ class WorldGravity(Effect):
     id = "world.gravity"
     kind = "world"
     parameters = (
-        Parameter("angle", "rad", 0.0, 1.5, 1e-4),
+        Parameter("angle", "rad", 0.0, 1.5, 1e-4, neutral=0.0),
         Parameter("direction", "rad", -2.0 * np.pi, 2.0 * np.pi, 1e-3),
     )
     reference = "MuJoCo XML reference, option/gravity"

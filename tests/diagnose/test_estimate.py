@@ -1,0 +1,67 @@
+"""Which of several effects may as well be nothing."""
+
+from __future__ import annotations
+
+from unittest.mock import Mock
+
+import numpy as np
+
+from wt.diagnose.estimate import Estimated, least_certain
+from wt.diagnose.objective import Assessed
+from wt.diagnose.result import Estimate
+from wt.physics.effect import effects
+from wt.physics.replay import Planted
+from wt.types import Location
+
+J = Location("joint", "j")
+
+
+def estimated(*found: tuple[str, dict[str, tuple[float, float, float]]]) -> Estimated:
+    """Effects with (lower end, value, upper end) of each parameter."""
+    hypothesis = tuple(
+        Planted(effects()[name], J, np.array([v for _, v, _ in values.values()]))
+        for name, values in found
+    )
+    estimates = tuple(
+        {name: Estimate(v, "-", (low, high)) for name, (low, v, high) in values.items()}
+        for _, values in found
+    )
+    return Estimated(Mock(spec=Assessed, hypothesis=hypothesis), estimates)
+
+
+def test_an_interval_that_holds_the_neutral_value_is_nothing_certain() -> None:
+    friction = ("joint.friction_coulomb", {"coulomb": (0.0, 0.001, 0.002)})
+    gain = ("actuator.gain", {"factor": (1.01, 1.1, 1.2)})
+    assert least_certain(estimated(gain, friction)) == 1
+    assert least_certain(estimated(gain)) is None
+    assert least_certain(estimated(("actuator.gain", {"factor": (0.9, 1.1, 1.2)}))) == 0
+
+
+def test_the_nearest_to_nothing_goes_first() -> None:
+    nearer = ("joint.friction_coulomb", {"coulomb": (0.0, 0.001, 0.4)})
+    farther = ("joint.friction_viscous", {"coefficient": (-0.01, 0.19, 0.4)})
+    assert least_certain(estimated(farther, nearer)) == 1
+
+
+def test_all_that_could_be_nothing_must_be() -> None:
+    """Friction that only load makes has no constant part."""
+    parts = {"coulomb": (0.0, 0.01, 0.03), "fraction": (0.1, 0.2, 0.3)}
+    assert least_certain(estimated(("joint.friction_load", parts))) is None
+
+
+def test_an_effect_without_a_neutral_value_is_something() -> None:
+    parts = {"stiffness": (0.01, 5.0, 10.0), "damping": (0.0, 0.0, 0.1)}
+    assert least_certain(estimated(("joint.elasticity", parts))) is None
+
+
+def test_a_vector_is_nothing_where_all_of_it_may_be() -> None:
+    force = Planted(effects()["body.force"], J, np.array([0.1, 0.0, 2.0]))
+    ends = ((-0.1, -0.1, 1.0), (0.3, 0.1, 3.0))
+    known = Estimated(
+        Mock(spec=Assessed, hypothesis=(force,)),
+        ({"force": Estimate((0.1, 0.0, 2.0), "N", ends)},),
+    )
+    assert least_certain(known) is None
+    ends = ((-0.1, -0.1, -1.0), (0.3, 0.1, 3.0))
+    known = Estimated(known.assessed, ({"force": Estimate((0.1, 0.0, 2.0), "N", ends)},))
+    assert least_certain(known) == 0
