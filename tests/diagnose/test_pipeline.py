@@ -123,9 +123,9 @@ def test_only_an_effect_that_was_refused_starts_another_search(
         return Outcome(standing(f"law {len(searched)}"), ())
 
     monkeypatch.setattr(pipeline, "search", search)
-    court = Mock(spec=Court)
+    court = Mock(spec=Court, screen=Mock(spec=Screen), some=Mock(spec=Objective))
     court.proven.return_value = Mock(spec=Judged, accepted=standing(proven))
     court.clean.return_value = False
-    pipeline._found(Mock(spec=Screen), Mock(spec=Objective), court, lambda *_: None)
+    pipeline._found(court, lambda *_: None)
     assert len(searched) == searches
     assert searched[-1] == {f"law {i}" for i in range(1, searches)}

@@ -24,6 +24,8 @@ Array = np.ndarray
 
 BLOCK_S = 2.0
 """Length of a block [s]: longer than a servo's or a gravity-loaded joint's memory."""
+_NEAR = 0.02
+"""Nuisances linearised within this share of the parameters are not linearised again."""
 LAW = 0.01
 """Share of its strength to which a machine follows a law at best: half of the interval."""
 
@@ -53,9 +55,10 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
         return Estimated(now, ())
     parts = range(len(start))
     (now,) = refine(objective, [start], [parts], iterations=3)
-    now = objective.reference(now.hypothesis, now.nuisance)
-    (slope,) = jacobian(objective, [now], [parts])
     theta = pack(now.hypothesis, parts)
+    if (np.abs(theta - pack(start, parts)) > _NEAR * np.abs(theta) + _steps(start)).any():
+        now = objective.reference(now.hypothesis, now.nuisance)
+    (slope,) = jacobian(objective, [now], [parts])
     spread = np.hypot(_spread(objective, now, slope), _inexact(now.hypothesis))
     lower, upper = bounds(now.hypothesis, parts)
     low, high = np.maximum(theta - spread, lower), np.minimum(theta + spread, upper)
@@ -65,6 +68,10 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
         offset = rows.stop
         estimates.append(_named(planted, low[rows], high[rows]))
     return Estimated(now, tuple(estimates))
+
+
+def _steps(hypothesis: Hypothesis) -> Array:
+    return np.concatenate([p.effect.steps() for p in hypothesis])
 
 
 def least_certain(estimated: Estimated) -> int | None:
@@ -118,7 +125,7 @@ def _inexact(hypothesis: Hypothesis) -> Array:
     for planted in hypothesis:
         sizes = iter(np.abs(planted.theta))
         for p in planted.effect.parameters:
-            share = LAW if p.lower == 0.0 and p.unit != "-" else 0.0
+            share = LAW if p.lower >= 0.0 and p.unit != "-" else 0.0
             found += [float(np.hypot(p.step, share * next(sizes))) for _ in range(p.size)]
     return np.array(found)
 

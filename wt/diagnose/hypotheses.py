@@ -8,10 +8,11 @@ import numpy as np
 
 from wt.diagnose.objective import Assessed, Objective
 from wt.diagnose.screen import Scored, Screen
-from wt.diagnose.worth import erring_joints
+from wt.diagnose.worth import erring_joints, improvable
 from wt.physics.acting import is_live
 from wt.physics.effect import Shape, effects
 from wt.physics.replay import Planted
+from wt.physics.scene import Scene
 from wt.types import Location
 
 Array = np.ndarray
@@ -32,15 +33,18 @@ USUAL = (
 """What hardly a real joint is without: replayed wherever replays err."""
 EACH, LEAST = 2, 10.0
 """… and so many at each joint, from so many nats on: another joint may just be worse."""
-RELATED = {
-    "joint.friction_coulomb": ("joint.friction_stribeck", "joint.friction_load"),
-    "joint.friction_viscous": ("joint.friction_quadratic", "joint.friction_stribeck"),
-    "actuator.delay": ("actuator.lag", "sensor.delay"),
-    "actuator.lag": ("actuator.delay", "sensor.delay"),
-    "actuator.gain": ("actuator.deadband", "actuator.fade", "actuator.saturation"),
-    "joint.stiffness": ("joint.hysteresis", "actuator.bias"),
-}
-"""Effects that look alike on the force residual: where one ranks, its relatives are replayed."""
+ALIKE = (
+    ("joint.friction_coulomb", "joint.friction_stribeck", "joint.friction_load"),
+    ("joint.friction_viscous", "joint.friction_quadratic", "joint.friction_stribeck"),
+    ("actuator.delay", "actuator.lag", "sensor.delay"),
+    ("actuator.gain", "actuator.deadband", "actuator.fade", "actuator.saturation"),
+    ("joint.stiffness", "joint.hysteresis", "actuator.bias"),
+    ("actuator.bias", "actuator.deadband", "joint.backlash", "sensor.offset"),
+    ("joint.armature", "body.inertia"),
+    ("body.force", "body.tether"),
+    ("body.mass", "body.com", "body.payload_fixed"),
+)
+"""Effects that look alike: where one of a group ranks, the others are replayed close to it."""
 
 
 def candidates(
@@ -66,8 +70,8 @@ def candidates(
     wanted = {
         (name, place)
         for s in strong
-        for name in RELATED.get(s.planted.effect.id, ())
-        for place in _near(screen, s.planted.at)
+        for name in alike(s.planted.effect.id)
+        for place in near(screen.motion.scene, s.planted.at)
     }
     # where replays err and forces show nothing, every effect of that joint gets its chance
     excess = now.mse / objective.floor**2
@@ -83,10 +87,13 @@ def candidates(
     found: list[tuple[Planted, Shape | None]] = [(s.planted, s.shape) for s in chosen.values()]
     found += [(p, None) for p in _replay_only(screen, worst)]
     taken = {p.key for p in now.hypothesis}
+    somewhere = (-1, *improvable(objective, now))
     return [
         (p, shape)
         for p, shape in found
-        if p.key not in taken and not any(excluded(p, other) for other in now.hypothesis)
+        if p.key not in taken
+        and dof_of(screen, p.at) in somewhere
+        and not any(excluded(p, other) for other in now.hypothesis)
     ]
 
 
@@ -102,13 +109,27 @@ def _best_of_each(screen: Screen, ranked: Sequence[Scored]) -> list[Scored]:
     return found
 
 
-def _near(screen: Screen, at: Location) -> list[Location]:
-    """A joint and its drives, either of which may be at fault."""
-    dof = dof_of(screen, at)
-    scene = screen.motion.scene
+def alike(effect: str) -> frozenset[str]:
+    """Ids of the effects that look like one."""
+    return frozenset(x for group in ALIKE if effect in group for x in group) - {effect}
+
+
+def near(scene: Scene, at: Location) -> list[Location]:
+    """Places that may be at fault instead: a joint, its drives and link; a link and the next."""
+    m = scene.model
+    if at.kind == "body":
+        body = m.body(at.name).id
+        ids = {name: m.body(name).id for name in scene.moving}
+        close = [n for n, i in ids.items() if body in (i, m.body_parentid[i])]
+        close += [n for n, i in ids.items() if i == m.body_parentid[body]]
+        joints = [name for name in scene.joints if m.joint(name).bodyid[0] == body]
+        return [Location("body", n) for n in close] + [Location("joint", n) for n in joints]
+    dofs = {"joint": scene.dof, "actuator": lambda name: scene.drive(name).dof}
+    dof = dofs[at.kind](at.name) if at.kind in dofs else -1
     drives = [Location("actuator", d.name) for d in scene.drives if d.dof == dof]
-    joints = [Location("joint", name) for name in scene.joints if scene.dof(name) == dof]
-    return [at, *drives, *joints, Location("sensor", "all")]
+    joints = [name for name in scene.joints if scene.dof(name) == dof]
+    links = [Location("body", m.body(m.joint(n).bodyid[0]).name) for n in joints]
+    return [at, *drives, *(Location("joint", n) for n in joints), *links, Location("sensor", "all")]
 
 
 def excluded(one: Planted, other: Planted) -> bool:

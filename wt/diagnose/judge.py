@@ -18,6 +18,7 @@ from wt.diagnose.addition import Accepted
 from wt.diagnose.calibrate import calibration, comments
 from wt.diagnose.crossfit import MUTE, WORTH, left_in_turn
 from wt.diagnose.estimate import Estimated, estimate, least_certain
+from wt.diagnose.lookalikes import Lookalikes
 from wt.diagnose.objective import Hypothesis, Objective, without
 from wt.diagnose.remainder import Unknown, find
 from wt.diagnose.result import Confusable, Finding, Verdict
@@ -86,14 +87,18 @@ class Court:
 
     Attributes:
         screen: the force residual.
+        some: replays that the search compared hypotheses by.
         objective: replays of all fitted data.
+        whole: replays of these and of the held-out recordings.
         held: held-out recordings.
         step: physics step of replays [s].
         seed: of everything random.
     """
 
     screen: Screen
+    some: Objective
     objective: Objective
+    whole: Objective
     held: proof.Held
     step: float
     seed: int
@@ -121,6 +126,8 @@ class Court:
             attempts: how often held-out data have been asked; all that is asked has to be paid.
         """
         estimated = estimate(self.objective, tuple(a.planted for a in accepted))
+        alike = Lookalikes(self.screen, self.some, self.objective, self.whole)
+        accepted, estimated = alike.settled(accepted, estimated)
         accepted, estimated = simplified(self.objective, accepted, estimated)
         while accepted:
             weakest = least_certain(estimated)

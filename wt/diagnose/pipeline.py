@@ -71,11 +71,13 @@ def diagnose(
     own = float(scene.model.opt.timestep)
     step = min(STEP_S, own)
     forgetting = forgets(fitted, step)
-    everything = _objective(fitted, screen, forgetting, np.inf, step)
+    quick = min(SEARCH_STEP_S, own)
+    some = _objective([fitted], screen, forgetting, SEARCH_S, quick)
+    everything = _objective([fitted], screen, forgetting, np.inf, step)
+    whole = _objective([fitted, held_out], screen, forgetting, np.inf, quick)
     held = proof.hold(held_out, forgetting)
-    court = Court(screen, everything, held, step, seed)
-    some = _objective(fitted, screen, forgetting, SEARCH_S, min(SEARCH_STEP_S, own))
-    proven, considered = _found(screen, some, court, say)
+    court = Court(screen, some, everything, whole, held, step, seed)
+    proven, considered = _found(court, say)
     say("judging", 0.8)
     judged = court.judge(proven)
     say("preparing pictures", 0.9)
@@ -123,11 +125,9 @@ def _told(
     )
 
 
-def _found(
-    screen: Screen, objective: Objective, court: Court, say: Report
-) -> tuple[Judged, tuple[Considered, ...]]:
+def _found(court: Court, say: Report) -> tuple[Judged, tuple[Considered, ...]]:
     """Search and prove; where the proof drops effects and leaves errors, search for others."""
-    outcome, banned = search(screen, objective, say), set[Key]()
+    outcome, banned = search(court.screen, court.some, say), set[Key]()
     considered = outcome.considered
     for attempt in range(1, ATTEMPTS + 1):
         say("estimating and proving", 0.7)
@@ -138,7 +138,7 @@ def _found(
             break
         kept = {a.planted.key for a in proven.accepted}
         banned |= {a.planted.key for a in outcome.accepted} - kept
-        outcome = search(screen, objective, say, proven.accepted, banned)
+        outcome = search(court.screen, court.some, say, proven.accepted, banned)
         considered += outcome.considered
     return proven, considered
 
@@ -148,10 +148,15 @@ def _silent(what: str, share: float) -> None:
 
 
 def _objective(
-    smoothed: Smoothed, screen: Screen, forgetting: bool, seconds: float, step: float
+    sets: Sequence[Smoothed], screen: Screen, forgetting: bool, seconds: float, step: float
 ) -> Objective:
-    pairs = stretches_of(smoothed, forgetting, seconds)
-    return Objective(smoothed, pairs, screen.velocity_noise, step, forgetting)
+    """Replays of one or more sets of recordings, which are counted through."""
+    pairs, before = [], 0
+    for smoothed in sets:
+        some = stretches_of(smoothed, forgetting, seconds)
+        pairs += [(replace(s, recording=s.recording + before), q) for s, q in some]
+        before += max(s.recording for s in smoothed.samples) + 1
+    return Objective(sets[0], pairs, screen.velocity_noise, step, forgetting)
 
 
 def _too_coarse(scene: Scene, held: proof.Held, judged: Judged) -> bool:

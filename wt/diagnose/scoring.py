@@ -38,12 +38,14 @@ class Block:
         effect: what.
         at: where.
         shape: its nonlinear parameters.
-        columns: weak force per unit of each coefficient, (R, nv, k).
+        dofs: degrees of freedom that it acts on, (m,).
+        columns: weak force on these per unit of each coefficient, (R, m, k).
     """
 
     effect: Effect
     at: Location
     shape: Shape
+    dofs: Array
     columns: Array
 
     @property
@@ -57,6 +59,14 @@ class Block:
         found = np.zeros(self.columns.shape[2])
         given = self.effect.signed[: len(found)]
         found[: len(given)] = given
+        return found
+
+    def on(self, dofs: Sequence[int]) -> Array:
+        """Weak force on some degrees of freedom, (R, len(dofs), k)."""
+        found = np.zeros((len(self.columns), len(dofs), self.columns.shape[2]))
+        both = [(dofs.index(d), m) for m, d in enumerate(self.dofs) if d in dofs]
+        for here, there in both:
+            found[:, here] = self.columns[:, there]
         return found
 
     def planted(self, coefficients: Array) -> Planted:
@@ -79,17 +89,21 @@ class Base:
         for _ in range(3):
             x = bounded(columns, screen.residual, self.weight, bound)
             self.left = screen.residual - columns @ x
-            self.mse = self._mse(self.left)
+            self.mse = self._mse((self.keep * self.left**2).sum(axis=0))
             self.weight = self.keep / self.mse
         self.columns = columns
         self.room = np.stack([-bound - x, bound - x])
-        self.weighted = (columns * self.weight[:, :, None]).reshape(-1, columns.shape[2])
-        self.gram = self.weighted.T @ columns.reshape(self.weighted.shape)
-        self.right = self.weighted.T @ self.left.reshape(-1)
+        # per joint: what a step costs in squares is known without looking at the rows again
+        kept = columns * self.keep[:, :, None]
+        self.squares = np.einsum("rj,rj->j", self.keep * self.left, self.left)
+        self.cross = np.einsum("rji,rj->ji", kept, self.left)
+        self.grams = np.stack([kept[:, j].T @ columns[:, j] for j in range(len(self.mse))])
+        self.gram = np.tensordot(1.0 / self.mse, self.grams, 1)
+        self.right = self.cross.T @ (1.0 / self.mse)
 
-    def _mse(self, left: Array) -> Array:
+    def _mse(self, squares: Array) -> Array:
         count = np.maximum(self.keep.sum(axis=0), 1)
-        return np.maximum((self.keep * left**2).sum(axis=0) / count, self.screen.floor**2)
+        return np.maximum(squares / count, self.screen.floor**2)
 
     def fit(self, *blocks: Block) -> tuple[float, tuple[Planted, ...]]:
         """Blocks together, everything else free to adapt.
@@ -100,7 +114,7 @@ class Base:
         """
         if not all(b.usable for b in blocks):
             return -np.inf, tuple(b.planted(np.zeros(b.columns.shape[2])) for b in blocks)
-        coefficients, left = self._solve(blocks)
+        coefficients, squares = self._solve(blocks)
         planted, price, start = [], 0, 0
         for block in blocks:
             end = start + block.columns.shape[2]
@@ -109,30 +123,35 @@ class Base:
             start = end
         # neighbouring windows overlap: only every WINDOW / STRIDE-th row is new
         count = self.keep.sum(axis=0) * STRIDE / WINDOW
-        gained = 0.5 * float(count @ np.log(self.mse / self._mse(left)))
+        gained = 0.5 * float(count @ np.log(self.mse / self._mse(squares)))
         gained -= 0.5 * price * float(np.log(max(count.sum(), 2.0)))
         return gained, tuple(planted)
 
     def _solve(self, blocks: Sequence[Block]) -> tuple[Array, Array]:
-        """(coefficients of the blocks, with the signs they must have; what is left)."""
-        columns = np.concatenate([b.columns for b in blocks], axis=2)
+        """(coefficients of the blocks, with the signs they must have; squares left per joint)."""
+        dofs = sorted({int(d) for b in blocks for d in b.dofs})
+        columns = np.concatenate([b.on(dofs) for b in blocks], axis=2)
         signs = np.concatenate([b.signs for b in blocks])
         k = columns.shape[2]
-        flat = columns.reshape(-1, k)
-        weighted = self.weight.reshape(-1, 1) * flat
-        cross = self.weighted.T @ flat
-        gram = np.block([[weighted.T @ flat, cross.T], [cross, self.gram]])
-        right = np.concatenate([weighted.T @ self.left.reshape(-1), self.right])
+        kept = columns * self.keep[:, dofs, None]
+        own = [kept[:, m].T @ columns[:, m] for m in range(len(dofs))]
+        cross = [self.columns[:, d].T @ kept[:, m] for m, d in enumerate(dofs)]
+        right = [kept[:, m].T @ self.left[:, d] for m, d in enumerate(dofs)]
+        weight = 1.0 / self.mse[dofs]
+        mixed = np.tensordot(weight, cross, 1)
+        gram = np.block([[np.tensordot(weight, own, 1), mixed.T], [mixed, self.gram]])
         low = np.concatenate([np.where(signs > 0, 0.0, -np.inf), self.room[0]])
         high = np.concatenate([np.where(signs < 0, 0.0, np.inf), self.room[1]])
         # a push along an axis, say, that moves no joint: its size is anybody's guess
         size = np.diag(gram)[:k]
         idle = np.flatnonzero(size < _IDLE * size.max())
         low[idle], high[idle] = 0.0, 0.0
-        step = _clamped(gram, right, low, high)
-        base = self.columns.reshape(-1, self.columns.shape[2])
-        left = self.left - (flat @ step[:k] + base @ step[k:]).reshape(self.left.shape)
-        return step[:k], left
+        step = _clamped(gram, np.concatenate([weight @ right, self.right]), low, high)
+        x, rest = step[:k], step[k:]
+        squares = self.squares - 2.0 * self.cross @ rest + self.grams @ rest @ rest
+        for m, d in enumerate(dofs):
+            squares[d] += x @ own[m] @ x - 2.0 * right[m] @ x + 2.0 * rest @ cross[m] @ x
+        return x, np.maximum(squares, 0.0)
 
 
 def _clamped(gram: Array, right: Array, low: Array, high: Array) -> Array:

@@ -9,7 +9,7 @@ so far, and what any rig is off by inside its box.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -29,7 +29,7 @@ Array = np.ndarray
 
 SLOW = 0.05
 """Below this speed [rad/s] presliding decides friction, and a row is left out."""
-REFINED = 30
+REFINED = 20
 """So many of the best hypotheses get their shapes polished."""
 _EDGE = 3  # windows left out at either end of a segment, where a spline is loose
 
@@ -100,11 +100,16 @@ class Screen:
             out += weight * signal[self.rows + k - half]
         return out
 
-    def rank(self, accepted: Sequence[tuple[Planted, Shape | None]]) -> list[Scored]:
-        """Every effect at every place, best shape each, by falling gain.
+    def rank(
+        self,
+        accepted: Sequence[tuple[Planted, Shape | None]],
+        only: Container[tuple[str, Location]] | None = None,
+    ) -> list[Scored]:
+        """Effects at places, best shape each, by falling gain.
 
         Args:
             accepted: effects found already, with the shape of their signature; they stay free.
+            only: ids and places that are ranked; every effect at every place if left out.
         """
         base = Base(self, [self._accepted(p, s) for p, s in accepted if s is not None])
         rest = reduced(self.motion, [p for p, _ in accepted])
@@ -112,7 +117,8 @@ class Screen:
         scored: list[Scored] = []
         for effect in effects().values():
             for at in effect.places(self.motion.scene):
-                if (effect.id, at.kind, at.name) in taken:
+                wanted = only is None or (effect.id, at) in only
+                if not wanted or (effect.id, at.kind, at.name) in taken:
                     continue
                 options = [_scored(base, b) for b in self._blocks(effect, at, rest)]
                 if options:
@@ -159,10 +165,11 @@ class Screen:
         self, effect: Effect, at: Location, shape: Shape, motion: Motion | None = None
     ) -> Block:
         columns = effect.columns(motion or self.motion, at, shape)
-        return Block(effect, at, shape, self.weak(columns))
+        dofs = np.flatnonzero(columns.any(axis=(0, 2)))
+        return Block(effect, at, shape, dofs, self.weak(columns[:, dofs]))
 
     def _accepted(self, planted: Planted, shape: Shape) -> Array:
-        return self._block(planted.effect, planted.at, shape).columns
+        return self._block(planted.effect, planted.at, shape).on(range(self.motion.q.shape[1]))
 
     def _polished(self, base: Base, scored: Scored) -> Scored:
         """A hypothesis with its shape improved by Nelder-Mead."""

@@ -22,10 +22,16 @@ def erring_joints(objective: Objective, assessed: Assessed) -> list[int]:
     return [int(d) for d in np.flatnonzero(assessed.mse > (CLEAN * objective.floor) ** 2)]
 
 
+def improvable(objective: Objective, now: Assessed) -> list[int]:
+    """Degrees of freedom of whose error an addition could remove the share that it must."""
+    drop = 1.0 - objective.floor**2 / now.mse
+    return [int(d) for d in np.flatnonzero(drop > MIN_DROP)]
+
+
 def exhausted(objective: Objective, now: Assessed) -> bool:
     """Whether no addition could earn its place: even one that leaves the smallest error."""
     perfect = -float(objective.count @ np.log(objective.floor))
-    return perfect - now.loglik < MIN_NATS
+    return perfect - now.loglik < MIN_NATS or not improvable(objective, now)
 
 
 def simplest(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> Assessed:

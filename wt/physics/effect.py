@@ -146,6 +146,10 @@ class Effect(abc.ABC):
         """Parameters to start the replay's refinement from where no signature tells."""
         return []
 
+    def beyond(self, motion: Motion, at: Location, law: str, theta: Array) -> Sequence[Array]:
+        """Parameters to start from where a law that this one contains was found."""
+        return []
+
     def shaped(self, shape: Shape) -> Effect:
         """The effect bound to what ``theta`` leaves open of a shape, such as times of events."""
         return self

@@ -79,6 +79,12 @@ class FrictionStribeck(Effect):
         """Friction by an elastic bristle that slips."""
         return _Sticking(scene, at.name, theta)
 
+    def beyond(self, motion: Motion, at: Location, law: str, theta: Array) -> Sequence[Array]:
+        """Coulomb's friction with half as much more at rest: the screen leaves slow rows out."""
+        if law != "joint.friction_coulomb":
+            return []
+        return [np.array([theta[0], 1.5 * theta[0], v]) for (v,) in self.shapes(motion, at)]
+
     def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
         """Without a rise of a tenth towards rest it is plain dry friction."""
         return bool(theta[1] > 1.1 * theta[0])

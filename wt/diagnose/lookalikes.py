@@ -1,0 +1,155 @@
+"""Of laws that look alike, the one by which all recordings are most likely.
+
+The search compares many hypotheses on a part of the data, most of them hardly refined. A joint
+under a load of one sign, say, is pushed aside by a constant, and it takes every motion recorded to
+tell a drive's dead band from its bias, from play in the gear or from an encoder's zero. So each
+effect that was found is compared once more with its lookalikes, all of them refined, on all
+recordings, those held out among them: which of them it is, not whether there is one, and not how
+large it is, which both remain to be proven and estimated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wt.diagnose.addition import EQUIVALENT_NATS, Accepted
+from wt.diagnose.estimate import Estimated, estimate
+from wt.diagnose.hypotheses import alike, excluded, near
+from wt.diagnose.objective import Assessed, Hypothesis, Objective, without
+from wt.diagnose.refine import refine
+from wt.diagnose.screen import Screen
+from wt.diagnose.worth import MIN_NATS, price, worth
+from wt.physics.effect import Shape, effects
+from wt.physics.replay import Key, Planted
+
+Start = tuple[Planted, Shape | None]
+"""Parameters to start from, and the shape of the signature if there is one."""
+
+_STARTS, _STEPS = 2, 2
+"""So many starts of each lookalike get so many steps, then the best, then that on all data, …"""
+_FAR, _HOPELESS = 120.0, 30.0
+"""… unless they are so many nats worse than what was found before the second and the third."""
+
+_EVIDENT = 1.0
+"""A lookalike must be so many nats ahead to take the place of what was found."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lookalikes:
+    """What is needed to compare them.
+
+    Attributes:
+        screen: the force residual, for where they start.
+        some: replays of a part of the fitted data, for their first steps.
+        objective: replays of all of them.
+        whole: replays of these and of the held-out recordings.
+    """
+
+    screen: Screen
+    some: Objective
+    objective: Objective
+    whole: Objective
+
+    def settled(
+        self, accepted: tuple[Accepted, ...], estimated: Estimated
+    ) -> tuple[tuple[Accepted, ...], Estimated]:
+        """The same effects, each by the best of its lookalikes; what comes close is its rival.
+
+        Args:
+            accepted: effects.
+            estimated: their parameters.
+        """
+        for i, now in enumerate(accepted):
+            present = estimated.assessed
+            starts = self._starts(accepted, present, i)
+            if not starts:
+                continue
+            options = self._compared(present.hypothesis, i, [p for p, _ in starts])
+            ahead, best = max(options, key=lambda option: option[0])
+            law = best[i]
+            if ahead > _EVIDENT:
+                now = Accepted(law, next(shape for p, shape in starts if p.key == law.key), ())
+                parts = (*present.hypothesis[:i], law, *present.hypothesis[i + 1 :])
+                estimated = estimate(self.objective, parts)
+            close = [h[i] for x, h in options if x > ahead - EQUIVALENT_NATS]
+            rivals = tuple(p for p in close if p.key != now.planted.key)
+            now = replace(now, rivals=rivals)
+            accepted = (*accepted[:i], now, *accepted[i + 1 :])
+        return accepted, estimated
+
+    def _starts(self, accepted: Sequence[Accepted], now: Assessed, index: int) -> list[Start]:
+        """Lookalikes of an effect at its place or close to it, each from where it may start."""
+        hypothesis, rivals = now.hypothesis, accepted[index].rivals
+        found, rest = hypothesis[index], without(hypothesis, index)
+        motion = self.screen.motion
+        wanted = {
+            (name, at) for name in alike(found.effect.id) for at in near(motion.scene, found.at)
+        } | {(r.effect.id, r.at) for r in rivals}
+        known = [(p, a.shape) for p, a in zip(hypothesis, accepted, strict=True) if p is not found]
+        ranked = [s for s in self.screen.rank(known, wanted) if np.isfinite(s.gain)]
+        shapes: dict[Key, Shape | None] = {s.planted.key: s.shape for s in ranked}
+        starts = [*(s.planted for s in ranked), *rivals]
+        for name, at in sorted(wanted, key=str):
+            effect = effects()[name]
+            if at in effect.places(motion.scene):
+                here = [] if effect.shapes(motion, at) else effect.starts(motion, at)
+                more = effect.beyond(motion, at, found.effect.id, found.theta)
+                starts += [Planted(effect, at, theta) for theta in (*here, *more)]
+        possible = [
+            p
+            for p in starts
+            if p.key != found.key and not any(p.key == r.key or excluded(p, r) for r in rest)
+        ]
+        perfect = -float(self.objective.count @ np.log(self.objective.floor))
+        room = perfect - now.loglik
+        return [(p, shapes.get(p.key)) for p in possible if self._due(p, found) < max(room, 0.1)]
+
+    def _due(self, law: Planted, found: Planted) -> float:
+        """What a law must be ahead by for being larger than the one that was found [nats]."""
+        if law.effect.n_free <= found.effect.n_free:
+            return 0.0
+        larger, smaller = (price(self.objective, (p,)) for p in (law, found))
+        return MIN_NATS + larger - smaller
+
+    def _compared(
+        self, hypothesis: Hypothesis, index: int, starts: Sequence[Planted]
+    ) -> list[tuple[float, Hypothesis]]:
+        """Lookalikes in the place of an effect, and it: how many nats each is ahead of it."""
+        present = self.some.reference(hypothesis)
+        tried = [(*hypothesis[:index], p, *hypothesis[index + 1 :]) for p in starts]
+        begun = _best_of_each(self.some.evaluate(tried), index, _STARTS)
+        for _ in range(2):
+            fits = refine(self.some, [f.hypothesis for f in begun], [[index]] * len(begun), _STEPS)
+            near_it = [f for f in fits if f.loglik > present.loglik - _FAR]
+            begun = _best_of_each(near_it, index, 1)
+        going = [f.hypothesis for f in begun if worth(self.some, f, present) > -_HOPELESS]
+        if not going:
+            return [(0.0, hypothesis)]
+        events = any(p.effect.observed() for p in hypothesis)  # at other times in other recordings
+        judge = self.objective if events else self.whole
+        judge.reference(hypothesis)
+        everything = [range(len(hypothesis))] * (len(going) + 1)
+        now, *others = refine(judge, [hypothesis, *going], everything, _STEPS)
+        size = _size(now)
+        return [(0.0, hypothesis)] + [
+            (worth(judge, f, now) - MIN_NATS * (_size(f) > size), f.hypothesis) for f in others
+        ]
+
+
+def _best_of_each(fits: Iterable[Assessed], index: int, most: int) -> list[Assessed]:
+    """The best fits of each law in a place, at most so many of each."""
+    count: dict[Key, int] = {}
+    found = []
+    for fit in sorted(fits, key=lambda f: -f.loglik):
+        key = fit.hypothesis[index].key
+        count[key] = count.get(key, 0) + 1
+        if np.isfinite(fit.loglik) and count[key] <= most:
+            found.append(fit)
+    return found
+
+
+def _size(fit: Assessed) -> int:
+    return sum(p.effect.n_free for p in fit.hypothesis)
