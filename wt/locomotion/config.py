@@ -105,6 +105,7 @@ class Policy:
     name: str = omegaconf.MISSING
     robot: str = omegaconf.MISSING
     robots: int = 2048
+    processes: int = 1
     seed: int = 0
     threads: int = 0
     device: Device = "auto"
@@ -136,6 +137,11 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Policy:
     robot_of(config.robot)
     if not config.ppo.hidden or min(config.ppo.hidden) < 1:
         raise ConfigError(f"ppo.hidden {config.ppo.hidden} needs at least one layer of one unit")
+    if config.robots % config.processes:
+        raise ConfigError(
+            f"robots {config.robots} cannot be shared evenly among {config.processes} processes; "
+            f"robots={-(-config.robots // config.processes) * config.processes} can"
+        )
     for name in ("standing", "single"):
         if getattr(config.commands, name) > 1:
             raise ConfigError(
@@ -145,7 +151,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Policy:
 
 
 _ABOVE_ZERO = {
-    "robots", "save_every", "seconds", "push_seconds", "linear_width", "turn_width",
+    "robots", "processes", "save_every", "seconds", "push_seconds", "linear_width", "turn_width",
     "iterations", "steps", "init_std", "epochs", "mini_batches", "learning_rate", "desired_kl",
     "clip", "forward", "turn",
 }  # fmt: skip

@@ -62,7 +62,7 @@ def run(
     if show:
         show("evaluating", 1.0)
     policy = Policy.load(folder, config.body(), config.physics)
-    figures = evaluate(config, policy.act, threads=config.threads)
+    figures = evaluate(config, policy.act, threads=config.threads * config.processes)
     export.write(trained, config, folder, made_by, figures.plain())
     if install:
         export.write(trained, config, SHIPPED / config.name, made_by, figures.plain())

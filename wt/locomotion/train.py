@@ -21,6 +21,7 @@ from rsl_rl.runners import OnPolicyRunner
 from wt.errors import ConfigError, WorkError
 from wt.locomotion.config import Policy, Ppo
 from wt.locomotion.env import Walking
+from wt.locomotion.parts import Parts, environment
 from wt.schema import to_yaml
 from wt.show.files import write_whole
 
@@ -152,7 +153,7 @@ def runner_config(ppo: Ppo) -> dict[str, Any]:
     }
 
 
-def make_runner(env: Walking, ppo: Ppo, device: str) -> OnPolicyRunner:
+def make_runner(env: Walking | Parts, ppo: Ppo, device: str) -> OnPolicyRunner:
     """rsl_rl's runner, without its printing and log files."""
     with contextlib.redirect_stdout(io.StringIO()):
         return OnPolicyRunner(env, runner_config(ppo), log_dir=None, device=device)
@@ -197,7 +198,7 @@ def _start(
     """A runner with new nets, with those of the checkpoint, or with those of another training."""
     device = choose_device(config)
     torch.manual_seed(config.seed)
-    runner = make_runner(Walking(config, device), config.ppo, device)
+    runner = make_runner(environment(config, device), config.ppo, device)
     if saved is not None:
         _restore(runner, saved, checkpoint)
     elif start_from is not None:

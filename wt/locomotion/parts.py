@@ -1,0 +1,168 @@
+"""One environment in several processes, for machines with many cores.
+
+Physics runs on as many threads as there are cores, but what comes after it (observations, rewards,
+restarts) on one. In processes of their own, parts of the robots have both to themselves. What they
+exchange with the trainer lies in memory that all of them see.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from multiprocessing.sharedctypes import RawArray
+from typing import Any
+
+import numpy as np
+import torch
+from rsl_rl.env import VecEnv
+from tensordict import TensorDict
+
+from wt.errors import WorkError
+from wt.locomotion.config import Policy
+from wt.locomotion.env import Walking, make_herd
+from wt.locomotion.mirror import Mirror
+
+Array = np.ndarray
+Raw = dict[str, tuple[Any, str, tuple[int, ...]]]
+"""Memory that processes share, by name: bytes, type and shape of the array in them."""
+
+_SEEDS = 1000  # between the seeds of two parts
+_STEP, _REPORT = b"step", b"report"
+_GROUPS = ("policy", "privileged")  # of observations
+
+
+def environment(config: Policy, device: str) -> Walking | Parts:
+    """The environment that a configuration describes, in as many processes as it says."""
+    return Walking(config, device) if config.processes == 1 else Parts(config, device)
+
+
+class Parts(VecEnv):
+    """``config.processes`` environments of equal size as one: :class:`wt.locomotion.env.Walking`.
+
+    Attributes:
+        mirror: for the symmetry extension.
+    """
+
+    def __init__(self, config: Policy, device: str) -> None:
+        """Start all processes and robots.
+
+        Args:
+            config: what is trained; each process has its share of the robots and its own seed.
+            device: of the tensors; the simulation is on the processor.
+        """
+        self.cfg, self.device = config, device
+        herd = make_herd(config, 1, threads=1)
+        self.num_envs, self.num_actions = config.robots, len(herd.robot.joints)
+        self.max_episode_length = round(config.episodes.seconds / herd.dt)
+        self.mirror = Mirror(herd.robot, herd.model, device)
+        n, feet = self.num_actions, len(herd.robot.feet)
+        raw = _allocate(config.robots, n, feet)
+        self._shared = _views(raw)
+        self.episode_length_buf = torch.from_numpy(self._shared["length"])
+        context = multiprocessing.get_context("spawn")
+        self._links: list[Connection] = []
+        for k, rows in enumerate(_shares(config)):
+            ours, theirs = context.Pipe()
+            part = replace(
+                config, robots=rows.stop - rows.start, processes=1, seed=config.seed + _SEEDS * k
+            )
+            context.Process(target=_serve, args=(part, theirs, raw, rows), daemon=True).start()
+            theirs.close()  # so that the end of the process is the end of the connection
+            self._links.append(ours)
+        self._await()
+
+    def get_observations(self) -> TensorDict:
+        """The observations as they are now."""
+        groups = {name: self._copy(name) for name in _GROUPS}
+        return TensorDict(groups, batch_size=[self.num_envs], device=self.device)
+
+    def step(
+        self, actions: torch.Tensor
+    ) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, torch.Tensor]]:
+        """One control step of all robots; who falls or is out of time starts anew."""
+        self._shared["action"][:] = actions.cpu().numpy()
+        self._tell(_STEP)
+        self._await()
+        extras = {"time_outs": self._copy("time_out")}
+        return self.get_observations(), self._copy("reward"), self._copy("done"), extras
+
+    def report(self) -> dict[str, float]:
+        """Means since the last call over all parts, as :meth:`wt.locomotion.env.Walking.report`."""
+        self._tell(_REPORT)
+        rows: list[dict[str, float]] = self._await()
+        return {name: sum(row[name] for row in rows) / len(rows) for name in rows[0]}
+
+    def _copy(self, name: str) -> torch.Tensor:
+        # a copy, since the next step writes over what is shared
+        return torch.tensor(self._shared[name], device=self.device)
+
+    def _tell(self, message: bytes) -> None:
+        with suppress(OSError):  # of a process that is gone: _await says so
+            for link in self._links:
+                link.send_bytes(message)
+
+    def _await(self) -> list[Any]:
+        try:
+            return [link.recv() for link in self._links]
+        except (EOFError, OSError) as error:
+            raise WorkError(
+                "a process of the training's environment ended; what it printed says why, or take "
+                "processes=1"
+            ) from error
+
+
+def _shares(config: Policy) -> Iterator[slice]:
+    size = config.robots // config.processes
+    return (slice(k * size, (k + 1) * size) for k in range(config.processes))
+
+
+def _allocate(robots: int, joints: int, feet: int) -> Raw:
+    shapes = {
+        "action": ("f4", joints), "policy": ("f4", 6 + 3 * joints + 3),
+        "privileged": ("f4", 5 + 4 * feet), "reward": ("f4", 0), "done": ("?", 0),
+        "time_out": ("?", 0), "length": ("i8", 0),
+    }  # fmt: skip
+    out: Raw = {}
+    for name, (kind, width) in shapes.items():
+        shape = (robots, width) if width else (robots,)
+        out[name] = (RawArray("b", np.dtype(kind).itemsize * int(np.prod(shape))), kind, shape)
+    return out
+
+
+def _views(raw: Raw) -> dict[str, Array]:
+    return {
+        name: np.frombuffer(memory, kind).reshape(shape)
+        for name, (memory, kind, shape) in raw.items()
+    }
+
+
+def _serve(config: Policy, link: Connection, raw: Raw, rows: slice) -> None:
+    """What a process does until the trainer is gone: a part of the robots, its rows of the arrays.
+
+    It answers every message: None when what is shared is up to date, else the report.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the trainer keeps what there is
+    torch.set_num_threads(1)
+    shared = {name: array[rows] for name, array in _views(raw).items()}
+    env = Walking(config, "cpu")
+    shared["length"][:] = env.episode_length_buf.numpy()
+    env.episode_length_buf = torch.from_numpy(shared["length"])
+    observations = env.get_observations()
+    for name in _GROUPS:
+        shared[name][:] = observations[name].numpy()
+    link.send(None)
+    with suppress(EOFError, BrokenPipeError):
+        while True:
+            if link.recv_bytes() == _REPORT:
+                link.send(env.report())
+                continue
+            observations, reward, done, extras = env.step(torch.from_numpy(shared["action"]))
+            for name in _GROUPS:
+                shared[name][:] = observations[name].numpy()
+            shared["reward"][:], shared["done"][:] = reward.numpy(), done.numpy()
+            shared["time_out"][:] = extras["time_outs"].numpy()
+            link.send(None)
