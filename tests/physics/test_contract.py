@@ -108,20 +108,27 @@ def test_signatures_fit_the_motion(name: str, arm: Scene, recorded: Run) -> None
             assert not effect.signed or len(effect.signed) == columns.shape[2]
             theta = effect.theta(np.full(columns.shape[2], 0.1), shape)
             assert np.shape(theta) == (effect.n_theta,)
-        for start in effect.starts(moved, at):
+        larger = effect.beyond(moved, at, "joint.friction_coulomb", np.array([0.2]))
+        for start in (*effect.starts(moved, at), *larger):
             lower, upper = effect.bounds()
             assert ((lower <= start) & (start <= upper)).all()
 
 
-@pytest.mark.parametrize("name", sorted(set(TABLE) - set(WITHOUT)))
+def declared(name: str) -> list[float | None]:
+    return [p.neutral for p in effects()[name].parameters for _ in range(p.size)]
+
+
+def test_every_effect_says_where_it_is_nothing_if_it_ever_is() -> None:
+    assert {name for name in TABLE if not any(n is not None for n in declared(name))} == set(
+        ENDLESS
+    )
+
+
+@pytest.mark.parametrize("name", sorted(set(TABLE) - set(WITHOUT) - set(ENDLESS)))
 def test_neutral_parameters_change_nothing(name: str, arm: Scene) -> None:
     effect = effects()[name]
     given = next((t.theta for t in TRUTHS if t.id == name), np.ones(effect.n_theta))
-    declared = [p.neutral for p in effect.parameters for _ in range(p.size)]
-    if declared == [None] * len(declared):
-        assert name in ENDLESS, "say where the effect is nothing"
-        return
-    theta = [g if n is None else n for g, n in zip(given, declared, strict=True)]
+    theta = [g if n is None else n for g, n in zip(given, declared(name), strict=True)]
     before = acceleration(arm.spec().compile())
     for at in effect.places(arm):
         spec = arm.spec()

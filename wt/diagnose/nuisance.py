@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wt.physics.effect import effects
+from wt.physics.effect import Effect, effects
 from wt.physics.motion import Motion
 from wt.physics.replay import Planted
 from wt.physics.scene import Scene
@@ -30,14 +30,17 @@ class Nuisance:
     """One small error of unknown sign.
 
     Attributes:
-        planted: the effect that expresses it, one standard deviation large.
-        neutral: its ``theta`` when there is no error.
+        planted: the effect that expresses it, one standard deviation large; of one parameter.
         lowest: smallest ``theta`` that a model can hold.
     """
 
     planted: Planted
-    neutral: Array
     lowest: float = -np.inf
+
+    @property
+    def neutral(self) -> float:
+        """Its parameter when there is no error."""
+        return _neutral(self.planted.effect)
 
     def scaled(self, size: float) -> Planted:
         """The effect of an error of ``size`` standard deviations."""
@@ -56,27 +59,31 @@ def nuisances(scene: Scene) -> tuple[Nuisance, ...]:
     known = effects()
     found: list[Nuisance] = []
 
-    def add(
-        effect: str, at: Location, size: float, neutral: float, lowest: float = -np.inf
-    ) -> None:
-        theta = np.array([neutral + size])
-        found.append(Nuisance(Planted(known[effect], at, theta), np.array([neutral]), lowest))
+    def add(effect: str, at: Location, size: float, lowest: float = -np.inf) -> None:
+        theta = np.array([_neutral(known[effect]) + size])
+        found.append(Nuisance(Planted(known[effect], at, theta), lowest))
 
     for body in scene.moving:
-        add("body.mass", Location("body", body), _MASS, 1.0)
+        add("body.mass", Location("body", body), _MASS)
     for joint in scene.joints:
         dof = scene.dof(joint)
         if m.dof_damping[dof] > 0.0:
             at = Location("joint", joint)
-            add("joint.friction_viscous", at, _DAMPING * float(m.dof_damping[dof]), 0.0)
+            add("joint.friction_viscous", at, _DAMPING * float(m.dof_damping[dof]))
         # half the rotor's inertia is rarely published; a share of the whole is what is unsure
         share, own = _ARMATURE * float(m.dof_M0[dof]), float(m.dof_armature[dof])
-        add("joint.armature", Location("joint", joint), share, 0.0, -own)
+        add("joint.armature", Location("joint", joint), share, -own)
     for drive in scene.drives:
         at = Location("actuator", drive.name)
-        add("actuator.gain", at, _GAIN, 1.0)
-        add("actuator.delay", at, _DELAY, 0.0)
+        add("actuator.gain", at, _GAIN)
+        add("actuator.delay", at, _DELAY)
     return tuple(found)
+
+
+def _neutral(effect: Effect) -> float:
+    (parameter,) = effect.parameters
+    assert parameter.neutral is not None
+    return parameter.neutral
 
 
 def forces(motion: Motion, some: Sequence[Nuisance]) -> list[Array]:
@@ -84,7 +91,7 @@ def forces(motion: Motion, some: Sequence[Nuisance]) -> list[Array]:
     columns = []
     for n in some:
         effect, at = n.planted.effect, n.planted.at
-        size = float(n.planted.theta[0] - n.neutral[0])
+        size = float(n.planted.theta[0] - n.neutral)
         if effect.id == "actuator.delay":
             # a delay of its own is the shape, with coefficient one
             columns.append(effect.columns(motion, at, (size,))[:, :, 0])
