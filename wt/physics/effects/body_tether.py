@@ -12,6 +12,10 @@ from wt.types import Location
 Array = np.ndarray
 
 
+_FAR = 4.0
+"""The farthest anchor that a signature may say [m]: within the bounds, or the pull is lost."""
+
+
 @register
 class BodyTether(Effect):
     """F = stiffness · (anchor − x) on the origin x of the body's frame."""
@@ -33,8 +37,9 @@ class BodyTether(Effect):
         return np.concatenate([pull[:, :, None], np.swapaxes(point.jacobian, 1, 2)], axis=2)
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
-        """(stiffness, anchor)."""
-        k = max(float(coefficients[0]), 1e-6)
+        """(stiffness, anchor); a pull that does not change comes from far away."""
+        pull = float(np.abs(coefficients[1:]).max())
+        k = max(float(coefficients[0]), pull / _FAR, 1e-6)
         return np.array([k, *(coefficients[1:] / k)])
 
     def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
