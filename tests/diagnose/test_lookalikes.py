@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -13,7 +14,9 @@ from wt.diagnose.addition import Accepted
 from wt.diagnose.estimate import estimate
 from wt.diagnose.hypotheses import ALIKE, alike, near
 from wt.diagnose.lookalikes import Lookalikes
+from wt.diagnose.screen import Screen
 from wt.physics.effect import effects
+from wt.physics.motion import Motion
 from wt.physics.replay import Planted
 from wt.physics.scene import Scene
 from wt.types import Location
@@ -38,7 +41,7 @@ def sticky(tmp_path_factory: pytest.TempPathFactory) -> World:
 
 
 def lookalikes(some: World) -> Lookalikes:
-    return Lookalikes(some.screen, some.objective, some.objective, some.objective)
+    return Lookalikes(some.screen, some.objective, some.objective, lambda: some.objective)
 
 
 def settled(some: World, effect: str, at: Location, *theta: float) -> Accepted:
@@ -89,12 +92,11 @@ def test_a_larger_law_is_not_tried_where_nothing_is_left_for_it(pushed: World) -
 def test_places_close_to_one_another_are_near(tmp_path: Path) -> None:
     (tmp_path / "chain.xml").write_text(chain(3))
     scene = Scene(tmp_path / "chain.xml")
+    screen = Mock(spec=Screen, motion=Mock(spec=Motion, scene=scene))
     link, joint = Location("body", "link2"), Location("joint", "j2")
     drive, anywhere = Location("actuator", "a2"), Location("world", "world")
-    assert {link, joint, drive} <= set(near(scene, joint)) and set(near(scene, drive)) >= {
-        joint,
-        link,
-    }
-    assert {x.name for x in near(scene, link) if x.kind == "body"} == {"link1", "link2", "link3"}
-    assert joint in near(scene, link)
-    assert near(scene, anywhere) == [anywhere, Location("sensor", "all")]
+    assert {link, joint, drive} <= set(near(screen, joint))
+    assert {link, joint} <= set(near(screen, drive))
+    assert {x.name for x in near(screen, link) if x.kind == "body"} == {"link1", "link2", "link3"}
+    assert joint in near(screen, link)
+    assert near(screen, anywhere) == [anywhere, Location("sensor", "all")]

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from wt.diagnose.objective import Assessed, Hypothesis, Objective
-from wt.diagnose.refine import bounds, jacobian, pack, refine
+from wt.diagnose.refine import bounds, jacobian, pack, refine, steps
 from wt.diagnose.result import Estimate
 from wt.physics.effect import Parameter
 from wt.physics.replay import Planted
@@ -56,7 +56,7 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     parts = range(len(start))
     (now,) = refine(objective, [start], [parts], iterations=3)
     theta = pack(now.hypothesis, parts)
-    if (np.abs(theta - pack(start, parts)) > _NEAR * np.abs(theta) + _steps(start)).any():
+    if (np.abs(theta - pack(start, parts)) > _NEAR * np.abs(theta) + steps(start, parts)).any():
         now = objective.reference(now.hypothesis, now.nuisance)
     (slope,) = jacobian(objective, [now], [parts])
     spread = np.hypot(_spread(objective, now, slope), _inexact(now.hypothesis))
@@ -68,10 +68,6 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
         offset = rows.stop
         estimates.append(_named(planted, low[rows], high[rows]))
     return Estimated(now, tuple(estimates))
-
-
-def _steps(hypothesis: Hypothesis) -> Array:
-    return np.concatenate([p.effect.steps() for p in hypothesis])
 
 
 def least_certain(estimated: Estimated) -> int | None:

@@ -12,7 +12,6 @@ from wt.diagnose.worth import erring_joints, improvable
 from wt.physics.acting import is_live
 from wt.physics.effect import Shape, effects
 from wt.physics.replay import Planted
-from wt.physics.scene import Scene
 from wt.types import Location
 
 Array = np.ndarray
@@ -71,7 +70,7 @@ def candidates(
         (name, place)
         for s in strong
         for name in alike(s.planted.effect.id)
-        for place in near(screen.motion.scene, s.planted.at)
+        for place in near(screen, s.planted.at)
     }
     # where replays err and forces show nothing, every effect of that joint gets its chance
     excess = now.mse / objective.floor**2
@@ -114,8 +113,9 @@ def alike(effect: str) -> frozenset[str]:
     return frozenset(x for group in ALIKE if effect in group for x in group) - {effect}
 
 
-def near(scene: Scene, at: Location) -> list[Location]:
+def near(screen: Screen, at: Location) -> list[Location]:
     """Places that may be at fault instead: a joint, its drives and link; a link and the next."""
+    scene = screen.motion.scene
     m = scene.model
     if at.kind == "body":
         body = m.body(at.name).id
@@ -124,8 +124,7 @@ def near(scene: Scene, at: Location) -> list[Location]:
         close += [n for n, i in ids.items() if i == m.body_parentid[body]]
         joints = [name for name in scene.joints if m.joint(name).bodyid[0] == body]
         return [Location("body", n) for n in close] + [Location("joint", n) for n in joints]
-    dofs = {"joint": scene.dof, "actuator": lambda name: scene.drive(name).dof}
-    dof = dofs[at.kind](at.name) if at.kind in dofs else -1
+    dof = dof_of(screen, at)
     drives = [Location("actuator", d.name) for d in scene.drives if d.dof == dof]
     joints = [name for name in scene.joints if scene.dof(name) == dof]
     links = [Location("body", m.body(m.joint(n).bodyid[0]).name) for n in joints]

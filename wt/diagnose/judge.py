@@ -7,7 +7,7 @@ is learned, is said to be unknown.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -89,7 +89,7 @@ class Court:
         screen: the force residual.
         some: replays that the search compared hypotheses by.
         objective: replays of all fitted data.
-        whole: replays of these and of the held-out recordings.
+        whole: makes replays of these and of the held-out recordings, once it is asked.
         held: held-out recordings.
         step: physics step of replays [s].
         seed: of everything random.
@@ -98,7 +98,7 @@ class Court:
     screen: Screen
     some: Objective
     objective: Objective
-    whole: Objective
+    whole: Callable[[], Objective]
     held: proof.Held
     step: float
     seed: int

@@ -10,7 +10,7 @@ large it is, which both remain to be proven and estimated.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +21,7 @@ from wt.diagnose.hypotheses import alike, excluded, near
 from wt.diagnose.objective import Assessed, Hypothesis, Objective, without
 from wt.diagnose.refine import refine
 from wt.diagnose.screen import Screen
-from wt.diagnose.worth import MIN_NATS, price, worth
+from wt.diagnose.worth import MIN_NATS, price, room, size, worth
 from wt.physics.effect import Shape, effects
 from wt.physics.replay import Key, Planted
 
@@ -45,13 +45,13 @@ class Lookalikes:
         screen: the force residual, for where they start.
         some: replays of a part of the fitted data, for their first steps.
         objective: replays of all of them.
-        whole: replays of these and of the held-out recordings.
+        whole: makes replays of these and of the held-out recordings, once it is asked.
     """
 
     screen: Screen
     some: Objective
     objective: Objective
-    whole: Objective
+    whole: Callable[[], Objective]
 
     def settled(
         self, accepted: tuple[Accepted, ...], estimated: Estimated
@@ -86,7 +86,7 @@ class Lookalikes:
         found, rest = hypothesis[index], without(hypothesis, index)
         motion = self.screen.motion
         wanted = {
-            (name, at) for name in alike(found.effect.id) for at in near(motion.scene, found.at)
+            (name, at) for name in alike(found.effect.id) for at in near(self.screen, found.at)
         } | {(r.effect.id, r.at) for r in rivals}
         known = [(p, a.shape) for p, a in zip(hypothesis, accepted, strict=True) if p is not found]
         ranked = [s for s in self.screen.rank(known, wanted) if np.isfinite(s.gain)]
@@ -103,16 +103,13 @@ class Lookalikes:
             for p in starts
             if p.key != found.key and not any(p.key == r.key or excluded(p, r) for r in rest)
         ]
-        perfect = -float(self.objective.count @ np.log(self.objective.floor))
-        room = perfect - now.loglik
-        return [(p, shapes.get(p.key)) for p in possible if self._due(p, found) < max(room, 0.1)]
-
-    def _due(self, law: Planted, found: Planted) -> float:
-        """What a law must be ahead by for being larger than the one that was found [nats]."""
-        if law.effect.n_free <= found.effect.n_free:
-            return 0.0
-        larger, smaller = (price(self.objective, (p,)) for p in (law, found))
-        return MIN_NATS + larger - smaller
+        # no fit is better than one that leaves nothing but noise: a larger law may not earn its due
+        left, paid = room(self.objective, now), price(self.objective, (found,))
+        return [
+            (p, shapes.get(p.key))
+            for p in possible
+            if not (due := _due((p,), (found,))) or price(self.objective, (p,)) - paid + due < left
+        ]
 
     def _compared(
         self, hypothesis: Hypothesis, index: int, starts: Sequence[Planted]
@@ -129,13 +126,14 @@ class Lookalikes:
         if not going:
             return [(0.0, hypothesis)]
         events = any(p.effect.observed() for p in hypothesis)  # at other times in other recordings
-        judge = self.objective if events else self.whole
+        judge = self.objective if events else self.whole()
         judge.reference(hypothesis)
         everything = [range(len(hypothesis))] * (len(going) + 1)
         now, *others = refine(judge, [hypothesis, *going], everything, _STEPS)
-        size = _size(now)
-        return [(0.0, hypothesis)] + [
-            (worth(judge, f, now) - MIN_NATS * (_size(f) > size), f.hypothesis) for f in others
+        ahead = [worth(judge, f, now) - _due(f.hypothesis, hypothesis) for f in others]
+        return [
+            (0.0, hypothesis),
+            *((x, f.hypothesis) for x, f in zip(ahead, others, strict=True)),
         ]
 
 
@@ -151,5 +149,6 @@ def _best_of_each(fits: Iterable[Assessed], index: int, most: int) -> list[Asses
     return found
 
 
-def _size(fit: Assessed) -> int:
-    return sum(p.effect.n_free for p in fit.hypothesis)
+def _due(one: Hypothesis, other: Hypothesis) -> float:
+    """What one must be ahead of another by for being larger [nats]."""
+    return MIN_NATS if size(one) > size(other) else 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import time
 from collections.abc import Sequence
@@ -74,7 +75,9 @@ def diagnose(
     quick = min(SEARCH_STEP_S, own)
     some = _objective([fitted], screen, forgetting, SEARCH_S, quick)
     everything = _objective([fitted], screen, forgetting, np.inf, step)
-    whole = _objective([fitted, held_out], screen, forgetting, np.inf, quick)
+    whole = functools.cache(
+        lambda: _objective([fitted, held_out], screen, forgetting, np.inf, quick)
+    )
     held = proof.hold(held_out, forgetting)
     court = Court(screen, some, everything, whole, held, step, seed)
     proven, considered = _found(court, say)

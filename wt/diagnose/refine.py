@@ -77,7 +77,7 @@ def jacobian(
     for assessed, parts in zip(at, free, strict=True):
         theta = pack(assessed.hypothesis, parts)
         lower, upper = bounds(assessed.hypothesis, parts)
-        minimum = np.concatenate([assessed.hypothesis[i].effect.steps() for i in parts])
+        minimum = steps(assessed.hypothesis, parts)
         step = np.maximum(minimum, _RELATIVE_STEP * np.abs(theta))
         step = np.where(theta + step > upper, -step, step)
         for k in range(len(theta)):
@@ -155,3 +155,8 @@ def bounds(hypothesis: Hypothesis, parts: Sequence[int]) -> tuple[Array, Array]:
     """Smallest and largest admissible parameters of some parts."""
     pairs = [hypothesis[i].effect.bounds() for i in parts]
     return np.concatenate([p[0] for p in pairs]), np.concatenate([p[1] for p in pairs])
+
+
+def steps(hypothesis: Hypothesis, parts: Sequence[int]) -> Array:
+    """Smallest changes that matter of the parameters of some parts."""
+    return np.concatenate([hypothesis[i].effect.steps() for i in parts])

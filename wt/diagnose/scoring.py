@@ -85,17 +85,16 @@ class Base:
         self.keep = screen.keep
         columns = np.concatenate([*accepted, screen.nuisance], axis=2)
         bound = boxed(columns, screen)
-        self.weight = self.keep / np.maximum(np.mean(screen.residual**2, axis=0), screen.floor**2)
+        self.mse = np.maximum(np.mean(screen.residual**2, axis=0), screen.floor**2)
         for _ in range(3):
-            x = bounded(columns, screen.residual, self.weight, bound)
+            x = bounded(columns, screen.residual, self.keep / self.mse, bound)
             self.left = screen.residual - columns @ x
-            self.mse = self._mse((self.keep * self.left**2).sum(axis=0))
-            self.weight = self.keep / self.mse
+            self.squares = (self.keep * self.left**2).sum(axis=0)
+            self.mse = self._mse(self.squares)
         self.columns = columns
         self.room = np.stack([-bound - x, bound - x])
         # per joint: what a step costs in squares is known without looking at the rows again
         kept = columns * self.keep[:, :, None]
-        self.squares = np.einsum("rj,rj->j", self.keep * self.left, self.left)
         self.cross = np.einsum("rji,rj->ji", kept, self.left)
         self.grams = np.stack([kept[:, j].T @ columns[:, j] for j in range(len(self.mse))])
         self.gram = np.tensordot(1.0 / self.mse, self.grams, 1)

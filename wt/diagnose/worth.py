@@ -22,6 +22,11 @@ def erring_joints(objective: Objective, assessed: Assessed) -> list[int]:
     return [int(d) for d in np.flatnonzero(assessed.mse > (CLEAN * objective.floor) ** 2)]
 
 
+def room(objective: Objective, now: Assessed) -> float:
+    """Nats by which a hypothesis that leaves the smallest error would be ahead."""
+    return -float(objective.count @ np.log(objective.floor)) - now.loglik
+
+
 def improvable(objective: Objective, now: Assessed) -> list[int]:
     """Degrees of freedom of whose error an addition could remove the share that it must."""
     drop = 1.0 - objective.floor**2 / now.mse
@@ -30,8 +35,7 @@ def improvable(objective: Objective, now: Assessed) -> list[int]:
 
 def exhausted(objective: Objective, now: Assessed) -> bool:
     """Whether no addition could earn its place: even one that leaves the smallest error."""
-    perfect = -float(objective.count @ np.log(objective.floor))
-    return perfect - now.loglik < MIN_NATS or not improvable(objective, now)
+    return room(objective, now) < MIN_NATS or not improvable(objective, now)
 
 
 def simplest(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> Assessed:
@@ -42,19 +46,19 @@ def simplest(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> A
     """
     top = worth(objective, fits[0], now)
     close = [f for f in fits if worth(objective, f, now) > top - MIN_NATS]
-
-    def size(fit: Assessed) -> int:
-        return sum(p.effect.n_free for p in fit.hypothesis)
-
     # none is close where even the best exploded
-    return min(close, key=size) if close else fits[0]
+    return min(close, key=lambda fit: size(fit.hypothesis)) if close else fits[0]
+
+
+def size(hypothesis: Hypothesis) -> int:
+    """How many figures were chosen for it."""
+    return sum(p.effect.n_free for p in hypothesis)
 
 
 def price(objective: Objective, hypothesis: Hypothesis) -> float:
     """Half a log of the sample count for each parameter (Schwarz, 1978), and prior odds."""
-    parameters = sum(p.effect.n_free for p in hypothesis)
     odds = sum(p.effect.odds_against for p in hypothesis)
-    return odds + 0.5 * parameters * float(np.log(max(objective.count.sum(), 2.0)))
+    return odds + 0.5 * size(hypothesis) * float(np.log(max(objective.count.sum(), 2.0)))
 
 
 def worth(objective: Objective, fit: Assessed, now: Assessed) -> float:

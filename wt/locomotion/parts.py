@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection
@@ -23,8 +23,8 @@ from tensordict import TensorDict
 
 from wt.errors import WorkError
 from wt.locomotion.config import Policy
-from wt.locomotion.env import Walking, make_herd
-from wt.locomotion.mirror import Mirror
+from wt.locomotion.env import Walking
+from wt.locomotion.mirror import ACTOR_AND_CRITIC
 
 Array = np.ndarray
 Raw = dict[str, tuple[Any, str, tuple[int, ...]]]
@@ -32,7 +32,7 @@ Raw = dict[str, tuple[Any, str, tuple[int, ...]]]
 
 _SEEDS = 1000  # between the seeds of two parts
 _STEP, _REPORT = b"step", b"report"
-_GROUPS = ("policy", "privileged")  # of observations
+_SINGLE = {"reward": "f4", "done": "?", "time_out": "?", "length": "i8"}  # values per robot
 
 
 def environment(config: Policy, device: str) -> Walking | Parts:
@@ -55,12 +55,11 @@ class Parts(VecEnv):
             device: of the tensors; the simulation is on the processor.
         """
         self.cfg, self.device = config, device
-        herd = make_herd(config, 1, threads=1)
-        self.num_envs, self.num_actions = config.robots, len(herd.robot.joints)
-        self.max_episode_length = round(config.episodes.seconds / herd.dt)
-        self.mirror = Mirror(herd.robot, herd.model, device)
-        n, feet = self.num_actions, len(herd.robot.feet)
-        raw = _allocate(config.robots, n, feet)
+        one = Walking(replace(config, robots=1, processes=1, threads=1), device)
+        self.num_envs, self.num_actions = config.robots, one.num_actions
+        self.max_episode_length, self.mirror = one.max_episode_length, one.mirror
+        widths = {name: group.shape[1] for name, group in one.get_observations().items()}
+        raw = _allocate(config.robots, widths | {"action": one.num_actions})
         self._shared = _views(raw)
         self.episode_length_buf = torch.from_numpy(self._shared["length"])
         context = multiprocessing.get_context("spawn")
@@ -77,7 +76,7 @@ class Parts(VecEnv):
 
     def get_observations(self) -> TensorDict:
         """The observations as they are now."""
-        groups = {name: self._copy(name) for name in _GROUPS}
+        groups = {name: self._copy(name) for name in ACTOR_AND_CRITIC}
         return TensorDict(groups, batch_size=[self.num_envs], device=self.device)
 
     def step(
@@ -120,15 +119,12 @@ def _shares(config: Policy) -> Iterator[slice]:
     return (slice(k * size, (k + 1) * size) for k in range(config.processes))
 
 
-def _allocate(robots: int, joints: int, feet: int) -> Raw:
-    shapes = {
-        "action": ("f4", joints), "policy": ("f4", 6 + 3 * joints + 3),
-        "privileged": ("f4", 5 + 4 * feet), "reward": ("f4", 0), "done": ("?", 0),
-        "time_out": ("?", 0), "length": ("i8", 0),
-    }  # fmt: skip
+def _allocate(robots: int, widths: Mapping[str, int]) -> Raw:
+    """Memory for all robots: rows of those widths, and single values."""
+    kinds = dict.fromkeys(widths, "f4") | _SINGLE
     out: Raw = {}
-    for name, (kind, width) in shapes.items():
-        shape = (robots, width) if width else (robots,)
+    for name, kind in kinds.items():
+        shape = (robots, widths[name]) if name in widths else (robots,)
         out[name] = (RawArray("b", np.dtype(kind).itemsize * int(np.prod(shape))), kind, shape)
     return out
 
@@ -138,6 +134,11 @@ def _views(raw: Raw) -> dict[str, Array]:
         name: np.frombuffer(memory, kind).reshape(shape)
         for name, (memory, kind, shape) in raw.items()
     }
+
+
+def _publish(shared: Mapping[str, Array], observations: TensorDict) -> None:
+    for name in ACTOR_AND_CRITIC:
+        shared[name][:] = observations[name].numpy()
 
 
 def _serve(config: Policy, link: Connection, raw: Raw, rows: slice) -> None:
@@ -151,9 +152,7 @@ def _serve(config: Policy, link: Connection, raw: Raw, rows: slice) -> None:
     env = Walking(config, "cpu")
     shared["length"][:] = env.episode_length_buf.numpy()
     env.episode_length_buf = torch.from_numpy(shared["length"])
-    observations = env.get_observations()
-    for name in _GROUPS:
-        shared[name][:] = observations[name].numpy()
+    _publish(shared, env.get_observations())
     link.send(None)
     with suppress(EOFError, BrokenPipeError):
         while True:
@@ -161,8 +160,7 @@ def _serve(config: Policy, link: Connection, raw: Raw, rows: slice) -> None:
                 link.send(env.report())
                 continue
             observations, reward, done, extras = env.step(torch.from_numpy(shared["action"]))
-            for name in _GROUPS:
-                shared[name][:] = observations[name].numpy()
+            _publish(shared, observations)
             shared["reward"][:], shared["done"][:] = reward.numpy(), done.numpy()
             shared["time_out"][:] = extras["time_outs"].numpy()
             link.send(None)
