@@ -102,7 +102,7 @@ def _replayed(
     """The additions, refined the more the better they are."""
     starts = _first_of_each(screen, objective, now, additions)
     fits = _by_worth(objective, _refined(objective, starts, now, 1), now)
-    leading = _leading(screen, fits, erring_joints(objective, now), _PROMISING, _EACH)
+    leading = _leading(screen, fits, _searched(objective, now), _PROMISING, _EACH)
     rest = [f for f in fits if f not in leading]
     return [*_refined(objective, [f.hypothesis for f in leading], now, 2), *rest]
 
@@ -180,7 +180,7 @@ def _beside(
         if dof_of(screen, f.hypothesis[-1].at) not in (taken, -1)
         and worth(objective, f, now) > MIN_NATS
     ]
-    chosen = _leading(screen, elsewhere, erring_joints(objective, now), 0, _EACH)
+    chosen = _leading(screen, elsewhere, _searched(objective, now), 0, _EACH)
     if not chosen:
         return []
     reference = objective.reference(best.hypothesis)
@@ -228,9 +228,13 @@ def _first_of_each(
     ordered = sorted(found.values(), key=lambda a: -a.loglik)
     finite = [a for a in ordered if np.isfinite(a.loglik)]
     return [
-        a.hypothesis
-        for a in _leading(screen, finite, erring_joints(objective, now), _STARTS, _STARTED)
+        a.hypothesis for a in _leading(screen, finite, _searched(objective, now), _STARTS, _STARTED)
     ]
+
+
+def _searched(objective: Objective, now: Assessed) -> list[int]:
+    """Joints that get starts of their own; where the base floats, all joints err together."""
+    return [] if objective.scene.free else erring_joints(objective, now)
 
 
 def _leading(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import html
 from collections.abc import Iterator, Sequence
 
@@ -12,6 +13,7 @@ from wt.diagnose.result import Diagnosis, Finding, Trace
 from wt.diagnose.robot_drawing import draw, joint_of
 from wt.diagnose.words import error as said_error
 from wt.diagnose.words import name_of, number, scaled, short_name, tied
+from wt.physics import base
 from wt.physics.scene import drives
 from wt.show.charts import Axes, Series, chart
 from wt.types import Location
@@ -32,15 +34,16 @@ BEFORE_AFTER = (
 
 
 def model_of(diagnosis: Diagnosis) -> mujoco.MjModel | None:
-    """The model as given; None if its file is gone and cannot be compiled without it."""
-    try:
-        return mujoco.MjModel.from_xml_path(diagnosis.model_path)
-    except ValueError:
-        pass
-    try:
-        return mujoco.MjModel.from_xml_string(diagnosis.given_xml)
-    except ValueError:
-        return None
+    """The model as given, free joints taken apart; None if its file is gone and it needs others."""
+    for read, text in (
+        (mujoco.MjSpec.from_file, diagnosis.model_path),
+        (mujoco.MjSpec.from_string, diagnosis.given_xml),
+    ):
+        with contextlib.suppress(ValueError):
+            spec = read(text)
+            base.expand(spec)
+            return spec.compile()
+    return None
 
 
 def full_pose(model: mujoco.MjModel, joints: Sequence[str], positions: Array) -> Array:

@@ -32,6 +32,8 @@ USUAL = (
 """What hardly a real joint is without: replayed wherever replays err."""
 EACH, LEAST = 2, 10.0
 """… and so many at each joint, from so many nats on: another joint may just be worse."""
+FLOATING_SHARE = 0.05
+"""… and where the base floats from this share of the best one's gain on: replays are dear there."""
 ALIKE = (
     ("joint.friction_coulomb", "joint.friction_stribeck", "joint.friction_load"),
     ("joint.friction_viscous", "joint.friction_quadratic", "joint.friction_stribeck"),
@@ -65,7 +67,9 @@ def candidates(
     """
     best = ranked[0].gain if ranked else 0.0
     strong = [s for s in ranked[:KEPT] if s.gain >= SHARE * best and s.gain > 0.0]
-    strong += _best_of_each(screen, [s for s in ranked if s not in strong and s.gain > LEAST])
+    floating = bool(screen.motion.scene.free)
+    least = max(LEAST, FLOATING_SHARE * best) if floating else LEAST
+    strong += _best_of_each(screen, [s for s in ranked if s not in strong and s.gain > least])
     wanted = {
         (name, place)
         for s in strong
@@ -76,6 +80,9 @@ def candidates(
     excess = now.mse / objective.floor**2
     worst = [int(d) for d in np.argsort(-excess)[:WORST] if excess[d] > 2.0]
     erring = erring_joints(objective, now)
+    if floating:  # all joints err where one does: the force residual knows which
+        places = [dof_of(screen, s.planted.at) for s in strong]
+        worst, erring = [d for d in dict.fromkeys(places) if d >= 0][:WORST], []
     chosen = {s.planted.key: s for s in strong}
     for s in ranked:
         at = s.planted.at
@@ -140,12 +147,13 @@ def excluded(one: Planted, other: Planted) -> bool:
 
 
 def _replay_only(screen: Screen, worst: Sequence[int]) -> list[Planted]:
-    """Effects without a signature, at the joints whose replay is worst beyond its noise."""
+    """Effects without a signature: at the joints whose replay is worst, and of contacts."""
     scene = screen.motion.scene
     found = []
     for effect in effects().values():
         for at in effect.places(scene):
-            if dof_of(screen, at) in worst and not effect.shapes(screen.motion, at):
+            somewhere = at.kind == "geom" or dof_of(screen, at) in worst
+            if somewhere and not effect.shapes(screen.motion, at):
                 found += [Planted(effect, at, start) for start in effect.starts(screen.motion, at)]
     return found
 

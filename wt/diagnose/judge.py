@@ -25,7 +25,7 @@ from wt.diagnose.result import Confusable, Finding, Verdict
 from wt.diagnose.rivals import DOUBTFUL, rivals_nonparametric
 from wt.diagnose.screen import Screen
 from wt.diagnose.simplify import simplified
-from wt.diagnose.worth import CLEAN, erring_joints
+from wt.diagnose.worth import CLEAN, erring_joints, typical
 from wt.physics.replay import Planted
 from wt.types import Location
 
@@ -218,7 +218,7 @@ def unexplained(judged: Judged, objective: Objective) -> dict[str, float]:
     """Where nothing was found and still replays err by much: joint → share of it."""
     if judged.accepted or judged.unknown:
         return {}
-    left = np.sqrt(judged.estimated.assessed.mse)
+    left = typical(objective, judged.estimated.assessed)
     # a very quiet sensor sees what any rig is off by: that alone is no mismatch
     moved = np.nanstd(objective.measured, axis=0)
     large = (left > CLEAN * objective.noise) & (left > MISMATCH * moved)
@@ -266,25 +266,27 @@ def findings(judged: Judged) -> tuple[Finding, ...]:
 
 def unforeseen(judged: Judged, objective: Objective, where: Iterable[str]) -> tuple[Finding, ...]:
     """At the joints that :func:`unexplained` names: something unknown, without a law."""
-    found = []
+    found: dict[Location, Finding] = {}
     for joint in where:
-        dof = objective.scene.dof(joint)
+        dof, at = objective.scene.dof(joint), objective.scene.place(joint)
         excess = float(judged.estimated.assessed.mse[dof] / objective.noise[dof] ** 2)
         count = float(objective.count[dof])
-        found.append(
+        found.setdefault(
+            at,
             Finding(
                 effect="unknown",
-                at=Location("joint", joint),
+                at=at,
                 parameters={},
                 statement=(
-                    f"Joint {joint} is moved by something unknown that nothing recorded predicts."
+                    f"{at.kind.capitalize()} {at.name} is moved by something unknown that "
+                    "nothing recorded predicts."
                 ),
                 holdout_gain=0.0,
                 # of noise alone being as large
                 p_value=float(chi2.sf(excess * count, count)),
-            )
+            ),
         )
-    return tuple(found)
+    return tuple(found.values())
 
 
 def suggestions(found: Sequence[Finding]) -> tuple[str, ...]:

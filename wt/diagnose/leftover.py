@@ -39,7 +39,7 @@ class Leftover:
 def leftover(screen: Screen, hypothesis: Hypothesis) -> Leftover:
     """Fit the signatures of a hypothesis and the bounded nuisances to the weak residual."""
     signatures = [signature(screen.motion, p) for p in hypothesis]
-    free = [screen.weak(s) for s in signatures if s is not None]
+    free = [screen.weak_force(s) for s in signatures if s is not None]
     columns = np.concatenate([*free, screen.nuisance], axis=2)
     bound, keep = boxed(columns, screen), screen.keep
     x = np.zeros(columns.shape[2])

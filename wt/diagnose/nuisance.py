@@ -22,7 +22,8 @@ Array = np.ndarray
 
 BOX = 2.5
 """Largest nuisance, in standard deviations."""
-_MASS, _DAMPING, _GAIN, _DELAY, _ARMATURE = 0.02, 0.10, 0.01, 4e-4, 0.03
+_MASS, _DAMPING, _GAIN, _DELAY, _ARMATURE, _CLOCK = 0.02, 0.10, 0.01, 4e-4, 0.03, 1e-3
+_LATE = ("actuator.delay", "sensor.delay")
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +50,8 @@ class Nuisance:
 
     @property
     def correctable(self) -> bool:
-        """Whether a model can be corrected by it: a command cannot come early."""
-        return self.planted.effect.id != "actuator.delay"
+        """Whether a model can be corrected by it: nothing can come early."""
+        return self.planted.effect.id not in _LATE
 
 
 def nuisances(scene: Scene) -> tuple[Nuisance, ...]:
@@ -65,7 +66,7 @@ def nuisances(scene: Scene) -> tuple[Nuisance, ...]:
 
     for body in scene.moving:
         add("body.mass", Location("body", body), _MASS)
-    for joint in scene.joints:
+    for joint in scene.own_joints:
         dof = scene.dof(joint)
         if m.dof_damping[dof] > 0.0:
             at = Location("joint", joint)
@@ -73,6 +74,9 @@ def nuisances(scene: Scene) -> tuple[Nuisance, ...]:
         # half the rotor's inertia is rarely published; a share of the whole is what is unsure
         share, own = _ARMATURE * float(m.dof_M0[dof]), float(m.dof_armature[dof])
         add("joint.armature", Location("joint", joint), share, -own)
+    if scene.free:
+        # encoders and what tracks the base are two systems with two clocks
+        add("sensor.delay", Location("sensor", "all"), _CLOCK)
     for drive in scene.drives:
         at = Location("actuator", drive.name)
         add("actuator.gain", at, _GAIN)
@@ -92,7 +96,7 @@ def forces(motion: Motion, some: Sequence[Nuisance]) -> list[Array]:
     for n in some:
         effect, at = n.planted.effect, n.planted.at
         size = float(n.planted.theta[0] - n.neutral)
-        if effect.id == "actuator.delay":
+        if effect.id in _LATE:
             # a delay of its own is the shape, with coefficient one
             columns.append(effect.columns(motion, at, (size,))[:, :, 0])
         else:

@@ -21,9 +21,9 @@ from wt.diagnose.adapt import (
     initial_deviations,
     initial_states,
     linear,
-    responses,
 )
 from wt.diagnose.extrapolate import Extrapolated
+from wt.diagnose.nearby import Nearby
 from wt.diagnose.nuisance import Nuisance, nuisances
 from wt.diagnose.smooth import Smoothed
 from wt.diagnose.squares import Squares
@@ -41,7 +41,6 @@ def without(hypothesis: Hypothesis, index: int) -> Hypothesis:
 
 INDEPENDENT_PER_SECOND = 10.0
 """Errors of replays remember; this many samples a second count as new."""
-_STEP = 0.1  # deviations: long valleys between an effect and its nuisance need good derivatives
 _RELINEARISED, _LINEAR = 4, 0.3
 """Most linearisations around a hypothesis; error of the linear part that is let be, in noise."""
 _WORTHWHILE = 0.05  # deviations: a smaller correction is not worth a change of the model
@@ -111,13 +110,16 @@ class Objective:
         self.valid = np.isfinite(self.measured) & settled[:, None]
         self.forgets = forgets
         self._ends = np.cumsum([len(s.t) for s in self.stretches])
-        self._sigma0 = initial_deviations(self.noise, noise_v0)
         self._replays = Extrapolated(self.scene, self.stretches, step)
         seconds = sum(s.t[-1] - s.t[0] for s in self.stretches)
         share = self.valid.mean(axis=0)
         self.count = np.minimum(seconds * INDEPENDENT_PER_SECOND * share, self.valid.sum(axis=0))
         self.some: tuple[Nuisance, ...] = nuisances(self.scene)
-        self._able = np.array([n.correctable for n in self.some], dtype=bool)
+        uncertain = np.zeros(0) if forgets else initial_deviations(self.noise, noise_v0)
+        floating = bool(self.scene.free)
+        self._nearby = Nearby(self._replays, self.some, uncertain, once=floating)
+        self._relinearised = 1 if floating else _RELINEARISED
+        self._able = self._nearby.able
         none = np.zeros((*self.measured.T.shape, len(self.some)))
         self._around = Adaptable(none, np.zeros(len(self.some)))
         self._reference: Assessed | None = None
@@ -140,7 +142,9 @@ class Objective:
         if centres is None:
             centres = [self._around.centre] * len(hypotheses)
         centres = [np.where(self._able, c, 0.0) for c in centres]
-        raw = self._raw([(*h, *self._rig(c)) for h, c in zip(hypotheses, centres, strict=True)])
+        raw = self._raw(
+            [(*h, *self._nearby.rig(c)) for h, c in zip(hypotheses, centres, strict=True)]
+        )
         return [
             self._assess(h, self._around.at_origin(e, c), c)
             for h, c, e in zip(hypotheses, centres, raw, strict=True)
@@ -152,11 +156,6 @@ class Objective:
 
     def _errors(self, q: Array) -> Array:
         return np.where(self.valid, q - self.measured, 0.0)
-
-    def _rig(self, sizes: Array) -> Hypothesis:
-        """Nuisances of so many deviations, those that a model can hold."""
-        pairs = zip(self.some, sizes, strict=True)
-        return tuple(n.scaled(float(x)) for n, x in pairs if n.correctable and x)
 
     def reference(self, hypothesis: Hypothesis, nuisance: Array | None = None) -> Assessed:
         """Linearise what may adapt around a hypothesis, and assess it.
@@ -173,10 +172,10 @@ class Objective:
             return last
         if nuisance is not None:
             self._around = replace(self._around, centre=np.where(self._able, nuisance, 0.0))
-        for _ in range(_RELINEARISED):
+        for _ in range(self._relinearised):
             assessed = self._linearised(hypothesis)
             centre = np.where(self._able, assessed.nuisance, 0.0)
-            (actual,) = self._raw([(*hypothesis, *self._rig(centre))])
+            (actual,) = self._raw([(*hypothesis, *self._nearby.rig(centre))])
             apart = self._around.project(actual) - assessed.error - self._around.moved(centre)
             if not (self._rms(apart) > _LINEAR * self.noise).any():
                 break
@@ -187,18 +186,12 @@ class Objective:
     def _linearised(self, hypothesis: Hypothesis) -> Assessed:
         """Linearise around a hypothesis and the present nuisances."""
         centre = self._around.centre
-        here = (*hypothesis, *self._rig(centre))
-        moved = [
-            (*hypothesis, *self._rig(centre + one)) if n.correctable else (*here, n.planted)
-            for n, one in zip(self.some, _STEP * np.eye(len(self.some)), strict=True)
-        ]
-        q, changes = self._replays.around(here, moved)
-        error, size = self._errors(q), np.where(self._able, _STEP, 1.0)
-        columns = np.nan_to_num(np.where(self.valid, changes, 0.0)) / size[:, None, None]
+        q, changes, response = self._nearby.around(hypothesis, centre)
+        error, columns = self._errors(q), np.where(self.valid, changes, 0.0)
         if self.forgets:
             self._around = linear(columns, centre)
             return self._assess(hypothesis, self._around.at_origin(error, centre), centre)
-        response = responses(self._replays.slopes, here, self._sigma0) * self.valid[:, :, None]
+        response = response * self.valid[:, :, None]
         rows = [self.rows(i) for i in range(len(self.stretches))]
         mse = self._floored((np.nan_to_num(error, nan=1.0) ** 2).sum(axis=0))
         # how far an initial state may go depends on what is left once all has adapted
@@ -233,6 +226,7 @@ class Objective:
         """The same replays, judged by some of the samples, (N,) bool."""
         some = copy.copy(self)
         some._replays, some._reference = copy.copy(self._replays), None
+        some._nearby = self._nearby.on(some._replays)
         some.valid = self.valid & rows[:, None]
         share = some.valid.sum(axis=0) / self._samples
         some.count = self.count * share

@@ -112,7 +112,7 @@ class _Patched:
 def _patch(
     scene: Scene, hypothesis: Hypothesis, statements: Sequence[str], timestep: float | None
 ) -> _Patched:
-    spec = scene.spec()
+    spec = scene.written()
     before = last = as_written(spec)
     said: list[tuple[Place, str]] = []
     unwritten = []
@@ -154,7 +154,7 @@ def _texts(scene: Scene) -> Iterator[tuple[str, str]]:
     # MuJoCo reads some files that are not well-formed XML
     with contextlib.suppress(ValueError, OSError):
         yield standalone(scene.path), ""
-    spec = scene.spec()
+    spec = scene.written()
     _write_out_folders(spec, scene)
     yield ET.tostring(as_written(spec), encoding="unicode"), _REWRITTEN
 

@@ -6,7 +6,7 @@ import functools
 import hashlib
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -33,10 +33,28 @@ Array = np.ndarray
 
 STEP_S = 5e-4
 """Fine physics step of replays [s]; the model's own, if that is smaller."""
-SEARCH_STEP_S = 1e-3
-"""… and while hypotheses are compared."""
-SEARCH_S = 16.0
-"""At most so many seconds of recordings are replayed while hypotheses are compared."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What is replayed.
+
+    Attributes:
+        step: fine physics step [s]; the model's own, if that is smaller.
+        search_step: … and while hypotheses are compared.
+        search_s: at most so many seconds of recordings are replayed while these are compared.
+        most_s: … and to estimate and to prove.
+    """
+
+    step: float
+    search_step: float
+    search_s: float
+    most_s: float
+
+
+FIXED = Effort(STEP_S, 1e-3, 16.0, np.inf)
+FLOATING = Effort(1e-3, 1e-3, 4.0, 8.0)
+"""Steps with contacts cost several times as much, and there are many more of them to choose."""
 ATTEMPTS = 3
 """So many searches, each without the effects that held-out data refused to the ones before."""
 
@@ -69,16 +87,16 @@ def diagnose(
     fitted, held_out = smooth(scene, prepared.fit), smooth(scene, prepared.held)
     say("screening hypotheses", 0.08)
     screen = Screen(fitted, seed)
+    effort = FLOATING if scene.free else FIXED
     own = float(scene.model.opt.timestep)
-    step = min(STEP_S, own)
+    step, quick = min(effort.step, own), min(effort.search_step, own)
     forgetting = forgets(fitted, step)
-    quick = min(SEARCH_STEP_S, own)
-    some = _objective([fitted], screen, forgetting, SEARCH_S, quick)
-    everything = _objective([fitted], screen, forgetting, np.inf, step)
+    some = _objective([fitted], screen, forgetting, effort.search_s, quick)
+    everything = _objective([fitted], screen, forgetting, effort.most_s, step)
     whole = functools.cache(
-        lambda: _objective([fitted, held_out], screen, forgetting, np.inf, quick)
+        lambda: _objective([fitted, held_out], screen, forgetting, effort.most_s, quick)
     )
-    held = proof.hold(held_out, forgetting)
+    held = proof.hold(held_out, forgetting, effort.most_s, step)
     court = Court(screen, some, everything, whole, held, step, seed)
     proven, considered = _found(court, say)
     say("judging", 0.8)

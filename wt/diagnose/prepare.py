@@ -87,7 +87,7 @@ def _read(scene: Scene, source: Source, index: int) -> tuple[str, Recording]:
     else:
         name, recording = str(source), recordings.read(source)
     try:
-        recordings.check_against(recording, scene.model)
+        recordings.check_against(recording, scene.given)
         _check_contents(scene, recording)
     except RecordingError as error:
         raise RecordingError(f"'{name}': {error}") from error

@@ -50,6 +50,8 @@ class Held:
         fine: the same with the shortest blocks.
         forgets: whether stretches are long.
         deviations: of the estimated initial positions and velocities, (2nv,).
+        response: what they change in replays, (N, nv, 2nv), where it is taken to be the same for
+            all hypotheses; None where it is not.
     """
 
     smoothed: Smoothed
@@ -59,15 +61,16 @@ class Held:
     fine: Array
     forgets: bool
     deviations: Array
+    response: Array | None = None
 
     def here(self, hypothesis: Hypothesis) -> Hypothesis:
         """A hypothesis as it shows in these recordings."""
         return elsewhere(self.smoothed.motion, hypothesis)
 
 
-def hold(smoothed: Smoothed, forgets: bool) -> Held:
-    """Prepare held-out recordings."""
-    pairs = stretches_of(smoothed, forgets)
+def hold(smoothed: Smoothed, forgets: bool, seconds: float = np.inf, step: float = 5e-4) -> Held:
+    """Prepare held-out recordings, at most so many seconds, for replays of so long steps [s]."""
+    pairs = stretches_of(smoothed, forgets, seconds)
     stretches = tuple(s for s, _ in pairs)
     label = np.concatenate([np.full(len(s.t), i) for i, s in enumerate(stretches)])
     block, fine = blocks_of(label, np.concatenate([s.t for s in stretches]))
@@ -78,7 +81,10 @@ def hold(smoothed: Smoothed, forgets: bool) -> Held:
         renewed = resmooth(smoothed, np.random.default_rng(0))
         velocity_noise = np.std(renewed.v - smoothed.motion.v, axis=0)
         deviations = initial_deviations(smoothed.noise, velocity_noise)
-    return Held(smoothed, stretches, measured, block, fine, forgets, deviations)
+    scene, response = smoothed.motion.scene, None
+    if scene.free:
+        response = responses(Replayer(scene, stretches, step), (), deviations)
+    return Held(smoothed, stretches, measured, block, fine, forgets, deviations, response)
 
 
 def blocks_of(label: Array, t: Array) -> tuple[Array, Array]:
@@ -110,7 +116,10 @@ def errors(held: Held, hypotheses: Sequence[Hypothesis], step: float) -> Array:
     if held.forgets:
         return found
     measured = np.isfinite(held.measured)
-    response = responses(replayer, here[0], held.deviations) * measured[:, :, None]
+    response = held.response
+    if response is None:
+        response = responses(replayer, here[0], held.deviations)
+    response = response * measured[:, :, None]
     return np.stack([np.where(measured, _begun(held, e, response), np.nan) for e in found])
 
 

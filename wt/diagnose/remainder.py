@@ -23,7 +23,7 @@ from wt.diagnose.remainder_formula import reduced, sparse
 from wt.diagnose.remainder_law import Law
 from wt.diagnose.remainder_onnx import to_onnx
 from wt.diagnose.screen import Screen
-from wt.diagnose.worth import CLEAN
+from wt.diagnose.worth import CLEAN, typical
 from wt.physics.effect import Effect, Parameter, Shape
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
@@ -145,15 +145,17 @@ def find(
     Returns:
         The most useful unknown force, or None if none improves held-out replays.
     """
-    excess = np.sqrt(assessed.mse) / objective.floor
+    excess = typical(objective, assessed) / objective.floor
     rest = leftover(screen, assessed.hypothesis)
     force = np.sqrt((rest.keep * rest.left**2).sum(axis=0) / rest.keep.sum(axis=0)) / screen.floor
     force = np.where(excess > CLEAN, force, 0.0)
+    scene = screen.motion.scene
+    force[[scene.dof(j) for j in scene.joints if j not in scene.own_joints]] = 0.0
     found: list[Unknown] = []
     for dof in np.argsort(-force)[:MOST_JOINTS]:
         if force[dof] < 1.5:
             continue
-        joint = screen.motion.scene.joints[int(dof)]
+        joint = scene.joints[int(dof)]
         every = np.ones(len(screen.rows), bool)
         data = Data(screen, joint, rest.left[:, dof], every, seed, COARSE * step)
         unknown = _learn(data, assessed, held, step)

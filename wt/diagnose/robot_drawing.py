@@ -24,6 +24,7 @@ WIDTH, HEIGHT = 560.0, 420.0
 SHADES = 8
 """Classes ``s0`` (darkest) … ``s7`` of the faces."""
 _MARGIN, _LEADER, _LETTER = 26.0, 34.0, 8.2
+_FREE = 6  # joints of a body that floats: they have no place in a picture
 """Around everything; from the robot to its labels; width of a label's letter."""
 _LIGHT = np.array([0.35, -0.45, 0.82])
 _FIRST_HIDDEN_GROUP = 3
@@ -89,7 +90,8 @@ def draw(
     ]
     culprits = {at: _body_of(model, at) for at in marked}
     surfaces = [surface(model, data, g) for g in geoms]
-    anchors = {model.joint(j).name: data.xanchor[j].copy() for j in range(model.njnt)}
+    own = [j for j in range(model.njnt) if model.body_jntnum[model.jnt_bodyid[j]] < _FREE]
+    anchors = {model.joint(j).name: data.xanchor[j].copy() for j in own}
     everything = [*surfaces, *(a[None, None] for a in anchors.values())]
     longest = max(
         [8, *(len(str(at)) for at in marked), *map(len, marked.values()), *map(len, anchors)]

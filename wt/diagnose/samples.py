@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import isotonic_regression
 
 from wt.errors import RecordingError
+from wt.physics import base
 from wt.physics.scene import Scene
 from wt.types import Recording
 
@@ -75,10 +76,14 @@ def samples_of(scene: Scene, parts: Sequence[Part]) -> tuple[Samples, ...]:
     for part in parts:
         recording = part.recording
         t = stamps(recording)
-        q = _table(recording, [f"qpos/{name}" for name in scene.joints])
-        v = _table(recording, [f"qvel/{name}" for name in scene.joints])
-        m = scene.model
-        held = _table(recording, [f"ctrl/{m.actuator(i).name}" for i in range(m.nactuator)])
+        m, columns = scene.model, dict(recording.columns)
+        for joint in scene.free:
+            columns |= base.coordinates(joint, columns)
+        q = _table(len(recording), columns, [f"qpos/{name}" for name in scene.joints])
+        v = _table(len(recording), columns, [f"qvel/{name}" for name in scene.joints])
+        held = _table(
+            len(recording), columns, [f"ctrl/{m.actuator(i).name}" for i in range(m.nactuator)]
+        )
         known = np.isfinite(held).all(axis=1) & (t >= part.span[0]) & (t < part.span[1])
         t, q, v, held = t[known], q[known], v[known], held[known]
         seen = np.flatnonzero(np.isfinite(q).any(axis=1))
@@ -99,10 +104,10 @@ def samples_of(scene: Scene, parts: Sequence[Part]) -> tuple[Samples, ...]:
     return tuple(found)
 
 
-def _table(recording: Recording, names: Sequence[str]) -> Array:
-    missing = np.full(len(recording), np.nan)
-    columns = [recording.columns.get(name, missing) for name in names]
-    return np.stack(columns, axis=1) if columns else np.zeros((len(recording), 0))
+def _table(length: int, columns: Mapping[str, Array], names: Sequence[str]) -> Array:
+    missing = np.full(length, np.nan)
+    found = [columns.get(name, missing) for name in names]
+    return np.stack(found, axis=1) if found else np.zeros((length, 0))
 
 
 def stamps(recording: Recording) -> Array:

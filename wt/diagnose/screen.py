@@ -31,6 +31,7 @@ SLOW = 0.05
 """Below this speed [rad/s] presliding decides friction, and a row is left out."""
 REFINED = 20
 """So many of the best hypotheses get their shapes polished."""
+_PASSED_ON = 0.03  # of a signature's largest part: what is smaller is left out
 _EDGE = 3  # windows left out at either end of a segment, where a spline is loose
 
 
@@ -80,16 +81,21 @@ class Screen:
         """Compute residual, noise floor and the nuisance columns."""
         self.motion = smoothed.motion
         self.rows = _centres(self.motion)
-        self.residual = self.weak(self.motion.residual)
+        self.touching = self.motion.touching
+        self.residual = self.weak_force(self.motion.residual)
         rng = np.random.default_rng(seed)
         renewed = resmooth(smoothed, rng)
-        self.floor = np.std(self.weak(renewed.residual - self.motion.residual), axis=0)
+        self.floor = np.std(self.weak_force(renewed.residual - self.motion.residual), axis=0)
         self.floor = np.maximum(self.floor, 1e-6 * (np.std(self.motion.demand, axis=0) + 1e-3))
         self.keep = _fast_enough(self.motion, self.rows)
         small = forces(self.motion, nuisances(self.motion.scene))
-        self.nuisance = np.stack([self.weak(f) for f in small], axis=2)
+        self.nuisance = np.stack([self.weak_force(f) for f in small], axis=2)
         self.velocity_noise = np.std(renewed.v - self.motion.v, axis=0)
         self._cache: dict[tuple[str, Location], list[Block]] = {}
+
+    def weak_force(self, force: Array) -> Array:
+        """Weak form of the free part of a generalised force: (T, nv, …) → (R, nv, …)."""
+        return self.weak(self.touching.free(force))
 
     def weak(self, signal: Array) -> Array:
         """Weak form of a signal: (T, …) → (R, …)."""
@@ -164,9 +170,12 @@ class Screen:
     def _block(
         self, effect: Effect, at: Location, shape: Shape, motion: Motion | None = None
     ) -> Block:
-        columns = effect.columns(motion or self.motion, at, shape)
-        dofs = np.flatnonzero(columns.any(axis=(0, 2)))
-        return Block(effect, at, shape, dofs, self.weak(columns[:, dofs]))
+        columns = self.touching.free(effect.columns(motion or self.motion, at, shape))
+        weak = self.weak(columns)
+        size = np.abs(weak).max(axis=(0, 2), initial=0.0) / self.floor
+        # a contact passes a little of every force on to all joints
+        dofs = np.flatnonzero(size > (_PASSED_ON * size.max() if self.touching.near.any() else 0.0))
+        return Block(effect, at, shape, dofs, weak[:, dofs])
 
     def _accepted(self, planted: Planted, shape: Shape) -> Array:
         return self._block(planted.effect, planted.at, shape).on(range(self.motion.q.shape[1]))

@@ -12,8 +12,9 @@ from wt.physics.rollout import Replayer
 
 Array = np.ndarray
 
-WINDOW_S = 0.5
-"""Length of the stretches of a machine that does not forget its initial state [s]."""
+WINDOW_S, FLOATING_S = 0.5, 0.25
+"""Length of the stretches of a machine that does not forget its initial state [s], and of one on
+legs: what feet do to each other's forces soon makes two replays of the same walk two walks."""
 _TEST_S, _SHOVE, _FORGOTTEN = 1.5, 0.02, 0.3
 _AROUND, _MISFIT = 9, 2.0
 """Samples around a start over which the curve may miss the measured positions by so much noise."""
@@ -23,8 +24,10 @@ def forgets(smoothed: Smoothed, step: float) -> bool:
     """Whether the model forgets its initial state, as a position servo does and a pendulum not.
 
     Replays from two initial states, ``_SHOVE`` rad apart in every joint, must come to within
-    ``_FORGOTTEN`` of that.
+    ``_FORGOTTEN`` of that. Nothing brings a floating base back to where it was.
     """
+    if smoothed.motion.scene.free:
+        return False
     s, state = smoothed.samples[0], smoothed.at_samples[0]
     rows = s.t <= s.t[0] + _TEST_S
     pair = [
@@ -44,19 +47,19 @@ def stretches_of(
 
     Args:
         smoothed: the recordings.
-        forgets: long stretches if so, else windows of ``WINDOW_S``.
+        forgets: long stretches if so, else windows.
         seconds: at most so much in all; blocks spread evenly over the recordings.
     """
     total = sum(float(s.t[-1] - s.t[0]) for s in smoothed.samples)
     keep = min(1.0, seconds / total)
-    found = []
+    found, window = [], FLOATING_S if smoothed.motion.scene.free else WINDOW_S
     for s, (q, v, _), spacing in zip(
         smoothed.samples, smoothed.at_samples, smoothed.spacing, strict=True
     ):
         ready = np.flatnonzero(_known(s.q - q, smoothed.noise))
         if not forgets:  # at its very ends a curve's slope is loose
             ready = ready[ready >= max(spacing)]
-        for first, last in _blocks(s, keep, forgets):
+        for first, last in _blocks(s, keep, forgets, window):
             later = ready[(ready >= first) & (ready <= (first + last) // 2)]
             first = int(later[0]) if len(later) else first
             rows = slice(first, last)
@@ -75,15 +78,15 @@ def _known(misfit: Array, noise: Array) -> Array:
     return np.asarray((local < _MISFIT**2).all(axis=1))
 
 
-def _blocks(s: Samples, keep: float, forgets: bool) -> list[tuple[int, int]]:
-    """Ranges of samples: windows, or blocks of about 10 s of which the given share is kept."""
+def _blocks(s: Samples, keep: float, forgets: bool, window: float) -> list[tuple[int, int]]:
+    """Ranges of samples: windows [s], or blocks of about 10 s; the given share is kept."""
     length = s.t[-1] - s.t[0]
     if forgets:
         if keep >= 0.999:
             return [(0, len(s.t))]
         count = max(1, int(np.ceil(keep * length / 10.0)))
     else:
-        count = max(1, int(keep * length / WINDOW_S))
+        count = max(1, int(keep * length / window))
     size = max(12, int(keep * len(s.t) / count))
     starts = np.linspace(0, len(s.t) - size, count).astype(int)
     return [(int(i), int(i + size)) for i in np.unique(starts)]

@@ -47,9 +47,12 @@ def places(screen: Screen, rest: Leftover, joints: Mapping[str, float]) -> dict[
                 return {whole: 1.0}
     # in no force: a sensor of that joint; otherwise the joint itself
     own = [d for d in named if d in active] or named
-    weight = {scene.joints[d]: joints[scene.joints[d]] for d in own}
+    weight: dict[Location, float] = {}
+    for joint in (scene.joints[d] for d in own):
+        at = scene.place(joint)
+        weight[at] = weight.get(at, 0.0) + joints[joint]
     total = sum(weight.values())
-    return {Location("joint", j): w / total for j, w in weight.items()}
+    return {at: w / total for at, w in weight.items()}
 
 
 def _pair(screen: Screen, scaled: Array) -> Location | None:

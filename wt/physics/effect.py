@@ -113,7 +113,7 @@ class Effect(abc.ABC):
     def places(self, scene: Scene) -> Sequence[Location]:
         """Where in a model it can stand; by default everywhere of its kind."""
         names: Mapping[str, Sequence[str]] = {
-            "joint": scene.joints,
+            "joint": scene.own_joints,
             "actuator": [d.name for d in scene.drives],
             "body": scene.moving,
             "world": ["world"],

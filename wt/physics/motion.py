@@ -8,6 +8,7 @@ from functools import cached_property, lru_cache
 import mujoco
 import numpy as np
 
+from wt.physics.contact import Touching, touching
 from wt.physics.scene import Drive, Scene
 
 Array = np.ndarray
@@ -137,14 +138,19 @@ class Motion:
     def residual(self) -> Array:
         """Generalised force that acted on the machine and that the model lacks, (T, nv) [N·m].
 
-        Inverse dynamics minus the force of the drives.
+        Inverse dynamics minus the force of the drives; forces of contacts are in it.
         """
         return self.demand - self.drive_forces
+
+    @cached_property
+    def touching(self) -> Touching:
+        """Where contact may have acted: of a force residual, only the free part is evidence."""
+        return touching(self.scene, self.q)
 
     def without(self, force: Array) -> Motion:
         """The same recording with a known force, (T, nv) [N·m], taken out of the residual."""
         rest = replace(self)
-        known = {"demand": self.demand, "drive_forces": self.drive_forces}
+        known = {name: getattr(self, name) for name in ("demand", "drive_forces", "touching")}
         rest.__dict__.update(known, residual=self.residual - force)
         return rest
 

@@ -10,6 +10,8 @@ import mujoco
 import numpy as np
 
 from wt.errors import ModelError
+from wt.physics import base
+from wt.types import Location
 
 Array = np.ndarray
 
@@ -97,10 +99,11 @@ def _range(limited: bool, ends: Array) -> tuple[float, float]:
 
 
 class Scene:
-    """A model of a machine with a fixed base, as effects see it.
+    """A model of a machine as effects see it: all of its joints are hinges and slides.
 
     Attributes:
         path: the MJCF.
+        free: names of the free joints, each of which is six joints here (:mod:`wt.physics.base`).
         model: the compiled model.
         data: scratch space for computations on the model.
     """
@@ -116,7 +119,10 @@ class Scene:
         if not self.path.is_file():
             raise ModelError(f"model '{path}' does not exist; give an MJCF file")
         try:
-            self.model = self.spec().compile()
+            spec = self.written()
+            unnamed = [f"joint {i}" for i, joint in enumerate(spec.joints) if not joint.name]
+            self.free = base.expand(spec)
+            self.model = spec.compile()
         except (ValueError, mujoco.FatalError) as error:
             reason = str(error).strip().splitlines()[0]
             raise ModelError(f"model '{path}' does not compile: {reason}") from error
@@ -124,23 +130,45 @@ class Scene:
         for i in range(self.model.njnt):
             if int(self.model.jnt_type[i]) not in _SCALAR:
                 raise ModelError(
-                    f"joint '{self.model.joint(i).name}' of '{path}' is free or a ball; only "
-                    "machines with a fixed base, hinges and slides can be diagnosed yet"
+                    f"joint '{self.model.joint(i).name}' of '{path}' is a ball; only machines "
+                    "of hinges, slides and free bases can be diagnosed yet"
                 )
-        unnamed = [f"joint {i}" for i in range(self.model.njnt) if not self.model.joint(i).name]
         for i in range(self.model.nactuator):
             unnamed += [] if self.model.actuator(i).name else [f"actuator {i}"]
         if unnamed:
             raise ModelError(f"{unnamed[0]} of '{path}' has no name; name all joints and actuators")
 
-    def spec(self) -> mujoco.MjSpec:
-        """A fresh editable copy of the model."""
+    def written(self) -> mujoco.MjSpec:
+        """A fresh editable copy of the model as it is written."""
         return mujoco.MjSpec.from_file(str(self.path))
+
+    def spec(self) -> mujoco.MjSpec:
+        """The same with its free joints taken apart, as it is replayed."""
+        spec = self.written()
+        base.expand(spec)
+        return spec
+
+    @cached_property
+    def given(self) -> mujoco.MjModel:
+        """The model as it is written, compiled: what recordings name their columns after."""
+        return self.written().compile()
 
     @cached_property
     def joints(self) -> tuple[str, ...]:
         """Names of the joints, in the order of their degrees of freedom."""
         return tuple(self.model.joint(i).name for i in range(self.model.njnt))
+
+    @cached_property
+    def own_joints(self) -> tuple[str, ...]:
+        """Those of them that are parts of the machine, which may have friction, play, drives."""
+        of_bases = {name for joint in self.free for name in base.names(joint)}
+        return tuple(name for name in self.joints if name not in of_bases)
+
+    def place(self, joint: str) -> Location:
+        """What people call a degree of freedom: a joint, or the body that floats."""
+        if joint in self.own_joints:
+            return Location("joint", joint)
+        return Location("body", self.model.body(self.model.joint(joint).bodyid[0]).name)
 
     @cached_property
     def drives(self) -> tuple[Drive, ...]:

@@ -130,10 +130,13 @@ def settle(spec: mujoco.MjSpec) -> None:
 def weighed(spec: mujoco.MjSpec, body: str) -> mujoco.MjsBody:
     """A body whose inertia is written out as numbers, ready to be changed."""
     settle(spec)
-    compiler = spec.compiler
+    compiler, written = spec.compiler, spec.body(body)
+    overruled = compiler.settotalmass > 0.0 or int(compiler.inertiafromgeom) == _FROM_GEOMS
+    if not overruled and _in_numbers(written):
+        return written
     model = compiled(spec)
     names = [body]
-    if compiler.settotalmass > 0.0 or int(compiler.inertiafromgeom) == _FROM_GEOMS:
+    if overruled:
         # both would overrule what is written: then every body gets its numbers
         names = [b.name for b in spec.bodies[1:] if b.name]
         compiler.settotalmass = -1.0
@@ -146,6 +149,12 @@ def weighed(spec: mujoco.MjSpec, body: str) -> mujoco.MjsBody:
         found.fullinertia = np.full(6, np.nan)
         found.ialt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
     return spec.body(body)
+
+
+def _in_numbers(body: mujoco.MjsBody) -> bool:
+    """Whether a body's inertia stands in the file as the compiler would write it."""
+    quaternion = body.ialt.type == mujoco.mjtOrientation.mjORIENTATION_QUAT
+    return bool(body.explicitinertial and quaternion and np.isnan(body.fullinertia[0]))
 
 
 def passive(

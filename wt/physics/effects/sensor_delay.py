@@ -31,7 +31,7 @@ class SensorDelay(Effect):
 
     def places(self, scene: Scene) -> Sequence[Location]:
         """All channels together, or one joint's."""
-        single = [Location("joint", name) for name in scene.joints]
+        single = [Location("joint", name) for name in scene.own_joints]
         return [Location("sensor", "all"), *single] if len(single) > 1 else single
 
     def _dofs(self, scene: Scene, at: Location) -> list[int]:

@@ -1,0 +1,66 @@
+"""Machines that nothing holds: what the feet may supply is not blamed, what is missing is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import pytest
+
+from tests.physics import stool
+from wt.diagnose.pipeline import diagnose
+from wt.diagnose.samples import Part
+from wt.diagnose.screen import Scored, Screen
+from wt.diagnose.smooth import smooth
+from wt.diagnose.stretches import FLOATING_S, forgets, stretches_of
+from wt.physics.scene import Scene
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    return stool.scene(tmp_path_factory.mktemp("stool"))
+
+
+def ranked(machine: Scene, edit: stool.Edit | None) -> list[Scored]:
+    parts = [Part(stool.recording(seed, edit, seconds=6.0), seed) for seed in (3, 4)]
+    return Screen(smooth(machine, parts)).rank([])
+
+
+def test_it_is_replayed_in_short_pieces(machine: Scene) -> None:
+    smoothed = smooth(machine, [Part(stool.recording(0, seconds=3.0), 0)])
+    assert not forgets(smoothed, 1e-3)
+    pieces = stretches_of(smoothed, False)
+    assert all(s.t[-1] - s.t[0] < FLOATING_S + 0.02 for s, _ in pieces)
+
+
+def test_where_nothing_is_hidden_little_is_gained(machine: Scene) -> None:
+    assert ranked(machine, None)[0].gain < 12.0
+
+
+def test_a_load_on_the_trunk_leads(machine: Scene) -> None:
+    best = ranked(machine, stool.loaded(1.0, (0.08, -0.03, 0.06)))[0]
+    assert (best.planted.effect.id, best.planted.at.name) == ("body.payload_fixed", "trunk")
+    assert best.gain > 200.0
+    mass, *at = best.planted.theta
+    assert mass == pytest.approx(1.0, abs=0.4)
+    assert mass * at[0] == pytest.approx(0.08, rel=0.25)
+
+
+def test_friction_of_a_leg_leads(machine: Scene) -> None:
+    best = ranked(machine, stool.stiff("rear_hip", 0.6))[0]
+    assert best.planted.at.name == "rear_hip" and best.planted.effect.id.startswith(
+        "joint.friction"
+    )
+    assert best.planted.theta[0] == pytest.approx(0.6, rel=0.25)
+
+
+def test_a_whole_diagnosis_is_silent_where_nothing_is_hidden(
+    machine: Scene, tmp_path: Path
+) -> None:
+    recorded = [stool.recording(seed, seconds=5.0) for seed in (1, 2, 3)]
+    found = diagnose(machine.path, recorded[:2], recorded[2:])
+    assert found.verdict == "no_mismatch" and not found.findings
+    found.write(tmp_path / "out")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "model.xml"))
+    assert model.joint("root").type == mujoco.mjtJoint.mjJNT_FREE
+    assert "root/x" not in (tmp_path / "out" / "report.html").read_text().split("<svg")[1]

@@ -1,0 +1,125 @@
+"""Contact forces are not known; what they cannot explain of a force residual is.
+
+Which parts carry load is not recorded. Wherever a part of the machine may touch something fixed, a
+contact there could supply any force along the Jacobian of the point that touches. The *free* part
+of a generalised force is what is left beside all of these: its projection along them, orthogonal
+in the metric of the inverse inertia (M. Mistry and L. Righetti, Operational space control of
+constrained and underactuated systems, 2011). To take a foot for touching that does not only loses
+what it would have told.
+
+What the contacts do supply says who carries load, and how slippery it is (:class:`Load`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from wt.physics.scene import Scene
+
+Array = np.ndarray
+
+NEAR = 0.02
+"""Parts closer than this [m] may touch: tracked positions, slopes and soft ground are off by it."""
+_RIDGE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """What the contacts of one sample carry, C of them.
+
+    Attributes:
+        geoms: the two geoms of each, (C, 2).
+        force: what the residual says acts on the second geom, (C, 3) [N]: along the contact's
+            normal, which points to that geom, and across it.
+        slip: velocity of the second geom's point over the first's, (C, 2) [m/s], across the normal.
+    """
+
+    geoms: Array
+    force: Array
+    slip: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Touching:
+    """Where contact may have acted on a machine.
+
+    Attributes:
+        projector: takes a generalised force to its free part, (T, nv, nv); None if nothing ever
+            comes near anything.
+        near: how many contacts are possible at each sample, (T,).
+    """
+
+    projector: Array | None
+    near: Array
+
+    def free(self, force: Array) -> Array:
+        """The part of a generalised force that no contact supplies; (T, nv) or (T, nv, k)."""
+        if self.projector is None:
+            return force
+        if force.ndim == 2:
+            return np.asarray((self.projector @ force[:, :, None])[:, :, 0])
+        return np.asarray(self.projector @ force)
+
+
+def touching(scene: Scene, q: Array) -> Touching:
+    """Find where contact may act on a machine at positions ``q`` (T, nv)."""
+    probe = _Probe(scene)
+    near, projector = np.zeros(len(q), dtype=int), np.zeros((len(q), *2 * (scene.model.nv,)))
+    projector[:] = np.eye(scene.model.nv)
+    for k, pose in enumerate(q):
+        _, jacobian = probe.contacts(pose)
+        near[k] = len(jacobian) // 3
+        if near[k]:
+            projector[k] -= jacobian.T @ probe.carried(jacobian)
+    return Touching(projector if near.any() else None, near)
+
+
+def loads(scene: Scene, q: Array, v: Array, residual: Array) -> list[Load]:
+    """What the possible contacts carry at some samples, one after another.
+
+    Args:
+        scene: the machine.
+        q: positions, (n, nv).
+        v: velocities, (n, nv).
+        residual: inverse dynamics minus the force of the drives, (n, nv).
+    """
+    probe, found = _Probe(scene), []
+    for pose, speed, force in zip(q, v, residual, strict=True):
+        geoms, jacobian = probe.contacts(pose)
+        if len(geoms):
+            carried = (probe.carried(jacobian) @ force).reshape(-1, 3)
+            found.append(Load(geoms, carried, (jacobian @ speed).reshape(-1, 3)[:, 1:]))
+    return found
+
+
+class _Probe:
+    """Looks for contacts within reach."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._model = mujoco.MjModel.__copy__(scene.model)
+        self._model.geom_gap[:] = NEAR
+        self._data = mujoco.MjData(self._model)
+
+    def contacts(self, pose: Array) -> tuple[Array, Array]:
+        """The pairs of geoms that may touch, (C, 2), and Jacobians of their points, (3C, nv)."""
+        m, d = self._model, self._data
+        d.qpos[:] = pose
+        mujoco.mj_fwdPosition(m, d)
+        rows, one = np.zeros((d.ncon, 3, m.nv)), np.zeros((3, m.nv))
+        for jacobian, contact in zip(rows, d.contact, strict=True):
+            for sign, geom in zip((-1.0, 1.0), contact.geom, strict=True):
+                mujoco.mj_jac(m, d, one, None, contact.pos, m.geom_bodyid[geom])
+                jacobian += sign * contact.frame.reshape(3, 3) @ one
+        return np.array(d.contact.geom).reshape(-1, 2), rows.reshape(-1, m.nv)
+
+    def carried(self, jacobian: Array) -> Array:
+        """Contact forces per generalised force, (3C, nv): (J M⁻¹ Jᵀ)⁺ J M⁻¹ at the last pose."""
+        inertia = np.zeros(2 * (self._model.nv,))
+        mujoco.mj_fullM(self._model, self._data, inertia)
+        lighter = np.linalg.solve(inertia, jacobian.T)
+        apparent = jacobian @ lighter
+        size = _RIDGE * np.trace(apparent) / len(apparent) * np.eye(len(apparent))
+        return np.asarray(np.linalg.solve(apparent + size, lighter.T))

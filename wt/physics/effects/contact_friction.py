@@ -1,0 +1,124 @@
+"""Sliding friction between the machine and what it touches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+
+from wt.physics.contact import loads
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.motion import Motion
+from wt.physics.scene import Scene
+from wt.types import Location
+
+Array = np.ndarray
+
+_SLIPPING, _LOADED = 0.06, 0.08  # m/s; share of the weight: less is noise of the residual
+_LEAST, _THINNED = 20, 5  # samples that must slip; one in so many is looked at
+_STARTS = (0.75, 0.5)  # quantiles of what was seen: a foot that hardly slips shows less
+
+
+@register
+class ContactFriction(Effect):
+    """A coefficient of sliding friction of one geom, or of the ground under all.
+
+    No force signature tells it, since contact forces are projected out of the residual; how far
+    what the contacts carry leans back while they slip says where to start.
+    """
+
+    id = "contact.friction"
+    kind = "geom"
+    parameters = (Parameter("friction", "-", 0.01, 3.0, 1e-3),)
+    reference = "C. A. de Coulomb, Théorie des machines simples, 1785"
+
+    def places(self, scene: Scene) -> Sequence[Location]:
+        """Named geoms that may touch: of the machine, and fixed ones."""
+        m = scene.model
+        found = {g for pair in _pairs(m) for g in pair}
+        return [Location("geom", m.geom(g).name) for g in sorted(found) if m.geom(g).name]
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """None: see the class."""
+        return []
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """No force beyond what contacts may carry, (T, nv, 1)."""
+        return np.zeros((*motion.q.shape, 1))
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """See :meth:`Effect.theta`."""
+        return coefficients
+
+    def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
+        """What slipping contacts show of it."""
+        geom = motion.scene.model.geom(at.name).id
+        geoms, friction = _seen(motion)
+        mine = friction[(geoms == geom).any(axis=1)]
+        if len(mine) < _LEAST:
+            return []
+        lower, upper = self.bounds()
+        return [np.clip([np.quantile(mine, q)], lower, upper) for q in _STARTS]
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Write ``friction``, and see to it that no partner overrules it.
+
+        Of two geoms the one of higher priority decides, of equals the larger friction.
+        """
+        model = spec.copy().compile()
+        own = model.geom(at.name).id
+        partners = {g for pair in _pairs(model) if own in pair for g in pair} - {own}
+        spec.geom(at.name).friction[0] = theta[0]
+        for partner in partners:
+            over = int(model.geom_priority[partner] - model.geom_priority[own])
+            if over > 0 or (over == 0 and model.geom_friction[partner, 0] > theta[0]):
+                _yield(spec, model, own, partner, float(theta[0]))
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return f"Contacts of {at.name} slide at a friction coefficient of {theta[0]:.3g}."
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"pushes and fast turns in which {at.name} slips"
+
+
+def _yield(spec: mujoco.MjSpec, model: mujoco.MjModel, own: int, partner: int, mu: float) -> None:
+    """Let a geom's friction hold against one partner's."""
+    if model.geom_bodyid[own] == 0 or model.body_weldid[model.geom_bodyid[own]] == 0:
+        # the ground: whatever stands on it slides as it does
+        spec.geoms[partner].friction[0] = mu
+        return
+    element, other = spec.geoms[own], spec.geoms[partner]
+    element.priority = model.geom_priority[partner] + 1
+    element.condim = max(element.condim, other.condim)
+
+
+def _pairs(model: mujoco.MjModel) -> list[tuple[int, int]]:
+    """Geoms that may touch of which one is fixed: (fixed, moving)."""
+    fixed = model.body_weldid[model.geom_bodyid] == 0
+    kind, likes = model.geom_contype, model.geom_conaffinity
+    return [
+        (int(a), int(b))
+        for a in np.flatnonzero(fixed)
+        for b in np.flatnonzero(~fixed)
+        if kind[a] & likes[b] or kind[b] & likes[a]
+    ]
+
+
+@lru_cache(maxsize=4)
+def _seen(motion: Motion) -> tuple[Array, Array]:
+    """Contacts that slip under load: their geoms, (n, 2), and the friction of each, (n,)."""
+    some = slice(None, None, _THINNED)
+    m = motion.scene.model
+    least = _LOADED * float(np.linalg.norm(m.opt.gravity) * m.body_mass.sum())
+    geoms, seen = [np.zeros((0, 2), dtype=int)], [np.zeros(0)]
+    for load in loads(motion.scene, motion.q[some], motion.v[some], motion.residual[some]):
+        speed = np.linalg.norm(load.slip, axis=1)
+        rows = (speed > _SLIPPING) & (load.force[:, 0] > least)
+        braking = -np.einsum("ci,ci->c", load.force[rows, 1:], load.slip[rows])
+        geoms.append(load.geoms[rows])
+        seen.append(braking / speed[rows] / load.force[rows, 0])
+    return np.concatenate(geoms), np.concatenate(seen)
