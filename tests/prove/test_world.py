@@ -23,7 +23,8 @@ from wt.prove.places import places
 from wt.prove.rigs import RIGS, RigName, nominal_xml
 from wt.prove.sensing import Sensing, measure, sample_steps
 from wt.prove.sets import Decoy
-from wt.prove.world import LAWS, build, hidden_plant, record, visibilities, visibility
+from wt.prove.visibility import visibilities, visibility
+from wt.prove.world import LAWS, build, hidden_plant, record
 
 SHARP = Sensing(rate=100.0, bits=17, noise=0.0, qvel="none")
 TRIED = {

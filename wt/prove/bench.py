@@ -25,10 +25,12 @@ from wt.errors import ConfigError
 from wt.prove import blind, contenders, real
 from wt.prove.answer import Answer, from_json, of_case
 from wt.prove.blind import Job
-from wt.prove.cases import Case, cases
+from wt.prove.case import Case
+from wt.prove.cases import cases
 from wt.prove.folder import SEALED, Folder, write_json
 from wt.prove.seal import new_key, seal, sha256, unseal
-from wt.prove.world import build, visibilities
+from wt.prove.visibility import visibilities
+from wt.prove.world import build
 
 Report = Callable[[str, float], None]
 """Called with (what is being done, share of the whole 0…1)."""
@@ -103,18 +105,23 @@ def alias(name: str, key: bytes) -> str:
 
 def make_one(case: Case, folder: Path, key: bytes) -> None:
     """Simulate a case and write what may be seen of it, with its answer sealed."""
-    name, world = alias(case.name, key), build(case)
+    name = alias(case.name, key)
     part = folder / f".{name}.part"
     shutil.rmtree(part, ignore_errors=True)
     part.mkdir(parents=True)
+    write_sealed(part, name, write_files(case, part), key)
+    part.rename(folder / name)
+
+
+def write_files(case: Case, part: Path) -> Answer:
+    """Simulate a case and write what may be seen of it into a folder; its answer."""
+    world = build(case)
     (part / "robot.xml").write_text(world.nominal_xml)
     meta = {"robot": case.rig, "source": "concealed trial"}
     for kind, some in (("fit", world.fit), ("holdout", world.holdout)):
         for i, one in enumerate(some, 1):
             recordings.write(replace(one, meta=meta), part / f"{kind}-{i}.parquet")
-    answer = of_case(case, visibilities(case), world.noise_rms)
-    write_sealed(part, name, answer, key)
-    part.rename(folder / name)
+    return of_case(case, visibilities(case, world.calm), world.noise_rms)
 
 
 def write_sealed(case: Path, name: str, answer: Answer, key: bytes) -> None:

@@ -146,7 +146,7 @@ class Cable(WorldLaw):
     def act(self, plant: Plant, t: float) -> None:
         """See the class."""
         ratio = self.number("ratio")
-        q = plant.data.qpos
+        q = plant.data.qpos[plant.q_at]
         s = (ratio * float(q[self._a]) + float(q[self._b]) - self.number("slack")) / 0.05
         stretch = 0.05 * (s if s > 30 else math.log1p(math.exp(s)))
         pull = self.number("stiffness") * stretch

@@ -143,8 +143,9 @@ class _Gear(GearLaw):
     def bind(self, plant: Plant) -> None:
         """Move the armature from the joint to the rotor."""
         joint = plant.index(self.place)
-        self.rotor = float(plant.model.dof_armature[joint])
-        plant.model.dof_armature[joint] = 0.0
+        dof = plant.dof(self.place)
+        self.rotor = float(plant.model.dof_armature[dof])
+        plant.model.dof_armature[dof] = 0.0
         self.link = plant.inertia(joint)
         self.h = plant.h / self.SUBSTEPS
         self.angle, self.rate = 0.0, 0.0

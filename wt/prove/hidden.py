@@ -13,7 +13,9 @@ from collections.abc import Callable, Sequence
 import mujoco
 import numpy as np
 
+from wt.prove.legged_rigs import Legged
 from wt.prove.rigs import Rig, nominal_xml
+from wt.prove.trace import Trace as Trace
 
 Array = np.ndarray
 Parameters = dict[str, object]
@@ -51,6 +53,9 @@ class Law:
 
     def bind(self, plant: Plant) -> None:
         """Change the compiled model; look up what the other hooks need."""
+
+    def settle(self, plant: Plant) -> None:
+        """Put what is loose where it belongs, before the lead-in of a recording."""
 
     def start(self) -> None:
         """The recording's first sample: the motor is cold."""
@@ -123,6 +128,9 @@ class Plant:
         self.h = step or rig.step * (0.5 if fine and rig.step > 3e-4 else 1.0)
         self.model.opt.timestep = self.h
         self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+        hinges = [self.model.joint(name) for name in rig.joints]
+        self.q_at = np.array([int(hinge.qposadr[0]) for hinge in hinges])
+        self.v_at = np.array([int(hinge.dofadr[0]) for hinge in hinges])
         self._servo(gain, off)
         mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
         self.data = mujoco.MjData(self.model)
@@ -158,6 +166,10 @@ class Plant:
         """Index of a joint, given its name or its actuator's."""
         return self.rig.joints.index(place.removesuffix("_drive"))
 
+    def dof(self, place: str) -> int:
+        """MuJoCo's index of a joint's velocity, given its name or its actuator's."""
+        return int(self.v_at[self.index(place)])
+
     def body(self, name: str) -> int:
         """MuJoCo's id of a body."""
         return mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)
@@ -165,11 +177,12 @@ class Plant:
     def inertia(self, joint: int) -> float:
         """Inertia about a joint, all else locked, where motions happen [kg·m²], with armature."""
         data = mujoco.MjData(self.model)
-        data.qpos[:] = [link.middle for link in self.rig.links]
+        data.qpos[self.q_at] = [link.middle for link in self.rig.links]
         mujoco.mj_forward(self.model, data)
         full = np.zeros((self.model.nv, self.model.nv))
         mujoco.mj_fullM(self.model, data, full)
-        return float(full[joint, joint])
+        dof = self.v_at[joint]
+        return float(full[dof, dof])
 
     def gravity_torques(self, path: Array) -> Array:
         """Torques that hold the rig still [N·m], effects on joints left out.
@@ -179,10 +192,10 @@ class Plant:
         """
         data, out = mujoco.MjData(self.model), np.empty_like(path)
         for row, q in enumerate(path):
-            data.qpos[:] = q
+            data.qpos[self.q_at] = q
             mujoco.mj_fwdPosition(self.model, data)
             mujoco.mj_fwdVelocity(self.model, data)
-            out[row] = data.qfrc_bias
+            out[row] = data.qfrc_bias[self.v_at]
         return out
 
     def run(
@@ -201,22 +214,26 @@ class Plant:
             lead: steps of lead-in before time 0, in which sample 0 is held.
         """
         mujoco.mj_resetData(self.model, self.data)
-        self.data.qpos[:] = q0
+        self._stand(q0)
         for _, gear in self._gear:
             gear.angle, gear.rate = float(q0[self.index(gear.place)]), 0.0  # type: ignore[attr-defined]
         mujoco.mj_step1(self.model, self.data)
         u = before = controller(0, q0, np.zeros_like(q0))
-        trace = Trace(len(samples), len(self.rig.links), int(samples[-1]) + 1, self.h)
+        shape = len(samples), len(self.rig.links), int(samples[-1]) + 1
+        trace = Trace(*shape, self.h, self.model.nsensordata)
         row, every = 0, max(1, round(float(np.median(np.diff(samples)))))
         for k in range(-lead, int(samples[-1]) + 1):
             mujoco.mj_step1(self.model, self.data)
-            q, v = self.data.qpos, self.data.qvel + 0.5 * self.h * self.data.qacc
+            speed = self.data.qvel + 0.5 * self.h * self.data.qacc
+            q, v = self.data.qpos[self.q_at], speed[self.v_at]
             if k == 0:
                 for law in self._laws:
                     law.start()
             if k == samples[row]:
                 u = controller(row, q, v)
                 trace.put(row, q, v, u, self.data.sensordata)
+                if self.floats:
+                    trace.base_q[row], trace.base_v[row] = self.data.qpos[:7], speed[:6]
                 row += 1
             elif k < 0 and k % every == 0:
                 u = controller(0, q, v)
@@ -226,6 +243,22 @@ class Plant:
                 trace.fine_q[k], trace.fine_v[k], trace.fine_tau[k] = q, v, tau
             mujoco.mj_step2(self.model, self.data)
         return trace
+
+    @property
+    def floats(self) -> bool:
+        """Whether the robot has a free joint, which is then the first one."""
+        return isinstance(self.rig, Legged)
+
+    def _stand(self, q0: Array) -> None:
+        """Joints at q0 [rad], the lowest foot on the floor, and what is loose in its place."""
+        self.data.qpos[self.q_at] = q0
+        if isinstance(self.rig, Legged):
+            mujoco.mj_kinematics(self.model, self.data)
+            heights = [self.data.geom(f.name).xpos[2] - f.size[-1] for f in self.rig.feet]
+            self.data.qpos[2] -= min(heights)
+        for law in self._laws:
+            mujoco.mj_kinematics(self.model, self.data)
+            law.settle(self)
 
     def _finish(self, q: Array, v: Array, u: Array, t: float) -> Array:
         """Set the applied forces of one step; returns the drives' torques on the joints."""
@@ -252,29 +285,5 @@ class Plant:
             self.data.xfrc_applied[:] = 0.0
             for world in self._world:
                 world.act(self, t)
-        self.data.qfrc_applied[:] = self.total
+        self.data.qfrc_applied[self.v_at] = self.total
         return tau
-
-
-class Trace:
-    """What happened: at the samples, and at every fine step.
-
-    Attributes:
-        q: positions at the samples, (samples, joints) [rad].
-        v: velocities [rad/s].
-        u: commands in force from each sample.
-        sensors: MuJoCo's sensordata: encoder [rad], gyro [rad/s].
-        fine_q: positions at every step, (steps, joints); ``fine_v`` and ``fine_tau`` likewise
-            velocities and drive torques.
-    """
-
-    def __init__(self, samples: int, joints: int, steps: int, h: float) -> None:
-        """Empty arrays."""
-        self.h = h
-        self.q, self.v, self.u = (np.zeros((samples, joints)) for _ in range(3))
-        self.sensors = np.zeros((samples, 4))
-        self.fine_q, self.fine_v, self.fine_tau = (np.zeros((steps, joints)) for _ in range(3))
-
-    def put(self, row: int, q: Array, v: Array, u: Array, sensors: Array) -> None:
-        """Store one sample."""
-        self.q[row], self.v[row], self.u[row], self.sensors[row] = q, v, u, sensors

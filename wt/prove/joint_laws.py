@@ -94,7 +94,7 @@ class Armature(JointLaw):
 
     def bind(self, plant: Plant) -> None:
         """Part of the mass matrix."""
-        plant.model.dof_armature[plant.index(self.place)] += self.number("inertia")
+        plant.model.dof_armature[plant.dof(self.place)] += self.number("inertia")
 
 
 class Hysteresis(JointLaw):

@@ -8,11 +8,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wt.prove import legged_motions
 from wt.prove.hidden import Plant
+from wt.prove.legged_rigs import Legged
 from wt.prove.motions import reference
-from wt.prove.rigs import RIGS
+from wt.prove.rigs import RIGS, Rig
+from wt.prove.trace import Trace
 
 Array = np.ndarray
+_ON_LEGS = {
+    "quadruped": {"multisine": "sway", "triangle": "twist", "jumps": "trot", "moves": "squat"},
+    "humanoid": {"multisine": "sway", "triangle": "twist", "jumps": "swing", "moves": "squat"},
+}
+"""What a robot on legs does instead of an arm's motions."""
 
 
 @dataclass(frozen=True)
@@ -47,16 +55,7 @@ def scales(name: str) -> Scales:
     """Measured on the rig with nothing hidden, as position servos."""
     rig = RIGS[name.removesuffix("_motor")]
     plant = Plant(rig, [], 1.0, np.ones((2, len(rig.links))), step=0.001)
-    middle = np.array([link.middle for link in rig.links])
-    amplitude = np.array([link.amplitude for link in rig.links])
-    t = np.arange(0, 8, 0.01)
-    steps = np.arange(len(t)) * 10
-    traces = {}
-    for seed, kind in enumerate(("multisine", "triangle", "jumps", "moves")):
-        rng = np.random.default_rng(seed)
-        path = reference(kind, t, middle, amplitude, rig.tempo, rng)
-        start = np.array(rig.hanging(path[0]))
-        traces[kind] = plant.run(start, steps, _follow(path), 500)
+    traces = _on_legs(rig, plant) if isinstance(rig, Legged) else _in_air(rig, plant)
     usual = [traces["multisine"], traces["moves"]]
     tau = np.concatenate([trace.fine_tau for trace in usual])
     v = np.concatenate([trace.fine_v for trace in usual])
@@ -80,6 +79,29 @@ def scales(name: str) -> Scales:
         high=np.quantile(q, 0.9, axis=0),
         inertia=inertia,
     )
+
+
+def _in_air(rig: Rig, plant: Plant) -> dict[str, Trace]:
+    middle = np.array([link.middle for link in rig.links])
+    amplitude = np.array([link.amplitude for link in rig.links])
+    t = np.arange(0, 8, 0.01)
+    traces = {}
+    for seed, kind in enumerate(("multisine", "triangle", "jumps", "moves")):
+        rng = np.random.default_rng(seed)
+        path = reference(kind, t, middle, amplitude, rig.tempo, rng)
+        start = np.array(rig.hanging(path[0]))
+        traces[kind] = plant.run(start, np.arange(len(t)) * 10, _follow(path), 500)
+    return traces
+
+
+def _on_legs(rig: Legged, plant: Plant) -> dict[str, Trace]:
+    """The motions that come closest; none falls on a rig with nothing hidden."""
+    t = np.arange(0, 8, 0.01)
+    traces = {}
+    for seed, (kind, motion) in enumerate(_ON_LEGS[rig.name].items()):
+        path = legged_motions.reference(rig, motion, t, 0.8, np.random.default_rng(seed))
+        traces[kind] = plant.run(path[0], np.arange(len(t)) * 10, _follow(path), 500)
+    return traces
 
 
 def _follow(path: Array) -> Callable[[int, Array, Array], Array]:

@@ -13,8 +13,10 @@ from typing import Literal
 
 import numpy as np
 
-from wt.prove.hidden import Parameters, Trace
+from wt.prove.base_sensing import BaseSensing
+from wt.prove.hidden import Parameters
 from wt.prove.rigs import Rig
+from wt.prove.trace import Trace
 
 Array = np.ndarray
 SensorEffect = tuple[str, str, Parameters]
@@ -40,6 +42,7 @@ class Sensing:
             positions, low-passed).
         qvel_noise: rms of the velocity sensor's noise [rad/s].
         gyro: whether ``sensor/encoder/0`` and ``sensor/gyro/0…2`` are recorded.
+        base: how the trunk of a robot on legs is recorded; None without one.
     """
 
     rate: float
@@ -53,6 +56,7 @@ class Sensing:
     qvel: Literal["none", "noisy", "filtered"] = "noisy"
     qvel_noise: float = 0.01
     gyro: bool = False
+    base: BaseSensing | None = None
 
     @property
     def encoder_step(self) -> float:

@@ -10,21 +10,19 @@ from typing import Literal, get_args
 
 from wt.errors import ConfigError
 from wt.prove.catalog import LIBRARY, OUTSIDERS
+from wt.prove.legged_sets import legged
 from wt.prove.places import places
+from wt.prove.row import LEVELS
+from wt.prove.row import Decoy as Decoy
+from wt.prove.row import Row as Row
 
 SetName = Literal[
-    "brief", "quick", "full", "nulls", "singles", "pairs", "triples", "outsiders", "faintest"
-]
-Kind = Literal["single", "pair", "triple", "outsider", "null"]
-Decoy = Literal[
-    "", "coarse_step", "coloured_noise", "tight_servo", "poor_excitation", "wrong_mass"
+    "brief", "quick", "full", "nulls", "singles", "pairs", "triples", "outsiders", "faintest",
+    "legged",
 ]  # fmt: skip
-Row = tuple[tuple[str, ...], str, str, Kind, Decoy]
-"""Effects, rig, level, kind, decoy."""
 
 BELOW = "below"
 """The level of effects that drown in the noise."""
-LEVELS = ("obvious", "clear", "faint")
 ARMS = ("arm6", "arm3", "pendulum", "arm6", "arm3_motor", "arm3")
 
 _SLOW = ("actuator.fade",)
@@ -87,6 +85,8 @@ def rows(set: str) -> list[Row]:
     """
     if set not in get_args(SetName):
         raise ConfigError(f"set of trials '{set}'; allowed: {', '.join(get_args(SetName))}")
+    if set == "legged":
+        return legged()
     if set == "quick":
         found = [row for row in _singles() if row[0][0] not in _SLOW][::6]
         return found + _pairs()[::4] + _outsiders()[::3] + _nulls()[::7]

@@ -1,0 +1,77 @@
+"""What is wrong with contacts: the ``contact.*`` effects. Feet decide, as in the nominal model."""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+
+from wt.prove.hidden import Law, Plant, WorldLaw
+from wt.prove.legged_rigs import FLOOR, Legged
+
+Array = np.ndarray
+
+
+class _Ground(WorldLaw):
+    """Changes one foot, or all of them when the floor is to blame."""
+
+    def feet(self, plant: Plant) -> list[int]:
+        """MuJoCo's ids of the geoms."""
+        assert isinstance(plant.rig, Legged)
+        names = [foot.name for foot in plant.rig.feet]
+        some = names if self.place == FLOOR else [self.place]
+        return [int(plant.model.geom(name).id) for name in some]
+
+
+class Friction(_Ground):
+    """Sliding friction of a worn foot, or of a slippery floor, is ``friction``."""
+
+    def bind(self, plant: Plant) -> None:
+        """Once."""
+        for geom in self.feet(plant):
+            plant.model.geom_friction[geom, 0] = self.number("friction")
+
+
+class Compliance(_Ground):
+    """A foot or a floor that gives: contacts have ``time_constant`` (critically damped)."""
+
+    def bind(self, plant: Plant) -> None:
+        """Once."""
+        for geom in self.feet(plant):
+            plant.model.geom_solref[geom, 0] = self.number("time_constant")
+
+
+class Floor(_Ground):
+    """No effect but a tolerance: ``friction`` and ``time_constant`` × factors, as floors are."""
+
+    def bind(self, plant: Plant) -> None:
+        """Once, before anything that is hidden."""
+        for geom in self.feet(plant):
+            plant.model.geom_friction[geom, 0] *= self.number("friction")
+            plant.model.geom_solref[geom, 0] *= self.number("time_constant")
+
+
+class Slope(WorldLaw):
+    """The floor descends by ``angle`` towards azimuth ``direction``; gravity stays as it is."""
+
+    def bind(self, plant: Plant) -> None:
+        """Turn the plane about the world's origin."""
+        d, half = self.number("direction"), 0.5 * self.number("angle")
+        # about the level axis that is a quarter turn left of the descent
+        axis = np.array([-math.sin(d), math.cos(d), 0.0])
+        self._turn = np.array([math.cos(half), *(math.sin(half) * axis)])
+        plant.model.geom_quat[plant.model.geom(FLOOR).id] = self._turn
+
+    def settle(self, plant: Plant) -> None:
+        """The robot stands as it would on level ground, turned with the floor."""
+        place, turn = plant.data.qpos[:3].copy(), plant.data.qpos[3:7].copy()
+        mujoco.mju_rotVecQuat(plant.data.qpos[:3], place, self._turn)
+        mujoco.mju_mulQuat(plant.data.qpos[3:7], self._turn, turn)
+
+
+LAWS: dict[str, type[Law]] = {
+    "contact.friction": Friction,
+    "contact.compliance": Compliance,
+    "contact.slope": Slope,
+}

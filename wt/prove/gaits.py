@@ -1,0 +1,90 @@
+"""How a quadruped's feet go when it walks: a trot on two feet at a time, a crawl on three.
+
+Feet move in the trunk's frame, backwards while they stand and forwards through the air.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wt.prove.motions import SHAPES
+
+Array = np.ndarray
+_TROT_PHASE = np.array([0.0, 0.5, 0.5, 0.0])
+_CRAWL_PHASE = np.array([0.75, 0.25, 0.0, 0.5])
+_PACE = (0.3, 0.12, 0.5)
+"""Of a trot: forward, sideways [m/s], turning [rad/s]; a crawl goes at a quarter."""
+
+
+def trot(t: Array, stand: Array, grown: Array, rng: np.random.Generator) -> Array:
+    """Where the feet are beside where they stand, (n, 4, 3) [m].
+
+    Args:
+        t: times, (n,) [s].
+        stand: feet in the trunk's frame, (4, 3) [m].
+        grown: share of full size, (n, 1).
+        rng: decides speed, direction and pace.
+    """
+    period, duty = rng.uniform(0.42, 0.55), rng.uniform(0.55, 0.62)
+    phase = (t[:, None] / period + _TROT_PHASE) % 1.0
+    way = _way(t, stand, grown, np.array(_PACE), rng) * (duty * period)
+    return _feet(phase, duty, way, rng.uniform(0.045, 0.06) * grown)
+
+
+def crawl(
+    t: Array, stand: Array, grown: Array, rng: np.random.Generator, on_the_spot: bool
+) -> tuple[Array, Array]:
+    """The same with one foot in the air at a time, and how the trunk leans away from it.
+
+    Args:
+        t: times, (n,) [s].
+        stand: feet in the trunk's frame, (4, 3) [m].
+        grown: share of full size, (n, 1).
+        rng: decides speed, direction and pace.
+        on_the_spot: feet reach out and come back to where they stood.
+
+    Returns:
+        Feet beside where they stand, (n, 4, 3) [m], and the trunk's shift, (n, 6) [m, rad].
+    """
+    period, duty = rng.uniform(2.4, 3.2), 0.84
+    phase = (t[:, None] / period + _CRAWL_PHASE) % 1.0
+    pace = np.zeros(3) if on_the_spot else 0.25 * np.array(_PACE)
+    way = _way(t, stand, grown, pace, rng) * (duty * period)
+    feet = _feet(phase, duty, way, rng.uniform(0.04, 0.07) * grown)
+    flight = _flight(phase, duty)
+    if on_the_spot:
+        reach = np.stack([SHAPES["multisine"](2 * t, rng) for _ in range(8)], axis=1)
+        aloft = np.sin(np.pi * flight) ** 2 * (flight > 0)
+        feet[:, :, :2] += 0.05 * (grown * aloft)[:, :, None] * reach.reshape(-1, 4, 2)
+    # away from the foot in the air, a little ahead of its time
+    apart = (phase + 0.03 - 0.5 * (1.0 + duty) + 0.5) % 1.0 - 0.5
+    lifted = np.exp(-0.5 * (apart / 0.12) ** 2)
+    shift = np.zeros((len(t), 6))
+    away = -np.sign(stand[:, :2]) * np.array([0.03, 0.045])
+    shift[:, :2] = grown * (lifted @ away)
+    return feet, shift
+
+
+def _way(t: Array, stand: Array, grown: Array, pace: Array, rng: np.random.Generator) -> Array:
+    """Velocity of the ground under each foot, turned round: (n, 4, 3) [m/s]."""
+    vx, vy, turn = (size * SHAPES["holds"](t, rng) for size in pace)
+    found = np.zeros((len(t), 4, 3))
+    found[:, :, 0] = vx[:, None] - turn[:, None] * stand[:, 1]
+    found[:, :, 1] = vy[:, None] + turn[:, None] * stand[:, 0]
+    return found * grown[:, :, None]
+
+
+def _flight(phase: Array, duty: float) -> Array:
+    """Share of the way through the air, 0 while the foot stands."""
+    return np.clip((phase - duty) / (1.0 - duty), 0.0, 1.0)
+
+
+def _feet(phase: Array, duty: float, way: Array, lift: Array) -> Array:
+    """Half the way in front to half the way behind while standing, and back through the air."""
+    flight = _flight(phase, duty)
+    # a cycloid, so that feet land and leave at rest
+    back = flight - np.sin(2 * np.pi * flight) / (2 * np.pi)
+    along = np.where(flight > 0, back - 0.5, 0.5 - np.minimum(phase / duty, 1.0))
+    found = along[:, :, None] * way
+    found[:, :, 2] += lift * 0.5 * (1.0 - np.cos(2 * np.pi * flight))
+    return np.asarray(found)

@@ -1,0 +1,88 @@
+"""Inverse kinematics of the robots on legs: joint angles that put the feet where they should be.
+
+All for n poses of the trunk at once. Frames: ``trunk`` is that of the free joint's body, the world
+is level with the floor at height 0.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wt.prove import legged_rigs as rigs
+
+Array = np.ndarray
+
+
+def rotation(roll: Array, pitch: Array, yaw: Array) -> Array:
+    """R_z(yaw)·R_y(pitch)·R_x(roll) from angles (n,) [rad], (n, 3, 3)."""
+    return _about(2, yaw) @ _about(1, pitch) @ _about(0, roll)
+
+
+def _about(axis: int, angle: Array) -> Array:
+    """Rotations about a coordinate axis, (n, 3, 3)."""
+    c, s = np.cos(angle), np.sin(angle)
+    found = np.zeros((len(c), 3, 3))
+    a, b = (axis + 1) % 3, (axis + 2) % 3
+    found[:, axis, axis] = 1.0
+    found[:, a, a] = found[:, b, b] = c
+    found[:, a, b], found[:, b, a] = -s, s
+    return found
+
+
+def paw(leg: str, foot: Array) -> Array:
+    """Angles of a quadruped's leg: abduction, hip, knee.
+
+    Args:
+        leg: its name, FL to RR.
+        foot: middle of its foot in the trunk's frame, (n, 3) [m].
+
+    Returns:
+        (n, 3) [rad]; a foot out of reach is reached for.
+    """
+    x, y = (1 if leg[0] == "F" else -1), (1 if leg[1] == "L" else -1)
+    p = foot - np.array([x * rigs.HIP_AT[0], y * rigs.HIP_AT[1], 0.0])
+    aside = y * rigs.HIP_ASIDE
+    deep = np.sqrt(np.maximum(p[:, 1] ** 2 + p[:, 2] ** 2 - aside**2, 1e-4))
+    # (y, z) = R(a)·(aside, −deep)
+    a = np.arctan2(p[:, 2], p[:, 1]) - np.arctan2(-deep, np.full_like(deep, aside))
+    a = (a + np.pi) % (2 * np.pi) - np.pi
+    far = np.minimum(np.hypot(p[:, 0], deep), 0.995 * (rigs.THIGH + rigs.SHANK))
+    knee = -_triangle(far, rigs.THIGH, rigs.SHANK)
+    # thigh and shank are equally long, so the foot lies half the knee's angle off the thigh
+    hip = np.arctan2(-p[:, 0], deep) - 0.5 * knee
+    return np.stack([a, hip, knee], axis=1)
+
+
+def _triangle(far: Array, upper: float, lower: float) -> Array:
+    """How far a knee is bent for a distance between the ends of the leg [rad]."""
+    cosine = (far**2 - upper**2 - lower**2) / (2 * upper * lower)
+    return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def leg(side: str, ankle: Array, turn: Array) -> Array:
+    """Angles of a humanoid's leg: hip yaw, roll, pitch, knee, ankle pitch, roll.
+
+    Args:
+        side: left or right.
+        ankle: where the ankle is in the pelvis's frame, (n, 3) [m].
+        turn: how the sole is turned in the pelvis's frame, (n, 3, 3).
+
+    Returns:
+        (n, 6) [rad].
+    """
+    y = 1.0 if side == "left" else -1.0
+    hip = np.array([0.0, y * rigs.PELVIS_AT[0], rigs.PELVIS_AT[1]])
+    # the hip as the sole sees it: r = turnᵀ·(hip − ankle)
+    r = np.einsum("nji,nj->ni", turn, hip - ankle)
+    far = np.minimum(np.linalg.norm(r, axis=1), 0.995 * (rigs.FEMUR + rigs.TIBIA))
+    knee = _triangle(far, rigs.FEMUR, rigs.TIBIA)
+    # thigh and shin are equally long, so the ankle stands half the knee's angle off that line
+    roll = np.arctan2(r[:, 1], r[:, 2])
+    pitch = -np.arctan2(r[:, 0], np.hypot(r[:, 1], r[:, 2])) - 0.5 * knee
+    # turn = Rz(yaw)·Rx(hip roll)·Ry(hip pitch + knee + ankle pitch)·Rx(ankle roll)
+    rest = turn @ _about(0, -roll) @ _about(1, -(knee + pitch))
+    # Rz(a)·Rx(b)·Ry(c): element (2, 1) is sin b, the second column (−sin a·cos b, cos a·cos b)
+    b = np.arcsin(np.clip(rest[:, 2, 1], -1.0, 1.0))
+    a = np.arctan2(-rest[:, 0, 1], rest[:, 1, 1])
+    c = np.arctan2(-rest[:, 2, 0], rest[:, 2, 2])
+    return np.stack([a, b, c, knee, pitch, roll], axis=1)
