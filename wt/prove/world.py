@@ -8,19 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from wt.errors import WorkError
-from wt.prove import body_laws, contact_laws, drive_laws, joint_laws, legged_motions
+from wt.prove import legged_motions
 from wt.prove.base_sensing import measure_base
 from wt.prove.case import Case, Truth
-from wt.prove.hidden import Law, Plant, Trace
+from wt.prove.hidden import Plant
+from wt.prove.laws import LAWS as LAWS
 from wt.prove.legged_rigs import Legged
 from wt.prove.legged_world import CALM, tolerances, upright
 from wt.prove.motions import reference
 from wt.prove.rigs import RIGS, Rig, nominal_xml
 from wt.prove.sensing import SensorEffect, measure, sample_steps, stamps
+from wt.prove.trace import Trace
 from wt.types import Recording
 
 Array = np.ndarray
-LAWS: dict[str, type[Law]] = drive_laws.LAWS | joint_laws.LAWS | body_laws.LAWS | contact_laws.LAWS
 LEAD_S = 1.5  # the robot settles under the first command
 OUTER_KP = 0.4
 """Stiffness of the controller outside the model, as a share of the servo's."""
@@ -97,7 +98,7 @@ def _steady(case: Case, plant: Plant, index: int) -> tuple[Trace, Array, float]:
 def hidden_plant(case: Case, hidden: Sequence[Truth] | None = None) -> Plant:
     """The hidden world of a case, with all that is hidden in it or with a part of that."""
     rig = RIGS[case.rig]
-    acting = [truth for truth in case.truth if truth.law in LAWS]  # sensors are not in the world
+    acting = [truth for truth in case.truth if not truth.law.startswith("sensor.")]
     laws = [
         LAWS[truth.law](truth.name, truth.parameters, np.random.default_rng([case.seed, 2, i]))
         for i, truth in enumerate(acting)
