@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from wt.prove import legged_cases
+from wt.prove import legged_cases, moving_laws
 from wt.prove.case import Case as Case
 from wt.prove.case import Truth as Truth
 from wt.prove.catalog import parameters
 from wt.prove.hidden import Parameters
 from wt.prove.legged_rigs import LEGGED
 from wt.prove.motions import MOTIONS as ALL_MOTIONS
+from wt.prove.obstacles import obstacle
 from wt.prove.places import MOTIONS, places
 from wt.prove.rigs import RIGS
 from wt.prove.row import Row
@@ -40,7 +43,7 @@ def _case(index: int, row: Row, seed: int) -> Case:
     effects, rig, level, kind, decoy = row
     rng = np.random.default_rng([seed, index, len(effects)])
     motor = RIGS[rig].motor
-    quiet = any(effect.startswith(("body.", "world.")) for effect in effects)
+    quiet = any(effect.startswith(("body.", "world.", "contact.")) for effect in effects)
     sensing = _sensing(rng, motor, decoy, quiet)
     truth: list[Truth] = []
     for effect in effects:
@@ -54,7 +57,7 @@ def _case(index: int, row: Row, seed: int) -> Case:
     held = str(rng.choice([m for m in ALL_MOTIONS if m not in (first, second)] + ["mixture"] * 3))
     if effects and effects[0] in ("actuator.saturation", "actuator.speed_limit"):
         held = "jumps"
-    return Case(
+    case = Case(
         name=f"{index:03d}-{rig}-{'+'.join(effects) or decoy or 'nothing'}"
         + (f"-{level}" if level else ""),
         rig=rig,
@@ -70,6 +73,10 @@ def _case(index: int, row: Row, seed: int) -> Case:
         level=level,
         excused=_excused(rig, rng) if decoy == "wrong_mass" else (),
     )
+    if effects == ("contact.obstacle",):
+        placed = replace(case.truth[0], parameters=obstacle(case))
+        case = replace(case, truth=(placed,))
+    return case
 
 
 def _excused(rig: str, rng: np.random.Generator) -> tuple[tuple[str, str, str], ...]:
@@ -94,11 +101,14 @@ def _truth(effect: str, rig: str, joint: int, found: Parameters, rng: np.random.
     robot = RIGS[rig]
     name, body = robot.joints[joint], robot.bodies[joint]
     group = effect.partition(".")[0]
+    if effect == "body.payload_moving":
+        law, found = moving_laws.variant(found, rng)
+        return Truth(effect, "body", body, found, law)
     if group == "body":
         return Truth(effect, "body", body, found, effect)
     if group == "actuator":
         return Truth(effect, "actuator", f"{name}_drive", found, effect)
-    if group == "world":
+    if group in ("world", "contact"):
         return Truth(effect, "world", "world", found, effect)
     if effect == "sensor.delay" and rng.random() < 0.5:
         return Truth(effect, "sensor", "all", found, effect)

@@ -142,6 +142,20 @@ def _payload(d: Draw) -> Parameters:
     }
 
 
+def _moving(d: Draw) -> Parameters:
+    fixed, travel = _payload(d), d.pick(0.12, 0.08, 0.05)
+    return moving(d, float(fixed["mass"]), travel) | {"position": fixed["position"]}  # type: ignore[arg-type]
+
+
+def moving(d: Draw, mass: float, travel: float) -> Parameters:
+    """A payload that moves, with what each kind of it needs besides mass [kg] and travel [m]."""
+    return {
+        "mass": mass, "travel": travel, "radius": d.u(0.025, 0.045),
+        "breadth": travel * d.u(0.3, 1.0), "damping": mass * d.u(3.0, 8.0),
+        "frequency": d.u(5.0, 9.0), "ratio": d.u(0.08, 0.2),
+    }  # fmt: skip
+
+
 def _windows(d: Draw) -> Parameters:
     start, windows = d.u(1.0, 2.0), []
     while start < 13.0:
@@ -183,10 +197,6 @@ def _detent(d: Draw) -> Parameters:
 def _eddy(d: Draw) -> Parameters:
     c = 2.5 * d.torque / d.of("speed")
     return {"coefficient": c, "angle": d.angle, "width": 2.5 * _width(d)}
-
-
-def _tight(d: Draw) -> Parameters:
-    return {"coulomb": 2.5 * d.torque, "angle": d.angle, "width": _width(d)}
 
 
 def _cable(d: Draw) -> Parameters:
@@ -261,7 +271,9 @@ MAGNITUDES: dict[str, Magnitudes] = {
     "world.gravity": lambda d: {"angle": d.pick(0.25, 0.12, 0.06), "direction": d.u(-3.1, 3.1)},
     "outsider.detent": _detent,
     "outsider.eddy_brake": _eddy,
-    "outsider.tight_spot": _tight,
+    "outsider.tight_spot": lambda d: {
+        "coulomb": 2.5 * d.torque, "angle": d.angle, "width": _width(d),
+    },
     "outsider.flywheel": lambda d: {"momentum": d.pick(1.6, 0.9, 0.5), "axis": d.direction()},
     "outsider.cable": _cable,
     "outsider.rubber": _rubber,
@@ -269,6 +281,13 @@ MAGNITUDES: dict[str, Magnitudes] = {
     "outsider.slosh": _slosh,
     "outsider.unbalance": _unbalance,
 }  # fmt: skip
+
+LATER: dict[str, Magnitudes] = {
+    "body.payload_moving": _moving,
+    # where it can stand depends on the motions
+    "contact.obstacle": lambda d: {},
+}
+"""Effects that only the set ``legged`` hides in arms."""
 
 LIBRARY = tuple(effect for effect in MAGNITUDES if not effect.startswith("outsider."))
 OUTSIDERS = tuple(effect for effect in MAGNITUDES if effect.startswith("outsider."))
@@ -279,4 +298,4 @@ def parameters(
 ) -> Parameters:
     """Magnitudes of an effect at a joint (or its body)."""
     draw = Draw(RIGS[rig], joint, level, noise, np.random.default_rng(seed))
-    return MAGNITUDES[effect](draw)
+    return (MAGNITUDES | LATER)[effect](draw)

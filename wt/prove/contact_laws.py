@@ -70,8 +70,31 @@ class Slope(WorldLaw):
         mujoco.mju_mulQuat(plant.data.qpos[3:7], self._turn, turn)
 
 
+class Obstacle(WorldLaw):
+    """A block that stands in the way: its face is at ``position`` and looks along ``normal``."""
+
+    HALF = (0.15, 0.4, 0.4)  # m, deep, and wide enough that nothing goes around it
+    BIT = 8  # of the block, which only the arm feels
+
+    def edit(self, spec: mujoco.MjSpec) -> None:
+        """A box of the world that all links but the first can touch."""
+        normal = self.vector("normal")
+        turn = np.zeros(4)
+        mujoco.mju_quatZ2Vec(turn, normal)
+        spec.worldbody.add_geom(
+            name="block", type=mujoco.mjtGeom.mjGEOM_BOX, quat=turn,
+            pos=self.vector("position") - self.HALF[0] * normal,
+            size=[self.HALF[1], self.HALF[2], self.HALF[0]],
+            contype=self.BIT, conaffinity=0, friction=[0.25, 0.005, 0.0001], solref=[0.005, 1.0],
+        )  # fmt: skip
+        for body in spec.bodies[2:]:
+            for geom in body.geoms:
+                geom.conaffinity = self.BIT
+
+
 LAWS: dict[str, type[Law]] = {
     "contact.friction": Friction,
     "contact.compliance": Compliance,
     "contact.slope": Slope,
+    "contact.obstacle": Obstacle,
 }

@@ -66,7 +66,8 @@ def _motions(rng: np.random.Generator, rig: str, effect: str) -> tuple[str, str,
 def _truth(effect: str, rig: str, place: str, found: Parameters, rng: np.random.Generator) -> Truth:
     robot, group = LEGGED[rig], effect.partition(".")[0]
     if effect == "body.payload_moving":
-        return Truth(effect, "body", place, found, str(rng.choice(list(moving_laws.LAWS))))
+        law, found = moving_laws.variant(found, rng)
+        return Truth(effect, "body", place, found, law)
     if group == "actuator":
         return Truth(effect, "actuator", f"{place}_drive", found, effect)
     if group == "joint":
@@ -75,8 +76,14 @@ def _truth(effect: str, rig: str, place: str, found: Parameters, rng: np.random.
         return Truth(effect, "body", place, found, effect)
     if group == "contact":
         return Truth(effect, "geom", place, found, effect)
-    kind = "joint" if place in robot.joints else "body" if place in robot.bodies else "geom"
-    return Truth("unknown", kind, place, found, effect)
+    if place in robot.joints:
+        return Truth("unknown", "joint", place, found, effect)
+    if place in robot.bodies:
+        return Truth("unknown", "body", place, found, effect)
+    # the foot, its link, or a joint of its leg are as right
+    body = next(foot.body for foot in robot.feet if foot.name == place)
+    accept = (("body", body), *(("joint", joint) for joint in robot.leg(place)))
+    return Truth("unknown", "geom", place, found, effect, accept=accept)
 
 
 def _sensing(rng: np.random.Generator, decoy: str) -> Sensing:

@@ -50,6 +50,10 @@ PLACES: dict[str, _Places] = {
     "contact.friction": {name: (*feet, FLOOR, FLOOR) for name, feet in _FEET.items()},
     "contact.compliance": {name: (*feet, FLOOR, FLOOR) for name, feet in _FEET.items()},
     "contact.slope": {name: (FLOOR,) for name in LEGGED},
+    "outsider.sticky_foot": _FEET,
+    "outsider.loose_pad": _FEET,
+    "outsider.trailing_cable": {"quadruped": ("trunk",)},
+    "outsider.flywheel": {"quadruped": ("trunk",), "humanoid": ("torso",)},
 }
 """Effect → robot → MJCF names; effects that are left out can be at any joint."""
 
@@ -57,6 +61,9 @@ MOTIONS: dict[str, dict[str, tuple[str, str]]] = {
     "contact.friction": {"quadruped": ("trot", "twist"), "humanoid": ("twist", "sway")},
     "contact.compliance": {"quadruped": ("trot", "squat"), "humanoid": ("squat", "sway")},
     "body.drag": {"quadruped": ("trot", "sway"), "humanoid": ("swing", "twist")},
+    "outsider.sticky_foot": {"quadruped": ("trot", "paw")},
+    "outsider.loose_pad": {"quadruped": ("trot", "crawl")},
+    "outsider.trailing_cable": {"quadruped": ("trot", "sway")},
 }
 """Motions that show an effect; others get one on the spot and one with steps, or two."""
 
@@ -112,16 +119,9 @@ def _moving(d: LeggedDraw) -> Parameters:
     at = _payload(d)["position"]
     assert isinstance(at, list)
     on_back = [0.0, 0.0, d.robot.box[2] + 0.07] if d.place != "torso" else [-0.12, 0.0, 0.18]
-    mass_of = d.pick(0.28, 0.17, 0.1) * (1.0 if d.rig.name == "quadruped" else 0.5) * mass(d.robot)
-    travel = d.pick(0.2, 0.14, 0.09)
-    w = d.u(5.0, 9.0)
-    return {
-        "mass": mass_of,
-        "travel": travel,
-        "position": [round(0.3 * x + y, 4) for x, y in zip(at, on_back, strict=True)],
-        "radius": d.u(0.04, 0.05), "breadth": travel * d.u(0.3, 1.0),
-        "damping": mass_of * d.u(3.0, 8.0), "frequency": w, "ratio": d.u(0.08, 0.2),
-    }  # fmt: skip
+    share = d.pick(0.28, 0.17, 0.1) * (1.0 if d.rig.name == "quadruped" else 0.5)
+    found = catalog.moving(d, share * mass(d.robot), d.pick(0.2, 0.14, 0.09))
+    return found | {"position": [round(0.3 * x + y, 4) for x, y in zip(at, on_back, strict=True)]}
 
 
 def _push(d: LeggedDraw) -> Parameters:
@@ -158,6 +158,13 @@ MAGNITUDES: dict[str, Callable[[LeggedDraw], Parameters]] = {
     "contact.friction": lambda d: {"friction": d.pick(0.12, 0.19, 0.27)},
     "contact.compliance": lambda d: {"time_constant": d.pick(0.12, 0.08, 0.05)},
     "contact.slope": _slope,
+    "outsider.sticky_foot": lambda d: {
+        "pull": d.pick(0.35, 0.25, 0.15) * d.weight, "reach": d.u(0.003, 0.006)},
+    "outsider.loose_pad": lambda d: {"gap": d.pick(0.012, 0.008, 0.005)},
+    "outsider.trailing_cable": lambda d: {
+        "level": d.pick(0.08, 0.05, 0.03) * d.weight, "more": d.u(2.0, 6.0)},
+    "outsider.flywheel": lambda d: {
+        "momentum": d.pick(3.0, 1.8, 1.0), "axis": d.direction()},
 }  # fmt: skip
 
 

@@ -69,6 +69,16 @@ class Legged(Rig):
         """The standing pose, (joints,) [rad]."""
         return np.array([link.middle for link in self.links])
 
+    def leg(self, foot: str) -> tuple[str, ...]:
+        """Joints of the leg that ends in a foot, from the foot upwards."""
+        numbers = {link.body: i for i, link in enumerate(self.links)}
+        body, found = next(f.body for f in self.feet if f.name == foot), list[str]()
+        while body in numbers:
+            link = self.links[numbers[body]]
+            found.append(link.joint)
+            body = link.parent or self.links[numbers[body] - 1].body
+        return tuple(found)
+
     def xml(self, step: float, gain: float, gyro: bool) -> str:
         """The MJCF; ``gyro`` is whether the IMU is read."""
         box = f'type="box" size="{text(self.box)}" pos="{text(self.centre)}" mass="{self.mass}"'

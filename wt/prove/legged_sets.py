@@ -25,6 +25,21 @@ _HUMANOID = (
     ("joint.backlash", 2), ("joint.elasticity", 1), ("joint.hysteresis", 1), ("joint.stop", 1),
     ("actuator.gain", 2), ("actuator.delay", 1), ("actuator.fade", 1),
 )  # fmt: skip
+_ARMS = (
+    *(("body.payload_moving", rig) for rig in ("arm6", "arm3") * 4),
+    *(("contact.obstacle", rig) for rig in ("arm6", "arm3") * 4),
+)
+_PAIRS = (
+    ("body.payload_fixed", "joint.friction_coulomb"), ("body.payload_moving", "joint.backlash"),
+    ("contact.slope", "actuator.gain"), ("body.force_intermittent", "joint.friction_viscous"),
+    ("contact.friction", "body.payload_fixed"), ("body.com", "actuator.delay"),
+)  # fmt: skip
+_OUTSIDERS = (
+    "outsider.sticky_foot", "outsider.loose_pad", "outsider.trailing_cable", "outsider.flywheel",
+    "outsider.detent", "outsider.strap", "outsider.sticky_foot", "outsider.loose_pad",
+    "outsider.trailing_cable", "outsider.tight_spot",
+)  # fmt: skip
+_ON_HUMANOID = ("outsider.flywheel", "outsider.strap")
 _NULLS = {"quadruped": 20, "humanoid": 14}
 _DECOYS: tuple[Decoy, ...] = ("", "", "coarse_step", "", "coloured_noise")
 
@@ -35,6 +50,19 @@ def legged() -> list[Row]:
     for rig, effects in (("quadruped", _QUADRUPED), ("humanoid", _HUMANOID)):
         for i, (effect, count) in enumerate(effects):
             found += [((effect,), rig, LEVELS[(i + k) % 3], "single", "") for k in range(count)]
+    found += [
+        ((effect,), rig, LEVELS[i % 3], "single", "") for i, (effect, rig) in enumerate(_ARMS)
+    ]
+    found += [
+        (pair, rig, "obvious", "pair", "")
+        for i, pair in enumerate(_PAIRS)
+        for rig in (("quadruped", "humanoid") if i % 3 == 0 else ("quadruped",))
+    ]
+    found += [
+        ((effect,), "quadruped", "obvious" if i % 2 else "clear", "outsider", "")
+        for i, effect in enumerate(_OUTSIDERS)
+    ]
+    found += [((effect,), "humanoid", "obvious", "outsider", "") for effect in _ON_HUMANOID]
     for rig, count in _NULLS.items():
         found += [((), rig, "", "null", _DECOYS[i % len(_DECOYS)]) for i in range(count)]
     return found

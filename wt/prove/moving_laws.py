@@ -10,7 +10,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from wt.prove.hidden import Plant, WorldLaw
+from wt.prove.hidden import Parameters, Plant, WorldLaw
 
 Array = np.ndarray
 _BIT = 4  # of the box's walls, which nothing but the ball feels
@@ -106,3 +106,16 @@ LAWS: dict[str, type[WorldLaw]] = {
     "payload.slosh": Slosh,
 }
 """The first is what the effect is called; the others are other payloads of the same effect."""
+
+_NEEDS = {
+    "body.payload_moving": ("radius", "breadth"),
+    "payload.rails": ("damping",),
+    "payload.slosh": ("frequency", "ratio"),
+}
+
+
+def variant(parameters: Parameters, rng: np.random.Generator) -> tuple[str, Parameters]:
+    """One kind of moving payload: its law, and those of the parameters that it has."""
+    law = str(rng.choice(list(LAWS)))
+    kept = ("mass", "travel", "position", *_NEEDS[law])
+    return law, {name: parameters[name] for name in kept}

@@ -32,6 +32,8 @@ PLACES: dict[str, dict[str, tuple[int, ...]]] = {
     "body.force_intermittent": _ENDS,
     "body.drag": _ENDS,
     "body.tether": _ENDS,
+    "body.payload_moving": _ENDS,
+    "contact.obstacle": {"arm3": (2,), "arm6": (5,)},
     "world.gravity": {"arm3": (1,), "arm6": (1,)},
     "outsider.flywheel": {"arm3": (2,), "arm6": (2, 4)},
     "outsider.cable": _PAIRS,
@@ -52,6 +54,8 @@ MOTIONS: dict[str, tuple[str, str]] = {
     "actuator.speed_limit": ("jumps", "chirp"),
     "actuator.fade": ("multisine", "holds"),
     "body.drag": ("chirp", "multisine"),
+    "body.payload_moving": ("moves", "chirp"),
+    "contact.obstacle": ("moves", "multisine"),
     "body.inertia": ("multisine", "chirp"),
     "sensor.delay": ("multisine", "jumps"),
 }

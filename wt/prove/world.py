@@ -134,12 +134,17 @@ def record(case: Case, plant: Plant, index: int, calm: float = 1.0) -> tuple[Tra
         calm: how much of a motion's usual size a robot on legs dares.
     """
     rig = plant.rig
-    rng = np.random.default_rng([case.seed, 4, index])
-    steps = sample_steps(case.sensing, case.seconds, plant.h, rng)
-    path = _path(case, rig, case.motions[index], steps * plant.h, calm, rng)
+    path, steps = commands(case, plant, index, calm)
     controller = _motor_loop(rig, path, steps * plant.h) if rig.motor else _commands(path)
     trace = plant.run(np.array(rig.hanging(path[0])), steps, controller, round(LEAD_S / plant.h))
     return trace, steps
+
+
+def commands(case: Case, plant: Plant, index: int, calm: float = 1.0) -> tuple[Array, Array]:
+    """Positions that a recording's motion is to take, (n, joints) [rad], and the n steps of it."""
+    rng = np.random.default_rng([case.seed, 4, index])
+    steps = sample_steps(case.sensing, case.seconds, plant.h, rng)
+    return _path(case, plant.rig, case.motions[index], steps * plant.h, calm, rng), steps
 
 
 def _path(
