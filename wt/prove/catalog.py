@@ -174,10 +174,6 @@ def _tether(d: Draw) -> Parameters:
     return {"stiffness": d.pick(40.0, 20.0, 9.0), "anchor": [round(x, 3) for x in anchor]}
 
 
-def _load(d: Draw) -> Parameters:
-    return {"coulomb": 0.4 * d.torque, "fraction": d.pick(0.3, 0.18, 0.1)}
-
-
 def _hysteresis(d: Draw) -> Parameters:
     level = 1.3 * d.torque
     return {
@@ -230,7 +226,9 @@ MAGNITUDES: dict[str, Magnitudes] = {
     "joint.friction_viscous": lambda d: {"coefficient": 1.5 * d.torque / d.of("speed")},
     "joint.friction_quadratic": lambda d: {"coefficient": 2.0 * d.torque / d.of("speed") ** 2},
     "joint.friction_stribeck": _stribeck,
-    "joint.friction_load": _load,
+    "joint.friction_load": lambda d: {
+        "coulomb": 0.4 * d.torque, "fraction": d.pick(0.3, 0.18, 0.1),
+    },
     "joint.stiffness": lambda d: {
         "stiffness": 3.0 * d.torque / d.rig.links[d.joint].amplitude, "reference": d.angle,
     },

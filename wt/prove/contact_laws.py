@@ -71,10 +71,10 @@ class Slope(WorldLaw):
 
 
 class Obstacle(WorldLaw):
-    """A block that stands in the way: its face is at ``position`` and looks along ``normal``."""
+    """A wall that stands in the way: its face is at ``position`` and looks along ``normal``."""
 
-    HALF = (0.15, 0.4, 0.4)  # m, deep, and wide enough that nothing goes around it
-    BIT = 8  # of the block, which only the arm feels
+    HALF = (0.2, 1.5, 1.5)  # m, deep, and wide enough that nothing goes around it
+    BIT = 8  # of the wall, which only the arm feels
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """A box of the world that all links but the first can touch."""
@@ -82,10 +82,11 @@ class Obstacle(WorldLaw):
         turn = np.zeros(4)
         mujoco.mju_quatZ2Vec(turn, normal)
         spec.worldbody.add_geom(
-            name="block", type=mujoco.mjtGeom.mjGEOM_BOX, quat=turn,
+            name="wall", type=mujoco.mjtGeom.mjGEOM_BOX, quat=turn,
             pos=self.vector("position") - self.HALF[0] * normal,
             size=[self.HALF[1], self.HALF[2], self.HALF[0]],
-            contype=self.BIT, conaffinity=0, friction=[0.25, 0.005, 0.0001], solref=[0.005, 1.0],
+            contype=self.BIT, conaffinity=0, friction=[0.25, 0.005, 0.0001],
+            solref=[0.008, 1.0], solimp=[0.02, 0.95, 0.002, 0.5, 2],
         )  # fmt: skip
         for body in spec.bodies[2:]:
             for geom in body.geoms:

@@ -155,7 +155,9 @@ MAGNITUDES: dict[str, Callable[[LeggedDraw], Parameters]] = {
     "body.mass": lambda d: {"factor": 1.0 + (
         d.pick(0.4, 0.25, 0.15) if d.on_trunk else d.pick(0.8, 0.5, 0.3))},
     "body.com": lambda d: {"shift": d.sideways(d.pick(0.05, 0.03, 0.018))},
-    "contact.friction": lambda d: {"friction": d.pick(0.12, 0.19, 0.27)},
+    # a humanoid that never steps asks little of its feet
+    "contact.friction": lambda d: {"friction": d.pick(0.12, 0.19, 0.27) * (
+        1.0 if d.rig.name == "quadruped" else 0.5)},
     "contact.compliance": lambda d: {"time_constant": d.pick(0.12, 0.08, 0.05)},
     "contact.slope": _slope,
     "outsider.sticky_foot": lambda d: {

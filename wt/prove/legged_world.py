@@ -7,7 +7,7 @@ import numpy as np
 from wt.prove.body_laws import Mass
 from wt.prove.case import Case
 from wt.prove.contact_laws import Floor
-from wt.prove.hidden import Law
+from wt.prove.hidden import Law, Parameters
 from wt.prove.legged_rigs import FLOOR, Legged
 from wt.prove.trace import Trace
 
@@ -21,8 +21,8 @@ _LOW = 0.6  # of its height when standing
 def tolerances(case: Case, rig: Legged) -> list[Law]:
     """The few per cent by which every trunk and every floor is off."""
     rng = np.random.default_rng([case.seed, 6])
-    trunk = {"factor": 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(0.01, 0.03)}
-    floor = {
+    trunk: Parameters = {"factor": 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(0.01, 0.03)}
+    floor: Parameters = {
         "friction": 1.0 + rng.uniform(-0.03, 0.03),
         "time_constant": 1.0 + rng.uniform(-0.1, 0.1),
     }

@@ -12,7 +12,7 @@ from wt.prove.rigs import RIGS
 from wt.prove.world import commands
 
 Array = np.ndarray
-DEPTH = {"obvious": 0.08, "clear": 0.05, "faint": 0.03}
+DEPTH = {"obvious": 0.05, "clear": 0.032, "faint": 0.02}
 """Level → how far behind the face the servos would take a link [m]."""
 _EVERY = 0.02  # s, between the poses that are looked at
 _CLEAR = 0.03  # m, between the face and all that is not to touch it
@@ -40,7 +40,8 @@ def obstacle(case: Case) -> Parameters:
         # points in front of the face have a positive height over it
         face = (last @ normal).min() + DEPTH[case.level] * rng.uniform(0.9, 1.1)
         heights = [points @ normal - face - rig.links[-1].radius for points in swept]
-        if _fits(heights, outer):
+        behind = float(np.array(rig.links[0].pos) @ normal) < face + _CLEAR
+        if not behind and _fits(heights, outer):
             touching = last[last @ normal < face + 0.01].mean(axis=0)
             position = touching + (face - touching @ normal) * normal
             return {"position": [*position.tolist()], "normal": [*normal.tolist()]}

@@ -44,6 +44,11 @@ PARAMETERS: dict[str, tuple[str, ...]] = {
     "body.force_intermittent": ("force",),
     "body.drag": ("coefficient",),
     "body.tether": ("stiffness", "anchor"),
+    "body.payload_moving": ("mass", "travel"),
+    "contact.friction": ("friction",),
+    "contact.compliance": ("time_constant",),
+    "contact.slope": ("angle",),
+    "contact.obstacle": ("position", "normal"),
     "sensor.offset": ("offset",),
     "sensor.scale": ("factor",),
     "sensor.delay": ("delay",),
@@ -54,6 +59,8 @@ PARAMETERS: dict[str, tuple[str, ...]] = {
 
 ANGLES = ("phase", "direction")
 """Parameters that are the same a turn later."""
+FACES = ("contact.obstacle.position",)
+"""Points on a face, of which only the distance from it counts."""
 _END = 1.959964
 """Standard deviations from the middle of a normal distribution to the end of its middle 95 %."""
 
@@ -190,19 +197,34 @@ def _mark_parameters(
         if value.shape != right.shape:
             errors[key] = float("inf")
             continue
+        ends, size = _ends(said.get("ci95"), value.size), float(np.linalg.norm(right))
+        if key in FACES:
+            normal = np.asarray(truth.parameters["normal"], dtype=float)
+            value, right, ends = _along(normal, value, right, ends)
         error = value - right
         if name in ANGLES:
             error = (error + np.pi) % (2 * np.pi) - np.pi
             errors[key] = float(np.abs(error).max())
         else:
-            errors[key] = float(np.linalg.norm(error)) / max(float(np.linalg.norm(right)), 1e-12)
-        ends = _ends(said.get("ci95"), value.size)
+            errors[key] = float(np.linalg.norm(error)) / max(size, 1e-12)
         if ends is not None and name != "side":
             # an angle is compared near the said value, wherever the turn was cut
             near = value - error
             covered[key] = bool(((ends[:, 0] <= near) & (near <= ends[:, 1])).all())
             for i, distance in enumerate(_distances(value, near, ends)):
                 off[key if value.size == 1 else f"{key}[{i}]"] = distance
+
+
+def _along(
+    normal: np.ndarray, value: np.ndarray, right: np.ndarray, ends: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """The same along a direction, (1,): where on a face somebody points is nobody's secret."""
+    along = np.array([normal @ value]), np.array([normal @ right])
+    if ends is None:
+        return *along, None
+    # as if the components erred independently
+    half = [np.linalg.norm(normal * (ends[:, k] - value)) for k in (0, 1)]
+    return *along, np.array([[along[0][0] - half[0], along[0][0] + half[1]]])
 
 
 def _ends(interval: object, size: int) -> np.ndarray | None:
