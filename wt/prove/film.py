@@ -139,7 +139,7 @@ def _log_case(
     time = rr.TimeColumn("time", duration=t)
     for x, (robot, path) in enumerate(paths.items()):
         name = f"{row['name']} {robot}"
-        q = np.stack([_filled(measured.t, column) for column in path.T], axis=1)[shown][::step]
+        q = _poses(given, measured, path)[shown][::step]
         at = rr.Transform3D(translation=[apart * x, y, 0.0])
         recording.log(rr.new_entity_path(["world", name]), at, static=True, strict=True)
         log_robot(recording, given, time, name, motion_of(given, q), COLORS[robot])
@@ -152,6 +152,17 @@ def _log_case(
             recording.log(rr.new_entity_path(where), style, static=True, strict=True)
             times = rr.TimeColumn("time", duration=t[~led])
             send_columns(recording, where, times, rr.Scalars.columns(scalars=error))
+
+
+def _poses(model: mujoco.MjModel, measured: replay.Measured, path: Array) -> Array:
+    """Generalised positions for joint positions (N, joints), a trunk where it was measured."""
+    found = np.tile(model.qpos0, (len(path), 1))
+    for joint, column in zip(measured.joints, path.T, strict=True):
+        found[:, model.joint(joint).qposadr[0]] = _filled(measured.t, column)
+    if measured.base is not None:
+        first = int(model.joint(measured.base.joint).qposadr[0])
+        found[:, first : first + 7] = measured.base.pose
+    return found
 
 
 def _filled(t: Array, x: Array) -> Array:

@@ -5,7 +5,8 @@ time step and integrator. A replay starts on the measured motion: for ``LEAD_S``
 joints are led along the recording, so that everything else that has a state (filters, delays, a
 rotor behind a gear) finds it; then it runs open loop, commands held as recorded. A machine whose
 joints are all held by position servos runs to the end of the recording, any other for ``WINDOW_S``
-and then anew, since errors of a free joint grow without bound, whatever the model.
+and then anew, since errors of a free joint grow without bound, whatever the model. A trunk that
+floats is led like the joints; what is compared is the joints' positions.
 
 Sensors that err have no element in MJCF; the findings of ``diagnosis.json`` that are about them
 are applied to the replayed positions.
@@ -20,9 +21,9 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from scipy.interpolate import make_smoothing_spline
 
 from wt.data import recording as recordings
+from wt.prove.replay_base import QUICK, Floating, fitted, floating, smooth
 from wt.types import Recording
 
 Array = np.ndarray
@@ -48,7 +49,8 @@ class Measured:
         q: measured positions, (N, joints); NaN where missing.
         smooth: position and velocity of a smoothing spline, (2, N, joints), for starts.
         u: commands in force from each sample, (N, drives).
-        held: whether a position servo holds every joint.
+        held: whether a position servo holds every joint, and none is free.
+        base: the motion of the trunk, of a machine that floats.
     """
 
     joints: tuple[str, ...]
@@ -58,6 +60,7 @@ class Measured:
     smooth: Array
     u: Array
     held: bool
+    base: Floating | None = None
 
 
 def measure(recording: Recording, model: mujoco.MjModel) -> Measured:
@@ -67,7 +70,10 @@ def measure(recording: Recording, model: mujoco.MjModel) -> Measured:
         recording: held out.
         model: the model as it was given, which names the joints.
     """
-    joints = tuple(model.joint(i).name for i in range(model.njnt))
+    single = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
+    joints = tuple(
+        model.joint(i).name for i in range(model.njnt) if int(model.jnt_type[i]) in single
+    )
     drives = tuple(
         model.actuator(i).name
         for i in range(model.nactuator)
@@ -83,12 +89,14 @@ def measure(recording: Recording, model: mujoco.MjModel) -> Measured:
     t = recording.t - recording.t[0]
     missing = np.full(len(t), np.nan)
     q = np.stack([recording.columns.get(f"qpos/{joint}", missing) for joint in joints], axis=1)
+    base = floating(recording, model, t)
     # where a machine is held, only the start needs a smooth motion
     rows = t <= (4.0 * LEAD_S if held else t[-1])
-    smooth = np.zeros((2, *q.shape))
-    smooth[:, rows] = np.stack([_smooth(t[rows], column[rows]) for column in q.T], axis=2)
+    curve = smooth if base is None else lambda t, x: fitted(t, x, QUICK)
+    curves = np.zeros((2, *q.shape))
+    curves[:, rows] = np.stack([curve(t[rows], column[rows]) for column in q.T], axis=2)
     u = np.stack([_held(recording.columns[f"ctrl/{drive}"]) for drive in drives], axis=1)
-    return Measured(joints, drives, t, q, smooth, u, held)
+    return Measured(joints, drives, t, q, curves, u, held, base)
 
 
 def read(given: Path, held_out: Sequence[Path]) -> list[Measured]:
@@ -156,6 +164,7 @@ class _Runner:
         self._sense = [f for f in findings if f["effect"].startswith("sensor.")]
         self._q = np.array([model.joint(name).qposadr[0] for name in measured.joints])
         self._v = np.array([model.joint(name).dofadr[0] for name in measured.joints])
+        self._free = _slices(model, measured.base)
         self._ctrl = np.array([model.actuator(name).id for name in measured.drives], dtype=int)
         self._tied = _tied(model, measured.joints)
         self._t: Array = np.zeros(0)
@@ -173,10 +182,14 @@ class _Runner:
         for i, (joint, ratio) in self._tied.items():
             data.qpos[i] = ratio * q[0, joint]
         lead = int(np.ceil(LEAD_S / h))
+        base = self._measured.base
+        pose, speed = base.at(self._t[: lead + 1]) if base else (None, None)
         self._path = np.empty_like(q)
         for k in range(steps):
             if k <= lead:
                 data.qpos[self._q], data.qvel[self._v] = q[k], v[k]
+                if pose is not None and speed is not None:
+                    data.qpos[self._free[0]], data.qvel[self._free[1]] = pose[k], speed[k]
             self._path[k] = data.qpos[self._q]
             data.ctrl[self._ctrl] = controls[k]
             mujoco.mj_step(model, data)
@@ -240,6 +253,15 @@ class _Runner:
         return np.stack([np.interp(t, self._measured.t, column) for column in curve.T], axis=1)
 
 
+def _slices(model: mujoco.MjModel, base: Floating | None) -> tuple[slice, slice]:
+    """Where a free joint's position and velocity are."""
+    if base is None:
+        return slice(0), slice(0)
+    joint = model.joint(base.joint)
+    q, v = int(joint.qposadr[0]), int(joint.dofadr[0])
+    return slice(q, q + 7), slice(v, v + 6)
+
+
 def _tied(model: mujoco.MjModel, joints: Sequence[str]) -> dict[int, tuple[int, float]]:
     """Position of each added joint that a fixed tendon ties to one of the machine's, and how.
 
@@ -258,18 +280,6 @@ def _tied(model: mujoco.MjModel, joints: Sequence[str]) -> dict[int, tuple[int, 
             ratio = -float(model.wrap_prm[b]) / float(model.wrap_prm[a])
             found[int(model.jnt_qposadr[added])] = (own[ours], ratio)
     return found
-
-
-def _smooth(t: Array, x: Array) -> Array:
-    """Position and velocity of a smoothing spline through what was measured, (2, N).
-
-    How smooth is chosen by generalised cross-validation (P. Craven and G. Wahba, 1979).
-    """
-    known = np.isfinite(x)
-    if known.sum() < 5:
-        return np.zeros((2, len(t)))
-    spline = make_smoothing_spline(t[known], x[known])
-    return np.stack([spline(t), spline.derivative()(t)])
 
 
 def _held(u: Array) -> Array:
