@@ -1,4 +1,4 @@
-"""How a quadruped's feet go when it walks: a trot on two feet at a time, a crawl on three.
+"""How a quadruped's feet go when it walks: a trot on two feet at a time, a walk on three.
 
 Feet move in the trunk's frame, backwards while they stand and forwards through the air.
 """
@@ -11,9 +11,9 @@ from wt.prove.motions import SHAPES
 
 Array = np.ndarray
 _TROT_PHASE = np.array([0.0, 0.5, 0.5, 0.0])
-_CRAWL_PHASE = np.array([0.75, 0.25, 0.0, 0.5])
+_WALK_PHASE = np.array([0.75, 0.25, 0.0, 0.5])
 _PACE = (0.3, 0.12, 0.5)
-"""Of a trot: forward, sideways [m/s], turning [rad/s]; a crawl goes at a quarter."""
+"""Of a trot: forward, sideways [m/s], turning [rad/s]; a walk goes at a third of that."""
 
 
 def trot(t: Array, stand: Array, grown: Array, rng: np.random.Generator) -> Array:
@@ -31,10 +31,13 @@ def trot(t: Array, stand: Array, grown: Array, rng: np.random.Generator) -> Arra
     return _feet(phase, duty, way, rng.uniform(0.045, 0.06) * grown)
 
 
-def crawl(
+def walk(
     t: Array, stand: Array, grown: Array, rng: np.random.Generator, on_the_spot: bool
-) -> tuple[Array, Array]:
-    """The same with one foot in the air at a time, and how the trunk leans away from it.
+) -> Array:
+    """The same with one foot in the air at a time.
+
+    So short a time that the trunk hardly tips: leaning it over three feet first, with drives as
+    soft as these, swings it more than that.
 
     Args:
         t: times, (n,) [s].
@@ -44,25 +47,19 @@ def crawl(
         on_the_spot: feet reach out and come back to where they stood.
 
     Returns:
-        Feet beside where they stand, (n, 4, 3) [m], and the trunk's shift, (n, 6) [m, rad].
+        Feet beside where they stand, (n, 4, 3) [m].
     """
-    period, duty = rng.uniform(2.4, 3.2), 0.84
-    phase = (t[:, None] / period + _CRAWL_PHASE) % 1.0
-    pace = np.zeros(3) if on_the_spot else 0.25 * np.array(_PACE)
+    period, duty = rng.uniform(0.45, 0.7), 0.75
+    phase = (t[:, None] / period + _WALK_PHASE) % 1.0
+    pace = np.zeros(3) if on_the_spot else 0.35 * np.array(_PACE)
     way = _way(t, stand, grown, pace, rng) * (duty * period)
-    feet = _feet(phase, duty, way, rng.uniform(0.04, 0.07) * grown)
-    flight = _flight(phase, duty)
+    feet = _feet(phase, duty, way, rng.uniform(0.035, 0.055) * grown)
     if on_the_spot:
+        flight = _flight(phase, duty)
         reach = np.stack([SHAPES["multisine"](2 * t, rng) for _ in range(8)], axis=1)
         aloft = np.sin(np.pi * flight) ** 2 * (flight > 0)
         feet[:, :, :2] += 0.05 * (grown * aloft)[:, :, None] * reach.reshape(-1, 4, 2)
-    # away from the foot in the air, a little ahead of its time
-    apart = (phase + 0.03 - 0.5 * (1.0 + duty) + 0.5) % 1.0 - 0.5
-    lifted = np.exp(-0.5 * (apart / 0.12) ** 2)
-    shift = np.zeros((len(t), 6))
-    away = -np.sign(stand[:, :2]) * np.array([0.03, 0.045])
-    shift[:, :2] = grown * (lifted @ away)
-    return feet, shift
+    return feet
 
 
 def _way(t: Array, stand: Array, grown: Array, pace: Array, rng: np.random.Generator) -> Array:

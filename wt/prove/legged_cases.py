@@ -13,7 +13,7 @@ from wt.prove.legged_rigs import LEGGED
 from wt.prove.row import Row
 from wt.prove.sensing import Sensing
 
-_STEPPING = ("trot", "crawl", "paw")
+_STEPPING = ("trot", "walk", "paw")
 
 
 def draw(index: int, row: Row, seed: int) -> Case:

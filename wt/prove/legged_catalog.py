@@ -62,7 +62,7 @@ MOTIONS: dict[str, dict[str, tuple[str, str]]] = {
     "contact.compliance": {"quadruped": ("trot", "squat"), "humanoid": ("squat", "sway")},
     "body.drag": {"quadruped": ("trot", "sway"), "humanoid": ("swing", "twist")},
     "outsider.sticky_foot": {"quadruped": ("trot", "paw")},
-    "outsider.loose_pad": {"quadruped": ("trot", "crawl")},
+    "outsider.loose_pad": {"quadruped": ("trot", "walk")},
     "outsider.trailing_cable": {"quadruped": ("trot", "sway")},
 }
 """Motions that show an effect; others get one on the spot and one with steps, or two."""
@@ -111,7 +111,10 @@ def _payload(d: LeggedDraw) -> Parameters:
     at = d.rng.uniform(low, 1.0) * reach + (0.02 if d.on_trunk else 0.0)
     if d.place == "torso":
         at = d.rng.uniform([-0.12, -0.12, 0.05], [0.12, 0.12, 0.3])
-    share = d.pick(0.2, 0.1, 0.05) if d.on_trunk else d.pick(0.04, 0.02, 0.012)
+    if d.rig.name == "quadruped":
+        share = d.pick(0.2, 0.1, 0.05)
+    else:  # which stands on less, and higher
+        share = d.pick(0.12, 0.07, 0.04)
     return {"mass": share * mass(d.robot), "position": [round(float(x), 4) for x in at]}
 
 
@@ -119,7 +122,7 @@ def _moving(d: LeggedDraw) -> Parameters:
     at = _payload(d)["position"]
     assert isinstance(at, list)
     on_back = [0.0, 0.0, d.robot.box[2] + 0.07] if d.place != "torso" else [-0.12, 0.0, 0.18]
-    share = d.pick(0.28, 0.17, 0.1) * (1.0 if d.rig.name == "quadruped" else 0.5)
+    share = d.pick(0.28, 0.17, 0.1) * (1.0 if d.rig.name == "quadruped" else 0.35)
     found = catalog.moving(d, share * mass(d.robot), d.pick(0.2, 0.14, 0.09))
     return found | {"position": [round(0.3 * x + y, 4) for x, y in zip(at, on_back, strict=True)]}
 

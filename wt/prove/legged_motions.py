@@ -7,20 +7,16 @@ what is hidden. How wide they are keeps both robots upright with any hidden effe
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
+from wt.prove import gaits, legs
 from wt.prove import legged_rigs as rigs
-from wt.prove import legs
 from wt.prove.legged_rigs import Legged
 from wt.prove.motions import SHAPES
 
 Array = np.ndarray
-QuadrupedMotion = Literal["sway", "squat", "twist", "paw", "trot", "crawl"]
-HumanoidMotion = Literal["sway", "squat", "twist", "swing", "shift"]
 MOTIONS: dict[str, tuple[str, ...]] = {
-    "quadruped": ("sway", "squat", "twist", "paw", "trot", "crawl"),
+    "quadruped": ("sway", "squat", "twist", "paw", "trot", "walk"),
     "humanoid": ("sway", "squat", "twist", "swing", "shift"),
 }
 RAMP_S = 1.0
@@ -31,29 +27,31 @@ _Sway = tuple[tuple[str, float], ...]
 _STILL: _Sway = (("multisine", 0.01),) * 3 + (("multisine", 0.03),) * 3
 _TRUNK: dict[str, dict[str, _Sway]] = {
     "quadruped": {
-        "sway": (("multisine", 0.05), ("multisine", 0.045), ("multisine", 0.04),
-                 ("multisine", 0.16), ("multisine", 0.16), ("multisine", 0.25)),
+        "sway": (("multisine", 0.04), ("multisine", 0.035), ("multisine", 0.035),
+                 ("multisine", 0.12), ("multisine", 0.12), ("multisine", 0.22)),
         "squat": (("holds", 0.03), ("holds", 0.03), ("moves", 0.07),
                   ("moves", 0.06), ("moves", 0.1), ("multisine", 0.05)),
         "twist": (("triangle", 0.03), ("triangle", 0.03), ("multisine", 0.02),
-                  ("chirp", 0.16), ("triangle", 0.12), ("chirp", 0.3)),
-        "paw": _STILL, "trot": _STILL, "crawl": _STILL,
+                  ("chirp", 0.13), ("triangle", 0.12), ("chirp", 0.25)),
+        "paw": _STILL, "trot": _STILL, "walk": _STILL,
     },
     "humanoid": {
-        "sway": (("multisine", 0.035), ("multisine", 0.04), ("multisine", 0.03),
-                 ("multisine", 0.07), ("multisine", 0.09), ("multisine", 0.2)),
+        "sway": (("multisine", 0.015), ("multisine", 0.03), ("multisine", 0.03),
+                 ("multisine", 0.05), ("multisine", 0.05), ("multisine", 0.2)),
         "squat": (("multisine", 0.012), ("multisine", 0.02), ("moves", 0.07),
                   ("multisine", 0.03), ("moves", 0.08), ("multisine", 0.05)),
         "twist": (("triangle", 0.02), ("triangle", 0.025), ("triangle", 0.03),
                   ("triangle", 0.05), ("triangle", 0.05), ("triangle", 0.25)),
         "swing": (("multisine", 0.01), ("multisine", 0.012), ("multisine", 0.015),
                   ("multisine", 0.02), ("multisine", 0.02), ("multisine", 0.06)),
-        "shift": (("holds", 0.02), ("holds", 0.06), ("holds", 0.025),
+        "shift": (("holds", 0.012), ("holds", 0.045), ("holds", 0.025),
                   ("moves", 0.03), ("moves", 0.04), ("moves", 0.1)),
     },
 }  # fmt: skip
 _LOWER = {"quadruped": 0.01, "humanoid": 0.035}
 """How much lower than standing the trunk is on average, so that it can rise [m]."""
+_ASTRIDE = 0.025
+"""How far a quadruped's feet are outside of its hips [m]."""
 _FORWARD = {"quadruped": 0.02, "humanoid": 0.02}
 """How far in front of standing the trunk is, so that its weight is over the feet's middle [m]."""
 _UPPER: dict[str, tuple[str, float]] = {
@@ -89,19 +87,16 @@ def reference(rig: Legged, kind: str, t: Array, calm: float, rng: np.random.Gene
 
 
 def _quadruped(kind: str, t: Array, sway: Array, grown: Array, rng: np.random.Generator) -> Array:
-    from wt.prove.gaits import crawl, trot
-
     rig = rigs.QUADRUPED
     x, y = rigs.HIP_AT[0], rigs.HIP_AT[1] + rigs.HIP_ASIDE
     signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
     stand = np.zeros((len(t), 4, 3))
-    stand[:, :, :2] = signs * np.array([x, y])
+    stand[:, :, :2] = signs * np.array([x, y + _ASTRIDE])
     stand[:, :, 2] = rigs.PAW - rig.height
     if kind == "trot":
-        stand = stand + trot(t, stand[0], grown, rng)
-    elif kind in ("crawl", "paw"):
-        steps, shift = crawl(t, stand[0], grown, rng, on_the_spot=kind == "paw")
-        stand, sway = stand + steps, sway + shift
+        stand = stand + gaits.trot(t, stand[0], grown, rng)
+    elif kind in ("walk", "paw"):
+        stand = stand + gaits.walk(t, stand[0], grown, rng, on_the_spot=kind == "paw")
     turn = legs.rotation(sway[:, 3], sway[:, 4], sway[:, 5])
     seen = np.einsum("nji,nlj->nli", turn, stand - sway[:, None, :3])
     found = [legs.paw(leg, seen[:, i]) for i, leg in enumerate(rigs.QUADRUPED_LEGS)]
