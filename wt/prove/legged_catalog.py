@@ -111,10 +111,9 @@ def _payload(d: LeggedDraw) -> Parameters:
     at = d.rng.uniform(low, 1.0) * reach + (0.02 if d.on_trunk else 0.0)
     if d.place == "torso":
         at = d.rng.uniform([-0.12, -0.12, 0.05], [0.12, 0.12, 0.3])
-    if d.rig.name == "quadruped":
-        share = d.pick(0.2, 0.1, 0.05)
-    else:  # which stands on less, and higher
-        share = d.pick(0.12, 0.07, 0.04)
+    # a humanoid stands on less, and is higher
+    heavy = (0.2, 0.1, 0.05) if d.rig.name == "quadruped" else (0.12, 0.07, 0.04)
+    share = d.pick(*heavy) if d.on_trunk else d.pick(0.04, 0.02, 0.012)
     return {"mass": share * mass(d.robot), "position": [round(float(x), 4) for x in at]}
 
 
