@@ -110,3 +110,30 @@ def test_places_that_are_one() -> None:
     assert not score(diagnosis(finding("unknown", "joint", "waist")), case(cable)).location
     late = Truth("sensor.delay", "sensor", "all", {"delay": 0.01}, "sensor.delay")
     assert score(diagnosis(finding("sensor.delay", "joint", "all")), case(late)).effect
+
+
+def test_of_a_wall_the_distance_counts() -> None:
+    parameters: dict[str, object] = {"position": [0.4, 0.3, 0.0], "normal": [0.0, -1.0, 0.0]}
+    wall = Truth("contact.obstacle", "world", "world", parameters, "contact.obstacle")
+    said = finding("contact.obstacle", "world", "world",
+                   position={"value": [0.1, 0.305, 0.7], "ci95": [[0, 0.29, 0], [1, 0.32, 1]]},
+                   normal={"value": [0.0, -0.995, 0.1]})  # fmt: skip
+    marks = score(diagnosis(said), case(wall))
+    assert marks.errors["contact.obstacle.position"] == pytest.approx(0.005 / 0.5)
+    assert marks.covered == {"contact.obstacle.position": True}
+    assert marks.errors["contact.obstacle.normal"] == pytest.approx(0.1, rel=0.01)
+    far = finding("contact.obstacle", "world", "world",
+                  position={"value": [0.4, 0.35, 0.0], "ci95": [[0.3, 0.34, -1], [0.5, 0.36, 1]]})  # fmt: skip
+    assert score(diagnosis(far), case(wall)).covered == {"contact.obstacle.position": False}
+
+
+def test_a_payload_that_moves() -> None:
+    parameters: dict[str, object] = {"mass": 4.0, "travel": 0.2, "position": [0.0, 0.0, 0.1]}
+    ball = Truth("body.payload_moving", "body", "trunk", parameters, "payload.rails")
+    said = finding("body.payload_moving", "body", "trunk",
+                   mass={"value": 4.4, "ci95": [3.9, 4.9]}, travel={"value": 0.19})  # fmt: skip
+    marks = score(diagnosis(said), dataclasses.replace(case(ball), rig="quadruped"))
+    assert marks.effect
+    assert marks.errors["body.payload_moving.mass"] == pytest.approx(0.1)
+    assert marks.errors["body.payload_moving.travel"] == pytest.approx(0.05)
+    assert marks.covered == {"body.payload_moving.mass": True}

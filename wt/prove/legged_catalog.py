@@ -160,7 +160,7 @@ MAGNITUDES: dict[str, Callable[[LeggedDraw], Parameters]] = {
     # a humanoid that never steps asks little of its feet
     "contact.friction": lambda d: {"friction": d.pick(0.12, 0.19, 0.27) * (
         1.0 if d.rig.name == "quadruped" else 0.5)},
-    "contact.compliance": lambda d: {"time_constant": d.pick(0.12, 0.08, 0.05)},
+    "contact.compliance": lambda d: {"time_constant": d.pick(0.07, 0.05, 0.035)},
     "contact.slope": _slope,
     "outsider.sticky_foot": lambda d: {
         "pull": d.pick(0.35, 0.25, 0.15) * d.weight, "reach": d.u(0.003, 0.006)},
