@@ -82,9 +82,7 @@ def test_feet_go_where_they_are_told() -> None:
         mujoco.mj_kinematics(model, data)
         if rig is QUADRUPED:
             feet = [data.geom(f"{leg}_foot").xpos[None] for leg in QUADRUPED_LEGS]
-            found = [
-                legs.paw(leg, foot)[0] for leg, foot in zip(QUADRUPED_LEGS, feet, strict=True)
-            ]
+            found = [legs.paw(leg, foot)[0] for leg, foot in zip(QUADRUPED_LEGS, feet, strict=True)]
         else:
             found = [
                 legs.leg(

@@ -122,8 +122,8 @@ def test_of_a_wall_the_distance_counts() -> None:
     assert marks.errors["contact.obstacle.position"] == pytest.approx(0.005 / 0.5)
     assert marks.covered == {"contact.obstacle.position": True}
     assert marks.errors["contact.obstacle.normal"] == pytest.approx(0.1, rel=0.01)
-    far = finding("contact.obstacle", "world", "world",
-                  position={"value": [0.4, 0.35, 0.0], "ci95": [[0.3, 0.34, -1], [0.5, 0.36, 1]]})  # fmt: skip
+    there = {"value": [0.4, 0.35, 0.0], "ci95": [[0.3, 0.34, -1], [0.5, 0.36, 1]]}
+    far = finding("contact.obstacle", "world", "world", position=there)
     assert score(diagnosis(far), case(wall)).covered == {"contact.obstacle.position": False}
 
 
