@@ -11,7 +11,7 @@ from scipy.interpolate import make_lsq_spline, make_smoothing_spline
 from wt.types import Recording
 
 Array = np.ndarray
-QUICK, _SLOW = 0.02, 0.04
+QUICK, _SLOW = 0.02, 0.08
 """Between the knots of a joint's curve and of a trunk's [s]."""
 
 
