@@ -87,13 +87,13 @@ def policy_in_the_loop(config: Config, name: str, steps: int) -> tuple[Work, Her
     command = sample_commands(config.commands, herd.size, rng)
 
     for _ in range(WARM_UP):
-        herd.step(policy.act(herd.observe(), command))
+        herd.step(policy.act(herd.observe(), command, herd.time))
     qpos, qvel, last = herd.qpos.copy(), herd.qvel.copy(), herd.action.copy()
 
     def work() -> None:
         herd.qpos[:], herd.qvel[:], herd.action[:] = qpos, qvel, last
         for _ in range(steps):
-            herd.step(policy.act(herd.observe(), command))
+            herd.step(policy.act(herd.observe(), command, herd.time))
 
     return work, herd
 

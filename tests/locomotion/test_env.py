@@ -15,9 +15,13 @@ from wt.locomotion.config import Commands, Policy, load
 from wt.locomotion.env import Walking, make_herd, sample_commands
 from wt.locomotion.feet import Feet
 from wt.locomotion.mirror import Mirror, augment
+from wt.worlds.gait import clock
 from wt.worlds.legged import Start
+from wt.worlds.robots import G1
 
 NAMES = ("go2", "go2_payload", "g1", "g1_uneven")
+CLOCKED = ("g1", "g1_uneven")
+LEGS = list(G1.joints[:12])
 SMALL = ["threads=1", "robots=6", "device=cpu"]
 
 
@@ -32,11 +36,12 @@ def test_every_shipped_configuration_makes_an_environment(root: Path, name: str)
     n = env.num_actions
     assert env.cfg.name == name
     obs, reward, done, extras = env.step(torch.zeros(6, n))
-    assert obs["policy"].shape == (6, 6 + 3 * n + 3) and obs["policy"].dtype == torch.float32
+    width, clocks = 6 + 3 * len(env.herd.robot.joints) + 3, 2 * (name in CLOCKED)
+    assert obs["policy"].shape == (6, width + clocks) and obs["policy"].dtype == torch.float32
     assert obs["privileged"].shape == (6, 5 + 4 * len(env.herd.robot.feet))
     assert reward.shape == done.shape == extras["time_outs"].shape == (6,)
     assert torch.isfinite(reward).all() and not done.all()
-    np.testing.assert_array_equal(obs["policy"][:, -3:].numpy(), env.command)
+    np.testing.assert_array_equal(obs["policy"][:, width - 3 : width].numpy(), env.command)
     assert {"reward", "falls", "episode", "error_turn"} <= set(env.report())
 
 
@@ -153,6 +158,46 @@ def test_mirroring_twice_changes_nothing(root: Path) -> None:
     assert torch.equal(again["policy"][6:], obs["policy"])
     assert torch.equal(again["privileged"][6:], obs["privileged"])
     assert torch.equal(actions_again[6:], actions)
+
+
+def test_the_rhythm_s_mirror_image_is_half_a_period_later(root: Path) -> None:
+    env = Walking(config(root, "g1"), "cpu")
+    gait, turns = env.cfg.gait, env.herd.robot.turns
+    assert gait is not None
+    time, command = np.array([0.1, 0.3]), np.array([[0.5, 0.1, 0.2]] * 2)
+    seen = np.concatenate([np.zeros((2, 96)), clock(gait.period, time, command)], axis=1)
+    flipped = env.mirror("policy", torch.from_numpy(np.float32(seen)))[:, -2:].numpy()
+    later = time + gait.period / 2
+    np.testing.assert_allclose(flipped, clock(gait.period, later, command), atol=1e-6)
+    np.testing.assert_allclose(
+        gait.swing(time, turns)[:, ::-1], gait.swing(later, turns), atol=1e-6
+    )
+
+
+def test_joints_that_are_not_moved_keep_the_default_pose(root: Path) -> None:
+    env = Walking(config(root, "g1"), "cpu")
+    assert env.num_actions == 12 and all("ankle" in n or "knee" in n or "hip" in n for n in LEGS)
+    env.step(torch.ones(6, 12))
+    default = np.array(env.herd.robot.default)
+    asked = np.abs(env.herd.ctrl - default) > 1e-9
+    assert [n for n, a in zip(env.herd.robot.joints, asked.all(0), strict=True) if a] == LEGS
+    assert not asked[:, 12:].any()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("joints=[knee]", "joints 'knee' fits no joint"),
+        ("joints=[]", "joints is empty"),
+        ("joints=[left_*]", "left_hip_pitch_joint is moved and right_hip_pitch_joint is not"),
+        ("gait=null", "rewards.rhythm needs a rhythm"),
+        ("gait.period=0", "gait.period is 0"),
+        ("gait.stance=1", "gait.stance is 1"),
+    ],
+)
+def test_impossible_rhythms_and_joints_are_refused(root: Path, change: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        Walking(config(root, "g1", change), "cpu")
 
 
 @pytest.mark.parametrize(

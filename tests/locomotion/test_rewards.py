@@ -22,6 +22,7 @@ def step(**changes: object) -> Step:
         "pose": (2, 3), "excess": (2, 3), "joint_vel": (2, 3), "joint_acc": (2, 3),
         "others": (2,), "torque": (2, 3), "action": (2, 3), "last_action": (2, 3), "force": (2, 2),
         "clearance": (2, 2), "foot_speed": (2, 2), "air": (2, 2), "stance": (2, 2),
+        "swing": (2, 2),
     }  # fmt: skip
     fields: dict[str, object] = {name: np.zeros(shape, F32) for name, shape in zeros.items()}
     fields |= {"contact": np.ones((2, 2), bool), "landed": np.zeros((2, 2), bool), "dt": 0.02}
@@ -68,6 +69,16 @@ UP = [[True, False], [True, True]]  # the first one's right foot is up
              "air": [[0, 0.3], [0, 0]]},
             [0.2, 0],
         ),
+        # the left foot is to stand and the right one to swing; who is to stand has both down
+        ("rhythm", {"command": GO, "contact": UP, "swing": [[-1, 0.5]] * 2}, [1, 1]),
+        ("rhythm", {"command": GO, "contact": UP[::-1], "swing": [[-1, 0.5]] * 2}, [0.5, 0.5]),
+        (
+            "lift",  # h* = 6 cm at half the swing, sin 30° = 1/2 of it at a sixth
+            {"command": [[1, 0, 0]] * 2, "swing": [[-1, 0.5], [1 / 6, -1]],
+             "clearance": [[9, 0.03], [0.03, 9]]},
+            [0.25, 0],
+        ),
+        ("lift", {"command": GO, "swing": [[0.5, 0.5]] * 2}, [2, 0]),
         ("flight", {"contact": [[False, False]] * 2, "command": GO}, [1, 0]),
         ("flight", {"contact": UP, "command": GO}, [0, 0]),
         ("impact", {"landed": UP, "force": [[2, 9], [1, 1]]}, [100, 100]),
@@ -78,7 +89,7 @@ UP = [[True, False], [True, True]]  # the first one's right foot is up
 )  # fmt: skip
 def test_term(term: str, changes: dict[str, object], expected: list[float]) -> None:
     value = TERMS[term](step(**changes), R)
-    np.testing.assert_allclose(value, expected, rtol=1e-5)
+    np.testing.assert_allclose(value, expected, rtol=1e-5, atol=1e-9)
 
 
 def test_tracking_pays_in_full_without_error_and_partly_with_it() -> None:

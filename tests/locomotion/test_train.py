@@ -19,7 +19,7 @@ from wt.locomotion.config import load
 from wt.locomotion.env import Walking
 from wt.locomotion.train import CHECKPOINT, LOG, Trained, make_runner, train
 from wt.worlds.policy import CARD, GRAPH, Policy
-from wt.worlds.robots import GO2
+from wt.worlds.robots import G1, GO2
 
 TINY = ["robots=8", "threads=1", "device=cpu", "ppo.iterations=2", "ppo.hidden=[16,8]"]
 
@@ -51,7 +51,7 @@ def test_the_command_trains_exports_and_resumes(
     assert policy.card.training["samples"] == 2 * 24 * 8
     assert policy.card.made_by.startswith("wt-train-policy --config")
     assert len(policy.card.evaluation["tracking"]) == 6
-    assert policy.act(np.zeros((3, 42)), np.zeros((3, 3))).shape == (3, 12)
+    assert policy.act(np.zeros((3, 42)), np.zeros((3, 3)), np.zeros(3)).shape == (3, 12)
 
     assert main(words) == 2
     assert "holds a training: continue it with --resume" in capsys.readouterr().err
@@ -68,7 +68,7 @@ def test_a_resumed_training_goes_on_from_the_same_nets(tiny: Config, tmp_path: P
     again = train(tiny, tmp_path, resume=True)  # nothing is left to do
     assert again.iterations == 2
     rows = torch.randn(5, 45)
-    assert torch.equal(export.Actor(first.actor)(rows), export.Actor(again.actor)(rows))
+    assert torch.equal(export.Actor(first.actor, tiny)(rows), export.Actor(again.actor, tiny)(rows))
     saved = torch.load(tmp_path / CHECKPOINT, weights_only=True)
     runner = make_runner(Walking(tiny, "cpu"), tiny.ppo, "cpu")
     runner.alg.load(saved["rsl_rl"], None, True)
@@ -86,7 +86,9 @@ def test_another_training_s_nets_can_be_taken_over(tiny: Config, tmp_path: Path)
     first = train(tiny, tmp_path / "a")
     second = train(tiny, tmp_path / "b", start_from=tmp_path / "a" / CHECKPOINT, seconds=0.0)
     rows = torch.randn(5, 45)
-    assert torch.equal(export.Actor(first.actor)(rows), export.Actor(second.actor)(rows))
+    assert torch.equal(
+        export.Actor(first.actor, tiny)(rows), export.Actor(second.actor, tiny)(rows)
+    )
 
 
 def test_nothing_to_resume_is_refused(tiny: Config, tmp_path: Path) -> None:
@@ -116,14 +118,37 @@ def test_the_graph_computes_what_rsl_rl_s_actor_does(tiny: Config, tmp_path: Pat
     both = obs["policy"].numpy()
     with torch.inference_mode():
         wanted = actor(obs).numpy()
-    np.testing.assert_allclose(policy.act(both[:, :-3], both[:, -3:]), wanted, atol=2e-6)
+    np.testing.assert_allclose(
+        policy.act(both[:, :-3], both[:, -3:], np.zeros(8)), wanted, atol=2e-6
+    )
     assert str(tmp_path).encode() not in (tmp_path / GRAPH).read_bytes()
     assert b"site-packages" not in (tmp_path / GRAPH).read_bytes()
 
 
+def test_a_policy_of_some_joints_and_a_clock_is_exported_whole(root: Path, tmp_path: Path) -> None:
+    """The legs' net of the training is the package's policy of the whole robot."""
+    config = load(root / "conf" / "policy_g1.yaml", TINY)
+    env = Walking(config, "cpu")
+    runner = make_runner(env, config.ppo, "cpu")
+    runner.learn(1)
+    actor = runner.get_inference_policy("cpu")
+    card = export.write(Trained(actor, 1, 1.0, 192), config, tmp_path, "a test")
+    assert card.clock_period == 0.8 and card.observation[-2:] == ["clock/sin", "clock/cos"]
+    policy, obs = Policy.load(tmp_path, G1), env.get_observations()
+    assert env.herd.time.min() > 0 and env.num_actions == 12
+    seen = env.herd.observe()
+    with torch.inference_mode():
+        wanted = actor(obs).numpy()
+    action = policy.act(seen, env.command, env.herd.time)
+    np.testing.assert_allclose(action[:, :12], wanted, atol=2e-6)
+    assert (action[:, 12:] == 0).all()
+    seen[:, 6 + 2 * 29 + 12 :] = 3.0  # a last action of the arms, which it never saw
+    np.testing.assert_array_equal(policy.act(seen, env.command, env.herd.time), action)
+
+
 @pytest.mark.usefixtures("brief")
 def test_evaluation_knows_a_robot_that_only_stands(tiny: Config) -> None:
-    figures = evaluate.evaluate(tiny, lambda o, c: np.zeros((len(o), 12), np.float32), threads=1)
+    figures = evaluate.evaluate(tiny, lambda o, c, t: np.zeros((len(o), 12), np.float32), threads=1)
     assert all(t.error == pytest.approx(1.0, abs=0.1) for t in figures.tracking)
     assert figures.worst_error > 0.9
     assert figures.walk.fallen == 0

@@ -60,7 +60,7 @@ def test_it_walks_forward_as_told_and_stays_up(name: str, root: Path) -> None:
     settled, steps = round(SETTLED / herd.dt), round(SECONDS / herd.dt)
     places = np.empty((steps, ROBOTS, 2))
     for k in range(steps):
-        herd.step(policy.act(herd.observe(), command))
+        herd.step(policy.act(herd.observe(), command, herd.time))
         places[k] = herd.qpos[:, :2]
         assert not herd.fallen().any(), f"fell after {k * herd.dt:.1f} s"
     half_seconds = places[settled :: round(0.5 / herd.dt)]

@@ -19,16 +19,15 @@ from wt.worlds.robots import G1, GO2
 WEIGHT = np.random.default_rng(0).normal(size=(45, 12)).astype(np.float32)
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    """A policy written by hand: action = observation · WEIGHT."""
+def write(folder: Path, weight: np.ndarray, clock_period: float | None = None) -> None:
+    """A policy written by hand: action = observation · weight."""
     ports = [
         helper.make_tensor_value_info(name, TensorProto.FLOAT, ["batch", width])
-        for name, width in (("observation", 45), ("action", 12))
+        for name, width in zip(("observation", "action"), weight.shape, strict=True)
     ]
     node = helper.make_node("MatMul", ["observation", "weight"], ["action"])
-    weight = numpy_helper.from_array(WEIGHT, "weight")
-    graph = helper.make_graph([node], "policy", ports[:1], ports[1:], [weight])
+    tensor = numpy_helper.from_array(weight, "weight")
+    graph = helper.make_graph([node], "policy", ports[:1], ports[1:], [tensor])
     opset = [helper.make_opsetid("", 18)]
     content = helper.make_model(graph, opset_imports=opset, ir_version=8).SerializeToString()
     onnx.checker.check_model(onnx.load_model_from_string(content))
@@ -36,12 +35,17 @@ def folder(tmp_path: Path) -> Path:
     card = PolicyCard(
         name="test", robot="go2", rate_hz=50.0, joints=list(GO2.joints),
         default=list(GO2.default), action_scale=list(GO2.action_scale), stiffness=stiffness,
-        velocity_gain=velocity_gain, observation=observation_names(GO2),
+        velocity_gain=velocity_gain, observation=observation_names(GO2, clock_period is not None),
         command_limits=[1.0, 0.5, 1.0], sha256=hashlib.sha256(content).hexdigest(),
-        made_by="a test", training={}, config={},
+        made_by="a test", training={}, config={}, clock_period=clock_period,
     )  # fmt: skip
-    (tmp_path / GRAPH).write_bytes(content)
-    (tmp_path / CARD).write_text(card.text())
+    (folder / GRAPH).write_bytes(content)
+    (folder / CARD).write_text(card.text())
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    write(tmp_path, WEIGHT)
     return tmp_path
 
 
@@ -55,7 +59,7 @@ def test_actions_are_the_graph_s_of_observation_and_command(folder: Path, file: 
     policy = Policy.load(folder / file, GO2)
     rng = np.random.default_rng(1)
     observation, command = rng.normal(size=(5, 42)), rng.normal(size=(5, 3))
-    action = policy.act(observation, command)
+    action = policy.act(observation, command, np.zeros(5))
     assert action.dtype == np.float32
     expected = np.concatenate([observation, command], axis=1) @ WEIGHT
     np.testing.assert_allclose(action, expected, rtol=1e-4, atol=1e-5)
@@ -95,6 +99,21 @@ def test_what_does_not_fit_is_refused(
     edit(folder, **changes)
     with pytest.raises(ModelError, match=message):
         Policy.load(folder, GO2)
+
+
+def test_a_policy_with_a_clock_is_fed_the_time(tmp_path: Path) -> None:
+    names = observation_names(GO2, True)
+    weight = np.zeros((len(names), 12), np.float32)
+    weight[-2, 0] = weight[-1, 1] = 1.0  # actions 0 and 1 are the clock
+    write(tmp_path, weight, clock_period=0.5)
+    policy = Policy.load(tmp_path, GO2)
+    assert policy.card.observation[-2:] == ["clock/sin", "clock/cos"]
+    command = np.array([[0.5, 0, 0], [0.5, 0, 0], [0, 0, 0]])
+    action = policy.act(np.ones((3, 42)), command, np.array([0.125, 0.5, 0.125]))
+    np.testing.assert_allclose(action[:, :2], [[1, 0], [0, 1], [0, 0]], atol=1e-6)
+    edit(tmp_path, clock_period=None)
+    with pytest.raises(ModelError, match=r"observation differs.*47 values instead of 45"):
+        Policy.load(tmp_path, GO2)
 
 
 def test_another_robot_s_policy_is_refused(folder: Path) -> None:

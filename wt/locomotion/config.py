@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Literal
 
 import omegaconf
 
-from wt.errors import ConfigError
+from wt.errors import ConfigError, suggest
 from wt.schema import check_numbers, parse, read
+from wt.worlds.gait import Gait
 from wt.worlds.legged import Robot, Scene, Start
 from wt.worlds.legged_model import LeggedPhysics
 from wt.worlds.robots import robot_of
@@ -73,6 +75,8 @@ class Rewards:
     air_seconds: float = 0.3  # [s] wanted in the air
     single_stance: float = 0.0
     stance_seconds: float = 0.4  # [s] on one leg that is rewarded at most
+    rhythm: float = 0.0
+    lift: float = 0.0
     flight: float = 0.0
     impact: float = 0.0
     still: float = 0.25
@@ -112,6 +116,8 @@ class Policy:
     save_every: int = 50
     physics: LeggedPhysics | None = None
     scene: Scene = field(default_factory=Scene)
+    gait: Gait | None = None
+    joints: list[str] = field(default_factory=lambda: ["*"])  # patterns of those that it moves
     commands: Commands = field(default_factory=Commands)
     episodes: Episodes = field(default_factory=Episodes)
     rewards: Rewards = field(default_factory=Rewards)
@@ -120,6 +126,18 @@ class Policy:
     def body(self) -> Robot:
         """The robot that is to walk."""
         return robot_of(self.robot)
+
+    def moved(self) -> tuple[str, ...]:
+        """The joints that the policy moves, in the robot's order; others keep the default pose.
+
+        Raises:
+            ConfigError: a pattern fits no joint.
+        """
+        names = self.body().joints
+        for pattern in self.joints:
+            if not any(fnmatchcase(name, pattern) for name in names):
+                raise ConfigError(f"joints {pattern!r} fits no joint: {suggest(pattern, names)}")
+        return tuple(name for name in names if any(fnmatchcase(name, p) for p in self.joints))
 
 
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Policy:
@@ -134,7 +152,11 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Policy:
     """
     config = parse(Policy, read(Path(path), overrides), "")
     check_numbers(config, _ABOVE_ZERO)
-    robot_of(config.robot)
+    if not config.moved():
+        raise ConfigError("joints is empty; ['*'] moves all joints of the robot")
+    for name in ("rhythm", "lift"):
+        if getattr(config.rewards, name) and config.gait is None:
+            raise ConfigError(f"rewards.{name} needs a rhythm; say gait={{}} or rewards.{name}=0")
     if not config.ppo.hidden or min(config.ppo.hidden) < 1:
         raise ConfigError(f"ppo.hidden {config.ppo.hidden} needs at least one layer of one unit")
     if config.robots % config.processes:

@@ -1,9 +1,10 @@
 """The environment that rsl_rl steps: a herd with commands, rewards and automatic restarts.
 
-The actor's group ``policy`` is the observation of :meth:`wt.worlds.legged.Herd.observe` and the
-command. The critic also sees ``privileged``: velocity, height, contacts, clearances and times of
-the feet. Robots start in slightly different poses and are pushed now and then: that varies their
-states, never their dynamics. There is no domain randomization and no noise on observations.
+The actor's group ``policy`` is the observation of :meth:`wt.worlds.legged.Herd.observe`, the
+command and, if there is a gait, its clock. The critic also sees ``privileged``: velocity, height,
+contacts, clearances and times of the feet. Robots start in slightly different poses and are pushed
+now and then: that varies their states, never their dynamics. There is no domain randomization and
+no noise on observations.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from wt.locomotion import feet
 from wt.locomotion.config import Commands, Policy
 from wt.locomotion.mirror import Mirror
 from wt.locomotion.rewards import Judge, Step
+from wt.worlds.gait import clock
 from wt.worlds.legged import TIMESTEP, Herd
 
 Array = np.ndarray
@@ -61,10 +63,12 @@ class Walking(VecEnv):
         self.herd = make_herd(config, config.robots)
         herd = self.herd
         model = herd.model
-        self.num_envs, self.num_actions = herd.size, len(herd.robot.joints)
+        moved, n = config.moved(), len(herd.robot.joints)
+        self.num_envs, self.num_actions = herd.size, len(moved)
+        self._moved = np.array([herd.robot.joints.index(name) for name in moved])
         self.max_episode_length = round(config.episodes.seconds / herd.dt)
         self.episode_length_buf = torch.zeros(herd.size, dtype=torch.long)
-        self.mirror = Mirror(herd.robot, model, device)
+        self.mirror = Mirror(herd.robot, model, device, moved, config.gait is not None)
         self._rng = np.random.default_rng(config.seed)
         self._judge = Judge(config.rewards, herd.robot.joints)
         self._feet = feet.Feet(herd)
@@ -75,9 +79,8 @@ class Walking(VecEnv):
         self._low, self._high = (x.astype(np.float32) for x in (middle - half, middle + half))
         self._default = np.array(herd.robot.default, np.float32)
         self._weight = herd.weight
-        self._last_vel = np.zeros((herd.size, self.num_actions), np.float32)
+        self._last_vel = np.zeros((herd.size, n), np.float32)
         self.command = np.zeros((herd.size, 3), np.float32)
-        self._age = np.zeros(herd.size, int)
         self.sums: dict[str, float] = {}
         self._steps, self._ended, self._lived = 0, 0, 0
         self._restart(np.arange(herd.size))
@@ -98,7 +101,9 @@ class Walking(VecEnv):
         """One control step of all robots; who falls or is out of time starts anew."""
         herd = self.herd
         last_action = herd.action.copy()
-        herd.step(actions.clamp(-_CLIP, _CLIP).cpu().numpy())
+        action = np.zeros_like(last_action)
+        action[:, self._moved] = actions.clamp(-_CLIP, _CLIP).cpu().numpy()
+        herd.step(action)
         self._feet.update()
         self._velocity = herd.velocity().astype(np.float32)
         fallen = herd.fallen()
@@ -109,8 +114,7 @@ class Walking(VecEnv):
         late = self.episode_length_buf.numpy() >= self.max_episode_length
         ended = np.flatnonzero(fallen | late)
         time_outs = torch.from_numpy(late & ~fallen).to(self.device)
-        self._age += 1
-        self._lived += int(self._age[ended].sum())
+        self._lived += int(herd.steps[ended].sum())
         self._ended += len(ended)
         self._restart(ended)
         self._disturb()
@@ -162,8 +166,15 @@ class Walking(VecEnv):
             foot_speed=foot.speed,
             air=foot.air,
             stance=foot.stance,
+            swing=self._swing(),
             dt=herd.dt,
         )
+
+    def _swing(self) -> Array:
+        gait, herd = self.cfg.gait, self.herd
+        if gait is None:
+            return np.full_like(self._feet.clearance, -1.0)
+        return gait.swing(herd.time, herd.robot.turns)
 
     def _log(self, step: Step, reward: Array, fallen: Array, means: dict[str, float]) -> None:
         error = np.abs(step.velocity[:, :3] - step.command).mean(0)
@@ -182,7 +193,6 @@ class Walking(VecEnv):
     def _restart(self, ids: Array) -> None:
         self.herd.reset(ids, self._rng, self.cfg.episodes.start)
         self.episode_length_buf[ids] = 0
-        self._age[ids] = 0
         self._feet.forget(ids)
         self._last_vel[ids] = 0.0
         self.command[ids] = sample_commands(self.cfg.commands, len(ids), self._rng)
@@ -200,7 +210,10 @@ class Walking(VecEnv):
 
     def _tensors(self) -> TensorDict:
         herd, foot = self.herd, self._feet
-        policy = np.concatenate([herd.observe(), self.command], axis=1)
+        seen = [herd.observe(), self.command]
+        if self.cfg.gait is not None:
+            seen.append(clock(self.cfg.gait.period, herd.time, self.command))
+        policy = np.concatenate(seen, axis=1)
         height = (herd.height()[:, None] - herd.robot.height).astype(np.float32)
         privileged = np.concatenate(
             [self._velocity, height, foot.contact, foot.clearance, foot.air, foot.stance],

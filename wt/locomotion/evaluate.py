@@ -17,8 +17,8 @@ from wt.worlds.legged import COMMAND, Herd, Start
 
 Array = np.ndarray
 
-Act = Callable[[Array, Array], Array]
-"""From observation and command to action, as :meth:`wt.worlds.policy.Policy.act`."""
+Act = Callable[[Array, Array, Array], Array]
+"""From observation, command and time to action, as :meth:`wt.worlds.policy.Policy.act`."""
 
 SETTLE_SECONDS = 2.0
 TRACK_SECONDS = 8.0
@@ -129,7 +129,7 @@ def _track(config: Config, act: Act, threads: int, robots: int, seed: int) -> tu
     velocity = np.empty((steps, herd.size, 3))
     fallen = np.zeros(herd.size, bool)
     for k in range(steps):
-        herd.step(act(herd.observe(), command))
+        herd.step(act(herd.observe(), command, herd.time))
         velocity[k] = herd.velocity()[:, :3]
         fallen |= herd.fallen()
     settled = velocity[round(SETTLE_SECONDS / herd.dt) :]
@@ -164,7 +164,7 @@ def _walk(config: Config, act: Act, threads: int, robots: int, seed: int) -> Wal
     for k in range(round(WALK_SECONDS / herd.dt)):
         if k % round(config.commands.seconds / herd.dt) == 0:
             command = sample_commands(config.commands, robots, rng)
-        herd.step(act(herd.observe(), command))
+        herd.step(act(herd.observe(), command, herd.time))
         feet.update()
         fallen |= herd.fallen()
         gait.add(feet, ~fallen, np.hypot(command[:, 0], command[:, 1]) > 0.3)

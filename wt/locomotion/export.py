@@ -31,21 +31,33 @@ _PARITY = 1e-4  # largest difference of an action that rounding explains, in uni
 
 
 class Actor(torch.nn.Module):
-    """The mean action of an actor as a function of one tensor: normaliser, then net."""
+    """The mean action of an actor as a function of one tensor: normaliser, then net.
+
+    Joints that it does not move get the action 0. It never saw another last action of theirs, so
+    what a user's exploration asks of them is kept from it.
+    """
 
     normalizer: torch.nn.Module
     mlp: torch.nn.Module
+    seen: torch.Tensor
+    spread: torch.Tensor
 
-    def __init__(self, model: Any) -> None:  # noqa: ANN401 – rsl_rl's MLPModel
-        """Copy the parts of rsl_rl's ``MLPModel``."""
+    def __init__(self, model: Any, config: Config) -> None:  # noqa: ANN401 – rsl_rl's MLPModel
+        """Copy the parts of rsl_rl's ``MLPModel``, trained with a configuration."""
         super().__init__()
         self.normalizer = copy.deepcopy(model.obs_normalizer)
         self.mlp = copy.deepcopy(model.mlp)
+        joints, moved = config.body().joints, config.moved()
+        names = observation_names(config.body(), config.gait is not None)
+        held = {f"last_action/{joint}" for joint in joints if joint not in moved}
+        self.register_buffer("seen", torch.tensor([float(name not in held) for name in names]))
+        rows = [[float(joint == name) for joint in joints] for name in moved]
+        self.register_buffer("spread", torch.tensor(rows))
         self.eval()
 
     def forward(self, observation: torch.Tensor) -> torch.Tensor:
-        """Actions for observations with commands, (batch, n_obs + 3) → (batch, n)."""
-        actions: torch.Tensor = self.mlp(self.normalizer(observation))
+        """Actions for observations with commands, (batch, n_in) → (batch, n)."""
+        actions: torch.Tensor = self.mlp(self.normalizer(observation * self.seen)) @ self.spread
         return actions
 
 
@@ -69,8 +81,8 @@ def write(
         WorkError: the graph computes something else than the net.
     """
     robot = config.body()
-    names = observation_names(robot)
-    actor = Actor(trained.actor)
+    names = observation_names(robot, config.gait is not None)
+    actor = Actor(trained.actor, config)
     content = graph(actor, (torch.zeros(2, len(names)),), ("observation",), "action")
     _compare(actor, content, len(names))
     stiffness, velocity_gain = gains(robot, config.physics or robot.physics)
@@ -93,6 +105,7 @@ def write(
             "samples": trained.samples,
         },
         config=OmegaConf.to_container(OmegaConf.structured(config)),  # type: ignore[arg-type]
+        clock_period=config.gait.period if config.gait else None,
         evaluation=evaluation or {},
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         packages={"python": platform.python_version()}

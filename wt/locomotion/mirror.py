@@ -7,6 +7,7 @@ import numpy as np
 import torch
 from tensordict import TensorDict
 
+from wt.errors import ConfigError
 from wt.worlds.legged import Robot
 
 Array = np.ndarray
@@ -21,27 +22,44 @@ class Mirror:
     Each map is a permutation of channels with signs: ``mirrored = x[:, order] · sign``.
     """
 
-    def __init__(self, robot: Robot, model: mujoco.MjModel, device: str | torch.device) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        model: mujoco.MjModel,
+        device: str | torch.device,
+        moved: tuple[str, ...] | None = None,
+        has_clock: bool = False,
+    ) -> None:
         """Find each joint's and foot's counterpart.
 
         Args:
             robot: whose joints are named by sides (``left_…``, or legs ``FL``, ``FR``, …).
             model: compiled; says about which axis each joint turns.
             device: where the samples will be.
+            moved: joints that actions are of; None for all.
+            has_clock: whether the policy sees a clock, which mirrored is half a period later.
+
+        Raises:
+            ConfigError: a joint is moved and its counterpart is not.
         """
-        joints = _partners(robot.joints)
-        # a hinge across the robot's plane turns alike on both sides, any other the other way round
-        across = [abs(model.joint(name).axis[1]) > 0.5 for name in robot.joints]
-        signs = np.where(across, 1.0, -1.0)
+
+        def joints(names: tuple[str, ...]) -> tuple[Array, Array]:
+            # a hinge across the robot's plane turns alike on both sides, any other the other way
+            across = [abs(model.joint(name).axis[1]) > 0.5 for name in names]
+            return _partners(names), np.where(across, 1.0, -1.0)
+
         feet = _partners(robot.feet)
-        action = (joints, signs)
-        observation = _joined([_signs("-+-"), _signs("+-+"), action, action, action, _signs("+--")])
+        each, action = joints(robot.joints), _joined([joints(moved or robot.joints)])
+        clock = _signs("--" if has_clock else "")
+        observation = _joined(
+            [_signs("-+-"), _signs("+-+"), each, each, each, _signs("+--"), clock]
+        )
         foot = (feet, np.ones(len(feet)))
         privileged = _joined([_signs("+--+"), _signs("+"), foot, foot, foot, foot])
         self.maps = {
             name: (torch.as_tensor(order, device=device), torch.as_tensor(sign, device=device))
             for name, (order, sign) in {
-                "policy": observation, "privileged": privileged, "action": _joined([action]),
+                "policy": observation, "privileged": privileged, "action": action,
             }.items()
         }  # fmt: skip
 
@@ -75,6 +93,9 @@ def _partners(names: tuple[str, ...]) -> Array:
                     return two + name[len(one) :]
         return name
 
+    for name in names:
+        if other(name) not in names:
+            raise ConfigError(f"joints: {name} is moved and {other(name)} is not; name both sides")
     return np.array([names.index(other(name)) for name in names])
 
 

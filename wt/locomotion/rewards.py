@@ -4,7 +4,8 @@ Every term is zero or positive; the names of :class:`wt.locomotion.config.Reward
 rewards (:data:`WANTED`), all others are penalties. The penalty of a fall is large enough that an
 early fall is not the cheaper way while the sum of all is still negative.
 
-Sources: legged_gym (Rudin et al. 2022) for most, mjlab for clearance, Isaac Lab for single stance.
+Sources: legged_gym (Rudin et al. 2022) for most, mjlab for clearance, Isaac Lab for single stance,
+unitree_rl_gym for the rhythm.
 """
 
 from __future__ import annotations
@@ -17,11 +18,11 @@ import numpy as np
 
 from wt.errors import ConfigError, suggest
 from wt.locomotion.config import Rewards
+from wt.worlds.gait import moving
 
 Array = np.ndarray
 
-WANTED = ("track_linear", "track_turn", "alive", "air_time", "single_stance")
-_MOVING = 0.1  # m/s and rad/s: a smaller command means to stand still
+WANTED = ("track_linear", "track_turn", "alive", "air_time", "single_stance", "rhythm")
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,8 @@ class Step:
         clearance: (N, F) [m].
         foot_speed: (N, F) [m/s].
         air, stance: (N, F) [s].
+        swing: how far each foot is in the swing that its rhythm wants, (N, F), as
+            :meth:`wt.worlds.gait.Gait.swing`; −1 everywhere without a rhythm.
         dt: length of the step [s].
     """
 
@@ -70,12 +73,13 @@ class Step:
     foot_speed: Array
     air: Array
     stance: Array
+    swing: Array
     dt: float
 
     @property
     def moving(self) -> Array:
         """Which robots are told to move, (N,) bool."""
-        return np.abs(self.command).max(1) > _MOVING
+        return moving(self.command)
 
 
 def _squares(x: Array) -> Array:
@@ -192,6 +196,20 @@ def single_stance(step: Step, r: Rewards) -> Array:
     return np.minimum(since, np.float32(r.stance_seconds)) * one * step.moving
 
 
+def rhythm(step: Step, r: Rewards) -> Array:
+    """Share of the feet that stand or swing as their rhythm wants; all if it is to stand still."""
+    wanted = (step.swing < 0) | ~step.moving[:, None]
+    return (step.contact == wanted).mean(1, dtype=np.float32)
+
+
+def lift(step: Step, r: Rewards) -> Array:
+    """Σ over feet in their swing of ((h_foot − h* sin πs) / h*)², where it is to move."""
+    up = np.float32(r.swing_height) * np.sin(np.float32(np.pi) * np.maximum(step.swing, 0))
+    missing = np.square((step.clearance - up) / np.float32(r.swing_height))
+    out: Array = (missing * (step.swing >= 0)).sum(1) * step.moving
+    return out
+
+
 def flight(step: Step, r: Rewards) -> Array:
     """1 while no foot is on the ground, where it is to move."""
     out: Array = ~step.contact.any(1) & step.moving
@@ -214,8 +232,8 @@ TERMS: Mapping[str, Term] = {
     term.__name__: term
     for term in (
         track_linear, track_turn, alive, vertical, rolling, tilt, height, torque, power,
-        acceleration, action_rate, limits, bumps, slip, clearance, air_time, single_stance, flight,
-        impact, still,
+        acceleration, action_rate, limits, bumps, slip, clearance, air_time, single_stance, rhythm,
+        lift, flight, impact, still,
     )
 }  # fmt: skip
 

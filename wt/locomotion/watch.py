@@ -69,7 +69,7 @@ def _walk(herd: Herd, act: Act, program: Array, seed: int) -> tuple[Array, Array
     qpos = np.empty((len(commanded), herd.model.nq))
     reached = np.empty((len(commanded), 3))
     for k, command in enumerate(commanded):
-        herd.step(act(herd.observe(), command[None]))
+        herd.step(act(herd.observe(), command[None], herd.time))
         qpos[k], reached[k] = herd.qpos[0], herd.velocity()[0, :3]
     return qpos, commanded, reached
 

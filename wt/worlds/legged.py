@@ -61,6 +61,7 @@ class Robot:
         feet: sites at the feet.
         sole_bodies: bodies whose contacts are the feet's, unless ``sole_geoms`` names geoms.
         sole_geoms: the geoms that are the feet, where a foot's body has others.
+        turns: when each foot begins to stand in a rhythm, as a share of its period.
         height: of the trunk over the floor in the default pose [m].
         foot_rest: height of a foot's site over the floor when it stands [m].
         command: largest command either way (m/s, m/s, rad/s), as in :data:`COMMAND`.
@@ -78,6 +79,7 @@ class Robot:
     feet: tuple[str, ...]
     sole_bodies: tuple[str, ...]
     sole_geoms: tuple[str, ...]
+    turns: tuple[float, ...]
     height: float
     foot_rest: float
     command: tuple[float, float, float]
@@ -137,6 +139,7 @@ class Herd:
         ground: heights of the terrain.
         dt: control step [s].
         action: the last action, (N, n), float32.
+        steps: control steps since each robot started, (N,).
     """
 
     def __init__(
@@ -170,6 +173,12 @@ class Herd:
         self.batch.reset(keyframe=self._stand)
         self.qpos, self.qvel, self.ctrl = self.batch.qpos, self.batch.qvel, self.batch.ctrl
         self.action = np.zeros((size, self._n), np.float32)
+        self.steps = np.zeros(size, int)
+
+    @property
+    def time(self) -> Array:
+        """Since each robot started, (N,) [s]."""
+        return self.steps * self.dt
 
     @property
     def weight(self) -> float:
@@ -198,7 +207,7 @@ class Herd:
             return
         k, n = len(ids), self._n
         self.batch.reset(ids, keyframe=self._stand, stage=mujoco.mjtStage.mjSTAGE_NONE)
-        self.action[ids] = 0.0
+        self.action[ids], self.steps[ids] = 0.0, 0
         at = rng.uniform(-start.area, start.area, (k, 2))
         # as high as the highest ground under or beside the feet
         reach = 0.25 if start.area else 0.0
@@ -221,6 +230,7 @@ class Herd:
         self.action[:] = action
         self.ctrl[:] = self._default + self._scale * self.action
         self.batch.step(nstep=self._substeps)
+        self.steps += 1
 
     def observe(self) -> Array:
         """What the robots' own sensors say, (N, 6 + 3n), float32: :meth:`Robot.channels`."""

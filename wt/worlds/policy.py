@@ -1,9 +1,9 @@
 """A trained walking policy: an ONNX graph and the card that says what it may be used for.
 
 The folder of a policy holds ``policy.onnx`` and ``card.json``. The graph has one input
-``observation``, (batch, n_obs + 3): :meth:`wt.worlds.legged.Robot.channels` in order, then the
-command; and one output ``action``, (batch, n), in units of the robot's ``action_scale``. The
-observation normaliser is part of it.
+``observation``, (batch, n_in): :meth:`wt.worlds.legged.Robot.channels` in order, then the command,
+then the clock of :mod:`wt.worlds.gait` if the policy walks to one; and one output ``action``,
+(batch, n), in units of the robot's ``action_scale``. The observation normaliser is part of it.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt.errors import ModelError
+from wt.worlds.gait import CLOCK, clock
 from wt.worlds.legged import COMMAND, RATE_HZ, Robot
 from wt.worlds.legged_model import LeggedPhysics
 
@@ -46,12 +47,15 @@ class PolicyCard:
         action_scale: what the action 1 adds to it [rad].
         stiffness: position gains of the drives [N·m/rad].
         velocity_gain: their velocity gains [N·m·s/rad].
-        observation: channels of the graph's input, in order, the command's last.
+        observation: channels of the graph's input, in order: the robot's, the command's, and those
+            of a clock if it has one.
         command_limits: largest command that it was trained for, either way.
         sha256: of the graph.
         made_by: the command that made it.
         training: iterations, seconds, samples.
         config: the resolved configuration.
+        clock_period: T of the clock's channels sin 2πt/T and cos 2πt/T, where t is the time since
+            the start, both 0 while told to stand [s]; None without a clock.
         evaluation: figures of ``wt.locomotion.evaluate``.
         created: UTC, ISO 8601.
         packages: versions of what made it.
@@ -72,6 +76,7 @@ class PolicyCard:
     made_by: str
     training: dict[str, int | float]
     config: dict[str, Any]
+    clock_period: float | None = None
     evaluation: dict[str, Any] = field(default_factory=dict)
     created: str = ""
     packages: dict[str, str] = field(default_factory=dict)
@@ -115,9 +120,10 @@ def gains(robot: Robot, physics: LeggedPhysics) -> tuple[list[float], list[float
     return list(stiffness), list(speed)
 
 
-def observation_names(robot: Robot) -> list[str]:
+def observation_names(robot: Robot, has_clock: bool) -> list[str]:
     """Channels of a policy's input, in order."""
-    return [channel.name for channel in robot.channels()] + [f"command/{c}" for c in COMMAND]
+    names = [channel.name for channel in robot.channels()] + [f"command/{c}" for c in COMMAND]
+    return names + [f"clock/{c}" for c in CLOCK] if has_clock else names
 
 
 class Policy:
@@ -168,18 +174,22 @@ class Policy:
         session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
         return cls(card, session)
 
-    def act(self, observation: Array, command: Array) -> Array:
+    def act(self, observation: Array, command: Array, time: Array) -> Array:
         """Actions for N robots.
 
         Args:
             observation: of :meth:`wt.worlds.legged.Herd.observe`, (N, n_obs).
             command: (N, 3) [m/s, m/s, rad/s].
+            time: since each robot started, (N,) [s]; it matters to a policy with a clock.
 
         Returns:
             Actions, (N, n), float32, in units of the action scale.
         """
-        both = np.concatenate([observation, command], axis=1, dtype=np.float32)
-        action: Array = self._session.run(["action"], {"observation": both})[0]
+        parts, period = [observation, command], self.card.clock_period
+        if period is not None:
+            parts.append(clock(period, time, command))
+        whole = np.concatenate(parts, axis=1, dtype=np.float32)
+        action: Array = self._session.run(["action"], {"observation": whole})[0]
         return action
 
 
@@ -204,7 +214,7 @@ def _check(card: PolicyCard, robot: Robot, physics: LeggedPhysics, folder: Path)
         "robot": robot.name,
         "rate_hz": RATE_HZ,
         "joints": list(robot.joints),
-        "observation": observation_names(robot),
+        "observation": observation_names(robot, card.clock_period is not None),
         "default": list(robot.default),
         "action_scale": list(robot.action_scale),
         "stiffness": stiffness,

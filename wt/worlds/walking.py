@@ -227,7 +227,7 @@ class WalkingWorld:
             noise *= keep
             noise += options.noise * np.sqrt(1 - keep**2) * rng.standard_normal(shape)
             seen = herd.observe()
-            action = self._policy.act(seen, command) + noise
+            action = self._policy.act(seen, command, herd.time) + noise
             found["o"][:, k, :n], found["o"][:, k, n:] = seen[:, :n], robot.targets(herd.action)
             found["hidden"][:, k] = self._state.hidden(herd)
             herd.step(action)
