@@ -85,15 +85,16 @@ def policy_in_the_loop(config: Config, name: str, steps: int) -> tuple[Work, Her
     herd = Herd(robot, model, config.robots, config.scene, config.threads)
     herd.reset(np.arange(herd.size), rng, config.episodes.start)
     command = sample_commands(config.commands, herd.size, rng)
+    clock = policy.clock(herd.size)
 
     for _ in range(WARM_UP):
-        herd.step(policy.act(herd.observe(), command, herd.time))
+        herd.step(policy.act(herd.observe(), command, clock.read(herd.time, command)))
     qpos, qvel, last = herd.qpos.copy(), herd.qvel.copy(), herd.action.copy()
 
     def work() -> None:
         herd.qpos[:], herd.qvel[:], herd.action[:] = qpos, qvel, last
         for _ in range(steps):
-            herd.step(policy.act(herd.observe(), command, herd.time))
+            herd.step(policy.act(herd.observe(), command, clock.read(herd.time, command)))
 
     return work, herd
 

@@ -15,7 +15,7 @@ from wt.locomotion.config import Commands, Policy, load
 from wt.locomotion.env import Walking, make_herd, sample_commands
 from wt.locomotion.feet import Feet
 from wt.locomotion.mirror import Mirror, augment
-from wt.worlds.gait import clock
+from wt.worlds.gait import Clock
 from wt.worlds.legged import Start
 from wt.worlds.robots import G1
 
@@ -165,13 +165,28 @@ def test_the_rhythm_s_mirror_image_is_half_a_period_later(root: Path) -> None:
     gait, turns = env.cfg.gait, env.herd.robot.turns
     assert gait is not None
     time, command = np.array([0.1, 0.3]), np.array([[0.5, 0.1, 0.2]] * 2)
-    seen = np.concatenate([np.zeros((2, 96)), clock(gait.period, time, command)], axis=1)
+    clock = Clock(gait.period, 2)
+    seen = np.concatenate([np.zeros((2, 96)), clock.read(time, command)], axis=1)
     flipped = env.mirror("policy", torch.from_numpy(np.float32(seen)))[:, -2:].numpy()
     later = time + gait.period / 2
-    np.testing.assert_allclose(flipped, clock(gait.period, later, command), atol=1e-6)
+    np.testing.assert_allclose(flipped, clock.read(later, command), atol=1e-6)
     np.testing.assert_allclose(
         gait.swing(time, turns)[:, ::-1], gait.swing(later, turns), atol=1e-6
     )
+
+
+def test_a_robot_told_to_stop_takes_a_last_step_and_then_rests(root: Path) -> None:
+    env = Walking(config(root, "g1", "commands.seconds=1e9", "commands.standing=0"), "cpu")
+    env.command[:] = (0.5, 0.0, 0.0)
+    env.episode_length_buf[:] = 0
+    for k in range(60):
+        if k == 10:
+            env.command[:] = 0.0
+        env.herd.qpos[:] = env.herd.model.key_qpos[0]  # held up: it is the clock that counts
+        env.herd.qvel[:] = 0.0
+        obs = env.step(torch.zeros(6, 12))[0]["policy"][:, -2:]
+        # told to stop after 0.2 s: the half period ends at 0.4 s, and a whole one is 0.8 s
+        assert bool(obs.any()) == (env.herd.time[0] < 1.2 - 1e-9)
 
 
 def test_joints_that_are_not_moved_keep_the_default_pose(root: Path) -> None:

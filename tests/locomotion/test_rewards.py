@@ -26,8 +26,9 @@ def step(**changes: object) -> Step:
     }  # fmt: skip
     fields: dict[str, object] = {name: np.zeros(shape, F32) for name, shape in zeros.items()}
     fields |= {"contact": np.ones((2, 2), bool), "landed": np.zeros((2, 2), bool), "dt": 0.02}
+    changes["moving"] = np.abs(np.array(changes.get("command", fields["command"]))).max(1) > 0
     for name, value in changes.items():
-        kind = bool if name in ("contact", "landed") else F32
+        kind = bool if name in ("contact", "landed", "moving") else F32
         fields[name] = np.array(value, kind)
     return Step(**fields)  # type: ignore[arg-type]
 
@@ -69,16 +70,20 @@ UP = [[True, False], [True, True]]  # the first one's right foot is up
              "air": [[0, 0.3], [0, 0]]},
             [0.2, 0],
         ),
-        # the left foot is to stand and the right one to swing; who is to stand has both down
-        ("rhythm", {"command": GO, "contact": UP, "swing": [[-1, 0.5]] * 2}, [1, 1]),
-        ("rhythm", {"command": GO, "contact": UP[::-1], "swing": [[-1, 0.5]] * 2}, [0.5, 0.5]),
+        # the first robot's left foot is to stand and its right one to swing; the second rests
+        ("rhythm", {"contact": UP, "swing": [[-1, 0.5], [-1, -1]]}, [1, 1]),
+        ("rhythm", {"contact": UP[::-1], "swing": [[-1, 0.5], [-1, -1]]}, [0.5, 0.5]),
+        (
+            "load",  # the weight on the right foot, of which more than all is no worse
+            {"swing": [[-1, 0.5], [0.2, -1]], "force": [[9, 0.4], [1.5, 9]]},
+            [0.4, 1],
+        ),
         (
             "lift",  # h* = 6 cm at half the swing, sin 30° = 1/2 of it at a sixth
-            {"command": [[1, 0, 0]] * 2, "swing": [[-1, 0.5], [1 / 6, -1]],
+            {"swing": [[-1, 0.5], [1 / 6, -1]],
              "clearance": [[9, 0.03], [0.03, 9]]},
             [0.25, 0],
         ),
-        ("lift", {"command": GO, "swing": [[0.5, 0.5]] * 2}, [2, 0]),
         ("flight", {"contact": [[False, False]] * 2, "command": GO}, [1, 0]),
         ("flight", {"contact": UP, "command": GO}, [0, 0]),
         ("impact", {"landed": UP, "force": [[2, 9], [1, 1]]}, [100, 100]),

@@ -57,10 +57,11 @@ def test_it_walks_forward_as_told_and_stays_up(name: str, root: Path) -> None:
     herd.reset(np.arange(ROBOTS), rng, Start(joints=0.05, area=config.episodes.start.area))
     told = 0.8 * policy.card.command_limits[0]
     command = np.tile(np.float32([told, 0.0, 0.0]), (ROBOTS, 1))
+    clock = policy.clock(ROBOTS)
     settled, steps = round(SETTLED / herd.dt), round(SECONDS / herd.dt)
     places = np.empty((steps, ROBOTS, 2))
     for k in range(steps):
-        herd.step(policy.act(herd.observe(), command, herd.time))
+        herd.step(policy.act(herd.observe(), command, clock.read(herd.time, command)))
         places[k] = herd.qpos[:, :2]
         assert not herd.fallen().any(), f"fell after {k * herd.dt:.1f} s"
     half_seconds = places[settled :: round(0.5 / herd.dt)]

@@ -59,7 +59,7 @@ def test_actions_are_the_graph_s_of_observation_and_command(folder: Path, file: 
     policy = Policy.load(folder / file, GO2)
     rng = np.random.default_rng(1)
     observation, command = rng.normal(size=(5, 42)), rng.normal(size=(5, 3))
-    action = policy.act(observation, command, np.zeros(5))
+    action = policy.act(observation, command, np.zeros((5, 0)))
     assert action.dtype == np.float32
     expected = np.concatenate([observation, command], axis=1) @ WEIGHT
     np.testing.assert_allclose(action, expected, rtol=1e-4, atol=1e-5)
@@ -101,16 +101,16 @@ def test_what_does_not_fit_is_refused(
         Policy.load(folder, GO2)
 
 
-def test_a_policy_with_a_clock_is_fed_the_time(tmp_path: Path) -> None:
+def test_a_policy_with_a_clock_sees_it_last(tmp_path: Path) -> None:
     names = observation_names(GO2, True)
     weight = np.zeros((len(names), 12), np.float32)
     weight[-2, 0] = weight[-1, 1] = 1.0  # actions 0 and 1 are the clock
     write(tmp_path, weight, clock_period=0.5)
     policy = Policy.load(tmp_path, GO2)
     assert policy.card.observation[-2:] == ["clock/sin", "clock/cos"]
-    command = np.array([[0.5, 0, 0], [0.5, 0, 0], [0, 0, 0]])
-    action = policy.act(np.ones((3, 42)), command, np.array([0.125, 0.5, 0.125]))
-    np.testing.assert_allclose(action[:, :2], [[1, 0], [0, 1], [0, 0]], atol=1e-6)
+    clock = np.array([[0.6, 0.8], [0.0, 0.0]])
+    action = policy.act(np.ones((2, 42)), np.ones((2, 3)), clock)
+    np.testing.assert_allclose(action[:, :2], clock, atol=1e-6)
     edit(tmp_path, clock_period=None)
     with pytest.raises(ModelError, match=r"observation differs.*47 values instead of 45"):
         Policy.load(tmp_path, GO2)

@@ -12,7 +12,7 @@ import omegaconf
 
 from wt.errors import ConfigError, suggest
 from wt.schema import check_numbers, parse, read
-from wt.worlds.gait import Gait
+from wt.worlds.gait import Clock, Gait
 from wt.worlds.legged import Robot, Scene, Start
 from wt.worlds.legged_model import LeggedPhysics
 from wt.worlds.robots import robot_of
@@ -76,6 +76,7 @@ class Rewards:
     single_stance: float = 0.0
     stance_seconds: float = 0.4  # [s] on one leg that is rewarded at most
     rhythm: float = 0.0
+    load: float = 0.0
     lift: float = 0.0
     flight: float = 0.0
     impact: float = 0.0
@@ -127,6 +128,10 @@ class Policy:
         """The robot that is to walk."""
         return robot_of(self.robot)
 
+    def clock(self, size: int) -> Clock:
+        """The clocks that so many robots walk to."""
+        return Clock(self.gait.period, size, self.gait.rests) if self.gait else Clock(None, size)
+
     def moved(self) -> tuple[str, ...]:
         """The joints that the policy moves, in the robot's order; others keep the default pose.
 
@@ -154,7 +159,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Policy:
     check_numbers(config, _ABOVE_ZERO)
     if not config.moved():
         raise ConfigError("joints is empty; ['*'] moves all joints of the robot")
-    for name in ("rhythm", "lift"):
+    for name in ("rhythm", "load", "lift"):
         if getattr(config.rewards, name) and config.gait is None:
             raise ConfigError(f"rewards.{name} needs a rhythm; say gait={{}} or rewards.{name}=0")
     if not config.ppo.hidden or min(config.ppo.hidden) < 1:

@@ -18,7 +18,6 @@ from wt.locomotion import feet
 from wt.locomotion.config import Commands, Policy
 from wt.locomotion.mirror import Mirror
 from wt.locomotion.rewards import Judge, Step
-from wt.worlds.gait import clock
 from wt.worlds.legged import TIMESTEP, Herd
 
 Array = np.ndarray
@@ -71,7 +70,7 @@ class Walking(VecEnv):
         self.mirror = Mirror(herd.robot, model, device, moved, config.gait is not None)
         self._rng = np.random.default_rng(config.seed)
         self._judge = Judge(config.rewards, herd.robot.joints)
-        self._feet = feet.Feet(herd)
+        self._feet, self._clock = feet.Feet(herd), config.clock(herd.size)
         self._torque = herd.batch.bind("actuator_force")
         joints = [model.joint(name).id for name in herd.robot.joints]
         low, high = model.jnt_range[joints].T
@@ -147,6 +146,7 @@ class Walking(VecEnv):
         self._last_vel = vel
         return Step(
             command=self.command,
+            moving=self._clock.running,
             velocity=self._velocity,
             gyro=herd.qvel[:, 3:6].astype(np.float32),
             gravity=herd.gravity().astype(np.float32),
@@ -174,7 +174,8 @@ class Walking(VecEnv):
         gait, herd = self.cfg.gait, self.herd
         if gait is None:
             return np.full_like(self._feet.clearance, -1.0)
-        return gait.swing(herd.time, herd.robot.turns)
+        running = self._clock.running[:, None]
+        return np.where(running, gait.swing(herd.time, herd.robot.turns), np.float32(-1.0))
 
     def _log(self, step: Step, reward: Array, fallen: Array, means: dict[str, float]) -> None:
         error = np.abs(step.velocity[:, :3] - step.command).mean(0)
@@ -210,10 +211,8 @@ class Walking(VecEnv):
 
     def _tensors(self) -> TensorDict:
         herd, foot = self.herd, self._feet
-        seen = [herd.observe(), self.command]
-        if self.cfg.gait is not None:
-            seen.append(clock(self.cfg.gait.period, herd.time, self.command))
-        policy = np.concatenate(seen, axis=1)
+        clock = self._clock.read(herd.time, self.command)
+        policy = np.concatenate([herd.observe(), self.command, clock], axis=1)
         height = (herd.height()[:, None] - herd.robot.height).astype(np.float32)
         privileged = np.concatenate(
             [self._velocity, height, foot.contact, foot.clearance, foot.air, foot.stance],

@@ -18,7 +18,7 @@ from wt.worlds.legged import COMMAND, Herd, Start
 Array = np.ndarray
 
 Act = Callable[[Array, Array, Array], Array]
-"""From observation, command and time to action, as :meth:`wt.worlds.policy.Policy.act`."""
+"""From observation, command and clock to action, as :meth:`wt.worlds.policy.Policy.act`."""
 
 SETTLE_SECONDS = 2.0
 TRACK_SECONDS = 8.0
@@ -125,11 +125,12 @@ def _track(config: Config, act: Act, threads: int, robots: int, seed: int) -> tu
     herd = make_herd(config, len(command), threads)
     rng = np.random.default_rng(seed)
     herd.reset(np.arange(herd.size), rng, Start(joints=0.05, area=config.episodes.start.area))
+    clock = config.clock(herd.size)
     steps = round((SETTLE_SECONDS + TRACK_SECONDS) / herd.dt)
     velocity = np.empty((steps, herd.size, 3))
     fallen = np.zeros(herd.size, bool)
     for k in range(steps):
-        herd.step(act(herd.observe(), command, herd.time))
+        herd.step(act(herd.observe(), command, clock.read(herd.time, command)))
         velocity[k] = herd.velocity()[:, :3]
         fallen |= herd.fallen()
     settled = velocity[round(SETTLE_SECONDS / herd.dt) :]
@@ -156,7 +157,7 @@ def _track(config: Config, act: Act, threads: int, robots: int, seed: int) -> tu
 
 def _walk(config: Config, act: Act, threads: int, robots: int, seed: int) -> Walk:
     herd = make_herd(config, robots, threads)
-    feet, gait = Feet(herd), _Gait(herd)
+    feet, gait, clock = Feet(herd), _Gait(herd), config.clock(robots)
     rng = np.random.default_rng(seed + 1)
     herd.reset(np.arange(robots), rng, Start(joints=0.05, area=config.episodes.start.area))
     feet.forget(np.arange(robots))
@@ -164,7 +165,7 @@ def _walk(config: Config, act: Act, threads: int, robots: int, seed: int) -> Wal
     for k in range(round(WALK_SECONDS / herd.dt)):
         if k % round(config.commands.seconds / herd.dt) == 0:
             command = sample_commands(config.commands, robots, rng)
-        herd.step(act(herd.observe(), command, herd.time))
+        herd.step(act(herd.observe(), command, clock.read(herd.time, command)))
         feet.update()
         fallen |= herd.fallen()
         gait.add(feet, ~fallen, np.hypot(command[:, 0], command[:, 1]) > 0.3)

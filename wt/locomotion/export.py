@@ -106,6 +106,7 @@ def write(
         },
         config=OmegaConf.to_container(OmegaConf.structured(config)),  # type: ignore[arg-type]
         clock_period=config.gait.period if config.gait else None,
+        clock_rests=config.gait is None or config.gait.rests,
         evaluation=evaluation or {},
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         packages={"python": platform.python_version()}

@@ -18,7 +18,6 @@ import numpy as np
 
 from wt.errors import ConfigError, suggest
 from wt.locomotion.config import Rewards
-from wt.worlds.gait import moving
 
 Array = np.ndarray
 
@@ -31,6 +30,7 @@ class Step:
 
     Attributes:
         command: (N, 3) [m/s, m/s, rad/s].
+        moving: which robots are to move, and not to stand, (N,) bool.
         velocity: as commands mean it, and upward, (N, 4) [m/s, m/s, rad/s, m/s].
         gyro: angular velocity in the trunk's frame, (N, 3) [rad/s].
         gravity: its direction in the trunk's frame, (N, 3).
@@ -49,11 +49,12 @@ class Step:
         foot_speed: (N, F) [m/s].
         air, stance: (N, F) [s].
         swing: how far each foot is in the swing that its rhythm wants, (N, F), as
-            :meth:`wt.worlds.gait.Gait.swing`; −1 everywhere without a rhythm.
+            :meth:`wt.worlds.gait.Gait.swing`; −1 where it rests, and without one.
         dt: length of the step [s].
     """
 
     command: Array
+    moving: Array
     velocity: Array
     gyro: Array
     gravity: Array
@@ -75,11 +76,6 @@ class Step:
     stance: Array
     swing: Array
     dt: float
-
-    @property
-    def moving(self) -> Array:
-        """Which robots are told to move, (N,) bool."""
-        return moving(self.command)
 
 
 def _squares(x: Array) -> Array:
@@ -197,16 +193,21 @@ def single_stance(step: Step, r: Rewards) -> Array:
 
 
 def rhythm(step: Step, r: Rewards) -> Array:
-    """Share of the feet that stand or swing as their rhythm wants; all if it is to stand still."""
-    wanted = (step.swing < 0) | ~step.moving[:, None]
-    return (step.contact == wanted).mean(1, dtype=np.float32)
+    """Share of the feet that stand or swing as their rhythm wants."""
+    return (step.contact == (step.swing < 0)).mean(1, dtype=np.float32)
+
+
+def load(step: Step, r: Rewards) -> Array:
+    """Σ over feet in their swing of the weight on them, a whole one at most."""
+    out: Array = (np.minimum(step.force, 1.0) * (step.swing >= 0)).sum(1)
+    return out
 
 
 def lift(step: Step, r: Rewards) -> Array:
-    """Σ over feet in their swing of ((h_foot − h* sin πs) / h*)², where it is to move."""
+    """Σ over feet in their swing of ((h_foot − h* sin πs) / h*)²."""
     up = np.float32(r.swing_height) * np.sin(np.float32(np.pi) * np.maximum(step.swing, 0))
     missing = np.square((step.clearance - up) / np.float32(r.swing_height))
-    out: Array = (missing * (step.swing >= 0)).sum(1) * step.moving
+    out: Array = (missing * (step.swing >= 0)).sum(1)
     return out
 
 
@@ -233,7 +234,7 @@ TERMS: Mapping[str, Term] = {
     for term in (
         track_linear, track_turn, alive, vertical, rolling, tilt, height, torque, power,
         acceleration, action_rate, limits, bumps, slip, clearance, air_time, single_stance, rhythm,
-        lift, flight, impact, still,
+        load, lift, flight, impact, still,
     )
 }  # fmt: skip
 

@@ -19,6 +19,7 @@ from wt.locomotion.evaluate import Act
 from wt.show import colors
 from wt.show.files import write_whole
 from wt.show.robot_view import log_robot, motion_of, send_columns
+from wt.worlds.gait import Clock
 from wt.worlds.legged import COMMAND, Herd, Start
 
 Array = np.ndarray
@@ -41,7 +42,7 @@ def record(config: Config, act: Act, path: Path, seed: int = 0) -> None:
     """
     herd = make_herd(config, 1, threads=1)
     command = (_PROGRAM * config.commands.largest).astype(np.float32)
-    qpos, commanded, reached = _walk(herd, act, command, seed)
+    qpos, commanded, reached = _walk(herd, act, config.clock(1), command, seed)
     t = np.arange(len(qpos)) * herd.dt
     recording = rr.RecordingStream("World Translation", send_properties=False)
     memory = recording.memory_recording()
@@ -62,14 +63,17 @@ def record(config: Config, act: Act, path: Path, seed: int = 0) -> None:
     write_whole(path, memory.drain_as_bytes())
 
 
-def _walk(herd: Herd, act: Act, program: Array, seed: int) -> tuple[Array, Array, Array]:
+def _walk(
+    herd: Herd, act: Act, clock: Clock, program: Array, seed: int
+) -> tuple[Array, Array, Array]:
     herd.reset(np.arange(1), np.random.default_rng(seed), Start())
     hold = round(_SECONDS / herd.dt)
     commanded = np.repeat(program, hold, axis=0)
     qpos = np.empty((len(commanded), herd.model.nq))
     reached = np.empty((len(commanded), 3))
     for k, command in enumerate(commanded):
-        herd.step(act(herd.observe(), command[None], herd.time))
+        told = command[None]
+        herd.step(act(herd.observe(), told, clock.read(herd.time, told)))
         qpos[k], reached[k] = herd.qpos[0], herd.velocity()[0, :3]
     return qpos, commanded, reached
 

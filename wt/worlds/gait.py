@@ -1,10 +1,12 @@
 """The rhythm to which a policy may walk: when each foot is to stand and when to swing.
 
-A policy with a gait sees a clock beside its observation and command. It is a function of the time
-since the robot started and of the command alone, so it says nothing about the robot's state, and
-whoever runs the policy can compute it: ``(sin 2πt/T, cos 2πt/T)``, and zeros while the robot is
-told to stand. Half a period later left and right have exchanged their parts. As in Siekmann et al.
-2021 (periodic rewards) and unitree_rl_gym, which pays a foot for standing or swinging in its turn.
+A policy with a gait sees a clock beside its observation and command: ``(sin 2πt/T, cos 2πt/T)``,
+where t is the time since the robot started, and zeros while it rests. It runs while the robot is
+told to move, then on for a last period and to the next moment at which a foot has come down: who is
+told to stop in the middle of a step takes the steps that stop it. So it depends on time and
+commands alone and says nothing about the robot's state; whoever runs the policy can compute it.
+Half a period later left and right have exchanged their parts. As in Siekmann et al. 2021 (periodic
+rewards) and unitree_rl_gym, which pays a foot for standing or swinging in its turn.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ Array = np.ndarray
 
 CLOCK = ("sin", "cos")
 """Channels of the clock."""
+_EPSILON = 1e-6  # s, against rounding
 _MOVING = 0.1  # m/s and rad/s: a smaller command means to stand still
 
 
@@ -28,19 +31,6 @@ def moving(command: Array) -> Array:
     return out
 
 
-def clock(period: float, time: Array, command: Array) -> Array:
-    """What a policy sees of the rhythm, (N, 2), float32: :data:`CLOCK`.
-
-    Args:
-        period: of the rhythm, T [s].
-        time: since each robot started, (N,) [s].
-        command: (N, 3) [m/s, m/s, rad/s].
-    """
-    angle = 2 * np.pi * time / period
-    both = np.stack([np.sin(angle), np.cos(angle)], axis=1) * moving(command)[:, None]
-    return np.asarray(both, np.float32)
-
-
 @dataclass(frozen=True)
 class Gait:
     """A rhythm (``gait:``).
@@ -48,10 +38,12 @@ class Gait:
     Attributes:
         period: time from one step of a foot to its next [s].
         stance: share of it that a foot stands.
+        rests: whether the clock rests while the robot is told to stand; else it steps on the spot.
     """
 
     period: float = 0.8
     stance: float = 0.55
+    rests: bool = True
 
     def __post_init__(self) -> None:
         """Refuse a rhythm without steps."""
@@ -70,3 +62,48 @@ class Gait:
         phase = (time[:, None] / self.period - np.array(turns)) % 1.0
         swing = (phase - self.stance) / (1 - self.stance)
         return np.where(phase < self.stance, -1.0, swing).astype(np.float32)
+
+
+class Clock:
+    """The clocks of N robots.
+
+    Attributes:
+        running: which robots step, (N,) bool: those whose clock runs, or without a rhythm those
+            that are told to move.
+    """
+
+    def __init__(self, period: float | None, size: int, rests: bool = True) -> None:
+        """All rest.
+
+        Args:
+            period: of the rhythm, T [s]; None for a policy without.
+            size: N.
+            rests: whether they rest while robots are told to stand.
+        """
+        self._period, self._rests = period, rests
+        self.running = np.zeros(size, bool)
+        self._until, self._last = np.zeros(size), np.zeros(size)
+
+    def read(self, time: Array, command: Array) -> Array:
+        """What a policy sees of the rhythm, to be called once a control step.
+
+        Args:
+            time: since each robot started, (N,) [s].
+            command: (N, 3) [m/s, m/s, rad/s].
+
+        Returns:
+            :data:`CLOCK`, (N, 2), float32; (N, 0) without a rhythm.
+        """
+        told = moving(command)
+        if self._period is None:
+            self.running = told
+            return np.empty((len(command), 0), np.float32)
+        self._until[time < self._last] = 0.0  # who started anew
+        self._last = time.copy()
+        # half periods are when one foot has just come down and the other is about to leave
+        last = (np.ceil(2 * time / self._period) / 2 + 1) * self._period
+        self._until = np.where(told, last, self._until)
+        self.running = told | (time < self._until - _EPSILON) | (not self._rests)
+        angle = 2 * np.pi * time / self._period
+        both = np.stack([np.sin(angle), np.cos(angle)], axis=1) * self.running[:, None]
+        return np.asarray(both, np.float32)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt.errors import ModelError
-from wt.worlds.gait import CLOCK, clock
+from wt.worlds.gait import CLOCK, Clock
 from wt.worlds.legged import COMMAND, RATE_HZ, Robot
 from wt.worlds.legged_model import LeggedPhysics
 
@@ -54,8 +54,9 @@ class PolicyCard:
         made_by: the command that made it.
         training: iterations, seconds, samples.
         config: the resolved configuration.
-        clock_period: T of the clock's channels sin 2πt/T and cos 2πt/T, where t is the time since
-            the start, both 0 while told to stand [s]; None without a clock.
+        clock_period: T of the clock's channels [s], as :class:`wt.worlds.gait.Clock` reads it; None
+            without a clock.
+        clock_rests: whether the clock rests while the robot is told to stand.
         evaluation: figures of ``wt.locomotion.evaluate``.
         created: UTC, ISO 8601.
         packages: versions of what made it.
@@ -77,6 +78,7 @@ class PolicyCard:
     training: dict[str, int | float]
     config: dict[str, Any]
     clock_period: float | None = None
+    clock_rests: bool = True
     evaluation: dict[str, Any] = field(default_factory=dict)
     created: str = ""
     packages: dict[str, str] = field(default_factory=dict)
@@ -174,21 +176,22 @@ class Policy:
         session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
         return cls(card, session)
 
-    def act(self, observation: Array, command: Array, time: Array) -> Array:
+    def clock(self, size: int) -> Clock:
+        """Clocks for so many robots, whose reading :meth:`act` takes."""
+        return Clock(self.card.clock_period, size, self.card.clock_rests)
+
+    def act(self, observation: Array, command: Array, clock: Array) -> Array:
         """Actions for N robots.
 
         Args:
             observation: of :meth:`wt.worlds.legged.Herd.observe`, (N, n_obs).
             command: (N, 3) [m/s, m/s, rad/s].
-            time: since each robot started, (N,) [s]; it matters to a policy with a clock.
+            clock: what those of :meth:`clock` say, (N, 2); (N, 0) without a rhythm.
 
         Returns:
             Actions, (N, n), float32, in units of the action scale.
         """
-        parts, period = [observation, command], self.card.clock_period
-        if period is not None:
-            parts.append(clock(period, time, command))
-        whole = np.concatenate(parts, axis=1, dtype=np.float32)
+        whole = np.concatenate([observation, command, clock], axis=1, dtype=np.float32)
         action: Array = self._session.run(["action"], {"observation": whole})[0]
         return action
 

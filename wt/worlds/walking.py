@@ -209,6 +209,7 @@ class WalkingWorld:
         herd.reset(np.arange(robots), rng, options.start)
         limits = options.command * np.array(self._policy.card.command_limits)
         command = rng.uniform(-limits, limits, (robots, 3))
+        clock = self._policy.clock(robots)
         keep = np.exp(-herd.dt / options.noise_seconds)
         shape = (robots, len(robot.joints))
         noise = options.noise * rng.standard_normal(shape)
@@ -227,7 +228,7 @@ class WalkingWorld:
             noise *= keep
             noise += options.noise * np.sqrt(1 - keep**2) * rng.standard_normal(shape)
             seen = herd.observe()
-            action = self._policy.act(seen, command, herd.time) + noise
+            action = self._policy.act(seen, command, clock.read(herd.time, command)) + noise
             found["o"][:, k, :n], found["o"][:, k, n:] = seen[:, :n], robot.targets(herd.action)
             found["hidden"][:, k] = self._state.hidden(herd)
             herd.step(action)
