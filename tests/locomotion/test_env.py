@@ -185,8 +185,8 @@ def test_a_robot_told_to_stop_takes_a_last_step_and_then_rests(root: Path) -> No
         env.herd.qpos[:] = env.herd.model.key_qpos[0]  # held up: it is the clock that counts
         env.herd.qvel[:] = 0.0
         obs = env.step(torch.zeros(6, 12))[0]["policy"][:, -2:]
-        # told to stop after 0.2 s: the half period ends at 0.4 s, and a whole one is 0.8 s
-        assert bool(obs.any()) == (env.herd.time[0] < 1.2 - 1e-9)
+        # told to stop after 0.2 s: the half period ends at 0.4 s, and 1.05 of one are 0.84 s
+        assert bool(obs.any()) == (env.herd.time[0] < 1.24 - 1e-9)
 
 
 def test_joints_that_are_not_moved_keep_the_default_pose(root: Path) -> None:

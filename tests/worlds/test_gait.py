@@ -27,10 +27,10 @@ def test_the_clock_turns_once_a_period_for_those_who_are_told_to_move() -> None:
 def test_the_clock_runs_on_for_a_last_period_to_a_step_s_end() -> None:
     clock, go, stop = Clock(1.0, 1), np.array([[0.5, 0, 0]]), np.zeros((1, 3))
     ran = []
-    for k in range(60):  # told to stop at 1.2 s: on to 1.5 s, and a whole period more
+    for k in range(60):  # told to stop at 1.2 s: on to 1.5 s, 1.05 periods more
         clock.read(np.array([0.05 * k]), go if k < 24 else stop)
         ran.append(bool(clock.running[0]))
-    assert ran == [True] * 50 + [False] * 10
+    assert ran == [True] * 51 + [False] * 9
 
 
 def test_who_starts_anew_has_no_step_to_end() -> None:

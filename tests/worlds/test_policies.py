@@ -18,6 +18,9 @@ ROBOTS, SECONDS, SETTLED = 16, 6.0, 2.0
 NAMES = sorted(folder.name for folder in SHIPPED.iterdir() if folder.is_dir())
 MACHINE = re.compile(r"/(root|work|tmp|home|Users|opt)\b|[A-Z]:\\")
 
+FALL_SHARE = {"g1_uneven": 0.15}
+"""Share of robots that may fall, where it is not none: blocks that a robot cannot see."""
+
 each_policy = pytest.mark.parametrize("name", NAMES)
 
 
@@ -34,7 +37,8 @@ def test_the_card_is_of_this_graph_and_of_a_robot_we_have(name: str) -> None:
     assert card.sha256 == hashlib.sha256((folder / GRAPH).read_bytes()).hexdigest()
     policy = Policy.load(name, robot_of(card.robot))
     assert policy.card == card
-    assert all(tracking["fallen"] == 0 for tracking in card.evaluation["tracking"])
+    most = FALL_SHARE.get(name, 0.0)
+    assert all(tracking["fallen"] <= most for tracking in card.evaluation["tracking"])
 
 
 @each_policy
@@ -59,15 +63,21 @@ def test_it_walks_forward_as_told_and_stays_up(name: str, root: Path) -> None:
     command = np.tile(np.float32([told, 0.0, 0.0]), (ROBOTS, 1))
     clock = policy.clock(ROBOTS)
     settled, steps = round(SETTLED / herd.dt), round(SECONDS / herd.dt)
-    places = np.empty((steps, ROBOTS, 2))
+    places, fallen = np.empty((steps, ROBOTS, 2)), np.zeros(ROBOTS, bool)
+    forward = np.zeros(ROBOTS)
     for k in range(steps):
         herd.step(policy.act(herd.observe(), command, clock.read(herd.time, command)))
-        places[k] = herd.qpos[:, :2]
-        assert not herd.fallen().any(), f"fell after {k * herd.dt:.1f} s"
+        places[k], forward[:] = herd.qpos[:, :2], forward + herd.velocity()[:, 0] / steps
+        fallen |= herd.fallen()
+        assert fallen.mean() <= FALL_SHARE.get(name, 0.0), f"fell after {k * herd.dt:.1f} s"
     half_seconds = places[settled :: round(0.5 / herd.dt)]
     gone = np.linalg.norm(np.diff(half_seconds, axis=0), axis=2).sum(0)
     speed = gone / (0.5 * (len(half_seconds) - 1))
-    np.testing.assert_allclose(speed, told, rtol=0.2)
+    upright = ~fallen
     # along where it looks, too: forward is not sideways
-    forward = herd.velocity()[:, 0]
-    assert (forward > 0.5 * told).all()
+    if config.scene.blocks is None:
+        np.testing.assert_allclose(speed, told, rtol=0.2)
+        assert (forward > 0.5 * told).all()
+    else:  # a block may hold one up for seconds
+        np.testing.assert_allclose(speed[upright].mean(), told, rtol=0.2)
+        assert forward[upright].mean() > 0.6 * told and (forward[upright] > 0).all()

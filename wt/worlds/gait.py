@@ -22,6 +22,7 @@ Array = np.ndarray
 CLOCK = ("sin", "cos")
 """Channels of the clock."""
 _EPSILON = 1e-6  # s, against rounding
+_SETTLE = 0.05  # of a period, that both feet are down before the clock rests
 _MOVING = 0.1  # m/s and rad/s: a smaller command means to stand still
 
 
@@ -100,8 +101,8 @@ class Clock:
             return np.empty((len(command), 0), np.float32)
         self._until[time < self._last] = 0.0  # who started anew
         self._last = time.copy()
-        # half periods are when one foot has just come down and the other is about to leave
-        last = (np.ceil(2 * time / self._period) / 2 + 1) * self._period
+        # at half periods a foot comes down; a little later both carry
+        last = (np.ceil(2 * time / self._period) / 2 + 1 + _SETTLE) * self._period
         self._until = np.where(told, last, self._until)
         self.running = told | (time < self._until - _EPSILON) | (not self._rests)
         angle = 2 * np.pi * time / self._period
