@@ -27,7 +27,7 @@ def world(name: str, **changes: object) -> WalkingWorld:
     return made
 
 
-@pytest.fixture(scope="module", params=["go2_flat", "go2_payload"])
+@pytest.fixture(scope="module", params=["go2_flat", "go2_payload", "g1_flat", "g1_uneven"])
 def collected(request: pytest.FixtureRequest) -> tuple[WalkingWorld, Transitions]:
     w = world(request.param)
     return w, w.collect("real", 400, seed=3)
