@@ -172,7 +172,8 @@ def test_a_refined_time_step_is_written_and_said(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", list(effects()))
 def test_every_effect_can_be_written_into_the_users_text(name: str, tmp_path: Path) -> None:
     """The text compiles to the patched spec's numbers, with every line of the user's in it."""
-    scene, effect = scene_of(tmp_path, ARM), effects()[name]
+    floor = '<worldbody>\n    <geom name="floor" type="plane" size="1 1 .1" pos="0 0 -2"/>'
+    scene, effect = scene_of(tmp_path, ARM.replace("<worldbody>", floor)), effects()[name]
     lower, upper = effect.bounds()
     theta = np.clip(lower + 0.37 * np.minimum(upper - lower, 1.0), lower, upper)
     at = effect.places(scene)[0]
