@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import html
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -35,10 +36,10 @@ BEFORE_AFTER = (
 
 def model_of(diagnosis: Diagnosis) -> mujoco.MjModel | None:
     """The model as given, free joints taken apart; None if its file is gone and it needs others."""
-    for read, text in (
-        (mujoco.MjSpec.from_file, diagnosis.model_path),
-        (mujoco.MjSpec.from_string, diagnosis.given_xml),
-    ):
+    # MuJoCo logs to a file of its own what is wrong with a path that does not exist
+    path = Path(diagnosis.model_path)
+    readers = [(mujoco.MjSpec.from_file, str(path))] if path.is_file() else []
+    for read, text in (*readers, (mujoco.MjSpec.from_string, diagnosis.given_xml)):
         with contextlib.suppress(ValueError):
             spec = read(text)
             base.expand(spec)
