@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
 
-from tests.physics import stool
+from tests.physics import arm, stool
 from wt.diagnose.samples import Part
 from wt.diagnose.smooth import smooth
 from wt.physics.contact import loads, touching
@@ -103,3 +105,22 @@ def test_people_are_told() -> None:
     assert [(p.name, p.unit) for p in effect.parameters] == [("friction", "-")]
     assert "floor" in effect.statement(FLOOR, np.array([0.2]))
     assert "floor" in effect.separation(FLOOR)
+
+
+def test_a_machine_on_a_fixed_base_is_taken_to_touch_nothing(tmp_path: Path) -> None:
+    floor = '<worldbody><geom name="floor" type="plane" size="2 2 0.1" pos="0 0 0.55"/>'
+    fixed = arm.scene(tmp_path, arm.ARM.replace("<worldbody>", floor))
+    assert touching(fixed, np.zeros((1, 3))).projector is None
+
+
+def test_parts_close_to_each_other_are_no_contact(tmp_path: Path) -> None:
+    path = tmp_path / "stool.xml"
+    path.write_text(stool.STOOL.replace('contype="0"', "").replace('conaffinity="0"', ""))
+    close = Scene(path)
+    folded = standing(close, 1.0)
+    folded[0, 7::2] = -2.8  # the shanks up to the trunk
+    data = mujoco.MjData(close.model)
+    data.qpos[:] = folded[0]
+    mujoco.mj_forward(close.model, data)
+    assert data.ncon > 0
+    assert touching(close, folded).near[0] == 0

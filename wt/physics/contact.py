@@ -65,7 +65,12 @@ class Touching:
 
 
 def touching(scene: Scene, q: Array) -> Touching:
-    """Find where contact may act on a machine at positions ``q`` (T, nv)."""
+    """Find where contact may act on a machine at positions ``q`` (T, nv).
+
+    One with a fixed base is taken to touch nothing: its parts are close to much all the time.
+    """
+    if not scene.free:
+        return Touching(None, np.zeros(len(q), dtype=int))
     probe = _Probe(scene)
     near, projector = np.zeros(len(q), dtype=int), np.zeros((len(q), *2 * (scene.model.nv,)))
     projector[:] = np.eye(scene.model.nv)
@@ -108,12 +113,16 @@ class _Probe:
         m, d = self._model, self._data
         d.qpos[:] = pose
         mujoco.mj_fwdPosition(m, d)
-        rows, one = np.zeros((d.ncon, 3, m.nv)), np.zeros((3, m.nv))
-        for jacobian, contact in zip(rows, d.contact, strict=True):
+        fixed = m.body_weldid[m.geom_bodyid] == 0
+        # parts of the machine are close to each other always, and hardly ever touch
+        found = [c for c in d.contact if fixed[c.geom].any()]
+        rows, one = np.zeros((len(found), 3, m.nv)), np.zeros((3, m.nv))
+        for jacobian, contact in zip(rows, found, strict=True):
             for sign, geom in zip((-1.0, 1.0), contact.geom, strict=True):
                 mujoco.mj_jac(m, d, one, None, contact.pos, m.geom_bodyid[geom])
                 jacobian += sign * contact.frame.reshape(3, 3) @ one
-        return np.array(d.contact.geom).reshape(-1, 2), rows.reshape(-1, m.nv)
+        geoms = [c.geom for c in found]
+        return np.array(geoms, dtype=int).reshape(-1, 2), rows.reshape(-1, m.nv)
 
     def carried(self, jacobian: Array) -> Array:
         """Contact forces per generalised force, (3C, nv): (J M⁻¹ Jᵀ)⁺ J M⁻¹ at the last pose."""
