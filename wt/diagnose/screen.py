@@ -81,8 +81,7 @@ class Screen:
         """Compute residual, noise floor and the nuisance columns."""
         self.motion = smoothed.motion
         self.rows = _centres(self.motion)
-        self.touching = self.motion.touching
-        self.residual = self.weak_force(self.motion.residual)
+        self.residual = self.weak(self.motion.unexplained)
         rng = np.random.default_rng(seed)
         renewed = resmooth(smoothed, rng)
         self.floor = np.std(self.weak_force(renewed.residual - self.motion.residual), axis=0)
@@ -95,7 +94,7 @@ class Screen:
 
     def weak_force(self, force: Array) -> Array:
         """Weak form of the free part of a generalised force: (T, nv, …) → (R, nv, …)."""
-        return self.weak(self.touching.free(force))
+        return self.weak(self.motion.touching.free(force))
 
     def weak(self, signal: Array) -> Array:
         """Weak form of a signal: (T, …) → (R, …)."""
@@ -170,11 +169,11 @@ class Screen:
     def _block(
         self, effect: Effect, at: Location, shape: Shape, motion: Motion | None = None
     ) -> Block:
-        columns = self.touching.free(effect.columns(motion or self.motion, at, shape))
-        weak = self.weak(columns)
+        weak = self.weak_force(effect.columns(motion or self.motion, at, shape))
         size = np.abs(weak).max(axis=(0, 2), initial=0.0) / self.floor
         # a contact passes a little of every force on to all joints
-        dofs = np.flatnonzero(size > (_PASSED_ON * size.max() if self.touching.near.any() else 0.0))
+        passed_on = _PASSED_ON if self.motion.touching.near.any() else 0.0
+        dofs = np.flatnonzero(size > passed_on * size.max())
         return Block(effect, at, shape, dofs, weak[:, dofs])
 
     def _accepted(self, planted: Planted, shape: Shape) -> Array:

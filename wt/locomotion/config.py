@@ -139,10 +139,25 @@ class Policy:
             ConfigError: a pattern fits no joint.
         """
         names = self.body().joints
-        for pattern in self.joints:
-            if not any(fnmatchcase(name, pattern) for name in names):
-                raise ConfigError(f"joints {pattern!r} fits no joint: {suggest(pattern, names)}")
-        return tuple(name for name in names if any(fnmatchcase(name, p) for p in self.joints))
+        fits = [fitting("joints", pattern, names) for pattern in self.joints]
+        return tuple(name for name, *some in zip(names, *fits, strict=True) if any(some))
+
+
+def fitting(key: str, pattern: str, joints: Sequence[str]) -> list[bool]:
+    """Which joints a pattern of their names fits.
+
+    Args:
+        key: where the configuration has it, for the message.
+        pattern: as a shell's.
+        joints: all names.
+
+    Raises:
+        ConfigError: it fits none.
+    """
+    fits = [fnmatchcase(joint, pattern) for joint in joints]
+    if not any(fits):
+        raise ConfigError(f"{key} {pattern!r} fits no joint: {suggest(pattern, joints)}")
+    return fits
 
 
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Policy:

@@ -12,12 +12,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 
 import numpy as np
 
-from wt.errors import ConfigError, suggest
-from wt.locomotion.config import Rewards
+from wt.locomotion.config import Rewards, fitting
 
 Array = np.ndarray
 
@@ -260,12 +258,7 @@ class Judge:
         }
         self._posture = np.zeros(len(joints), np.float32)
         for pattern, weight in rewards.posture.items():
-            fits = [fnmatchcase(joint, pattern) for joint in joints]
-            if not any(fits):
-                raise ConfigError(
-                    f"rewards.posture {pattern!r} fits no joint: {suggest(pattern, joints)}"
-                )
-            self._posture[fits] = weight
+            self._posture[fitting("rewards.posture", pattern, joints)] = weight
 
     def __call__(self, step: Step, fallen: Array) -> tuple[Array, dict[str, float]]:
         """Reward of a step, (N,) float32, and the mean of each weighted term per second.

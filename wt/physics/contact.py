@@ -100,6 +100,11 @@ def loads(scene: Scene, q: Array, v: Array, residual: Array) -> list[Load]:
     return found
 
 
+def fixed(model: mujoco.MjModel) -> Array:
+    """Which geoms never move, (ngeom,) bool."""
+    return np.asarray(model.body_weldid[model.geom_bodyid] == 0)
+
+
 class _Probe:
     """Looks for contacts within reach."""
 
@@ -107,15 +112,15 @@ class _Probe:
         self._model = mujoco.MjModel.__copy__(scene.model)
         self._model.geom_gap[:] = NEAR
         self._data = mujoco.MjData(self._model)
+        self._fixed = fixed(self._model)
 
     def contacts(self, pose: Array) -> tuple[Array, Array]:
         """The pairs of geoms that may touch, (C, 2), and Jacobians of their points, (3C, nv)."""
         m, d = self._model, self._data
         d.qpos[:] = pose
         mujoco.mj_fwdPosition(m, d)
-        fixed = m.body_weldid[m.geom_bodyid] == 0
         # parts of the machine are close to each other always, and hardly ever touch
-        found = [c for c in d.contact if fixed[c.geom].any()]
+        found = [c for c in d.contact if self._fixed[c.geom].any()]
         rows, one = np.zeros((len(found), 3, m.nv)), np.zeros((3, m.nv))
         for jacobian, contact in zip(rows, found, strict=True):
             for sign, geom in zip((-1.0, 1.0), contact.geom, strict=True):

@@ -147,6 +147,11 @@ class Motion:
         """Where contact may have acted: of a force residual, only the free part is evidence."""
         return touching(self.scene, self.q)
 
+    @cached_property
+    def unexplained(self) -> Array:
+        """The free part of the residual, (T, nv) [N·m]: what no contact may have supplied."""
+        return self.touching.free(self.residual)
+
     def without(self, force: Array) -> Motion:
         """The same recording with a known force, (T, nv) [N·m], taken out of the residual."""
         rest = replace(self)

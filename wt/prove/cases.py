@@ -16,7 +16,7 @@ from wt.prove.motions import MOTIONS as ALL_MOTIONS
 from wt.prove.obstacles import obstacle
 from wt.prove.places import MOTIONS, places
 from wt.prove.rigs import RIGS
-from wt.prove.row import Row
+from wt.prove.row import Row, title
 from wt.prove.sensing import Sensing
 from wt.prove.sets import SetName as SetName
 from wt.prove.sets import rows
@@ -58,8 +58,7 @@ def _case(index: int, row: Row, seed: int) -> Case:
     if effects and effects[0] in ("actuator.saturation", "actuator.speed_limit"):
         held = "jumps"
     case = Case(
-        name=f"{index:03d}-{rig}-{'+'.join(effects) or decoy or 'nothing'}"
-        + (f"-{level}" if level else ""),
+        name=title(index, row),
         rig=rig,
         seed=int(rng.integers(2**31)),
         kind=kind,

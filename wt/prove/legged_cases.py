@@ -10,7 +10,7 @@ from wt.prove.case import Case, Truth
 from wt.prove.hidden import Parameters
 from wt.prove.legged_catalog import MOTIONS, parameters, places
 from wt.prove.legged_rigs import LEGGED
-from wt.prove.row import Row
+from wt.prove.row import Row, title
 from wt.prove.sensing import Sensing
 
 _STEPPING = ("trot", "walk", "paw")
@@ -35,8 +35,7 @@ def draw(index: int, row: Row, seed: int) -> Case:
         found = parameters(effect, rig, place, level, noise, int(rng.integers(2**31)))
         truth.append(_truth(effect, rig, place, found, rng))
     return Case(
-        name=f"{index:03d}-{rig}-{'+'.join(effects) or decoy or 'nothing'}"
-        + (f"-{level}" if level else ""),
+        name=title(index, row),
         rig=rig,
         seed=int(rng.integers(2**31)),
         kind=kind,

@@ -118,20 +118,18 @@ def _covered(t: Array, h: float, start: float, end: float) -> Array:
 
 def _mean_force(motion: Motion, body: str, columns: Array) -> Array:
     """The force on a body that its columns (T, nv, 3) explain the residual best with, (3,) [N]."""
-    residual = motion.touching.free(motion.residual)
-    scale = np.std(residual, axis=0) + 1e-12
+    scale = np.std(motion.unexplained, axis=0) + 1e-12
     design = (motion.touching.free(columns) / scale[:, None]).reshape(-1, 3)
-    found, *_ = np.linalg.lstsq(design, (residual / scale).reshape(-1), rcond=1e-6)
+    found, *_ = np.linalg.lstsq(design, (motion.unexplained / scale).reshape(-1), rcond=1e-6)
     return np.asarray(found)
 
 
 def _acting(motion: Motion, body: str, force: Array) -> Shape:
     """Windows in which a known force shows: more than half of it, by a matched filter."""
-    residual = motion.touching.free(motion.residual)
-    weight = 1.0 / (np.var(residual, axis=0) + 1e-24)
+    weight = 1.0 / (np.var(motion.unexplained, axis=0) + 1e-24)
     expected = _on(motion, body) @ force  # (T, nv)
     size = expected**2 @ weight
-    seen = (residual * expected) @ weight / (size + 0.05 * size.mean() + 1e-12)
+    seen = (motion.unexplained * expected) @ weight / (size + 0.05 * size.mean() + 1e-12)
     return _windows(motion, seen, lambda _: 0.5)
 
 
@@ -142,10 +140,11 @@ def _on(motion: Motion, body: str) -> Array:
 
 def _proposed(motion: Motion, body: str, threshold: float) -> Shape:
     """Windows in which the residual's part that a force on the body can make stands out."""
-    residual = motion.touching.free(motion.residual)
-    scale = np.std(residual, axis=0) + 1e-12
+    scale = np.std(motion.unexplained, axis=0) + 1e-12
     scaled = _on(motion, body) / scale[:, None]
-    projected = scaled @ (np.linalg.pinv(scaled, rcond=1e-3) @ (residual / scale)[..., None])
+    projected = scaled @ (
+        np.linalg.pinv(scaled, rcond=1e-3) @ (motion.unexplained / scale)[..., None]
+    )
     size = np.linalg.norm(projected[..., 0], axis=1)
 
     def unusual(smooth: Array) -> float:

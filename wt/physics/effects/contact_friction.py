@@ -8,8 +8,9 @@ from functools import lru_cache
 import mujoco
 import numpy as np
 
-from wt.physics.contact import loads
+from wt.physics.contact import fixed, loads
 from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import compiled
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.types import Location
@@ -67,7 +68,7 @@ class ContactFriction(Effect):
 
         Of two geoms the one of higher priority decides, of equals the larger friction.
         """
-        model = spec.copy().compile()
+        model = compiled(spec)
         own = model.geom(at.name).id
         partners = {g for pair in _pairs(model) if own in pair for g in pair} - {own}
         spec.geom(at.name).friction[0] = theta[0]
@@ -87,7 +88,7 @@ class ContactFriction(Effect):
 
 def _yield(spec: mujoco.MjSpec, model: mujoco.MjModel, own: int, partner: int, mu: float) -> None:
     """Let a geom's friction hold against one partner's."""
-    if model.geom_bodyid[own] == 0 or model.body_weldid[model.geom_bodyid[own]] == 0:
+    if fixed(model)[own]:
         # the ground: whatever stands on it slides as it does
         spec.geoms[partner].friction[0] = mu
         return
@@ -98,12 +99,12 @@ def _yield(spec: mujoco.MjSpec, model: mujoco.MjModel, own: int, partner: int, m
 
 def _pairs(model: mujoco.MjModel) -> list[tuple[int, int]]:
     """Geoms that may touch of which one is fixed: (fixed, moving)."""
-    fixed = model.body_weldid[model.geom_bodyid] == 0
+    still = fixed(model)
     kind, likes = model.geom_contype, model.geom_conaffinity
     return [
         (int(a), int(b))
-        for a in np.flatnonzero(fixed)
-        for b in np.flatnonzero(~fixed)
+        for a in np.flatnonzero(still)
+        for b in np.flatnonzero(~still)
         if kind[a] & likes[b] or kind[b] & likes[a]
     ]
 
