@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -150,4 +153,34 @@ def test_what_takes_too_long_is_ended_and_said(
     ((_, ran),) = blind.run([blind.Job(home, said, sleeps, (), 2.0)], 1)
     assert ran.error == "ended after 2 s"
     assert [path.name for path in said.iterdir()] == [blind.RAN]
+    assert not list(scratch.iterdir())
+
+
+def test_an_interrupt_while_a_process_starts_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scratch, case, started = (
+        tmp_path / "scratch",
+        tmp_path / "case",
+        list[subprocess.Popen[bytes]](),
+    )
+    scratch.mkdir()
+    case.mkdir()
+    (case / "robot.xml").write_text("<mujoco/>")
+    monkeypatch.setattr(tempfile, "tempdir", str(scratch))
+    popen = subprocess.Popen
+
+    def interrupted(command: list[str], **how: object) -> subprocess.Popen[bytes]:
+        started.append(popen(command, **how))  # type: ignore[call-overload]
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.1)  # the signal is there before the process is known to anybody
+        return started[-1]
+
+    def sleeps(fit: Sequence[str], holdout: Sequence[str]) -> list[str]:
+        return ["timeit", "-n1", "-r1", "import time; time.sleep(60)"]
+
+    monkeypatch.setattr(blind.subprocess, "Popen", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        list(blind.run([blind.Job(case, tmp_path / "said", sleeps, (), 60.0)], 1))
+    assert started[0].poll() == -signal.SIGKILL
     assert not list(scratch.iterdir())

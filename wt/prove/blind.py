@@ -15,10 +15,12 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType
 
 from wt.show.files import write_whole
 
@@ -72,16 +74,35 @@ def run(jobs: Sequence[Job], processes: int) -> Iterator[tuple[Job, Ran]]:
     try:
         while left or running:
             while left and len(running) < processes:
-                running.append(_Process(left.pop(0)))
+                with _interrupt_waits():
+                    running.append(_Process(left.pop(0)))
             ended = [process for process in running if process.ended()]
             for process in ended:
-                running.remove(process)
-                yield process.job, process.collect()
+                with _interrupt_waits():
+                    running.remove(process)
+                    ran = process.collect()
+                yield process.job, ran
             if not ended:
                 time.sleep(_POLL_S)
     finally:
         for process in running:
             process.kill()
+
+
+@contextlib.contextmanager
+def _interrupt_waits() -> Iterator[None]:
+    """Ctrl-C within takes effect at the end, so that no process starts that nobody would end."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # interrupts come to the main thread only
+        return
+    came: list[FrameType | None] = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: came.append(frame))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if came and callable(before):
+        before(signal.SIGINT, came[0])
 
 
 def inputs(case: Path) -> tuple[list[Path], list[Path]]:
