@@ -15,6 +15,7 @@ from wt.physics.scene import Scene
 Array = np.ndarray
 
 H = 5e-4
+JOINTS = 3
 ARM = """<mujoco>
   <compiler angle="radian"/>
   <option timestep="0.0005" gravity="0 0 -9.81"/>
@@ -89,19 +90,19 @@ def edited(*changes: tuple[str, str]) -> str:
 
 
 def simulate(xml: str, hook: Hook | None = None, seconds: float = 2.0) -> Run:
-    """Run an MJCF under the commands, from rest at zero."""
+    """Run an MJCF under the commands, from rest at zero; joints beyond the arm's are not seen."""
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
     t, held = commands(seconds)
     u = 0.5 * (held + np.vstack([held[:1], held[:-1]]))
-    q, v, a = (np.empty((len(t), model.nv)) for _ in range(3))
+    q, v, a = (np.empty((len(t), JOINTS)) for _ in range(3))
     for k in range(len(t)):
         data.ctrl[:], data.qfrc_applied[:], data.xfrc_applied[:] = u[k], 0.0, 0.0
         if hook is not None:
             mujoco.mj_fwdPosition(model, data)
             hook(model, data)
         mujoco.mj_forward(model, data)
-        q[k], v[k], a[k] = data.qpos, data.qvel, data.qacc
+        q[k], v[k], a[k] = data.qpos[:JOINTS], data.qvel[:JOINTS], data.qacc[:JOINTS]
         mujoco.mj_step(model, data)
     return Run(t, held, q, v, a)
 

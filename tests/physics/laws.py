@@ -146,6 +146,15 @@ def carrying(body_ends: str, position: str) -> str:
     return edited((body_ends, f"{body_ends}{weight}"))
 
 
+def sliding(body_ends: str, position: str, reach: float, damping: float, stiffness: float) -> str:
+    load = f'<body pos="{position}"><joint name="rail" type="slide" axis="1 0 0"'
+    load += f' damping="{damping}" stiffness="{stiffness}" range="{-reach} {reach}"'
+    load += ' limited="true"'
+    load += ' solreflimit="0.006 0.6"/><geom type="sphere" size="0.001" mass="0.5"'
+    load += ' contype="0" conaffinity="0"/></body>'
+    return edited((body_ends, f"{body_ends}{load}"))
+
+
 G1 = '<geom name="g1" type="capsule" fromto="0 0 0 0.3 0 0" size="0.03"/>'
 G2 = '<geom name="g2" type="box" pos="0.12 0.02 0.01" size="0.12 0.03 0.02" mass="0.8"/>'
 TILT = (9.81 * np.sin(0.1) * np.cos(0.7), 9.81 * np.sin(0.1) * np.sin(0.7), -9.81 * np.cos(0.1))

@@ -40,6 +40,7 @@ TABLE = {
     "body.com": [("shift", "m")],
     "body.inertia": [("factor", "-")],
     "body.payload_fixed": [("mass", "kg"), ("position", "m")],
+    "body.payload_moving": [("mass", "kg"), ("travel", "m"), ("position", "m")],
     "body.force": [("force", "N")],
     "body.force_intermittent": [("force", "N")],
     "body.drag": [("coefficient", "N·s²/m²")],
@@ -54,8 +55,8 @@ TABLE = {
 WITHOUT = ("joint.backlash",)
 # Nothing of these is more than any machine has.
 ENDLESS = (
-    "actuator.saturation", "actuator.speed_limit", "body.payload_fixed", "body.tether",
-    "joint.elasticity", "joint.stop",
+    "actuator.saturation", "actuator.speed_limit", "body.payload_fixed", "body.payload_moving",
+    "body.tether", "joint.elasticity", "joint.stop",
 )  # fmt: skip
 IDS = pytest.mark.parametrize("name", sorted(TABLE))
 

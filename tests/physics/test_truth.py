@@ -52,7 +52,8 @@ def test_signature_recovers_the_parameters(truth: Truth, tmp_path: Path) -> None
 def test_replay_follows_the_machine(truth: Truth, nominal: Run, tmp_path: Path) -> None:
     run = run_of(truth)
     stretch = Stretch(0, run.t, run.held, run.q[0], run.v[0])
-    planted = Planted(effects()[truth.id], truth.at, np.array(truth.theta))
+    effect = effects()[truth.id].shaped(truth.shape)
+    planted = Planted(effect, truth.at, np.array(truth.theta))
     replay = Replayer(scene(tmp_path), [stretch]).run([[planted]])
     influence = np.sqrt(np.mean((run.q - nominal.q) ** 2))
     error = np.sqrt(np.mean((replay.q[0] - run.q) ** 2))

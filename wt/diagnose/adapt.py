@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wt.diagnose.nuisance import BOX
 from wt.diagnose.squares import Squares
-from wt.physics.replay import Planted, Stretch
+from wt.physics.replay import Planted
 from wt.physics.rollout import Replayer
 
 Array = np.ndarray
@@ -54,7 +54,7 @@ def responses(replayer: Replayer, hypothesis: Sequence[Planted], deviations: Arr
     """
     nv, stretches = len(deviations) // 2, replayer.stretches
     shifted = [
-        Stretch(s.recording, s.t, s.held, s.q0 + shift[:nv], s.v0 + shift[nv:])
+        replace(s, q0=s.q0 + shift[:nv], v0=s.v0 + shift[nv:])
         for shift in (np.zeros(2 * nv), *np.diag(deviations))
         for s in stretches
     ]

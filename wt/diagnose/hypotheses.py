@@ -152,7 +152,7 @@ def _replay_only(screen: Screen, worst: Sequence[int]) -> list[Planted]:
     found = []
     for effect in effects().values():
         for at in effect.places(scene):
-            somewhere = at.kind == "geom" or dof_of(screen, at) in worst
+            somewhere = at.kind in ("geom", "world") or dof_of(screen, at) in worst
             if somewhere and not effect.shapes(screen.motion, at):
                 found += [Planted(effect, at, start) for start in effect.starts(screen.motion, at)]
     return found

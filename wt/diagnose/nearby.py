@@ -10,7 +10,7 @@ import numpy as np
 from wt.diagnose.adapt import responses
 from wt.diagnose.extrapolate import Extrapolated
 from wt.diagnose.nuisance import Nuisance
-from wt.physics.replay import Planted
+from wt.physics.replay import Key, Planted
 
 Array = np.ndarray
 
@@ -20,8 +20,8 @@ _STEP = 0.1  # deviations: long valleys between an effect and its nuisance need 
 class Nearby:
     """Finite differences of replays, by which they are linear around a hypothesis.
 
-    A floating base has many links and as many unknown initial speeds; what they change hardly
-    depends on the hypothesis there, and is computed once.
+    A floating base has many links and as many unknown initial speeds; what they change is computed
+    once there for hypotheses of the same effects, whatever their parameters.
 
     Attributes:
         some: errors of the rig.
@@ -37,12 +37,12 @@ class Nearby:
             replays: of the stretches.
             some: errors of the rig.
             deviations: of initial positions and velocities, (2nv,); empty if they are forgotten.
-            once: whether to compute what changes for the first hypothesis only.
+            once: whether to compute what changes once for the same effects.
         """
         self._replays, self._deviations, self._once = replays, deviations, once
         self.some = tuple(some)
         self.able = np.array([n.correctable for n in some], dtype=bool)
-        self._known: tuple[Array, Array] | None = None
+        self._known: tuple[tuple[Key, ...], Array, Array] | None = None
 
     def on(self, replays: Extrapolated) -> Nearby:
         """The same differences of other replays of the same stretches."""
@@ -63,8 +63,9 @@ class Nearby:
             per deviation of each initial state, (N, nv, 2nv), of no width if it is forgotten).
         """
         here = (*hypothesis, *self.rig(centre))
-        if self._known is not None:
-            return self._replays.around(here, [])[0], *self._known
+        keys = tuple(p.key for p in hypothesis)
+        if self._known is not None and self._known[0] == keys:
+            return self._replays.around(here, [])[0], *self._known[1:]
         moved = [
             (*hypothesis, *self.rig(centre + one)) if n.correctable else (*here, n.planted)
             for n, one in zip(self.some, _STEP * np.eye(len(self.some)), strict=True)
@@ -74,5 +75,5 @@ class Nearby:
         response = np.zeros((*q.shape, 0))
         if self._deviations.size:
             response = responses(self._replays.slopes, here, self._deviations)
-        self._known = (changes, response) if self._once else None
+        self._known = (keys, changes, response) if self._once else None
         return q, changes, response

@@ -20,7 +20,7 @@ from wt.diagnose.result import Error, Proof
 from wt.diagnose.samples import Samples
 from wt.diagnose.signature import elsewhere
 from wt.diagnose.smooth import Smoothed, resmooth
-from wt.diagnose.stretches import stretches_of
+from wt.diagnose.stretches import cut, stretches_of
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 
@@ -239,13 +239,10 @@ def _block_sums(values: Array, block: Array) -> Array:
 def _ahead(held: Held, hypothesis: Hypothesis, step: float, horizon: float) -> tuple[float, float]:
     """RMSE of replays restarted every ``horizon`` seconds (0: every sample), before and after."""
     stretches, measured = [], []
-    for s, state in zip(held.smoothed.samples, held.smoothed.at_samples, strict=True):
+    for i, s in enumerate(held.smoothed.samples):
         for first, last in _windows(s, horizon):
-            rows = slice(first, last)
-            stretches.append(
-                Stretch(s.recording, s.t[rows], s.held[rows], state[0][first], state[1][first])
-            )
-            measured.append(s.q[rows])
+            stretches.append(cut(held.smoothed, i, slice(first, last)))
+            measured.append(s.q[first:last])
     q = Replayer(held.smoothed.motion.scene, stretches, step).run([(), held.here(hypothesis)]).q
     late = np.concatenate([np.arange(len(m)) > 0 for m in measured])
     error = (q - np.concatenate(measured))[:, late]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
@@ -28,16 +30,21 @@ def forgets(smoothed: Smoothed, step: float) -> bool:
     """
     if smoothed.motion.scene.free:
         return False
-    s, state = smoothed.samples[0], smoothed.at_samples[0]
-    rows = s.t <= s.t[0] + _TEST_S
-    pair = [
-        Stretch(s.recording, s.t[rows], s.held[rows], state[0][0] + shove, state[1][0])
-        for shove in (0.0, _SHOVE)
-    ]
+    t = smoothed.samples[0].t
+    first = cut(smoothed, 0, slice(0, int(np.searchsorted(t, t[0] + _TEST_S, side="right"))))
+    pair = [replace(first, q0=first.q0 + shove) for shove in (0.0, _SHOVE)]
     q = Replayer(smoothed.motion.scene, pair, step).run([()]).q[0]
-    first, second = np.split(q, 2)
-    apart = np.abs(second[-1] - first[-1])
+    one, other = np.split(q, 2)
+    apart = np.abs(other[-1] - one[-1])
     return bool(np.isfinite(apart).all() and (apart < _FORGOTTEN * _SHOVE).all())
+
+
+def cut(smoothed: Smoothed, index: int, rows: slice) -> Stretch:
+    """Some samples of a segment, to be replayed from the smooth state at the first of them."""
+    s, (q, v, _) = smoothed.samples[index], smoothed.at_samples[index]
+    first, segment = rows.start, smoothed.motion.segments[index]
+    known = (q[first], v[first], segment, smoothed.motion)
+    return Stretch(s.recording, s.t[rows], s.held[rows], *known)
 
 
 def stretches_of(
@@ -53,8 +60,8 @@ def stretches_of(
     total = sum(float(s.t[-1] - s.t[0]) for s in smoothed.samples)
     keep = min(1.0, seconds / total)
     found, window = [], FLOATING_S if smoothed.motion.scene.free else WINDOW_S
-    for s, (q, v, _), spacing in zip(
-        smoothed.samples, smoothed.at_samples, smoothed.spacing, strict=True
+    for i, (s, (q, _, _), spacing) in enumerate(
+        zip(smoothed.samples, smoothed.at_samples, smoothed.spacing, strict=True)
     ):
         ready = np.flatnonzero(_known(s.q - q, smoothed.noise))
         if not forgets:  # at its very ends a curve's slope is loose
@@ -63,8 +70,7 @@ def stretches_of(
             later = ready[(ready >= first) & (ready <= (first + last) // 2)]
             first = int(later[0]) if len(later) else first
             rows = slice(first, last)
-            stretch = Stretch(s.recording, s.t[rows], s.held[rows], q[first], v[first])
-            found.append((stretch, s.q[rows]))
+            found.append((cut(smoothed, i, rows), s.q[rows]))
     return found
 
 

@@ -11,7 +11,7 @@ from wt.diagnose.prepare import Prepared
 from wt.diagnose.result import Trace
 from wt.diagnose.signature import elsewhere, reduced
 from wt.diagnose.smooth import Smoothed
-from wt.physics.replay import Stretch
+from wt.diagnose.stretches import cut
 from wt.physics.rollout import Replayer
 
 Array = np.ndarray
@@ -31,10 +31,7 @@ def traces(
     found = []
     for role, some in (("holdout", smoothed[1]), ("fit", smoothed[0])):
         scene = some.motion.scene
-        stretches = [
-            Stretch(s.recording, s.t, s.held, state[0][0], state[1][0])
-            for s, state in zip(some.samples, some.at_samples, strict=True)
-        ]
+        stretches = [cut(some, i, slice(0, len(s.t))) for i, s in enumerate(some.samples)]
         here = hypothesis
         if role == "holdout":  # what happens at times happens at theirs
             here = elsewhere(some.motion, hypothesis)

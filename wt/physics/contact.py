@@ -12,12 +12,15 @@ What the contacts do supply says who carries load, and how slippery it is (:clas
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
+from wt.physics.ground import Floor
 from wt.physics.scene import Scene
+from wt.types import Location
 
 Array = np.ndarray
 
@@ -64,14 +67,14 @@ class Touching:
         return np.asarray(self.projector @ force)
 
 
-def touching(scene: Scene, q: Array) -> Touching:
-    """Find where contact may act on a machine at positions ``q`` (T, nv).
+def touching(scene: Scene, q: Array, floors: Sequence[Floor] = ()) -> Touching:
+    """Find where contact may act on a machine at positions ``q`` (T, nv), floors where they are.
 
     One with a fixed base is taken to touch nothing: its parts are close to much all the time.
     """
     if not scene.free:
         return Touching(None, np.zeros(len(q), dtype=int))
-    probe = _Probe(scene)
+    probe = _Probe(scene, floors)
     near, projector = np.zeros(len(q), dtype=int), np.zeros((len(q), *2 * (scene.model.nv,)))
     projector[:] = np.eye(scene.model.nv)
     for k, pose in enumerate(q):
@@ -82,7 +85,9 @@ def touching(scene: Scene, q: Array) -> Touching:
     return Touching(projector if near.any() else None, near)
 
 
-def loads(scene: Scene, q: Array, v: Array, residual: Array) -> list[Load]:
+def loads(
+    scene: Scene, q: Array, v: Array, residual: Array, floors: Sequence[Floor] = ()
+) -> list[Load]:
     """What the possible contacts carry at some samples, one after another.
 
     Args:
@@ -90,8 +95,9 @@ def loads(scene: Scene, q: Array, v: Array, residual: Array) -> list[Load]:
         q: positions, (n, nv).
         v: velocities, (n, nv).
         residual: inverse dynamics minus the force of the drives, (n, nv).
+        floors: planes that are elsewhere than the model says.
     """
-    probe, found = _Probe(scene), []
+    probe, found = _Probe(scene, floors), []
     for pose, speed, force in zip(q, v, residual, strict=True):
         geoms, jacobian = probe.contacts(pose)
         if len(geoms):
@@ -105,11 +111,32 @@ def fixed(model: mujoco.MjModel) -> Array:
     return np.asarray(model.body_weldid[model.geom_bodyid] == 0)
 
 
+def pairs(model: mujoco.MjModel) -> list[tuple[int, int]]:
+    """Geoms that may touch of which one is fixed: (fixed, moving)."""
+    still = fixed(model)
+    kind, likes = model.geom_contype, model.geom_conaffinity
+    return [
+        (int(a), int(b))
+        for a in np.flatnonzero(still)
+        for b in np.flatnonzero(~still)
+        if kind[a] & likes[b] or kind[b] & likes[a]
+    ]
+
+
+def touchable(scene: Scene) -> list[Location]:
+    """Named geoms that may touch: of the machine, and fixed ones."""
+    found = {g for pair in pairs(scene.model) for g in pair}
+    names = [scene.model.geom(g).name for g in sorted(found)]
+    return [Location("geom", name) for name in names if name]
+
+
 class _Probe:
     """Looks for contacts within reach."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, floors: Sequence[Floor]) -> None:
         self._model = mujoco.MjModel.__copy__(scene.model)
+        for floor in floors:
+            floor.move(self._model)
         self._model.geom_gap[:] = NEAR
         self._data = mujoco.MjData(self._model)
         self._fixed = fixed(self._model)

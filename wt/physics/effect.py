@@ -40,7 +40,7 @@ from wt.types import Kind, Location
 if TYPE_CHECKING:
     from wt.physics.live import Live
     from wt.physics.motion import Motion
-    from wt.physics.replay import Inputs, Outputs
+    from wt.physics.replay import Inputs, Outputs, Stretch
     from wt.physics.scene import Scene
 
 Array = np.ndarray
@@ -169,6 +169,12 @@ class Effect(abc.ABC):
 
     def followers(self, at: Location) -> Mapping[str, str]:
         """Joints that the patch adds → the user's joint from whose state each one starts."""
+        return {}
+
+    def started(
+        self, at: Location, theta: Array, stretch: Stretch
+    ) -> Mapping[str, tuple[float, float]]:
+        """Positions and velocities that joints of the patch have where a stretch begins."""
         return {}
 
     def drive(self, inputs: Inputs, scene: Scene, at: Location, theta: Array) -> None:  # noqa: B027 – optional

@@ -8,6 +8,7 @@ moments m·c, and the moments of inertia about the body frame's origin, all in t
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -45,7 +46,7 @@ def own(scene: Scene, body: str) -> tuple[float, Array, Array]:
 @lru_cache(maxsize=64)
 def demand(motion: Motion, body: str) -> Array:
     """Generalised force demanded per unit of each inertial parameter, (T, nv, 10)."""
-    spin, turning, lifting, slide, turn = _kinematics(motion)[body]
+    spin, turning, lifting, slide, turn = kinematics(motion)[body]
     axes = np.eye(3)
     moved = [np.cross(turning, e) + np.cross(spin, np.cross(spin, e)) for e in axes]
     forces = [lifting, *moved, *[np.zeros_like(spin)] * 6]
@@ -61,14 +62,27 @@ def demand(motion: Motion, body: str) -> Array:
     return np.stack(columns, axis=2)
 
 
-@lru_cache(maxsize=4)
-def _kinematics(motion: Motion) -> dict[str, tuple[Array, Array, Array, Array, Array]]:
-    """What moves each body, in its own frame.
+class Moved(NamedTuple):
+    """How a body moves, in its own frame.
 
-    Returns:
-        Per body its angular velocity and acceleration, the linear acceleration of its origin
-        against gravity, (T, 3) each, and the Jacobians of origin and rotation, (T, 3, nv) each.
+    Attributes:
+        spin: its angular velocity, (T, 3) [rad/s].
+        turning: its angular acceleration, (T, 3) [rad/s²].
+        lifting: linear acceleration of its origin against gravity, (T, 3) [m/s²].
+        slide: Jacobian of its origin, (T, 3, nv).
+        turn: of its rotation, (T, 3, nv).
     """
+
+    spin: Array
+    turning: Array
+    lifting: Array
+    slide: Array
+    turn: Array
+
+
+@lru_cache(maxsize=4)
+def kinematics(motion: Motion) -> dict[str, Moved]:
+    """How each body of a machine moves."""
     m, d = mujoco.MjModel.__copy__(motion.scene.model), motion.scene.data
     n, nv, kind = len(motion), m.nv, mujoco.mjtObj.mjOBJ_XBODY
     names = motion.scene.moving
@@ -87,7 +101,7 @@ def _kinematics(motion: Motion) -> dict[str, tuple[Array, Array, Array, Array, A
             mujoco.mj_jacBody(m, d, jacobian[b, k, 0], jacobian[b, k, 1], i)
             jacobian[b, k] = d.xmat[i].reshape(3, 3).T @ jacobian[b, k]
     return {
-        name: (
+        name: Moved(
             velocity[b, :, :3],
             acceleration[b, :, :3],
             acceleration[b, :, 3:],

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from wt.physics.contact import Touching, touching
+from wt.physics.ground import Floor, floors
 from wt.physics.scene import Drive, Scene
 
 Array = np.ndarray
@@ -145,18 +146,30 @@ class Motion:
     @cached_property
     def touching(self) -> Touching:
         """Where contact may have acted: of a force residual, only the free part is evidence."""
-        return touching(self.scene, self.q)
+        return touching(self.scene, self.q, self.floors)
+
+    @cached_property
+    def floors(self) -> tuple[Floor, ...]:
+        """Planes of the model on which the machine stands, where they are not as the model says."""
+        return floors(self.scene, self.q, self.v)
 
     @cached_property
     def unexplained(self) -> Array:
         """The free part of the residual, (T, nv) [N·m]: what no contact may have supplied."""
         return self.touching.free(self.residual)
 
+    @cached_property
+    def recorded(self) -> Motion:
+        """The motion before any force was taken out: what moves is the same."""
+        return self
+
     def without(self, force: Array) -> Motion:
         """The same recording with a known force, (T, nv) [N·m], taken out of the residual."""
         rest = replace(self)
-        known = {name: getattr(self, name) for name in ("demand", "drive_forces", "touching")}
-        rest.__dict__.update(known, residual=self.residual - force)
+        known = {
+            name: getattr(self, name) for name in ("demand", "drive_forces", "touching", "floors")
+        }
+        rest.__dict__.update(known, residual=self.residual - force, recorded=self.recorded)
         return rest
 
     def inverse(self, model: mujoco.MjModel) -> Array:

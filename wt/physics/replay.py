@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from wt.physics.effect import Effect
-from wt.physics.motion import Motion
+from wt.physics.motion import Motion, Segment
 from wt.types import Location
 
 Array = np.ndarray
@@ -58,6 +58,8 @@ class Stretch:
         held: command sent at each sample, (K, nu).
         q0: joint positions at the first sample, (nv,).
         v0: joint velocities there, (nv,).
+        segment: what it was cut from, of ``motion``: hidden states are those that this led to.
+        motion: the smooth recording; None if nothing is known of what was before.
     """
 
     recording: int
@@ -65,6 +67,8 @@ class Stretch:
     held: Array
     q0: Array
     v0: Array
+    segment: Segment | None = None
+    motion: Motion | None = None
 
     @property
     def dt(self) -> float:

@@ -143,12 +143,16 @@ class _Job:
             p.effect.sense(sensed, self.scene, p.at, p.theta)
         # what was measured is what the sensors made of it: undo an offset or a scale
         q, v = 2.0 * start.q[0] - sensed.q[0], 2.0 * start.v[0] - sensed.v[0]
-        leaders: dict[str, str] = {}
+        known = {
+            name: (q[dof], v[dof])
+            for name, dof in ((name, self.scene.dof(name)) for name in self.scene.joints)
+        }
         for p in self.hypothesis:
-            leaders |= p.effect.followers(p.at)
-        names = [self.model.joint(i).name for i in range(self.model.njnt)]
-        dofs = [self.scene.dof(leaders.get(name, name)) for name in names]
-        return q[dofs], v[dofs]
+            followers = p.effect.followers(p.at).items()
+            known |= {name: known[leader] for name, leader in followers}
+            known |= p.effect.started(p.at, p.theta, self.stretch)
+        states = np.array([known[self.model.joint(i).name] for i in range(self.model.njnt)])
+        return states[:, 0], states[:, 1]
 
 
 @functools.cache

@@ -8,7 +8,7 @@ from functools import lru_cache
 import mujoco
 import numpy as np
 
-from wt.physics.contact import fixed, loads
+from wt.physics.contact import fixed, loads, pairs, touchable
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.effects._tools import compiled
 from wt.physics.motion import Motion
@@ -37,9 +37,7 @@ class ContactFriction(Effect):
 
     def places(self, scene: Scene) -> Sequence[Location]:
         """Named geoms that may touch: of the machine, and fixed ones."""
-        m = scene.model
-        found = {g for pair in _pairs(m) for g in pair}
-        return [Location("geom", m.geom(g).name) for g in sorted(found) if m.geom(g).name]
+        return touchable(scene)
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """None: see the class."""
@@ -70,7 +68,7 @@ class ContactFriction(Effect):
         """
         model = compiled(spec)
         own = model.geom(at.name).id
-        partners = {g for pair in _pairs(model) if own in pair for g in pair} - {own}
+        partners = {g for pair in pairs(model) if own in pair for g in pair} - {own}
         spec.geom(at.name).friction[0] = theta[0]
         for partner in partners:
             over = int(model.geom_priority[partner] - model.geom_priority[own])
@@ -97,18 +95,6 @@ def _yield(spec: mujoco.MjSpec, model: mujoco.MjModel, own: int, partner: int, m
     element.condim = max(element.condim, other.condim)
 
 
-def _pairs(model: mujoco.MjModel) -> list[tuple[int, int]]:
-    """Geoms that may touch of which one is fixed: (fixed, moving)."""
-    still = fixed(model)
-    kind, likes = model.geom_contype, model.geom_conaffinity
-    return [
-        (int(a), int(b))
-        for a in np.flatnonzero(still)
-        for b in np.flatnonzero(~still)
-        if kind[a] & likes[b] or kind[b] & likes[a]
-    ]
-
-
 @lru_cache(maxsize=4)
 def _seen(motion: Motion) -> tuple[Array, Array]:
     """Contacts that slip under load: their geoms, (n, 2), and the friction of each, (n,)."""
@@ -116,7 +102,8 @@ def _seen(motion: Motion) -> tuple[Array, Array]:
     m = motion.scene.model
     least = _LOADED * float(np.linalg.norm(m.opt.gravity) * m.body_mass.sum())
     geoms, seen = [np.zeros((0, 2), dtype=int)], [np.zeros(0)]
-    for load in loads(motion.scene, motion.q[some], motion.v[some], motion.residual[some]):
+    parts = (motion.q[some], motion.v[some], motion.residual[some])
+    for load in loads(motion.scene, *parts, motion.floors):
         speed = np.linalg.norm(load.slip, axis=1)
         rows = (speed > _SLIPPING) & (load.force[:, 0] > least)
         braking = -np.einsum("ci,ci->c", load.force[rows, 1:], load.slip[rows])

@@ -1,0 +1,49 @@
+"""Loads that move inside a body: their paths and laws, against MuJoCo's own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from tests.physics import arm
+from tests.physics.laws import G2, sliding
+from wt.physics.loose import Law, paths
+from wt.physics.loose_search import laws_that_fit
+from wt.physics.motion import Motion
+
+AT = (0.1, 0.04, 0.05)
+RAILS = sliding(G2, "0.1 0.04 0.05", 0.05, 2.0, 0.0)
+
+
+def recorded(folder: Path, xml: str, seconds: float) -> tuple[Motion, np.ndarray]:
+    """What is recorded of the arm with a load on rails, and where the load is, (T,) [m]."""
+    where: list[float] = []
+
+    def watch(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        where.append(float(data.qpos[arm.JOINTS]))
+
+    run = arm.simulate(xml, watch, seconds)
+    return arm.motion(arm.scene(folder), run), np.array(where)
+
+
+def test_the_path_is_that_of_the_load(tmp_path: Path) -> None:
+    motion, truth = recorded(tmp_path, RAILS, 3.0)
+    right, free = Law((0.1, 0.0, 0.0), 4.0, 0.0, 0.0), Law((0.2, 0.0, 0.0), 4.0, 0.0, 0.0)
+    found, other = paths(motion, "b2", AT, (right, free))
+    assert np.ptp(truth) > 0.07  # from one stop, and nearly to the other
+    assert np.sqrt(np.mean((found.s[:, 0] - truth) ** 2)) < 0.002
+    assert np.sqrt(np.mean((other.s[:, 0] - truth) ** 2)) > 0.02
+    assert not found.s[:, 1:].any()
+
+
+def test_the_law_is_read_off_the_residual(tmp_path: Path) -> None:
+    motion, _ = recorded(tmp_path, RAILS, 6.0)
+    law, centre = laws_that_fit(motion, "b2")[0]
+    assert law.travel[0] == pytest.approx(0.1, rel=0.05)
+    assert max(law.travel[1:]) < 0.02
+    assert law.damping == pytest.approx(4.0, rel=0.2)
+    assert centre == pytest.approx(AT, abs=0.005)
+    assert laws_that_fit(motion, "b0") == []

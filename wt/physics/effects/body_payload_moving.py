@@ -1,0 +1,188 @@
+"""A weight inside a body that moves: a ball in a box, a load on rails, a liquid."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import settle
+from wt.physics.loose import Centre, Law, columns, paths
+from wt.physics.loose_search import laws_that_fit
+from wt.physics.motion import Motion
+from wt.types import Location
+
+if TYPE_CHECKING:
+    from wt.physics.replay import Stretch
+
+Array = np.ndarray
+
+_AXES = ("x", "y", "z")
+_RADIUS = 0.01  # m, of the sphere that stands for the weight
+_STOP = (0.006, 1.0)  # time constant [s] and damping ratio: nothing bounces
+_AT_REST = 0.003  # m: what moves less is fixed
+_SPRUNG = 1.0  # 1/s²
+
+
+@register
+class BodyPayloadMoving(Effect):
+    """A point mass on slides along the body's axes, damped, between stops.
+
+    Along which axes, how far along each against the longest, damping, spring and whether it rolls
+    are no part of ``theta``: they stand in the signature's shape, with the centre at which it was
+    computed, and are read off the residual (:mod:`wt.physics.loose_search`).
+    """
+
+    id = "body.payload_moving"
+    kind = "body"
+    parameters = (
+        Parameter("mass", "kg", 0.0, 1e3, 1e-3),
+        Parameter("travel", "m", 1e-3, 2.0, 1e-3),
+        Parameter("position", "m", -5.0, 5.0, 1e-3, _AXES),
+    )
+    reference = "H. N. Abramson, The dynamic behavior of liquids, NASA SP-106, 1966, chapter 6"
+    excludes = ("body.payload_fixed",)
+    reads_residual = True
+    signed = (1, 0, 0, 0)
+    read_off = 9
+
+    def __init__(self, shape: Shape = ()) -> None:
+        """Bind a law and a centre: travel x, y, z; damping, spring, rolling; centre x, y, z."""
+        self.shape = shape
+
+    def shaped(self, shape: Shape) -> BodyPayloadMoving:
+        """The effect bound to a law."""
+        bound = copy.copy(self)
+        bound.shape = tuple(shape)
+        return bound
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """Laws under which the load would have been where the residual says that it was."""
+        if self.shape:
+            return [self.shape]
+        return [
+            (*law.travel, law.damping, law.spring, law.rolling, *centre)
+            for law, centre in laws_that_fit(motion, at.name)
+        ]
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """Force per kilogram, and per kg·m away from the centre of the shape."""
+        centre = _centre(shape)
+        (path,) = paths(motion, at.name, centre, (_law(shape),))
+        return columns(motion, at.name, centre, path)
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """Mass, the longest travel, and position from the first moments."""
+        mass = coefficients[0]
+        size = max(abs(mass), 1e-9)
+        away = coefficients[1:] / (size if mass >= 0.0 else -size)
+        return np.array([mass, max(shape[:3]), *(np.array(_centre(shape)) + away)])
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Add a small sphere without contacts, on slides between stops."""
+        settle(spec)
+        mass, law = float(theta[0]), self._law(theta)
+        if mass <= 0.0:
+            return
+        name = f"{at.name}_payload"
+        payload = spec.body(at.name).add_body(name=name, pos=theta[2:])
+        payload.explicitinertial = True
+        payload.mass, payload.ipos = mass, np.zeros(3)
+        payload.inertia = np.full(3, 0.4 * mass * _RADIUS**2)
+        sphere = payload.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_SPHERE)
+        sphere.size, sphere.mass = [_RADIUS, 0.0, 0.0], mass
+        sphere.contype, sphere.conaffinity = 0, 0
+        for axis, letter, travel in zip(np.eye(3), _AXES, law.travel, strict=True):
+            if travel > 0.0:
+                payload.add_joint(
+                    name=f"{name}_{letter}",
+                    type=mujoco.mjtJoint.mjJNT_SLIDE,
+                    axis=axis,
+                    pos=np.zeros(3),
+                    ref=0.0,
+                    limited=mujoco.mjtLimited.mjLIMITED_TRUE,
+                    range=[-0.5 * travel, 0.5 * travel],
+                    solref_limit=_STOP,
+                    damping=[mass * law.damping, 0.0, 0.0],
+                    stiffness=[mass * law.spring, 0.0, 0.0],
+                    springref=0.0,
+                    armature=mass * law.rolling,
+                    frictionloss=0.0,
+                )
+
+    def started(
+        self, at: Location, theta: Array, stretch: Stretch
+    ) -> Mapping[str, tuple[float, float]]:
+        """Where the load had got to, from how the body had moved until then."""
+        law = self._law(theta)
+        s, v = np.zeros((2, 3))
+        if stretch.motion is not None and stretch.segment is not None:
+            (path,) = paths(stretch.motion, at.name, self._centre(theta), (law,))
+            rows, now = stretch.segment.rows, stretch.t[0]
+            t = stretch.motion.t[rows]
+            s = np.array([np.interp(now, t, path.s[rows, k]) for k in range(3)])
+            v = np.array([np.interp(now, t, path.v[rows, k]) for k in range(3)])
+        moves = [k for k in range(3) if law.travel[k] > 0.0]
+        return {f"{at.name}_payload_{_AXES[k]}": (float(s[k]), float(v[k])) for k in moves}
+
+    def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
+        """Whether the load moved at all."""
+        (path,) = paths(motion, at.name, self._centre(theta), (self._law(theta),))
+        return bool(np.std(path.s, axis=0).max() > _AT_REST)
+
+    def observed(self) -> Mapping[str, tuple[str, tuple[float, ...]]]:
+        """How it moves: travel along x, y and z as shares of the longest, and what holds it."""
+        if not self.shape:
+            return {}
+        law = _law(self.shape)
+        longest = max(law.travel)
+        return {
+            "shares": ("-", tuple(x / longest for x in law.travel)),
+            "damping": ("1/s", (law.damping,)),
+            "frequency": ("rad/s", (float(np.sqrt(law.spring)),)),
+            "rolling": ("-", (law.rolling,)),
+        }
+
+    def _law(self, theta: Array) -> Law:
+        """The bound law with another travel."""
+        if not self.shape:  # nothing read off yet: free along x
+            return Law((float(theta[1]), 0.0, 0.0), 1.0, 0.0, 0.0)
+        law = _law(self.shape)
+        scale = float(theta[1]) / max(law.travel)
+        x, y, z = (scale * travel for travel in law.travel)
+        return Law((x, y, z), law.damping, law.spring, law.rolling)
+
+    def _centre(self, theta: Array) -> Centre:
+        """The bound centre: where exactly it is matters little to a path, and each costs time."""
+        x, y, z = self.shape[6:9] or (float(x) for x in theta[2:])
+        return (x, y, z)
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        law = self._law(theta)
+        how = "sloshes" if law.spring > _SPRUNG else "rolls" if law.rolling > 0.0 else "slides"
+        axes = " and ".join(a for a, x in zip(_AXES, law.travel, strict=True) if x > 0.0)
+        x, y, z = 1e3 * theta[2:]
+        return (
+            f"Body {at.name} carries a load of {theta[0]:.3g} kg that {how} over "
+            f"{1e3 * theta[1]:.3g} mm along its {axes}, around {x:.3g}, {y:.3g}, {z:.3g} mm "
+            "(x, y, z of the body)."
+        )
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"{at.name} tilted slowly both ways, then shaken and stopped"
+
+
+def _law(shape: Shape) -> Law:
+    x, y, z, damping, spring, rolling = shape[:6]
+    return Law((x, y, z), damping, spring, rolling)
+
+
+def _centre(shape: Shape) -> Centre:
+    x, y, z = shape[6:9]
+    return (x, y, z)

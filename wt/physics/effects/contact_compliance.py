@@ -1,0 +1,84 @@
+"""A foot or a floor that gives more than the model says."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from wt.physics.contact import fixed, pairs, touchable
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import compiled
+from wt.physics.motion import Motion
+from wt.physics.scene import Scene
+from wt.types import Location
+
+Array = np.ndarray
+
+_SOFTER = (2.0, 4.0)  # times the model's own, to start from
+
+
+@register
+class ContactCompliance(Effect):
+    """The time constant of a geom's contacts, critically damped, or of the ground's under all.
+
+    How far a foot sinks in is below what tracks a base, and forces do not show it at all: only
+    replays tell.
+    """
+
+    id = "contact.compliance"
+    kind = "geom"
+    parameters = (Parameter("time_constant", "s", 2e-3, 1.0, 5e-4),)
+    reference = "MuJoCo documentation, Modeling, Solver parameters"
+
+    def places(self, scene: Scene) -> Sequence[Location]:
+        """Named geoms that may touch: of the machine, and fixed ones."""
+        return touchable(scene)
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """None: see the class."""
+        return []
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """No force beyond what contacts may carry, (T, nv, 1)."""
+        return np.zeros((*motion.q.shape, 1))
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """See :meth:`Effect.theta`."""
+        return coefficients
+
+    def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
+        """Softer than the model, where anything ever comes near anything."""
+        if not motion.touching.near.any():
+            return []
+        own = float(motion.scene.model.geom(at.name).solref[0])
+        return [np.array([factor * own]) for factor in _SOFTER if own > 0.0]
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Write ``solref``, and see to it that no partner has a say in it.
+
+        Of two geoms the one of higher priority decides, of equals the mean.
+        """
+        model = compiled(spec)
+        own, mine = model.geom(at.name).id, spec.geom(at.name)
+        solref = [float(theta[0]), 1.0]
+        mine.solref = solref
+        for partner in {g for pair in pairs(model) if own in pair for g in pair} - {own}:
+            other, over = spec.geoms[partner], model.geom_priority[partner] - mine.priority
+            if fixed(model)[own] and over >= 0:
+                other.solref = solref  # whatever stands on this ground gives as it does
+            elif over >= 0:
+                # friction goes on being what it was: of equals the larger one
+                mine.friction = (
+                    np.maximum(mine.friction, other.friction) if over == 0 else (other.friction)
+                )
+                mine.priority, mine.condim = other.priority + 1, max(mine.condim, other.condim)
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return f"Contacts of {at.name} give with a time constant of {1e3 * theta[0]:.3g} ms."
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"quick squats and hops with the whole weight on {at.name}"

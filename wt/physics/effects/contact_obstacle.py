@@ -1,0 +1,83 @@
+"""Something that stands in the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.hits import face
+from wt.physics.motion import Motion
+from wt.types import Location
+
+Array = np.ndarray
+
+_HALF = (0.5, 0.5, 0.1)  # m: wide enough to be a table or a wall, and thick
+_BIT = 1 << 20  # of contacts with it alone: robots' own files hardly use so many
+_NAME = "obstacle"
+
+
+@register
+class ContactObstacle(Effect):
+    """A box whose face is at a position and looks along a normal; nothing of it bounces.
+
+    Forces say when something is touched, the shape of what touches says where
+    (:mod:`wt.physics.hits`); only replays tell how well.
+    """
+
+    id = "contact.obstacle"
+    kind = "world"
+    parameters = (
+        Parameter("position", "m", -20.0, 20.0, 1e-3, ("x", "y", "z")),
+        Parameter("normal", "-", -1.0, 1.0, 2e-3, ("x", "y", "z")),
+    )
+    reference = "S. Haddadin, A. De Luca and A. Albu-Schäffer, Robot collisions, IEEE T-RO 33, 2017"
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """None: see the class."""
+        return []
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """Nothing; see :meth:`shapes`."""
+        return np.zeros((*motion.q.shape, 1))
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """Nothing; see :meth:`shapes`."""
+        return np.zeros(self.n_theta)
+
+    def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
+        """What the machine runs into."""
+        found = face(motion)
+        return [np.array([*found.position, *found.normal])] if found else []
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Add a box to the world that all moving bodies but the first can touch.
+
+        Of a body, those geoms that can touch anything; all of them, if none can.
+        """
+        normal, turn = theta[3:] / max(float(np.linalg.norm(theta[3:])), 1e-9), np.zeros(4)
+        mujoco.mju_quatZ2Vec(turn, normal)
+        box = spec.worldbody.add_geom(
+            name=_NAME, type=mujoco.mjtGeom.mjGEOM_BOX, size=_HALF, quat=turn,
+            pos=theta[:3] - _HALF[2] * normal, contype=_BIT, conaffinity=0, priority=1,
+            condim=3, friction=[0.3, 0.005, 0.0001], solref=[0.006, 1.0],
+        )  # fmt: skip
+        box.rgba = [0.8, 0.4, 0.1, 0.4]
+        for body in spec.bodies[2:]:
+            touching = [g for g in body.geoms if g.contype or g.conaffinity]
+            for geom in touching or body.geoms:
+                geom.conaffinity |= _BIT
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        x, y, z, a, b, c = theta
+        return (
+            f"Something stands in the way: its face is at {x:.3g}, {y:.3g}, {z:.3g} m and looks "
+            f"along {a:.2g}, {b:.2g}, {c:.2g} (world x, y, z)."
+        )
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return "slow moves against it from several sides, with the outer links"

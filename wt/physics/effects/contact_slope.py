@@ -1,0 +1,82 @@
+"""A floor that is not level, or not as high as the model has it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import compiled
+from wt.physics.ground import turned
+from wt.physics.motion import Motion
+from wt.physics.scene import Scene
+from wt.types import Location
+
+Array = np.ndarray
+
+
+@register
+class ContactSlope(Effect):
+    """A plane that falls by an angle towards a direction (0 is the world's x, π/2 its y).
+
+    No force tells it, but feet that stand still do (:mod:`wt.physics.ground`).
+    """
+
+    id = "contact.slope"
+    kind = "geom"
+    parameters = (
+        Parameter("angle", "rad", 0.0, 0.7, 1e-4, neutral=0.0),
+        Parameter("direction", "rad", -2.0 * np.pi, 2.0 * np.pi, 1e-3),
+        Parameter("height", "m", -1.0, 1.0, 1e-4, neutral=0.0),
+    )
+    reference = "M. A. Fischler and R. C. Bolles, Random sample consensus, 1981"
+
+    def places(self, scene: Scene) -> Sequence[Location]:
+        """Named planes of the world."""
+        m = scene.model
+        planes = np.flatnonzero(m.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE))
+        still = [m.geom(g).name for g in planes if m.geom_bodyid[g] == 0]
+        return [Location("geom", name) for name in still if name]
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """None: see the class."""
+        return []
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """No force beyond what contacts may carry, (T, nv, 1)."""
+        return np.zeros((*motion.q.shape, 1))
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """Nothing; see :meth:`shapes`."""
+        return np.zeros(self.n_theta)
+
+    def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
+        """Where the feet say that the floor is."""
+        geom = motion.scene.model.geom(at.name).id
+        return [
+            np.array([floor.angle, floor.direction, floor.height])
+            for floor in motion.floors
+            if floor.geom == geom
+        ]
+
+    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+        """Turn and lift the plane."""
+        plane, model = spec.geom(at.name), compiled(spec)
+        plane.quat = turned(model.geom(at.name).quat, float(theta[0]), float(theta[1]))
+        plane.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+        plane.pos = [*plane.pos[:2], plane.pos[2] + theta[2]]
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        angle, direction = np.degrees(theta[:2])
+        return (
+            f"The ground {at.name} falls by {angle:.3g}° towards {direction:.3g}° (from the "
+            f"world's x to its y), {1e3 * theta[2]:.3g} mm higher at its origin than the model "
+            "says."
+        )
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"standing still at several places of {at.name}, facing several ways"

@@ -1,0 +1,112 @@
+"""Where the ground is: on one plane with the feet that stand still.
+
+A model has its floor level and where it was drawn; the robot may stand on a ramp, or what tracks
+its base may have another idea of height. Points of the machine that could touch a floor and do not
+move are, most of them, standing on it: the plane through most of these is the floor as it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from sklearn.linear_model import LinearRegression, RANSACRegressor
+
+from wt.physics.scene import Scene
+
+Array = np.ndarray
+
+_REACH, _STANDING = 0.25, 0.05
+"""Points so close to the model's floor [m], slower than this [m/s], may be standing."""
+_SAMPLES, _ON_IT = 500, 0.006
+"""So many samples are looked at; points so close [m] to a plane are on it."""
+_LEAST, _MOST_OF_THEM = 40, 0.5
+_CLEAR, _HIGH = 0.008, 0.006
+"""A floor turned by less [rad], or higher by less [m], is the model's."""
+
+
+@dataclass(frozen=True)
+class Floor:
+    """A plane of the model that is elsewhere in reality.
+
+    Attributes:
+        geom: id of the plane.
+        angle: that it falls by [rad].
+        direction: that it falls towards, from the world's x to its y [rad].
+        height: how much higher it is at its own origin [m].
+    """
+
+    geom: int
+    angle: float
+    direction: float
+    height: float
+
+    def move(self, model: mujoco.MjModel) -> None:
+        """Put the plane of a model there."""
+        geom = self.geom
+        model.geom_quat[geom] = turned(model.geom_quat[geom], self.angle, self.direction)
+        model.geom_pos[geom, 2] += self.height
+        model.geom_sameframe[geom] = 0  # else MuJoCo takes it to be where the world's frame is
+
+
+def turned(quaternion: Array, angle: float, direction: float) -> Array:
+    """A quaternion (w, x, y, z) after a turn that makes what was level fall towards a direction."""
+    axis = np.array([-np.sin(direction), np.cos(direction), 0.0])
+    turn, found = np.array([np.cos(0.5 * angle), *(np.sin(0.5 * angle) * axis)]), np.zeros(4)
+    mujoco.mju_mulQuat(found, turn, np.array(quaternion, dtype=float))
+    return found
+
+
+def floors(scene: Scene, q: Array, v: Array) -> tuple[Floor, ...]:
+    """The level planes of a model that are elsewhere, as the motion (T, nv) of a machine shows."""
+    m = scene.model
+    planes = np.flatnonzero(m.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE))
+    found = []
+    for geom in planes if scene.free else ():
+        level = m.geom_bodyid[geom] == 0 and abs(abs(m.geom_quat[geom, 0]) - 1.0) < 1e-6
+        if level and (floor := _floor(scene, int(geom), q, v)):
+            found.append(floor)
+    return tuple(found)
+
+
+def _floor(scene: Scene, geom: int, q: Array, v: Array) -> Floor | None:
+    points = _standing(scene, geom, q, v)
+    if len(points) < _LEAST:
+        return None
+    level = np.array(scene.model.geom_pos[geom])
+    plane = RANSACRegressor(
+        LinearRegression(), min_samples=3, residual_threshold=_ON_IT, random_state=0
+    )
+    plane.fit(points[:, :2] - level[:2], points[:, 2] - level[2])
+    if plane.inlier_mask_.mean() < _MOST_OF_THEM:
+        return None
+    slope, height = np.array(plane.estimator_.coef_), float(plane.estimator_.intercept_)
+    angle = float(np.arctan(np.linalg.norm(slope)))
+    if angle < _CLEAR:
+        angle, slope = 0.0, np.zeros(2)
+    if angle == 0.0 and abs(height) < _HIGH:
+        return None
+    return Floor(geom, angle, float(np.arctan2(-slope[1], -slope[0])), height)
+
+
+def _standing(scene: Scene, geom: int, q: Array, v: Array) -> Array:
+    """Points of the machine near a plane that do not move, (n, 3) [m]."""
+    m = mujoco.MjModel.__copy__(scene.model)
+    m.geom_gap[:] = 0.0
+    m.geom_gap[geom] = _REACH
+    d, jacobian, found = mujoco.MjData(m), np.zeros((3, m.nv)), [np.zeros((0, 3))]
+    for k in range(0, len(q), max(1, len(q) // _SAMPLES)):
+        d.qpos[:] = q[k]
+        mujoco.mj_fwdPosition(m, d)
+        for contact in d.contact:
+            if geom not in contact.geom:
+                continue
+            # the normal points from the first geom to the second, whose surface is half a gap on
+            sign = 1.0 if contact.geom[0] == geom else -1.0
+            point = contact.pos + sign * 0.5 * contact.dist * contact.frame[:3]
+            other = int(contact.geom[1] if sign > 0.0 else contact.geom[0])
+            mujoco.mj_jac(m, d, jacobian, None, point, m.geom_bodyid[other])
+            if np.linalg.norm(jacobian @ v[k]) < _STANDING:
+                found.append(point[None])
+    return np.concatenate(found)

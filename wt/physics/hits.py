@@ -1,0 +1,169 @@
+"""Where a machine runs into something: a flat face that its outer links never pass.
+
+While a link touches something, the force residual is far beyond what it is otherwise, and is that
+of one force on the link (S. Haddadin, A. De Luca and A. Albu-Schäffer, Robot collisions, 2017). The
+forces say which link it is and about where the face looks; where exactly it stands follows from the
+link's own shape: it is as far as the face whenever it touches, and never beyond it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+from scipy.optimize import least_squares
+
+from wt.physics.motion import Motion
+from wt.physics.scene import Scene
+
+Array = np.ndarray
+
+_SIZE, _OFTEN, _SELDOM = 10.0, 0.4, 0.002
+"""A residual so many times its usual size is a hit, if that is so neither always nor never."""
+_EXPLAINED, _ONE_SIDED = 0.5, 0.7
+"""Share of these residuals that one force on a link explains; … that all of them push one way."""
+_LOOKED_AT, _BESIDE = 80, 240  # samples of hits, and of all others
+_MILLIMETRE = 1e-3
+_AWAY, _FACE = 50.0, "a face in the way"  # m: nothing is behind a plane so far off
+
+
+@dataclass(frozen=True)
+class Face:
+    """A flat face in the way.
+
+    Attributes:
+        position: where it is touched, (3,) [m].
+        normal: out of it, towards the machine, (3,).
+    """
+
+    position: tuple[float, float, float]
+    normal: tuple[float, float, float]
+
+
+@lru_cache(maxsize=4)
+def face(motion: Motion) -> Face | None:
+    """What a fixed machine runs into, if anything."""
+    if motion.scene.free:
+        return None
+    residual = motion.residual - np.median(motion.residual, axis=0)
+    scale = 1.4826 * np.median(np.abs(residual), axis=0) + 1e-9
+    size = np.linalg.norm(residual / scale, axis=1)
+    hit = size > _SIZE * np.median(size)
+    if not _SELDOM < hit.mean() < _OFTEN:
+        return None
+    rows = _some(np.flatnonzero(hit), _LOOKED_AT)
+    body, normal = _pushed(motion, rows, residual[rows] / scale, scale)
+    if not body:
+        return None
+    return _placed(motion, body, normal, rows, _some(np.flatnonzero(~hit), _BESIDE))
+
+
+def _some(rows: Array, count: int) -> Array:
+    return rows[:: max(1, len(rows) // count)]
+
+
+def _pushed(motion: Motion, rows: Array, residual: Array, scale: Array) -> tuple[str, Array]:
+    """The body on which forces explain scaled residuals (n, nv) best, and where they push."""
+    m, d, jacobian = motion.scene.model, motion.scene.data, np.zeros((3, motion.scene.model.nv))
+    found = ("", np.zeros(3))
+    total, best = float((residual**2).sum()), _EXPLAINED
+    for name in motion.scene.moving:
+        body = m.body(name).id
+        geoms = np.flatnonzero(m.geom_bodyid == body)
+        for geom in geoms:
+            forces, left = np.zeros((len(rows), 3)), 0.0
+            for i, (k, r) in enumerate(zip(rows, residual, strict=True)):
+                d.qpos[:] = motion.q[k]
+                mujoco.mj_kinematics(m, d)
+                mujoco.mj_comPos(m, d)
+                mujoco.mj_jac(m, d, jacobian, None, d.geom_xpos[geom], body)
+                scaled = (jacobian / scale).T
+                forces[i], *_ = np.linalg.lstsq(scaled, r, rcond=1e-3)
+                left += float(((r - scaled @ forces[i]) ** 2).sum())
+            push = forces.sum(axis=0)
+            one_sided = np.linalg.norm(push) > _ONE_SIDED * np.linalg.norm(forces, axis=1).sum()
+            if left < best * total and one_sided:
+                best, found = left / total, (name, push / np.linalg.norm(push))
+    return found
+
+
+def _placed(motion: Motion, body: str, normal: Array, on: Array, off: Array) -> Face | None:
+    """Turn and shift a face until the outer links touch it in hits and never pass it else."""
+    probe = _Probe(motion.scene, body)
+    side = np.linalg.svd(normal[None])[2][1:]
+
+    def turned(x: Array) -> Array:
+        n = normal + x[:2] @ side
+        return np.asarray(n / np.linalg.norm(n))
+
+    def misfit(x: Array) -> Array:
+        n = turned(x)
+        touching = probe.heights(n, motion.q[on]) - x[2]
+        free = np.minimum(probe.heights(n, motion.q[off]) - x[2], 0.0)
+        share = np.sqrt(len(on) / len(off))
+        return np.nan_to_num(np.concatenate([touching, share * free])) / _MILLIMETRE
+
+    start = float(np.median(probe.heights(normal, motion.q[on])))
+    if not np.isfinite(start):
+        return None
+    found = least_squares(misfit, [0.0, 0.0, start], loss="soft_l1", x_scale=[0.1, 0.1, 0.01],
+                          diff_step=[1e-3, 1e-3, 1e-4], max_nfev=30)  # fmt: skip
+    n = turned(found.x)
+    points = probe.points(n, motion.q[on])
+    centre = np.median(points, axis=0)
+    x, y, z = (float(c) for c in centre + (found.x[2] - centre @ n) * n)
+    a, b, c = (float(c) for c in n)
+    return Face((x, y, z), (a, b, c))
+
+
+class _Probe:
+    """Heights of a body and what it carries over planes through the origin."""
+
+    def __init__(self, scene: Scene, body: str) -> None:
+        spec = scene.spec()
+        spec.worldbody.add_geom(
+            name=_FACE, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1.0, 1.0, 0.1], gap=2.0 * _AWAY
+        )
+        self._m = m = spec.compile()
+        outer = np.array([_carries(m, m.body(body).id, b) for b in range(m.nbody)], dtype=int)
+        # MuJoCo asks bodies first, and geoms then
+        m.body_conaffinity[:], m.geom_conaffinity[:] = outer, outer[m.geom_bodyid]
+        m.body_contype[:], m.geom_contype[:] = 0, 0
+        m.body_contype[0], m.geom(_FACE).contype = 1, 1
+        self._d = mujoco.MjData(self._m)
+        self._plane = self._m.geom(_FACE).id
+        m.geom_sameframe[self._plane] = 0  # it is moved, and no longer where the world's frame is
+
+    def heights(self, normal: Array, q: Array) -> Array:
+        """Of the lowest point along a direction at each pose, (n,) [m]."""
+        return np.array([height for height, _ in self._lowest(normal, q)])
+
+    def points(self, normal: Array, q: Array) -> Array:
+        """These points, (n, 3) [m]."""
+        return np.array([point for _, point in self._lowest(normal, q)])
+
+    def _lowest(self, normal: Array, q: Array) -> list[tuple[float, Array]]:
+        m, d, found = self._m, self._d, []
+        mujoco.mju_quatZ2Vec(m.geom_quat[self._plane], normal)
+        m.geom_pos[self._plane] = -_AWAY * normal
+        for pose in q:
+            d.qpos[:] = pose
+            mujoco.mj_kinematics(m, d)
+            mujoco.mj_comPos(m, d)
+            mujoco.mj_collision(m, d)
+            nearest = min(d.contact, key=lambda c: c.dist, default=None)
+            if nearest is None:
+                found.append((np.nan, np.full(3, np.nan)))
+                continue
+            point = nearest.pos + 0.5 * nearest.dist * normal
+            found.append((float(point @ normal), np.array(point)))
+        return found
+
+
+def _carries(model: mujoco.MjModel, body: int, other: int) -> bool:
+    """Whether a body moves another one along, or is it."""
+    while other > body:
+        other = int(model.body_parentid[other])
+    return other == body

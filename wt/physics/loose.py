@@ -1,0 +1,141 @@
+"""A load that moves inside a body: where it was, and what it did to the body.
+
+The load is a point at r = centre + s in the body's frame; s is free along some of its axes, between
+stops. Along each of them (J. Wittenburg, Dynamics of Multibody Systems, 2008, section 2.2)
+
+    (1 + rolling) s̈ = [g − a₀ − ω̇ × r − ω × (ω × r) − 2 ω × ṡ] − damping ṡ − spring s
+
+with a₀ the acceleration of the frame's origin. A ball that rolls has ``rolling`` 2/5, a liquid's
+first mode swings at √spring. The stops swallow what hits them. So a recording of the body alone
+says where the load was at all times, if the law is given: what hits a stop has forgotten how it
+began.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from wt.physics.inertia import Moved, kinematics
+from wt.physics.motion import Motion, Segment
+
+Array = np.ndarray
+Centre = tuple[float, float, float]
+"""Middle of a load's travel in the body's frame [m]."""
+
+_STEP_S = 0.0025
+"""Of the integration [s]: stops are reached at below 1 m/s."""
+
+
+@dataclass(frozen=True)
+class Law:
+    """How a load may move; hashable, so that a path is computed once.
+
+    Attributes:
+        travel: along x, y and z of the body, from stop to stop [m]; 0 where it cannot.
+        damping: per mass [1/s].
+        spring: per mass [1/s²].
+        rolling: share of its mass that its rotation adds.
+    """
+
+    travel: tuple[float, float, float]
+    damping: float
+    spring: float
+    rolling: float
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """Where a load was, in the body's frame, at all T samples of a motion.
+
+    Attributes:
+        s: away from its centre, (T, 3) [m].
+        v: (T, 3) [m/s].
+        a: mean acceleration around the sample, (T, 3) [m/s²].
+    """
+
+    s: Array
+    v: Array
+    a: Array
+
+
+def paths(motion: Motion, body: str, centre: Centre, laws: tuple[Law, ...]) -> list[Path]:
+    """Where loads of several laws were, each from rest in the middle at a segment's start."""
+    return _paths(motion.recorded, body, centre, laws)
+
+
+@lru_cache(maxsize=64)
+def _paths(motion: Motion, body: str, centre: Centre, laws: tuple[Law, ...]) -> list[Path]:
+    moved = kinematics(motion)[body]
+    s, v, a = np.zeros((3, len(motion), len(laws), 3))
+    for segment in motion.segments:
+        rows = segment.rows
+        s[rows], v[rows] = _integrated(moved, segment, np.array(centre), laws)
+        a[rows] = np.gradient(v[rows], segment.dt, axis=0)
+    return [Path(s[:, k], v[:, k], a[:, k]) for k in range(len(laws))]
+
+
+def _integrated(
+    moved: Moved, segment: Segment, centre: Array, laws: tuple[Law, ...]
+) -> tuple[Array, Array]:
+    """Positions and velocities of L loads at the samples of a segment, (n, L, 3) each."""
+    parts = max(1, round(segment.dt / _STEP_S))
+    h, n = segment.dt / parts, segment.rows.stop - segment.rows.start
+    at, fine = np.arange(n), np.arange((n - 1) * parts) / parts
+    spin, turning, lifting = (
+        np.stack([np.interp(fine, at, x[segment.rows, k]) for k in range(3)], axis=1)
+        for x in (moved.spin, moved.turning, moved.lifting)
+    )
+    around = _cross(spin)
+    bend = -(_cross(turning) + around @ around)
+    drive, coriolis = bend @ centre - lifting, -2.0 * around
+    reach = 0.5 * np.array([law.travel for law in laws])
+    figures = np.array([[law.damping, law.spring, law.rolling] for law in laws])
+    damping, spring, rolling = figures.T[..., None]
+    gain = h / (1.0 + rolling)
+    s, v = np.zeros((2, len(laws), 3))
+    found = np.zeros((2, n, len(laws), 3))
+    for k in range(len(fine)):
+        pull = drive[k] + s @ bend[k].T + v @ coriolis[k].T - spring * s
+        # what brakes is implicit: stable however strong it is
+        v = (v + gain * pull) / (1.0 + gain * damping)
+        there = s + h * v
+        s = np.minimum(np.maximum(there, -reach), reach)
+        v[s != there] = 0.0
+        if (k + 1) % parts == 0:
+            found[:, (k + 1) // parts] = s, v
+    return found[0], found[1]
+
+
+def columns(motion: Motion, body: str, centre: Centre, path: Path) -> Array:
+    """Force of a load on the machine, (T, nv, 4): per kilogram, and per kg·m off its centre.
+
+    The latter are the derivatives in the centre, the path staying as it is.
+    """
+    moved = kinematics(motion.recorded)[body]
+    bend = _cross(moved.turning) + _cross(moved.spin) @ _cross(moved.spin)
+    arm = np.array(centre) + path.s
+    relative = path.a + 2.0 * np.cross(moved.spin, path.v)
+    force = -(moved.lifting + np.einsum("tij,tj->ti", bend, arm) + relative)
+    torque = np.cross(arm, force)
+    found = [_on(moved, force, torque)]
+    for k, axis in enumerate(np.eye(3)):
+        change = -bend[:, :, k]
+        found.append(_on(moved, change, np.cross(axis, force) + np.cross(arm, change)))
+    return np.stack(found, axis=2)
+
+
+def _on(moved: Moved, force: Array, torque: Array) -> Array:
+    """Generalised force of a force and a torque at the body's origin, in its frame, (T, nv)."""
+    along = np.einsum("tij,ti->tj", moved.slide, force)
+    return np.asarray(along + np.einsum("tij,ti->tj", moved.turn, torque))
+
+
+def _cross(vectors: Array) -> Array:
+    """Matrices of the cross products with vectors, (…, 3) → (…, 3, 3)."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    zero = np.zeros_like(x)
+    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

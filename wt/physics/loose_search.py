@@ -1,0 +1,161 @@
+"""Which law a moving load follows, read off a force residual.
+
+Paths under many laws cost little more than one (:mod:`wt.physics.loose`), and the force of each is
+linear in mass and first moments. So laws are tried side by side, and the best ones varied, until
+none of the variants explains more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from wt.physics.loose import Centre, Law, Path, columns, paths
+from wt.physics.motion import Motion
+
+Array = np.ndarray
+
+_BLOCK_S = 0.04
+"""Forces are averaged over so much: accelerations are noisy, and impacts short."""
+_LEAST, _NEARLY = 0.01, 0.8
+"""A fixed load must explain this share of the residual, and this share of what the best place
+explains: wherever a load moves, there is weight."""
+_TRAVELS = (0.02, 0.05, 0.1, 0.2)  # m
+_ROLLING = 0.4
+_ROUNDS = (1.5, 1.5, 1.4, 1.25, 1.15)
+"""Factors by which the best laws are varied, round after round."""
+_VARIED, _GIVEN, _FURTHEST = 3, 2, 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A law with the mass and place that explain most.
+
+    Attributes:
+        law: it.
+        centre: where the load is in the middle of its travel.
+        score: half the log of the mean square left, summed over joints and blocks.
+    """
+
+    law: Law | None
+    centre: Centre
+    score: float
+
+
+def laws_that_fit(motion: Motion, body: str) -> list[tuple[Law, Centre]]:
+    """The best laws of a load in a body, and where its middle is; best first, none if hopeless."""
+    if body not in _places(motion):
+        return []
+    search = _Search(motion, body)
+    best = search.tried(_coarse())[:_VARIED]
+    for factor in _ROUNDS:
+        # themselves too: their paths depend on where the centre is, which is better known now
+        laws = {law for fit in best if fit.law for law in (fit.law, *_variants(fit.law, factor))}
+        best = _distinct([*best, *search.tried(sorted(laws, key=str), best[0].centre)])[:_VARIED]
+    return [(fit.law, fit.centre) for fit in best[:_GIVEN] if fit.law]
+
+
+def _distinct(fits: Sequence[_Fit]) -> list[_Fit]:
+    """Best first, each law once."""
+    found: dict[Law | None, _Fit] = {}
+    for fit in sorted(fits, key=lambda f: f.score):
+        found.setdefault(fit.law, fit)
+    return list(found.values())
+
+
+def _coarse() -> list[Law]:
+    found = []
+    for travel in _TRAVELS:
+        for breadth in (0.5, 1.0):
+            found.append(Law((travel, breadth * travel, 0.0), 2.0, 0.0, _ROLLING))
+            found.append(Law((breadth * travel, travel, 0.0), 2.0, 0.0, _ROLLING))
+        for axis in np.eye(3):
+            x, y, z = (float(travel * share) for share in axis)
+            found.append(Law((x, y, z), 4.0, 0.0, 0.0))
+        found += [Law((travel, travel, 0.0), 0.3 * w, w**2, 0.0) for w in (5.0, 7.0, 9.5)]
+    return list(dict.fromkeys(found))
+
+
+def _variants(law: Law, factor: float) -> list[Law]:
+    """Laws that differ from one in one respect."""
+    found = []
+    longest = max(law.travel)
+    for axis, travel in enumerate(law.travel):
+        others = (travel * factor, travel / factor, 0.0) if travel else (0.6 * longest,)
+        for other in others:
+            changed = list(law.travel)
+            changed[axis] = other
+            if any(changed):
+                found.append(replace(law, travel=(changed[0], changed[1], changed[2])))
+    found += [replace(law, damping=law.damping * f) for f in (factor, 1.0 / factor)]
+    springs = (law.spring * factor, law.spring / factor, 0.0) if law.spring else (25.0, 64.0)
+    found += [replace(law, spring=spring) for spring in springs]
+    return [*found, replace(law, rolling=_ROLLING - law.rolling)]
+
+
+@lru_cache(maxsize=8)
+def _places(motion: Motion) -> frozenset[str]:
+    """Bodies in which a load that is fixed would explain much of the residual."""
+    gains = {body: _Search(motion, body).fixed_gain for body in motion.scene.moving}
+    best = max(gains.values(), default=0.0)
+    return frozenset(b for b, gain in gains.items() if gain > max(_LEAST, _NEARLY * best))
+
+
+class _Search:
+    """Fits loads of given laws to a residual."""
+
+    def __init__(self, motion: Motion, body: str) -> None:
+        self._motion, self._body = motion, body
+        self._blocks = _blocks(motion)
+        self._residual = self._mean(motion.unexplained)
+        self._scale = np.std(self._residual, axis=0) + 1e-12
+        centre = motion.scene.model.body(body).ipos
+        still = Path(*np.zeros((3, len(motion), 3)))
+        x, y, z = (float(c) for c in centre)
+        before = float(np.sum((self._residual / self._scale) ** 2))
+        fixed, left = self._fitted(None, (x, y, z), still)
+        self.fixed_gain = 1.0 - float(np.sum((left / self._scale) ** 2)) / before
+        self._middle = fixed.centre
+        # from here on a joint counts by what a fixed load leaves of it
+        self._scale = np.sqrt(np.mean(left**2, axis=0)) + 1e-12
+
+    def tried(self, laws: Sequence[Law], centre: Centre | None = None) -> list[_Fit]:
+        """How well laws fit, best first."""
+        middle = centre or self._middle
+        found = paths(self._motion, self._body, middle, tuple(laws))
+        fits = [self._fitted(law, middle, p)[0] for law, p in zip(laws, found, strict=True)]
+        return sorted(fits, key=lambda f: f.score)
+
+    def _fitted(self, law: Law | None, centre: Centre, path: Path) -> tuple[_Fit, Array]:
+        """The best load on a path, and what it leaves of the residual, (B, nv)."""
+        free = self._motion.touching.free(columns(self._motion, self._body, centre, path))
+        design = self._mean(free)
+        flat = (design / self._scale[:, None]).reshape(-1, 4)
+        size = np.linalg.norm(flat, axis=0) + 1e-12
+        x, *_ = np.linalg.lstsq(flat / size, (self._residual / self._scale).reshape(-1), rcond=1e-6)
+        x = x / size
+        left = self._residual - design @ x
+        away = x[1:] / max(x[0], 1e-9)
+        if x[0] <= 0.0 or np.linalg.norm(away) > _FURTHEST:
+            away = np.zeros(3)
+        score = 0.5 * len(left) * float(np.log(np.mean(left**2, axis=0) + 1e-24).sum())
+        cx, cy, cz = (float(c) for c in np.array(centre) + away)
+        return _Fit(law, (cx, cy, cz), score if x[0] > 0.0 else np.inf), left
+
+    def _mean(self, signal: Array) -> Array:
+        """Means over blocks: (T, …) → (B, …)."""
+        sums = np.add.reduceat(signal, self._blocks[:-1], axis=0)
+        count = np.diff(self._blocks).reshape(-1, *[1] * (signal.ndim - 1))
+        return np.asarray(sums / count)
+
+
+def _blocks(motion: Motion) -> Array:
+    """First sample of each block, and the end of the last."""
+    starts = [
+        np.arange(s.rows.start, s.rows.stop, max(1, round(_BLOCK_S / s.dt)))
+        for s in motion.segments
+    ]
+    return np.concatenate([*starts, [len(motion)]])
