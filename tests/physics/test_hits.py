@@ -32,7 +32,7 @@ BEFORE_TABLE = arm.edited(
 
 @pytest.fixture(scope="module")
 def run() -> arm.Run:
-    return arm.simulate(BEFORE_TABLE, seconds=2.5)
+    return arm.simulate(BEFORE_TABLE, seconds=4.0)
 
 
 def moved(folder: Path, run: arm.Run) -> Motion:
