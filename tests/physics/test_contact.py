@@ -124,3 +124,13 @@ def test_parts_close_to_each_other_are_no_contact(tmp_path: Path) -> None:
     mujoco.mj_forward(close.model, data)
     assert data.ncon > 0
     assert touching(close, folded).near[0] == 0
+
+
+def test_what_floors_differ_by_is_no_finding(machine: Scene) -> None:
+    motion = moved(machine)
+    friction, softness = effects()["contact.friction"], effects()["contact.compliance"]
+    for at in (FOOT, FLOOR):
+        assert not friction.plausible(motion, at, np.array([0.9]))
+        assert friction.plausible(motion, at, np.array([0.6]))
+        assert not softness.plausible(motion, at, np.array([0.025]))
+        assert softness.plausible(motion, at, np.array([0.04]))

@@ -41,7 +41,8 @@ def test_the_path_is_that_of_the_load(tmp_path: Path) -> None:
 
 def test_the_law_is_read_off_the_residual(tmp_path: Path) -> None:
     motion, _ = recorded(tmp_path, RAILS, 6.0)
-    law, centre = laws_that_fit(motion, "b2")[0]
+    law, centre, mass = laws_that_fit(motion, "b2")[0]
+    assert mass == pytest.approx(0.5, rel=0.05)
     assert law.travel[0] == pytest.approx(0.1, rel=0.05)
     assert max(law.travel[1:]) < 0.02
     assert law.damping == pytest.approx(4.0, rel=0.2)

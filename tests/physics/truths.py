@@ -243,7 +243,7 @@ TRUTHS = [
         (0.5, 0.3, 0.1, 0.04, 0.05),
         # a spring keeps it off the stops, whose blows are too short for a least squares fit
         sliding(G2, "0.1 0.04 0.05", 0.15, 10.0, 72.0),
-        shape=(0.3, 0.0, 0.0, 20.0, 144.0, 0.0, 0.1, 0.04, 0.05),
+        shape=(0.3, 0.0, 0.0, 20.0, 144.0, 0.0, 0.1, 0.04, 0.05, 0.5),
         replays=0.05,
     ),
     Truth("body.force", _at("body", "b2"), (3.0, -2.0, 4.0), hook=constant),

@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wt.diagnose.nuisance import BOX
 from wt.diagnose.squares import Squares
-from wt.physics.replay import Planted
+from wt.physics.replay import Planted, Stretch
 from wt.physics.rollout import Replayer
 
 Array = np.ndarray
@@ -45,12 +44,15 @@ def initial_deviations(noise: Array, velocity_noise: Array) -> Array:
 
 
 def responses(replayer: Replayer, hypothesis: Sequence[Planted], deviations: Array) -> Array:
-    """What other initial states change in replays, (N, nv, 2nv).
+    """What other initial states change in replays, (N, nv, m).
 
     Args:
         replayer: of the stretches.
-        hypothesis: what is replayed.
+        hypothesis: what is replayed; joints that it adds start with states of their own.
         deviations: of each initial position and velocity, (2nv,).
+
+    Returns:
+        The change per deviation of each position and velocity, those of added joints last.
     """
     nv, stretches = len(deviations) // 2, replayer.stretches
     shifted = [
@@ -58,9 +60,21 @@ def responses(replayer: Replayer, hypothesis: Sequence[Planted], deviations: Arr
         for shift in (np.zeros(2 * nv), *np.diag(deviations))
         for s in stretches
     ]
+    for name, (dq, dv) in hidden(hypothesis, stretches[0]).items():
+        shifted += [replace(s, shifts={name: (dq, 0.0)}) for s in stretches]
+        shifted += [replace(s, shifts={name: (0.0, dv)}) for s in stretches]
     q = Replayer(replayer.scene, shifted, replayer.step).run([hypothesis]).q[0]
-    base, *moved = np.split(q, 2 * nv + 1)
+    base, *moved = np.split(q, len(shifted) // len(stretches))
     return np.nan_to_num(np.stack([m - base for m in moved], axis=2))
+
+
+def hidden(hypothesis: Sequence[Planted], stretch: Stretch) -> dict[str, tuple[float, float]]:
+    """Deviations of the initial states of the joints that a hypothesis adds."""
+    found: dict[str, tuple[float, float]] = {}
+    for p in hypothesis:
+        started = p.effect.started(p.at, p.theta, stretch)
+        found |= {name: state.unsure for name, state in started.items()}
+    return found
 
 
 def initial_states(rows: Sequence[slice], response: Array, mse: Array) -> tuple[InitialState, ...]:
@@ -156,8 +170,3 @@ def linear(changes: Array, centre: Array, initial: tuple[InitialState, ...] = ()
     for k, change in enumerate(changes):
         projected[:, :, k] = project(change, initial).T
     return Adaptable(projected, centre, initial)
-
-
-def box(count: int) -> Array:
-    """Largest nuisances, in deviations, (count,)."""
-    return np.full(count, BOX)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -43,7 +44,7 @@ ALIKE = (
     ("actuator.bias", "actuator.deadband", "joint.backlash", "sensor.offset"),
     ("joint.armature", "body.inertia"),
     ("body.force", "body.tether"),
-    ("body.mass", "body.com", "body.payload_fixed"),
+    ("body.mass", "body.com", "body.payload_fixed", "body.payload_moving"),
 )
 """Effects that look alike: where one of a group ranks, the others are replayed close to it."""
 
@@ -91,6 +92,9 @@ def candidates(
         if (s.planted.effect.id, at) in wanted or (cheap and dof in worst) or usual:
             chosen.setdefault(s.planted.key, s)
     found: list[tuple[Planted, Shape | None]] = [(s.planted, s.shape) for s in chosen.values()]
+    for s in chosen.values():
+        starts = s.planted.effect.starts(screen.motion, s.planted.at)
+        found += [(replace(s.planted, theta=theta), s.shape) for theta in starts]
     found += [(p, None) for p in _replay_only(screen, worst)]
     taken = {p.key for p in now.hypothesis}
     somewhere = (-1, *improvable(objective, now))

@@ -84,6 +84,13 @@ def nuisances(scene: Scene) -> tuple[Nuisance, ...]:
     return tuple(found)
 
 
+def boxes(some: Sequence[Nuisance], hypothesis: Sequence[Planted]) -> Array:
+    """Largest error of each beside a hypothesis, (n,) [deviations]: 0 where that settles it."""
+    settled = {(name, p.at) for p in hypothesis for name in p.effect.settles}
+    beside = [(n.planted.effect.id, n.planted.at) not in settled for n in some]
+    return BOX * np.array(beside, dtype=float)
+
+
 def _neutral(effect: Effect) -> float:
     (parameter,) = effect.parameters
     assert parameter.neutral is not None

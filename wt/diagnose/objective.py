@@ -17,14 +17,13 @@ import numpy as np
 from wt.diagnose.adapt import (
     REWEIGHTED,
     Adaptable,
-    box,
     initial_deviations,
     initial_states,
     linear,
 )
 from wt.diagnose.extrapolate import Extrapolated
 from wt.diagnose.nearby import Nearby
-from wt.diagnose.nuisance import Nuisance, nuisances
+from wt.diagnose.nuisance import Nuisance, boxes, nuisances
 from wt.diagnose.smooth import Smoothed
 from wt.diagnose.squares import Squares
 from wt.physics.replay import Planted, Stretch
@@ -141,7 +140,10 @@ class Objective:
         """
         if centres is None:
             centres = [self._around.centre] * len(hypotheses)
-        centres = [np.where(self._able, c, 0.0) for c in centres]
+        centres = [
+            np.where(self._able & (boxes(self.some, h) > 0.0), c, 0.0)
+            for h, c in zip(hypotheses, centres, strict=True)
+        ]
         raw = self._raw(
             [(*h, *self._nearby.rig(c)) for h, c in zip(hypotheses, centres, strict=True)]
         )
@@ -209,7 +211,7 @@ class Objective:
         squares, nuisance = self._around.squares(error), np.zeros(len(self.some))
         mse = self._floored(squares.total)
         for _ in range(3):
-            nuisance = self._adapt(squares, mse)
+            nuisance = self._adapt(squares, mse, boxes(self.some, hypothesis))
             mse = self._floored(squares.left(nuisance))
         loglik = -0.5 * float(self.count @ np.log(mse)) - 0.5 * float(nuisance @ nuisance)
         return Assessed(hypothesis, loglik, mse, nuisance, centre, error)
@@ -235,24 +237,23 @@ class Objective:
     def calibration(self, assessed: Assessed) -> Hypothesis:
         """The nuisances as small corrections of the model, without those that it cannot hold."""
         able = np.flatnonzero(self._able)
-        sizes = self._adapt(self._around.squares(assessed.error).only(able), assessed.mse)
+        squares, size = self._around.squares(assessed.error), boxes(self.some, assessed.hypothesis)
+        sizes = self._adapt(squares.only(able), assessed.mse, size[able])
         found = [(self.some[i], float(x)) for i, x in zip(able, sizes, strict=True)]
         return tuple(n.scaled(x) for n, x in found if abs(x) > _WORTHWHILE)
 
-    def _adapt(self, squares: Squares, mse: Array) -> Array:
-        """Nuisances inside their box."""
-        size = box(squares.right.shape[1])
+    def _adapt(self, squares: Squares, mse: Array, size: Array) -> Array:
+        """Nuisances inside their boxes."""
         return squares.step(self._weight(mse), -size, size, np.ones(len(size)))
 
     def solve(
-        self, error: Array, jacobian: Array, mse: Array, lower: Array, upper: Array, damping: float
+        self, now: Assessed, jacobian: Array, lower: Array, upper: Array, damping: float
     ) -> tuple[Array, Array]:
         """One bounded Gauss-Newton step of parameters and nuisances together.
 
         Args:
-            error: (N, nv).
+            now: where the step is taken from.
             jacobian: of the error in the parameters, (N, nv, p).
-            mse: per joint, the weights' inverse.
             lower: smallest step, (p,).
             upper: largest step, (p,).
             damping: Levenberg-Marquardt, relative to the diagonal.
@@ -260,11 +261,11 @@ class Objective:
         Returns:
             (nuisances, step of the parameters).
         """
-        squares = self._around.squares_beside(error, jacobian)
-        p, size = jacobian.shape[2], box(len(self.some))
+        squares = self._around.squares_beside(now.error, jacobian)
+        p, size = jacobian.shape[2], boxes(self.some, now.hypothesis)
         low, high = np.concatenate([lower, -size]), np.concatenate([upper, size])
         prior = np.concatenate([np.zeros(p), np.ones(len(size))])
-        x = squares.step(self._weight(mse), low, high, prior, damping)
+        x = squares.step(self._weight(now.mse), low, high, prior, damping)
         return x[p:], x[:p]
 
     def _weight(self, mse: Array) -> Array:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.stats import bootstrap, wilcoxon
 
 from wt.diagnose.adapt import (
     REWEIGHTED,
+    hidden,
     initial_deviations,
     initial_states,
     project,
@@ -50,8 +51,8 @@ class Held:
         fine: the same with the shortest blocks.
         forgets: whether stretches are long.
         deviations: of the estimated initial positions and velocities, (2nv,).
-        response: what they change in replays, (N, nv, 2nv), where it is taken to be the same for
-            all hypotheses; None where it is not.
+        known: what they change in replays, (N, nv, m), by the added joints of the hypothesis: what
+            else is in it is taken not to matter where a base floats.
     """
 
     smoothed: Smoothed
@@ -61,7 +62,17 @@ class Held:
     fine: Array
     forgets: bool
     deviations: Array
-    response: Array | None = None
+    known: dict[frozenset[str], Array] = field(default_factory=dict)
+
+    def response(self, hypothesis: Hypothesis, replayer: Replayer) -> Array:
+        """What other initial states change in replays of a hypothesis, (N, nv, m)."""
+        if not self.smoothed.motion.scene.free:
+            return responses(replayer, hypothesis, self.deviations)
+        added = frozenset(hidden(hypothesis, self.stretches[0]))
+        if added not in self.known:
+            here = hypothesis if added else ()
+            self.known[added] = responses(replayer, here, self.deviations)
+        return self.known[added]
 
     def here(self, hypothesis: Hypothesis) -> Hypothesis:
         """A hypothesis as it shows in these recordings."""
@@ -81,10 +92,7 @@ def hold(smoothed: Smoothed, forgets: bool, seconds: float = np.inf, step: float
         renewed = resmooth(smoothed, np.random.default_rng(0))
         velocity_noise = np.std(renewed.v - smoothed.motion.v, axis=0)
         deviations = initial_deviations(smoothed.noise, velocity_noise)
-    scene, response = smoothed.motion.scene, None
-    if scene.free:
-        response = responses(Replayer(scene, stretches, step), (), deviations)
-    return Held(smoothed, stretches, measured, block, fine, forgets, deviations, response)
+    return Held(smoothed, stretches, measured, block, fine, forgets, deviations)
 
 
 def blocks_of(label: Array, t: Array) -> tuple[Array, Array]:
@@ -116,11 +124,15 @@ def errors(held: Held, hypotheses: Sequence[Hypothesis], step: float) -> Array:
     if held.forgets:
         return found
     measured = np.isfinite(held.measured)
-    response = held.response
-    if response is None:
-        response = responses(replayer, here[0], held.deviations)
-    response = response * measured[:, :, None]
-    return np.stack([np.where(measured, _begun(held, e, response), np.nan) for e in found])
+    first = here[:1] if not held.smoothed.motion.scene.free else here
+    response = [held.response(h, replayer) * measured[:, :, None] for h in first]
+    response *= len(here) // len(first)
+    return np.stack(
+        [
+            np.where(measured, _begun(held, e, r), np.nan)
+            for e, r in zip(found, response, strict=True)
+        ]
+    )
 
 
 def _begun(held: Held, error: Array, response: Array) -> Array:

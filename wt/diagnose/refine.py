@@ -104,14 +104,7 @@ def _step(objective: Objective, climbs: Sequence[_Climb]) -> list[_Climb]:
         reach = [p.effect.reach(p.theta) for p in free]
         lower, upper = (np.concatenate(ends) for ends in zip(*reach, strict=True))
         for factor in _TRIALS:
-            nuisance, step = objective.solve(
-                climb.now.error,
-                slope,
-                climb.now.mse,
-                lower,
-                upper,
-                climb.damping * factor,
-            )
+            nuisance, step = objective.solve(climb.now, slope, lower, upper, climb.damping * factor)
             ends = np.cumsum([p.effect.n_theta for p in free])[:-1]
             moved = [
                 p.effect.moved(p.theta, own)

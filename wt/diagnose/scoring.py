@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from wt.diagnose.nuisance import BOX
+from wt.diagnose.nuisance import BOX, boxes
 from wt.physics.effect import Effect, Shape
 from wt.physics.replay import Planted
 from wt.types import Location
@@ -100,6 +100,13 @@ class Base:
         self.gram = np.tensordot(1.0 / self.mse, self.grams, 1)
         self.right = self.cross.T @ (1.0 / self.mse)
 
+    def _room(self, blocks: Sequence[Planted]) -> Array:
+        """How far what adapts may move either way, (2, n): to nothing, where a block settles it."""
+        size, room = boxes(self.screen.nuisances, blocks), self.room.copy()
+        settled = np.flatnonzero(size == 0.0) + room.shape[1] - len(size)
+        room[:, settled] = self.room[:, settled].mean(axis=0)
+        return room
+
     def _mse(self, squares: Array) -> Array:
         count = np.maximum(self.keep.sum(axis=0), 1)
         return np.maximum(squares / count, self.screen.floor**2)
@@ -139,8 +146,9 @@ class Base:
         weight = 1.0 / self.mse[dofs]
         mixed = np.tensordot(weight, cross, 1)
         gram = np.block([[np.tensordot(weight, own, 1), mixed.T], [mixed, self.gram]])
-        low = np.concatenate([np.where(signs > 0, 0.0, -np.inf), self.room[0]])
-        high = np.concatenate([np.where(signs < 0, 0.0, np.inf), self.room[1]])
+        room = self._room([Planted(b.effect, b.at, np.zeros(0)) for b in blocks])
+        low = np.concatenate([np.where(signs > 0, 0.0, -np.inf), room[0]])
+        high = np.concatenate([np.where(signs < 0, 0.0, np.inf), room[1]])
         # a push along an axis, say, that moves no joint: its size is anybody's guess
         size = np.diag(gram)[:k]
         idle = np.flatnonzero(size < _IDLE * size.max())

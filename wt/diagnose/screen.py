@@ -73,6 +73,7 @@ class Screen:
         floor: what measurement noise alone makes of it, (nv,) [N·m].
         rows: for each of the R rows, the sample at the window's centre.
         keep: rows that count for each degree of freedom: moving, unless that drops most, (R, nv).
+        nuisances: small errors that any rig has.
         nuisance: weak force of the errors of any rig, one deviation each, (R, nv, n) [N·m].
         velocity_noise: uncertainty of the smoothed velocity, (nv,) [rad/s].
     """
@@ -87,7 +88,8 @@ class Screen:
         self.floor = np.std(self.weak_force(renewed.residual - self.motion.residual), axis=0)
         self.floor = np.maximum(self.floor, 1e-6 * (np.std(self.motion.demand, axis=0) + 1e-3))
         self.keep = _fast_enough(self.motion, self.rows)
-        small = forces(self.motion, nuisances(self.motion.scene))
+        self.nuisances = nuisances(self.motion.scene)
+        small = forces(self.motion, self.nuisances)
         self.nuisance = np.stack([self.weak_force(f) for f in small], axis=2)
         self.velocity_noise = np.std(renewed.v - self.motion.v, axis=0)
         self._cache: dict[tuple[str, Location], list[Block]] = {}

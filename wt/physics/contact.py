@@ -130,6 +130,21 @@ def touchable(scene: Scene) -> list[Location]:
     return [Location("geom", name) for name in names if name]
 
 
+def deciding(model: mujoco.MjModel, geom: int) -> list[int]:
+    """Geoms whose parameters hold in a geom's contacts: of two the one of higher priority.
+
+    Of equals it is the given one, or the one with more friction.
+    """
+    found = []
+    for pair in pairs(model):
+        if geom in pair:
+            other = pair[0] if pair[1] == geom else pair[1]
+            over = int(model.geom_priority[other] - model.geom_priority[geom])
+            rougher = model.geom_friction[other, 0] > model.geom_friction[geom, 0]
+            found.append(other if over > 0 or (over == 0 and rougher) else geom)
+    return found
+
+
 class _Probe:
     """Looks for contacts within reach."""
 

@@ -40,7 +40,7 @@ from wt.types import Kind, Location
 if TYPE_CHECKING:
     from wt.physics.live import Live
     from wt.physics.motion import Motion
-    from wt.physics.replay import Inputs, Outputs, Stretch
+    from wt.physics.replay import Hidden, Inputs, Outputs, Stretch
     from wt.physics.scene import Scene
 
 Array = np.ndarray
@@ -96,6 +96,7 @@ class Effect(abc.ABC):
         read_off: how many of a shape's last values come from the recordings and are not fitted.
         weighted: whether the first parameter weighs the others, as a spring's stiffness weighs
             where it pulls to: the force is linear in it and in its products with them.
+        settles: ids of small errors of the same place that are nothing beside it.
     """
 
     id: ClassVar[str]
@@ -109,6 +110,7 @@ class Effect(abc.ABC):
     signed: ClassVar[tuple[int, ...]] = ()
     read_off: ClassVar[int] = 0
     weighted: ClassVar[bool] = False
+    settles: ClassVar[tuple[str, ...]] = ()
 
     def places(self, scene: Scene) -> Sequence[Location]:
         """Where in a model it can stand; by default everywhere of its kind."""
@@ -171,10 +173,8 @@ class Effect(abc.ABC):
         """Joints that the patch adds → the user's joint from whose state each one starts."""
         return {}
 
-    def started(
-        self, at: Location, theta: Array, stretch: Stretch
-    ) -> Mapping[str, tuple[float, float]]:
-        """Positions and velocities that joints of the patch have where a stretch begins."""
+    def started(self, at: Location, theta: Array, stretch: Stretch) -> Mapping[str, Hidden]:
+        """States that joints of the patch have where a stretch begins."""
         return {}
 
     def drive(self, inputs: Inputs, scene: Scene, at: Location, theta: Array) -> None:  # noqa: B027 – optional

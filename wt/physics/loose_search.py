@@ -37,16 +37,18 @@ class _Fit:
     Attributes:
         law: it.
         centre: where the load is in the middle of its travel.
+        mass: [kg].
         score: half the log of the mean square left, summed over joints and blocks.
     """
 
     law: Law | None
     centre: Centre
+    mass: float
     score: float
 
 
-def laws_that_fit(motion: Motion, body: str) -> list[tuple[Law, Centre]]:
-    """The best laws of a load in a body, and where its middle is; best first, none if hopeless."""
+def laws_that_fit(motion: Motion, body: str) -> list[tuple[Law, Centre, float]]:
+    """The best laws of a load in a body, its middle and its mass [kg]; best first, if any."""
     if body not in _places(motion):
         return []
     search = _Search(motion, body)
@@ -55,7 +57,7 @@ def laws_that_fit(motion: Motion, body: str) -> list[tuple[Law, Centre]]:
         # themselves too: their paths depend on where the centre is, which is better known now
         laws = {law for fit in best if fit.law for law in (fit.law, *_variants(fit.law, factor))}
         best = _distinct([*best, *search.tried(sorted(laws, key=str), best[0].centre)])[:_VARIED]
-    return [(fit.law, fit.centre) for fit in best[:_GIVEN] if fit.law]
+    return [(fit.law, fit.centre, fit.mass) for fit in best[:_GIVEN] if fit.law]
 
 
 def _distinct(fits: Sequence[_Fit]) -> list[_Fit]:
@@ -143,7 +145,7 @@ class _Search:
             away = np.zeros(3)
         score = 0.5 * len(left) * float(np.log(np.mean(left**2, axis=0) + 1e-24).sum())
         cx, cy, cz = (float(c) for c in np.array(centre) + away)
-        return _Fit(law, (cx, cy, cz), score if x[0] > 0.0 else np.inf), left
+        return _Fit(law, (cx, cy, cz), float(x[0]), score if x[0] > 0.0 else np.inf), left
 
     def _mean(self, signal: Array) -> Array:
         """Means over blocks: (T, …) → (B, …)."""

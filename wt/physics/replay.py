@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,6 +50,20 @@ class Planted:
         return (self.effect.id, self.at.kind, self.at.name)
 
 
+class Hidden(NamedTuple):
+    """State of a joint that a patch adds, where a stretch begins.
+
+    Attributes:
+        position: [m or rad].
+        velocity: [m/s or rad/s].
+        unsure: deviations of both.
+    """
+
+    position: float
+    velocity: float
+    unsure: tuple[float, float]
+
+
 @dataclass(frozen=True, eq=False)
 class Stretch:
     """A piece of a recording that is replayed open loop from an estimated state.
@@ -60,6 +76,7 @@ class Stretch:
         v0: joint velocities there, (nv,).
         segment: what it was cut from, of ``motion``: hidden states are those that this led to.
         motion: the smooth recording; None if nothing is known of what was before.
+        shifts: what is added to position and velocity of joints that a patch adds.
     """
 
     recording: int
@@ -69,6 +86,7 @@ class Stretch:
     v0: Array
     segment: Segment | None = None
     motion: Motion | None = None
+    shifts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def dt(self) -> float:

@@ -150,7 +150,9 @@ class _Job:
         for p in self.hypothesis:
             followers = p.effect.followers(p.at).items()
             known |= {name: known[leader] for name, leader in followers}
-            known |= p.effect.started(p.at, p.theta, self.stretch)
+            for name, hidden in p.effect.started(p.at, p.theta, self.stretch).items():
+                dq, dv = self.stretch.shifts.get(name, (0.0, 0.0))
+                known[name] = (hidden.position + dq, hidden.velocity + dv)
         states = np.array([known[self.model.joint(i).name] for i in range(self.model.njnt)])
         return states[:, 0], states[:, 1]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -14,10 +13,8 @@ from wt.physics.effects._tools import settle
 from wt.physics.loose import Centre, Law, columns, paths
 from wt.physics.loose_search import laws_that_fit
 from wt.physics.motion import Motion
+from wt.physics.replay import Hidden, Stretch
 from wt.types import Location
-
-if TYPE_CHECKING:
-    from wt.physics.replay import Stretch
 
 Array = np.ndarray
 
@@ -26,6 +23,8 @@ _RADIUS = 0.01  # m, of the sphere that stands for the weight
 _STOP = (0.006, 1.0)  # time constant [s] and damping ratio: nothing bounces
 _AT_REST = 0.003  # m: what moves less is fixed
 _SPRUNG = 1.0  # 1/s²
+_UNSURE, _UNSURE_V = 0.15, 0.15
+"""Deviation of a path from the load's own: a share of the travel, and of its speed [m/s]."""
 
 
 @register
@@ -34,7 +33,9 @@ class BodyPayloadMoving(Effect):
 
     Along which axes, how far along each against the longest, damping, spring and whether it rolls
     are no part of ``theta``: they stand in the signature's shape, with the centre at which it was
-    computed, and are read off the residual (:mod:`wt.physics.loose_search`).
+    computed, and are read off the residual (:mod:`wt.physics.loose_search`). No path is exact, and
+    a load that is not quite where it is thought to be weighs less in a fit; so all weight that is
+    too much counts as its own, and none as an error of the body's mass.
     """
 
     id = "body.payload_moving"
@@ -48,10 +49,11 @@ class BodyPayloadMoving(Effect):
     excludes = ("body.payload_fixed",)
     reads_residual = True
     signed = (1, 0, 0, 0)
-    read_off = 9
+    read_off = 10
+    settles = ("body.mass",)
 
     def __init__(self, shape: Shape = ()) -> None:
-        """Bind a law and a centre: travel x, y, z; damping, spring, rolling; centre x, y, z."""
+        """Bind travel x, y, z; damping, spring, rolling; centre x, y, z; mass."""
         self.shape = shape
 
     def shaped(self, shape: Shape) -> BodyPayloadMoving:
@@ -65,8 +67,8 @@ class BodyPayloadMoving(Effect):
         if self.shape:
             return [self.shape]
         return [
-            (*law.travel, law.damping, law.spring, law.rolling, *centre)
-            for law, centre in laws_that_fit(motion, at.name)
+            (*law.travel, law.damping, law.spring, law.rolling, *centre, mass)
+            for law, centre, mass in laws_that_fit(motion, at.name)
         ]
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
@@ -81,6 +83,12 @@ class BodyPayloadMoving(Effect):
         size = max(abs(mass), 1e-9)
         away = coefficients[1:] / (size if mass >= 0.0 else -size)
         return np.array([mass, max(shape[:3]), *(np.array(_centre(shape)) + away)])
+
+    def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
+        """What was read off, with none of it put down to what any rig is off by."""
+        if not self.shape:
+            return []
+        return [np.array([self.shape[9], max(self.shape[:3]), *_centre(self.shape)])]
 
     def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
         """Add a small sphere without contacts, on slides between stops."""
@@ -114,9 +122,7 @@ class BodyPayloadMoving(Effect):
                     frictionloss=0.0,
                 )
 
-    def started(
-        self, at: Location, theta: Array, stretch: Stretch
-    ) -> Mapping[str, tuple[float, float]]:
+    def started(self, at: Location, theta: Array, stretch: Stretch) -> Mapping[str, Hidden]:
         """Where the load had got to, from how the body had moved until then."""
         law = self._law(theta)
         s, v = np.zeros((2, 3))
@@ -126,8 +132,11 @@ class BodyPayloadMoving(Effect):
             t = stretch.motion.t[rows]
             s = np.array([np.interp(now, t, path.s[rows, k]) for k in range(3)])
             v = np.array([np.interp(now, t, path.v[rows, k]) for k in range(3)])
-        moves = [k for k in range(3) if law.travel[k] > 0.0]
-        return {f"{at.name}_payload_{_AXES[k]}": (float(s[k]), float(v[k])) for k in moves}
+        return {
+            f"{at.name}_payload_{axis}": Hidden(float(x), float(y), (_UNSURE * travel, _UNSURE_V))
+            for axis, travel, x, y in zip(_AXES, law.travel, s, v, strict=True)
+            if travel > 0.0
+        }
 
     def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
         """Whether the load moved at all."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from wt.physics.contact import fixed, pairs, touchable
+from wt.physics.contact import deciding, fixed, pairs, touchable
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.effects._tools import compiled
 from wt.physics.motion import Motion
@@ -17,6 +17,7 @@ from wt.types import Location
 Array = np.ndarray
 
 _SOFTER = (2.0, 4.0)  # times the model's own, to start from
+_UNLIKE = 0.35  # of the logarithm
 
 
 @register
@@ -54,6 +55,12 @@ class ContactCompliance(Effect):
             return []
         own = float(motion.scene.model.geom(at.name).solref[0])
         return [np.array([factor * own]) for factor in _SOFTER if own > 0.0]
+
+    def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
+        """Whether it is further from the model's than soles and floors are from each other."""
+        m = motion.scene.model
+        now = [m.geom_solref[g, 0] for g in deciding(m, m.geom(at.name).id)]
+        return all(abs(np.log(theta[0] / max(x, 1e-6))) > _UNLIKE for x in now)
 
     def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
         """Write ``solref``, and see to it that no partner has a say in it.

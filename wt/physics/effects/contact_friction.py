@@ -8,7 +8,7 @@ from functools import lru_cache
 import mujoco
 import numpy as np
 
-from wt.physics.contact import fixed, loads, pairs, touchable
+from wt.physics.contact import deciding, fixed, loads, pairs, touchable
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.effects._tools import compiled
 from wt.physics.motion import Motion
@@ -20,6 +20,8 @@ Array = np.ndarray
 _SLIPPING, _LOADED = 0.06, 0.08  # m/s; share of the weight: less is noise of the residual
 _LEAST, _THINNED = 20, 5  # samples that must slip; one in so many is looked at
 _STARTS = (0.75, 0.5)  # quantiles of what was seen: a foot that hardly slips shows less
+
+_UNLIKE = 0.25  # of the logarithm: a dusty floor is no finding
 
 
 @register
@@ -60,6 +62,12 @@ class ContactFriction(Effect):
             return []
         lower, upper = self.bounds()
         return [np.clip([np.quantile(mine, q)], lower, upper) for q in _STARTS]
+
+    def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
+        """Whether it is further from the model's than floors are from each other."""
+        m = motion.scene.model
+        now = [m.geom_friction[g, 0] for g in deciding(m, m.geom(at.name).id)]
+        return all(abs(np.log(theta[0] / max(mu, 1e-6))) > _UNLIKE for mu in now)
 
     def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
         """Write ``friction``, and see to it that no partner overrules it.
