@@ -48,10 +48,32 @@ def main(argv: Sequence[str] | None = None) -> int:
     Args:
         argv: the arguments after ``wt``; None for those of this process.
     """
+    return _run(build, "wt", argv)
+
+
+def single(command: Callable[..., object], name: str, argv: Sequence[str] | None = None) -> int:
+    """Run a command that is a program of its own, as :func:`main` does those of ``wt``.
+
+    Args:
+        command: as in a module of ``wt.cli``.
+        name: of the program.
+        argv: its arguments; None for those of this process.
+    """
+    text, example = _split_doc(command)
+
+    def one() -> typer.Typer:
+        app = typer.Typer(rich_markup_mode=None, add_completion=False)
+        app.command(help=text, epilog=example)(command)
+        return app
+
+    return _run(one, name, argv)
+
+
+def _run(make: Callable[[], typer.Typer], name: str, argv: Sequence[str] | None) -> int:
     os.environ.update(QUIET)
     try:
-        code = typer.main.get_command(build()).main(
-            args=None if argv is None else list(argv), prog_name="wt", standalone_mode=False
+        code = typer.main.get_command(make()).main(
+            args=None if argv is None else list(argv), prog_name=name, standalone_mode=False
         )
     except Exception as error:
         if os.environ.get("WT_DEBUG", "0") not in ("", "0"):
