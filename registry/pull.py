@@ -8,7 +8,7 @@ from pathlib import Path
 
 from registry.card import CARD_FILE, MODEL_FILE, Card, sha256
 from registry.parity import verify
-from registry.store import Store, Version
+from registry.store import TRACKING_ERROR, Store, Version
 from wt.errors import RegistryError
 
 
@@ -29,12 +29,12 @@ def pull(reference: str, to: Path, *, uri: str | None = None) -> tuple[Version, 
     if to.exists() and not to.is_dir():
         raise RegistryError(f"{to} is a file; name a folder to pull {reference} into")
     store = Store(uri)
-    version = store.resolve(reference)
+    version = _model(store, reference)
     to.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=to.parent, prefix=".pull-") as name:
         folder = Path(name)
-        _fetch(store, version, MODEL_FILE, version.sha256, folder)
-        _fetch(store, version, CARD_FILE, version.card_sha256, folder)
+        fetch(store, version, MODEL_FILE, version.sha256, folder)
+        fetch(store, version, CARD_FILE, version.card_sha256, folder)
         card = verify(folder)
         to.mkdir(exist_ok=True)
         for file in (MODEL_FILE, CARD_FILE):
@@ -49,16 +49,30 @@ def read_card(reference: str, *, uri: str | None = None) -> tuple[Version, Card]
         RegistryError: as :func:`pull`.
     """
     store = Store(uri)
-    version = store.resolve(reference)
+    version = _model(store, reference)
     with tempfile.TemporaryDirectory() as name:
-        _fetch(store, version, CARD_FILE, version.card_sha256, Path(name))
+        fetch(store, version, CARD_FILE, version.card_sha256, Path(name))
         return version, Card.load(Path(name))
 
 
-def _fetch(store: Store, version: Version, file: str, expected: str, folder: Path) -> None:
+def fetch(store: Store, version: Version, file: str, expected: str, folder: Path) -> None:
+    """Download one file of a version and verify its hash.
+
+    Raises:
+        RegistryError: it is gone, or its bytes are not those that were registered.
+    """
     found = sha256(store.fetch(version, file, folder))
     if found != expected:
         raise RegistryError(
             f"{file} of {version} has sha256 {found[:12]}…, registered was {expected[:12]}…: "
             "its bytes were changed; restore them, or register the model again"
         )
+
+
+def _model(store: Store, reference: str) -> Version:
+    version = store.resolve(reference)
+    if version.heldout.metric == TRACKING_ERROR:
+        raise RegistryError(
+            f"{version} is a walking policy, not a model of wt fit; wt-run --policy runs it"
+        )
+    return version

@@ -21,6 +21,9 @@ from wt.errors import RegistryError, suggest
 if TYPE_CHECKING:
     from mlflow.entities.model_registry import ModelVersion, RegisteredModel
 
+TRACKING_ERROR = "tracking_error"
+"""The metric by which walking policies are compared, and no model of ``wt fit``."""
+
 _SETTLED = "settled"
 _NAME = re.compile(r"[\w.-]+")
 _REFERENCE = re.compile(r"(?P<name>[\w.-]+)(?:@(?P<alias>[\w-]+)|/(?P<version>\d+))")

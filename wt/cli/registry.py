@@ -96,22 +96,50 @@ def show(reference: Reference) -> None:
 
 
 @app.command()
+def push(
+    folder: Annotated[
+        Path, typer.Argument(metavar="POLICY", help="Folder of wt-train-policy, or of the package.")
+    ],
+) -> None:
+    """Register a walking policy under the name on its card; wt fit registers models by itself.
+
+    Example:
+        wt registry push runs/policy-go2
+    """
+    from registry.policies import push as push_policy
+    from wt import track
+    from wt.worlds.policy import folder_of
+
+    with _busy(f"registering {folder}"):
+        found = folder_of(folder)
+        with track.run("policies", found.name) as run:
+            version = push_policy(found, run.id)
+    typer.echo(f"{version}: {version.decision}")
+
+
+@app.command()
 def pull(
     reference: Reference,
     to: Annotated[
         Path | None, typer.Option("--to", help="Folder to write [default: NAME-VERSION].")
     ] = None,
 ) -> None:
-    """Download a model, verify its bytes and replay its golden pairs.
+    """Download a model or a policy, verify its bytes and replay a model's golden pairs.
 
     Example:
         wt registry pull wt-r5@champion --to models/r5
     """
+    from registry import policies
     from registry.pull import pull as pull_model
     from registry.store import Store
 
     with _busy(f"pulling {reference}"):
-        folder = to or Path(str(Store().resolve(reference)).replace("/", "-"))
+        found = Store().resolve(reference)
+        folder = to or Path(str(found).replace("/", "-"))
+        if policies.is_policy(found):
+            policies.pull(reference, folder)
+            typer.echo(f"{folder}: {found}, sha256 {found.sha256[:12]} verified")
+            return
         version, card = pull_model(reference, folder)
     typer.echo(
         f"{folder}: {version}, sha256 {card.sha256[:12]} verified, "

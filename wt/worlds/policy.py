@@ -157,7 +157,7 @@ class Policy:
         """
         import onnxruntime
 
-        folder = _folder(Path(path))
+        folder = folder_of(Path(path))
         card = PolicyCard.read(folder / CARD)
         graph = folder / GRAPH
         if not graph.is_file():
@@ -196,7 +196,12 @@ class Policy:
         return action
 
 
-def _folder(path: Path) -> Path:
+def folder_of(path: Path) -> Path:
+    """Folder of a policy that is given by it, by the graph in it, or by name.
+
+    Raises:
+        ModelError: there is none.
+    """
     if path.name == GRAPH:
         return path.parent
     if not path.exists() and len(path.parts) == 1 and (SHIPPED / path).is_dir():
