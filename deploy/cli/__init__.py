@@ -1,0 +1,1 @@
+"""The commands of the runner: ``wt-run`` and ``wt-sim-go2``, one module each."""

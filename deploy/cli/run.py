@@ -1,0 +1,66 @@
+"""``wt-run``: run a policy on a robot."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+RobotName = Literal["go2"]
+
+
+def command(
+    policy: Annotated[
+        str, typer.Option(help="NAME@ALIAS or NAME/VERSION of the registry, a folder, or go2.")
+    ],
+    limits: Annotated[
+        list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Change a safety limit.")
+    ] = None,
+    robot: Annotated[RobotName, typer.Option(help="What to run it on.")] = "go2",
+    interface: Annotated[
+        str, typer.Option(help="Network interface of the robot; lo for wt-sim-go2.")
+    ] = "lo",
+    domain: Annotated[int, typer.Option(help="DDS domain.")] = 0,
+    seconds: Annotated[float | None, typer.Option(min=0, help="End after so long.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of recording and log [default: runs/go2-<time>].")
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Compute everything, send nothing.")
+    ] = False,
+) -> None:
+    """Run a policy on a robot: passive, stand up, policy, damping, as the operator says.
+
+    Keys: 1 stand up, 2 policy, space damping, x end; w/s, a/d, q/e walk and turn, 0 stand still.
+    Remote: L2+A stand up, start policy, L2+B damping, sticks walk and turn.
+    Ctrl-C ends in damping. A fault ends in damping, too, and stays until the program ends.
+
+    Example:
+        wt-sim-go2 &
+        wt-run --robot go2 --policy go2 --interface lo
+        wt-run --robot go2 --policy go2@champion --interface eth0 --dry-run
+    """
+    from deploy.job import run
+
+    run(
+        policy, interface=interface, domain=domain, limits=limits or [], seconds=seconds, out=out,
+        dry_run=dry_run,
+    )  # fmt: skip
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point of ``wt-run``; its exit code.
+
+    Args:
+        argv: the arguments; None for those of this process.
+    """
+    from wt.cli.main import single
+
+    return single(command, "wt-run", argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

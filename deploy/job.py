@@ -1,0 +1,119 @@
+"""What the commands do, from words to files."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+
+from wt.errors import WorkError
+
+REPORT = "report.json"
+
+
+def run(
+    reference: str, *, interface: str, domain: int, limits: Sequence[str],
+    seconds: float | None, out: Path | None, dry_run: bool,
+) -> None:  # fmt: skip
+    """Run a policy on a Go2 and print the timing report.
+
+    Args:
+        reference: of the policy, see :func:`deploy.policies.load`.
+        interface: of the network.
+        domain: of DDS.
+        limits: ``KEY=VALUE`` changes of :class:`deploy.safety.Limits`.
+        seconds: when to end; None for when the operator says so.
+        out: folder of recording, log and report; None for one of its own.
+        dry_run: send nothing.
+
+    Raises:
+        UserError: policy, interface or limits cannot be used.
+        WorkError: no robot answers, or a fault ended the run.
+    """
+    from deploy.dds import Line
+    from deploy.go2 import Go2
+    from deploy.operator import KEYS, Operator
+    from deploy.pilot import Pilot
+    from deploy.policies import load
+    from deploy.robot import Silent
+    from deploy.runner import Runner, teller
+    from deploy.safety import Limits
+
+    bounds = Limits.parse(list(limits))
+    policy = load(reference)
+    robot = Go2(Line(interface, domain), policy.card.joints)
+    folder = out or Path("runs") / f"go2-{datetime.now():%Y-%m-%dT%H-%M-%S}"
+    folder.mkdir(parents=True, exist_ok=True)  # better now than when there is something to lose
+    operator, say = Operator(policy.card.command_limits), teller()
+    say(f"policy {policy.card.name} ({policy.card.sha256[:12]}) on {interface}\n{KEYS}")
+    runner = Runner(Silent(robot) if dry_run else robot, Pilot(policy), operator, bounds, say=say)
+    meta: dict[str, object] = {
+        "robot": "go2", "source": f"wt-run on {interface}", "rate": 1 / 0.002,
+        "policy": reference, "policy_sha256": policy.card.sha256, "dry_run": dry_run,
+        "limits": vars(bounds),
+    }  # fmt: skip
+    outcome = None
+    try:
+        with operator.attending():
+            outcome = runner.run(math.inf if seconds is None else seconds)
+    finally:
+        events = outcome.events if outcome else []
+        written = runner.recorder.write(
+            folder, {**meta, "events": events, "health": robot.health()}
+        )
+    report = {"timing": outcome.timing.dict(), "events": events, "began": outcome.began}
+    _write_json(folder / REPORT, report)
+    print(outcome.timing.text())
+    print(f"{folder}: {', '.join([*(p.name for p in written), REPORT])}")
+    if outcome.fault:
+        raise WorkError(f"ended in damping after a fault: {outcome.fault}")
+
+
+def simulate(
+    *, interface: str, domain: int, remote: Sequence[str], fault: str | None,
+    seconds: float | None, out: Path | None,
+) -> None:  # fmt: skip
+    """Simulate a Go2 until Ctrl-C or the time is over, and say where it got.
+
+    Args:
+        interface: of the network.
+        domain: of DDS.
+        remote: script of the remote control, :class:`deploy.script.Script`.
+        fault: what goes wrong, :class:`deploy.mischief.Mischief`.
+        seconds: how long after the first command to end; None for never.
+        out: folder of a recording; None for none.
+
+    Raises:
+        UserError: interface, script or fault cannot be used.
+    """
+    from deploy.dds import Line
+    from deploy.mischief import Mischief
+    from deploy.script import Script
+    from deploy.sim import Sim
+
+    script = Script.parse(remote)
+    sim = Sim(Line(interface, domain), script, Mischief.parse(fault) if fault else None)
+    ended = [False]
+    for s in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(s, lambda *_: ended.__setitem__(0, True))
+    print(f"a Go2 lies at {interface}, DDS domain {domain}; Ctrl-C ends", flush=True)
+    end = math.inf if seconds is None else seconds
+    sim.run(lambda elapsed: ended[0] or elapsed >= end)
+    if not len(sim.recorder.ticks()["t"]):
+        print("nobody commanded it")
+        return
+    print(sim.walk())
+    if out is not None:
+        meta: dict[str, object] = {"robot": "go2", "source": "wt-sim-go2", "rate": 500.0}
+        written = sim.recorder.write(out, {**meta, "fault": fault})
+        print(f"{out}: {', '.join(p.name for p in written)}")
+
+
+def _write_json(path: Path, content: object) -> None:
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    os.replace(temporary, path)

@@ -1,0 +1,151 @@
+"""A Go2 in MuJoCo that takes the commands of a real one's drives.
+
+Each drive's torque is kp·(q − measured) + kd·(dq − measured) + tau, as on the robot. The gains are
+written into MuJoCo's actuators, whose velocity part the integrator takes implicitly.
+"""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+
+from deploy import go2
+from deploy.idl import LowState_
+from deploy.messages import Packed
+from deploy.motion import DAMPING
+from deploy.robot import Command
+from wt.worlds import go2_model
+from wt.worlds.legged_model import BASE, GYRO, ORIENTATION
+
+TICK = 0.002
+"""From one state to the next [s]."""
+
+STALE_COMMAND = 0.02
+"""Age of the newest command beyond which the robot brakes by itself [s]."""
+
+JOINTS = go2_model.JOINTS
+_TIMESTEP = 0.001
+_ACCELEROMETER = "accelerometer"
+_LYING = (0.47, 1.13, -2.72, -0.47, 1.13, -2.72) * 2  # rad: folded, the trunk on the floor
+_LYING_HEIGHT = 0.06  # m
+_SETTLE = 0.5  # s
+_MILLI = 1e3
+
+
+class SimRobot:
+    """The robot; it lies on the floor at first.
+
+    Attributes:
+        data: MuJoCo's state.
+        command: what the drives do.
+        stale: whether they brake because no command comes.
+        missed: time that passed without physics [s].
+    """
+
+    def __init__(self) -> None:
+        """Put it down and let it settle."""
+        spec = go2_model.spec(go2_model.PUBLISHED, _TIMESTEP)
+        spec.add_sensor(
+            name=_ACCELEROMETER, type=mujoco.mjtSensor.mjSENS_ACCELEROMETER,
+            objtype=mujoco.mjtObj.mjOBJ_SITE, objname="imu",
+        )  # fmt: skip
+        self._model = spec.compile()
+        self.data = mujoco.MjData(self._model)
+        self._motor = go2.motors(JOINTS)
+        joint = self._model.joint(BASE)
+        self._base = joint.qposadr[0], joint.dofadr[0]
+        none = np.zeros(len(JOINTS))
+        self._idle = Command(none, none, none)
+        self._brake = Command(none, none, none + DAMPING)
+        self.command, self.stale, self.missed = self._brake, False, 0.0
+        self._push: np.ndarray | float = 0.0
+        self._heard: float | None = None
+        self.data.qpos[2], self.data.qpos[7:] = _LYING_HEIGHT, _LYING
+        for _ in range(round(_SETTLE / TICK)):
+            self.step(0.0)
+        self.data.time = 0.0
+        self.command = self._idle
+
+    def hear(self, message: Packed, now: float) -> bool:
+        """Take a command at ``now`` [s]; one whose checksum is wrong is ignored."""
+        if message.data["crc"] != message.checksum():
+            return False
+        self._heard = now
+        sent = message.data["motor_cmd"][self._motor]
+        target, stiffness, damping = (sent[x].astype(np.float64) for x in ("q", "kp", "kd"))
+        self._push = sent["tau"] + damping * sent["dq"]
+        self.command = Command(target, stiffness, damping)
+        return True
+
+    def step(self, now: float) -> None:
+        """One tick of physics; brakes if the newest command is too old at ``now`` [s]."""
+        self.stale = self._heard is not None and now - self._heard > STALE_COMMAND
+        if self.stale:
+            self.command, self._push = self._brake, 0.0
+        model, command = self._model, self.command
+        model.actuator_gainprm[:, 0] = command.stiffness
+        model.actuator_biasprm[:, 0] = self._push
+        model.actuator_biasprm[:, 1] = -command.stiffness
+        model.actuator_biasprm[:, 2] = -command.damping
+        self.data.ctrl[:] = command.target
+        mujoco.mj_step(model, self.data, round(TICK / _TIMESTEP))
+
+    def state(self, remote: bytes) -> Packed:
+        """What the robot says of itself.
+
+        Args:
+            remote: the remote control's 40 bytes.
+        """
+        message, data = LowState_(), self.data
+        fields = message.data
+        fields["head"] = 0xFE, 0xEF
+        fields["level_flag"] = 0xFF
+        fields["tick"] = round(self.time * _MILLI)
+        fields["wireless_remote"] = np.frombuffer(remote, np.uint8)
+        imu, drives = fields["imu_state"], fields["motor_state"]
+        w, x, y, z = imu["quaternion"] = data.sensor(ORIENTATION).data
+        imu["gyroscope"] = data.sensor(GYRO).data
+        imu["accelerometer"] = data.sensor(_ACCELEROMETER).data
+        imu["rpy"] = (
+            math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
+            math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x)))),
+            math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
+        )
+        drives["mode"][self._motor] = 1
+        drives["q"][self._motor] = self.joints
+        drives["dq"][self._motor] = self.speeds
+        drives["tau_est"][self._motor] = data.actuator_force
+        drives["temperature"][self._motor] = 30
+        fields["bms_state"]["soc"], fields["power_v"] = 100, 28.8
+        return message.seal()
+
+    @property
+    def time(self) -> float:
+        """The robot's clock [s]."""
+        return float(self.data.time) + self.missed
+
+    @property
+    def joints(self) -> np.ndarray:
+        """Positions, (12,) [rad], in the order of :data:`JOINTS`; live."""
+        start = self._base[0] + 7
+        return self.data.qpos[start : start + len(JOINTS)]
+
+    @property
+    def speeds(self) -> np.ndarray:
+        """Velocities, (12,) [rad/s]; live."""
+        start = self._base[1] + 6
+        return self.data.qvel[start : start + len(JOINTS)]
+
+    def truth(self) -> np.ndarray:
+        """What only a simulator or motion capture knows, then the rest: :func:`columns`."""
+        data = self.data
+        parts = (data.qpos[:7], data.qvel[:6], self.joints, self.speeds, data.actuator_force)
+        return np.concatenate(parts)
+
+
+def columns() -> list[str]:
+    """Names of :meth:`SimRobot.truth`, in order."""
+    names = [f"qpos/{BASE}/{k}" for k in range(7)] + [f"qvel/{BASE}/{k}" for k in range(6)]
+    return names + [f"{kind}/{joint}" for kind in ("qpos", "qvel", "force") for joint in JOINTS]
