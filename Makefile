@@ -49,6 +49,7 @@ format: env ## lay the code out as lint wants it
 bench: env ## print the tables of speed
 	$(BIN)/python benchmarks/collect.py
 	$(BIN)/python benchmarks/train.py
+	$(BIN)/python benchmarks/runner.py
 
 wheel-smoke: ## build the wheel, install it in a fresh environment, run the smoke test
 	PYTHON=$(PYTHON) tests/wheel_smoke.sh

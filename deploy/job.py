@@ -17,7 +17,7 @@ REPORT = "report.json"
 
 def run(
     reference: str, *, interface: str, domain: int, limits: Sequence[str],
-    seconds: float | None, out: Path | None, dry_run: bool,
+    seconds: float | None, out: Path | None, dry_run: bool, realtime: bool,
 ) -> None:  # fmt: skip
     """Run a policy on a Go2 and print the timing report.
 
@@ -29,11 +29,13 @@ def run(
         seconds: when to end; None for when the operator says so.
         out: folder of recording, log and report; None for one of its own.
         dry_run: send nothing.
+        realtime: run before all other processes.
 
     Raises:
         UserError: policy, interface or limits cannot be used.
         WorkError: no robot answers, or a fault ended the run.
     """
+    from deploy.clock import take_precedence
     from deploy.dds import Line
     from deploy.go2 import Go2
     from deploy.operator import KEYS, Operator
@@ -45,6 +47,8 @@ def run(
 
     bounds = Limits.parse(list(limits))
     policy = load(reference)
+    if realtime:
+        take_precedence()  # before the network's threads begin
     robot = Go2(Line(interface, domain), policy.card.joints)
     folder = out or Path("runs") / f"go2-{datetime.now():%Y-%m-%dT%H-%M-%S}"
     folder.mkdir(parents=True, exist_ok=True)  # better now than when there is something to lose
@@ -75,7 +79,7 @@ def run(
 
 def simulate(
     *, interface: str, domain: int, remote: Sequence[str], fault: str | None,
-    seconds: float | None, out: Path | None,
+    seconds: float | None, out: Path | None, realtime: bool,
 ) -> None:  # fmt: skip
     """Simulate a Go2 until Ctrl-C or the time is over, and say where it got.
 
@@ -86,16 +90,20 @@ def simulate(
         fault: what goes wrong, :class:`deploy.mischief.Mischief`.
         seconds: how long after the first command to end; None for never.
         out: folder of a recording; None for none.
+        realtime: run before all other processes.
 
     Raises:
         UserError: interface, script or fault cannot be used.
     """
+    from deploy.clock import take_precedence
     from deploy.dds import Line
     from deploy.mischief import Mischief
     from deploy.script import Script
     from deploy.sim import Sim
 
     script = Script.parse(remote)
+    if realtime:
+        take_precedence()
     sim = Sim(Line(interface, domain), script, Mischief.parse(fault) if fault else None)
     ended = [False]
     for s in (signal.SIGINT, signal.SIGTERM):

@@ -31,6 +31,9 @@ def command(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Compute everything, send nothing.")
     ] = False,
+    realtime: Annotated[
+        bool, typer.Option("--realtime", help="Run before all else (root, or ulimit -r 20).")
+    ] = False,
 ) -> None:
     """Run a policy on a robot: passive, stand up, policy, damping, as the operator says.
 
@@ -47,7 +50,7 @@ def command(
 
     run(
         policy, interface=interface, domain=domain, limits=limits or [], seconds=seconds, out=out,
-        dry_run=dry_run,
+        dry_run=dry_run, realtime=realtime,
     )  # fmt: skip
 
 

@@ -25,6 +25,9 @@ def command(
         typer.Option(help="drop@S, delay@S, nan@S or flip@S: what goes wrong, and when."),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for a recording of the truth.")] = None,
+    realtime: Annotated[
+        bool, typer.Option("--realtime", help="Run before all else (root, or ulimit -r 20).")
+    ] = False,
 ) -> None:
     """Simulate a Go2 behind the topics of a real one: rt/lowcmd in, rt/lowstate out.
 
@@ -41,7 +44,7 @@ def command(
 
     simulate(
         interface=interface, domain=domain, remote=remote or [], fault=fault, seconds=seconds,
-        out=out,
+        out=out, realtime=realtime,
     )  # fmt: skip
 
 

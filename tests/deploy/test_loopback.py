@@ -8,7 +8,6 @@ is the latency; on one that is busy it does not blame the runner for the time it
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -59,6 +58,14 @@ class Pair:
         self.started.append(process)
         return process
 
+    def sim_ends(self) -> str:
+        """Tell the simulator to end; what it said."""
+        sim = self.started[0]
+        sim.send_signal(signal.SIGTERM)
+        code, out, err = finished(sim)
+        assert code == 0, err
+        return out
+
     def ticks(self, where: str) -> dict[str, np.ndarray]:
         table = pq.read_table(self.out / where / "log.parquet")
         return {name: table[name].to_numpy() for name in table.column_names}
@@ -97,19 +104,19 @@ def ticks_until_damping(pair: Pair, onset: float) -> int:
 
 def test_a_go2_stands_up_walks_and_lies_down(pair: Pair) -> None:
     """From the operator's buttons to the recording, all that a real run has but the motors."""
-    script = ("0.3:stand", "1.8:policy", "2:walk=0.5", "6:walk=0", "6.4:damping")
-    sim = pair.start("sim_go2", *script, "--seconds", "7.5")
-    run = pair.start("run", "--policy", "go2", *LENIENT, "--seconds", "7")
+    script = ("0.2:stand", "1.5:policy", "1.7:walk=0.5", "5.2:walk=0", "5.6:damping")
+    pair.start("sim_go2", *script)
+    run = pair.start("run", "--policy", "go2", *LENIENT, "--seconds", "6")
     code, out, err = finished(run)
     assert code == 0, err
     assert all(word in out for word in ("loop period", "loop jitter", "inference", "p99"))
     assert [line for line in err.splitlines() if line in ("stand", "policy", "damping")] == [
         "stand", "policy", "damping",
     ]  # fmt: skip
-    assert finished(sim)[0] == 0
+    pair.sim_ends()
 
     truth = pair.ticks("sim")
-    walking = (truth["t"] > 2.5) & (truth["t"] < 6)
+    walking = (truth["t"] > 2.2) & (truth["t"] < 5.2)
     x, height = truth["qpos/base/0"][walking], truth["qpos/base/2"][walking]
     physics = 0.002 * walking.sum()  # a busy machine leaves some of it out
     assert (x[-1] - x[0]) / physics == pytest.approx(0.5, rel=0.2)
@@ -133,14 +140,14 @@ def test_a_go2_stands_up_walks_and_lies_down(pair: Pair) -> None:
 )
 def test_bad_states_end_in_damping_within_40_ms(pair: Pair, fault: str, name: str) -> None:
     limits = (QUICK, "deadline=2") if name == "stale_state" else LENIENT
-    pair.start("sim_go2", "0.2:stand", "--fault", f"{fault}@0.7", "--seconds", "4")
-    code, _, err = finished(pair.start("run", "--policy", "go2", *limits, "--seconds", "1.2"))
+    pair.start("sim_go2", "0.1:stand", "--fault", f"{fault}@0.5")
+    code, _, err = finished(pair.start("run", "--policy", "go2", *limits, "--seconds", "1"))
     assert code == 1 and err.splitlines()[-1].startswith(
         f"error: ended in damping after a fault: {name}"
     )
-    assert finished(pair.started[0])[0] == 0
+    pair.sim_ends()
     truth = pair.ticks("sim")
-    onset = truth["wall"][np.argmax(truth["t"] >= 0.7)]
+    onset = truth["wall"][np.argmax(truth["t"] >= 0.5)]
     assert ticks_until_damping(pair, onset) <= MOST_TICKS
 
 
@@ -149,11 +156,11 @@ def test_an_action_that_is_no_number_ends_in_damping_within_40_ms(
 ) -> None:
     """A policy whose output is the square root of minus the command: fine, until it is to walk."""
     write_policy(tmp_path / "policy")
-    pair.start("sim_go2", "0.1:stand", "1.3:policy", "1.8:walk=0.5", "--seconds", "5")
-    run = pair.start("run", "--policy", str(tmp_path / "policy"), *LENIENT, "--seconds", "2.3")
+    pair.start("sim_go2", "0.1:stand", "1.3:policy", "1.7:walk=0.5")
+    run = pair.start("run", "--policy", str(tmp_path / "policy"), *LENIENT, "--seconds", "2.1")
     code, _, err = finished(run)
     assert code == 1 and "action: the policy's output number 0 is no number" in err
-    assert finished(pair.started[0])[0] == 0
+    pair.sim_ends()
     log = pair.ticks("run")
     assert (log["stage"] == POLICY).any()
     asked = log["t"][np.argmax(log["command/forward"] > 0)] + pair.began()
@@ -165,8 +172,8 @@ def test_an_action_that_is_no_number_ends_in_damping_within_40_ms(
 def test_a_second_publisher_ends_in_damping_within_40_ms(pair: Pair, domain: int) -> None:
     line = Line("lo", domain)
     writer = line.writer(LOW_COMMAND, LowCmd_)
-    pair.start("sim_go2", "0.1:stand", "--seconds", "4")
-    run = pair.start("run", "--policy", "go2", *LENIENT, "--seconds", "1.5")
+    pair.start("sim_go2", "0.1:stand")
+    run = pair.start("run", "--policy", "go2", *LENIENT, "--seconds", "1.2")
     assert run.stderr is not None
     while run.stderr.readline().strip() != "stand":
         assert run.poll() is None
@@ -182,14 +189,15 @@ def test_a_second_publisher_ends_in_damping_within_40_ms(pair: Pair, domain: int
 
 def test_a_killed_runner_leaves_a_robot_that_brakes_within_40_ms(pair: Pair) -> None:
     """Nobody can send anything any more: the robot's own watchdog is counted, in its ticks."""
-    sim = pair.start("sim_go2", "0.1:stand", "--seconds", "2")
+    pair.start("sim_go2", "0.1:stand")
     run = pair.start("run", "--policy", "go2", *LENIENT)
     assert run.stderr is not None
     while run.stderr.readline().strip() != "stand":
         assert run.poll() is None
     time.sleep(0.5)
     run.kill()
-    assert finished(sim)[0] == 0
+    time.sleep(0.5)
+    pair.sim_ends()
     truth = pair.ticks("sim")
     last = np.flatnonzero(truth["heard"])[-1]
     assert truth["stiffness"][last] > 0
@@ -197,33 +205,26 @@ def test_a_killed_runner_leaves_a_robot_that_brakes_within_40_ms(pair: Pair) -> 
     assert int(np.argmax(braking[last:])) <= MOST_TICKS and braking[last + MOST_TICKS :].all()
 
 
-@pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_in_damping_and_writes_what_there_is(
-    pair: Pair, which: signal.Signals
-) -> None:
-    sim = pair.start("sim_go2", "0.1:stand", "--seconds", "20")
+def test_ctrl_c_ends_in_damping_and_writes_what_there_is(pair: Pair) -> None:
+    pair.start("sim_go2", "0.1:stand")
     run = pair.start("run", "--policy", "go2", *LENIENT)
     assert run.stderr is not None
     while run.stderr.readline().strip() != "stand":
         assert run.poll() is None
-    time.sleep(1.5)
-    os.kill(run.pid, which)
+    time.sleep(0.5)
+    run.send_signal(signal.SIGINT)
     code, out, _ = finished(run)
     assert code == 0 and "log.parquet, report.json" in out
     log = pair.ticks("run")
     braking = (log["stiffness"] == 0) & (log["damping"] > 0)
     first = int(np.argmax(braking))
     assert braking[first:].all() and log["t"][-1] - log["t"][first] > 0.9
-    sim.send_signal(signal.SIGTERM)
-    assert finished(sim)[0] == 0
 
 
 def test_a_dry_run_sends_nothing(pair: Pair) -> None:
-    sim = pair.start("sim_go2", "--seconds", "1")
-    run = pair.start("run", "--policy", "go2", *LENIENT, "--dry-run", "--seconds", "1.5")
+    pair.start("sim_go2")
+    run = pair.start("run", "--policy", "go2", *LENIENT, "--dry-run", "--seconds", "0.5")
     code, _, err = finished(run)
     assert code == 0, err
-    sim.send_signal(signal.SIGTERM)
-    code, out, _ = finished(sim)
-    assert code == 0 and "nobody commanded it" in out
+    assert "nobody commanded it" in pair.sim_ends()
     assert len(pair.ticks("run")["t"]) > 100

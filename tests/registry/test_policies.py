@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from deploy.policies import load
 from registry.policies import pull, push
 from registry.pull import pull as pull_model
 from registry.push import push as push_model
@@ -118,3 +119,15 @@ def test_from_the_command_line(
     assert "'nowhere' does not exist" in capsys.readouterr().err
     assert main(["registry", "show", "go2@champion"]) == 2
     assert "is a walking policy" in capsys.readouterr().err
+
+
+def test_a_robot_runs_what_is_registered(
+    store_uri: str, run_id: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", store_uri)
+    monkeypatch.chdir(tmp_path)
+    pushed = push(copied(tmp_path / "made"), run_id, uri=store_uri)
+    for reference in ("go2@champion", "go2/1"):
+        assert load(reference).card.sha256 == pushed.sha256
+    with pytest.raises(RegistryError, match="no alias 'nobody'"):
+        load("go2@nobody")

@@ -1,0 +1,82 @@
+"""What a run leaves is whole, is what happened, and is what wt's reader takes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from deploy.record import LOG, RECORDING, Recorder, Table, state_columns, state_values
+from deploy.robot import Command
+from tests.deploy.conftest import standing
+from wt.data.recording import check_against, read
+from wt.worlds import go2_model
+from wt.worlds.robots import GO2
+
+JOINTS = GO2.joints
+ONE = np.ones(12)
+POSE = np.array(GO2.default) + 0.01 * np.arange(12)
+
+
+def recorded(seconds: float) -> Recorder:
+    """Half of the time limp, then held; every tenth tick without a state."""
+    recorder = Recorder(state_columns(JOINTS), JOINTS, ("stage",))
+    ticks = round(seconds * 500)
+    for k in range(ticks):
+        held = k >= ticks // 2
+        command = Command(1e-4 * k * ONE, (50.0 if held else 0.0) * ONE, ONE)
+        state = standing(7.0 + 0.002 * k, POSE + 1e-5 * k)
+        heard = None if k % 10 == 9 else state.time
+        recorder.row(0.002 * k, heard, state_values(state), command, (float(held),))
+    return recorder
+
+
+def test_the_recording_is_of_the_held_states_and_the_log_of_every_tick(tmp_path: Path) -> None:
+    written = recorded(4.4).write(tmp_path / "new", {"robot": "go2"})
+    assert written == [tmp_path / "new" / RECORDING, tmp_path / "new" / LOG]
+    recording = read(written[0])
+    check_against(recording, go2_model.build(go2_model.PUBLISHED, 0.005))
+    rows = np.array([k for k in range(1100, 2200) if k % 10 != 9])
+    np.testing.assert_allclose(recording.t, 0.002 * (rows - 1100), atol=1e-9)
+    np.testing.assert_allclose(recording.columns["ctrl/FR_hip_joint"], 1e-4 * rows)
+    k = JOINTS.index("FR_calf_joint")
+    np.testing.assert_allclose(recording.columns["qpos/FR_calf_joint"], POSE[k] + 1e-5 * rows)
+    assert recording.meta["robot"] == "go2"
+    log = pq.read_table(written[1]).to_pandas()
+    assert len(log) == 2200
+    np.testing.assert_allclose(log["t"], 0.002 * np.arange(2200))
+    assert np.isnan(log["ctrl/FR_hip_joint"][:1100]).all()
+    assert np.isnan(log["qpos/FR_hip_joint"][9::10]).all()
+
+
+def test_a_table_of_several_blocks_is_one() -> None:
+    table = Table(["t", "x", "y"])
+    for k in range(20_000):
+        table.append(0.002 * k, np.array([k, -k]))
+    expected = np.arange(20_000)[:, None] * np.array([0.002, 1, -1])
+    np.testing.assert_allclose(table.rows(), expected)
+
+
+def test_a_short_run_leaves_its_log(tmp_path: Path) -> None:
+    assert recorded(1.0).write(tmp_path, {}) == [tmp_path / LOG]
+    assert pq.read_table(tmp_path / LOG).num_rows == 500
+    assert sorted(p.name for p in tmp_path.iterdir()) == [LOG]
+
+
+def test_an_interrupted_write_leaves_the_earlier_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorded(1.0).write(tmp_path, {})
+    before = (tmp_path / LOG).read_bytes()
+
+    def broken(_: object, path: Path) -> None:
+        path.write_bytes(b"half")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("pyarrow.parquet.write_table", broken)
+    with pytest.raises(KeyboardInterrupt):
+        recorded(2.0).write(tmp_path, {})
+    assert (tmp_path / LOG).read_bytes() == before
+    assert sorted(p.name for p in tmp_path.iterdir()) == [LOG]
