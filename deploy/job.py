@@ -51,7 +51,7 @@ def run(
         take_precedence()  # before the network's threads begin
     robot = Go2(Line(interface, domain), policy.card.joints)
     folder = out or Path("runs") / f"go2-{datetime.now():%Y-%m-%dT%H-%M-%S}"
-    folder.mkdir(parents=True, exist_ok=True)  # better now than when there is something to lose
+    folder.mkdir(parents=True, exist_ok=True)  # if it cannot be, better now than after the run
     operator, say = Operator(policy.card.command_limits), teller()
     say(f"policy {policy.card.name} ({policy.card.sha256[:12]}) on {interface}\n{KEYS}")
     runner = Runner(Silent(robot) if dry_run else robot, Pilot(policy), operator, bounds, say=say)

@@ -47,9 +47,13 @@ class Table:
             at += size
         self._used += 1
 
+    def __len__(self) -> int:
+        """How many rows there are."""
+        return max(0, len(self._blocks) - 1) * _BLOCK + (self._used if self._blocks else 0)
+
     def rows(self) -> np.ndarray:
         """All rows, (N, columns)."""
-        if not self._blocks:
+        if not len(self):
             return np.empty((0, len(self.columns)))
         return np.concatenate([*self._blocks[:-1], self._blocks[-1][: self._used]])
 
@@ -123,6 +127,8 @@ class Recorder:
         Returns:
             What was written: less than two seconds of motion is no recording and is left out.
         """
+        if not len(self._log):
+            return []
         written = [folder / LOG]
         folder.mkdir(parents=True, exist_ok=True)
         _write_whole(folder / LOG, self.ticks(), meta)

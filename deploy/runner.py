@@ -17,6 +17,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from deploy import safety
 from deploy.clock import Clock, Monotonic
 from deploy.motion import Motion
 from deploy.pilot import Pilot
@@ -34,7 +35,7 @@ END_SECONDS = 1.0
 """How long damping is told before the program ends."""
 
 _FIRST_STATE = 10.0  # s, to wait for the robot
-_LISTEN = 0.5  # s, before the first command: is the robot's clock of use?
+_LISTEN = 0.5  # s, before the first command: is the robot free, and its clock of use?
 _STAGES = list(Stage)
 _EXTRA = (
     "stage", "fault", "age", "stiffness", "damping", "inference",
@@ -108,7 +109,7 @@ class Runner:
             brake: how long damping is told in the end [s].
 
         Raises:
-            WorkError: no state of the robot arrives.
+            WorkError: no state of the robot arrives, or somebody else commands it.
         """
         self._await_robot()
         gc.collect()
@@ -136,6 +137,8 @@ class Runner:
         while (now := self._clock.now()) < heard + _LISTEN:
             self._watch.listen(now)
             heard = min(heard, now) if self._watch.fresh else heard
+            if words := safety.intruded(self._robot.intruders()):
+                raise WorkError(f"nothing was sent: {words}")
             if now > begin + _FIRST_STATE and heard == math.inf:
                 raise WorkError(
                     f"no state of the robot came for {_FIRST_STATE:g} s: is it on, and is this its "

@@ -57,12 +57,18 @@ def test_a_table_of_several_blocks_is_one() -> None:
         table.append(0.002 * k, np.array([k, -k]))
     expected = np.arange(20_000)[:, None] * np.array([0.002, 1, -1])
     np.testing.assert_allclose(table.rows(), expected)
+    assert len(table) == 20_000
 
 
 def test_a_short_run_leaves_its_log(tmp_path: Path) -> None:
     assert recorded(1.0).write(tmp_path, {}) == [tmp_path / LOG]
     assert pq.read_table(tmp_path / LOG).num_rows == 500
     assert sorted(p.name for p in tmp_path.iterdir()) == [LOG]
+
+
+def test_a_run_without_a_tick_leaves_nothing(tmp_path: Path) -> None:
+    assert recorded(0.0).write(tmp_path / "new", {}) == []
+    assert not (tmp_path / "new").exists()
 
 
 def test_an_interrupted_write_leaves_the_earlier_log(

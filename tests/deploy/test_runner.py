@@ -214,6 +214,16 @@ def test_without_a_robot_there_is_one_line_and_no_command(
     assert robot.sent == []
 
 
+def test_a_robot_that_somebody_else_commands_is_left_alone(
+    robot: FakeRobot, pilot: Rigged, clock: FakeClock, said: list[str]
+) -> None:
+    """A Go2 that stands in its sport mode would fall if damping came in between."""
+    robot.others = 1
+    with pytest.raises(WorkError, match="nothing was sent: another program commands the robot"):
+        started(robot, pilot, clock, said).run(brake=BRAKE)
+    assert robot.sent == []
+
+
 def test_a_robot_that_did_not_get_up_does_not_walk(
     robot: FakeRobot, pilot: Rigged, clock: FakeClock, said: list[str]
 ) -> None:
