@@ -14,7 +14,11 @@ import numpy as np
 from jaxtyping import Float64
 
 from deploy.robot import Joints, State
+from wt.errors import WorkError
 from wt.worlds.policy import Policy, PolicyCard
+
+Question = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Observation, command and clock, as :meth:`wt.worlds.policy.Policy.act` takes them."""
 
 _WARM_UP = 50  # inferences, before the first that counts
 
@@ -36,12 +40,13 @@ class Pilot:
             np.array(policy.card.default),
             np.array(policy.card.action_scale),
         )
-        self._width = 6 + 3 * len(policy.card.joints)
-        self._questions: SimpleQueue[tuple[np.ndarray, np.ndarray, np.ndarray]] = SimpleQueue()
-        self._answers: SimpleQueue[tuple[np.ndarray, float]] = SimpleQueue()
+        self._number = 0  # of the last question
+        self._questions: SimpleQueue[tuple[int, Question]] = SimpleQueue()
+        self._answers: SimpleQueue[tuple[int, np.ndarray | Exception, float]] = SimpleQueue()
         self.begin()
         for _ in range(_WARM_UP):
-            self._act(np.zeros((1, self._width), np.float32), np.zeros((1, 3)), self._tick(0.0))
+            nothing = np.zeros((1, 6 + 3 * len(policy.card.joints)), np.float32)
+            policy.act(nothing, self._told, self._tick(0.0))
         self.begin()
         Thread(target=self._work, daemon=True, name="policy").start()
 
@@ -61,18 +66,26 @@ class Pilot:
         self._told = np.clip(command, *self._reach())[None]
         clock = self._tick(self._steps / self.card.rate_hz)
         self._steps += 1
-        self._questions.put((self.observe(state)[None], self._told, clock))
+        self._number += 1
+        self._questions.put((self._number, (self.observe(state)[None], self._told, clock)))
 
     def answer(self, wait: float) -> np.ndarray | None:
-        """The action that was asked for, in units of the action scale; None if it is not there yet.
+        """The action that was asked for last, in units of the action scale; None if not there yet.
 
         Args:
             wait: how long to wait for it [s].
+
+        Raises:
+            WorkError: the policy failed.
         """
-        try:
-            action, seconds = self._answers.get(timeout=wait)
-        except Empty:
-            return None
+        number = 0
+        while number != self._number:  # an older one comes too late to be of use
+            try:
+                number, action, seconds = self._answers.get(timeout=wait)
+            except Empty:
+                return None
+        if isinstance(action, Exception):
+            raise WorkError(f"the policy failed ({action}); export it again") from action
         self.seconds.append(seconds)
         return action
 
@@ -95,14 +108,13 @@ class Pilot:
 
     def _work(self) -> None:
         while True:
-            self._answers.put(self._act(*self._questions.get()))
-
-    def _act(
-        self, observation: np.ndarray, command: np.ndarray, clock: np.ndarray
-    ) -> tuple[np.ndarray, float]:
-        begin = time.perf_counter()
-        action = self._policy.act(observation, command, clock)[0]
-        return action, time.perf_counter() - begin
+            number, question = self._questions.get()
+            begin = time.perf_counter()
+            try:
+                action: np.ndarray | Exception = self._policy.act(*question)[0]
+            except Exception as error:  # the control loop is to know, and goes on
+                action = error
+            self._answers.put((number, action, time.perf_counter() - begin))
 
 
 def gravity(quaternion: Float64[np.ndarray, "wxyz=4"]) -> Float64[np.ndarray, "xyz=3"]:

@@ -197,10 +197,11 @@ class Runner:
 def teller() -> Callable[[str], None]:
     """Prints lines on stderr from a thread: a terminal that hangs must not stop the loop."""
     lines: SimpleQueue[str] = SimpleQueue()
+    terminal = sys.stderr
 
     def work() -> None:
         while True:
-            print(lines.get(), file=sys.stderr, flush=True)
+            print(lines.get(), file=terminal, flush=True)
 
     Thread(target=work, daemon=True, name="teller").start()
     return lines.put

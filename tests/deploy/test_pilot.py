@@ -8,6 +8,7 @@ import pytest
 from deploy.pilot import Pilot, gravity
 from deploy.remote import Remote
 from deploy.robot import State
+from wt.errors import WorkError
 from wt.worlds.legged import FLAT, TIMESTEP, Herd, Start
 from wt.worlds.policy import Policy
 from wt.worlds.robots import GO2
@@ -57,6 +58,30 @@ def test_commands_stay_within_those_of_training(policy: Policy) -> None:
         pilot.ask(state, command)
         answers.append(pilot.answer(wait=60.0))
     np.testing.assert_array_equal(*answers)
+
+
+def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(policy: Policy) -> None:
+    model = GO2.describe(GO2.physics, TIMESTEP, FLAT).compile()
+    state = state_of(Herd(GO2, model, 1, threads=1))
+    pilot, other = Pilot(policy), Pilot(policy)
+    for asked in (np.zeros(3), COMMAND):
+        pilot.ask(state, asked)  # nobody takes the first
+    other.ask(state, COMMAND)
+    np.testing.assert_array_equal(pilot.answer(wait=60.0), other.answer(wait=60.0))
+    assert pilot.answer(wait=0.0) is None
+
+
+def test_a_policy_that_fails_is_heard_of(policy: Policy, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = GO2.describe(GO2.physics, TIMESTEP, FLAT).compile()
+    pilot = Pilot(policy)
+
+    def fail(*_: object) -> None:
+        raise RuntimeError("out of memory")
+
+    monkeypatch.setattr(policy, "act", fail)
+    pilot.ask(state_of(Herd(GO2, model, 1, threads=1)), COMMAND)
+    with pytest.raises(WorkError, match=r"the policy failed \(out of memory\)"):
+        pilot.answer(wait=60.0)
 
 
 def test_gravity_points_down() -> None:

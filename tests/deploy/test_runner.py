@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import math
-import os
 import sys
+import threading
 from collections.abc import Callable
 
 import numpy as np
@@ -52,11 +53,9 @@ def shared_pilot() -> Rigged:
 
 @pytest.fixture
 def pilot(shared_pilot: Rigged) -> Rigged:
-    """Nothing rigged, and no answer left over from another test."""
+    """Nothing is rigged."""
     shared_pilot.hangs = lambda: False
     shared_pilot.rig = lambda action: action
-    while Pilot.answer(shared_pilot, wait=0.05) is not None:
-        pass
     return shared_pilot
 
 
@@ -249,11 +248,24 @@ def test_every_tick_is_in_the_log(
     np.testing.assert_array_equal(np.unique(ticks["stage"]), [0, 1, 2, 3])
 
 
+class Hanging(io.StringIO):
+    """A terminal that takes nothing until it is let go."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.reached, self.go = threading.Event(), threading.Event()
+
+    def write(self, text: str) -> int:
+        self.reached.set()
+        self.go.wait(timeout=60.0)
+        return super().write(text)
+
+
 def test_a_terminal_that_hangs_does_not_stop_the_loop(monkeypatch: pytest.MonkeyPatch) -> None:
-    out, into = os.pipe()  # that nobody reads
-    with os.fdopen(into, "w") as terminal:
-        monkeypatch.setattr(sys, "stderr", terminal)
-        say = teller()
-        for _ in range(50):
-            say("x" * 10_000)  # more than a pipe holds: print would wait for ever
-        os.close(out)
+    terminal = Hanging()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    say = teller()
+    for line in ("one", "two", "three"):
+        say(line)  # would wait for ever, if it printed here
+    assert terminal.reached.wait(timeout=60.0) and terminal.getvalue() == ""
+    terminal.go.set()
