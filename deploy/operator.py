@@ -101,6 +101,10 @@ class Operator:
         share = np.clip(sticks + self._keyboard.steps, -1, 1)
         return (Wish.QUIT if self._ended else wish), share * self._largest
 
+    def ended(self) -> bool:
+        """Whether a signal asked the program to end."""
+        return self._ended
+
     @contextmanager
     def attending(self) -> Iterator[None]:
         """Ctrl-C, SIGTERM and a terminal that closes are wishes to end; keys need no Enter."""

@@ -50,6 +50,9 @@ class Operator(Protocol):
     def poll(self, remote: Remote) -> tuple[Wish | None, np.ndarray]:
         """Wish and velocity command (3,) [m/s, m/s, rad/s]."""
 
+    def ended(self) -> bool:
+        """Whether a signal asked the program to end."""
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -109,7 +112,8 @@ class Runner:
             brake: how long damping is told in the end [s].
 
         Raises:
-            WorkError: no state of the robot arrives, or somebody else commands it.
+            WorkError: no state of the robot arrives, somebody else commands it, or the operator
+                ends the program before that is known; nothing was sent.
         """
         self._await_robot()
         gc.collect()
@@ -139,6 +143,8 @@ class Runner:
             heard = min(heard, now) if self._watch.fresh else heard
             if words := safety.intruded(self._robot.intruders()):
                 raise WorkError(f"nothing was sent: {words}")
+            if self._operator.ended():
+                raise WorkError("interrupted while waiting for the robot: nothing was sent")
             if now > begin + _FIRST_STATE and heard == math.inf:
                 raise WorkError(
                     f"no state of the robot came for {_FIRST_STATE:g} s: is it on, and is this its "

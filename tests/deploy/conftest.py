@@ -74,6 +74,10 @@ class FakeOperator:
         self._clock, self._wishes = clock, deque(sorted(wishes, key=lambda w: w[0]))
         self._begin: float | None = None
         self.velocity = np.zeros(3)
+        self.interrupted = False
+
+    def ended(self) -> bool:
+        return self.interrupted
 
     def poll(self, remote: Remote) -> tuple[Wish | None, np.ndarray]:
         self._begin = self._clock.now() if self._begin is None else self._begin

@@ -92,9 +92,9 @@ def test_signals_end_the_run_and_are_given_back(which: signal.Signals, keys: int
     before = signal.getsignal(which)
     operator = Operator(LARGEST)
     with operator.attending():
-        assert operator.poll(Remote())[0] is None
+        assert operator.poll(Remote())[0] is None and not operator.ended()
         os.kill(os.getpid(), which)
-        assert operator.poll(Remote())[0] is Wish.QUIT
+        assert operator.poll(Remote())[0] is Wish.QUIT and operator.ended()
         assert operator.poll(Remote())[0] is Wish.QUIT
     assert signal.getsignal(which) is before
 

@@ -213,6 +213,18 @@ def test_without_a_robot_there_is_one_line_and_no_command(
     assert robot.sent == []
 
 
+def test_ctrl_c_ends_the_wait_for_a_robot(
+    robot: FakeRobot, pilot: Rigged, clock: FakeClock, said: list[str]
+) -> None:
+    robot.change = lambda now, state: None
+    operator = FakeOperator(clock)
+    operator.interrupted = True
+    begin = clock.now()
+    with pytest.raises(WorkError, match="interrupted while waiting"):
+        Runner(robot, pilot, operator, LIMITS, clock, said.append).run()
+    assert robot.sent == [] and clock.now() - begin < 0.1
+
+
 def test_a_robot_that_somebody_else_commands_is_left_alone(
     robot: FakeRobot, pilot: Rigged, clock: FakeClock, said: list[str]
 ) -> None:
