@@ -15,7 +15,7 @@ from typing import Any, Literal
 import omegaconf
 
 from wt.errors import ConfigError
-from wt.schema import check_numbers, parse, read, to_yaml
+from wt.schema import check_numbers, parse, read, to_yaml, varied
 
 __all__ = ["parse", "to_yaml"]
 
@@ -182,6 +182,22 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Fit:
     return config
 
 
+def vary(method: Method, changes: Sequence[str]) -> Method:
+    """A method with some of its settings changed, for ablations.
+
+    Args:
+        method: what it differs from.
+        changes: ``key=value`` words without the section's name, e.g. ``"translation.cycle=0"``.
+
+    Raises:
+        ConfigError: an unknown key, a wrong type, impossible values.
+    """
+    found = parse(Method, varied(method, changes), "")
+    check_numbers(found, _ABOVE_ZERO)
+    _check_method("variant", found)
+    return found
+
+
 _ABOVE_ZERO = {
     "transitions", "validation_pairs", "test_pairs", "steps", "batch", "validate_every",
     "log_every", "learning_rate", "gan_learning_rate", "width", "depth", "latent",
@@ -196,19 +212,23 @@ def _check(config: Fit) -> None:
     if not seeds or len(set(seeds)) != len(seeds) or min(seeds) < 0:
         raise ConfigError(f"seeds {seeds} must be a list of different integers, zero or more")
     for name, method in (("paper", config.paper), ("plus", config.plus)):
-        train = method.train
-        if train.steps % train.validate_every:
-            raise ConfigError(
-                f"{name}.train.steps {train.steps} is not a multiple of "
-                f"{name}.train.validate_every {train.validate_every}; change either"
-            )
-        if method.translation.transport and method.mean.kind == "none":
-            raise ConfigError(
-                f"{name}.translation.transport needs {name}.mean.kind average or mode, "
-                "since it moves what the mean leaves"
-            )
-        if method.translation.average >= 1:
-            raise ConfigError(
-                f"{name}.translation.average is {method.translation.average}; it must be below 1, "
-                "or the average never moves"
-            )
+        _check_method(name, method)
+
+
+def _check_method(name: str, method: Method) -> None:
+    train = method.train
+    if train.steps % train.validate_every:
+        raise ConfigError(
+            f"{name}.train.steps {train.steps} is not a multiple of "
+            f"{name}.train.validate_every {train.validate_every}; change either"
+        )
+    if method.translation.transport and method.mean.kind == "none":
+        raise ConfigError(
+            f"{name}.translation.transport needs {name}.mean.kind average or mode, "
+            "since it moves what the mean leaves"
+        )
+    if method.translation.average >= 1:
+        raise ConfigError(
+            f"{name}.translation.average is {method.translation.average}; it must be below 1, "
+            "or the average never moves"
+        )

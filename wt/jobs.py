@@ -25,7 +25,8 @@ import torch
 import yaml
 
 from wt.baselines.base import find
-from wt.config import Fit, parse, to_yaml
+from wt.config import Fit, Method, parse, to_yaml, vary
+from wt.data.transitions import digest
 from wt.errors import WorkError
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.study import Study
@@ -36,14 +37,30 @@ POLL_SECONDS = 0.2
 
 
 class Job(NamedTuple):
-    """One method with one seed."""
+    """One method with one seed.
+
+    Attributes:
+        seed: of training.
+        method: a baseline's name, the paper's method or ours.
+        changes: ``key=value`` words that make the last two a variant of themselves.
+    """
 
     seed: int
     method: str
+    changes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         """As shown beside a progress bar."""
-        return f"{self.method}, seed {self.seed}"
+        return f"{', '.join([self.method, *self.changes])}, seed {self.seed}"
+
+    @property
+    def key(self) -> str:
+        """Under what the run's folder keeps it: the method's name, and a variant's hash."""
+        return f"{self.method}-{digest(list(self.changes))}" if self.changes else self.method
+
+    def settings(self, config: Fit) -> Method:
+        """Of a World Translation model, the paper's, ours or a variant."""
+        return vary(config.plus if self.method == OURS else config.paper, self.changes)
 
 
 def run_jobs(study: Study, jobs: Sequence[Job]) -> None:
@@ -56,7 +73,7 @@ def run_jobs(study: Study, jobs: Sequence[Job]) -> None:
     Raises:
         WorkError: a worker was killed from outside.
     """
-    todo = [job for job in jobs if not study.finished(*job)]
+    todo = [job for job in jobs if not study.finished(job.seed, job.key)]
     workers = min(study.config.workers or os.cpu_count() or 1, len(todo))
     if workers <= 1:
         torch.set_num_threads(1)
@@ -79,7 +96,7 @@ def run_jobs(study: Study, jobs: Sequence[Job]) -> None:
 
 def train(study: Study, job: Job) -> None:
     """Train one method and keep its prediction."""
-    seed, method = job
+    seed, method, _ = job
     data, config = study.data, study.config
     listener = study.listener
     if method not in (OURS, PAPERS_OWN):
@@ -87,25 +104,26 @@ def train(study: Study, job: Job) -> None:
         baseline.train(
             data.sim, data.real, data.validation, lambda k, n: listener.progress(str(job), k, n)
         )
+        study.keep_baseline(seed, baseline)
         study.keep(seed, method, baseline.predict(data.test))
         return
     model = fit_world_model(
         study.world.spec,
-        config.plus if method == OURS else config.paper,
+        job.settings(config),
         data.sim,
         data.real,
         data.validation,
         seed,
-        study.home(seed, method),
+        study.home(seed, job.key),
         sink=lambda values, step: listener.metrics(
-            {f"{method}/seed{seed}/{k}": v for k, v in values.items()}, step
+            {f"{job.key}/seed{seed}/{k}": v for k, v in values.items()}, step
         ),
         warn=lambda line: listener.warn(f"{job}: {line}"),
         progress=lambda k, n: listener.progress(str(job), k, n),
     )
-    study.keep_model(seed, method, model)
+    study.keep_model(seed, job.key, model)
     tensors = PairTensors.of(data.test, model.frame.state.std, model.frame.change.std)
-    study.keep(seed, method, predictions(model, tensors).numpy())
+    study.keep(seed, job.key, predictions(model, tensors).numpy())
 
 
 class _Sender:

@@ -32,7 +32,25 @@ def read(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
     Raises:
         ConfigError: file missing, not YAML, its own base, or an override of another form.
     """
-    tree = _read(path, ())
+    return override(_read(path, ()), overrides)
+
+
+def varied(config: object, overrides: Sequence[str]) -> dict[str, Any]:
+    """A dataclass as nested plain values, with overrides on top.
+
+    Raises:
+        ConfigError: an override of another form.
+    """
+    plain = OmegaConf.to_container(OmegaConf.structured(config))
+    return override(typing.cast(dict[str, Any], plain), overrides)
+
+
+def override(tree: dict[str, Any], overrides: Sequence[str]) -> dict[str, Any]:
+    """Nested plain values with ``key=value`` words put on top, in place.
+
+    Raises:
+        ConfigError: a word is of another form.
+    """
     for word in overrides:
         if "=" not in word:
             raise ConfigError(f"override {word!r} is not of the form key=value")

@@ -10,8 +10,9 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
+from torch import nn
 
-from wt.baselines.base import find
+from wt.baselines.base import Baseline, find
 from wt.config import Fit, Method, to_yaml
 from wt.data.transitions import content_hash, digest
 from wt.evaluate.single_step import Scales
@@ -19,6 +20,8 @@ from wt.nets.world_model import WorldModel
 from wt.show.files import write_whole
 from wt.worlds.base import World, make
 from wt.worlds.collect import Collected, collect
+
+WEIGHTS = "model.pt"
 
 
 def check(config: Fit) -> None:
@@ -111,15 +114,34 @@ class Study:
 
     def keep_model(self, seed: int, method: str, model: WorldModel) -> None:
         """Keep a trained model's weights."""
-        content = BytesIO()
-        torch.save(model.state_dict(), content)
-        write_whole(self.home(seed, method) / "model.pt", content.getvalue())
+        self._keep_weights(seed, method, model)
 
     def load_model(self, seed: int, method: str, settings: Method) -> WorldModel:
         """A trained model of this run, in evaluation mode."""
         model = WorldModel(self.world.spec, settings)
-        model.load_state_dict(torch.load(self.home(seed, method) / "model.pt", weights_only=True))
+        model.load_state_dict(torch.load(self.home(seed, method) / WEIGHTS, weights_only=True))
         return model.eval()
+
+    def keep_baseline(self, seed: int, baseline: Baseline) -> None:
+        """Keep a trained baseline's weights."""
+        self._keep_weights(seed, baseline.name, baseline.nets)
+
+    def load_baseline(self, seed: int, name: str) -> Baseline | None:
+        """A trained baseline of this run; None if its weights were not kept."""
+        kept = self.home(seed, name) / WEIGHTS
+        if not kept.exists():
+            return None
+        baseline = find(name)(self.world.spec, self.config.baselines, seed)
+        baseline.nets.update(baseline.build())
+        baseline.nets.load_state_dict(torch.load(kept, weights_only=True))
+        baseline.nets.eval()
+        return baseline
+
+    def _keep_weights(self, seed: int, method: str, module: nn.Module) -> None:
+        home, content = self.home(seed, method), BytesIO()
+        torch.save(module.state_dict(), content)
+        home.mkdir(parents=True, exist_ok=True)
+        write_whole(home / WEIGHTS, content.getvalue())
 
     def _predicted(self, seed: int, method: str) -> Path:
         return self.folder / "work" / f"seed{seed}" / f"{method}.npy"

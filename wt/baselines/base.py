@@ -1,7 +1,8 @@
 """The contract of a baseline, its registry, and how to add one.
 
 Adding a baseline is one new file in this package (and its test): subclass :class:`Baseline`, set
-``name`` as it shall appear in tables, write ``fit`` and ``predict``, decorate with ``@register``.
+``name`` as it shall appear in tables, write ``build`` (unless nothing is learned), ``fit`` and
+``predict``, decorate with ``@register``.
 It is found by itself; add its name to ``baselines.names`` to run it. All baselines share the
 data, the size of networks and the budget of :class:`wt.config.Baselines`.
 """
@@ -35,6 +36,7 @@ class Baseline(ABC):
     Attributes:
         name: as in tables and ``results.json``.
         frame: normalisers, the same for all methods.
+        nets: everything that is learned, by name, the frame included; what is kept of a fit.
     """
 
     name: ClassVar[str]
@@ -49,6 +51,7 @@ class Baseline(ABC):
         """
         self.spec, self.settings, self.seed = spec, settings, seed
         self.frame = Frame(spec, Mean())
+        self.nets = nn.ModuleDict({"frame": self.frame})
 
     def train(
         self,
@@ -68,6 +71,7 @@ class Baseline(ABC):
         """
         torch.manual_seed(self.seed)
         fit_normalizers(self.frame, sim, real)
+        self.nets.update(self.build())
         self._validation = validation
         self.fit(sim, real, progress)
 
@@ -78,6 +82,10 @@ class Baseline(ABC):
             return None
         scale = self.frame.state.std.numpy()
         return lambda: float((((self.predict(pairs) - pairs.real.s_next) / scale) ** 2).mean())
+
+    def build(self) -> dict[str, nn.Module]:
+        """Untrained networks by name, their sizes from ``spec`` and ``settings`` alone."""
+        return {}
 
     @abstractmethod
     def fit(self, sim: Transitions, real: Transitions, progress: Progress | None) -> None:

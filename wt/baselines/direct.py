@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from torch import nn
 
 from wt.baselines.base import Baseline, in_chunks, register
 from wt.train.regression import Progress, regress
@@ -15,10 +16,14 @@ class DirectPred(Baseline):
 
     name = "DirectPred"
 
+    def build(self) -> dict[str, nn.Module]:
+        """The network f."""
+        self.net = self.network(self.frame.n_condition)
+        return {"net": self.net}
+
     def fit(self, sim: Transitions, real: Transitions, progress: Progress | None) -> None:
         """Regress R's change on (o, a)."""
         x, _, change = self.tensors(real)
-        self.net = self.network(x.shape[1])
         regress(
             self.net,
             lambda rows: self.net(x[rows]) - change[rows],

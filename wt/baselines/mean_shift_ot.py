@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import torch
 from torch import Tensor, nn
 
 from wt.baselines.base import Baseline, in_chunks, register
@@ -21,25 +22,33 @@ class MeanShiftOT(Baseline):
 
     name = "MeanShiftOT"
 
+    def build(self) -> dict[str, nn.Module]:
+        """The regressors m_S and m_R, and T."""
+        self.mean_sim, self.mean_real = (self.network(self.frame.n_condition) for _ in range(2))
+        self.map = nn.Linear(self.spec.n_state, self.spec.n_state, bias=False)
+        return {"mean_sim": self.mean_sim, "mean_real": self.mean_real, "map": self.map}
+
     def fit(self, sim: Transitions, real: Transitions, progress: Progress | None) -> None:
         """Regress both domains' changes, then match their residuals' covariances."""
         steps = self.settings.steps
         first = progress and (lambda k, _: progress(k, 2 * steps))
-        self.mean_sim, residual_sim = self._domain(sim, first)
+        residual_sim = self._residual(self.mean_sim, sim, first)
         second = progress and (lambda k, _: progress(steps + k, 2 * steps))
-        self.mean_real, residual_real = self._domain(real, second)
-        self.map = gaussian_transport(residual_sim, residual_real)
+        residual_real = self._residual(self.mean_real, real, second)
+        with torch.no_grad():
+            self.map.weight.copy_(gaussian_transport(residual_sim, residual_real).T)
 
+    @torch.no_grad()
     def predict(self, pairs: Pairs) -> np.ndarray:
         """R's mean plus S's moved residual."""
         x, _, _ = self.tensors(pairs.real)
         residual = self.sim_change(pairs) - in_chunks(self.mean_sim, x)
-        return self.states(pairs, in_chunks(self.mean_real, x) + residual @ self.map)
+        return self.states(pairs, in_chunks(self.mean_real, x) + self.map(residual))
 
-    def _domain(self, data: Transitions, progress: Progress | None) -> tuple[nn.Module, Tensor]:
+    def _residual(self, net: nn.Module, data: Transitions, progress: Progress | None) -> Tensor:
+        """Train a domain's regressor, and return what it leaves of the domain's changes."""
         x, _, change = self.tensors(data)
-        net = self.network(x.shape[1])
         regress(
             net, lambda rows: net(x[rows]) - change[rows], len(x), self.budget(), progress=progress
         )
-        return net, change - in_chunks(net, x)
+        return change - in_chunks(net, x)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from wt.baselines.base import CHUNK, Baseline, register
 from wt.data.history import History
@@ -26,12 +26,17 @@ class ResDyn(Baseline):
     name = "ResDyn"
     reads_simulator = False
 
+    def build(self) -> dict[str, nn.Module]:
+        """The network δ."""
+        x, n = self.frame.n_condition, self.spec.n_state
+        past = x if self.reads_simulator else x + n
+        self.net = self.network(x + self.settings.history * past + n * self.reads_simulator)
+        return {"net": self.net}
+
     def fit(self, sim: Transitions, real: Transitions, progress: Progress | None) -> None:
         """Regress R's difference from the nominal simulator."""
         x, nominal, change = self.tensors(real)
         past, history = self._past(x, change), History(real, self.settings.history)
-        size = x.shape[1] + history.length * past.shape[1]
-        self.net = self.network(size + self.spec.n_state * self.reads_simulator)
 
         def error(rows: Tensor) -> Tensor:
             inputs = self._inputs(x, past, history, rows, nominal)

@@ -59,11 +59,16 @@ class RSSM(Baseline):
 
     name = "RSSM"
 
+    def build(self) -> dict[str, nn.Module]:
+        """The cell; half as wide, since it consists of several networks."""
+        self.cell = _Cell(self.frame.n_condition, self.spec.n_state, self.settings.width // 2)
+        return {"cell": self.cell}
+
     def fit(self, sim: Transitions, real: Transitions, progress: Progress | None) -> None:
         """Train on windows of R."""
         x, _, change = self.tensors(real)
         history = History(real, self.settings.history)
-        cell = _Cell(x.shape[1], self.spec.n_state, self.settings.width // 2)
+        cell = self.cell
         noise = torch.Generator().manual_seed(self.seed)
         budget = self.budget()
         # a window holds history + 1 transitions: same number of transitions per step as others
@@ -77,7 +82,6 @@ class RSSM(Baseline):
             return _elbo_terms(cell, x[index], change[index], exists, noise)
 
         # the terms already are the loss: their mean is minimised
-        self.cell = cell
         regress(cell, error, len(x), budget, lambda terms, _: terms.mean(), progress, self.score())
 
     @torch.no_grad()
@@ -85,20 +89,20 @@ class RSSM(Baseline):
         """Filter over the history with the posterior's mean, then decode the prior's."""
         x, _, change = self.tensors(pairs.real)
         history = History(pairs.real, self.settings.history)
-        parts = []
+        cell, parts = self.cell, []
         for rows in torch.arange(len(x)).split(CHUNK):
             index, exists = history.before(rows)
-            h = x.new_zeros(len(rows), self.cell.width)
+            h = x.new_zeros(len(rows), cell.width)
             z = x.new_zeros(len(rows), LATENT)
             for k in range(history.length):
                 now, mask = x[index[:, k]], exists[:, k, None]
-                h_new = self.cell.gru(torch.cat([now, z], dim=-1), h)
+                h_new = cell.gru(torch.cat([now, z], dim=-1), h)
                 seen = torch.cat([h_new, change[index[:, k]]], dim=-1)
-                z_new, _ = self.cell.gaussian(self.cell.posterior, seen)
+                z_new, _ = cell.gaussian(cell.posterior, seen)
                 h, z = torch.where(mask, h_new, h), torch.where(mask, z_new, z)
-            h = self.cell.gru(torch.cat([x[rows], z], dim=-1), h)
-            prior, _ = self.cell.gaussian(self.cell.prior, h)
-            parts.append(self.cell.decode(h, prior, x[rows]))
+            h = cell.gru(torch.cat([x[rows], z], dim=-1), h)
+            prior, _ = cell.gaussian(cell.prior, h)
+            parts.append(cell.decode(h, prior, x[rows]))
         return self.states(pairs, torch.cat(parts))
 
 
