@@ -1,4 +1,4 @@
-"""``wt reproduce``: the paper's tasks, one after another, and one report."""
+"""``wt reproduce``: the paper's evaluation, and what goes beyond it, in one report."""
 
 from __future__ import annotations
 
@@ -19,43 +19,50 @@ def command(
     task: Annotated[
         list[str] | None, typer.Option(help="Only this task, as go2_payload; may be repeated.")
     ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(help="Only this table or figure, as table-1; may be repeated."),
+    ] = None,
     conf: Annotated[Path, typer.Option(help="Folder of the configurations.")] = Path("conf"),
     quick: Annotated[
         bool, typer.Option("--quick", help="Small models and little data: shows that it runs.")
     ] = False,
 ) -> None:
-    """Run the paper's tasks and write one table and figure, the paper's numbers beside ours.
+    """Redo the paper's tables and figures and what goes beyond them; one report, HTML and Markdown.
 
-    Each task is a run of wt fit in its own folder below --out. What is finished there is reused,
-    what was interrupted is continued.
+    Without --only all are done, with seeds 0, 1 and 2. Each task is a run of wt fit in its own
+    folder below --out, and every model is trained once: what is finished is reused, also by other
+    tables, and what was interrupted is continued. The report holds all that is known so far.
 
     Example:
-        wt reproduce seeds=[0,1,2]
+        wt reproduce
+        wt reproduce --quick --out runs/quick
+        wt reproduce --only table-1 --only table-2 seeds=[0]
         wt reproduce --task go2_flat --task go2_payload --out runs/go2
     """
     from rich.console import Console
 
     from wt.cli._progress import bars
     from wt.errors import WorkError
-    from wt.reproduce.report import write
-    from wt.reproduce.table import head, missing, rows
-    from wt.reproduce.tasks import QUICK, chosen, run
+    from wt.reproduce.report import Entry
+    from wt.reproduce.run import reproduce
     from wt.show.text import terminal_table
 
-    tasks, left_out = chosen(task or [], conf)
-    words = [*(QUICK if quick else ()), *(overrides or [])]
-    found = {}
+    console = Console()
+
+    def say(entry: Entry) -> None:
+        for grid in entry.section.grids if entry.section else ():
+            console.print(terminal_table(grid.head, grid.rows, entry.exhibit.title))
+        for line in entry.section.differences if entry.section else ():
+            console.print(f"- {line}", highlight=False, markup=False)
+
     try:
-        for one in tasks:
-            with bars() as listener:
-                found[one] = run(one, conf, out / one.name, words, listener)
+        page = reproduce(
+            conf, out, only=only or [], tasks=task or [], overrides=overrides or [],
+            quick=quick, bars=bars, say=say,
+        )  # fmt: skip
     except KeyboardInterrupt as error:
         raise WorkError(
             "interrupted: nothing finished is lost; run the same command again to continue"
         ) from error
-    report = write(out, found, left_out)
-    console = Console()
-    console.print(terminal_table(head(found), rows(found)))
-    if left_out:
-        console.print(missing(left_out), highlight=False)
-    console.print(f"{report}", highlight=False, soft_wrap=True)
+    console.print(f"{page}", highlight=False, soft_wrap=True)

@@ -6,12 +6,11 @@ Figures are built without ``pyplot``: no window, no global state, nothing to clo
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from sklearn.decomposition import PCA
 
 from wt.evaluate.results import Results
 from wt.show import colors
@@ -133,32 +132,65 @@ def prediction_trace(
     return figure
 
 
-def latent_picture(z_s: Array, z_sr: Array, z_r: Array) -> Figure:
-    """The latents of S and of S translated, each over those of R, in R's and S's first two PCs.
+def latent_picture(s: Array, translated: Array, r: Array, axis: str) -> Figure:
+    """Features of S before and after translation, each over those of R.
 
     Args:
-        z_s: latents of S, (N, D).
-        z_sr: the same latents translated to R, (N, D).
-        z_r: latents of R, unpaired with the others, (M, D).
+        s: features of S in the plane, (N, 2).
+        translated: the same after translation to R, (N, 2).
+        r: features of R, unpaired with the others, (M, 2).
+        axis: what the plane is, e.g. ``"UMAP"``.
     """
-    pca = PCA(n_components=2).fit(np.concatenate([z_s, z_r]))
     figure = Figure(figsize=(9.0, 4.4), layout="constrained")
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
-    before = ("S", z_s, colors.S)
-    after = ("S translated", z_sr, colors.TRANSLATED)
-    for axes, (name, latents, color) in zip(panels, (before, after), strict=True):
-        _scatter(axes, pca.transform(z_r), colors.R, "R", "o")
-        _scatter(axes, pca.transform(latents), color, name, "^")
+    before = ("S", s, colors.S)
+    after = ("S translated", translated, colors.TRANSLATED)
+    for axes, (name, points, color) in zip(panels, (before, after), strict=True):
+        _scatter(axes, r, colors.R, "R", "o")
+        _scatter(axes, points, color, name, "^")
         _style(axes)
-        axes.set_xlabel(f"PC 1 ({pca.explained_variance_ratio_[0]:.0%} of the variance)")
+        axes.set_xlabel(f"{axis} 1")
         legend = axes.legend(loc="best", markerscale=2.5, framealpha=0.9, edgecolor="none")
         for handle in legend.legend_handles:
             if handle is not None:
                 handle.set_alpha(1.0)
-    panels[0].set_ylabel(f"PC 2 ({pca.explained_variance_ratio_[1]:.0%})")
+    panels[0].set_ylabel(f"{axis} 2")
     panels[0].set_title("before translation", loc="left")
     panels[1].set_title("after translation", loc="left")
     return figure
+
+
+def curves(
+    panels: Sequence[tuple[str, Mapping[str, tuple[Array, Array]]]], x: str, *, log: bool = False
+) -> Figure:
+    """Lines side by side, a panel a quantity.
+
+    Args:
+        panels: label of the y axis, and (x, y) of each line by its name, in every panel.
+        x: label of the x axis.
+        log: whether y is logarithmic.
+    """
+    figure = Figure(figsize=(1.0 + 4.2 * len(panels), 3.8), layout="constrained")
+    drawn = figure.subplots(1, len(panels), squeeze=False)[0]
+    for axes, (label, lines) in zip(drawn, panels, strict=True):
+        for i, (name, (at, y)) in enumerate(lines.items()):
+            axes.plot(at, y, color=_line_color(name, i), linewidth=1.6, label=name)
+        _style(axes)
+        axes.set_xlabel(x)
+        axes.set_title(label, loc="left", fontsize=10)
+        if log:
+            axes.set_yscale("log")
+    handles, labels = drawn[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False)
+    return figure
+
+
+def _line_color(name: str, i: int) -> tuple[float, ...]:
+    """A method's own colour, or one of the cycle for what is no method."""
+    known = colors.of_method(name)
+    if known != colors.of_method(""):
+        return _rgb(name)
+    return tuple(c / 255 for c in colors.SERIES[i % len(colors.SERIES)])
 
 
 def _figure(width: float, height: float) -> tuple[Figure, Axes]:

@@ -17,3 +17,58 @@ SINGLE_STEP: Mapping[str, Mapping[str, float]] = {
     }.items()
 }
 """Single-step MSE of the normalised next observation by task and method (figure 3)."""
+
+_TRANSLATED = (
+    "(o, a)S, zS", "(o, a)R, zR", "(o, a)S, zS→R", "(o, a)R, zR→S", "(o, a)S, zS→R→S",
+    "(o, a)R, zR→S→R",
+)  # fmt: skip
+
+HIDDEN_R2_BASELINE: Mapping[str, float] = {
+    "(o, a)S": 0.73, "(o, a)R": 0.66, "(o, a, o′)S": 0.78, "(o, a, o′)R": 0.73,
+}  # fmt: skip
+"""R² of the external force on R5 from what is observed (table I, "Baseline")."""
+
+HIDDEN_R2: Mapping[str, Mapping[str, float]] = {
+    "w/o": dict(zip(_TRANSLATED, (0.81, 0.68, 0.67, 0.75, 0.78, 0.67), strict=True)),
+    "full": dict(zip(_TRANSLATED, (0.80, 0.72, 0.68, 0.78, 0.78, 0.67), strict=True)),
+}
+"""R² of the external force on R5 from (o, a, z), without and with the auxiliary parts (table I)."""
+
+DOMAIN_BASELINE: Mapping[str, float] = {"(o, a)S": 0.7894, "(o, a)R": 0.8479}
+"""Accuracy of the domain on R5 from (o, a) alone (table II)."""
+
+_FEATURES = tuple(name.partition(", z")[2] for name in _TRANSLATED)
+DOMAIN: Mapping[str, Mapping[str, float]] = {
+    "w/o": dict(
+        zip(
+            (*(f"z{name}" for name in _FEATURES), *_TRANSLATED),
+            (0.6729, 0.6412, 0.4288, 0.4936, 0.7015, 0.6099,
+             0.7857, 0.8326, 0.2702, 0.2404, 0.7952, 0.8227),
+            strict=True,
+        )
+    ),
+    "full": dict(
+        zip(
+            (*(f"z{name}" for name in _FEATURES), *_TRANSLATED),
+            (0.9407, 0.9365, 0.9124, 0.8327, 0.8427, 0.9820,
+             0.9443, 0.9414, 0.9070, 0.8309, 0.8459, 0.9837),
+            strict=True,
+        )
+    ),
+}  # fmt: skip
+"""Accuracy of the domain on R5, without and with the auxiliary parts (table II)."""
+
+ABLATION: Mapping[str, tuple[float, float, float]] = {
+    "full": (0.034, 0.233, 0.401),
+    "w/o cycle": (0.273, 0.004, 0.681),
+    "w/o identity": (0.026, 0.463, 0.483),
+}
+"""Cycle, identity and prediction error on R5 by variant (table III)."""
+
+DIVERGED_AT_50: Mapping[str, float] = {
+    "RawSim": 0.0, "RSSM": 0.0, "WorldTranslation": 0.02, "DirectPred": 0.20,
+}  # fmt: skip
+"""Share of rollouts diverged after 50 steps on Go2 with payload, as the text says (figure 4)."""
+
+LOWEST_UNTIL = 30
+"""Horizon up to which World Translation has the lowest multi-step error (figure 4)."""

@@ -1,8 +1,12 @@
-"""The paper's evaluation again: every task, by the same code as ``wt fit``, and one report.
+"""The paper's evaluation again, and what goes beyond it, in one report.
 
 =============  ==================================================================================
-``tasks``      the paper's six tasks, each a configuration in ``conf/`` and a run in a folder
-``table``      single-step errors of all of them, ours beside the paper's: text and figure
-``report``     what is written: ``report.md`` and the figure beside it
+``tasks``      the paper's six tasks, each a configuration in ``conf/``
+``exhibit``    the contract of a table or figure, and how to add one
+``exhibits``   one file a table or figure
+``bench``      runs and trained models that exhibits share; each is trained once
+``numbers``    what was measured, kept and found again
+``report``     what is written: ``report.md``, ``report.html`` and the figures
+``words``      cells and sentences that exhibits share
 =============  ==================================================================================
 """

@@ -1,52 +1,121 @@
-"""What ``wt reproduce`` leaves: ``report.md`` and ``single_step.png``."""
+"""What ``wt reproduce`` leaves: ``report.md``, ``report.html`` and every figure as a PNG.
+
+The page is one file: its pictures are in it, and it needs nothing but a browser.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
 from io import BytesIO
 from pathlib import Path
+from string import Template
 
-from wt.evaluate.results import ASSUMPTION
-from wt.reproduce.table import Found, figure, head, missing, rows
-from wt.reproduce.tasks import Task
+from wt.diagnose.page import items, section, table, text
+from wt.reproduce.exhibit import Exhibit, Grid, Section
 from wt.show.files import write_together
 from wt.show.text import markdown_table
 
-REPORT, FIGURE = "report.md", "single_step.png"
+REPORT, PAGE = "report.md", "report.html"
+TITLE = "World Translation: the paper's evaluation, and beyond it"
+_DPI = 150
+_STYLE = (
+    "<style>figure img { width: 100%; height: auto; background: #fff; border-radius: 6px } "
+    "caption { caption-side: bottom; text-align: left; padding-top: 6px }</style>"
+)
 
 
-def write(folder: Path, found: Found, left_out: Sequence[Task]) -> Path:
-    """Write the report of some tasks.
+@dataclass(frozen=True)
+class Entry:
+    """One exhibit in the report.
+
+    Attributes:
+        exhibit: which.
+        section: what it says; None where it was not run.
+        why_not: why it was not run.
+    """
+
+    exhibit: Exhibit
+    section: Section | None
+    why_not: str = ""
+
+
+def write(folder: Path, entries: Sequence[Entry], about: str) -> Path:
+    """Write the report.
 
     Args:
         folder: where it goes; the runs lie below it.
-        found: the results by task.
-        left_out: tasks that could not be run.
+        entries: the exhibits in order.
+        about: one sentence on how the numbers were made.
 
     Returns:
-        The report's path.
+        The path of the page.
     """
-    seeds = sorted({len(results.seeds) for results in found.values()})
-    count = " or ".join(str(n) for n in seeds)
-    lines = [
-        "# Single-step prediction on the paper's tasks",
-        "",
-        *markdown_table(head(found), rows(found)),
-        "",
-        f"MSE of the normalised next state under teacher forcing, in units of RawSim's, mean over "
-        f"{count} seed{'s' if seeds != [1] else ''}; the paper's from its figure 3. {ASSUMPTION}",
-        "",
-        missing(left_out),
-        "",
-        f"![Single-step errors by robot and condition]({FIGURE})",
-        "",
-        *(
-            f"- [{task.name}]({task.name}/results.md): {results.model or 'not registered'}"
-            + (f", version {results.version}" if results.version else "")
-            for task, results in found.items()
-        ),
-    ]
-    png = BytesIO()
-    figure(found).savefig(png, format="png", dpi=150)
-    write_together(folder, {REPORT: "\n".join(lines) + "\n", FIGURE: png.getvalue()})
-    return folder / REPORT
+    pictures: dict[str, bytes] = {}
+    for entry in entries:
+        for name, figure in (entry.section.figures if entry.section else {}).items():
+            png = BytesIO()
+            figure.savefig(png, format="png", dpi=_DPI)
+            pictures[f"{name}.png"] = png.getvalue()
+    contents: dict[str, str | bytes] = {
+        **pictures,
+        REPORT: _markdown(entries, about),
+        PAGE: _page(entries, about, pictures),
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    write_together(folder, contents)
+    return folder / PAGE
+
+
+def _markdown(entries: Sequence[Entry], about: str) -> str:
+    lines = [f"# {TITLE}", "", about, ""]
+    for entry in entries:
+        lines += [f"## {entry.exhibit.title}", ""]
+        if entry.section is None:
+            lines += [f"Not run: {entry.why_not}.", ""]
+            continue
+        lines += [entry.section.text, ""]
+        for grid in entry.section.grids:
+            lines += [*markdown_table(grid.head, grid.rows), ""]
+            lines += [grid.caption, ""] if grid.caption else []
+        for name in entry.section.figures:
+            lines += [f"![{entry.exhibit.title}]({name}.png)", ""]
+        lines += [*(f"- {line}" for line in entry.section.differences), ""]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _page(entries: Sequence[Entry], about: str, pictures: Mapping[str, bytes]) -> str:
+    template = resources.files("wt.diagnose").joinpath("report.html").read_text(encoding="utf-8")
+    parts = [f'<header><h1>{text(about)}</h1><ul class="lead"><li>{text(TITLE)}</li></ul></header>']
+    for entry in entries:
+        if entry.section is None:
+            parts.append(section(entry.exhibit.title, f"Not run: {entry.why_not}.", ""))
+            continue
+        body = "".join(_grid(grid) for grid in entry.section.grids)
+        body += "".join(
+            _picture(entry.exhibit.title, pictures[f"{name}.png"]) for name in entry.section.figures
+        )
+        if entry.section.differences:
+            body += items(entry.section.differences)
+        parts.append(section(entry.exhibit.title, entry.section.text, body))
+    body = _STYLE + "\n".join(parts)
+    return Template(template).substitute(title=TITLE, shades="", body=body)
+
+
+def _grid(grid: Grid) -> str:
+    head = [grid.head[0], *(f"#{name}" for name in grid.head[1:])]
+    rows = [
+        "<tr>" + "".join(
+            f'<td class="{"n" if i else "name"}">{text(cell)}</td>' for i, cell in enumerate(row)
+        ) + "</tr>"
+        for row in grid.rows
+    ]  # fmt: skip
+    note = f'<p class="note">{text(grid.caption)}</p>' if grid.caption else ""
+    return table(head, rows) + note
+
+
+def _picture(title: str, png: bytes) -> str:
+    data = base64.b64encode(png).decode()
+    return f'<figure><img alt="{text(title)}" src="data:image/png;base64,{data}"></figure>'

@@ -1,19 +1,12 @@
-"""The paper's six tasks: which configuration makes each, and the run of it in a folder."""
+"""The paper's six tasks: which configuration makes each."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from wt.config import load
 from wt.errors import ConfigError, suggest
-from wt.evaluate.results import Results
-from wt.fit import CONFIG, fit, open_folder
-from wt.study import Listener
-
-Report = Callable[[str], None]
-"""Called with one line on what is being done."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +36,11 @@ TASKS = (
 )
 """In the order of the paper's figure 3: of each robot what is hidden little, then much."""
 
+FULL = ("seeds=[0,1,2]",)
+"""What the configurations do not say: the spread needs several seeds."""
+
 QUICK = (
+    "seeds=[0]",
     "data.transitions=8000", "data.validation_pairs=1000", "data.test_pairs=1000",
     *(f"{who}.{key}" for who in ("paper", "plus") for key in (
         "mean.steps=300", "mean.width=64", "nets.width=64", "nets.translator_width=64",
@@ -74,25 +71,3 @@ def chosen(names: Sequence[str], conf: Path) -> tuple[list[Task], list[Task]]:
         files = ", ".join(task.config for task in wanted)
         raise ConfigError(f"--conf {conf} holds none of {files}; name the folder that does")
     return there, [task for task in wanted if task not in there]
-
-
-def run(
-    task: Task, conf: Path, folder: Path, overrides: Sequence[str], listen: Listener
-) -> Results:
-    """The results of a task: those that lie in the folder, or of its run, begun or continued.
-
-    Args:
-        task: what is run.
-        conf: folder of the configurations.
-        folder: of the run.
-        overrides: ``key=value`` words on top of the configuration.
-        listen: told of progress and warnings.
-
-    Raises:
-        ConfigError: the folder holds a run of another configuration.
-    """
-    begun = (folder / CONFIG).is_file()
-    settings = open_folder(load(conf / task.config, overrides), folder, resume=begun)
-    if not (folder / "results.json").is_file():
-        fit(settings, folder, listen)
-    return Results.load(folder)

@@ -29,6 +29,11 @@ def of_method(method: str) -> Color:
     return _METHODS.get(method, (90, 90, 90))
 
 
+SERIES: tuple[Color, ...] = (
+    (0, 114, 178), (230, 159, 0), (0, 158, 115), (204, 121, 167), (213, 94, 0), (86, 180, 233),
+)  # fmt: skip
+"""For lines that are no methods, in this order."""
+
 BEFORE: Color = (213, 94, 0)
 AFTER: Color = (0, 114, 178)
 """Simulation with the model as it was given, and with the patched one."""

@@ -6,15 +6,38 @@ second; ``noise`` rows are those of the reparametrisation z = μ + σ ε.
 
 from __future__ import annotations
 
+from typing import Protocol, runtime_checkable
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from wt.config import Method
 from wt.losses import gan, vae
+from wt.nets.translator import Discriminator, Generator
 from wt.nets.world_model import WorldModel
 from wt.train.batches import DomainData, StepBatch
 
 Metrics = dict[str, Tensor]
+
+
+@runtime_checkable
+class Translator(Protocol):
+    """What translates and is judged: a world model, or what does without features.
+
+    Attributes:
+        method: weights and kind of the losses.
+        to_real: G_{S→R}.
+        to_sim: G_{R→S}.
+        judge_real: D_R.
+        judge_sim: D_S.
+    """
+
+    method: Method
+    to_real: Generator
+    to_sim: Generator
+    judge_real: Discriminator
+    judge_sim: Discriminator
 
 
 def sample(
@@ -83,7 +106,7 @@ def encode(model: WorldModel, batch: StepBatch) -> tuple[Tensor, Tensor]:
 
 
 def generators(
-    model: WorldModel, data: tuple[DomainData, DomainData], z_sim: Tensor, z_real: Tensor
+    model: Translator, data: tuple[DomainData, DomainData], z_sim: Tensor, z_real: Tensor
 ) -> tuple[Tensor, Metrics, tuple[Tensor, Tensor]]:
     """L_adv + λ_cyc L_cyc + λ_id L_id: trains G_{S→R} and G_{R→S}.
 
@@ -109,7 +132,7 @@ def generators(
 
 
 def judges(
-    model: WorldModel,
+    model: Translator,
     data: tuple[DomainData, DomainData],
     z_sim: Tensor,
     z_real: Tensor,

@@ -21,12 +21,14 @@ import numpy as np
 from wt.errors import ConfigError, WorkError
 from wt.types import Channel, Domain, Pairs, Transitions, TransitionSpec
 from wt.worlds.base import Progress, register
+from wt.worlds.closed_loop import Truth
 from wt.worlds.go2_model import Payload
 from wt.worlds.legged import RATE_HZ, TIMESTEP, Herd, Scene, Start
 from wt.worlds.legged_model import LeggedPhysics
 from wt.worlds.policy import Policy
 from wt.worlds.robots import robot_of
-from wt.worlds.terrain import Blocks
+from wt.worlds.terrain import Blocks, Ground
+from wt.worlds.walking_rollout import astray, walk
 from wt.worlds.walking_state import WalkingState
 
 Array = np.ndarray
@@ -183,16 +185,52 @@ class WalkingWorld:
         Returns:
             The state channels one control step later, (N, n_state), float32.
         """
+        return self._stepped(domain, o, a, hidden)[0]
+
+    def advance(self, domain: Domain, o: Array, a: Array, hidden: Array) -> tuple[Array, Array]:
+        """One control step, and the hidden variables after it; see :class:`ClosedLoop`."""
+        return self._stepped(domain, o, a, hidden)
+
+    def truth(self, count: int, past: int, horizon: int, seed: int) -> Truth:
+        """R under its policy; see :class:`ClosedLoop`."""
+        options = self._options
+        return walk(
+            Herd(self._robot, self._models["real"], count, self._scene, options.threads),
+            self._policy,
+            self._state,
+            start=options.start,
+            limits=options.command * np.array(self._policy.card.command_limits),
+            command_seconds=options.command_seconds,
+            past=past,
+            horizon=horizon,
+            rng=np.random.default_rng(seed),
+        )
+
+    def act(self, o: Array, context: Array) -> Array:
+        """The policy's joint targets; see :class:`ClosedLoop`."""
+        n = self.spec.n_state
+        seen = np.hstack([o[:, :n], self._robot.actions(o[:, n:])])
+        return self._robot.targets(self._policy.act(seen, context[:, :3], context[:, 3:]))
+
+    def astray(self, s: Array, hidden: Array) -> Array:
+        """Which robots cannot be where they are; see :class:`ClosedLoop`."""
+        ground = Ground(self._scene.blocks).height(hidden[:, 0], hidden[:, 1])
+        return astray(self._robot, s, hidden, ground)
+
+    def _stepped(
+        self, domain: Domain, o: Array, a: Array, hidden: Array | None
+    ) -> tuple[Array, Array]:
         size, n = min(len(o), 2048), self.spec.n_state
         herd = Herd(self._robot, self._models[domain], size, self._scene, self._options.threads)
         out = np.empty((len(o), n), np.float32)
+        after = np.empty((len(o), len(self.spec.hidden)), np.float32)
         for start in range(0, len(o), size):
             rows = slice(max(0, min(start, len(o) - size)), min(start + size, len(o)))
             h = None if hidden is None or not hidden.shape[1] else hidden[rows]
             self._state.restore(herd, o[rows], h)
             herd.step(self._robot.actions(a[rows]))
-            out[rows] = herd.observe()[:, :n]
-        return out
+            out[rows], after[rows] = herd.observe()[:, :n], self._state.hidden(herd)
+        return out, after
 
     def pairs(self, split: str, count: int, seed: int) -> Pairs:
         """R's closed-loop transitions and S's answers from the same state."""

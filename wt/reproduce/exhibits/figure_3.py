@@ -1,15 +1,18 @@
-"""Single-step errors of all tasks in one table and figure, the paper's beside ours (figure 3)."""
+"""Figure 3: single-step errors of all tasks, the paper's beside ours."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from wt.evaluate.results import OURS, PAPERS_OWN, Results
-from wt.reproduce.tasks import Task
+from wt.evaluate.results import ASSUMPTION, OURS, PAPERS_OWN, Results
+from wt.reproduce.bench import Bench
+from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
+from wt.reproduce.tasks import TASKS, Task
+from wt.reproduce.words import order
 from wt.show import colors
 from wt.show.text import short
 
@@ -21,6 +24,46 @@ PAPER = "paper's"
 _DARK = "#222222"
 
 Found = Mapping[Task, Results]
+
+
+@register
+class SingleStep(Exhibit):
+    """Every method on every task, by the code of ``wt fit``."""
+
+    name = "figure-3"
+    order = 10
+    title = "Single-step prediction on the paper's tasks (figure 3)"
+    tasks = tuple(task.name for task in TASKS)
+    any_task = True
+
+    def measure(self, bench: Bench) -> Numbers:
+        """The results of each task's run."""
+        return {task.name: bench.results(task).to_json() for task in bench.tasks}
+
+    def present(self, found: Numbers) -> Section:
+        """One table and figure, in units of RawSim's error."""
+        results = {
+            task: Results.from_json(found[task.name]) for task in TASKS if task.name in found
+        }
+        return Section(
+            "MSE of the normalised next state under teacher forcing, in units of RawSim's; mean "
+            f"and spread over seeds. {ASSUMPTION}",
+            [Grid(head(results), rows(results))],
+            {"single_step": figure(results)},
+            [_difference(task, one) for task, one in results.items()] + _models(results),
+        )
+
+
+def _difference(task: Task, results: Results) -> str:
+    ours = {m: results.relative(m) for m in results.single_step if m != OURS}
+    papers = {m: _papers(results, m) for m in results.paper}
+    best = f" {OURS} makes {short(results.ratio_to_best_baseline)} of the best baseline's error."
+    return order(ours, papers, f"{task.robot}, {task.condition}") + best
+
+
+def _models(found: Found) -> list[str]:
+    kept = [f"{r.model}/{r.version}" for r in found.values() if r.model]
+    return [f"Registered: {', '.join(kept)}."] if kept else []
 
 
 def head(found: Found) -> list[str]:
@@ -99,9 +142,3 @@ def _relative(results: Results, method: str) -> float:
 def _papers(results: Results, method: str) -> float:
     paper = results.paper
     return paper[method] / paper["RawSim"] if method in paper else math.nan
-
-
-def missing(tasks: Sequence[Task]) -> str:
-    """One line on tasks whose configuration is not there; empty if there are none."""
-    names = ", ".join(task.name for task in tasks)
-    return f"Not run, for want of a configuration: {names}." if tasks else ""

@@ -1,0 +1,135 @@
+"""Multi-step rollouts: every method on its own predictions, the policy acting on them (figure 4).
+
+A rollout starts from a state of R and goes on without it. Each step, the policy acts on the last
+prediction, the simulator takes that action, the method makes of its answer the next prediction,
+and the simulator's observable state is overwritten with it; what is hidden (where the trunk is,
+how fast it moves, where a ball rolls) stays as the simulator left it. Methods without a simulator
+of their own are given the same one as a body, so that it can be seen where they end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from wt.baselines.base import Baseline
+from wt.nets.world_model import WorldModel
+from wt.translate import translate_state
+from wt.types import Pairs, Transitions
+from wt.worlds.base import World
+from wt.worlds.closed_loop import ClosedLoop, Truth
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Now:
+    """What a method may look at when it predicts.
+
+    Attributes:
+        o: the observations up to the present one, (N, time, n_obs); R's own before the start,
+            then predicted ones.
+        a: the actions that followed them, (N, time, n_action).
+        sim_next: the simulator's answer to the last of them, (N, n_state).
+    """
+
+    o: Array
+    a: Array
+    sim_next: Array
+
+
+Step = Callable[[Now], Array]
+"""A method: the next state, (N, n_state)."""
+
+
+@dataclass(frozen=True)
+class Rolled:
+    """Rollouts of one method.
+
+    Attributes:
+        mse: squared error of the normalised state, mean over channels and over the rollouts that
+            have not diverged, (horizon,); NaN once all have.
+        diverged: share of rollouts that have left the bounds, (horizon,).
+    """
+
+    mse: Array
+    diverged: Array
+
+
+def roll_out(world: ClosedLoop, truth: Truth, step: Step, scale: Array) -> Rolled:
+    """Run a method on its own predictions and compare with what R did.
+
+    Args:
+        world: policy, simulator and bounds.
+        truth: what R did from the same starts on.
+        step: the method.
+        scale: what errors are measured in, (n_state,).
+    """
+    n, past = world.spec.n_state, truth.past
+    o, hidden = truth.o[:, : past + 1], truth.hidden[:, past]
+    a = truth.a[:, :past]
+    gone = np.zeros(len(truth), bool)
+    mse, diverged = np.full(truth.horizon, np.nan), np.zeros(truth.horizon)
+    for k in range(truth.horizon):
+        action = world.act(o[:, -1], truth.context[:, past + k]).astype(np.float32)
+        a = np.concatenate([a, action[:, None]], axis=1)
+        sim_next, hidden = world.advance("sim", o[:, -1], action, hidden)
+        with np.errstate(over="ignore", invalid="ignore"):
+            state = step(Now(o, a, sim_next))
+        gone |= world.astray(state, hidden)
+        # who is gone waits where it began, so that nothing explodes
+        state[gone], hidden[gone] = truth.o[gone, past, :n], truth.hidden[gone, past]
+        o = np.concatenate([o, np.hstack([state, action])[:, None]], axis=1)[:, -(past + 1) :]
+        a = a[:, -past:] if past else a[:, :0]
+        diverged[k] = gone.mean()
+        if not gone.all():
+            error = (state - truth.o[:, past + k + 1, :n])[~gone] / scale
+            mse[k] = float(np.mean(error.astype(np.float64) ** 2))
+    return Rolled(mse, diverged)
+
+
+def simulator(now: Now) -> Array:
+    """RawSim: the simulator's answer as it is."""
+    return now.sim_next.copy()
+
+
+def of_model(model: WorldModel) -> Step:
+    """World Translation: the simulator's answer translated."""
+
+    @torch.no_grad()
+    def step(now: Now) -> Array:
+        o, a = torch.tensor(now.o[:, -1]), torch.tensor(now.a[:, -1])
+        return translate_state(model, o, a, torch.tensor(now.sim_next)).numpy()
+
+    return step
+
+
+def of_baseline(baseline: Baseline, world: World) -> Step:
+    """A baseline, which sees the rollout so far as its history."""
+    n = world.spec.n_state
+
+    def step(now: Now) -> Array:
+        count, time = now.o.shape[:2]
+        last = np.zeros((count, time), bool)
+        last[:, -1] = True
+        flat = last.reshape(-1)
+
+        def rows(values: Array) -> Array:
+            return np.ascontiguousarray(values).reshape(count * time, -1)
+
+        # of the present step the outcome is what is asked for: its own state stands there
+        after = rows(np.concatenate([now.o[:, 1:, :n], now.o[:, -1:, :n]], axis=1))
+        nominal, answer = after.copy(), after.copy()
+        nominal[flat] = world.sim_step(now.o[:, -1], now.a[:, -1], None)
+        answer[flat] = now.sim_next
+        index = np.arange(count * time)
+        past = Transitions(
+            o=rows(now.o), a=rows(now.a), s_next=after, nominal=nominal,
+            hidden=np.empty((count * time, 0)), episode=index // time, step=index % time,
+        )  # fmt: skip
+        return baseline.predict(Pairs(past, answer))[flat]
+
+    return step

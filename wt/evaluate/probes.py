@@ -1,0 +1,163 @@
+"""What can be read off a representation: the hidden variable, and the domain (tables I and II).
+
+A probe is a small network of scikit-learn. It learns on one half of the episodes and is judged on
+the other: transitions of one episode resemble each other too much to stand on both sides.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.metrics import r2_score
+from sklearn.neural_network import MLPClassifier, MLPRegressor
+from sklearn.pipeline import Pipeline, make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from wt.evaluate.representation import Features
+from wt.types import Transitions
+
+Array = np.ndarray
+
+LAYERS = (64, 64)
+EPOCHS = 40
+BATCH = 256
+
+
+@dataclass(frozen=True)
+class Split:
+    """Which rows a probe learns from and which judge it.
+
+    Attributes:
+        train: rows, (N,) bool.
+        test: the others.
+    """
+
+    train: Array
+    test: Array
+
+    @classmethod
+    def of(cls, episode: Array) -> Split:
+        """Every other episode is for the test; a single one is cut in the middle."""
+        _, order = np.unique(episode, return_inverse=True)
+        test = order % 2 == 1
+        if not test.any():
+            test = np.arange(len(episode)) >= len(episode) // 2
+        return cls(~test, test)
+
+
+def hidden_r2(representation: Array, hidden: Array, split: Split, seed: int) -> float:
+    """R² of the magnitude of the hidden variable, as a probe predicts it.
+
+    Args:
+        representation: input of the probe, (N, channels).
+        hidden: the hidden variable, (N, n_hidden), e.g. a force [N].
+        split: of the N rows.
+        seed: of the probe.
+    """
+    size = np.linalg.norm(hidden.astype(np.float64), axis=1)
+    size /= size.std() + 1e-12
+    probe = _probe(MLPRegressor, seed)
+    _fit(probe, representation[split.train], size[split.train])
+    return float(r2_score(size[split.test], probe.predict(representation[split.test])))
+
+
+def hidden_table(sim: Features, real: Features, seed: int) -> dict[str, float]:
+    """R² of the hidden variable from (o, a, z) of each kind (table I, "Combined")."""
+    found = {}
+    for own, other, data in (("S", "R", sim), ("R", "S", real)):
+        split = Split.of(data.episode)
+        for name, z in _views(own, other, data).items():
+            inputs = np.hstack([data.condition, z])
+            found[f"(o, a){own}, {name}"] = hidden_r2(inputs, data.hidden, split, seed)
+    return found
+
+
+def hidden_baseline(sim: Features, real: Features, seed: int) -> dict[str, float]:
+    """R² of the hidden variable from (o, a) and from (o, a, o′) (table I, "Baseline")."""
+    found = {}
+    for own, data in (("S", sim), ("R", real)):
+        split = Split.of(data.episode)
+        whole = np.hstack([data.condition, data.outcome])
+        found[f"(o, a){own}"] = hidden_r2(data.condition, data.hidden, split, seed)
+        found[f"(o, a, o′){own}"] = hidden_r2(whole, data.hidden, split, seed)
+    return found
+
+
+def domain_table(sim: Features, real: Features, seed: int) -> dict[str, float]:
+    """Share of features that a probe takes for the domain they are meant to be of (table II).
+
+    The probe learns S against R on features that are not translated. Translated ones are then
+    shown to it beside the (o, a) of the domain that they come from.
+
+    Returns:
+        Accuracy by input, as in the paper: first (o, a) alone, then z, then both together.
+    """
+    splits = {"S": Split.of(sim.episode), "R": Split.of(real.episode)}
+    data = {"S": sim, "R": real}
+    found: dict[str, float] = {}
+
+    def judge(of: Mapping[str, Array], shown: Mapping[str, tuple[str, str, Array]]) -> None:
+        probe = _probe(MLPClassifier, seed)
+        rows = np.concatenate([of[d][splits[d].train] for d in "SR"])
+        labels = np.repeat([0, 1], [int(splits[d].train.sum()) for d in "SR"])
+        _fit(probe, rows, labels)
+        for name, (origin, target, inputs) in shown.items():
+            said = probe.predict(inputs[splits[origin].test])
+            found[name] = float(np.mean(said == "SR".index(target)))
+
+    pairs = {d: f.condition for d, f in data.items()}
+    judge(pairs, {f"(o, a){d}": (d, d, x) for d, x in pairs.items()})
+    kinds = [
+        (own, target, name, z)
+        for own, other in (("S", "R"), ("R", "S"))
+        for (name, z), target in zip(
+            _views(own, other, data[own]).items(), (own, other, own), strict=True
+        )
+    ]
+    # the paper lists both domains' own features first, then both translated, then both cycled
+    kinds = [kinds[i] for i in (0, 3, 1, 4, 2, 5)]
+    judge({d: f.z for d, f in data.items()}, {n: (o, t, z) for o, t, n, z in kinds})
+    judge(
+        {d: np.hstack([f.condition, f.z]) for d, f in data.items()},
+        {f"(o, a){o}, {n}": (o, t, np.hstack([data[o].condition, z])) for o, t, n, z in kinds},
+    )
+    return found
+
+
+def condition_accuracy(sim: Transitions, real: Transitions, seed: int) -> float:
+    """How often a probe tells the domain from (o, a) alone, mean over both domains."""
+    inputs, labels, splits = [], [], []
+    for label, data in enumerate((sim, real)):
+        inputs.append(np.hstack([data.o, data.a]))
+        labels.append(np.full(len(data), label))
+        splits.append(Split.of(data.episode).train)
+    train, x, y = np.concatenate(splits), np.concatenate(inputs), np.concatenate(labels)
+    probe = _probe(MLPClassifier, seed)
+    _fit(probe, x[train], y[train])
+    right = probe.predict(x[~train]) == y[~train]
+    return float(np.mean([right[y[~train] == label].mean() for label in (0, 1)]))
+
+
+def _views(own: str, other: str, data: Features) -> dict[str, Array]:
+    """A domain's features by the paper's names: own, translated, translated and back."""
+    return {
+        f"z{own}": data.z,
+        f"z{own}→{other}": data.across,
+        f"z{own}→{other}→{own}": data.back,
+    }
+
+
+def _probe(kind: type[MLPClassifier] | type[MLPRegressor], seed: int) -> Pipeline:
+    net = kind(hidden_layer_sizes=LAYERS, batch_size=BATCH, max_iter=EPOCHS, random_state=seed)
+    return make_pipeline(StandardScaler(), net)
+
+
+def _fit(probe: Pipeline, inputs: Array, targets: Array) -> None:
+    with warnings.catch_warnings():
+        # so many epochs are the budget, the same for every representation
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        probe.fit(inputs, targets)

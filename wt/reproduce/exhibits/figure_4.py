@@ -1,0 +1,135 @@
+"""Figure 4: multi-step rollouts on Go2 with payload, the policy acting on predicted states."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wt.evaluate import paper
+from wt.evaluate.figures import curves
+from wt.evaluate.multi_step import Rolled, Step, of_baseline, of_model, roll_out, simulator
+from wt.evaluate.results import OURS, PAPERS_OWN
+from wt.reproduce.bench import FULL, PLUS, Bench
+from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
+from wt.reproduce.words import mean, spread
+from wt.study import Study
+from wt.worlds.closed_loop import ClosedLoop, Truth
+
+TASK = "go2_payload"
+HORIZON = 50
+ROLLOUTS, ROLLOUTS_QUICK = 512, 64
+SHOWN = (1, 5, 10, 20, 30, 40, 50)
+BASELINES = ("DirectPred", "ResDyn", "ResDynSim", "RSSM")
+START_SEED = 1000
+"""Of the starts of rollouts; the same for every method."""
+
+
+def truth_of(study: Study, quick: bool, seed: int) -> tuple[ClosedLoop, Truth]:
+    """A task's closed loop, and what R does in it from one set of starts."""
+    world = study.world
+    if not isinstance(world, ClosedLoop):
+        raise TypeError(f"{study.config.task} has no closed loop")
+    count = ROLLOUTS_QUICK if quick else ROLLOUTS
+    past = study.config.baselines.history
+    return world, world.truth(count, past, HORIZON, START_SEED + seed)
+
+
+def numbers(rolled: Rolled) -> dict[str, list[float | None]]:
+    """As kept: NaN, where every rollout has diverged, is null."""
+    mse = [float(x) if np.isfinite(x) else None for x in rolled.mse]
+    return {"mse": mse, "diverged": [float(x) for x in rolled.diverged]}
+
+
+@register
+class MultiStep(Exhibit):
+    """Divergence and error over horizons up to 50 for every method."""
+
+    name = "figure-4"
+    order = 20
+    title = "Multi-step rollouts on Go2 with payload (figure 4)"
+    tasks = (TASK,)
+
+    def measure(self, bench: Bench) -> Numbers:
+        """Roll out every method with every seed from the same starts."""
+        study = bench.study(TASK)
+        bench.train(study, [PLUS, FULL], BASELINES)
+        found: Numbers = {}
+        for seed in study.config.seeds:
+            world, truth = truth_of(study, bench.quick, seed)
+            steps: dict[str, Step] = {
+                "RawSim": simulator,
+                **{b: of_baseline(bench.baseline(study, b, seed), study.world) for b in BASELINES},
+                PAPERS_OWN: of_model(bench.model(study, FULL, seed)),
+                OURS: of_model(bench.model(study, PLUS, seed)),
+            }
+            for i, (method, step) in enumerate(steps.items()):
+                bench.listener.progress(f"rollouts, seed {seed}", i, len(steps))
+                rolled = numbers(roll_out(world, truth, step, study.scales.state))
+                for key, values in rolled.items():
+                    found.setdefault(method, {}).setdefault(key, []).append(values)
+        return found
+
+    def present(self, found: Numbers) -> Section:
+        """Curves, and a table at some horizons."""
+        return Section(
+            "Each method runs on its own predictions for 50 control steps (1 s) from states of R: "
+            "the policy acts on the prediction, the simulator answers from it, and its observable "
+            "state is overwritten with what the method makes of the answer. A rollout has "
+            "diverged once the trunk's height, tilt, velocity or turning rate is out of bounds; "
+            "the error is the mean over those that have not. RawSim starts from R's true hidden "
+            "state, as all do.",
+            [Grid(*_errors(found)), Grid(*_divergence(found))],
+            {"multi_step": draw(found)},
+            _differences(found),
+        )
+
+
+def draw(found: Numbers) -> Any:  # noqa: ANN401 – a Figure; matplotlib is imported when it is drawn
+    """Divergence and error over the horizon, mean over seeds."""
+    horizon = np.arange(1, HORIZON + 1)
+    rates = {m: (horizon, 100 * over(v["diverged"])) for m, v in found.items()}
+    errors = {m: (horizon, over(v["mse"])) for m, v in found.items()}
+    return curves([("diverged rollouts [%]", rates), ("MSE of the normalised state", errors)],
+                  "horizon [control steps]")  # fmt: skip
+
+
+def over(by_seed: list[list[float | None]]) -> np.ndarray:
+    """Mean over seeds at each horizon; NaN where a seed has nothing left to measure."""
+    return np.mean([[np.nan if x is None else x for x in row] for row in by_seed], axis=0)
+
+
+def _errors(found: Numbers) -> tuple[list[str], list[list[str]], str]:
+    rows = [
+        [m, *(spread([row[h - 1] for row in v["mse"] if row[h - 1] is not None]) for h in SHOWN)]
+        for m, v in found.items()
+    ]
+    head = ["MSE at horizon", *map(str, SHOWN)]
+    return head, rows, ""
+
+
+def _divergence(found: Numbers) -> tuple[list[str], list[list[str]], str]:
+    rows = []
+    for method, values in found.items():
+        cells = [spread([100 * row[h - 1] for row in values["diverged"]]) for h in SHOWN]
+        papers = paper.DIVERGED_AT_50.get(method)
+        rows.append([method, *cells, "–" if papers is None else f"{100 * papers:g}"])
+    return ["% diverged at horizon", *map(str, SHOWN), "paper's at 50"], rows, ""
+
+
+def _differences(found: Numbers) -> list[str]:
+    raw, lines = over(found["RawSim"]["mse"]), []
+    for method in (PAPERS_OWN, OURS):
+        mse, rate = over(found[method]["mse"]), over(found[method]["diverged"])
+        below = mse < raw
+        until = HORIZON if below.all() else int(np.argmin(below))
+        lines.append(
+            f"{method}: below RawSim's error at every horizon up to {until} (of {HORIZON}), "
+            f"{100 * rate[-1]:.1f} % diverged at {HORIZON}; the paper's has the lowest error up "
+            f"to about {paper.LOWEST_UNTIL} and diverges in "
+            f"{100 * paper.DIVERGED_AT_50[PAPERS_OWN]:g} %."
+        )
+    at = {m: mean([row[-1] for row in v["diverged"]]) for m, v in found.items()}
+    worst = max(at, key=lambda m: at[m])
+    lines.append(f"{worst} diverges most, {100 * at[worst]:.0f} % at {HORIZON}.")
+    return lines

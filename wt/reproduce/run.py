@@ -1,0 +1,83 @@
+"""``wt reproduce`` as a whole: measure what is asked for, report all that is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import replace
+from pathlib import Path
+
+from wt.reproduce.bench import Bench
+from wt.reproduce.exhibit import Exhibit, exhibits
+from wt.reproduce.numbers import kept, obtain
+from wt.reproduce.report import Entry, write
+from wt.reproduce.tasks import FULL, QUICK, Task, chosen
+from wt.study import Listener
+
+Bars = Callable[[], AbstractContextManager[Listener]]
+Say = Callable[[Entry], None]
+"""Called with each exhibit that was asked for as soon as it is measured."""
+
+
+def reproduce(
+    conf: Path,
+    out: Path,
+    *,
+    only: Sequence[str],
+    tasks: Sequence[str],
+    overrides: Sequence[str],
+    quick: bool,
+    bars: Bars,
+    say: Say,
+) -> Path:
+    """Measure exhibits, and write the report of all whose numbers are there.
+
+    Args:
+        conf: folder of the configurations.
+        out: folder of the report and of the runs.
+        only: names of exhibits; none for all.
+        tasks: names of tasks; none for all. Exhibits that need others are left out.
+        overrides: ``key=value`` words on top of the configurations.
+        quick: small models and little data.
+        bars: makes the listener of one exhibit.
+        say: see :data:`Say`.
+
+    Returns:
+        The path of the report's page.
+
+    Raises:
+        ConfigError: a name is not known, or a configuration cannot be run.
+    """
+    wanted = {exhibit.name for exhibit in exhibits(only)}
+    there, _ = chosen(tasks, conf)
+    words = [*(QUICK if quick else FULL), *overrides]
+    with bars() as listener:
+        bench = Bench(conf, out, there, words, quick, listener)
+    names = [task.name for task in there]
+    entries = []
+    for exhibit in exhibits():
+        if exhibit.name in wanted and exhibit.can_run(names):
+            with bars() as listener:
+                found = obtain(exhibit, replace(bench, listener=listener))
+            entries.append(Entry(exhibit, exhibit.present(found)))
+            say(entries[-1])
+        else:
+            entries.append(_known(exhibit, bench, names))
+    return write(out, entries, _about(there, words, quick))
+
+
+def _known(exhibit: Exhibit, bench: Bench, names: Sequence[str]) -> Entry:
+    """What an earlier command measured, or why there is nothing."""
+    if not exhibit.can_run(names):
+        missing = ", ".join(task for task in exhibit.tasks if task not in names)
+        return Entry(exhibit, None, f"it needs {missing}, not chosen or without a configuration")
+    found = kept(exhibit, bench)
+    if found is None:
+        return Entry(exhibit, None, f"wt reproduce --only {exhibit.name} does it")
+    return Entry(exhibit, exhibit.present(found))
+
+
+def _about(tasks: Sequence[Task], words: Sequence[str], quick: bool) -> str:
+    size = "Small models and little data: shows that it runs, not how well. " if quick else ""
+    seeds = next((word.partition("=")[2] for word in reversed(words) if "seeds=" in word), "[0]")
+    return f"{size}Tasks {', '.join(task.name for task in tasks)}; seeds {seeds}."
