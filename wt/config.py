@@ -40,6 +40,9 @@ hidden variables are never absent.
 ``ignored``: R's change is regressed on (o, a) alone.
 """
 
+Alignment = Literal["state", "action"]
+"""How a simulator follows the translation: its state is overwritten, or its action corrected."""
+
 
 @dataclass
 class Data:
@@ -101,6 +104,7 @@ class Translation:
     transport: bool = False
     anchored: bool = False
     average: float = 0.0
+    alignment: Alignment = "state"
 
 
 @dataclass
@@ -113,6 +117,17 @@ class Train:
     gan_learning_rate: float = 3e-4
     validate_every: int = 500
     log_every: int = 50
+    segment: int = 1
+    segment_weight: float = 1.0
+
+
+@dataclass
+class Online:
+    """Adaptation to a stream of transitions while a model is in use (``online:``)."""
+
+    iterations: int = 0
+    memory: int = 10_000
+    learning_rate: float = 2e-4
 
 
 @dataclass
@@ -124,6 +139,7 @@ class Method:
     vae: Vae = field(default_factory=Vae)
     translation: Translation = field(default_factory=Translation)
     train: Train = field(default_factory=Train)
+    online: Online = field(default_factory=Online)
 
 
 @dataclass
@@ -202,6 +218,7 @@ _ABOVE_ZERO = {
     "transitions", "validation_pairs", "test_pairs", "steps", "batch", "validate_every",
     "log_every", "learning_rate", "gan_learning_rate", "width", "depth", "latent",
     "translator_width", "translator_depth", "members", "mode_width", "blind_temperature",
+    "segment", "memory",
 }  # fmt: skip
 """Numbers of any section that zero makes meaningless; no other may be negative either."""
 

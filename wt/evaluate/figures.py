@@ -180,6 +180,8 @@ def curves(
         axes.set_title(label, loc="left", fontsize=10)
         if log:
             axes.set_yscale("log")
+        else:
+            axes.set_ylim(bottom=0.0, top=None if axes.get_ylim()[1] > 0.1 else 0.1)
     handles, labels = drawn[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False)
     return figure

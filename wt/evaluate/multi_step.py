@@ -16,6 +16,8 @@ import numpy as np
 import torch
 
 from wt.baselines.base import Baseline
+from wt.config import Alignment
+from wt.evaluate.correction import corrected_action
 from wt.nets.world_model import WorldModel
 from wt.translate import translate_state
 from wt.types import Pairs, Transitions
@@ -59,7 +61,9 @@ class Rolled:
     diverged: Array
 
 
-def roll_out(world: ClosedLoop, truth: Truth, step: Step, scale: Array) -> Rolled:
+def roll_out(
+    world: ClosedLoop, truth: Truth, step: Step, scale: Array, alignment: Alignment = "state"
+) -> Rolled:
     """Run a method on its own predictions and compare with what R did.
 
     Args:
@@ -67,6 +71,7 @@ def roll_out(world: ClosedLoop, truth: Truth, step: Step, scale: Array) -> Rolle
         truth: what R did from the same starts on.
         step: the method.
         scale: what errors are measured in, (n_state,).
+        alignment: whether the simulator's state is overwritten, or its action corrected.
     """
     n, past = world.spec.n_state, truth.past
     o, hidden = truth.o[:, : past + 1], truth.hidden[:, past]
@@ -76,9 +81,13 @@ def roll_out(world: ClosedLoop, truth: Truth, step: Step, scale: Array) -> Rolle
     for k in range(truth.horizon):
         action = world.act(o[:, -1], truth.context[:, past + k]).astype(np.float32)
         a = np.concatenate([a, action[:, None]], axis=1)
-        sim_next, hidden = world.advance("sim", o[:, -1], action, hidden)
+        before = hidden
+        sim_next, hidden = world.advance("sim", o[:, -1], action, before)
         with np.errstate(over="ignore", invalid="ignore"):
             state = step(Now(o, a, sim_next))
+        if alignment == "action":
+            better = corrected_action(world, o[:, -1], action, before, state, scale)
+            state, hidden = world.advance("sim", o[:, -1], better, before)
         gone |= world.astray(state, hidden)
         # who is gone waits where it began, so that nothing explodes
         state[gone], hidden[gone] = truth.o[gone, past, :n], truth.hidden[gone, past]

@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from wt.nets.frame import Frame
+from wt.train.segments import Segment, Segments
 from wt.types import Transitions
 
 CHUNK = 16384
@@ -71,19 +72,27 @@ class StepBatch(NamedTuple):
         vae: a batch of S and one of R for backward dynamics extraction.
         gan: another batch of each for translation.
         noise: standard normal noise for the four reparametrisations, (4, batch, latent).
+        segment: stretches of R, where training is on segments.
     """
 
     step: int
     vae: tuple[DomainData, DomainData]
     gan: tuple[DomainData, DomainData]
     noise: Tensor
+    segment: Segment | None = None
 
 
 class StepBatches:
     """Endless deterministic batches, starting at a given step."""
 
     def __init__(
-        self, sim: DomainData, real: DomainData, batch: int, latent: int, seed: int
+        self,
+        sim: DomainData,
+        real: DomainData,
+        batch: int,
+        latent: int,
+        seed: int,
+        segments: Segments | None = None,
     ) -> None:
         """Keep references to both domains' data.
 
@@ -93,7 +102,9 @@ class StepBatches:
             batch: transitions per domain and step.
             latent: size of z, for the noise.
             seed: same seed, same batches.
+            segments: where training is on segments too.
         """
+        self._segments = segments
         self._sim, self._real = sim, real
         self._batch, self._latent, self._seed = batch, latent, seed
         self.next_step = 0
@@ -110,7 +121,8 @@ class StepBatches:
         vae = draw(self._sim), draw(self._real)
         gan = draw(self._sim), draw(self._real)
         noise = torch.randn(4, self._batch, self._latent, generator=generator)
-        return StepBatch(step, vae, gan, noise)
+        segment = self._segments.draw(generator) if self._segments else None
+        return StepBatch(step, vae, gan, noise, segment)
 
     def __iter__(self) -> Iterator[StepBatch]:
         """Batches from ``next_step`` on."""

@@ -26,6 +26,7 @@ from wt.train.mean_field import (
 from wt.train.module import WorldTranslation
 from wt.train.regression import Progress
 from wt.train.score import PairTensors, errors
+from wt.train.segments import Segments
 from wt.types import Pairs, Transitions, TransitionSpec
 
 STRENGTHS = tuple(k / 10 for k in range(11))
@@ -79,7 +80,9 @@ def fit_world_model(
     _mean_field(model, sim, real, pairs, seed, folder, in_front)
     _choose_transport(model, sim, real, pairs)
     data = in_frame(model.frame, sim, real)
-    batches = StepBatches(*data, method.train.batch, method.nets.latent, seed)
+    train = method.train
+    segments = Segments(real, train.segment, train.batch) if train.segment > 1 else None
+    batches = StepBatches(*data, train.batch, method.nets.latent, seed, segments)
     module = WorldTranslation(model, pairs)
     on_step = progress and (lambda k, _: progress(extra + k, total))
     best = _run(module, batches, folder, sink, warn, on_step)

@@ -16,6 +16,7 @@ from wt.nets.world_model import WorldModel
 from wt.train import phases
 from wt.train.batches import StepBatch
 from wt.train.score import PairTensors, errors
+from wt.train.segments import segment_error
 
 WARM_UP = 100
 """Steps over which learning rates rise; they then fall along a cosine to zero."""
@@ -71,6 +72,10 @@ class WorldTranslation(lightning.LightningModule):
         vae, blind, generators, judges = self._each_optimizer()
         # Backward Dynamics Extraction: update φ, θ, ξ, then ψ with z detached
         loss, metrics, z = phases.extraction(self.model, batch)
+        if batch.segment is not None:
+            along = segment_error(self.model, batch.segment)
+            loss = loss + self.model.method.train.segment_weight * along
+            metrics["vae/segment"] = along
         self._update(vae, loss)
         loss, more = phases.blind(self.model, batch, z)
         self._update(blind, loss)

@@ -103,7 +103,7 @@ def train_translation(
         if (step + 1) % train.log_every == 0:
             steps.append(step + 1)
             for name, values in losses.items():
-                values.append(float((metrics | more)[f"gan/{name}"]))
+                values.append(float((metrics | more)[f"gan/{name}"].detach()))
             if progress:
                 progress(step + 1, train.steps)
     model.eval()

@@ -55,13 +55,13 @@ class Collapse(Exhibit):
 
     def _on_features(self, bench: Bench, study: Study, seed: int) -> dict[str, Any]:
         sim, real = bench.features(study, FULL, seed)
-        data = [
+        data_sim, data_real = (
             DomainData(*(torch.tensor(x) for x in (f.condition, f.z, f.outcome)))
             for f in (sim, real)
-        ]
+        )
         torch.manual_seed(seed)
         model = OutcomeTranslator(sim.z.shape[1], 0, study.config.paper)
-        return _said(train_translation(model, *data, seed))
+        return _said(train_translation(model, data_sim, data_real, seed))
 
     def _on_observations(self, study: Study, seed: int) -> dict[str, Any]:
         spec, data = study.world.spec, study.data

@@ -79,7 +79,7 @@ class MultiStep(Exhibit):
             "diverged once the trunk's height, tilt, velocity or turning rate is out of bounds; "
             "the error is the mean over those that have not. RawSim starts from R's true hidden "
             "state, as all do.",
-            [Grid(*_errors(found)), Grid(*_divergence(found))],
+            [Grid(*table) for table in horizon_tables(found)],
             {"multi_step": draw(found)},
             _differences(found),
         )
@@ -97,6 +97,11 @@ def draw(found: Numbers) -> Any:  # noqa: ANN401 – a Figure; matplotlib is imp
 def over(by_seed: list[list[float | None]]) -> np.ndarray:
     """Mean over seeds at each horizon; NaN where a seed has nothing left to measure."""
     return np.mean([[np.nan if x is None else x for x in row] for row in by_seed], axis=0)
+
+
+def horizon_tables(found: Numbers) -> list[tuple[list[str], list[list[str]], str]]:
+    """Error and divergence at some horizons: head, rows and caption of each table."""
+    return [_errors(found), _divergence(found)]
 
 
 def _errors(found: Numbers) -> tuple[list[str], list[list[str]], str]:
@@ -131,5 +136,9 @@ def _differences(found: Numbers) -> list[str]:
         )
     at = {m: mean([row[-1] for row in v["diverged"]]) for m, v in found.items()}
     worst = max(at, key=lambda m: at[m])
-    lines.append(f"{worst} diverges most, {100 * at[worst]:.0f} % at {HORIZON}.")
+    most = f"{worst} diverges most, {100 * at[worst]:.1f} %" if at[worst] else "None diverges"
+    lines.append(
+        f"{most} at {HORIZON}; in the paper DirectPred does, about "
+        f"{100 * paper.DIVERGED_AT_50['DirectPred']:g} %."
+    )
     return lines

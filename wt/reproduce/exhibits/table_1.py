@@ -37,10 +37,10 @@ class HiddenProbes(Exhibit):
     def present(self, found: Numbers) -> Section:
         """The paper's rows, and what the auxiliary parts cost."""
         rows = [
-            [row, spread(values), "", str(paper.HIDDEN_R2_BASELINE[row]), ""]
-            for row, values in found["baseline"].items()
+            [row, spread(found["baseline"][row]), "", str(theirs), ""]
+            for row, theirs in paper.HIDDEN_R2_BASELINE.items()
         ]
-        for row in found["full"]:
+        for row in paper.HIDDEN_R2["full"]:
             ours = [spread(found[column][row]) for column in ("w/o", "full")]
             theirs = [str(paper.HIDDEN_R2[column][row]) for column in ("w/o", "full")]
             rows.append([row, *ours, *theirs])

@@ -43,8 +43,8 @@ class TranslationLosses(Exhibit):
                     values["identity"].append(real.identity_error)
                     values["prediction"].append(bench.errors(study, variant, seed).mse)
                 found.setdefault(weights, {})[variant.name] = values
-        weights = study.config.paper.translation
-        found["weights"] = [weights.cycle, weights.identity]
+        settings = study.config.paper.translation
+        found["weights"] = [settings.cycle, settings.identity]
         return found
 
     def present(self, found: Numbers) -> Section:

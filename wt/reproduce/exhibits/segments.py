@@ -1,0 +1,63 @@
+"""Beyond the paper: training on segments of trajectories instead of single steps."""
+
+from __future__ import annotations
+
+from wt.evaluate.multi_step import of_model, roll_out, simulator
+from wt.reproduce.bench import FULL, Bench, Variant
+from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
+from wt.reproduce.exhibits.figure_4 import TASK, draw, horizon_tables, numbers, truth_of
+from wt.reproduce.words import gain
+
+VARIANTS = (
+    Variant("single steps", FULL.method, FULL.changes),
+    Variant("segments of 4", changes=("train.segment=4",)),
+    Variant("segments of 10", changes=("train.segment=10",)),
+)
+
+
+@register
+class SegmentTraining(Exhibit):
+    """Single-step error and rollouts of the paper's method, trained on segments or not."""
+
+    name = "segments"
+    order = 90
+    title = "Beyond the paper: multi-step training on segments"
+    tasks = (TASK,)
+
+    def measure(self, bench: Bench) -> Numbers:
+        """Train each variant on the same data and seeds, and roll it out from the same starts."""
+        study = bench.study(TASK)
+        bench.train(study, VARIANTS)
+        found: Numbers = {"single": {}, "rolled": {}}
+        for seed in study.config.seeds:
+            world, truth = truth_of(study, bench.quick, seed)
+            steps = {v.name: of_model(bench.model(study, v, seed)) for v in VARIANTS}
+            for label, step in {"RawSim": simulator, **steps}.items():
+                one = numbers(roll_out(world, truth, step, study.scales.state))
+                for key, values in one.items():
+                    found["rolled"].setdefault(label, {}).setdefault(key, []).append(values)
+            for variant in VARIANTS:
+                mse = bench.errors(study, variant, seed).mse
+                found["single"].setdefault(variant.name, []).append(mse)
+        return found
+
+    def present(self, found: Numbers) -> Section:
+        """Curves, tables and the gain."""
+        plain, *others = found["single"]
+        lines = []
+        for name in others:
+            said = [f"single-step error {gain(found['single'][plain], found['single'][name])}"]
+            for horizon in (10, 50):
+                ends = [
+                    [row[horizon - 1] for row in found["rolled"][n]["mse"]] for n in (plain, name)
+                ]
+                if None not in ends[0] + ends[1]:
+                    said.append(f"at horizon {horizon} {gain(*ends)}")
+            lines.append(f"{name[:1].upper()}{name[1:]} against single steps: {', '.join(said)}.")
+        return Section(
+            "The paper's method on Go2 with payload. With segments, the decoder is also trained to "
+            "go on from its own predictions, with features of the observed transitions.",
+            [Grid(*table) for table in horizon_tables(found["rolled"])],
+            {"segments": draw(found["rolled"])},
+            lines,
+        )

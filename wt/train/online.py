@@ -1,0 +1,120 @@
+"""Online adaptation: Algorithm 1 goes on while the robot is in use, on what it does now.
+
+New transitions of R come in without any of S beside them, which unpaired training does not need:
+S's are the old ones. The paper names this as future work.
+"""
+
+from __future__ import annotations
+
+import copy
+
+import torch
+from torch import Tensor, nn
+
+from wt.losses.robust import cauchy
+from wt.nets.world_model import WorldModel
+from wt.train import phases
+from wt.train.batches import StepBatch, StepBatches, in_frame
+from wt.types import Transitions
+
+BETAS = (0.5, 0.9)
+
+
+class OnlineAdaptation:
+    """A model that keeps learning from a stream of transitions of R.
+
+    Attributes:
+        model: as it is now, in evaluation mode; the model that was given is left alone.
+    """
+
+    def __init__(self, model: WorldModel, sim: Transitions, seed: int) -> None:
+        """Start from a trained model.
+
+        Args:
+            model: a trained model; ``method.online`` says how much it adapts.
+            sim: transitions of S, those of its training.
+            seed: same seed and stream, same adaptation.
+        """
+        self.model = copy.deepcopy(model).eval()
+        self._sim, self._seed, self._seen = sim, seed, 0
+        self._stream: list[Transitions] = []
+        m, rate = self.model, model.method.online.learning_rate
+        groups: list[list[nn.Module]] = [
+            [m.encoder, m.decoder, m.classifier],
+            [m.blind],
+            [m.to_real, m.to_sim],
+            [m.judge_real, m.judge_sim],
+        ]
+        parameters = [[p for net in group for p in net.parameters()] for group in groups]
+        for group in parameters:
+            for p in group:
+                p.requires_grad_(True)
+        self._optimizers = [
+            torch.optim.Adam(group, lr=rate, betas=BETAS if i > 1 else (0.9, 0.999))
+            for i, group in enumerate(parameters)
+        ]
+        self._shift = None
+        if m.frame.shift is not None:
+            m.frame.shift.requires_grad_(True)
+            self._shift = torch.optim.Adam(m.frame.shift.parameters(), lr=rate)
+
+    def learn(self, new: Transitions) -> None:
+        """Take in what R just did, and train on it and on what is remembered of the stream.
+
+        Args:
+            new: transitions of R, in order.
+        """
+        online = self.model.method.online
+        if not online.iterations:
+            return
+        self._stream.append(new)
+        while sum(map(len, self._stream)) - len(self._stream[0]) >= online.memory:
+            self._stream.pop(0)
+        self._seen += 1
+        if self._shift is not None:
+            self._follow_shift(self._shift)
+        frame, method = self.model.frame, self.model.method
+        parts = [in_frame(frame, self._sim, part) for part in self._stream]
+        real = type(parts[0][1])(*(torch.cat(x) for x in zip(*(p[1] for p in parts), strict=True)))
+        detached = [type(d)(*(x.detach() for x in d)) for d in (parts[0][0], real)]
+        batches = StepBatches(*detached, method.train.batch, method.nets.latent, self._seed)
+        for step in range(online.iterations):
+            self._iterate(batches.at(self._seen * online.iterations + step))
+
+    def _iterate(self, batch: StepBatch) -> None:
+        """One iteration of Algorithm 1."""
+        vae, blind, makers, judges = self._optimizers
+        loss, _, z = phases.extraction(self.model, batch)
+        _update(vae, loss)
+        _update(blind, phases.blind(self.model, batch, z)[0])
+        z_sim, z_real = phases.encode(self.model, batch)
+        loss, _, fakes = phases.generators(self.model, batch.gan, z_sim, z_real)
+        _update(makers, loss)
+        _update(judges, phases.judges(self.model, batch.gan, z_sim, z_real, fakes)[0])
+
+    def _follow_shift(self, optimizer: torch.optim.Optimizer) -> None:
+        """Let δ follow: it carries what nothing hidden decides, wherever there is a mean field."""
+        frame, mean, online = self.model.frame, self.model.method.mean, self.model.method.online
+        o, a, s_next, base = (
+            torch.cat([torch.tensor(getattr(part, name)) for part in self._stream])
+            for name in ("o", "a", "s_next", "nominal")
+        )
+        x = frame.conditions(o, a)
+        nominal = frame.changes(o, base)
+        if frame.nominal is None:
+            nominal = torch.zeros_like(nominal)
+        elif mean.simulator == "mean":
+            nominal = frame.nominal_change(x).detach()
+        target = frame.changes(o, s_next) - nominal
+        generator = torch.Generator().manual_seed(self._seed + self._seen)
+        for _ in range(online.iterations):
+            rows = torch.randint(len(x), (mean.batch,), generator=generator)
+            error = frame.shift_change(x[rows], nominal[rows]) - target[rows]
+            mode = mean.kind == "mode"
+            _update(optimizer, cauchy(error, mean.mode_width) if mode else (error**2).mean())
+
+
+def _update(optimizer: torch.optim.Optimizer, loss: Tensor) -> None:
+    optimizer.zero_grad()
+    loss.backward(inputs=optimizer.param_groups[0]["params"])
+    optimizer.step()

@@ -1,0 +1,89 @@
+"""Training on segments of trajectories: the decoder learns to go on from its own predictions.
+
+A transition's feature z is extracted from what was observed; the outcome is decoded at the
+observation that the decoder itself predicted one step before, and so on along the segment. The
+paper trains single steps and names this as future work. Segments are R's: its outcomes are what
+is decoded in use.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from wt.nets.world_model import WorldModel
+from wt.types import Transitions
+
+
+class Segment(NamedTuple):
+    """Stretches of consecutive transitions of R, physical units.
+
+    Attributes:
+        o: observations, (batch, length, n_obs).
+        a: actions, (batch, length, n_action).
+        s_next: state channels after each step, (batch, length, n_state).
+    """
+
+    o: Tensor
+    a: Tensor
+    s_next: Tensor
+
+
+class Segments:
+    """Draws segments; a pure function of the generator that it is given."""
+
+    def __init__(self, real: Transitions, length: int, batch: int) -> None:
+        """Find where segments may begin.
+
+        Args:
+            real: transitions of R, ordered by episode and step.
+            length: transitions of a segment.
+            batch: transitions per draw, so that a longer segment does not cost more.
+        """
+        self._data = [torch.tensor(x) for x in (real.o, real.a, real.s_next)]
+        self._along, self._count = torch.arange(length), max(1, batch // length)
+        last = np.arange(len(real)) + length - 1
+        inside = last < len(real)
+        last = np.minimum(last, len(real) - 1)
+        whole = inside & (real.episode[last] == real.episode)
+        whole &= real.step[last] == real.step + length - 1
+        self._starts = torch.tensor(np.flatnonzero(whole))
+
+    def draw(self, generator: torch.Generator) -> Segment | None:
+        """Some segments; None if no episode is so long."""
+        if not len(self._starts):
+            return None
+        picked = torch.randint(len(self._starts), (self._count,), generator=generator)
+        rows = self._starts[picked][:, None] + self._along
+        return Segment(*(x[rows] for x in self._data))
+
+
+def segment_error(model: WorldModel, segment: Segment) -> Tensor:
+    """Mean squared error of the normalised state along segments, each step from the last's outcome.
+
+    The first step starts from an observation; single-step training has it already, so it is left
+    out of the mean.
+    """
+    frame, n = model.frame, model.spec.n_state
+    o, total = segment.o[:, 0], segment.o.new_zeros(())
+    length = segment.o.shape[1]
+    for k in range(length):
+        seen, a, s_next = segment.o[:, k], segment.a[:, k], segment.s_next[:, k]
+        x = frame.conditions(seen, a)
+        nominal = frame.nominal_change(x)
+        y = frame.changes(seen, s_next) - nominal - frame.shift_change(x, nominal)
+        z, _ = model.encoder(x, y)
+        # ô_{t+1} = D(ô_t, a_t, z_t)
+        x = frame.conditions(o, a)
+        nominal = frame.nominal_change(x)
+        change = nominal + frame.shift_change(x, nominal) + model.decoder(x, z)
+        state = frame.next_states(o, change)
+        if k:
+            total = total + (((state - s_next) / frame.change.std) ** 2).mean()
+        if k + 1 < length:
+            # what follows the state is known without any prediction
+            o = torch.cat([state, segment.o[:, k + 1, n:]], dim=-1)
+    return total / (length - 1)
