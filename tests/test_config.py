@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from tests.tasks import CONF, TASKS
-from wt.config import Fit, load, to_yaml
+from wt.config import Fit, load, to_yaml, vary
 from wt.errors import ConfigError
 from wt.worlds.base import make
 
@@ -259,3 +259,24 @@ def test_base_that_is_missing_or_itself(tmp_path: Path) -> None:
     written(tmp_path, "base: own.yaml\n", "other.yaml")
     assert "its own base" in refused(file=written(tmp_path, "base: other.yaml\n"))
     assert "does not exist" in refused(file=written(tmp_path, "base: 3\n"))
+
+
+def test_a_variant_differs_in_what_it_says_and_nothing_else() -> None:
+    paper = r5().paper
+    varied = vary(paper, ["translation.cycle=0", "nets.film=false"])
+    assert (varied.translation.cycle, varied.nets.film) == (0.0, False)
+    assert vary(varied, ["translation.cycle=3", "nets.film=true"]) == paper
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("translation.cylce=0", "did you mean 'cycle'"),
+        ("translation.cycle=-1", "zero or more"),
+        ("train.steps=7", "not a multiple"),
+        ("translation.transport=true", "needs variant.mean.kind"),
+    ],
+)
+def test_an_impossible_variant_is_refused(change: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        vary(r5().paper, [change])

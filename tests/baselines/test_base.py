@@ -66,3 +66,14 @@ def test_never_reads_what_is_hidden_or_the_answer(name: str) -> None:
     fields["s_next"][last] += 7.0  # no later step of the episode may have seen it
     other = Pairs(Transitions(**fields), test.sim_next)
     assert np.array_equal(predict(name, 0, test)[last], predict(name, 0, other)[last])
+
+
+@each_baseline
+def test_kept_weights_predict_the_same(name: str) -> None:
+    toy = Toy(0.5)
+    test = toy.pairs(2, 3)
+    first, second = (find(name)(toy.spec, TINY, 0) for _ in range(2))
+    first.train(toy.collect(SIM, 3, 1), toy.collect(REAL, 3, 2))
+    second.nets.update(second.build())
+    second.nets.load_state_dict(first.nets.state_dict())
+    assert np.array_equal(second.predict(test), first.predict(test))

@@ -81,21 +81,40 @@ def test_prediction_trace_shows_values_above_and_errors_below() -> None:
     assert np.asarray(below.lines[0].get_ydata()).tolist() == [0.5] * 4
 
 
-def test_latent_picture_separates_what_differs() -> None:
+def test_latent_picture_shows_translated_over_r() -> None:
     rng = np.random.default_rng(0)
-    z_s = rng.normal(size=(5000, 8))
-    z_r = rng.normal(size=(300, 8)) + 20.0 * np.eye(8)[3]
-    figure = figures.latent_picture(z_s, z_s + 20.0 * np.eye(8)[3], z_r)
+    s, r = rng.normal(size=(5000, 2)), rng.normal(size=(300, 2)) + 20.0
+    figure = figures.latent_picture(s, s + 20.0, r, "PCA")
     draw(figure)
     before, after = (
         {str(line.get_label()): np.asarray(line.get_xydata()) for line in axes.lines}
         for axes in figure.axes
     )
-    # the first component is the axis the domains differ along: they lie 20 apart, then together
-    gap = abs(before["S"][:, 0].mean() - before["R"][:, 0].mean())
-    assert gap == pytest.approx(20.0, abs=0.5)
-    assert abs(after["S translated"][:, 0].mean() - after["R"][:, 0].mean()) < 0.5
+    assert np.array_equal(before["R"], after["R"])
+    assert np.allclose(after["S translated"] - before["S"], 20.0)
     assert len(before["S"]) <= 2000
+    assert figure.axes[0].get_xlabel() == "PCA 1"
+
+
+def test_curves_keep_a_methods_colour_and_tell_its_lines_apart() -> None:
+    x = np.arange(5.0)
+    lines = {name: (x, x + 1.0) for name in ("RawSim", "RSSM", "RSSM, adapting", "another")}
+    figure = figures.curves([("error", lines), ("again", lines)], "step")
+    draw(figure)
+    drawn = {str(line.get_label()): line for line in figure.axes[0].lines}
+    assert drawn["RSSM"].get_color() == drawn["RSSM, adapting"].get_color()
+    assert drawn["RSSM"].get_linestyle() != drawn["RSSM, adapting"].get_linestyle()
+    assert drawn["RawSim"].get_color() != drawn["another"].get_color()
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["error", "again"]
+
+
+def test_one_line_far_above_does_not_flatten_the_others() -> None:
+    x = np.arange(5.0)
+    lines = {"a": (x, x), "b": (x, x), "c": (x, 1e6 * x)}
+    tops = [figures.curves([("error", lines)], "step", zoom=z).axes[0].get_ylim()[1]
+            for z in (False, True)]  # fmt: skip
+    assert tops[0] > 1e6
+    assert 4.0 < tops[1] < 10.0
 
 
 def test_every_method_of_the_table_has_its_own_colour() -> None:

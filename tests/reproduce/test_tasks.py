@@ -9,8 +9,7 @@ from wt.config import load
 from wt.errors import ConfigError
 from wt.evaluate import paper
 from wt.evaluate.results import Results, Score
-from wt.reproduce.report import FIGURE, write
-from wt.reproduce.table import figure, head, rows
+from wt.reproduce.exhibits.figure_3 import figure, head, rows
 from wt.reproduce.tasks import QUICK, TASKS, chosen
 
 CONF = Path(__file__).resolve().parents[2] / "conf"
@@ -71,14 +70,6 @@ def test_figure_has_a_panel_a_robot_and_a_bar_a_method() -> None:
     assert heights == [0.25, 0.5, 0.75, 1.0]
 
 
-def test_report_is_written_with_its_figure(tmp_path: Path) -> None:
-    path = write(tmp_path, {PAYLOAD: results("go2_payload")}, [TASKS[0]])
-    text = path.read_text()
-    assert "| WorldTranslation | 0.75 ± 0.1 | 0.484 |" in text
-    assert "for want of a configuration: g1_flat" in text
-    assert (tmp_path / FIGURE).read_bytes().startswith(b"\x89PNG")
-
-
 def test_finished_runs_are_reused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = tmp_path / "out" / "go2_payload"
     run.mkdir(parents=True)
@@ -86,9 +77,14 @@ def test_finished_runs_are_reused(tmp_path: Path, capsys: pytest.CaptureFixture[
 
     (run / "config.yaml").write_text(to_yaml(load(CONF / "go2_payload.yaml", ["seeds=[0,1,2]"])))
     results("go2_payload").save(run)
-    words = ["reproduce", "--task", "go2_payload", "--conf", str(CONF), "--out", str(run.parent)]
+    words = ["reproduce", "--only", "figure-3", "--task", "go2_payload", "--conf", str(CONF)]
+    words += ["--out", str(run.parent)]
     assert main([*words, "seeds=[0,1,2]"]) == 0
     assert "0.75 ± 0.1" in capsys.readouterr().out
+    text = (run.parent / "report.md").read_text()
+    assert "| WorldTranslation | 0.75 ± 0.1 | 0.484 |" in text
+    assert "![Single-step prediction" in text
+    assert (run.parent / "single_step.png").read_bytes().startswith(b"\x89PNG")
     # another configuration is another run
     assert main([*words, "seeds=[0,1]"]) == 2
     assert "configuration differs" in capsys.readouterr().err

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -150,7 +151,9 @@ def latent_picture(s: Array, translated: Array, r: Array, axis: str) -> Figure:
         _scatter(axes, points, color, name, "^")
         _style(axes)
         axes.set_xlabel(f"{axis} 1")
-        legend = axes.legend(loc="best", markerscale=2.5, framealpha=0.9, edgecolor="none")
+        legend = axes.legend(
+            loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, markerscale=2.5, frameon=False
+        )
         for handle in legend.legend_handles:
             if handle is not None:
                 handle.set_alpha(1.0)
@@ -161,38 +164,55 @@ def latent_picture(s: Array, translated: Array, r: Array, axis: str) -> Figure:
 
 
 def curves(
-    panels: Sequence[tuple[str, Mapping[str, tuple[Array, Array]]]], x: str, *, log: bool = False
+    panels: Sequence[tuple[str, Mapping[str, tuple[Array, Array]]]], x: str, *, zoom: bool = False
 ) -> Figure:
     """Lines side by side, a panel a quantity.
 
     Args:
         panels: label of the y axis, and (x, y) of each line by its name, in every panel.
         x: label of the x axis.
-        log: whether y is logarithmic.
+        zoom: whether an axis may cut off lines that are far above the others.
     """
-    figure = Figure(figsize=(1.0 + 4.2 * len(panels), 3.8), layout="constrained")
+    width = max(7.0, 1.0 + 4.2 * len(panels))
+    figure = Figure(figsize=(width, 3.9), layout="constrained")
     drawn = figure.subplots(1, len(panels), squeeze=False)[0]
     for axes, (label, lines) in zip(drawn, panels, strict=True):
-        for i, (name, (at, y)) in enumerate(lines.items()):
-            axes.plot(at, y, color=_line_color(name, i), linewidth=1.6, label=name)
+        for name, style in _line_styles(list(lines)).items():
+            axes.plot(*lines[name], linewidth=1.6, label=name, **style)
         _style(axes)
         axes.set_xlabel(x)
         axes.set_title(label, loc="left", fontsize=10)
-        if log:
-            axes.set_yscale("log")
-        else:
-            axes.set_ylim(bottom=0.0, top=None if axes.get_ylim()[1] > 0.1 else 0.1)
+        # what is zero everywhere is a line at the bottom, not in the middle of nothing
+        axes.set_ylim(bottom=0.0, top=None if axes.get_ylim()[1] > 0.1 else 0.1)
+        if zoom and 0.0 < (top := _upper(lines)) < axes.get_ylim()[1]:
+            axes.set_ylim(top=top)
     handles, labels = drawn[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False)
+    # about so many inches for a line's sample and its name
+    columns = int(width / (0.6 + 0.085 * max(map(len, labels))))
+    figure.legend(
+        handles, labels, loc="outside lower center", ncols=min(max(1, columns), 5), frameon=False
+    )
     return figure
 
 
-def _line_color(name: str, i: int) -> tuple[float, ...]:
-    """A method's own colour, or one of the cycle for what is no method."""
-    known = colors.of_method(name)
-    if known != colors.of_method(""):
-        return _rgb(name)
-    return tuple(c / 255 for c in colors.SERIES[i % len(colors.SERIES)])
+def _upper(lines: Mapping[str, tuple[Array, Array]]) -> float:
+    """Where an axis may end, so that one line far above the others does not flatten them."""
+    tops = sorted(float(np.nanmax(y)) for _, y in lines.values() if np.isfinite(y).any())
+    return 2.0 * tops[len(tops) // 2] if tops else math.inf
+
+
+def _line_styles(names: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """A method's own colour, solid for its first line and dashed for its next ("method, how")."""
+    found: dict[str, dict[str, Any]] = {}
+    free = iter(colors.SERIES * len(names))
+    seen: set[str] = set()
+    for name in names:
+        method = name.partition(", ")[0]
+        known = colors.of_method(method) != colors.of_method("")
+        color = _rgb(method) if known else tuple(c / 255 for c in next(free))
+        found[name] = {"color": color, "linestyle": "--" if known and method in seen else "-"}
+        seen.add(method)
+    return found
 
 
 def _figure(width: float, height: float) -> tuple[Figure, Axes]:

@@ -21,7 +21,6 @@ from wt.evaluate.correction import corrected_action
 from wt.nets.world_model import WorldModel
 from wt.translate import translate_state
 from wt.types import Pairs, Transitions
-from wt.worlds.base import World
 from wt.worlds.closed_loop import ClosedLoop, Truth
 
 Array = np.ndarray
@@ -116,7 +115,7 @@ def of_model(model: WorldModel) -> Step:
     return step
 
 
-def of_baseline(baseline: Baseline, world: World) -> Step:
+def of_baseline(baseline: Baseline, world: ClosedLoop) -> Step:
     """A baseline, which sees the rollout so far as its history."""
     n = world.spec.n_state
 

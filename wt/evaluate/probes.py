@@ -160,4 +160,5 @@ def _fit(probe: Pipeline, inputs: Array, targets: Array) -> None:
     with warnings.catch_warnings():
         # so many epochs are the budget, the same for every representation
         warnings.simplefilter("ignore", ConvergenceWarning)
+        warnings.filterwarnings("ignore", message="Got `batch_size` less than 1 or larger")
         probe.fit(inputs, targets)

@@ -55,6 +55,10 @@ class ClosedLoop(Protocol):
 
     spec: TransitionSpec
 
+    def sim_step(self, o: Array, a: Array, hidden: Array | None) -> Array:
+        """S's answer, also with nothing hidden; see :class:`wt.worlds.base.World`."""
+        ...
+
     def truth(self, count: int, past: int, horizon: int, seed: int) -> Truth:
         """R under its policy, without exploration noise; at most ``count`` robots.
 

@@ -6,8 +6,7 @@ from wt.evaluate.multi_step import of_model, roll_out, simulator
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.reproduce.bench import FULL, PLUS, Bench, Variant
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
-from wt.reproduce.exhibits.figure_4 import TASK, draw, horizon_tables, numbers, truth_of
-from wt.reproduce.words import gain
+from wt.reproduce.exhibits.figure_4 import TASK, draw, gains, horizon_tables, numbers, truth_of
 
 CORRECTED = ("translation.alignment=action",)
 METHODS = ((PAPERS_OWN, FULL), (OURS, PLUS))
@@ -53,17 +52,9 @@ class ActionCorrection(Exhibit):
             "damped Gauss-Newton step), and stays consistent with what it keeps inside.",
             [Grid(*table) for table in horizon_tables(found)],
             {"action_correction": draw(found)},
-            [_gain(found, name) for name, _ in METHODS],
+            [
+                f"{name}, error with corrected actions: "
+                f"{gains(found, f'{name}, state', f'{name}, action')}."
+                for name, _ in METHODS
+            ],
         )
-
-
-def _gain(found: Numbers, name: str) -> str:
-    lines = []
-    for horizon in (10, 50):
-        ends = [
-            [row[horizon - 1] for row in found[f"{name}, {how}"]["mse"]]
-            for how in ("state", "action")
-        ]
-        said = "all diverged" if None in ends[0] + ends[1] else gain(*ends)
-        lines.append(f"{said} at horizon {horizon}")
-    return f"{name}, error with corrected actions: {', '.join(lines)}."

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from matplotlib.figure import Figure
 
 from wt.evaluate import paper
 from wt.evaluate.figures import curves
@@ -12,7 +11,7 @@ from wt.evaluate.multi_step import Rolled, Step, of_baseline, of_model, roll_out
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.reproduce.bench import FULL, PLUS, Bench
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
-from wt.reproduce.words import mean, spread
+from wt.reproduce.words import gain, mean, spread
 from wt.study import Study
 from wt.worlds.closed_loop import ClosedLoop, Truth
 
@@ -21,6 +20,8 @@ HORIZON = 50
 ROLLOUTS, ROLLOUTS_QUICK = 512, 64
 SHOWN = (1, 5, 10, 20, 30, 40, 50)
 BASELINES = ("DirectPred", "ResDyn", "ResDynSim", "RSSM")
+GAINS_AT = (10, 50)
+"""Horizons at which extensions are compared with the plain method."""
 START_SEED = 1000
 """Of the starts of rollouts; the same for every method."""
 
@@ -59,7 +60,7 @@ class MultiStep(Exhibit):
             world, truth = truth_of(study, bench.quick, seed)
             steps: dict[str, Step] = {
                 "RawSim": simulator,
-                **{b: of_baseline(bench.baseline(study, b, seed), study.world) for b in BASELINES},
+                **{b: of_baseline(bench.baseline(study, b, seed), world) for b in BASELINES},
                 PAPERS_OWN: of_model(bench.model(study, FULL, seed)),
                 OURS: of_model(bench.model(study, PLUS, seed)),
             }
@@ -85,13 +86,26 @@ class MultiStep(Exhibit):
         )
 
 
-def draw(found: Numbers) -> Any:  # noqa: ANN401 – a Figure; matplotlib is imported when it is drawn
+def draw(found: Numbers) -> Figure:
     """Divergence and error over the horizon, mean over seeds."""
     horizon = np.arange(1, HORIZON + 1)
     rates = {m: (horizon, 100 * over(v["diverged"])) for m, v in found.items()}
     errors = {m: (horizon, over(v["mse"])) for m, v in found.items()}
     return curves([("diverged rollouts [%]", rates), ("MSE of the normalised state", errors)],
-                  "horizon [control steps]")  # fmt: skip
+                  "horizon [control steps]", zoom=True)  # fmt: skip
+
+
+def gains(found: Numbers, plain: str, other: str) -> str:
+    """How much one method's error is below another's, from the same starts."""
+    said = []
+    for horizon in GAINS_AT:
+        ends = [
+            [row[horizon - 1] for row in found[name]["mse"] if row[horizon - 1] is not None]
+            for name in (plain, other)
+        ]
+        whole = len(ends[0]) == len(ends[1]) > 0
+        said.append(f"{gain(*ends) if whole else 'diverged'} at horizon {horizon}")
+    return ", ".join(said)
 
 
 def over(by_seed: list[list[float | None]]) -> np.ndarray:
