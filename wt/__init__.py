@@ -16,11 +16,13 @@ Map of the package (each concept has one home):
 ``wt.baselines``       what translation is compared with, one file each, one interface
 ``wt.diagnose``        from recordings to the physics that a model leaves out; can be called
 ``wt.show``            what reports share: colours, charts as SVG, robots in Rerun, whole files
-``wt.evaluate``        single-step errors, result tables, figures, Rerun recordings
+``wt.evaluate``        single-step errors, rollouts, probes, result tables, figures, recordings
 ``wt.export``          the ONNX graph with its normaliser inside
 ``wt.track``           a run in MLflow
 ``wt.fit``             the main job; ``study`` is what its steps share, ``jobs`` trains side by
                        side, ``publish`` writes, exports and registers what came out
+``wt.registered``      a registered model on its task
+``wt.reproduce``       the paper's tables and figures, one file each, in one report
 ``wt.cli``             one module a command
 =====================  =====================================================================
 

@@ -18,11 +18,11 @@ LEVELS = [
     {"schema", "config", "data", "nets", "losses", "physics", "show", "worlds"},
     {"train", "translate", "baselines", "diagnose"},
     {"evaluate", "export", "locomotion", "track"},
-    {"study", "jobs", "publish", "fit", "prove", "reproduce"},
+    {"study", "jobs", "publish", "fit", "prove", "registered", "reproduce"},
     {"cli", "__init__"},
 ]
 REGISTRY_MAY = {"types", "errors", "export"}
-REGISTRY_IS_FOR = {"track", "publish", "cli"}
+REGISTRY_IS_FOR = {"track", "publish", "registered", "cli"}
 # The runner has the policy's contract from worlds, and none of what trained it.
 DEPLOY_MAY = {"types", "errors", "data", "worlds"}
 FINETUNE_MAY = DEPLOY_MAY | {"translate"}

@@ -2,5 +2,6 @@
 
 ``batches`` draws what step k sees; ``mean_field`` fits the regressors in front of translation;
 ``module`` reads like Algorithm 1 and calls ``phases``; ``callbacks`` watches for collapse;
-``fit_world_model`` is the whole of it.
+``fit_world_model`` is the whole of it. ``segments`` adds training on stretches of trajectories,
+``online`` goes on while a model is in use, ``translation_only`` translates what is given.
 """

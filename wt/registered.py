@@ -1,0 +1,158 @@
+"""A registered model by itself, evaluated on its task: what ``wt evaluate`` runs.
+
+Only the ONNX graph and its card are read, so this is what anybody who pulls the model can expect
+of it. Probes need the features, which a graph does not show: they are the business of the models
+that ``wt reproduce`` trains.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from registry.card import MODEL_FILE, Card
+from registry.pull import pull
+from wt.config import Fit
+from wt.errors import ConfigError, ModelError
+from wt.evaluate import figures
+from wt.evaluate.multi_step import Now, Step, roll_out, simulator
+from wt.evaluate.results import OURS, Results
+from wt.evaluate.single_step import errors
+from wt.publish import tabulate
+from wt.show.files import write_together
+from wt.study import Listener, Study
+from wt.types import Pairs, TransitionSpec
+from wt.worlds.closed_loop import ClosedLoop
+
+Array = np.ndarray
+
+HORIZON, ROLLOUTS = 50, 256
+"""Control steps and number of rollouts of a world whose policy can be run on predictions."""
+
+
+class Registered:
+    """An exported model that fits a task.
+
+    Attributes:
+        card: what it says about itself.
+    """
+
+    def __init__(self, graph: Path, card: Card, spec: TransitionSpec) -> None:
+        """Load a graph and check that it is one of this task.
+
+        Args:
+            graph: ``model.onnx``.
+            card: its card.
+            spec: layout of the task's transitions.
+
+        Raises:
+            ModelError: the model is of another task, rate or layout.
+        """
+        import onnxruntime
+
+        self.card, self._spec = card, spec
+        expected = {
+            "task": (card.task, spec.task),
+            "rate_hz": (card.rate_hz, spec.rate_hz),
+            "o": (_names(card, "o"), [c.name for c in spec.observation]),
+            "a": (_names(card, "a"), [c.name for c in spec.action]),
+        }
+        for what, (given, wanted) in expected.items():
+            if given != wanted:
+                raise ModelError(
+                    f"the model does not fit: its {what} is {_said(given)}, the configuration's "
+                    f"{_said(wanted)}; name the --config that it was trained with"
+                )
+        self._session = onnxruntime.InferenceSession(str(graph), providers=["CPUExecutionProvider"])
+
+    def predict(self, o: Array, a: Array, sim_next: Array) -> Array:
+        """R's state after the step, (N, n_state), for S's, (N, n_state), physical units."""
+        n = self._spec.n_state
+        # channels behind the state are handed through: what stands there does not matter
+        o_next = np.hstack([sim_next, o[:, n:]]).astype(np.float32)
+        inputs = {"o": o.astype(np.float32), "a": a.astype(np.float32), "o_next_sim": o_next}
+        found: Array = self._session.run(None, inputs)[0]
+        return found[:, :n]
+
+    def on(self, pairs: Pairs) -> Array:
+        """Predictions for pairs, (N, n_state)."""
+        return self.predict(pairs.real.o, pairs.real.a, pairs.sim_next)
+
+    def step(self) -> Step:
+        """The model as a method of multi-step rollouts."""
+
+        def step(now: Now) -> Array:
+            return self.predict(now.o[:, -1], now.a[:, -1], now.sim_next)
+
+        return step
+
+
+def _names(card: Card, port: str) -> list[str]:
+    return next(([c.name for c in p.channels] for p in card.inputs if p.name == port), [])
+
+
+def _said(value: object) -> str:
+    return f"{len(value)} channels" if isinstance(value, list) else repr(value)
+
+
+def evaluate(reference: str, config: Fit, folder: Path, listener: Listener) -> Results:
+    """Errors of a registered model and of the simulator, written into a folder.
+
+    Args:
+        reference: ``"wt-r5@champion"`` or ``"wt-r5/3"``.
+        config: of the task that it was trained for.
+        folder: gets ``results.json``, ``results.md`` and figures.
+        listener: told of progress.
+
+    Raises:
+        RegistryError: no such version, or its bytes are not those that were registered.
+        ModelError: it is of another task.
+        ConfigError: the folder is a file.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise ConfigError(f"--out: {folder} is a file; name a folder")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".pull-") as name:
+        version, card = pull(reference, Path(name) / "model", uri=config.tracking.uri)
+        study = Study.open(config, folder, listener)
+        model = Registered(Path(name) / "model" / MODEL_FILE, card, study.world.spec)
+        pairs, scales = study.data.test, study.scales
+        found = {
+            "RawSim": errors(pairs.sim_next, pairs, scales),
+            OURS: errors(model.on(pairs), pairs, scales),
+        }
+        results = tabulate(study, {0: found}, version)
+        drawn = {
+            "single_step": figures.bar_table(results),
+            "per_channel": figures.per_channel(
+                {m: np.asarray(e) for m, e in results.rmse.items()}, study.world.spec.state
+            ),
+        }
+        if isinstance(study.world, ClosedLoop):
+            drawn["multi_step"] = _rollouts(study, study.world, model)
+    folder.mkdir(exist_ok=True)
+    results.save(folder)
+    write_together(folder, {f"{name}.png": _png(figure) for name, figure in drawn.items()})
+    return results
+
+
+def _rollouts(study: Study, world: ClosedLoop, model: Registered) -> Figure:
+    truth = world.truth(ROLLOUTS, 0, HORIZON, study.config.data.seed)
+    steps = {"RawSim": simulator, OURS: model.step()}
+    rolled = {m: roll_out(world, truth, step, study.scales.state) for m, step in steps.items()}
+    horizon = np.arange(1, HORIZON + 1)
+    panels = [
+        ("diverged rollouts [%]", {m: (horizon, 100 * r.diverged) for m, r in rolled.items()}),
+        ("MSE of the normalised state", {m: (horizon, r.mse) for m, r in rolled.items()}),
+    ]
+    return figures.curves(panels, "horizon [control steps]")
+
+
+def _png(figure: Figure) -> bytes:
+    png = BytesIO()
+    figure.savefig(png, format="png", dpi=150)
+    return png.getvalue()
