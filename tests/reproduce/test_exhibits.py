@@ -10,7 +10,7 @@ import pytest
 
 from wt.cli.main import main
 from wt.config import load, to_yaml
-from wt.errors import ConfigError
+from wt.errors import ConfigError, WorkError
 from wt.evaluate import paper
 from wt.evaluate.results import Results, Score
 from wt.reproduce import bench
@@ -161,6 +161,27 @@ def test_a_damaged_result_is_refused(out: Path, capsys: pytest.CaptureFixture[st
         assert "delete it and run again" in capsys.readouterr().err
     finally:
         path.write_text(whole)
+
+
+def test_an_exhibit_that_fails_leaves_the_others(
+    out: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kept = out / "numbers" / "table-3.json"
+    whole = kept.read_text()
+    kept.unlink()
+
+    def diverge(*_: object) -> None:
+        raise WorkError("training diverged at step 7")
+
+    monkeypatch.setattr(type(exhibits(["table-3"])[0]), "measure", diverge)
+    try:
+        assert main(words(out)) == 1
+    finally:
+        kept.write_text(whole)
+    assert "table-3: training diverged at step 7" in capsys.readouterr().err
+    text = (out / "report.md").read_text()
+    assert "Not run: training diverged at step 7." in text
+    assert "| (o, a)S, zS→R |" in text
 
 
 def test_a_name_used_twice_is_refused_with_both_files() -> None:

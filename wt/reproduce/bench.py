@@ -8,7 +8,7 @@ again, also by another exhibit and by another command with the same configuratio
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -78,6 +78,7 @@ class Bench:
     quick: bool
     listener: Listener
     _open: dict[str, Study] = field(default_factory=dict)
+    _read: dict[tuple[str, ...], Fit] = field(default_factory=dict)
 
     def task(self, name: str) -> Task:
         """The task of that name, which can be run."""
@@ -85,7 +86,11 @@ class Bench:
 
     def config(self, name: str, extra: Sequence[str] = ()) -> Fit:
         """A task's configuration."""
-        return load(self.conf / self.task(name).config, [*self.overrides, *extra])
+        key = (name, *extra)
+        if key not in self._read:
+            path = self.conf / self.task(name).config
+            self._read[key] = load(path, [*self.overrides, *extra])
+        return self._read[key]
 
     def identity(self, tasks: Sequence[str]) -> str:
         """Hash of what decides the numbers of an exhibit of these tasks."""
@@ -117,7 +122,8 @@ class Bench:
             config = open_folder(self.config(name, extra), folder, resume=begun)
             self._open.clear()  # one task's data at a time
             self._open[home] = Study.open(config, folder, self.listener)
-        return self._open[home]
+        # the bars of the exhibit that first needed it are gone
+        return replace(self._open[home], listener=self.listener)
 
     def train(
         self, study: Study, variants: Sequence[Variant], baselines: Sequence[str] = ()

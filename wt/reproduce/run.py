@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 
+from wt.errors import WorkError
 from wt.reproduce.bench import Bench
 from wt.reproduce.exhibit import Exhibit, exhibits
 from wt.reproduce.numbers import kept, obtain
@@ -47,23 +48,36 @@ def reproduce(
 
     Raises:
         ConfigError: a name is not known, or a configuration cannot be run.
+        WorkError: an exhibit failed; the report holds the others.
     """
     wanted = {exhibit.name for exhibit in exhibits(only)}
-    there, _ = chosen(tasks, conf)
+    there, left_out = chosen(tasks, conf)
     words = [*(QUICK if quick else FULL), *overrides]
+    names = [task.name for task in there]
+    entries, failed = [], []
     with bars() as listener:
         bench = Bench(conf, out, there, words, quick, listener)
-    names = [task.name for task in there]
-    entries = []
+        for name in names:
+            bench.config(name)  # a wrong override is said before anything runs
     for exhibit in exhibits():
-        if exhibit.name in wanted and exhibit.can_run(names):
+        if exhibit.name not in wanted or not exhibit.can_run(names):
+            entries.append(_known(exhibit, bench, names))
+            continue
+        try:
             with bars() as listener:
                 found = obtain(exhibit, replace(bench, listener=listener))
-            entries.append(Entry(exhibit, exhibit.present(found)))
-            say(entries[-1])
-        else:
-            entries.append(_known(exhibit, bench, names))
-    return write(out, entries, _about(there, words, quick))
+        except WorkError as error:  # the others do not depend on it
+            failed.append(f"{exhibit.name}: {error}")
+            entries.append(Entry(exhibit, None, str(error)))
+            continue
+        entries.append(Entry(exhibit, exhibit.present(found)))
+        say(entries[-1])
+    page = write(out, entries, _about(there, left_out, words, quick))
+    if failed:
+        raise WorkError(
+            f"{page} lacks {len(failed)} of {len(wanted)} exhibits; {'; '.join(failed)}"
+        )
+    return page
 
 
 def _known(exhibit: Exhibit, bench: Bench, names: Sequence[str]) -> Entry:
@@ -77,7 +91,11 @@ def _known(exhibit: Exhibit, bench: Bench, names: Sequence[str]) -> Entry:
     return Entry(exhibit, exhibit.present(found))
 
 
-def _about(tasks: Sequence[Task], words: Sequence[str], quick: bool) -> str:
+def _about(
+    tasks: Sequence[Task], left_out: Sequence[Task], words: Sequence[str], quick: bool
+) -> str:
     size = "Small models and little data: shows that it runs, not how well. " if quick else ""
     seeds = next((word.partition("=")[2] for word in reversed(words) if "seeds=" in word), "[0]")
-    return f"{size}Tasks {', '.join(task.name for task in tasks)}; seeds {seeds}."
+    missing = ", ".join(task.name for task in left_out)
+    rest = f" Without a configuration: {missing}." if missing else ""
+    return f"{size}Tasks {', '.join(task.name for task in tasks)}; seeds {seeds}.{rest}"

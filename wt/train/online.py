@@ -7,7 +7,10 @@ S's are the old ones. The paper names this as future work.
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
+from dataclasses import fields
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -36,7 +39,10 @@ class OnlineAdaptation:
             seed: same seed and stream, same adaptation.
         """
         self.model = copy.deepcopy(model).eval()
-        self._sim, self._seed, self._seen = sim, seed, 0
+        self._seed, self._seen = seed, 0
+        # what S did stays as it was: framed once, with one row of it for where both are asked for
+        self._row = sim.select(np.arange(1))
+        self._sim, _ = in_frame(self.model.frame, sim, self._row)
         self._stream: list[Transitions] = []
         m, rate = self.model, model.method.online.learning_rate
         groups: list[list[nn.Module]] = [
@@ -74,10 +80,8 @@ class OnlineAdaptation:
         if self._shift is not None:
             self._follow_shift(self._shift)
         frame, method = self.model.frame, self.model.method
-        parts = [in_frame(frame, self._sim, part) for part in self._stream]
-        real = type(parts[0][1])(*(torch.cat(x) for x in zip(*(p[1] for p in parts), strict=True)))
-        detached = [type(d)(*(x.detach() for x in d)) for d in (parts[0][0], real)]
-        batches = StepBatches(*detached, method.train.batch, method.nets.latent, self._seed)
+        _, real = in_frame(frame, self._row, _joined(self._stream))
+        batches = StepBatches(self._sim, real, method.train.batch, method.nets.latent, self._seed)
         for step in range(online.iterations):
             self._iterate(batches.at(self._seen * online.iterations + step))
 
@@ -95,10 +99,8 @@ class OnlineAdaptation:
     def _follow_shift(self, optimizer: torch.optim.Optimizer) -> None:
         """Let δ follow: it carries what nothing hidden decides, wherever there is a mean field."""
         frame, mean, online = self.model.frame, self.model.method.mean, self.model.method.online
-        o, a, s_next, base = (
-            torch.cat([torch.tensor(getattr(part, name)) for part in self._stream])
-            for name in ("o", "a", "s_next", "nominal")
-        )
+        seen = _joined(self._stream)
+        o, a, s_next, base = map(torch.tensor, (seen.o, seen.a, seen.s_next, seen.nominal))
         x = frame.conditions(o, a)
         nominal = frame.changes(o, base)
         if frame.nominal is None:
@@ -112,6 +114,15 @@ class OnlineAdaptation:
             error = frame.shift_change(x[rows], nominal[rows]) - target[rows]
             mode = mean.kind == "mode"
             _update(optimizer, cauchy(error, mean.mode_width) if mode else (error**2).mean())
+
+
+def _joined(parts: Sequence[Transitions]) -> Transitions:
+    """The parts of a stream as one; which episode each is of does not matter here."""
+    columns = {
+        f.name: np.concatenate([getattr(part, f.name) for part in parts])
+        for f in fields(Transitions)
+    }
+    return Transitions(**columns)
 
 
 def _update(optimizer: torch.optim.Optimizer, loss: Tensor) -> None:
