@@ -1,14 +1,23 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from tests.baselines.toy import REAL, SIM, Toy
-from wt.config import Method, Nets
+from wt.config import Mean, Method, Nets
 from wt.evaluate.embedding import best_embedding, embed
-from wt.evaluate.probes import Split, domain_table, hidden_baseline, hidden_table
+from wt.evaluate.probes import (
+    Split,
+    condition_accuracy,
+    domain_table,
+    hidden_baseline,
+    hidden_table,
+)
 from wt.evaluate.representation import Features, features, some
+from wt.nets.frame import Frame
 from wt.nets.world_model import WorldModel
 from wt.train.mean_field import fit_normalizers
 from wt.types import Domain
@@ -54,6 +63,16 @@ def test_what_is_not_translated_does_not_pass() -> None:
     leaking = domain_table(seen("sim", 0.0, 0.0, 3.0), seen("real", 0.0, 0.0, 3.0), 0)
     assert leaking["(o, a)S"] > 0.95
     assert leaking["(o, a)S, zS→R"] < 0.05
+
+
+def test_conditions_tell_domains_that_act_differently() -> None:
+    toy = Toy(0.0)
+    sim, real = toy.collect(SIM, 20, 1), toy.collect(REAL, 20, 2)
+    frame = Frame(toy.spec, Mean())
+    fit_normalizers(frame, sim, real)
+    assert condition_accuracy(frame, sim, sim, 0) == pytest.approx(0.5, abs=0.1)
+    other = replace(real, a=real.a + 2.0)
+    assert condition_accuracy(frame, sim, other, 0) > 0.9
 
 
 def test_no_episode_is_on_both_sides() -> None:

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.metrics import r2_score
 from sklearn.neural_network import MLPClassifier, MLPRegressor
@@ -18,6 +19,7 @@ from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from wt.evaluate.representation import Features
+from wt.nets.frame import Frame
 from wt.types import Transitions
 
 Array = np.ndarray
@@ -128,18 +130,26 @@ def domain_table(sim: Features, real: Features, seed: int) -> dict[str, float]:
     return found
 
 
-def condition_accuracy(sim: Transitions, real: Transitions, seed: int) -> float:
-    """How often a probe tells the domain from (o, a) alone, mean over both domains."""
-    inputs, labels, splits = [], [], []
-    for label, data in enumerate((sim, real)):
-        inputs.append(np.hstack([data.o, data.a]))
-        labels.append(np.full(len(data), label))
-        splits.append(Split.of(data.episode).train)
-    train, x, y = np.concatenate(splits), np.concatenate(inputs), np.concatenate(labels)
+def condition_accuracy(frame: Frame, sim: Transitions, real: Transitions, seed: int) -> float:
+    """How often a probe tells the domain from (o, a) alone, mean over both domains.
+
+    Args:
+        frame: gives (o, a) as networks see them, actions as offsets from where the joints are.
+        sim: transitions of S.
+        real: transitions of R.
+        seed: of the probe.
+    """
+    data = sim, real
+    x = [frame.conditions(torch.tensor(d.o), torch.tensor(d.a)).numpy() for d in data]
+    train = [Split.of(d.episode).train for d in data]
     probe = _probe(MLPClassifier, seed)
-    _fit(probe, x[train], y[train])
-    right = probe.predict(x[~train]) == y[~train]
-    return float(np.mean([right[y[~train] == label].mean() for label in (0, 1)]))
+    labels = np.repeat([0, 1], [int(rows.sum()) for rows in train])
+    _fit(probe, np.concatenate([a[rows] for a, rows in zip(x, train, strict=True)]), labels)
+    right = [
+        probe.predict(a[~rows]) == label
+        for label, (a, rows) in enumerate(zip(x, train, strict=True))
+    ]
+    return float(np.mean([one.mean() for one in right]))
 
 
 def _views(own: str, other: str, data: Features) -> dict[str, Array]:

@@ -47,10 +47,11 @@ class Collapse(Exhibit):
                 found[FEATURES_CASE] = [
                     self._on_features(bench, study, seed) for seed in study.config.seeds
                 ]
-            found[name] = [self._on_observations(study, seed) for seed in study.config.seeds]
-            leak = [_leak(bench, study, seed) for seed in study.config.seeds]
-            for run, value in zip(found[name], leak, strict=True):
-                run["leak"] = value
+            found[name] = [
+                self._on_observations(study, seed)
+                | {"leak": condition_accuracy(_frame(study), *bench.looked_at(study), seed)}
+                for seed in study.config.seeds
+            ]
         return found
 
     def _on_features(self, bench: Bench, study: Study, seed: int) -> dict[str, Any]:
@@ -65,8 +66,7 @@ class Collapse(Exhibit):
 
     def _on_observations(self, study: Study, seed: int) -> dict[str, Any]:
         spec, data = study.world.spec, study.data
-        frame = Frame(spec, Mean())
-        fit_normalizers(frame, data.sim, data.real)
+        frame = _frame(study)
         torch.manual_seed(seed)
         model = OutcomeTranslator(spec.n_state, frame.n_condition, study.config.paper)
         seen = train_translation(model, *in_frame(frame, data.sim, data.real), seed)
@@ -117,9 +117,11 @@ def _said(seen: Curves) -> dict[str, Any]:
     return {key: list(getattr(seen, key)) for key in ("step", *_KEYS)}
 
 
-def _leak(bench: Bench, study: Study, seed: int) -> float:
-    """How often a probe tells the domain from (o, a) alone."""
-    return condition_accuracy(*bench.looked_at(study), seed)
+def _frame(study: Study) -> Frame:
+    """Normalisers without a mean field, as the paper's method has them."""
+    frame = Frame(study.world.spec, Mean())
+    fit_normalizers(frame, study.data.sim, study.data.real)
+    return frame
 
 
 def _end(values: list[float]) -> float:
