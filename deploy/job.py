@@ -7,6 +7,7 @@ import math
 import os
 import signal
 from collections.abc import Sequence
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 
@@ -42,7 +43,7 @@ def run(
     from deploy.pilot import Pilot
     from deploy.policies import load
     from deploy.robot import Silent
-    from deploy.runner import Runner, teller
+    from deploy.runner import RATE_HZ, Runner, teller
     from deploy.safety import Limits
 
     bounds = Limits.parse(list(limits))
@@ -56,20 +57,20 @@ def run(
     say(f"policy {policy.card.name} ({policy.card.sha256[:12]}) on {interface}\n{KEYS}")
     runner = Runner(Silent(robot) if dry_run else robot, Pilot(policy), operator, bounds, say=say)
     meta: dict[str, object] = {
-        "robot": "go2", "source": f"wt-run on {interface}", "rate": 1 / 0.002,
+        "robot": "go2", "source": f"wt-run on {interface}", "rate": RATE_HZ,
         "policy": reference, "policy_sha256": policy.card.sha256, "dry_run": dry_run,
         "limits": vars(bounds),
     }  # fmt: skip
-    outcome = None
     try:
         with operator.attending():
             outcome = runner.run(math.inf if seconds is None else seconds)
     finally:
-        events = outcome.events if outcome else []
-        written = runner.recorder.write(
-            folder, {**meta, "events": events, "health": robot.health()}
-        )
-    report = {"timing": outcome.timing.dict(), "events": events, "began": outcome.began}
+        meta |= {"events": runner.events, "health": robot.health()}
+        written = runner.recorder.write(folder, meta)
+        if not written:
+            with suppress(OSError):  # it was there before, with something in it
+                folder.rmdir()
+    report = {"timing": outcome.timing.dict(), "events": runner.events, "began": outcome.began}
     _write_json(folder / REPORT, report)
     print(outcome.timing.text())
     print(f"{folder}: {', '.join([*(p.name for p in written), REPORT])}")

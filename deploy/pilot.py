@@ -36,10 +36,8 @@ class Pilot:
         self.card: PolicyCard = policy.card
         self.seconds: list[float] = []
         self._policy = policy
-        self._default, self._scale = (
-            np.array(policy.card.default),
-            np.array(policy.card.action_scale),
-        )
+        self._default = np.array(policy.card.default)
+        self._scale = np.array(policy.card.action_scale)
         self._number = 0  # of the last question
         self._questions: SimpleQueue[tuple[int, Question]] = SimpleQueue()
         self._answers: SimpleQueue[tuple[int, np.ndarray | Exception, float]] = SimpleQueue()

@@ -61,13 +61,11 @@ class Outcome:
     Attributes:
         fault: what ended the motion, if anything did.
         timing: how regular it was.
-        events: seconds since the first tick and what happened then.
         began: when the first tick was, by the clock [s].
     """
 
     fault: Fault | None
     timing: Timing
-    events: list[tuple[float, str]]
     began: float
 
 
@@ -77,6 +75,7 @@ class Runner:
     Attributes:
         recorder: what happened in every tick.
         status: where the run is.
+        events: seconds since the first tick, and what happened then.
     """
 
     def __init__(
@@ -100,7 +99,7 @@ class Runner:
         self._seconds = pilot.seconds
         self.recorder = Recorder(state_columns(robot.joints), robot.joints, _EXTRA)
         self.status = Status()
-        self._events: list[tuple[float, str]] = []
+        self.events: list[tuple[float, str]] = []
         self._ages: list[float] = []
         self._began = 0.0
 
@@ -132,7 +131,7 @@ class Runner:
         finally:
             gc.enable()
         timing = Timing.of(np.array(ticks), 1 / RATE_HZ, self._seconds, np.array(self._ages))
-        return Outcome(self.status.fault, timing, self._events, begin)
+        return Outcome(self.status.fault, timing, begin)
 
     def _await_robot(self) -> None:
         """Wait for a first state, then listen for a while; send nothing."""
@@ -156,17 +155,24 @@ class Runner:
 
     def _tick(self, now: float, ended: bool) -> Wish | None:
         """One tick; an error of ours ends in damping, too."""
-        told, wish, command = np.zeros(3), None, self._motion.brake()
+        told, command = np.zeros(3), self._motion.brake()
+        wish = Wish.QUIT if ended or self._operator.ended() else None
         try:
             self._watch.listen(now)
-            wish, told = self._operator.poll(self._watch.known().remote)
-            wish = Wish.QUIT if ended else wish
+            asked, told = self._operator.poll(self._watch.known().remote)
+            wish = wish or asked
             command = self._decide(now, wish, told)
         except Exception as error:
-            self._move_on(now, wish, Fault("internal", f"{type(error).__name__}: {error}"))
+            self._broken(now, error)
         self._robot.send(command)
-        self._note(now, command, told)
+        try:
+            self._note(now, command, told)
+        except Exception as error:  # without a log, the drives are still to be told
+            self._broken(now, error)
         return wish
+
+    def _broken(self, now: float, error: Exception) -> None:
+        self._move_on(now, None, Fault("internal", f"{type(error).__name__}: {error}"))
 
     def _decide(self, now: float, wish: Wish | None, told: np.ndarray) -> Command:
         state = self._watch.known()
@@ -183,7 +189,7 @@ class Runner:
             return
         self.status = status
         what = status.stage.value + (f": {status.fault}" if status.fault else "")
-        self._events.append((now - self._began, what))
+        self.events.append((now - self._began, what))
         self._say(what)
         self._motion.begin(status.stage, now, state)
 

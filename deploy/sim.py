@@ -66,10 +66,8 @@ class Sim:
         """
         self.robot = SimRobot()
         self._script, self._mischief = script, mischief
-        self._inbox, self._writer = (
-            line.inbox(LOW_COMMAND, LowCmd_),
-            line.writer(LOW_STATE, LowState_),
-        )
+        self._inbox = line.inbox(LOW_COMMAND, LowCmd_)
+        self._writer = line.writer(LOW_STATE, LowState_)
         self.recorder = Recorder(columns(), JOINTS, _EXTRA)
         self._first: float | None = None
 

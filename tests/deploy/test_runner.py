@@ -8,6 +8,7 @@ import math
 import sys
 import threading
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -95,10 +96,11 @@ def test_a_run_from_lying_to_damping(
     robot: FakeRobot, pilot: Rigged, clock: FakeClock, said: list[str]
 ) -> None:
     before = len(pilot.seconds)
-    outcome = started(robot, pilot, clock, said).run(brake=BRAKE)
+    runner = started(robot, pilot, clock, said)
+    outcome = runner.run(brake=BRAKE)
     assert outcome.fault is None
-    assert [what for _, what in outcome.events] == ["stand", "policy", "damping"]
-    when = [t for t, _ in outcome.events]
+    assert [what for _, what in runner.events] == ["stand", "policy", "damping"]
+    when = [t for t, _ in runner.events]
     np.testing.assert_allclose(when, [at for at, _ in WISHES], atol=1.1 * TICK)
     # a command in every tick, until the end
     times = np.array([t for t, _ in robot.sent])
@@ -200,7 +202,7 @@ def test_a_dry_run_computes_and_sends_nothing(
     runner = Runner(Silent(robot), pilot, FakeOperator(clock, *WISHES), LIMITS, clock, said.append)
     outcome = runner.run(brake=BRAKE)
     assert outcome.fault is None and robot.sent == []
-    assert [what for _, what in outcome.events] == ["stand", "policy", "damping"]
+    assert [what for _, what in runner.events] == ["stand", "policy", "damping"]
     assert len(pilot.seconds) - before == 8
 
 
@@ -240,8 +242,9 @@ def test_a_robot_that_did_not_get_up_does_not_walk(
 ) -> None:
     lying = np.array([0.0, 1.36, -2.65] * 4)
     robot.change = lambda now, state: dataclasses.replace(state, position=lying)
-    outcome = started(robot, pilot, clock, said).run(brake=BRAKE)
-    assert [what for _, what in outcome.events] == ["stand", "damping"]
+    runner = started(robot, pilot, clock, said)
+    runner.run(brake=BRAKE)
+    assert [what for _, what in runner.events] == ["stand", "damping"]
 
 
 def test_every_tick_is_in_the_log(
@@ -258,6 +261,25 @@ def test_every_tick_is_in_the_log(
     np.testing.assert_array_equal(logged[held], targets[held])
     assert np.isnan(logged[~held]).all()
     np.testing.assert_array_equal(np.unique(ticks["stage"]), [0, 1, 2, 3])
+
+
+def test_a_log_that_breaks_does_not_stop_the_braking(
+    robot: FakeRobot, pilot: Rigged, clock: FakeClock, said: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    runner = started(robot, pilot, clock, said)
+    kept = runner.recorder.row
+
+    def row(*parts: Any) -> None:  # noqa: ANN401 – of the recorder
+        if is_time(robot, clock):
+            raise MemoryError
+        kept(*parts)
+
+    monkeypatch.setattr(runner.recorder, "row", row)
+    outcome = runner.run(brake=BRAKE)
+    assert outcome.fault is not None and outcome.fault.name == "internal"
+    braking = commands(robot, FAULT_AT + 2 * TICK)
+    assert len(braking) > 50 and all(is_damping(c) for c in braking)
 
 
 class Hanging(io.StringIO):
