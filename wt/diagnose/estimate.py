@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
+from wt.diagnose.nuisance import boxes
 from wt.diagnose.objective import Assessed, Hypothesis, Objective
 from wt.diagnose.refine import bounds, jacobian, pack, refine, steps
 from wt.diagnose.result import Estimate
@@ -99,14 +100,20 @@ def _spread(objective: Objective, now: Assessed, slope: Array) -> Array:
     """Half width of the 95 % intervals of the parameters, (p,)."""
     hessian, scores, blocks = _curvature(objective, now, slope)
     p, n = slope.shape[2], len(hessian)
+    settled = np.concatenate([np.zeros(p, bool), boxes(objective.some, now.hypothesis) == 0.0])
     scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-    inverse = np.linalg.pinv(hessian / scale / scale[:, None], rcond=1e-10)
+    scaled, free = hessian / scale / scale[:, None], np.flatnonzero(~settled)
+    inverse = np.zeros((n, n))
+    inverse[np.ix_(free, free)] = np.linalg.pinv(scaled[np.ix_(free, free)], rcond=1e-10)
     meat = scores.T @ scores / scale / scale[:, None]
     # the nuisances' true values scatter around zero by one standard deviation each
     meat[range(p, n), range(p, n)] += 1.0 / scale[p:] ** 2
     covariance = (inverse @ meat @ inverse) / scale / scale[:, None]
     freedom = max(blocks - p, 2)
-    deviation = np.sqrt(np.maximum(np.diag(covariance)[:p], 0.0))
+    # those that were taken to be nothing do so too, and go into the parameters as they are
+    blamed = inverse @ (scaled[:, settled] * scale[settled]) / scale[:, None]
+    variance = np.diag(covariance) + (blamed**2).sum(axis=1)
+    deviation = np.sqrt(np.maximum(variance[:p], 0.0))
     # what the replays' steps may still be wrong by, seen through the same estimator
     numerical = inverse @ (_numerical_score(objective, now, slope) / scale) / scale
     return np.asarray(np.hypot(student.ppf(0.975, freedom) * deviation, 2.0 * numerical[:p]))
