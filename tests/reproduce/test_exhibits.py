@@ -11,7 +11,7 @@ import pytest
 from wt.cli.main import main
 from wt.config import load, to_yaml
 from wt.errors import ConfigError, WorkError
-from wt.evaluate import paper
+from wt.evaluate import paper, probes
 from wt.evaluate.results import Results, Score
 from wt.reproduce import bench
 from wt.reproduce.exhibit import Exhibit, exhibits, register
@@ -63,6 +63,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         Results(name, (0,), scores).save(run)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(bench, "FEATURES_QUICK", 400)
+        patch.setattr(probes, "EPOCHS", 2)
         patch.setattr(figure_4, "ROLLOUTS_QUICK", 4)
         patch.setattr(figure_4, "HORIZON", 6)
         patch.setattr(figure_4, "SHOWN", (1, 6))
