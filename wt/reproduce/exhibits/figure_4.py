@@ -113,27 +113,31 @@ def over(by_seed: list[list[float | None]]) -> np.ndarray:
     return np.mean([[np.nan if x is None else x for x in row] for row in by_seed], axis=0)
 
 
-def horizon_tables(found: Numbers) -> list[tuple[list[str], list[list[str]], str]]:
-    """Error and divergence at some horizons: head, rows and caption of each table."""
+def horizon_tables(found: Numbers) -> list[tuple[list[str], list[list[str]]]]:
+    """Error and divergence at some horizons: head and rows of each table."""
     return [_errors(found), _divergence(found)]
 
 
-def _errors(found: Numbers) -> tuple[list[str], list[list[str]], str]:
+def _errors(found: Numbers) -> tuple[list[str], list[list[str]]]:
     rows = [
         [m, *(spread([row[h - 1] for row in v["mse"] if row[h - 1] is not None]) for h in SHOWN)]
         for m, v in found.items()
     ]
     head = ["MSE at horizon", *map(str, SHOWN)]
-    return head, rows, ""
+    return head, rows
 
 
-def _divergence(found: Numbers) -> tuple[list[str], list[list[str]], str]:
+def _divergence(found: Numbers) -> tuple[list[str], list[list[str]]]:
     rows = []
     for method, values in found.items():
         cells = [spread([100 * row[h - 1] for row in values["diverged"]]) for h in SHOWN]
         papers = paper.DIVERGED_AT_50.get(method)
         rows.append([method, *cells, "–" if papers is None else f"{100 * papers:g}"])
-    return ["% diverged at horizon", *map(str, SHOWN), "paper's at 50"], rows, ""
+    head = ["% diverged at horizon", *map(str, SHOWN), "paper's at 50"]
+    if PAPERS_OWN in found:
+        return head, rows
+    # among variants there is nothing of the paper's to compare with
+    return head[:-1], [row[:-1] for row in rows]
 
 
 def _differences(found: Numbers) -> list[str]:
