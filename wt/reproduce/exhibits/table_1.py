@@ -65,8 +65,8 @@ def _differences(found: Numbers) -> list[str]:
         f"(o, a) alone gives away {leak[0]:.2f} and {leak[1]:.2f} of the force, the whole "
         f"transition {whole[0]:.2f} and {whole[1]:.2f} (in the paper {papers['(o, a)S']} and "
         f"{papers['(o, a)R']}, {papers['(o, a, o′)S']} and {papers['(o, a, o′)R']}): how much "
-        "(o, a) leaks is the collecting policy's doing, and ours holds a force for 80 ms on "
-        "average, of which the observation before it acts says nothing.",
+        "(o, a) leaks depends on how long a force lasts and how the collecting policy reacts; here "
+        "forces come and go within a few control steps.",
         f"Translation keeps {100 * kept['S']:.0f} % of R² from S to R and {100 * kept['R']:.0f} % "
         "from R to S.",
         f"The auxiliary parts change R² by {cost:+.3f} on average: "
