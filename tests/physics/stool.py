@@ -83,9 +83,10 @@ def recording(
     waves = 0.12 * np.sin(2 * np.pi * pace[0] * t + phase[0])
     waves += 0.06 * np.sin(4 * np.pi * pace[1] * t + phase[1])
     held = (waves * np.clip(t, 0, 1)).T
-    q, v = np.empty((len(t), model.nq)), np.empty((len(t), model.nv))
+    # what a hidden load does is not seen; its joint is the last one
+    q, v = np.empty((len(t), 7 + len(JOINTS))), np.empty((len(t), 6 + len(JOINTS)))
     for k, command in enumerate(held):
-        q[k], v[k] = data.qpos, data.qvel
+        q[k], v[k] = data.qpos[: q.shape[1]], data.qvel[: v.shape[1]]
         data.ctrl[:] = command
         for _ in range(round(1.0 / (rate * model.opt.timestep))):
             mujoco.mj_step(model, data)

@@ -36,13 +36,15 @@ class _Fit:
 
     Attributes:
         law: it.
-        centre: where the load is in the middle of its travel.
+        centre: middle of its travel that its path was computed with.
+        there: middle that explains most, the path staying as it is.
         mass: [kg].
         score: half the log of the mean square left, summed over joints and blocks.
     """
 
     law: Law | None
     centre: Centre
+    there: Centre
     mass: float
     score: float
 
@@ -52,11 +54,15 @@ def laws_that_fit(motion: Motion, body: str) -> list[tuple[Law, Centre, float]]:
     if body not in _places(motion):
         return []
     search = _Search(motion, body)
-    best = search.tried(_coarse())[:_VARIED]
+    # what moves may mislead as to where its middle is
+    starts = (search.middle, search.origin)
+    best = _distinct([f for at in starts for f in search.tried(_coarse(), at)])[:_VARIED]
     for factor in _ROUNDS:
-        # themselves too: their paths depend on where the centre is, which is better known now
-        laws = {law for fit in best if fit.law for law in (fit.law, *_variants(fit.law, factor))}
-        best = _distinct([*best, *search.tried(sorted(laws, key=str), best[0].centre)])[:_VARIED]
+        laws = {law for fit in best if fit.law for law in _variants(fit.law, factor)}
+        fits = search.tried(sorted(laws, key=str), best[0].centre)
+        # a path depends on where the centre is, which is better known now, or not
+        fits += [search.tried([fit.law], fit.there)[0] for fit in best if fit.law]
+        best = _distinct([*best, *fits])[:_VARIED]
     return [(fit.law, fit.centre, fit.mass) for fit in best[:_GIVEN] if fit.law]
 
 
@@ -107,7 +113,13 @@ def _places(motion: Motion) -> frozenset[str]:
 
 
 class _Search:
-    """Fits loads of given laws to a residual."""
+    """Fits loads of given laws to a residual.
+
+    Attributes:
+        origin: the body's centre of mass.
+        middle: where the load would be if it did not move.
+        fixed_gain: share of the residual that it would explain then.
+    """
 
     def __init__(self, motion: Motion, body: str) -> None:
         self._motion, self._body = motion, body
@@ -118,17 +130,17 @@ class _Search:
         still = Path(*np.zeros((3, len(motion), 3)))
         x, y, z = (float(c) for c in centre)
         before = float(np.sum((self._residual / self._scale) ** 2))
-        fixed, left = self._fitted(None, (x, y, z), still)
+        self.origin = (x, y, z)
+        fixed, left = self._fitted(None, self.origin, still)
         self.fixed_gain = 1.0 - float(np.sum((left / self._scale) ** 2)) / before
-        self._middle = fixed.centre
+        self.middle = fixed.there
         # from here on a joint counts by what a fixed load leaves of it
         self._scale = np.sqrt(np.mean(left**2, axis=0)) + 1e-12
 
-    def tried(self, laws: Sequence[Law], centre: Centre | None = None) -> list[_Fit]:
+    def tried(self, laws: Sequence[Law], centre: Centre) -> list[_Fit]:
         """How well laws fit, best first."""
-        middle = centre or self._middle
-        found = paths(self._motion, self._body, middle, tuple(laws))
-        fits = [self._fitted(law, middle, p)[0] for law, p in zip(laws, found, strict=True)]
+        found = paths(self._motion, self._body, centre, tuple(laws))
+        fits = [self._fitted(law, centre, p)[0] for law, p in zip(laws, found, strict=True)]
         return sorted(fits, key=lambda f: f.score)
 
     def _fitted(self, law: Law | None, centre: Centre, path: Path) -> tuple[_Fit, Array]:
@@ -145,7 +157,7 @@ class _Search:
             away = np.zeros(3)
         score = 0.5 * len(left) * float(np.log(np.mean(left**2, axis=0) + 1e-24).sum())
         cx, cy, cz = (float(c) for c in np.array(centre) + away)
-        return _Fit(law, (cx, cy, cz), float(x[0]), score if x[0] > 0.0 else np.inf), left
+        return _Fit(law, centre, (cx, cy, cz), float(x[0]), score if x[0] > 0.0 else np.inf), left
 
     def _mean(self, signal: Array) -> Array:
         """Means over blocks: (T, …) → (B, …)."""
