@@ -23,6 +23,8 @@ _BLOCK_S = 0.04
 _LEAST, _NEARLY = 0.01, 0.8
 """A fixed load must explain this share of the residual, and this share of what the best place
 explains: wherever a load moves, there is weight."""
+_MOVED = 0.93
+"""What a load that moves must leave at most of what a fixed one leaves."""
 _TRAVELS = (0.02, 0.05, 0.1, 0.2)  # m
 _ROLLING = 0.4
 _ROUNDS = (1.5, 1.5, 1.4, 1.25, 1.15)
@@ -39,6 +41,7 @@ class _Fit:
         centre: middle of its travel that its path was computed with.
         there: middle that explains most, the path staying as it is.
         mass: [kg].
+        left: mean square that it leaves, by what a fixed load leaves of each joint.
         score: half the log of the mean square left, summed over joints and blocks.
     """
 
@@ -46,6 +49,7 @@ class _Fit:
     centre: Centre
     there: Centre
     mass: float
+    left: float
     score: float
 
 
@@ -63,7 +67,9 @@ def laws_that_fit(motion: Motion, body: str) -> list[tuple[Law, Centre, float]]:
         # a path depends on where the centre is, which is better known now, or not
         fits += [search.tried([fit.law], fit.there)[0] for fit in best if fit.law]
         best = _distinct([*best, *fits])[:_VARIED]
-    return [(fit.law, fit.centre, fit.mass) for fit in best[:_GIVEN] if fit.law]
+    return [
+        (fit.law, fit.centre, fit.mass) for fit in best[:_GIVEN] if fit.law and fit.left < _MOVED
+    ]
 
 
 def _distinct(fits: Sequence[_Fit]) -> list[_Fit]:
@@ -157,7 +163,10 @@ class _Search:
             away = np.zeros(3)
         score = 0.5 * len(left) * float(np.log(np.mean(left**2, axis=0) + 1e-24).sum())
         cx, cy, cz = (float(c) for c in np.array(centre) + away)
-        return _Fit(law, centre, (cx, cy, cz), float(x[0]), score if x[0] > 0.0 else np.inf), left
+        share = float(np.mean((left / self._scale) ** 2))
+        return _Fit(
+            law, centre, (cx, cy, cz), float(x[0]), share, score if x[0] > 0.0 else np.inf
+        ), left
 
     def _mean(self, signal: Array) -> Array:
         """Means over blocks: (T, …) → (B, …)."""

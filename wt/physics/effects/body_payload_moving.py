@@ -50,6 +50,7 @@ class BodyPayloadMoving(Effect):
     reads_residual = True
     signed = (1, 0, 0, 0)
     read_off = 10
+    odds_against = 8.0
     settles = ("body.mass",)
 
     def __init__(self, shape: Shape = ()) -> None:
