@@ -130,19 +130,32 @@ def touchable(scene: Scene) -> list[Location]:
     return [Location("geom", name) for name in names if name]
 
 
+def partners(model: mujoco.MjModel, geom: int) -> list[int]:
+    """Geoms that one may touch, where one of both is fixed."""
+    return [b if a == geom else a for a, b in pairs(model) if geom in (a, b)]
+
+
 def deciding(model: mujoco.MjModel, geom: int) -> list[int]:
     """Geoms whose parameters hold in a geom's contacts: of two the one of higher priority.
 
     Of equals it is the given one, or the one with more friction.
     """
     found = []
-    for pair in pairs(model):
-        if geom in pair:
-            other = pair[0] if pair[1] == geom else pair[1]
-            over = int(model.geom_priority[other] - model.geom_priority[geom])
-            rougher = model.geom_friction[other, 0] > model.geom_friction[geom, 0]
-            found.append(other if over > 0 or (over == 0 and rougher) else geom)
+    for other in partners(model, geom):
+        over = int(model.geom_priority[other] - model.geom_priority[geom])
+        rougher = model.geom_friction[other, 0] > model.geom_friction[geom, 0]
+        found.append(other if over > 0 or (over == 0 and rougher) else geom)
     return found
+
+
+def unlike(value: float, others: Array, share: float) -> bool:
+    """Whether a value is further, in logarithms, than ``share`` from all others."""
+    return bool((np.abs(np.log(value / np.maximum(others, 1e-6))) > share).all())
+
+
+def outrank(geom: mujoco.MjsGeom, other: mujoco.MjsGeom) -> None:
+    """Let a geom's parameters hold against another's."""
+    geom.priority, geom.condim = other.priority + 1, max(geom.condim, other.condim)
 
 
 class _Probe:

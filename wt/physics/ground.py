@@ -58,14 +58,18 @@ def turned(quaternion: Array, angle: float, direction: float) -> Array:
     return found
 
 
+def planes(model: mujoco.MjModel) -> list[int]:
+    """The world's planes."""
+    flat = model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE)
+    return [int(geom) for geom in np.flatnonzero(flat & (model.geom_bodyid == 0))]
+
+
 def floors(scene: Scene, q: Array, v: Array) -> tuple[Floor, ...]:
     """The level planes of a model that are elsewhere, as the motion (T, nv) of a machine shows."""
-    m = scene.model
-    planes = np.flatnonzero(m.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE))
-    found = []
-    for geom in planes if scene.free else ():
-        level = m.geom_bodyid[geom] == 0 and abs(abs(m.geom_quat[geom, 0]) - 1.0) < 1e-6
-        if level and (floor := _floor(scene, int(geom), q, v)):
+    m, found = scene.model, []
+    for geom in planes(m) if scene.free else ():
+        level = abs(abs(m.geom_quat[geom, 0]) - 1.0) < 1e-6
+        if level and (floor := _floor(scene, geom, q, v)):
             found.append(floor)
     return tuple(found)
 

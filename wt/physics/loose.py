@@ -13,6 +13,7 @@ began.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -61,14 +62,19 @@ class Path:
     a: Array
 
 
-def paths(motion: Motion, body: str, centre: Centre, laws: tuple[Law, ...]) -> list[Path]:
+def path_of(motion: Motion, body: str, centre: Centre, law: Law) -> Path:
+    """Where a load of one law was; the last few are kept, as replays ask for them again."""
+    return _path_of(motion.recorded, body, centre, law)
+
+
+@lru_cache(maxsize=32)
+def _path_of(motion: Motion, body: str, centre: Centre, law: Law) -> Path:
+    return paths(motion, body, centre, (law,))[0]
+
+
+def paths(motion: Motion, body: str, centre: Centre, laws: Sequence[Law]) -> list[Path]:
     """Where loads of several laws were, each from rest in the middle at a segment's start."""
-    return _paths(motion.recorded, body, centre, laws)
-
-
-@lru_cache(maxsize=64)
-def _paths(motion: Motion, body: str, centre: Centre, laws: tuple[Law, ...]) -> list[Path]:
-    moved = kinematics(motion)[body]
+    moved = kinematics(motion.recorded)[body]
     s, v, a = np.zeros((3, len(motion), len(laws), 3))
     for segment in motion.segments:
         rows = segment.rows
@@ -78,7 +84,7 @@ def _paths(motion: Motion, body: str, centre: Centre, laws: tuple[Law, ...]) -> 
 
 
 def _integrated(
-    moved: Moved, segment: Segment, centre: Array, laws: tuple[Law, ...]
+    moved: Moved, segment: Segment, centre: Array, laws: Sequence[Law]
 ) -> tuple[Array, Array]:
     """Positions and velocities of L loads at the samples of a segment, (n, L, 3) each."""
     parts = max(1, round(segment.dt / _STEP_S))

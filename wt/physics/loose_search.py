@@ -145,7 +145,7 @@ class _Search:
 
     def tried(self, laws: Sequence[Law], centre: Centre) -> list[_Fit]:
         """How well laws fit, best first."""
-        found = paths(self._motion, self._body, centre, tuple(laws))
+        found = paths(self._motion, self._body, centre, laws)
         fits = [self._fitted(law, centre, p)[0] for law, p in zip(laws, found, strict=True)]
         return sorted(fits, key=lambda f: f.score)
 

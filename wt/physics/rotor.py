@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
-from wt.physics.effect import Effect, Shape
-from wt.physics.motion import Motion
+from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
 from wt.types import Location
 
@@ -58,7 +57,7 @@ def rotor(joint: str) -> str:
     return f"{joint}_rotor"
 
 
-class GearEffect(Effect):
+class GearEffect(ReplayOnly):
     """Base of effects between motor and link, which only a replay with a rotor can tell."""
 
     kind = "joint"
@@ -66,18 +65,6 @@ class GearEffect(Effect):
     def places(self, scene: Scene) -> Sequence[Location]:
         """Joints with a drive."""
         return [Location("joint", name) for name in dict.fromkeys(d.joint for d in scene.drives)]
-
-    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
-        """None: the rotor's angle is not measured."""
-        return []
-
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
-        """Nothing; see :meth:`shapes`."""
-        return np.zeros((*motion.q.shape, 0))
-
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
-        """Nothing; see :meth:`shapes`."""
-        return np.zeros(self.n_theta)
 
     def followers(self, at: Location) -> Mapping[str, str]:
         """The rotor starts at the link's angle."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import abc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
@@ -15,6 +15,7 @@ from wt.physics.scene import Drive, Scene, between
 Array = np.ndarray
 
 _BRISTLE_FREQUENCY, _BRISTLE_DAMPING = 0.4, 0.5  # frequency · time step, damping ratio
+_LOAD_RADIUS = 0.01  # m, of the sphere that stands for a load
 _FROM_GEOMS = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
 
 
@@ -168,3 +169,32 @@ def passive(
     no_input = int(mujoco.mjtCtrlInput.mjINPUT_NONE)
     motor.set_to_dcmotor(motorconst=[0, 0], resistance=1, ctrlspec=no_input, **features)
     return motor
+
+
+def point_load(
+    spec: mujoco.MjSpec, body: str, mass: float, position: Array
+) -> mujoco.MjsBody | None:
+    """Weld a small sphere without contacts to a body, on a body of its own; None if it is nothing.
+
+    A geom on the body itself would not count where the body's inertia is written out.
+    """
+    settle(spec)
+    if mass <= 0.0:
+        return None
+    load = spec.body(body).add_body(name=f"{body}_payload", pos=position)
+    load.explicitinertial = True
+    load.mass = mass
+    # without a position MuJoCo would not write the inertia into the file
+    load.ipos = np.zeros(3)
+    load.inertia = np.full(3, 0.4 * mass * _LOAD_RADIUS**2)
+    sphere = load.add_geom(name=f"{body}_payload", type=mujoco.mjtGeom.mjGEOM_SPHERE)
+    sphere.size, sphere.mass = [_LOAD_RADIUS, 0.0, 0.0], mass
+    sphere.contype, sphere.conaffinity = 0, 0
+    return load
+
+
+def place_of_load(coefficients: Array, centre: Sequence[float]) -> Array:
+    """Position of a load, (3,) [m], from its mass and its first moments about a centre."""
+    mass = coefficients[0]
+    size = max(abs(mass), 1e-9)
+    return np.array(centre) + coefficients[1:] / (size if mass >= 0.0 else -size)

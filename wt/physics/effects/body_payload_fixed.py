@@ -9,14 +9,13 @@ import numpy as np
 
 from wt.physics import inertia
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import settle
+from wt.physics.effects._tools import place_of_load, point_load
 from wt.physics.motion import Motion
 from wt.types import Location
 
 Array = np.ndarray
 
 _APART = 0.1  # m; the moments are quadratic in the position, so any central difference is exact
-_RADIUS = 0.01  # m, of the sphere that stands for the weight
 
 
 @register
@@ -56,29 +55,11 @@ class BodyPayloadFixed(Effect):
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """Mass, and position from the first moments."""
-        mass = coefficients[0]
-        size = max(abs(mass), 1e-9)
-        away = coefficients[1:] / (size if mass >= 0.0 else -size)
-        return np.array([mass, *(np.array(shape) + away)])
+        return np.array([coefficients[0], *place_of_load(coefficients, shape)])
 
     def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
-        """Add a small sphere without contacts, on a body of its own that is welded on.
-
-        A geom on the body itself would not count where the body's inertia is written out.
-        """
-        settle(spec)
-        mass = float(theta[0])
-        if mass <= 0.0:
-            return
-        payload = spec.body(at.name).add_body(name=f"{at.name}_payload", pos=theta[1:])
-        payload.explicitinertial = True
-        payload.mass = mass
-        # without a position MuJoCo would not write the inertia into the file
-        payload.ipos = np.zeros(3)
-        payload.inertia = np.full(3, 0.4 * mass * _RADIUS**2)
-        sphere = payload.add_geom(name=f"{at.name}_payload", type=mujoco.mjtGeom.mjGEOM_SPHERE)
-        sphere.size, sphere.mass = [_RADIUS, 0.0, 0.0], mass
-        sphere.contype, sphere.conaffinity = 0, 0
+        """Weld a point mass on."""
+        point_load(spec, at.name, float(theta[0]), theta[1:])
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""

@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import settle
-from wt.physics.loose import Centre, Law, columns, paths
+from wt.physics.effects._tools import place_of_load, point_load
+from wt.physics.loose import Centre, Law, columns, path_of
 from wt.physics.loose_search import laws_that_fit
 from wt.physics.motion import Motion
 from wt.physics.replay import Hidden, Stretch
@@ -19,7 +19,6 @@ from wt.types import Location
 Array = np.ndarray
 
 _AXES = ("x", "y", "z")
-_RADIUS = 0.01  # m, of the sphere that stands for the weight
 _STOP = (0.006, 1.0)  # time constant [s] and damping ratio: nothing bounces
 _AT_REST = 0.003  # m: what moves less is fixed
 _SPRUNG = 1.0  # 1/s²
@@ -75,15 +74,13 @@ class BodyPayloadMoving(Effect):
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """Force per kilogram, and per kg·m away from the centre of the shape."""
         centre = _centre(shape)
-        (path,) = paths(motion, at.name, centre, (_law(shape),))
+        path = path_of(motion, at.name, centre, _law(shape))
         return columns(motion, at.name, centre, path)
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """Mass, the longest travel, and position from the first moments."""
-        mass = coefficients[0]
-        size = max(abs(mass), 1e-9)
-        away = coefficients[1:] / (size if mass >= 0.0 else -size)
-        return np.array([mass, max(shape[:3]), *(np.array(_centre(shape)) + away)])
+        place = place_of_load(coefficients, _centre(shape))
+        return np.array([coefficients[0], max(shape[:3]), *place])
 
     def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
         """What was read off, with none of it put down to what any rig is off by."""
@@ -92,23 +89,15 @@ class BodyPayloadMoving(Effect):
         return [np.array([self.shape[9], max(self.shape[:3]), *_centre(self.shape)])]
 
     def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
-        """Add a small sphere without contacts, on slides between stops."""
-        settle(spec)
+        """Put a point mass on slides between stops."""
         mass, law = float(theta[0]), self._law(theta)
-        if mass <= 0.0:
+        payload = point_load(spec, at.name, mass, theta[2:])
+        if payload is None:
             return
-        name = f"{at.name}_payload"
-        payload = spec.body(at.name).add_body(name=name, pos=theta[2:])
-        payload.explicitinertial = True
-        payload.mass, payload.ipos = mass, np.zeros(3)
-        payload.inertia = np.full(3, 0.4 * mass * _RADIUS**2)
-        sphere = payload.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_SPHERE)
-        sphere.size, sphere.mass = [_RADIUS, 0.0, 0.0], mass
-        sphere.contype, sphere.conaffinity = 0, 0
         for axis, letter, travel in zip(np.eye(3), _AXES, law.travel, strict=True):
             if travel > 0.0:
                 payload.add_joint(
-                    name=f"{name}_{letter}",
+                    name=f"{payload.name}_{letter}",
                     type=mujoco.mjtJoint.mjJNT_SLIDE,
                     axis=axis,
                     pos=np.zeros(3),
@@ -128,7 +117,7 @@ class BodyPayloadMoving(Effect):
         law = self._law(theta)
         s, v = np.zeros((2, 3))
         if stretch.motion is not None and stretch.segment is not None:
-            (path,) = paths(stretch.motion, at.name, self._centre(theta), (law,))
+            path = path_of(stretch.motion, at.name, self._centre(theta), law)
             rows, now = stretch.segment.rows, stretch.t[0]
             t = stretch.motion.t[rows]
             s = np.array([np.interp(now, t, path.s[rows, k]) for k in range(3)])
@@ -141,7 +130,7 @@ class BodyPayloadMoving(Effect):
 
     def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
         """Whether the load moved at all."""
-        (path,) = paths(motion, at.name, self._centre(theta), (self._law(theta),))
+        path = path_of(motion, at.name, self._centre(theta), self._law(theta))
         return bool(np.std(path.s, axis=0).max() > _AT_REST)
 
     def observed(self) -> Mapping[str, tuple[str, tuple[float, ...]]]:

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from wt.physics.contact import deciding, fixed, pairs, touchable
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.contact import deciding, fixed, outrank, partners, touchable, unlike
+from wt.physics.effect import Parameter, register
 from wt.physics.effects._tools import compiled
 from wt.physics.motion import Motion
+from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
 from wt.types import Location
 
@@ -21,7 +22,7 @@ _UNLIKE = 0.35  # of the logarithm
 
 
 @register
-class ContactCompliance(Effect):
+class ContactCompliance(ReplayOnly):
     """The time constant of a geom's contacts, critically damped, or of the ground's under all.
 
     How far a foot sinks in is below what tracks a base, and forces do not show it at all: only
@@ -37,18 +38,6 @@ class ContactCompliance(Effect):
         """Named geoms that may touch: of the machine, and fixed ones."""
         return touchable(scene)
 
-    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
-        """None: see the class."""
-        return []
-
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
-        """No force beyond what contacts may carry, (T, nv, 1)."""
-        return np.zeros((*motion.q.shape, 1))
-
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
-        """See :meth:`Effect.theta`."""
-        return coefficients
-
     def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
         """Softer than the model, where anything ever comes near anything."""
         if not motion.touching.near.any():
@@ -59,8 +48,8 @@ class ContactCompliance(Effect):
     def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
         """Whether it is further from the model's than soles and floors are from each other."""
         m = motion.scene.model
-        now = [m.geom_solref[g, 0] for g in deciding(m, m.geom(at.name).id)]
-        return all(abs(np.log(theta[0] / max(x, 1e-6))) > _UNLIKE for x in now)
+        now = m.geom_solref[deciding(m, m.geom(at.name).id), 0]
+        return unlike(float(theta[0]), now, _UNLIKE)
 
     def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
         """Write ``solref``, and see to it that no partner has a say in it.
@@ -71,16 +60,15 @@ class ContactCompliance(Effect):
         own, mine = model.geom(at.name).id, spec.geom(at.name)
         solref = [float(theta[0]), 1.0]
         mine.solref = solref
-        for partner in {g for pair in pairs(model) if own in pair for g in pair} - {own}:
+        for partner in partners(model, own):
             other, over = spec.geoms[partner], model.geom_priority[partner] - mine.priority
             if fixed(model)[own] and over >= 0:
                 other.solref = solref  # whatever stands on this ground gives as it does
             elif over >= 0:
                 # friction goes on being what it was: of equals the larger one
-                mine.friction = (
-                    np.maximum(mine.friction, other.friction) if over == 0 else (other.friction)
-                )
-                mine.priority, mine.condim = other.priority + 1, max(mine.condim, other.condim)
+                rough = np.maximum(mine.friction, other.friction) if over == 0 else other.friction
+                mine.friction = rough
+                outrank(mine, other)
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""

@@ -8,10 +8,11 @@ from functools import lru_cache
 import mujoco
 import numpy as np
 
-from wt.physics.contact import deciding, fixed, loads, pairs, touchable
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.contact import deciding, fixed, loads, outrank, partners, touchable, unlike
+from wt.physics.effect import Parameter, register
 from wt.physics.effects._tools import compiled
 from wt.physics.motion import Motion
+from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
 from wt.types import Location
 
@@ -20,12 +21,11 @@ Array = np.ndarray
 _SLIPPING, _LOADED = 0.06, 0.08  # m/s; share of the weight: less is noise of the residual
 _LEAST, _THINNED = 20, 5  # samples that must slip; one in so many is looked at
 _STARTS = (0.75, 0.5)  # quantiles of what was seen: a foot that hardly slips shows less
-
 _UNLIKE = 0.25  # of the logarithm: a dusty floor is no finding
 
 
 @register
-class ContactFriction(Effect):
+class ContactFriction(ReplayOnly):
     """A coefficient of sliding friction of one geom, or of the ground under all.
 
     No force signature tells it, since contact forces are projected out of the residual; how far
@@ -41,18 +41,6 @@ class ContactFriction(Effect):
         """Named geoms that may touch: of the machine, and fixed ones."""
         return touchable(scene)
 
-    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
-        """None: see the class."""
-        return []
-
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
-        """No force beyond what contacts may carry, (T, nv, 1)."""
-        return np.zeros((*motion.q.shape, 1))
-
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
-        """See :meth:`Effect.theta`."""
-        return coefficients
-
     def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
         """What slipping contacts show of it."""
         geom = motion.scene.model.geom(at.name).id
@@ -66,8 +54,8 @@ class ContactFriction(Effect):
     def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
         """Whether it is further from the model's than floors are from each other."""
         m = motion.scene.model
-        now = [m.geom_friction[g, 0] for g in deciding(m, m.geom(at.name).id)]
-        return all(abs(np.log(theta[0] / max(mu, 1e-6))) > _UNLIKE for mu in now)
+        now = m.geom_friction[deciding(m, m.geom(at.name).id), 0]
+        return unlike(float(theta[0]), now, _UNLIKE)
 
     def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
         """Write ``friction``, and see to it that no partner overrules it.
@@ -76,9 +64,8 @@ class ContactFriction(Effect):
         """
         model = compiled(spec)
         own = model.geom(at.name).id
-        partners = {g for pair in pairs(model) if own in pair for g in pair} - {own}
         spec.geom(at.name).friction[0] = theta[0]
-        for partner in partners:
+        for partner in partners(model, own):
             over = int(model.geom_priority[partner] - model.geom_priority[own])
             if over > 0 or (over == 0 and model.geom_friction[partner, 0] > theta[0]):
                 _yield(spec, model, own, partner, float(theta[0]))
@@ -98,9 +85,7 @@ def _yield(spec: mujoco.MjSpec, model: mujoco.MjModel, own: int, partner: int, m
         # the ground: whatever stands on it slides as it does
         spec.geoms[partner].friction[0] = mu
         return
-    element, other = spec.geoms[own], spec.geoms[partner]
-    element.priority = model.geom_priority[partner] + 1
-    element.condim = max(element.condim, other.condim)
+    outrank(spec.geoms[own], spec.geoms[partner])
 
 
 @lru_cache(maxsize=4)

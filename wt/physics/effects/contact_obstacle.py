@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, register
 from wt.physics.hits import face
 from wt.physics.motion import Motion
+from wt.physics.replay_only import ReplayOnly
 from wt.types import Location
 
 Array = np.ndarray
@@ -20,7 +21,7 @@ _NAME = "obstacle"
 
 
 @register
-class ContactObstacle(Effect):
+class ContactObstacle(ReplayOnly):
     """A box whose face is at a position and looks along a normal; nothing of it bounces.
 
     Forces say when something is touched, the shape of what touches says where
@@ -34,18 +35,6 @@ class ContactObstacle(Effect):
         Parameter("normal", "-", -1.0, 1.0, 2e-3, ("x", "y", "z")),
     )
     reference = "S. Haddadin, A. De Luca and A. Albu-Schäffer, Robot collisions, IEEE T-RO 33, 2017"
-
-    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
-        """None: see the class."""
-        return []
-
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
-        """Nothing; see :meth:`shapes`."""
-        return np.zeros((*motion.q.shape, 1))
-
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
-        """Nothing; see :meth:`shapes`."""
-        return np.zeros(self.n_theta)
 
     def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
         """What the machine runs into."""

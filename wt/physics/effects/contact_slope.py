@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, register
 from wt.physics.effects._tools import compiled
-from wt.physics.ground import turned
+from wt.physics.ground import planes, turned
 from wt.physics.motion import Motion
+from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
 from wt.types import Location
 
@@ -18,7 +19,7 @@ Array = np.ndarray
 
 
 @register
-class ContactSlope(Effect):
+class ContactSlope(ReplayOnly):
     """A plane that falls by an angle towards a direction (0 is the world's x, π/2 its y).
 
     No force tells it, but feet that stand still do (:mod:`wt.physics.ground`).
@@ -35,22 +36,8 @@ class ContactSlope(Effect):
 
     def places(self, scene: Scene) -> Sequence[Location]:
         """Named planes of the world."""
-        m = scene.model
-        planes = np.flatnonzero(m.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE))
-        still = [m.geom(g).name for g in planes if m.geom_bodyid[g] == 0]
-        return [Location("geom", name) for name in still if name]
-
-    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
-        """None: see the class."""
-        return []
-
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
-        """No force beyond what contacts may carry, (T, nv, 1)."""
-        return np.zeros((*motion.q.shape, 1))
-
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
-        """Nothing; see :meth:`shapes`."""
-        return np.zeros(self.n_theta)
+        names = [scene.model.geom(geom).name for geom in planes(scene.model)]
+        return [Location("geom", name) for name in names if name]
 
     def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
         """Where the feet say that the floor is."""

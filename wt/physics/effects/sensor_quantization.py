@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.motion import Motion
+from wt.physics.effect import Parameter, register
+from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
 from wt.types import Location
 
@@ -19,7 +18,7 @@ Array = np.ndarray
 
 
 @register
-class SensorQuantization(Effect):
+class SensorQuantization(ReplayOnly):
     """Recorded position = step · round(true position / step)."""
 
     id = "sensor.quantization"
@@ -27,18 +26,6 @@ class SensorQuantization(Effect):
     parameters = (Parameter("step", "rad", 1e-6, 1.0, 1e-4, neutral=0.0),)
     reference = "B. Widrow and I. Kollár, Quantization Noise, 2008"
     native = False
-
-    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
-        """None: the recorded values themselves show it."""
-        return []
-
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
-        """How the force residual changes when the sensor errs so."""
-        return np.zeros((*motion.q.shape, 0))
-
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
-        """See :meth:`Effect.theta`."""
-        return np.zeros(1)
 
     def sense(self, outputs: Outputs, scene: Scene, at: Location, theta: Array) -> None:
         """What the encoder reports."""
