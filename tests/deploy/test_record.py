@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -12,6 +13,8 @@ from deploy.record import LOG, RECORDING, Recorder, Table, state_columns, state_
 from deploy.robot import Command
 from tests.deploy.conftest import standing
 from wt.data.recording import check_against, read
+from wt.diagnose.odometry import located
+from wt.physics.scene import Scene
 from wt.worlds import go2_model
 from wt.worlds.robots import GO2
 
@@ -49,6 +52,33 @@ def test_the_recording_is_of_the_held_states_and_the_log_of_every_tick(tmp_path:
     np.testing.assert_allclose(log["t"], 0.002 * np.arange(2200))
     assert np.isnan(log["ctrl/FR_hip_joint"][:1100]).all()
     assert np.isnan(log["qpos/FR_hip_joint"][9::10]).all()
+
+
+def test_what_is_recorded_says_where_the_trunk_was(tmp_path: Path) -> None:
+    path = tmp_path / "go2.xml"
+    path.write_text(go2_model.spec(go2_model.PUBLISHED, 0.002).to_xml())
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data, recorder = mujoco.MjData(model), Recorder(state_columns(JOINTS), JOINTS, ())
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    true = np.empty((1500, 3))
+    for k in range(len(true)):
+        t = 0.002 * k
+        sway = min(t, 1.0) * 0.15 * np.sin(2 * np.pi * np.array([0.5, 0.8, 1.1] * 4) * t)
+        data.ctrl[:] = np.array(GO2.default) + sway
+        mujoco.mj_forward(model, data)
+        imu = (data.sensor("gyro").data, data.sensor("orientation").data)
+        measured = (data.qpos[7:], data.qvel[6:], data.actuator_force, *imu)
+        true[k] = data.qpos[:3]
+        command = Command(np.array(data.ctrl), 50.0 * ONE, ONE)
+        recorder.row(t, t, np.concatenate(measured), command, ())
+        mujoco.mj_step(model, data)
+    recording = read(recorder.write(tmp_path / "run", {})[0])
+    found = located(Scene(path), "base", recording.t, recording.columns)
+    now = np.stack([found[f"qpos/base/{k}"] for k in range(3)], axis=1)
+    assert np.ptp(true[500:, 2]) > 0.02
+    assert np.abs((now - true)[500:, 2]).max() < 0.003
+    drift = (now - now[500])[500:, :2] - (true - true[500])[500:, :2]
+    assert np.abs(drift).max() < 0.2 * np.ptp(true[500:, :2])
 
 
 def test_a_table_of_several_blocks_is_one() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import mujoco
@@ -37,12 +37,18 @@ STOOL = """<mujoco>
     <body name="trunk" pos="0 0 {height}">
       <freejoint name="root"/>
       <geom name="trunk" type="box" size="0.2 0.15 0.04" mass="4" contype="0" conaffinity="0"/>
+      <site name="imu" pos="0.05 -0.03 0.02" euler="0.2 -0.3 1.2"/>
       {legs}
     </body>
   </worldbody>
   <actuator>
     {drives}
   </actuator>
+  <sensor>
+    <gyro name="gyro" site="imu"/>
+    <accelerometer name="accelerometer" site="imu"/>
+    <framequat name="orientation" objtype="site" objname="imu"/>
+  </sensor>
   <keyframe><key name="stand" qpos="0 0 {height} 1 0 0 0 0 0 0 0 0 0"/></keyframe>
 </mujoco>""".format(
     height=HEIGHT,
@@ -61,7 +67,11 @@ def scene(folder: Path) -> Scene:
 
 
 def recording(
-    seed: int, edit: Edit | None = None, seconds: float = 8.0, rate: float = 100.0
+    seed: int,
+    edit: Edit | None = None,
+    seconds: float = 8.0,
+    rate: float = 100.0,
+    imu: Sequence[str] = (),
 ) -> Recording:
     """What is recorded of a machine that shuffles about, with something hidden in it.
 
@@ -70,6 +80,7 @@ def recording(
         edit: hides it.
         seconds: duration.
         rate: of the samples [Hz].
+        imu: names of the sensors that are recorded too.
     """
     spec = mujoco.MjSpec.from_string(STOOL)
     spec.option.timestep = 0.0005
@@ -85,9 +96,14 @@ def recording(
     held = (waves * np.clip(t, 0, 1)).T
     # what a hidden load does is not seen; its joint is the last one
     q, v = np.empty((len(t), 7 + len(JOINTS))), np.empty((len(t), 6 + len(JOINTS)))
+    sensed = {name: np.empty((len(t), int(model.sensor(name).dim[0]))) for name in imu}
     for k, command in enumerate(held):
         q[k], v[k] = data.qpos[: q.shape[1]], data.qvel[: v.shape[1]]
         data.ctrl[:] = command
+        if sensed:
+            mujoco.mj_forward(model, data)
+        for name, column in sensed.items():
+            column[k] = data.sensor(name).data
         for _ in range(round(1.0 / (rate * model.opt.timestep))):
             mujoco.mj_step(model, data)
     noise = np.concatenate([np.full(3, 3e-4), np.full(4, 3e-4), np.full(6, 1e-4)])
@@ -95,6 +111,8 @@ def recording(
     v += np.concatenate([np.full(3, 5e-3), np.full(9, 3e-3)]) * rng.normal(size=v.shape)
     columns = {f"qpos/root/{k}": q[:, k] for k in range(7)}
     columns |= {f"qvel/root/{k}": v[:, k] for k in range(6)}
+    for name, column in sensed.items():
+        columns |= {f"sensor/{name}/{k}": x for k, x in enumerate(column.T)}
     for i, joint in enumerate(JOINTS):
         columns |= {f"qpos/{joint}": q[:, 7 + i], f"qvel/{joint}": v[:, 6 + i]}
         columns |= {f"ctrl/{joint}": held[:, i]}

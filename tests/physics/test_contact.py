@@ -16,6 +16,7 @@ from wt.physics.effect import effects
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.types import Location
+from wt.worlds import go2_model
 
 FOOT = Location("geom", "left_foot")
 FLOOR = Location("geom", "floor")
@@ -34,6 +35,16 @@ def standing(machine: Scene, height: float) -> np.ndarray:
     q = np.zeros((1, machine.model.nv))
     q[0, 2] = height
     return q
+
+
+def test_feet_of_several_geoms_are_seen_before_they_touch(tmp_path: Path) -> None:
+    path = tmp_path / "go2.xml"
+    path.write_text(go2_model.spec(go2_model.PUBLISHED, 0.002).to_xml())
+    go2 = Scene(path)
+    q = np.array([[0.0, 0.0, go2_model.HEIGHT, 0.0, 0.0, 0.0, *go2_model.DEFAULT]])
+    over, lifted = (q + lift * np.eye(go2.model.nv)[2] for lift in (0.01, 0.05))
+    assert touching(go2, over).near[0] == 4
+    assert touching(go2, lifted).near[0] == 0
 
 
 def test_a_force_of_the_ground_is_not_free_and_others_partly_are(machine: Scene) -> None:

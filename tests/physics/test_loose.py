@@ -32,7 +32,7 @@ def recorded(folder: Path, xml: str, seconds: float) -> tuple[Motion, np.ndarray
 def test_the_path_is_that_of_the_load(tmp_path: Path) -> None:
     motion, truth = recorded(tmp_path, RAILS, 3.0)
     right, free = Law((0.1, 0.0, 0.0), 4.0, 0.0, 0.0), Law((0.2, 0.0, 0.0), 4.0, 0.0, 0.0)
-    found, other = paths(motion, "b2", AT, (right, free))
+    found, other = paths(motion, "b2", [(right, AT), (free, AT)])
     assert np.ptp(truth) > 0.07  # from one stop, and nearly to the other
     assert np.sqrt(np.mean((found.s[:, 0] - truth) ** 2)) < 0.002
     assert np.sqrt(np.mean((other.s[:, 0] - truth) ** 2)) > 0.02

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wt.diagnose.addition import EQUIVALENT_NATS, Accepted, addition
+from wt.diagnose.hypotheses import dof_of
 from wt.diagnose.objective import Assessed, Hypothesis, Objective, without
 from wt.diagnose.refine import refine
 from wt.diagnose.result import Considered
@@ -19,6 +20,8 @@ Report = Callable[[str, float], None]
 """Called with (what is being done, share of the whole 0…1)."""
 
 MOST_EFFECTS = 10
+FEW = 3
+"""So many effects that joined in one round are all looked for again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,12 +93,16 @@ def _reconsidered(
     banned: Container[Key],
     found: Sequence[Accepted],
 ) -> tuple[list[Accepted], Assessed]:
-    """Each of two effects that joined together is looked for again beside the other.
+    """Each of some effects that joined together is looked for again beside the others.
 
-    Such a pair was chosen by the force residual, and few others were replayed in its place.
+    Two at one joint were chosen by the force residual, and few others were replayed in their
+    place. Of many that joined only such pairs are looked for again: each costs a whole round.
     """
-    places = [a.planted.key for a in found]
-    for key in places if len(places) > 1 else ():
+    dofs = [dof_of(screen, a.planted.at) for a in found]
+    again = [
+        a for a, dof in zip(found, dofs, strict=True) if len(found) <= FEW or dofs.count(dof) > 1
+    ]
+    for key in [a.planted.key for a in again] if len(found) > 1 else ():
         index = next((i for i, a in enumerate(accepted) if a.planted.key == key), None)
         if index is None:  # replaced or pruned already
             continue

@@ -43,17 +43,19 @@ class Effort:
         step: fine physics step [s]; the model's own, if that is smaller.
         search_step: … and while hypotheses are compared.
         search_s: at most so many seconds of recordings are replayed while these are compared.
+        doubt_s: … while each of what was found is compared with its lookalikes.
         most_s: … and to estimate and to prove.
     """
 
     step: float
     search_step: float
     search_s: float
+    doubt_s: float
     most_s: float
 
 
-FIXED = Effort(STEP_S, 1e-3, 16.0, np.inf)
-FLOATING = Effort(1e-3, 1e-3, 4.0, 8.0)
+FIXED = Effort(STEP_S, 1e-3, 16.0, 60.0, np.inf)
+FLOATING = Effort(1e-3, 1e-3, 4.0, 8.0, 8.0)
 """Steps with contacts cost several times as much, and there are many more of them to choose."""
 ATTEMPTS = 3
 """So many searches, each without the effects that held-out data refused to the ones before."""
@@ -94,7 +96,7 @@ def diagnose(
     some = _objective([fitted], screen, forgetting, effort.search_s, quick)
     everything = _objective([fitted], screen, forgetting, effort.most_s, step)
     whole = functools.cache(
-        lambda: _objective([fitted, held_out], screen, forgetting, effort.most_s, quick)
+        lambda: _objective([fitted, held_out], screen, forgetting, effort.doubt_s, quick)
     )
     held = proof.hold(held_out, forgetting, effort.most_s, step)
     court = Court(screen, some, everything, whole, held, step, seed)

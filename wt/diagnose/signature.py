@@ -17,14 +17,34 @@ _EXACT = 1e-3  # relative misfit of parameters at which a shape counts as theirs
 
 
 def elsewhere(motion: Motion, hypothesis: Sequence[Planted]) -> tuple[Planted, ...]:
-    """A hypothesis as it shows in other recordings: what happens at times happens at theirs."""
-    found = []
+    """A hypothesis as it shows in other recordings: what happens at times happens at theirs.
+
+    Those times are read off what the other effects leave of the residual, as large as they are:
+    fitted to it once more, what any rig is off by would take events for its own.
+    """
+    if not any(p.effect.observed() for p in hypothesis):
+        return tuple(hypothesis)
+    rest = motion
     for planted in hypothesis:
-        if planted.effect.observed():
-            others = [p for p in hypothesis if not p.effect.observed()]
-            planted = planted.elsewhere(reduced(motion, others))
-        found.append(planted)
-    return tuple(found)
+        known = None if planted.effect.observed() else force(motion, planted)
+        rest = rest if known is None else rest.without(known)
+    return tuple(p.elsewhere(rest) if p.effect.observed() else p for p in hypothesis)
+
+
+def force(motion: Motion, planted: Planted) -> Array | None:
+    """An effect's generalised force, (T, nv) [N·m]; None if it has no signature in forces."""
+    effect, columns = planted.effect, signature(motion, planted)
+    if columns is None:
+        return None
+    shapes, k = effect.shapes(motion, planted.at), columns.shape[2]
+    shape = _shape(planted, shapes, k) if shapes[0] else shapes[0]
+    scale = np.abs(planted.theta) + effect.steps()
+
+    def miss(coefficients: Array) -> Array:
+        off = (effect.theta(coefficients, shape) - planted.theta) / scale
+        return np.nan_to_num(off, nan=1e3, posinf=1e3, neginf=-1e3)
+
+    return np.asarray(columns @ least_squares(miss, np.ones(k)).x)
 
 
 def reduced(motion: Motion, some: Sequence[Planted]) -> Motion:

@@ -19,6 +19,7 @@ import mujoco
 import numpy as np
 
 from wt.physics.ground import Floor
+from wt.physics.reach import reaching
 from wt.physics.scene import Scene
 from wt.types import Location
 
@@ -162,10 +163,9 @@ class _Probe:
     """Looks for contacts within reach."""
 
     def __init__(self, scene: Scene, floors: Sequence[Floor]) -> None:
-        self._model = mujoco.MjModel.__copy__(scene.model)
+        self._model = reaching(scene.model, NEAR)
         for floor in floors:
             floor.move(self._model)
-        self._model.geom_gap[:] = NEAR
         self._data = mujoco.MjData(self._model)
         self._fixed = fixed(self._model)
 

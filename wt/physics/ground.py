@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 from sklearn.linear_model import LinearRegression, RANSACRegressor
 
+from wt.physics.reach import reaching
 from wt.physics.scene import Scene
 
 Array = np.ndarray
@@ -96,9 +97,7 @@ def _floor(scene: Scene, geom: int, q: Array, v: Array) -> Floor | None:
 
 def _standing(scene: Scene, geom: int, q: Array, v: Array) -> Array:
     """Points of the machine near a plane that do not move, (n, 3) [m]."""
-    m = mujoco.MjModel.__copy__(scene.model)
-    m.geom_gap[:] = 0.0
-    m.geom_gap[geom] = _REACH
+    m = reaching(scene.model, _REACH, geom)
     d, jacobian, found = mujoco.MjData(m), np.zeros((3, m.nv)), [np.zeros((0, 3))]
     for k in range(0, len(q), max(1, len(q) // _SAMPLES)):
         d.qpos[:] = q[k]

@@ -69,22 +69,22 @@ def path_of(motion: Motion, body: str, centre: Centre, law: Law) -> Path:
 
 @lru_cache(maxsize=32)
 def _path_of(motion: Motion, body: str, centre: Centre, law: Law) -> Path:
-    return paths(motion, body, centre, (law,))[0]
+    return paths(motion, body, [(law, centre)])[0]
 
 
-def paths(motion: Motion, body: str, centre: Centre, laws: Sequence[Law]) -> list[Path]:
-    """Where loads of several laws were, each from rest in the middle at a segment's start."""
+def paths(motion: Motion, body: str, loads: Sequence[tuple[Law, Centre]]) -> list[Path]:
+    """Where loads of several laws were, each from rest in its middle at a segment's start."""
     moved = kinematics(motion.recorded)[body]
-    s, v, a = np.zeros((3, len(motion), len(laws), 3))
+    s, v, a = np.zeros((3, len(motion), len(loads), 3))
     for segment in motion.segments:
         rows = segment.rows
-        s[rows], v[rows] = _integrated(moved, segment, np.array(centre), laws)
+        s[rows], v[rows] = _integrated(moved, segment, loads)
         a[rows] = np.gradient(v[rows], segment.dt, axis=0)
-    return [Path(s[:, k], v[:, k], a[:, k]) for k in range(len(laws))]
+    return [Path(s[:, k], v[:, k], a[:, k]) for k in range(len(loads))]
 
 
 def _integrated(
-    moved: Moved, segment: Segment, centre: Array, laws: Sequence[Law]
+    moved: Moved, segment: Segment, loads: Sequence[tuple[Law, Centre]]
 ) -> tuple[Array, Array]:
     """Positions and velocities of L loads at the samples of a segment, (n, L, 3) each."""
     parts = max(1, round(segment.dt / _STEP_S))
@@ -96,15 +96,15 @@ def _integrated(
     )
     around = _cross(spin)
     bend = -(_cross(turning) + around @ around)
-    drive, coriolis = bend @ centre - lifting, -2.0 * around
-    reach = 0.5 * np.array([law.travel for law in laws])
-    figures = np.array([[law.damping, law.spring, law.rolling] for law in laws])
+    coriolis, centres = -2.0 * around, np.array([centre for _, centre in loads])
+    reach = 0.5 * np.array([law.travel for law, _ in loads])
+    figures = np.array([[law.damping, law.spring, law.rolling] for law, _ in loads])
     damping, spring, rolling = figures.T[..., None]
     gain = h / (1.0 + rolling)
-    s, v = np.zeros((2, len(laws), 3))
-    found = np.zeros((2, n, len(laws), 3))
+    s, v = np.zeros((2, len(loads), 3))
+    found = np.zeros((2, n, len(loads), 3))
     for k in range(len(fine)):
-        pull = drive[k] + s @ bend[k].T + v @ coriolis[k].T - spring * s
+        pull = (centres + s) @ bend[k].T - lifting[k] + v @ coriolis[k].T - spring * s
         # what brakes is implicit: stable however strong it is
         v = (v + gain * pull) / (1.0 + gain * damping)
         there = s + h * v

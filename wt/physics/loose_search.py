@@ -20,7 +20,7 @@ Array = np.ndarray
 
 _BLOCK_S = 0.04
 """Forces are averaged over so much: accelerations are noisy, and impacts short."""
-_LEAST, _NEARLY = 0.01, 0.8
+_LEAST, _NEARLY = 0.1, 0.8
 """A fixed load must explain this share of the residual, and this share of what the best place
 explains: wherever a load moves, there is weight."""
 _MOVED = 0.93
@@ -60,13 +60,13 @@ def laws_that_fit(motion: Motion, body: str) -> list[tuple[Law, Centre, float]]:
     search = _Search(motion, body)
     # what moves may mislead as to where its middle is
     starts = (search.middle, search.origin)
-    best = _distinct([f for at in starts for f in search.tried(_coarse(), at)])[:_VARIED]
+    best = _distinct(search.tried([(law, at) for at in starts for law in _coarse()]))[:_VARIED]
     for factor in _ROUNDS:
         laws = {law for fit in best if fit.law for law in _variants(fit.law, factor)}
-        fits = search.tried(sorted(laws, key=str), best[0].centre)
+        loads = [(law, best[0].centre) for law in sorted(laws, key=str)]
         # a path depends on where the centre is, which is better known now, or not
-        fits += [search.tried([fit.law], fit.there)[0] for fit in best if fit.law]
-        best = _distinct([*best, *fits])[:_VARIED]
+        loads += [(fit.law, fit.there) for fit in best if fit.law]
+        best = _distinct([*best, *search.tried(loads)])[:_VARIED]
     return [
         (fit.law, fit.centre, fit.mass) for fit in best[:_GIVEN] if fit.law and fit.left < _MOVED
     ]
@@ -143,11 +143,10 @@ class _Search:
         # from here on a joint counts by what a fixed load leaves of it
         self._scale = np.sqrt(np.mean(left**2, axis=0)) + 1e-12
 
-    def tried(self, laws: Sequence[Law], centre: Centre) -> list[_Fit]:
-        """How well laws fit, best first."""
-        found = paths(self._motion, self._body, centre, laws)
-        fits = [self._fitted(law, centre, p)[0] for law, p in zip(laws, found, strict=True)]
-        return sorted(fits, key=lambda f: f.score)
+    def tried(self, loads: Sequence[tuple[Law, Centre]]) -> list[_Fit]:
+        """How well loads fit; integrating many side by side costs little more than one."""
+        found = paths(self._motion, self._body, loads)
+        return [self._fitted(*load, path)[0] for load, path in zip(loads, found, strict=True)]
 
     def _fitted(self, law: Law | None, centre: Centre, path: Path) -> tuple[_Fit, Array]:
         """The best load on a path, and what it leaves of the residual, (B, nv)."""

@@ -1,0 +1,83 @@
+"""Where a base was of which only an IMU was recorded, against where it was."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.physics import stool
+from wt.diagnose.odometry import located
+from wt.diagnose.samples import Part
+from wt.diagnose.screen import Screen
+from wt.diagnose.smooth import smooth
+from wt.errors import RecordingError
+from wt.physics import base
+from wt.physics.scene import Scene
+from wt.types import Recording
+
+SENSORS = ("gyro", "accelerometer", "orientation")
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    return stool.scene(tmp_path_factory.mktemp("stool"))
+
+
+@pytest.fixture(scope="module")
+def whole() -> Recording:
+    return stool.recording(5, seconds=5.0, imu=SENSORS)
+
+
+def without_base(recording: Recording, *sensors: str) -> Recording:
+    """Only an IMU and the joints."""
+    columns = {
+        name: x
+        for name, x in recording.columns.items()
+        if "/root/" not in name and (name[:7] != "sensor/" or name.split("/")[1] in sensors)
+    }
+    return replace(recording, columns=columns)
+
+
+@pytest.mark.parametrize("sensors", [("gyro", "accelerometer"), ("gyro", "orientation"), SENSORS])
+def test_base_is_where_it_was(machine: Scene, whole: Recording, sensors: tuple[str, ...]) -> None:
+    known = without_base(whole, *sensors)
+    found = located(machine, "root", whole.t, known.columns)
+    now, true = (base.coordinates("root", c) for c in (found, whole.columns))
+
+    def off(name: str) -> np.ndarray:
+        return np.asarray(now[name] - true[name])[50:]  # it drops onto its feet at first
+
+    assert np.ptp(true["qpos/root/z"][50:]) > 0.005  # it does move
+    assert np.sqrt(np.mean(off("qpos/root/z") ** 2)) < 0.002
+    limit = 0.001 if "orientation" in sensors else 0.004
+    for angle in ("pitch", "roll"):
+        assert np.std(off(f"qpos/root/{angle}")) < limit < 0.5 * np.std(true[f"qpos/root/{angle}"])
+    assert np.ptp(off("qpos/root/yaw")) < 0.01
+    speed = np.stack([off(f"qvel/root/{axis}") for axis in "xyz"])
+    true_speed = np.stack([true[f"qvel/root/{axis}"][50:] for axis in "xyz"])
+    assert np.sqrt(np.mean(speed**2)) < 0.25 * np.sqrt(np.mean(true_speed**2))
+    assert np.abs(off("qpos/root/x")).max() < 0.25 * np.ptp(true["qpos/root/x"][50:])
+
+
+def test_a_recorded_base_is_not_computed(machine: Scene, whole: Recording) -> None:
+    assert located(machine, "root", whole.t, whole.columns) == {}
+
+
+@pytest.mark.parametrize("sensors", [(), ("gyro",), ("accelerometer", "orientation")])
+def test_too_little_is_said_to_be(
+    machine: Scene, whole: Recording, sensors: tuple[str, ...]
+) -> None:
+    known = without_base(whole, *sensors)
+    with pytest.raises(RecordingError, match=r"qpos/root/0…6, or a gyro and an accelerometer"):
+        smooth(machine, [Part(known, 0)])
+
+
+def test_a_load_is_seen_by_an_imu(machine: Scene) -> None:
+    edit = stool.loaded(1.0, (0.08, -0.03, 0.06))
+    recorded = [stool.recording(seed, edit, seconds=5.0, imu=SENSORS) for seed in (3, 4)]
+    parts = [Part(without_base(r, "gyro", "accelerometer"), i) for i, r in enumerate(recorded)]
+    best = Screen(smooth(machine, parts)).rank([])[0]
+    assert (best.planted.effect.id, best.planted.at.name) == ("body.payload_fixed", "trunk")
+    assert best.planted.theta[0] == pytest.approx(1.0, abs=0.4)

@@ -1,0 +1,296 @@
+"""Where a floating base was if nothing recorded it: from an IMU, and from the feet that stand.
+
+A robot knows of its trunk what an IMU measures, and how its joints move. Whatever stands still on
+the ground says how fast the trunk moves (M. Bloesch et al., State estimation for legged robots,
+RSS 2012): each point of the machine that may touch the ground would, if it stood, give the trunk's
+velocity. Which of them stand is not known. So the velocity is the one most of them agree on, sample
+after sample, that the accelerometer can follow; those that disagree count less and less.
+
+Where the trunk was when the recording began, and its heading, nothing says: it starts above the
+origin, heading along x. The ground is a plane through the feet that stood.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from scipy.linalg import solveh_banded
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
+
+from wt.errors import RecordingError
+from wt.physics import base, contact, ground
+from wt.physics.reach import reaching
+from wt.physics.scene import Scene
+
+Array = np.ndarray
+
+_REACH = 0.05
+"""Points of the machine so close [m] to being the lowest one may be standing."""
+_AGREE, _ROUNDS = 0.05, 12
+"""Points whose velocity differs by so much [m/s] count half, found in so many rounds."""
+_LIFT = 0.005
+"""The lowest points are believed first: so much higher [m] counts half."""
+_SIGMA_V, _SIGMA_A, _SIGMA_BLIND = 0.02, 0.5, 10.0
+"""Deviation of a standing point's velocity [m/s], of an accelerometer's reading, with what the
+tilt is off by, and of the trunk's acceleration if there is none [m/s²]."""
+_JOLT = 3.0
+"""Accelerations that are off by so many deviations count half."""
+_SIGMA_CLIMB, _SIGMA_GROUND = 0.02, 0.003
+"""Deviation of the vertical velocity [m/s], and of a standing point from the plane [m]."""
+_STEADY_S = 1.0
+"""Gravity is averaged over so long [s] to say which way is up."""
+_PASSES = 2
+"""So often which way is up and how fast the trunk moves are estimated from one another."""
+_LEVEL = 0.012
+"""A plane that falls by less [rad] is taken to be level."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Imu:
+    """What an IMU measured, in the frame of the body that floats, K samples.
+
+    Attributes:
+        turning: angular velocity, (K, 3) [rad/s].
+        force: specific force at the body's origin, (K, 3) [m/s²]; None without an accelerometer.
+        turned: orientation in the world; None if it was not recorded.
+    """
+
+    turning: Array
+    force: Array | None
+    turned: Rotation | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Feet:
+    """Points that may be standing, P at each of K samples; NaN where there are fewer.
+
+    Attributes:
+        speed: the velocity of the base, were the point standing, (K, P, 3) [m/s].
+        low: of the point, over the lowest one, (K, P) [m].
+        place: from the base's origin, along the world's axes, (K, P, 3) [m].
+        ground: height of the model's floor [m].
+    """
+
+    speed: Array
+    low: Array
+    place: Array
+    ground: float
+
+
+def located(scene: Scene, joint: str, t: Array, columns: Mapping[str, Array]) -> dict[str, Array]:
+    """The pose and velocity of a free joint that was not recorded.
+
+    Args:
+        scene: the machine.
+        joint: the free joint.
+        t: time, (K,) [s].
+        columns: of the recording, (K,) each.
+
+    Returns:
+        ``qpos/<joint>/0…6`` and ``qvel/<joint>/0…5``; nothing if all of its pose is recorded.
+
+    Raises:
+        RecordingError: neither its pose nor what it could be computed from was recorded.
+    """
+    if all(f"qpos/{joint}/{k}" in columns for k in range(7)):
+        return {}
+    imu = _imu(scene, joint, t, columns)
+    q, v = (_table(t, columns, [f"{kind}/{n}" for n in scene.joints]) for kind in ("qpos", "qvel"))
+    rates = np.gradient(q, t, axis=0)
+    v = np.where(np.isfinite(v).all(axis=0), v, rates)
+    turned, speed = imu.turned, np.zeros((len(t), 3))
+    for _ in range(1 if turned is not None else _PASSES):  # which way is up, and how fast it moves
+        now = turned if turned is not None else _upright(t, imu, speed)
+        feet = _feet(scene, joint, now, imu.turning, q, v)
+        speed, weight = _agreed(t, feet, _pull(imu, now))
+    height, ahead = _on_the_ground(t, feet, speed, weight)
+    place = np.stack([*ahead.T, height], axis=1)
+    quaternion = now.as_quat(scalar_first=True)
+    found = np.concatenate([place, quaternion], axis=1).T
+    moved = np.concatenate([speed, imu.turning], axis=1).T
+    return {f"qpos/{joint}/{k}": x for k, x in enumerate(found)} | {
+        f"qvel/{joint}/{k}": x for k, x in enumerate(moved)
+    }
+
+
+def _imu(scene: Scene, joint: str, t: Array, columns: Mapping[str, Array]) -> _Imu:
+    """The IMU on the body of a free joint, however it is mounted there."""
+    m = scene.given
+    body = int(m.joint(joint).bodyid[0])
+    found: dict[str, Array] = {}
+    mount, arm = Rotation.identity(), np.zeros(3)
+    kinds = {"GYRO": "gyro", "ACCELEROMETER": "accelerometer", "FRAMEQUAT": "orientation"}
+    for i in range(m.nsensor):
+        kind = mujoco.mjtSensor(int(m.sensor_type[i])).name.removeprefix("mjSENS_")
+        size = int(m.sensor_dim[i])
+        names = [f"sensor/{m.sensor(i).name}/{k}" for k in range(size)]
+        site = int(m.sensor_objid[i])
+        on_site = m.sensor_objtype[i] == int(mujoco.mjtObj.mjOBJ_SITE)
+        if kind not in kinds or not on_site or m.body_weldid[m.site_bodyid[site]] != body:
+            continue
+        if all(n in columns and np.isfinite(columns[n]).sum() > 1 for n in names):
+            found[kinds[kind]] = _table(t, columns, names)
+            mount = Rotation.from_quat(m.site_quat[site], scalar_first=True)
+            arm = np.array(m.site_pos[site])
+    if "gyro" not in found or len(found) < 2:
+        raise RecordingError(
+            f"where the base '{joint}' was is neither recorded nor can be computed: give "
+            f"qpos/{joint}/0…6, or a gyro and an accelerometer or an orientation (framequat) of a "
+            "site on its body"
+        )
+    turning = mount.apply(found["gyro"])
+    force, turned = None, None
+    if "accelerometer" in found:
+        faster = np.gradient(turning, t, axis=0)
+        lever = np.cross(faster, arm) + np.cross(turning, np.cross(turning, arm))
+        force = mount.apply(found["accelerometer"]) - lever
+    if "orientation" in found:
+        turned = Rotation.from_quat(found["orientation"], scalar_first=True) * mount.inv()
+    return _Imu(turning, force, turned)
+
+
+def _table(t: Array, columns: Mapping[str, Array], names: list[str]) -> Array:
+    """Columns side by side, (K, n), missing samples interpolated; NaN for one that is not there."""
+    found = np.full((len(t), len(names)), np.nan)
+    for k, name in enumerate(names):
+        x = columns.get(name)
+        if x is not None and (known := np.isfinite(x)).sum() > 1:
+            found[:, k] = np.interp(t, t[known], x[known])
+    return found
+
+
+def _upright(t: Array, imu: _Imu, speed: Array) -> Rotation:
+    """Orientation from the gyro, kept upright by what gravity is on average.
+
+    Args:
+        t: time, (K,) [s].
+        imu: with an accelerometer.
+        speed: of the base, (K, 3) [m/s] in the world.
+    """
+    assert imu.force is not None
+    steps = 0.5 * (imu.turning[1:] + imu.turning[:-1]) * np.diff(t)[:, None]
+    now, found = Rotation.identity(), [Rotation.identity()]
+    for step in Rotation.from_rotvec(steps):
+        now = now * step
+        found.append(now)
+    drifting = Rotation.concatenate(found)
+    steady = _STEADY_S / float(np.median(np.diff(t)))
+    accelerating = np.gradient(speed, t, axis=0)
+    up = gaussian_filter1d(drifting.apply(imu.force), steady, axis=0)
+    # where the drifting frame's axes are, the world's acceleration is known only on average
+    up -= gaussian_filter1d(accelerating, steady, axis=0)
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    axis = np.cross(up, [0.0, 0.0, 1.0])
+    size = np.linalg.norm(axis, axis=1, keepdims=True)
+    angle = np.arctan2(size[:, 0], up[:, 2])
+    level = Rotation.from_rotvec(axis / np.maximum(size, 1e-12) * angle[:, None])
+    turned = level * drifting
+    heading = Rotation.from_euler("z", -turned[0].as_euler("ZYX")[0])
+    return heading * turned
+
+
+def _pull(imu: _Imu, turned: Rotation) -> Array | None:
+    """Acceleration of the base in the world, (K, 3) [m/s²]."""
+    if imu.force is None:
+        return None
+    felt = turned.apply(imu.force)
+    # a sensor's scale and tilt are off by a little all the time, the mean of a walk is none
+    return np.asarray(felt - felt.mean(axis=0))
+
+
+def _feet(scene: Scene, joint: str, turned: Rotation, turning: Array, q: Array, v: Array) -> _Feet:
+    """The points that may be standing at each sample, and what each says of the base's speed."""
+    m = scene.model
+    fixed, planes = contact.fixed(m), ground.planes(m)
+    if not planes:
+        raise RecordingError(
+            "where the base was can be computed on a floor only: the model has no plane"
+        )
+    level = float(m.geom_pos[planes[0], 2])
+    high = 2.0 * float(m.stat.extent)
+    m = reaching(m, 2.0 * high, planes[0])
+    d, jacobian = mujoco.MjData(m), np.zeros((3, m.nv))
+    dofs = [scene.dof(name) for name in base.names(joint)]
+    angles = np.unwrap(turned.as_euler("ZYX"), axis=0)
+    q, v = q.copy(), v.copy()
+    q[:, dofs] = np.column_stack([np.zeros((len(q), 2)), np.full(len(q), level + high), angles])
+    v[:, dofs] = np.column_stack([np.zeros((len(q), 3)), base.rates(angles, turning)])
+    found = []
+    for pose, rate in zip(q, v, strict=True):
+        d.qpos[:] = pose
+        mujoco.mj_kinematics(m, d)
+        mujoco.mj_comPos(m, d)
+        mujoco.mj_collision(m, d)
+        geoms, distance = np.array(d.contact.geom), np.array(d.contact.dist)
+        possible = (geoms == planes[0]).any(axis=1) & ~fixed[geoms].all(axis=1)
+        lowest = distance[possible].min(initial=np.inf)
+        rows = []
+        for c in np.flatnonzero(possible & (distance < lowest + _REACH)):
+            sign = 1.0 if geoms[c, 0] == planes[0] else -1.0
+            point = d.contact.pos[c] + 0.5 * sign * distance[c] * d.contact.frame[c, :3]
+            other = geoms[c, 1] if sign > 0.0 else geoms[c, 0]
+            mujoco.mj_jac(m, d, jacobian, None, point, m.geom_bodyid[other])
+            rows.append((*(-jacobian @ rate), distance[c] - lowest, *(point - pose[dofs[:3]])))
+        found.append(np.array(rows).reshape(-1, 7))
+    most = max((len(rows) for rows in found), default=0)
+    table = np.full((len(found), max(most, 1), 7), np.nan)
+    for row, some in zip(table, found, strict=True):
+        row[: len(some)] = some
+    return _Feet(table[..., :3], table[..., 3], table[..., 4:], level)
+
+
+def _agreed(t: Array, feet: _Feet, pull: Array | None) -> tuple[Array, Array]:
+    """The base's velocity, (K, 3) [m/s], and how much each point counts, (K, P), 1 if it stands."""
+    known, dt = np.isfinite(feet.low), np.diff(t)
+    seen = np.nan_to_num(feet.speed)
+    trusted = known / (1.0 + (np.nan_to_num(feet.low) / _LIFT) ** 2)
+    jump = np.zeros((len(dt), 3)) if pull is None else 0.5 * (pull[1:] + pull[:-1]) * dt[:, None]
+    sigma = (_SIGMA_BLIND if pull is None else _SIGMA_A) * np.sqrt(dt * float(np.median(dt)))
+    weight, believed = trusted, np.ones(len(dt))
+    for _ in range(_ROUNDS):
+        strong = weight / _SIGMA_V**2
+        pulled = np.einsum("kp,kpi->ki", strong, seen)
+        speed = _chained(strong.sum(axis=1), pulled, believed / sigma**2, jump)
+        apart = np.linalg.norm(seen - speed[:, None], axis=2) / _AGREE
+        weight = known * np.sqrt(trusted) / (1.0 + apart**2) ** 2
+        # what jolts an accelerometer between two samples is over before the next
+        apart = np.linalg.norm(np.diff(speed, axis=0) - jump, axis=1) / (_JOLT * sigma)
+        believed = 1.0 / (1.0 + apart**2)
+    return speed, weight
+
+
+def _chained(weight: Array, pulled: Array, stiff: Array, jump: Array) -> Array:
+    """Minimise Σ wₖ(xₖ − yₖ)² + Σ sₖ(xₖ₊₁ − xₖ − jₖ)², with ``pulled`` = w·y; (K, n)."""
+    right = pulled.copy()
+    right[1:] += stiff[:, None] * jump
+    right[:-1] -= stiff[:, None] * jump
+    banded = np.zeros((2, len(weight)))
+    banded[1] = weight + 1e-6
+    banded[1, 1:] += stiff
+    banded[1, :-1] += stiff
+    banded[0, 1:] = -stiff
+    return np.asarray(solveh_banded(banded, right))
+
+
+def _on_the_ground(t: Array, feet: _Feet, speed: Array, weight: Array) -> tuple[Array, Array]:
+    """Height (K,) and place (K, 2) of the base [m], its feet standing on one plane."""
+    dt = np.diff(t)[:, None]
+    moved = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (speed[1:] + speed[:-1]) * dt, 0)])
+    place = np.nan_to_num(feet.place)
+    points = moved[:, None] + place
+    scale = np.sqrt(weight).reshape(-1)
+    design = np.column_stack([points[..., 0].ravel(), points[..., 1].ravel(), np.ones(weight.size)])
+    (a, b, _), *_ = np.linalg.lstsq(design * scale[:, None], points[..., 2].ravel() * scale)
+    if np.hypot(a, b) < _LEVEL:
+        a = b = 0.0
+    # the plane is the floor below the start; what integration drifts by is taken off
+    wanted = feet.ground + a * points[..., 0] + b * points[..., 1] - place[..., 2]
+    strong = weight / _SIGMA_GROUND**2
+    stiff = 1.0 / (_SIGMA_CLIMB * dt[:, 0]) ** 2
+    climbed = np.diff(moved[:, 2])[:, None]
+    height = _chained(strong.sum(axis=1), (strong * wanted).sum(axis=1)[:, None], stiff, climbed)
+    return height[:, 0], moved[:, :2]
