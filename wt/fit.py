@@ -7,12 +7,8 @@ the predictions of every method that is already finished.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
-
-from omegaconf import OmegaConf
 
 from wt.config import Fit, load, to_yaml
 from wt.errors import ConfigError
@@ -20,6 +16,7 @@ from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.evaluate.single_step import Errors, errors
 from wt.jobs import Job, run_jobs
 from wt.publish import Published, check_name, publish
+from wt.schema import flat
 from wt.show.files import write_whole
 from wt.study import Listener, Study, check
 from wt.track import Run, run
@@ -78,7 +75,7 @@ def fit(config: Fit, folder: Path, listener: Listener) -> tuple[Published, Run]:
     tracking = config.tracking
     with run(tracking.experiment, folder.name, uri=tracking.uri, run_id=run_id) as tracked:
         write_whole(kept, tracked.id)
-        tracked.params(_flat(config))
+        tracked.params(flat(config))
         tracked.text(to_yaml(config), CONFIG)
         study = Study.open(config, folder, _Logged(listener, tracked))
         methods = [OURS, PAPERS_OWN, *reversed(config.baselines.names)]
@@ -105,18 +102,3 @@ def _evaluate(study: Study, seed: int, tracked: Run) -> dict[str, Errors]:
         values = {"mse": found[method].mse, "mse_change": found[method].mse_change}
         tracked.metrics({f"test/{method}/{k}": v for k, v in values.items()}, seed)
     return found
-
-
-def _flat(config: Fit) -> dict[str, object]:
-    """The configuration as dotted keys, for MLflow's parameters."""
-    flat: dict[str, object] = {}
-
-    def walk(prefix: str, value: Any) -> None:  # noqa: ANN401 – any node of a YAML tree
-        if isinstance(value, Mapping):
-            for key, inner in value.items():
-                walk(f"{prefix}.{key}" if prefix else str(key), inner)
-        else:
-            flat[prefix] = json.dumps(value) if isinstance(value, list) else value
-
-    walk("", OmegaConf.to_container(OmegaConf.create(to_yaml(config))))
-    return flat

@@ -41,13 +41,14 @@ class Registered:
         card: what it says about itself.
     """
 
-    def __init__(self, graph: Path, card: Card, spec: TransitionSpec) -> None:
+    def __init__(self, graph: Path, card: Card, spec: TransitionSpec, threads: int = 0) -> None:
         """Load a graph and check that it is one of this task.
 
         Args:
             graph: ``model.onnx``.
             card: its card.
             spec: layout of the task's transitions.
+            threads: of inference; 0 for one per core.
 
         Raises:
             ModelError: the model is of another task, rate or layout.
@@ -58,16 +59,22 @@ class Registered:
         expected = {
             "task": (card.task, spec.task),
             "rate_hz": (card.rate_hz, spec.rate_hz),
+            "joint order": (list(card.joints), list(spec.joints)),
             "o": (_names(card, "o"), [c.name for c in spec.observation]),
             "a": (_names(card, "a"), [c.name for c in spec.action]),
         }
         for what, (given, wanted) in expected.items():
             if given != wanted:
+                given, wanted = _first_difference(given, wanted)
                 raise ModelError(
-                    f"the model does not fit: its {what} is {_said(given)}, the configuration's "
-                    f"{_said(wanted)}; name the --config that it was trained with"
+                    f"the model {card.name} does not fit: its {what} is {given}, the "
+                    f"configuration's {wanted}; name the configuration that it was trained with"
                 )
-        self._session = onnxruntime.InferenceSession(str(graph), providers=["CPUExecutionProvider"])
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = threads
+        self._session = onnxruntime.InferenceSession(
+            str(graph), options, providers=["CPUExecutionProvider"]
+        )
 
     def predict(self, o: Array, a: Array, sim_next: Array) -> Array:
         """R's state after the step, (N, n_state), for S's, (N, n_state), physical units."""
@@ -95,8 +102,14 @@ def _names(card: Card, port: str) -> list[str]:
     return next(([c.name for c in p.channels] for p in card.inputs if p.name == port), [])
 
 
-def _said(value: object) -> str:
-    return f"{len(value)} channels" if isinstance(value, list) else repr(value)
+def _first_difference(given: object, wanted: object) -> tuple[str, str]:
+    """What is said of two values that differ; of lists, where they first do."""
+    if not isinstance(given, list) or not isinstance(wanted, list):
+        return repr(given), repr(wanted)
+    if len(given) != len(wanted):
+        return f"of {len(given)} channels", f"of {len(wanted)}"
+    k = next(k for k, pair in enumerate(zip(given, wanted, strict=True)) if pair[0] != pair[1])
+    return f"{given[k]} at number {k}", f"{wanted[k]}"
 
 
 def evaluate(reference: str, config: Fit, folder: Path, listener: Listener) -> Results:

@@ -8,6 +8,7 @@ checked before, since its messages about those name no key.
 from __future__ import annotations
 
 import dataclasses
+import json
 import typing
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -65,6 +66,14 @@ def override(tree: dict[str, Any], overrides: Sequence[str]) -> dict[str, Any]:
     return tree
 
 
+def merge(tree: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+    """Nested plain values with others on top; neither is changed."""
+    out: dict[str, Any] = {}
+    _merge(out, tree)
+    _merge(out, new)
+    return out
+
+
 def parse(schema: type[T], values: Mapping[str, Any], where: str) -> T:
     """Build a dataclass from nested plain values, checking every key and type.
 
@@ -90,6 +99,21 @@ def parse(schema: type[T], values: Mapping[str, Any], where: str) -> T:
 def to_yaml(config: object) -> str:
     """A configuration as YAML that :func:`read` and :func:`parse` bring back unchanged."""
     return OmegaConf.to_yaml(OmegaConf.structured(config))
+
+
+def flat(config: object) -> dict[str, object]:
+    """A configuration as dotted keys, lists as JSON: MLflow's parameters."""
+    found: dict[str, object] = {}
+
+    def walk(prefix: str, value: object) -> None:
+        if isinstance(value, Mapping):
+            for key, inner in value.items():
+                walk(f"{prefix}.{key}" if prefix else str(key), inner)
+        else:
+            found[prefix] = json.dumps(value) if isinstance(value, list) else value
+
+    walk("", OmegaConf.to_container(OmegaConf.create(to_yaml(config))))
+    return found
 
 
 def check_numbers(section: object, above_zero: Collection[str], where: str = "") -> None:

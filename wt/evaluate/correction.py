@@ -8,6 +8,8 @@ inverse model: one damped Gauss-Newton step on its finite differences.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from wt.worlds.closed_loop import ClosedLoop
@@ -21,6 +23,10 @@ DAMPING = 0.3
 joints barely move some channels in one control step, and contacts make responses jump."""
 LARGEST = 0.3
 """Largest change of an action [rad]."""
+
+
+Answer = Callable[[Array], Array]
+"""S's states after the step, (N, n_state), under actions, (N, n_action); always from one state."""
 
 
 def corrected_action(
@@ -39,12 +45,27 @@ def corrected_action(
     Returns:
         (N, n_action), float32.
     """
-    base, _ = world.advance("sim", o, a, hidden)
-    response = np.empty((len(o), base.shape[1], a.shape[1]))
+    return correct(lambda action: world.advance("sim", o, action, hidden)[0], a, target, scale)
+
+
+def correct(answer: Answer, a: Array, target: Array, scale: Array) -> Array:
+    """The same for any simulator.
+
+    Args:
+        answer: the simulator.
+        a: the policy's actions, (N, n_action) [rad].
+        target: state channels that are wanted after the step, (N, n_state).
+        scale: what differences are measured in, (n_state,).
+
+    Returns:
+        (N, n_action), float32.
+    """
+    base = answer(a)
+    response = np.empty((len(a), base.shape[1], a.shape[1]))
     for j in range(a.shape[1]):
         nudged = a.copy()
         nudged[:, j] += NUDGE
-        response[:, :, j] = (world.advance("sim", o, nudged, hidden)[0] - base) / scale / NUDGE
+        response[:, :, j] = (answer(nudged) - base) / scale / NUDGE
     wanted = (target - base) / scale
     gram = np.einsum("nij,nik->njk", response, response)
     size = np.einsum("njj->n", gram) / a.shape[1]

@@ -72,3 +72,11 @@ DIVERGED_AT_50: Mapping[str, float] = {
 
 LOWEST_UNTIL = 30
 """Horizon up to which World Translation has the lowest multi-step error (figure 4)."""
+
+DOWNSTREAM: Mapping[str, tuple[float, float, float]] = {
+    "none": (0.2475, 0.0517, 28.07),
+    "randomization": (0.3306, 0.0694, 21.95),
+    "translation": (0.1786, 0.0513, 29.55),
+}
+"""Tracking [rad/s], stability [rad] and power [W] of policies on a real Go2 with payload, by how
+they were adapted (the table of downstream performance)."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import omegaconf
 
@@ -170,7 +170,16 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Policy:
     Raises:
         ConfigError: file missing, not YAML, an unknown key, a wrong type, impossible values.
     """
-    config = parse(Policy, read(Path(path), overrides), "")
+    return checked(read(Path(path), overrides))
+
+
+def checked(tree: Mapping[str, Any]) -> Policy:
+    """A configuration from nested plain values.
+
+    Raises:
+        ConfigError: as :func:`load`.
+    """
+    config = parse(Policy, tree, "")
     check_numbers(config, _ABOVE_ZERO)
     if not config.moved():
         raise ConfigError("joints is empty; ['*'] moves all joints of the robot")

@@ -9,6 +9,7 @@ no noise on observations.
 
 from __future__ import annotations
 
+import mujoco
 import numpy as np
 import torch
 from rsl_rl.env import VecEnv
@@ -34,11 +35,16 @@ def make_herd(config: Policy, robots: int, threads: int | None = None) -> Herd:
         robots: how many.
         threads: physics threads instead of the configuration's.
     """
+    threads = config.threads if threads is None else threads
+    return Herd(config.body(), make_model(config), robots, config.scene, threads)
+
+
+def make_model(config: Policy) -> mujoco.MjModel:
+    """The model that a configuration describes, with sensors at the feet."""
     robot = config.body()
     spec = robot.describe(config.physics or robot.physics, TIMESTEP, config.scene)
     feet.add_sensors(spec, robot)
-    threads = config.threads if threads is None else threads
-    return Herd(robot, spec.compile(), robots, config.scene, threads)
+    return spec.compile()
 
 
 class Walking(VecEnv):
@@ -59,8 +65,7 @@ class Walking(VecEnv):
             device: of the tensors; the simulation is on the processor.
         """
         self.cfg, self.device = config, device
-        self.herd = make_herd(config, config.robots)
-        herd = self.herd
+        self.herd = herd = self._make_herd()
         model = herd.model
         moved, n = config.moved(), len(herd.robot.joints)
         self.num_envs, self.num_actions = herd.size, len(moved)
@@ -71,7 +76,7 @@ class Walking(VecEnv):
         self._rng = np.random.default_rng(config.seed)
         self._judge = Judge(config.rewards, herd.robot.joints)
         self._feet, self._clock = feet.Feet(herd), config.clock(herd.size)
-        self._torque = herd.batch.bind("actuator_force")
+        self._torque = herd.batch.bind("actuator_force")[:, :n]
         joints = [model.joint(name).id for name in herd.robot.joints]
         low, high = model.jnt_range[joints].T
         middle, half = (low + high) / 2, _SOFT * (high - low) / 2
@@ -90,6 +95,18 @@ class Walking(VecEnv):
         self._velocity = herd.velocity().astype(np.float32)
         self._observation = self._tensors()
 
+    def _make_herd(self) -> Herd:
+        """The robots; what another environment does otherwise."""
+        return make_herd(self.cfg, self.cfg.robots)
+
+    def _move(self, action: Array) -> None:
+        """One control step of all robots under actions (N, n); likewise."""
+        self.herd.step(action)
+
+    def _observe(self) -> Array:
+        """What the actor sees of the robots, (N, n_obs), float32; likewise."""
+        return self.herd.observe()
+
     def get_observations(self) -> TensorDict:
         """The observations as they are now."""
         return self._observation
@@ -102,7 +119,7 @@ class Walking(VecEnv):
         last_action = herd.action.copy()
         action = np.zeros_like(last_action)
         action[:, self._moved] = actions.clamp(-_CLIP, _CLIP).cpu().numpy()
-        herd.step(action)
+        self._move(action)
         self._feet.update()
         self._velocity = herd.velocity().astype(np.float32)
         fallen = herd.fallen()
@@ -212,7 +229,7 @@ class Walking(VecEnv):
     def _tensors(self) -> TensorDict:
         herd, foot = self.herd, self._feet
         clock = self._clock.read(herd.time, self.command)
-        policy = np.concatenate([herd.observe(), self.command, clock], axis=1)
+        policy = np.concatenate([self._observe(), self.command, clock], axis=1)
         height = (herd.height()[:, None] - herd.robot.height).astype(np.float32)
         privileged = np.concatenate(
             [self._velocity, height, foot.contact, foot.clearance, foot.air, foot.stance],

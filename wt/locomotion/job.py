@@ -44,7 +44,7 @@ def run(
     Raises:
         ConfigError: rsl_rl is not installed, or as :func:`wt.locomotion.train.train` says.
     """
-    _find_rsl_rl()
+    find_rsl_rl()
     from wt.locomotion import export
     from wt.locomotion.evaluate import evaluate, table
     from wt.locomotion.train import line, train
@@ -73,7 +73,12 @@ def run(
     return table(figures)
 
 
-def _find_rsl_rl() -> None:
+def find_rsl_rl() -> None:
+    """Find out whether policies can be trained here.
+
+    Raises:
+        ConfigError: rsl_rl is not installed.
+    """
     # it imports GitPython, which refuses to be imported where there is no git
     os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
     try:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection
@@ -35,9 +35,19 @@ _STEP, _REPORT = b"step", b"report"
 _SINGLE = {"reward": "f4", "done": "?", "time_out": "?", "length": "i8"}  # values per robot
 
 
-def environment(config: Policy, device: str) -> Walking | Parts:
-    """The environment that a configuration describes, in as many processes as it says."""
-    return Walking(config, device) if config.processes == 1 else Parts(config, device)
+Make = Callable[[Policy, str], Walking]
+"""Makes an environment for a device; it can be pickled."""
+
+
+def environment(config: Policy, device: str, make: Make = Walking) -> Walking | Parts:
+    """An environment in as many processes as the configuration says.
+
+    Args:
+        config: what is trained.
+        device: of the tensors.
+        make: the environment, or each part of it.
+    """
+    return make(config, device) if config.processes == 1 else Parts(config, device, make)
 
 
 class Parts(VecEnv):
@@ -47,15 +57,16 @@ class Parts(VecEnv):
         mirror: for the symmetry extension.
     """
 
-    def __init__(self, config: Policy, device: str) -> None:
+    def __init__(self, config: Policy, device: str, make: Make = Walking) -> None:
         """Start all processes and robots.
 
         Args:
             config: what is trained; each process has its share of the robots and its own seed.
             device: of the tensors; the simulation is on the processor.
+            make: the environment of a part.
         """
         self.cfg, self.device = config, device
-        one = Walking(replace(config, robots=1, processes=1, threads=1), device)
+        one = make(replace(config, robots=1, processes=1, threads=1), device)
         self.num_envs, self.num_actions = config.robots, one.num_actions
         self.max_episode_length, self.mirror = one.max_episode_length, one.mirror
         widths = {name: group.shape[1] for name, group in one.get_observations().items()}
@@ -69,7 +80,9 @@ class Parts(VecEnv):
             part = replace(
                 config, robots=rows.stop - rows.start, processes=1, seed=config.seed + _SEEDS * k
             )
-            context.Process(target=_serve, args=(part, theirs, raw, rows), daemon=True).start()
+            context.Process(
+                target=_serve, args=(make, part, theirs, raw, rows), daemon=True
+            ).start()
             theirs.close()  # so that the end of the process is the end of the connection
             self._links.append(ours)
         self._await()
@@ -141,7 +154,7 @@ def _publish(shared: Mapping[str, Array], observations: TensorDict) -> None:
         shared[name][:] = observations[name].numpy()
 
 
-def _serve(config: Policy, link: Connection, raw: Raw, rows: slice) -> None:
+def _serve(make: Make, config: Policy, link: Connection, raw: Raw, rows: slice) -> None:
     """What a process does until the trainer is gone: a part of the robots, its rows of the arrays.
 
     It answers every message: None when what is shared is up to date, else the report.
@@ -149,7 +162,7 @@ def _serve(config: Policy, link: Connection, raw: Raw, rows: slice) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the trainer keeps what there is
     torch.set_num_threads(1)
     shared = {name: array[rows] for name, array in _views(raw).items()}
-    env = Walking(config, "cpu")
+    env = make(config, "cpu")
     shared["length"][:] = env.episode_length_buf.numpy()
     env.episode_length_buf = torch.from_numpy(shared["length"])
     _publish(shared, env.get_observations())

@@ -21,7 +21,7 @@ from rsl_rl.runners import OnPolicyRunner
 from wt.errors import ConfigError, WorkError
 from wt.locomotion.config import Policy, Ppo
 from wt.locomotion.env import Walking
-from wt.locomotion.parts import Parts, environment
+from wt.locomotion.parts import Make, Parts, environment
 from wt.schema import to_yaml
 from wt.show.files import write_whole
 
@@ -31,6 +31,8 @@ LOG = "training.csv"
 
 Progress = Callable[[int, int, Mapping[str, float]], None]
 """Called with iterations done, iterations in all, and the last one's figures."""
+Begin = Callable[[OnPolicyRunner], None]
+"""Called with a runner of new nets."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,8 @@ def train(
     start_from: Path | None = None,
     seconds: float | None = None,
     progress: Progress | None = None,
+    make: Make = Walking,
+    begin: Begin | None = None,
 ) -> Trained:
     """Train until the configured iteration, or until time is up, and keep a checkpoint.
 
@@ -68,6 +72,8 @@ def train(
         start_from: a checkpoint of another training, whose nets are taken over.
         seconds: wall clock after which no further iteration begins [s].
         progress: told about every iteration.
+        make: the environment.
+        begin: what is done with new nets before the first iteration.
 
     Raises:
         ConfigError: there is no checkpoint to continue from, one that would be overwritten, or
@@ -76,7 +82,9 @@ def train(
     """
     begun = time.monotonic()
     saved = _open(folder, resume)
-    runner = _start(config, saved, folder / CHECKPOINT, start_from)
+    runner = _start(config, saved, folder / CHECKPOINT, start_from, make)
+    if begin and saved is None:
+        begin(runner)
     write_whole(folder / CONFIG, to_yaml(config))
     log = _Log(folder / LOG, continued=saved is not None)
     iteration, earlier = (saved["iteration"], saved["seconds"]) if saved else (0, 0.0)
@@ -193,12 +201,16 @@ def _open(folder: Path, resume: bool) -> dict[str, Any] | None:
 
 
 def _start(
-    config: Policy, saved: dict[str, Any] | None, checkpoint: Path, start_from: Path | None
+    config: Policy,
+    saved: dict[str, Any] | None,
+    checkpoint: Path,
+    start_from: Path | None,
+    make: Make,
 ) -> OnPolicyRunner:
     """A runner with new nets, with those of the checkpoint, or with those of another training."""
     device = choose_device(config)
     torch.manual_seed(config.seed)
-    runner = make_runner(environment(config, device), config.ppo, device)
+    runner = make_runner(environment(config, device, make), config.ppo, device)
     if saved is not None:
         _restore(runner, saved, checkpoint)
     elif start_from is not None:

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wt.types import Channel
+from wt.worlds.go2_model import BALL
 from wt.worlds.legged import Herd, Robot
 
 Array = np.ndarray
@@ -37,7 +38,13 @@ class WalkingState:
     """
 
     def __init__(self, robot: Robot, ball: bool) -> None:
-        """Prepare for a robot with or without a ball."""
+        """Prepare for a robot with or without a ball.
+
+        Args:
+            robot: whose state it is.
+            ball: whether there is one in either domain; of a herd without one it is said to be at
+                rest in the trunk's origin, and what is said of it changes nothing.
+        """
         self._robot, self._ball = robot, ball
         self.channels = (*_TRUNK, *_BALL) if ball else _TRUNK
 
@@ -47,7 +54,9 @@ class WalkingState:
         axis = turn[:, :, 0]
         velocity = _into(turn, herd.qvel[:, :3])
         found = [herd.qpos[:, :3], np.arctan2(axis[:, 1], axis[:, 0])[:, None], velocity]
-        if self._ball:
+        if self._ball and not _has_ball(herd.model):
+            found.append(np.zeros((herd.size, len(_BALL))))
+        elif self._ball:
             at, to = herd.qpos[:, -7:-4], herd.qvel[:, -6:-3]
             spin = np.einsum("nij,nj->ni", _rotation(herd.qpos[:, -4:]), herd.qvel[:, -3:])
             found += [_into(turn, at - herd.qpos[:, :3]), _into(turn, to) - velocity, spin]
@@ -61,18 +70,33 @@ class WalkingState:
             o: observations; the last action is the next step's business.
             hidden: None for what :meth:`nominal` says.
         """
-        rows, n = np.arange(len(o)), len(self._robot.joints)
+        rows = np.arange(len(o))
         herd.batch.reset(rows, stage=mujoco.mjtStage.mjSTAGE_NONE)
-        gravity = o[:, 3:6].astype(float)
         h = self.nominal(herd, o) if hidden is None else hidden.astype(float)
-        turn = upright(gravity, h[:, 3])
+        self._set(herd, rows, o, h)
+
+    def overwrite(self, herd: Herd, s: Array, hidden: Array, rows: Array) -> None:
+        """Set what robots observe of themselves, and leave what else the simulation keeps.
+
+        Args:
+            herd: N robots.
+            s: state channels of all of them, (N, n_state): angular velocity, direction of gravity,
+                joint positions and velocities.
+            hidden: their hidden variables as they are, :meth:`hidden`, and will be.
+            rows: which are set, (K,) integers.
+        """
+        self._set(herd, rows, s[rows], hidden[rows])
+
+    def _set(self, herd: Herd, rows: Array, o: Array, h: Array) -> None:
+        n = len(self._robot.joints)
+        turn = upright(o[:, 3:6].astype(float), h[:, 3])
         quat = Rotation.from_matrix(turn).as_quat()[:, [3, 0, 1, 2]]
         velocity = h[:, 4:7]
         qpos, qvel = herd.qpos[rows], herd.qvel[rows]
         qpos[:, :3], qpos[:, 3:7], qpos[:, 7 : 7 + n] = h[:, :3], quat, o[:, 6 : 6 + n]
         qvel[:, :3], qvel[:, 3:6] = np.einsum("nij,nj->ni", turn, velocity), o[:, :3]
         qvel[:, 6 : 6 + n] = o[:, 6 + n : 6 + 2 * n]
-        if self._ball:
+        if self._ball and _has_ball(herd.model):
             qpos[:, -7:-4] = h[:, :3] + np.einsum("nij,nj->ni", turn, h[:, 7:10])
             qpos[:, -4:] = (1.0, 0.0, 0.0, 0.0)
             qvel[:, -6:-3] = np.einsum("nij,nj->ni", turn, velocity + h[:, 10:13])
@@ -110,7 +134,7 @@ class WalkingState:
 
     def _ball_at_rest(self, model: mujoco.MjModel) -> Array:
         """Place of the ball in the trunk's frame, from the keyframe in which the robot stands."""
-        if not self._ball:
+        if not _has_ball(model):
             return np.zeros(3)
         pose = model.key(0).qpos
         return np.asarray(pose[-7:-4] - pose[:3])
@@ -130,6 +154,10 @@ def upright(gravity: Array, heading: Array) -> Array:
     cos, sin, zero = np.cos(heading), np.sin(heading), np.zeros(len(heading))
     about = np.stack([cos, -sin, zero, sin, cos, zero, zero, zero, zero + 1.0], axis=1)
     return np.asarray(about.reshape(-1, 3, 3) @ level)
+
+
+def _has_ball(model: mujoco.MjModel) -> bool:
+    return bool(model.joint(model.njnt - 1).name == BALL)
 
 
 def _rotation(quat: Array) -> Array:

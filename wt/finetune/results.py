@@ -1,0 +1,87 @@
+"""The table of a fine-tuning: three figures of every variant, the paper's beside ours."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wt.evaluate import paper
+from wt.finetune.evaluate import Downstream
+from wt.show.files import write_together
+
+Found = Mapping[str, Mapping[int, Downstream]]
+"""Figures by variant and seed."""
+
+FIGURES = {"tracking": "rad/s", "stability": "rad", "power": "W"}
+AIMS = {"tracking": 0.7, "stability": 1.05, "power": 1.05}
+"""What World Translation is to have at most, in units of no adaptation."""
+
+
+def plain(found: Found, about: Mapping[str, object]) -> dict[str, Any]:
+    """As ``results.json`` has it.
+
+    Args:
+        found: the figures.
+        about: task, model and whatever else says what was measured.
+    """
+    variants: dict[str, Any] = {}
+    for variant, by_seed in found.items():
+        rows = list(by_seed.values())
+        variants[variant] = {"seeds": list(by_seed)}
+        for name in (*FIGURES, "fallen"):
+            values = [getattr(row, name) for row in rows]
+            numbers = {"mean": float(np.mean(values)), "std": float(np.std(values))}
+            variants[variant][name] = numbers | {"by_seed": values}
+    return {
+        "schema": 1,
+        **about,
+        "units": dict(FIGURES),
+        "variants": variants,
+        "paper": {v: dict(zip(FIGURES, row, strict=True)) for v, row in paper.DOWNSTREAM.items()},
+        "to_none": {v: _ratios(variants, v) for v in variants if v != "none" and "none" in found},
+    }
+
+
+def table(results: Mapping[str, Any]) -> str:
+    """The figures as a Markdown table."""
+    head = [f"{name} [{unit}]" for name, unit in FIGURES.items()]
+    lines = [
+        "| variant | " + " | ".join(f"{h} | paper's" for h in head) + " | fell |",
+        "| --- |" + " ---: |" * (2 * len(head) + 1),
+    ]
+    for variant, row in results["variants"].items():
+        cells: list[str] = []
+        for name in FIGURES:
+            theirs = results["paper"].get(variant, {}).get(name)
+            cells += [_spread(row[name]), "–" if theirs is None else f"{theirs:g}"]
+        lines.append(f"| {variant} | " + " | ".join(cells) + f" | {row['fallen']['mean']:.0%} |")
+    for variant, ratios in results["to_none"].items():
+        said = ", ".join(
+            f"{name} {ratio - 1:+.1%}"
+            + (f" (aim: {AIMS[name] - 1:+.0%} at most)" if variant == "translation" else "")
+            for name, ratio in ratios.items()
+        )
+        lines.append(f"\n{variant} against none: {said}.")
+    return "\n".join(lines) + "\n"
+
+
+def save(results: Mapping[str, Any], folder: Path) -> None:
+    """Write ``results.json`` and ``results.md``, both or neither."""
+    text = json.dumps(results, indent=1, ensure_ascii=False) + "\n"
+    write_together(folder, {"results.json": text, "results.md": table(results)})
+
+
+def _ratios(variants: Mapping[str, Any], variant: str) -> dict[str, float]:
+    return {
+        name: variants[variant][name]["mean"] / variants["none"][name]["mean"] for name in FIGURES
+    }
+
+
+def _spread(numbers: Mapping[str, Sequence[float] | float]) -> str:
+    by_seed = numbers["by_seed"]
+    several = isinstance(by_seed, list) and len(by_seed) > 1
+    return f"{numbers['mean']:.4g}" + (f" ± {numbers['std']:.2g}" if several else "")

@@ -1,0 +1,90 @@
+"""What a configuration means: the task's two domains, the base policy, and how each is trained."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from wt.config import load as load_task
+from wt.errors import ConfigError
+from wt.finetune.config import Finetune, Variant
+from wt.locomotion.config import Policy as Training
+from wt.locomotion.config import checked
+from wt.schema import merge, parse
+from wt.types import TransitionSpec
+from wt.worlds.legged import Robot, Scene
+from wt.worlds.legged_model import LeggedPhysics
+from wt.worlds.policy import Policy
+from wt.worlds.robots import robot_of
+from wt.worlds.walking import WalkingOptions, WalkingWorld
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A task with its base policy.
+
+    Attributes:
+        config: what was asked for.
+        options: of the task's world.
+        robot: what walks.
+        base: the policy that all variants begin with.
+    """
+
+    config: Finetune
+    options: WalkingOptions
+    robot: Robot
+    base: Policy
+
+    @classmethod
+    def of(cls, config: Finetune) -> Setting:
+        """Read the task and load the base policy.
+
+        Raises:
+            ConfigError: the task cannot be read, or nothing walks in it.
+            ModelError: the policy is missing or one of another robot.
+        """
+        section = dict(load_task(config.task).world)
+        if section.pop("name", None) != "walking":
+            raise ConfigError(
+                f"task {config.task}: nothing walks there; take conf/go2_payload.yaml"
+            )
+        options = parse(WalkingOptions, section, "world.")
+        if config.policy is not None:
+            options = replace(options, policy=config.policy)
+        robot = robot_of(options.robot)
+        return cls(config, options, robot, Policy.load(options.policy, robot, options.sim))
+
+    def world(self, variant: Variant) -> WalkingWorld:
+        """The task's world as a variant sees it."""
+        return WalkingWorld(self._options(variant))
+
+    def spec(self) -> TransitionSpec:
+        """Layout of the task's transitions, which a model must have been trained on."""
+        return self.world("none").spec
+
+    def training(self, variant: Variant, seed: int) -> Training:
+        """How a variant is trained: as the base policy was, with what the configuration changes.
+
+        Raises:
+            ConfigError: the configuration's ``training`` holds what a trainer does not know.
+        """
+        options = self._options(variant)
+        return self._trained_in(
+            options.sim, options.sim_scene, f"{self.base.card.name}_{variant}", seed
+        )
+
+    def reality(self) -> Training:
+        """The same with R's physics: where policies are judged."""
+        options = self.options
+        scene = Scene(options.payload, options.blocks)
+        return self._trained_in(options.real, scene, self.base.card.name, 0)
+
+    def _options(self, variant: Variant) -> WalkingOptions:
+        if variant != "diagnosed":
+            return self.options
+        return replace(self.options, mjcf=self.config.diagnosed.mjcf)
+
+    def _trained_in(self, physics: LeggedPhysics, scene: Scene, name: str, seed: int) -> Training:
+        tree: dict[str, Any] = merge(self.base.card.config, self.config.training)
+        tree |= {"name": name, "seed": seed, "physics": asdict(physics), "scene": asdict(scene)}
+        return checked(tree)

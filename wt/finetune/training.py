@@ -1,0 +1,88 @@
+"""One training of one variant: environment, start, PPO, export, figures, recording."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import replace
+from pathlib import Path
+
+from wt.errors import ModelError
+from wt.finetune.config import Variant
+from wt.finetune.randomized import Randomized
+from wt.finetune.setting import Setting
+from wt.finetune.start import take_over
+from wt.finetune.translated import translated
+from wt.locomotion import export
+from wt.locomotion.evaluate import evaluate
+from wt.locomotion.parts import Make
+from wt.locomotion.train import CHECKPOINT, Progress, train
+from wt.locomotion.watch import record
+from wt.worlds.policy import CARD, Policy, PolicyCard
+
+SCALE_ROWS = 5000
+"""Transitions of S by which differences of states are measured where actions are corrected."""
+
+
+def environment(setting: Setting, variant: Variant, model: Path | None) -> Make:
+    """What makes a variant's environment.
+
+    Args:
+        setting: the task.
+        variant: any but ``none``.
+        model: folder of the model of a variant that translates.
+    """
+    if variant == "randomization":
+        return functools.partial(Randomized, ranges=setting.config.randomization)
+    if model is None:
+        raise ModelError(f"variant {variant} has nothing to translate with")
+    world, alignment = setting.world(variant), setting.config.alignment
+    scale = None
+    if alignment == "action":
+        scale = world.collect("sim", SCALE_ROWS, seed=0).s_next.std(axis=0)
+    return functools.partial(
+        translated, folder=model, spec=world.spec, alignment=alignment, scale=scale
+    )
+
+
+def adapt(
+    setting: Setting,
+    variant: Variant,
+    seed: int,
+    home: Path,
+    model: Path | None,
+    made_by: str,
+    progress: Progress,
+) -> Policy:
+    """Fine-tune the base policy, or continue, or find it finished.
+
+    Args:
+        setting: task and base policy.
+        variant: how.
+        seed: of the training.
+        home: its folder.
+        model: as in :func:`environment`.
+        made_by: the command line, for the card.
+        progress: told about every iteration.
+    """
+    training = setting.training(variant, seed)
+    if not (home / CARD).exists() or not PolicyCard.read(home / CARD).evaluation:
+        trained = train(
+            training,
+            home,
+            resume=(home / CHECKPOINT).exists(),
+            progress=progress,
+            make=environment(setting, variant, model),
+            begin=functools.partial(
+                take_over,
+                policy=setting.base,
+                path=setting.options.policy,
+                warm_up=setting.config.warm_up,
+            ),
+        )
+        export.write(trained, training, home, made_by)
+        policy = Policy.load(home, setting.robot, setting.options.sim)
+        reality = setting.reality()
+        record(replace(reality, commands=training.commands), policy.act, home / "rollout.rrd")
+        figures = evaluate(training, policy.act, threads=training.threads * training.processes)
+        export.write(trained, training, home, made_by, figures.plain())
+    return Policy.load(home, setting.robot, setting.options.sim)

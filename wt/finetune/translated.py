@@ -1,0 +1,123 @@
+"""S with translated dynamics: every transition is brought to where R would have gone.
+
+At each control step the simulator's transition (o, a, o′) goes through the exported model, and the
+simulator then observes of itself what the model says: angular velocity and tilt of the trunk, joint
+positions and velocities. What no sensor of the robot tells (where the trunk is, where it heads, its
+linear velocity, a ball in a box on its back) is not in the model's state and stays as the simulator
+left it. With the alignment ``action`` nothing is overwritten: the simulator takes the action under
+which it comes nearest to that state by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from registry.card import MODEL_FILE, Card
+from wt.config import Alignment
+from wt.evaluate.correction import correct
+from wt.locomotion.config import Policy
+from wt.locomotion.env import Walking
+from wt.registered import Registered
+from wt.types import TransitionSpec
+from wt.worlds.walking_rollout import astray
+from wt.worlds.walking_state import WalkingState
+
+Array = np.ndarray
+
+Translate = Callable[[Array, Array, Array], Array]
+"""From o (N, n_obs), a (N, n_action) and S's next state to R's, (N, n_state), physical units."""
+
+
+class Translated(Walking):
+    """Velocity tracking under translated dynamics; see the module and :class:`Walking`.
+
+    Its report also has ``astray``: the share of steps whose translation is no state that the robot
+    can be in, and in which the simulator's own answer stands.
+    """
+
+    def __init__(
+        self,
+        config: Policy,
+        device: str,
+        translate: Translate,
+        alignment: Alignment = "state",
+        scale: Array | None = None,
+    ) -> None:
+        """Start all robots.
+
+        Args:
+            config: what is trained.
+            device: of the tensors.
+            translate: the model.
+            alignment: whether states are overwritten or actions corrected.
+            scale: what differences of states are measured in, (n_state,), where actions are.
+        """
+        self._translate, self._alignment, self._scale = translate, alignment, scale
+        super().__init__(config, device)
+        self._state = WalkingState(self.herd.robot, config.scene.payload is not None)
+        self._probe = self._make_herd() if alignment == "action" else None
+
+    def _move(self, action: Array) -> None:
+        """One control step as R would do it."""
+        herd, robot = self.herd, self.herd.robot
+        n = 6 + 2 * len(robot.joints)
+        o = np.hstack([herd.observe()[:, :n], robot.targets(herd.action)]).astype(np.float32)
+        before = (herd.qpos.copy(), herd.qvel.copy()) if self._probe else None
+        herd.step(action)
+        a = robot.targets(herd.action).astype(np.float32)
+        answer = herd.observe()[:, :n]
+        target, hidden = self._translate(o, a, answer), self._state.hidden(herd)
+        ground = herd.ground.height(hidden[:, 0], hidden[:, 1])
+        lost = astray(robot, target, hidden, ground)
+        self.sums["astray"] = self.sums.get("astray", 0.0) + float(lost.mean())
+        if before is None:
+            self._state.overwrite(herd, target, hidden, np.flatnonzero(~lost))
+        else:
+            self._correct(before, a, np.where(lost[:, None], answer, target))
+
+    def _correct(self, before: tuple[Array, Array], a: Array, target: Array) -> None:
+        """Take the step again, under actions that bring the simulator nearest to the target."""
+        herd, probe = self.herd, self._probe
+        assert probe is not None and self._scale is not None
+        robot, n = herd.robot, target.shape[1]
+
+        def answer(targets: Array) -> Array:
+            probe.qpos[:], probe.qvel[:] = before
+            probe.step(robot.actions(targets))
+            return probe.observe()[:, :n]
+
+        better = correct(answer, a, target, self._scale)
+        asked = herd.action.copy()
+        herd.qpos[:], herd.qvel[:] = before
+        herd.step(robot.actions(better))
+        herd.action[:], herd.steps = asked, herd.steps - 1  # one step, and the policy's own action
+
+
+def translated(
+    config: Policy,
+    device: str,
+    *,
+    folder: Path,
+    spec: TransitionSpec,
+    alignment: Alignment,
+    scale: Array | None,
+) -> Translated:
+    """The environment with a model that was pulled from the registry.
+
+    Args:
+        config: what is trained.
+        device: of the tensors.
+        folder: of the model and its card.
+        spec: layout of the task's transitions.
+        alignment: see :class:`Translated`.
+        scale: likewise.
+
+    Raises:
+        ModelError: the model is of another task, rate, joint order or layout.
+    """
+    card = Card.load(folder)
+    model = Registered(folder / MODEL_FILE, card, spec, config.threads)
+    return Translated(config, device, model.predict, alignment, scale)
