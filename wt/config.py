@@ -50,6 +50,7 @@ class Data:
 
     dir: str = "data"
     transitions: int = 300_000
+    real_transitions: int | None = None
     validation_pairs: int = 10_000
     test_pairs: int = 25_000
     seed: int = 0
@@ -215,8 +216,8 @@ def vary(method: Method, changes: Sequence[str]) -> Method:
 
 
 _ABOVE_ZERO = {
-    "transitions", "validation_pairs", "test_pairs", "steps", "batch", "validate_every",
-    "log_every", "learning_rate", "gan_learning_rate", "width", "depth", "latent",
+    "transitions", "real_transitions", "validation_pairs", "test_pairs", "steps", "batch",
+    "validate_every", "log_every", "learning_rate", "gan_learning_rate", "width", "depth", "latent",
     "translator_width", "translator_depth", "members", "mode_width", "blind_temperature",
     "segment", "memory",
 }  # fmt: skip

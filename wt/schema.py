@@ -192,7 +192,7 @@ def _check_keys(schema: type, values: Mapping[str, Any], where: str) -> None:
             _check_list(f"{where}{key}", value, kinds[0])
 
 
-def _check_list(key: str, value: object, kind: type) -> None:
+def _check_list(key: str, value: object, kind: Any) -> None:  # noqa: ANN401 – of a type hint
     if not isinstance(value, list | tuple):
         raise ConfigError(f"{key} is {value!r}; it needs a list, as in {key}=[{value}]")
     for item in value if isinstance(kind, type) else ():  # a Literal is OmegaConf's to check

@@ -49,7 +49,7 @@ def collect(world: World, settings: Data, report: Report | None = None) -> Colle
     """
     counts = {
         "sim": settings.transitions,
-        "real": settings.transitions,
+        "real": settings.real_transitions or settings.transitions,
         "validation": settings.validation_pairs,
         "test": settings.test_pairs,
     }

@@ -1,0 +1,151 @@
+"""Under a known translation robots are where it says, and hidden things where S left them."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+import torch
+
+from tests.finetune.conftest import MakeModel
+from wt.errors import ModelError
+from wt.finetune.setting import Setting
+from wt.finetune.training import environment
+from wt.finetune.translated import Translate, Translated, translated
+from wt.locomotion.env import Walking
+from wt.worlds.walking_state import WalkingState
+
+Array = np.ndarray
+
+N = 30  # gyro, gravity, joint positions and velocities
+ACTIONS = torch.linspace(-0.3, 0.3, 48).reshape(4, 12)
+
+
+def environments(
+    setting: Setting, translate: Translate, **words: object
+) -> tuple[Walking, Translated]:
+    """The simulator as it is and translated, from the same starts, some steps into a walk."""
+    training = setting.training("translation", 0)
+    both = Walking(training, "cpu"), Translated(training, "cpu", translate, **words)
+    for herd in (one.herd for one in both):
+        rng = np.random.default_rng(1)
+        for _ in range(10):
+            herd.step(0.2 * rng.normal(size=(4, 12)))
+    return both
+
+
+def hidden(env: Walking) -> Array:
+    return WalkingState(env.herd.robot, ball=True).hidden(env.herd)
+
+
+def test_the_task_s_state_is_what_a_robot_can_observe_of_itself(setting: Setting) -> None:
+    """Linear velocity and ball are hidden, so that nothing can overwrite them."""
+    spec = setting.spec()
+    names = [channel.name for channel in spec.state]
+    assert [name.split("/")[0] for name in names] == (
+        ["gyro"] * 3 + ["gravity"] * 3 + ["qpos"] * 12 + ["qvel"] * 12
+    )
+    assert {c.name.split("/")[0] for c in spec.hidden} == {
+        "position", "heading", "velocity", "ball",
+    }  # fmt: skip
+
+
+def test_translation_overwrites_what_is_observed_and_nothing_else(setting: Setting) -> None:
+    shift = np.concatenate([np.full(3, 0.2), np.zeros(3), np.full(12, 0.01), np.full(12, -0.3)])
+    raw, moved = environments(setting, lambda o, a, s: s + shift.astype(np.float32))
+    raw.herd.step(ACTIONS.numpy())
+    moved.step(ACTIONS)
+    seen, wanted = moved.herd.observe(), raw.herd.observe()
+    np.testing.assert_allclose(seen[:, :N], wanted[:, :N] + shift, atol=2e-5)
+    np.testing.assert_allclose(seen[:, N:], ACTIONS, atol=1e-6)
+    np.testing.assert_allclose(hidden(moved), hidden(raw), atol=1e-6)
+    assert np.abs(hidden(moved)[:, 10:]).max() > 1e-3  # a ball that moves
+    np.testing.assert_allclose(moved.get_observations()["policy"][:, :N], seen[:, :N])
+
+
+def test_a_tilt_that_is_translated_turns_the_trunk_and_takes_the_ball_along(
+    setting: Setting,
+) -> None:
+    turn = np.array([[np.cos(0.1), 0, np.sin(0.1)], [0, 1, 0], [-np.sin(0.1), 0, np.cos(0.1)]])
+
+    def translate(o: Array, a: Array, s: Array) -> Array:
+        out = s.copy()
+        out[:, 3:6] = s[:, 3:6] @ turn.T
+        return out
+
+    raw, moved = environments(setting, translate)
+    raw.herd.step(ACTIONS.numpy())
+    moved.step(ACTIONS)
+    np.testing.assert_allclose(moved.herd.gravity(), raw.herd.gravity() @ turn.T, atol=1e-5)
+    np.testing.assert_allclose(hidden(moved), hidden(raw), atol=1e-6)
+
+
+def test_the_model_is_asked_about_the_transition_as_it_was_trained(setting: Setting) -> None:
+    """o ends with the last targets, a are this step's, and S's answer is its own."""
+    asked = []
+
+    def translate(o: Array, a: Array, s: Array) -> Array:
+        asked.append((o, a, s))
+        return s
+
+    raw, moved = environments(setting, translate)
+    before, targets = raw.herd.observe(), raw.herd.robot.targets(raw.herd.action)
+    raw.herd.step(ACTIONS.numpy())
+    moved.step(ACTIONS)
+    o, a, s = asked[0]
+    np.testing.assert_array_equal(o[:, :N], before[:, :N])
+    np.testing.assert_allclose(o[:, N:], targets, atol=1e-6)
+    np.testing.assert_allclose(a, raw.herd.robot.targets(ACTIONS.numpy()), atol=1e-6)
+    np.testing.assert_array_equal(s, raw.herd.observe()[:, :N])
+
+
+def test_what_no_robot_can_be_in_is_not_written(setting: Setting) -> None:
+    def translate(o: Array, a: Array, s: Array) -> Array:
+        out = s.copy()
+        out[0], out[1, 0] = np.nan, 1e6
+        return out
+
+    raw, moved = environments(setting, translate)
+    raw.herd.step(ACTIONS.numpy())
+    moved.step(ACTIONS)
+    np.testing.assert_allclose(moved.herd.observe(), raw.herd.observe(), atol=2e-5)
+    assert moved.report()["astray"] == pytest.approx(0.5)
+
+
+def test_a_corrected_action_brings_the_simulator_itself_to_the_target(setting: Setting) -> None:
+    """The target is where S goes under another action: nothing is overwritten to get near."""
+    other = ACTIONS.numpy() + 0.1
+    target, _ = environments(setting, lambda o, a, s: s)
+    target.herd.step(other)
+    wanted = target.herd.observe()[:, :N]
+    scale = np.concatenate([np.ones(3), np.full(3, 0.1), np.full(12, 0.1), np.full(12, 2.0)])
+    raw, moved = environments(setting, lambda o, a, s: wanted, alignment="action", scale=scale)
+    raw.herd.step(ACTIONS.numpy())
+    moved.step(ACTIONS)
+    far, near = (
+        np.abs((env.herd.observe()[:, :N] - wanted) / scale).mean() for env in (raw, moved)
+    )
+    assert near < 0.5 * far
+    np.testing.assert_allclose(moved.herd.action, ACTIONS, atol=1e-6)  # what the policy asked for
+    np.testing.assert_array_equal(moved.herd.steps, raw.herd.steps)
+
+
+def test_a_pulled_model_is_what_runs(setting: Setting, make_model: MakeModel) -> None:
+    make = environment(setting, "translation", make_model(shift=0.02))
+    make = pickle.loads(pickle.dumps(make))  # as it gets to other processes
+    env = make(setting.training("translation", 0), "cpu")
+    raw = Walking(setting.training("translation", 0), "cpu")
+    raw.herd.step(ACTIONS.numpy())
+    env.step(ACTIONS)
+    np.testing.assert_allclose(env.herd.joint_pos, raw.herd.joint_pos + 0.02, atol=2e-5)
+
+
+def test_a_model_of_another_joint_order_is_refused(setting: Setting, make_model: MakeModel) -> None:
+    joints = setting.spec().joints
+    folder = make_model(joints=(joints[1], joints[0], *joints[2:]))
+    with pytest.raises(ModelError, match=r"joint order is FL_thigh_joint at number 0"):
+        translated(
+            setting.training("translation", 0), "cpu", folder=folder, spec=setting.spec(),
+            alignment="state", scale=None,
+        )  # fmt: skip
