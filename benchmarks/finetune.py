@@ -39,7 +39,7 @@ def main(robots: str = "256", threads: str = "0") -> None:
     words = [f"training.robots={robots}", f"training.threads={threads}"]
     setting = Setting.of(load(CONF, words))
     training = setting.training("translation", 0)
-    scale = np.ones(setting.spec().n_state)
+    scale = np.ones(setting.world().spec.n_state)
     with tempfile.TemporaryDirectory() as name:
         model = _model(setting, Path(name) / "model.onnx", int(threads))
 
@@ -60,7 +60,7 @@ def main(robots: str = "256", threads: str = "0") -> None:
 
 
 def _model(setting: Setting, path: Path, threads: int) -> Registered:
-    spec = setting.spec()
+    spec = setting.world().spec
     model = SimToReal(WorldModel(spec, load_task(setting.config.task).plus)).eval()
     o, a = (np.zeros((2, n), np.float32) for n in (spec.n_obs, spec.n_action))
     export(model, spec, path, example=(o, a, o))

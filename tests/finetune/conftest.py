@@ -47,7 +47,7 @@ def make_model(tmp_path: Path, setting: Setting) -> MakeModel:
     """Makes a folder with ``model.onnx`` and ``card.json``."""
 
     def make(shift: float = 0.01, **changes: object) -> Path:
-        spec = replace(setting.spec(), **changes)
+        spec = replace(setting.world().spec, **changes)
         folder = tmp_path / f"model-{len(list(tmp_path.glob('model-*')))}"
         folder.mkdir()
         onnx.save(_graph(spec, shift), folder / "model.onnx")

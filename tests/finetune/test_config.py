@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
-from tests.finetune.conftest import TINY
+from tests.finetune.conftest import TINY, MakeModel
 from wt.errors import ConfigError, ModelError
 from wt.finetune.config import VARIANTS, Diagnosed, load
 from wt.finetune.setting import Setting
-from wt.locomotion.env import Walking, make_model
+from wt.finetune.training import environment
+from wt.locomotion.env import make_model
 from wt.worlds.legged import TIMESTEP, Scene
 from wt.worlds.robots import GO2
 
@@ -66,11 +68,11 @@ def test_training_is_in_s_and_goes_on_as_the_base_policy_was_trained(setting: Se
     assert training.rewards.impact == card.config["rewards"]["impact"] > 0
     assert training.physics == setting.options.sim != setting.options.real
     assert training.name == "go2_payload_translation"
-    s = setting.world("translation").model("sim")
+    s = setting.world().model("sim")
     np.testing.assert_array_equal(make_model(training).body_mass, s.body_mass)
     np.testing.assert_array_equal(make_model(training).actuator_gainprm, s.actuator_gainprm)
     reality = setting.reality()
-    r = setting.world("none").model("real")
+    r = setting.world().model("real")
     np.testing.assert_array_equal(make_model(reality).body_mass, r.body_mass)
 
 
@@ -82,10 +84,10 @@ def test_the_shipped_file_asks_for_what_the_paper_did() -> None:
     assert config.randomization.base_mass == [-1.0, 3.0]
 
 
-def diagnosed(path: Path, change: str = "", by: str = "", payload: bool = True) -> Setting:
-    """A setting whose S comes from a file: the described one, changed as a diagnosis might."""
+def diagnosed(path: Path, change: str = "", by: str = "", scene: Scene | None = None) -> Setting:
+    """A setting whose S comes from a file: the task's own, changed as a diagnosis might."""
     setting = Setting.of(load(CONF, TINY))
-    scene = setting.options.sim_scene if payload else Scene()
+    scene = scene or Scene(setting.options.payload)
     spec = GO2.describe(setting.options.sim, TIMESTEP, scene)
     spec.compile()
     text = spec.to_xml()
@@ -95,16 +97,15 @@ def diagnosed(path: Path, change: str = "", by: str = "", payload: bool = True) 
     return replace(setting, config=config)
 
 
-def test_a_diagnosed_simulator_takes_the_place_of_s(tmp_path: Path) -> None:
-    setting = diagnosed(
-        tmp_path / "model.xml", 'gainprm="50" biasprm="0 -50', 'gainprm="40" biasprm="0 -40'
-    )
-    trained = Walking(setting.training("diagnosed", 0), "cpu").herd.model
-    seen = setting.world("diagnosed").model("sim")
-    for model in (trained, seen):
-        assert model.actuator("FL_calf_joint").gainprm[0] == 40
-    assert setting.world("translation").model("sim").actuator("FL_calf_joint").gainprm[0] == 50
-    assert seen.body_mass == pytest.approx(setting.world("translation").model("sim").body_mass)
+def test_a_diagnosed_simulator_takes_the_place_of_s(tmp_path: Path, make_model: MakeModel) -> None:
+    stiff, soft = (f'gainprm="{gain}" biasprm="0 -{gain}' for gain in (50, 40))
+    setting = diagnosed(tmp_path / "model.xml", stiff, soft)
+    folder = make_model()
+    for variant, gain in (("translation", 50), ("diagnosed", 40)):
+        env = environment(setting, variant, folder)(setting.training(variant, 0), "cpu")
+        assert env.herd.model.actuator("FL_calf_joint").gainprm[0] == gain
+        assert env.herd.weight == pytest.approx(21.0 * 9.81, rel=0.01)  # robot, box and ball
+        env.step(torch.zeros(4, 12))
     assert setting.base.card.stiffness[0] == 50  # the policy is the one that was trained for S
 
 
@@ -113,6 +114,7 @@ def test_a_diagnosed_simulator_takes_the_place_of_s(tmp_path: Path) -> None:
     [
         ("<mujoco", "<mujocco", "no MJCF"),
         ('"FL_hip_joint"', '"hip"', "FL_hip_joint … RR_calf_joint are needed"),
+        ('general name="FL_hip_joint"', 'general name="hip"', "its actuators are not one for each"),
         ('name="stand"', 'name="lie"', "no keyframe 'stand'"),
     ],
 )
@@ -121,13 +123,13 @@ def test_a_file_that_is_no_such_robot_is_refused(
 ) -> None:
     setting = diagnosed(tmp_path / "model.xml", change, by)
     with pytest.raises(ModelError, match=said):
-        setting.world("diagnosed")
+        setting.given("diagnosed")
 
 
 def test_a_missing_file_and_a_missing_ball_are_refused(tmp_path: Path) -> None:
-    setting = diagnosed(tmp_path / "model.xml", payload=False)
-    with pytest.raises(ModelError, match="end with the free joint ball"):
-        setting.world("diagnosed")
+    setting = diagnosed(tmp_path / "model.xml", scene=Scene())
+    with pytest.raises(ModelError, match="its joints must end with ball"):
+        setting.given("diagnosed")
     (tmp_path / "model.xml").unlink()
     with pytest.raises(ModelError, match="does not exist"):
-        setting.world("diagnosed")
+        setting.given("diagnosed")

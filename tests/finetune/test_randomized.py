@@ -7,6 +7,7 @@ import numpy as np
 from wt.finetune.config import Randomization
 from wt.finetune.randomized import Randomized
 from wt.finetune.setting import Setting
+from wt.finetune.training import environment
 from wt.locomotion.env import Walking
 
 
@@ -46,7 +47,7 @@ def test_robots_move_by_their_own_physics(setting: Setting) -> None:
 
 
 def test_noise_is_on_what_the_actor_sees_alone(setting: Setting) -> None:
-    env = Randomized(setting.training("randomization", 0), "cpu", Randomization())
+    env = environment(setting, "randomization", None)(setting.training("randomization", 0), "cpu")
     error = np.abs(env.get_observations()["policy"][:, :42].numpy() - env.herd.observe())
     widths = np.repeat([0.2, 0.05, 0.01, 1.5, 0.0], [3, 3, 12, 12, 12])
     assert (error <= widths + 1e-6).all()

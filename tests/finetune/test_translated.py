@@ -41,7 +41,7 @@ def hidden(env: Walking) -> Array:
 
 def test_the_task_s_state_is_what_a_robot_can_observe_of_itself(setting: Setting) -> None:
     """Linear velocity and ball are hidden, so that nothing can overwrite them."""
-    spec = setting.spec()
+    spec = setting.world().spec
     names = [channel.name for channel in spec.state]
     assert [name.split("/")[0] for name in names] == (
         ["gyro"] * 3 + ["gravity"] * 3 + ["qpos"] * 12 + ["qvel"] * 12
@@ -142,10 +142,10 @@ def test_a_pulled_model_is_what_runs(setting: Setting, make_model: MakeModel) ->
 
 
 def test_a_model_of_another_joint_order_is_refused(setting: Setting, make_model: MakeModel) -> None:
-    joints = setting.spec().joints
+    joints = setting.world().spec.joints
     folder = make_model(joints=(joints[1], joints[0], *joints[2:]))
     with pytest.raises(ModelError, match=r"joint order is FL_thigh_joint at number 0"):
         translated(
-            setting.training("translation", 0), "cpu", folder=folder, spec=setting.spec(),
+            setting.training("translation", 0), "cpu", folder=folder, spec=setting.world().spec,
             alignment="state", scale=None,
         )  # fmt: skip

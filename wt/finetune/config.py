@@ -100,7 +100,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Finetune:
     if "diagnosed" in config.variants and not (config.diagnosed.mjcf and config.diagnosed.model):
         raise ConfigError(
             "variants holds diagnosed, which needs diagnosed.mjcf, the model.xml of wt diagnose, "
-            "and diagnosed.model, one that wt fit trained with world.mjcf set to that file"
+            "and diagnosed.model, a registered model that was trained with that file as S"
         )
     _check_ranges(config.randomization)
     _check_commands(config.evaluation.commands)

@@ -89,7 +89,7 @@ def run(config: Finetune, folder: Path, *, made_by: str, show: Show) -> tuple[di
         tracked.text(to_yaml(config), CONFIG)
         found = _figures(setting, folder, made_by, show, tracked)
         about = {
-            "task": setting.spec().task,
+            "task": setting.world().spec.task,
             "policy": setting.base.card.name,
             "models": {v: {"name": c.name, "sha256": c.sha256} for v, c in models.items()},
             "alignment": config.alignment,
@@ -105,7 +105,7 @@ def run(config: Finetune, folder: Path, *, made_by: str, show: Show) -> tuple[di
 
 def _models(setting: Setting, folder: Path) -> dict[Variant, Card]:
     """Pull what variants translate with, unless a run that began has it, and see that it fits."""
-    config, cards = setting.config, {}
+    config, spec, cards = setting.config, setting.world().spec, {}
     references = {"translation": config.model, "diagnosed": config.diagnosed.model}
     for variant in config.variants:
         reference, home = references.get(variant), _model_home(folder, variant)
@@ -115,7 +115,8 @@ def _models(setting: Setting, folder: Path) -> dict[Variant, Card]:
         cards[variant] = (
             verify(home) if begun else pull(reference, home, uri=config.tracking.uri)[1]
         )
-        Registered(home / MODEL_FILE, cards[variant], setting.world(variant).spec)
+        Registered(home / MODEL_FILE, cards[variant], spec)
+        setting.given(variant)
     return cards
 
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+import mujoco
+
 from wt.config import load as load_task
 from wt.errors import ConfigError
 from wt.finetune.config import Finetune, Variant
+from wt.finetune.given import read
 from wt.locomotion.config import Policy as Training
 from wt.locomotion.config import checked
 from wt.schema import merge, parse
-from wt.types import TransitionSpec
 from wt.worlds.legged import Robot, Scene
 from wt.worlds.legged_model import LeggedPhysics
 from wt.worlds.policy import Policy
@@ -54,13 +56,9 @@ class Setting:
         robot = robot_of(options.robot)
         return cls(config, options, robot, Policy.load(options.policy, robot, options.sim))
 
-    def world(self, variant: Variant) -> WalkingWorld:
-        """The task's world as a variant sees it."""
-        return WalkingWorld(self._options(variant))
-
-    def spec(self) -> TransitionSpec:
-        """Layout of the task's transitions, which a model must have been trained on."""
-        return self.world("none").spec
+    def world(self) -> WalkingWorld:
+        """The task's world."""
+        return WalkingWorld(self.options)
 
     def training(self, variant: Variant, seed: int) -> Training:
         """How a variant is trained: as the base policy was, with what the configuration changes.
@@ -68,23 +66,23 @@ class Setting:
         Raises:
             ConfigError: the configuration's ``training`` holds what a trainer does not know.
         """
-        options = self._options(variant)
-        return self._trained_in(
-            options.sim, options.sim_scene, f"{self.base.card.name}_{variant}", seed
-        )
+        return self._trained_in(self.options.sim, f"{self.base.card.name}_{variant}", seed)
 
     def reality(self) -> Training:
         """The same with R's physics: where policies are judged."""
-        options = self.options
-        scene = Scene(options.payload, options.blocks)
-        return self._trained_in(options.real, scene, self.base.card.name, 0)
+        return self._trained_in(self.options.real, self.base.card.name, 0)
 
-    def _options(self, variant: Variant) -> WalkingOptions:
-        if variant != "diagnosed":
-            return self.options
-        return replace(self.options, mjcf=self.config.diagnosed.mjcf)
+    def given(self, variant: Variant) -> mujoco.MjSpec | None:
+        """What stands in S's place; None for the task's own.
 
-    def _trained_in(self, physics: LeggedPhysics, scene: Scene, name: str, seed: int) -> Training:
+        Raises:
+            ModelError: it cannot be read, or the robot is not in it as it was.
+        """
+        path = self.config.diagnosed.mjcf if variant == "diagnosed" else None
+        return read(path, self.robot, self.options.payload is not None) if path else None
+
+    def _trained_in(self, physics: LeggedPhysics, name: str, seed: int) -> Training:
+        scene = Scene(self.options.payload, self.options.blocks)
         tree: dict[str, Any] = merge(self.base.card.config, self.config.training)
         tree |= {"name": name, "seed": seed, "physics": asdict(physics), "scene": asdict(scene)}
         return checked(tree)

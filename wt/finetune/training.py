@@ -35,12 +35,18 @@ def environment(setting: Setting, variant: Variant, model: Path | None) -> Make:
         return functools.partial(Randomized, ranges=setting.config.randomization)
     if model is None:
         raise ModelError(f"variant {variant} has nothing to translate with")
-    world, alignment = setting.world(variant), setting.config.alignment
+    world, alignment = setting.world(), setting.config.alignment
     scale = None
     if alignment == "action":
         scale = world.collect("sim", SCALE_ROWS, seed=0).s_next.std(axis=0)
+    given = setting.given(variant)
     return functools.partial(
-        translated, folder=model, spec=world.spec, alignment=alignment, scale=scale
+        translated,
+        folder=model,
+        spec=world.spec,
+        alignment=alignment,
+        scale=scale,
+        mjcf=given.to_xml() if given else None,
     )
 
 
@@ -72,7 +78,7 @@ def adapt(
             resume=(home / CHECKPOINT).exists(),
             progress=progress,
             make=environment(setting, variant, model),
-            begin=functools.partial(
+            start_from=functools.partial(
                 take_over,
                 policy=setting.base,
                 path=setting.options.policy,

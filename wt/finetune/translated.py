@@ -13,15 +13,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import mujoco
 import numpy as np
 
 from registry.card import MODEL_FILE, Card
 from wt.config import Alignment
 from wt.evaluate.correction import correct
 from wt.locomotion.config import Policy
-from wt.locomotion.env import Walking
+from wt.locomotion.env import Walking, make_model
 from wt.registered import Registered
 from wt.types import TransitionSpec
+from wt.worlds.legged import Herd
 from wt.worlds.walking_rollout import astray
 from wt.worlds.walking_state import WalkingState
 
@@ -45,6 +47,7 @@ class Translated(Walking):
         translate: Translate,
         alignment: Alignment = "state",
         scale: Array | None = None,
+        mjcf: str | None = None,
     ) -> None:
         """Start all robots.
 
@@ -54,11 +57,19 @@ class Translated(Walking):
             translate: the model.
             alignment: whether states are overwritten or actions corrected.
             scale: what differences of states are measured in, (n_state,), where actions are.
+            mjcf: text of the model that stands in S's place; None for the configuration's.
         """
-        self._translate, self._alignment, self._scale = translate, alignment, scale
+        self._translate, self._scale, self._mjcf = translate, scale, mjcf
         super().__init__(config, device)
         self._state = WalkingState(self.herd.robot, config.scene.payload is not None)
         self._probe = self._make_herd() if alignment == "action" else None
+
+    def _make_herd(self) -> Herd:
+        if self._mjcf is None:
+            return super()._make_herd()
+        config = self.cfg
+        model = make_model(config, mujoco.MjSpec.from_string(self._mjcf))
+        return Herd(config.body(), model, config.robots, config.scene, config.threads)
 
     def _move(self, action: Array) -> None:
         """One control step as R would do it."""
@@ -104,6 +115,7 @@ def translated(
     spec: TransitionSpec,
     alignment: Alignment,
     scale: Array | None,
+    mjcf: str | None = None,
 ) -> Translated:
     """The environment with a model that was pulled from the registry.
 
@@ -114,10 +126,11 @@ def translated(
         spec: layout of the task's transitions.
         alignment: see :class:`Translated`.
         scale: likewise.
+        mjcf: likewise.
 
     Raises:
         ModelError: the model is of another task, rate, joint order or layout.
     """
     card = Card.load(folder)
     model = Registered(folder / MODEL_FILE, card, spec, config.threads)
-    return Translated(config, device, model.predict, alignment, scale)
+    return Translated(config, device, model.predict, alignment, scale, mjcf)

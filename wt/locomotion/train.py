@@ -32,7 +32,7 @@ LOG = "training.csv"
 Progress = Callable[[int, int, Mapping[str, float]], None]
 """Called with iterations done, iterations in all, and the last one's figures."""
 Begin = Callable[[OnPolicyRunner], None]
-"""Called with a runner of new nets."""
+"""Called with a runner of new nets, before it trains."""
 
 
 @dataclass(frozen=True)
@@ -57,11 +57,10 @@ def train(
     folder: Path,
     *,
     resume: bool = False,
-    start_from: Path | None = None,
+    start_from: Path | Begin | None = None,
     seconds: float | None = None,
     progress: Progress | None = None,
     make: Make = Walking,
-    begin: Begin | None = None,
 ) -> Trained:
     """Train until the configured iteration, or until time is up, and keep a checkpoint.
 
@@ -69,11 +68,10 @@ def train(
         config: what is trained.
         folder: of the training; it is made.
         resume: continue from the folder's checkpoint.
-        start_from: a checkpoint of another training, whose nets are taken over.
+        start_from: a checkpoint of another training, whose nets are taken over, or what fills them.
         seconds: wall clock after which no further iteration begins [s].
         progress: told about every iteration.
         make: the environment.
-        begin: what is done with new nets before the first iteration.
 
     Raises:
         ConfigError: there is no checkpoint to continue from, one that would be overwritten, or
@@ -83,8 +81,6 @@ def train(
     begun = time.monotonic()
     saved = _open(folder, resume)
     runner = _start(config, saved, folder / CHECKPOINT, start_from, make)
-    if begin and saved is None:
-        begin(runner)
     write_whole(folder / CONFIG, to_yaml(config))
     log = _Log(folder / LOG, continued=saved is not None)
     iteration, earlier = (saved["iteration"], saved["seconds"]) if saved else (0, 0.0)
@@ -204,7 +200,7 @@ def _start(
     config: Policy,
     saved: dict[str, Any] | None,
     checkpoint: Path,
-    start_from: Path | None,
+    start_from: Path | Begin | None,
     make: Make,
 ) -> OnPolicyRunner:
     """A runner with new nets, with those of the checkpoint, or with those of another training."""
@@ -213,8 +209,10 @@ def _start(
     runner = make_runner(environment(config, device, make), config.ppo, device)
     if saved is not None:
         _restore(runner, saved, checkpoint)
-    elif start_from is not None:
+    elif isinstance(start_from, Path):
         _restore(runner, _read(start_from), start_from, nets_only=True)
+    elif start_from is not None:
+        start_from(runner)
     return runner
 
 

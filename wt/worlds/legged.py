@@ -39,13 +39,10 @@ class Scene:
     Attributes:
         payload: a ball that rolls in a box on the back (Go2 only); None for nothing.
         blocks: irregular terrain; None for a flat floor.
-        mjcf: a file with robot and ground in it, as wt diagnose writes, in place of the published
-            robot; None for that.
     """
 
     payload: Payload | None = None
     blocks: Blocks | None = None
-    mjcf: str | None = None
 
 
 FLAT = Scene()
@@ -231,7 +228,7 @@ class Herd:
     def step(self, action: Array) -> None:
         """One control step of all robots under an action, (N, n) in units of the scale."""
         self.action[:] = action
-        self.ctrl[:, : self._n] = self._default + self._scale * self.action
+        self.ctrl[:] = self._default + self._scale * self.action
         self.batch.step(nstep=self._substeps)
         self.steps += 1
 

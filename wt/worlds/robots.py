@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 
 from wt.errors import ConfigError, suggest
-from wt.worlds import g1_model, go2_model, legged_file
+from wt.worlds import g1_model, go2_model
 from wt.worlds.legged import Robot, Scene
 from wt.worlds.legged_model import LeggedPhysics
 from wt.worlds.terrain import add_blocks
@@ -14,8 +14,6 @@ _SHARE = 0.25  # of a drive's torque limit, which the action 1 asks for: mjlab's
 
 
 def _go2(physics: LeggedPhysics, timestep: float, scene: Scene) -> mujoco.MjSpec:
-    if scene.mjcf is not None:
-        return legged_file.read(scene.mjcf, go2_model.JOINTS, scene.payload is not None)
     spec = go2_model.spec(physics, timestep, scene.payload)
     if scene.blocks is not None:
         add_blocks(spec, scene.blocks)
@@ -25,8 +23,6 @@ def _go2(physics: LeggedPhysics, timestep: float, scene: Scene) -> mujoco.MjSpec
 def _g1(physics: LeggedPhysics, timestep: float, scene: Scene) -> mujoco.MjSpec:
     if scene.payload is not None:
         raise ConfigError("scene.payload: the G1 has no box for a ball; take the go2 or none")
-    if scene.mjcf is not None:
-        return legged_file.read(scene.mjcf, g1_model.JOINTS, has_ball=False)
     spec = g1_model.spec(physics, timestep)
     if scene.blocks is not None:
         add_blocks(spec, scene.blocks)

@@ -3,9 +3,9 @@
 The observation is proprioceptive: angular velocity and direction of gravity in the trunk's frame,
 joint positions and velocities, and the last action, which are joint targets here. What it leaves
 out is the hidden variable of a transition: where the trunk is and how fast it moves, and with a
-payload where the ball is and how it rolls. Both domains stand on the same ground and, unless it is
-concealed from S, carry the same load; they differ in gains, friction and masses. A pair is S, set
-to R's observation *and* hidden variable, under R's action.
+payload where the ball is and how it rolls. Both domains stand on the same ground and carry the
+same load; they differ in gains, friction and masses. A pair is S, set to R's observation *and*
+hidden variable, under R's action.
 
 Transitions come from the policy in closed loop under changing commands, with coloured exploration
 noise. A robot that falls starts anew, as another episode.
@@ -46,9 +46,7 @@ class WalkingOptions:
         policy: name of a policy of the package, or a folder that wt-train-policy left.
         sim: physics of domain S; its gains are those that the policy was trained for.
         real: physics of domain R.
-        payload: a ball in a box on the back; None for nothing.
-        concealed: whether only R carries it, and S knows nothing of it.
-        mjcf: a file in place of S, such as wt diagnose leaves; None for the robot as described.
+        payload: a ball in a box on the back, in both domains; None for nothing.
         blocks: irregular terrain under both; None for a flat floor.
         robots: simulations stepped together.
         episode_steps: control steps before a robot starts anew.
@@ -65,8 +63,6 @@ class WalkingOptions:
     sim: LeggedPhysics
     real: LeggedPhysics
     payload: Payload | None = None
-    concealed: bool = False
-    mjcf: str | None = None
     blocks: Blocks | None = None
     robots: int = 256
     episode_steps: int = 250
@@ -77,11 +73,6 @@ class WalkingOptions:
     start: Start = field(default_factory=lambda: Start(joints=0.05, speed=0.2))
     threads: int = 0
 
-    @property
-    def sim_scene(self) -> Scene:
-        """What S stands in and carries."""
-        return Scene(None if self.concealed else self.payload, self.blocks, self.mjcf)
-
     def __post_init__(self) -> None:
         """Refuse sizes of nothing and times that are none."""
         for name in ("robots", "episode_steps", "command_seconds", "noise_seconds"):
@@ -91,8 +82,6 @@ class WalkingOptions:
             raise ConfigError(f"world.command is {self.command}; a share of 0 … 1 is needed")
         if not self.noise >= 0:
             raise ConfigError(f"world.noise is {self.noise}; zero or more is needed")
-        if self.concealed and not self.payload:
-            raise ConfigError("world.concealed: there is no world.payload; {} is a ball in a box")
         if self.threads < 0:
             raise ConfigError(f"world.threads is {self.threads}; 0 is one per core")
 
@@ -118,15 +107,14 @@ class WalkingWorld:
         self._scene = Scene(options.payload, options.blocks)
         self._policy = Policy.load(options.policy, self._robot, options.sim)
         self._models = {
-            "sim": self._robot.describe(options.sim, TIMESTEP, options.sim_scene).compile(),
-            "real": self._robot.describe(options.real, TIMESTEP, self._scene).compile(),
+            domain: self._robot.describe(physics, TIMESTEP, self._scene).compile()
+            for domain, physics in (("sim", options.sim), ("real", options.real))
         }
         self._state = WalkingState(self._robot, options.payload is not None)
         self.shard = options.robots * options.episode_steps
         joints, condition = self._robot.joints, "flat"
         if options.payload or options.blocks:
             condition = "payload" if options.payload else "uneven"
-            condition = "concealed" if options.concealed else condition
         targets = tuple(Channel(f"ctrl/{joint}", "rad") for joint in joints)
         n = len(joints)
         self.spec = TransitionSpec(
@@ -142,9 +130,9 @@ class WalkingWorld:
         )
 
     def identity(self) -> dict[str, object]:
-        """The options and the policy's hash, without what changes nothing or S's model says."""
+        """The options and the policy's hash; threads change nothing."""
         options = asdict(self._options)
-        del options["threads"], options["policy"], options["concealed"], options["mjcf"]
+        del options["threads"], options["policy"]
         return {"world": "walking", "policy": self._policy.card.sha256, **options}
 
     def model(self, domain: Domain) -> mujoco.MjModel:

@@ -11,7 +11,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wt.types import Channel
-from wt.worlds.go2_model import BALL
 from wt.worlds.legged import Herd, Robot
 
 Array = np.ndarray
@@ -38,13 +37,7 @@ class WalkingState:
     """
 
     def __init__(self, robot: Robot, ball: bool) -> None:
-        """Prepare for a robot with or without a ball.
-
-        Args:
-            robot: whose state it is.
-            ball: whether there is one in either domain; of a herd without one it is said to be at
-                rest in the trunk's origin, and what is said of it changes nothing.
-        """
+        """Prepare for a robot with or without a ball."""
         self._robot, self._ball = robot, ball
         self.channels = (*_TRUNK, *_BALL) if ball else _TRUNK
 
@@ -54,9 +47,7 @@ class WalkingState:
         axis = turn[:, :, 0]
         velocity = _into(turn, herd.qvel[:, :3])
         found = [herd.qpos[:, :3], np.arctan2(axis[:, 1], axis[:, 0])[:, None], velocity]
-        if self._ball and not _has_ball(herd.model):
-            found.append(np.zeros((herd.size, len(_BALL))))
-        elif self._ball:
+        if self._ball:
             at, to = herd.qpos[:, -7:-4], herd.qvel[:, -6:-3]
             spin = np.einsum("nij,nj->ni", _rotation(herd.qpos[:, -4:]), herd.qvel[:, -3:])
             found += [_into(turn, at - herd.qpos[:, :3]), _into(turn, to) - velocity, spin]
@@ -96,7 +87,7 @@ class WalkingState:
         qpos[:, :3], qpos[:, 3:7], qpos[:, 7 : 7 + n] = h[:, :3], quat, o[:, 6 : 6 + n]
         qvel[:, :3], qvel[:, 3:6] = np.einsum("nij,nj->ni", turn, velocity), o[:, :3]
         qvel[:, 6 : 6 + n] = o[:, 6 + n : 6 + 2 * n]
-        if self._ball and _has_ball(herd.model):
+        if self._ball:
             qpos[:, -7:-4] = h[:, :3] + np.einsum("nij,nj->ni", turn, h[:, 7:10])
             qpos[:, -4:] = (1.0, 0.0, 0.0, 0.0)
             qvel[:, -6:-3] = np.einsum("nij,nj->ni", turn, velocity + h[:, 10:13])
@@ -134,7 +125,7 @@ class WalkingState:
 
     def _ball_at_rest(self, model: mujoco.MjModel) -> Array:
         """Place of the ball in the trunk's frame, from the keyframe in which the robot stands."""
-        if not _has_ball(model):
+        if not self._ball:
             return np.zeros(3)
         pose = model.key(0).qpos
         return np.asarray(pose[-7:-4] - pose[:3])
@@ -154,10 +145,6 @@ def upright(gravity: Array, heading: Array) -> Array:
     cos, sin, zero = np.cos(heading), np.sin(heading), np.zeros(len(heading))
     about = np.stack([cos, -sin, zero, sin, cos, zero, zero, zero, zero + 1.0], axis=1)
     return np.asarray(about.reshape(-1, 3, 3) @ level)
-
-
-def _has_ball(model: mujoco.MjModel) -> bool:
-    return bool(model.joint(model.njnt - 1).name == BALL)
 
 
 def _rotation(quat: Array) -> Array:
