@@ -50,6 +50,7 @@ bench: env ## print the tables of speed
 	$(BIN)/python benchmarks/collect.py
 	$(BIN)/python benchmarks/train.py
 	$(BIN)/python benchmarks/runner.py
+	$(BIN)/python benchmarks/finetune.py
 
 wheel-smoke: ## build the wheel, install it in a fresh environment, run the smoke test
 	PYTHON=$(PYTHON) tests/wheel_smoke.sh

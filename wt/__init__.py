@@ -23,6 +23,7 @@ Map of the package (each concept has one home):
                        side, ``publish`` writes, exports and registers what came out
 ``wt.registered``      a registered model on its task
 ``wt.reproduce``       the paper's tables and figures, one file each, in one report
+``wt.finetune``        walking policies adapted to translated dynamics, beside their rivals
 ``wt.cli``             one module a command
 =====================  =====================================================================
 

@@ -14,18 +14,20 @@ from wt.finetune.setting import Setting
 def test_figures_of_sines() -> None:
     t = np.linspace(0, 2 * np.pi, 1001)[:-1, None]
     tilt = np.stack([0.3 + 0.1 * np.sin(t), -0.2 + 0.05 * np.cos(t)], axis=-1)
-    tracking, stability, power = figures(
-        0.2 * np.sin(t), tilt, 10 + np.sin(t), np.ones_like(t, bool)
+    up = np.ones_like(t, bool)
+    tracking, stability, power, walking = figures(
+        0.2 * np.sin(t), tilt, 10 + np.sin(t), np.abs(np.cos(t)), up
     )
     assert tracking == pytest.approx(0.2 / np.sqrt(2))
     assert stability == pytest.approx(np.sqrt((0.1**2 + 0.05**2) / 2))  # of sines: A/√2
     assert power == pytest.approx(10)
+    assert walking == pytest.approx(1 / np.sqrt(2))
 
 
 def test_what_comes_after_a_fall_does_not_count() -> None:
     error, up = np.full((10, 2), 0.1), np.ones((10, 2), bool)
     error[5:, 1], up[5:, 1] = 9.0, False
-    tracking, _, _ = figures(error, np.zeros((10, 2, 2)), error, up)
+    tracking, *_ = figures(error, np.zeros((10, 2, 2)), error, error, up)
     assert tracking == pytest.approx(0.1)
 
 
@@ -59,14 +61,17 @@ def test_the_table_has_the_paper_s_figures_beside_ours() -> None:
     from wt.finetune.evaluate import Downstream
 
     found = {
-        "none": {0: Downstream(0.2, 0.05, 10.0, 0.0)},
-        "translation": {0: Downstream(0.1, 0.05, 11.0, 0.0), 1: Downstream(0.12, 0.05, 11.0, 0.5)},
-        "diagnosed": {0: Downstream(0.09, 0.05, 10.0, 0.0)},
+        "none": {0: Downstream(0.2, 0.05, 10.0, 0.1, 0.0)},
+        "translation": {
+            0: Downstream(0.1, 0.05, 11.0, 0.2, 0.0),
+            1: Downstream(0.12, 0.05, 11.0, 0.2, 0.5),
+        },
+        "diagnosed": {0: Downstream(0.09, 0.05, 10.0, 0.1, 0.0)},
     }
     results = plain(found, {"task": "toy"})
     text = table(results)
-    assert "| none | 0.2 | 0.2475 | 0.05 | 0.0517 | 10 | 28.07 | 0% |" in text
-    assert "| translation | 0.11 ± 0.01 | 0.1786 |" in text and "| 25% |" in text
+    assert "| none | 0.2 | 0.2475 | 0.05 | 0.0517 | 10 | 28.07 | 0.1 | 0% |" in text
+    assert "| translation | 0.11 ± 0.01 | 0.1786 |" in text and "| 0.2 ± 0 | 25% |" in text
     assert "| diagnosed | 0.09 | – |" in text
     assert "translation against none: tracking -45.0% (aim: -30% at most)" in text
     assert results["to_none"]["translation"]["power"] == pytest.approx(1.1)

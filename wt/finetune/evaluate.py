@@ -29,12 +29,15 @@ class Downstream:
         tracking: root mean square of commanded − measured turning rate [rad/s].
         stability: √(σ²(pitch) + σ²(roll)) over time [rad].
         power: mean of |τ · q̇| over time [W].
+        walking: root mean square of commanded − measured horizontal velocity [m/s]; not the
+            paper's, since no sensor of the robot tells it.
         fallen: share of episodes in which the robot fell.
     """
 
     tracking: float
     stability: float
     power: float
+    walking: float
     fallen: float
 
 
@@ -65,37 +68,41 @@ def evaluate(
     torque = herd.batch.bind("actuator_force")
     herd.reset(np.arange(episodes), np.random.default_rng(seed), _START)
     clock, up = policy.clock(episodes), np.ones(episodes, bool)
-    error, power, tilt, counts = [], [], [], []
+    error, power, tilt, counts, drift = [], [], [], [], []
     for command in commands(rows, herd.dt):
         told = np.tile(command, (episodes, 1))
         herd.step(policy.act(herd.observe(), told, clock.read(herd.time, told)))
         up &= ~herd.fallen()
         counts.append(up.copy())
-        error.append(herd.velocity()[:, 2] - command[2])
+        off = herd.velocity()[:, :3] - command
+        error.append(off[:, 2])
+        drift.append(np.hypot(off[:, 0], off[:, 1]))
         power.append(np.abs((torque * herd.joint_vel).sum(axis=1)))  # |τ · q̇|
         tilt.append(pitch_and_roll(herd.gravity()))
-    whole = figures(np.array(error), np.array(tilt), np.array(power), np.array(counts))
-    return Downstream(*whole, fallen=float(1 - up.mean()))
+    arrays = (np.array(x) for x in (error, tilt, power, drift, counts))
+    return Downstream(*figures(*arrays), fallen=float(1 - up.mean()))
 
 
-def figures(error: Array, tilt: Array, power: Array, up: Array) -> tuple[float, float, float]:
-    """Tracking, stability and power, means over the episodes that stood at all.
+def figures(
+    error: Array, tilt: Array, power: Array, drift: Array, up: Array
+) -> tuple[float, float, float, float]:
+    """Tracking, stability, power and walking, means over the episodes that stood at all.
 
     Args:
         error: of the turning rate, (T, episodes) [rad/s].
         tilt: pitch and roll, (T, episodes, 2) [rad].
         power: |τ · q̇|, (T, episodes) [W].
+        drift: error of the horizontal velocity, (T, episodes) [m/s].
         up: which robots have not fallen yet, (T, episodes) bool.
     """
     rows = []
     for k in np.flatnonzero(up.any(axis=0)):
         stood = up[:, k]
         spread = np.sqrt(tilt[stood, k].var(axis=0).sum())
-        rows.append((np.sqrt(np.mean(error[stood, k] ** 2)), spread, power[stood, k].mean()))
-    if not rows:
-        return float("nan"), float("nan"), float("nan")
-    tracking, stability, mean_power = np.mean(rows, axis=0)
-    return float(tracking), float(stability), float(mean_power)
+        track, walk = (np.sqrt(np.mean(x[stood, k] ** 2)) for x in (error, drift))
+        rows.append((track, spread, power[stood, k].mean(), walk))
+    tracking, stability, mean_power, walking = np.mean(rows, axis=0) if rows else [np.nan] * 4
+    return float(tracking), float(stability), float(mean_power), float(walking)
 
 
 def pitch_and_roll(gravity: Array) -> Array:

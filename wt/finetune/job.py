@@ -77,6 +77,7 @@ def run(config: Finetune, folder: Path, *, made_by: str, show: Show) -> tuple[di
         RegistryError: a model is not in the registry, or not as it was registered.
     """
     setting = Setting.of(config)
+    iterations = setting.training("none", config.seeds[0]).ppo.iterations
     models = _models(setting, folder)
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(folder / CONFIG, to_yaml(config))
@@ -93,7 +94,7 @@ def run(config: Finetune, folder: Path, *, made_by: str, show: Show) -> tuple[di
             "policy": setting.base.card.name,
             "models": {v: {"name": c.name, "sha256": c.sha256} for v, c in models.items()},
             "alignment": config.alignment,
-            "iterations": setting.training("none", 0).ppo.iterations,
+            "iterations": iterations,
             "episodes": config.evaluation.episodes,
         }
         results = plain(found, about)

@@ -17,6 +17,8 @@ Found = Mapping[str, Mapping[int, Downstream]]
 """Figures by variant and seed."""
 
 FIGURES = {"tracking": "rad/s", "stability": "rad", "power": "W"}
+OWN = {"walking": "m/s"}
+"""Not in the paper's table: what turning well may have cost."""
 AIMS = {"tracking": 0.7, "stability": 1.05, "power": 1.05}
 """What World Translation is to have at most, in units of no adaptation."""
 
@@ -32,14 +34,14 @@ def plain(found: Found, about: Mapping[str, object]) -> dict[str, Any]:
     for variant, by_seed in found.items():
         rows = list(by_seed.values())
         variants[variant] = {"seeds": list(by_seed)}
-        for name in (*FIGURES, "fallen"):
+        for name in (*FIGURES, *OWN, "fallen"):
             values = [getattr(row, name) for row in rows]
             numbers = {"mean": float(np.mean(values)), "std": float(np.std(values))}
             variants[variant][name] = numbers | {"by_seed": values}
     return {
         "schema": 1,
         **about,
-        "units": dict(FIGURES),
+        "units": {**FIGURES, **OWN},
         "variants": variants,
         "paper": {v: dict(zip(FIGURES, row, strict=True)) for v, row in paper.DOWNSTREAM.items()},
         "to_none": {v: _ratios(variants, v) for v in variants if v != "none" and "none" in found},
@@ -50,19 +52,21 @@ def table(results: Mapping[str, Any]) -> str:
     """The figures as a Markdown table."""
     head = [f"{name} [{unit}]" for name, unit in FIGURES.items()]
     lines = [
-        "| variant | " + " | ".join(f"{h} | paper's" for h in head) + " | fell |",
-        "| --- |" + " ---: |" * (2 * len(head) + 1),
+        "| variant | " + " | ".join(f"{h} | paper's" for h in head) + " | walking [m/s] | fell |",
+        "| --- |" + " ---: |" * (2 * len(head) + 2),
     ]
     for variant, row in results["variants"].items():
         cells: list[str] = []
         for name in FIGURES:
             theirs = results["paper"].get(variant, {}).get(name)
             cells += [_spread(row[name]), "–" if theirs is None else f"{theirs:g}"]
-        lines.append(f"| {variant} | " + " | ".join(cells) + f" | {row['fallen']['mean']:.0%} |")
+        cells += [_spread(row["walking"]), f"{row['fallen']['mean']:.0%}"]
+        lines.append(f"| {variant} | " + " | ".join(cells) + " |")
+    aimed = {(variant, name) for variant in ("translation", "diagnosed") for name in AIMS}
     for variant, ratios in results["to_none"].items():
         said = ", ".join(
             f"{name} {ratio - 1:+.1%}"
-            + (f" (aim: {AIMS[name] - 1:+.0%} at most)" if variant == "translation" else "")
+            + (f" (aim: {AIMS[name] - 1:+.0%} at most)" if (variant, name) in aimed else "")
             for name, ratio in ratios.items()
         )
         lines.append(f"\n{variant} against none: {said}.")
@@ -76,9 +80,8 @@ def save(results: Mapping[str, Any], folder: Path) -> None:
 
 
 def _ratios(variants: Mapping[str, Any], variant: str) -> dict[str, float]:
-    return {
-        name: variants[variant][name]["mean"] / variants["none"][name]["mean"] for name in FIGURES
-    }
+    ours, base = variants[variant], variants["none"]
+    return {name: ours[name]["mean"] / base[name]["mean"] for name in (*FIGURES, *OWN)}
 
 
 def _spread(numbers: Mapping[str, Sequence[float] | float]) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import replace
 from pathlib import Path
 
 from wt.errors import ModelError
@@ -87,8 +86,7 @@ def adapt(
         )
         export.write(trained, training, home, made_by)
         policy = Policy.load(home, setting.robot, setting.options.sim)
-        reality = setting.reality()
-        record(replace(reality, commands=training.commands), policy.act, home / "rollout.rrd")
+        record(setting.reality(), policy.act, home / "rollout.rrd")
         figures = evaluate(training, policy.act, threads=training.threads * training.processes)
         export.write(trained, training, home, made_by, figures.plain())
     return Policy.load(home, setting.robot, setting.options.sim)
