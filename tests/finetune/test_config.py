@@ -71,9 +71,9 @@ def test_training_is_in_s_and_goes_on_as_the_base_policy_was_trained(setting: Se
     s = setting.world().model("sim")
     np.testing.assert_array_equal(make_model(training).body_mass, s.body_mass)
     np.testing.assert_array_equal(make_model(training).actuator_gainprm, s.actuator_gainprm)
-    reality = setting.reality()
+    shown = setting.shown()
     r = setting.world().model("real")
-    np.testing.assert_array_equal(make_model(reality).body_mass, r.body_mass)
+    np.testing.assert_array_equal(make_model(shown).body_mass, r.body_mass)
 
 
 def test_the_shipped_file_asks_for_what_the_paper_did() -> None:

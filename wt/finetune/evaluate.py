@@ -11,9 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wt.locomotion.config import Policy as Config
-from wt.locomotion.env import make_herd
-from wt.worlds.legged import Start
+from wt.worlds.legged import Herd, Start
 from wt.worlds.policy import Policy
 
 Array = np.ndarray
@@ -52,20 +50,16 @@ def commands(rows: Sequence[Sequence[float]], dt: float) -> Array:
     return np.concatenate(held)
 
 
-def evaluate(
-    reality: Config, policy: Policy, rows: Sequence[Sequence[float]], episodes: int, seed: int
-) -> Downstream:
-    """Let a policy follow the commands in R, each episode from another start.
+def evaluate(herd: Herd, policy: Policy, rows: Sequence[Sequence[float]], seed: int) -> Downstream:
+    """Let a policy follow the commands, each robot from another start.
 
     Args:
-        reality: R's robot, physics and scene.
+        herd: of R, one robot an episode.
         policy: what walks.
         rows: of :func:`commands`.
-        episodes: robots, side by side.
         seed: of the starts.
     """
-    herd = make_herd(reality, episodes)
-    torque = herd.batch.bind("actuator_force")
+    episodes, torque = herd.size, herd.batch.bind("actuator_force")
     herd.reset(np.arange(episodes), np.random.default_rng(seed), _START)
     clock, up = policy.clock(episodes), np.ones(episodes, bool)
     error, power, tilt, counts, drift = [], [], [], [], []

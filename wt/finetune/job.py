@@ -158,7 +158,8 @@ def _figures(
             )  # fmt: skip
             tracked.artifact(folder / name / "rollout.rrd", name)
         show(f"judging {name}", (k + 1) / len(jobs))
-        figures = evaluate(setting.reality(), policy, judged.commands, judged.episodes, judged.seed)
+        herd = setting.reality(judged.episodes)
+        figures = evaluate(herd, policy, judged.commands, judged.seed)
         found.setdefault(variant, {})[seed] = figures
         tracked.metrics({f"{variant}/{key}": value for key, value in vars(figures).items()}, seed)
     return found

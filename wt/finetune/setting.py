@@ -14,7 +14,7 @@ from wt.finetune.given import read
 from wt.locomotion.config import Policy as Training
 from wt.locomotion.config import checked
 from wt.schema import merge, parse
-from wt.worlds.legged import Robot, Scene
+from wt.worlds.legged import Herd, Robot, Scene
 from wt.worlds.legged_model import LeggedPhysics
 from wt.worlds.policy import Policy
 from wt.worlds.robots import robot_of
@@ -68,9 +68,19 @@ class Setting:
         """
         return self._trained_in(self.options.sim, f"{self.base.card.name}_{variant}", seed)
 
-    def reality(self) -> Training:
-        """The same with R's physics: where policies are judged."""
+    def shown(self) -> Training:
+        """The same in R, for a recording."""
         return self._trained_in(self.options.real, self.base.card.name, 0)
+
+    def reality(self, robots: int) -> Herd:
+        """R, where policies are judged.
+
+        Args:
+            robots: how many.
+        """
+        scene = Scene(self.options.payload, self.options.blocks)
+        threads = self.shown().threads
+        return Herd(self.robot, self.world().model("real"), robots, scene, threads)
 
     def given(self, variant: Variant) -> mujoco.MjSpec | None:
         """What stands in S's place; None for the task's own.

@@ -86,7 +86,7 @@ def adapt(
         )
         export.write(trained, training, home, made_by)
         policy = Policy.load(home, setting.robot, setting.options.sim)
-        record(setting.reality(), policy.act, home / "rollout.rrd")
+        record(setting.shown(), policy.act, home / "rollout.rrd")
         figures = evaluate(training, policy.act, threads=training.threads * training.processes)
         export.write(trained, training, home, made_by, figures.plain())
     return Policy.load(home, setting.robot, setting.options.sim)
