@@ -65,7 +65,7 @@ class Finetune:
     variants: list[Variant] = field(default_factory=lambda: list(VARIANTS[:3]))
     seeds: list[int] = field(default_factory=lambda: [0, 1, 2])
     alignment: Alignment = "state"
-    warm_up: int = 20
+    warm_up: int = 60
     training: dict[str, Any] = field(default_factory=dict)
     randomization: Randomization = field(default_factory=Randomization)
     diagnosed: Diagnosed = field(default_factory=Diagnosed)
