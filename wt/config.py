@@ -50,10 +50,10 @@ class Data:
 
     dir: str = "data"
     transitions: int = 300_000
-    real_transitions: int | None = None
     validation_pairs: int = 10_000
     test_pairs: int = 25_000
     seed: int = 0
+    real_transitions: int | None = None  # of R, where it has fewer
 
 
 @dataclass

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -54,6 +55,12 @@ def test_sizes_and_kinds(collected: Collected) -> None:
     assert isinstance(collected.test, Pairs)
     # 220 in parts of 100: episodes of 25 go on counting from part to part
     np.testing.assert_array_equal(collected.sim.episode, np.arange(220) // 25)
+
+
+def test_r_may_have_fewer_than_s(world: World, collected: Collected, folder: Path) -> None:
+    few = collect(world, replace(settings(folder), real_transitions=120))
+    assert len(few.real) == 120
+    np.testing.assert_array_equal(few.sim.o, collected.sim.o)
 
 
 def test_no_collection_repeats_another(collected: Collected) -> None:
