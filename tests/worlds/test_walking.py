@@ -13,7 +13,8 @@ from wt.config import load
 from wt.errors import ConfigError, ModelError, WorkError
 from wt.types import Transitions
 from wt.worlds.base import make
-from wt.worlds.walking import WalkingOptions, WalkingWorld
+from wt.worlds.walking import WalkingWorld
+from wt.worlds.walking_options import WalkingOptions
 from wt.worlds.walking_state import upright
 
 CONF = Path(__file__).resolve().parents[2] / "conf"

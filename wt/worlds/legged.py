@@ -166,6 +166,11 @@ class Herd:
         self.dt = 1.0 / RATE_HZ
         self._substeps = round(substeps)
         self._n = len(robot.joints)
+        # by name: a model that a diagnosis has patched may have others in between
+        joints = [model.joint(joint) for joint in robot.joints]
+        self.q = np.array([int(joint.qposadr[0]) for joint in joints])
+        self.v = np.array([int(joint.dofadr[0]) for joint in joints])
+        self._drives = np.array([model.actuator(joint).id for joint in robot.joints])
         self._default = np.array(robot.default)
         self._scale = np.array(robot.action_scale)
         self._free_joints = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
@@ -187,13 +192,13 @@ class Herd:
 
     @property
     def joint_pos(self) -> Array:
-        """Joint positions, (N, n) [rad], live."""
-        return self.qpos[:, 7 : 7 + self._n]
+        """Joint positions, (N, n) [rad]."""
+        return self.qpos[:, self.q]
 
     @property
     def joint_vel(self) -> Array:
-        """Joint velocities, (N, n) [rad/s], live."""
-        return self.qvel[:, 6 : 6 + self._n]
+        """Joint velocities, (N, n) [rad/s]."""
+        return self.qvel[:, self.v]
 
     def reset(self, ids: Array, rng: np.random.Generator, start: Start) -> None:
         """Let some robots start anew, facing anywhere.
@@ -221,15 +226,25 @@ class Herd:
             self.qpos[ids, address + 2] += lift
         half = 0.5 * rng.uniform(-np.pi, np.pi, k)
         self.qpos[ids, 3], self.qpos[ids, 6] = np.cos(half), np.sin(half)
-        self.qpos[ids, 7 : 7 + n] += rng.uniform(-start.joints, start.joints, (k, n))
+        self.qpos[ids[:, None], self.q] += rng.uniform(-start.joints, start.joints, (k, n))
         self.qvel[ids, :2] = rng.uniform(-start.speed, start.speed, (k, 2))
         self.qvel[ids, 5] = rng.uniform(-0.5 * start.speed, 0.5 * start.speed, k)
 
-    def step(self, action: Array) -> None:
-        """One control step of all robots under an action, (N, n) in units of the scale."""
+    def step(self, action: Array, watch: Callable[[], None] | None = None) -> None:
+        """One control step of all robots.
+
+        Args:
+            action: (N, n), in units of the scale.
+            watch: called before every physics step of it.
+        """
         self.action[:] = action
-        self.ctrl[:] = self._default + self._scale * self.action
-        self.batch.step(nstep=self._substeps)
+        self.ctrl[:, self._drives] = self._default + self._scale * self.action
+        if watch is None:
+            self.batch.step(nstep=self._substeps)
+            return
+        for _ in range(self._substeps):
+            watch()
+            self.batch.step()
         self.steps += 1
 
     def observe(self) -> Array:

@@ -2,10 +2,18 @@
 
 The observation is proprioceptive: angular velocity and direction of gravity in the trunk's frame,
 joint positions and velocities, and the last action, which are joint targets here. What it leaves
-out is the hidden variable of a transition: where the trunk is and how fast it moves, and with a
-payload where the ball is and how it rolls. Both domains stand on the same ground and carry the
-same load; they differ in gains, friction and masses. A pair is S, set to R's observation *and*
-hidden variable, under R's action.
+out is the hidden variable of a transition: where the trunk is and how fast it moves, and whatever
+else moves in S, such as a ball in a box. Both domains stand on the same ground; they differ in
+gains, friction and masses. A pair is S, set to R's observation *and* hidden variable, under R's
+action.
+
+R may carry something that S does not have (``concealed``), or that stands in S as another model
+has it (``model``: a load on slides that a diagnosis found). What R's recordings say of the trunk
+then still holds for S, but where S's own load is cannot be read off R. So S goes along: at every
+step its trunk and joints are set to R's, and its load stays as its own last step left it, from rest
+at the beginning of an episode. This looks at nothing but R's past motion, which a robot's estimator
+gives as well, and it is what happens to hidden state when states are overwritten in use. In S's own
+unpaired transitions the load simply moves as S's simulation moves it.
 
 Transitions come from the policy in closed loop under changing commands, with coloured exploration
 noise. A robot that falls starts anew, as another episode.
@@ -13,77 +21,31 @@ noise. A robot that falls starts anew, as another episode.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable
+from dataclasses import asdict, replace
 
 import mujoco
 import numpy as np
 
-from wt.errors import ConfigError, WorkError
-from wt.types import Channel, Domain, Pairs, Transitions, TransitionSpec
+from wt.errors import WorkError
+from wt.types import Channel, Domain, Pairs, Recording, Transitions, TransitionSpec
+from wt.worlds import given_model
 from wt.worlds.base import Progress, register
 from wt.worlds.closed_loop import Truth
-from wt.worlds.go2_model import Payload
-from wt.worlds.legged import RATE_HZ, TIMESTEP, Herd, Scene, Start
-from wt.worlds.legged_model import LeggedPhysics
+from wt.worlds.legged import RATE_HZ, Herd
 from wt.worlds.policy import Policy
 from wt.worlds.robots import robot_of
-from wt.worlds.terrain import Blocks, Ground
+from wt.worlds.terrain import Ground
+from wt.worlds.walking_episodes import episodes
+from wt.worlds.walking_options import WalkingOptions
+from wt.worlds.walking_recording import Recorder
 from wt.worlds.walking_rollout import astray, walk
-from wt.worlds.walking_state import WalkingState
+from wt.worlds.walking_state import TRUNK, WalkingState
 
 Array = np.ndarray
 
 MOST_FALLS = 6.0
 """Falls per robot and minute beyond which a policy does not walk here."""
-
-
-@dataclass(frozen=True)
-class WalkingOptions:
-    """The ``world:`` section of ``conf/go2_*.yaml`` and ``conf/g1_*.yaml``.
-
-    Attributes:
-        robot: ``go2`` or ``g1``.
-        policy: name of a policy of the package, or a folder that wt-train-policy left.
-        sim: physics of domain S; its gains are those that the policy was trained for.
-        real: physics of domain R.
-        payload: a ball in a box on the back, in both domains; None for nothing.
-        blocks: irregular terrain under both; None for a flat floor.
-        robots: simulations stepped together.
-        episode_steps: control steps before a robot starts anew.
-        command: share of the policy's largest command that is asked for at most [-].
-        command_seconds: how long a command holds on average [s].
-        noise: standard deviation of the exploration noise, in units of the action scale [-].
-        noise_seconds: its correlation time [s].
-        start: spread of the states in which episodes begin.
-        threads: physics threads; 0 for one per core.
-    """
-
-    robot: str
-    policy: str
-    sim: LeggedPhysics
-    real: LeggedPhysics
-    payload: Payload | None = None
-    blocks: Blocks | None = None
-    robots: int = 256
-    episode_steps: int = 250
-    command: float = 0.8
-    command_seconds: float = 2.0
-    noise: float = 0.05
-    noise_seconds: float = 0.1
-    start: Start = field(default_factory=lambda: Start(joints=0.05, speed=0.2))
-    threads: int = 0
-
-    def __post_init__(self) -> None:
-        """Refuse sizes of nothing and times that are none."""
-        for name in ("robots", "episode_steps", "command_seconds", "noise_seconds"):
-            if not getattr(self, name) > 0:
-                raise ConfigError(f"world.{name} is {getattr(self, name)}; it must be above zero")
-        if not 0 <= self.command <= 1:
-            raise ConfigError(f"world.command is {self.command}; a share of 0 … 1 is needed")
-        if not self.noise >= 0:
-            raise ConfigError(f"world.noise is {self.noise}; zero or more is needed")
-        if self.threads < 0:
-            raise ConfigError(f"world.threads is {self.threads}; 0 is one per core")
 
 
 @register("walking")
@@ -100,21 +62,22 @@ class WalkingWorld:
             options: see :class:`WalkingOptions`.
 
         Raises:
-            ModelError: the policy is missing, or is one of another robot.
+            ModelError: the policy or the model is missing, or is one of another robot.
         """
         self._options = options
         self._robot = robot_of(options.robot)
-        self._scene = Scene(options.payload, options.blocks)
         self._policy = Policy.load(options.policy, self._robot, options.sim)
-        self._models = {
-            domain: self._robot.describe(physics, TIMESTEP, self._scene).compile()
-            for domain, physics in (("sim", options.sim), ("real", options.real))
-        }
-        self._state = WalkingState(self._robot, options.payload is not None)
+        self._models = {"real": self.description("real").compile()}
+        if options.model is None:
+            self._models["sim"] = self.description("sim").compile()
+        else:
+            self._models["sim"] = given_model.load(options.model, self._robot)
+        self._state = {d: WalkingState(self._robot, model) for d, model in self._models.items()}
         self.shard = options.robots * options.episode_steps
         joints, condition = self._robot.joints, "flat"
         if options.payload or options.blocks:
             condition = "payload" if options.payload else "uneven"
+        condition = "concealed" if options.concealed else condition
         targets = tuple(Channel(f"ctrl/{joint}", "rad") for joint in joints)
         n = len(joints)
         self.spec = TransitionSpec(
@@ -125,19 +88,25 @@ class WalkingWorld:
             + tuple(Channel(f"last_action/{joint}", "rad") for joint in joints),
             n_state=6 + 2 * n,
             action=targets,
-            hidden=self._state.channels,
+            hidden=self._state["sim"].channels,
             pose=tuple(range(6, 6 + n)),
         )
 
     def identity(self) -> dict[str, object]:
-        """The options and the policy's hash; threads change nothing."""
+        """The options and the policy's hash; threads and where a file lies change nothing."""
         options = asdict(self._options)
-        del options["threads"], options["policy"]
+        del options["threads"], options["policy"], options["model"]
         return {"world": "walking", "policy": self._policy.card.sha256, **options}
 
     def model(self, domain: Domain) -> mujoco.MjModel:
         """The compiled MJCF of a domain."""
         return self._models[domain]
+
+    def description(self, domain: Domain) -> mujoco.MjSpec:
+        """The MJCF that the options describe, for S also where a ``model`` takes its place."""
+        options = self._options
+        physics = options.sim if domain == "sim" else options.real
+        return self._robot.describe(physics, options.timestep, options.scene(domain))
 
     def collect(
         self, domain: Domain, count: int, seed: int, progress: Progress | None = None
@@ -151,11 +120,12 @@ class WalkingWorld:
         robots = min(options.robots, -(-count // options.episode_steps))
         batches = -(-count // (robots * options.episode_steps))
         seeds = np.random.SeedSequence(seed).spawn(batches)
-        parts, falls, episodes = [], 0, 0
+        parts, falls, before = [], 0, 0
         for b, s in enumerate(seeds):
-            part, fell = self._episodes(domain, robots, np.random.default_rng(s))
-            part["episode"] += episodes
-            episodes = int(part["episode"][-1]) + 1
+            herd, rng = self._herd(domain, robots), np.random.default_rng(s)
+            part, fell = episodes(herd, self._policy, self._read(domain), self.spec, options, rng)
+            part["episode"] += before
+            before = int(part["episode"][-1]) + 1
             parts.append(part)
             falls += fell
             if progress:
@@ -170,6 +140,35 @@ class WalkingWorld:
         fields = {name: np.concatenate([part[name] for part in parts])[:count] for name in parts[0]}
         nominal = self.sim_step(fields["o"], fields["a"], None)
         return Transitions(nominal=nominal, **fields)
+
+    def record(self, count: int, seed: int, robots: int) -> list[Recording]:
+        """What an estimator would have recorded of R while :meth:`collect` went on.
+
+        Args:
+            count: as in ``collect("real", count, seed)``, of which these are the same walks.
+            seed: likewise.
+            robots: as many recordings as there are, one an episode; of the first that do not fall.
+
+        Raises:
+            WorkError: fewer robots walk through an episode.
+        """
+        options = self._options
+        size = min(options.robots, -(-count // options.episode_steps))
+        (first,) = np.random.SeedSequence(seed).spawn(1)
+        herd, rng = self._herd("real", size), np.random.default_rng(first)
+        recorder = Recorder(herd, size)
+        part, _ = episodes(
+            herd, self._policy, self._read("real"), self.spec, options, rng, recorder
+        )
+        ends = part["step"].reshape(size, -1)[:, -1]
+        walked = np.flatnonzero(ends == options.episode_steps - 1)[:robots]
+        if len(walked) < robots:
+            raise WorkError(
+                f"only {len(walked)} of {size} robots walked through an episode, {robots} are to "
+                "be recorded; record fewer, or raise world.robots"
+            )
+        noise = np.random.default_rng((seed, 1))
+        return [recorder.recording(int(i), noise) for i in walked]
 
     def sim_step(self, o: Array, a: Array, hidden: Array | None) -> Array:
         """S's answer to (o, a) under a hidden variable; see :class:`World`.
@@ -194,10 +193,10 @@ class WalkingWorld:
     def truth(self, count: int, past: int, horizon: int, seed: int) -> Truth:
         """R under its policy; see :class:`ClosedLoop`."""
         options = self._options
-        return walk(
-            Herd(self._robot, self._models["real"], count, self._scene, options.threads),
+        truth = walk(
+            self._herd("real", count),
             self._policy,
-            self._state,
+            self._read("real"),
             start=options.start,
             limits=options.command * np.array(self._policy.card.command_limits),
             command_seconds=options.command_seconds,
@@ -205,6 +204,14 @@ class WalkingWorld:
             horizon=horizon,
             rng=np.random.default_rng(seed),
         )
+        if not self._apart:
+            return truth
+        n, steps = truth.a.shape[:2]
+        step = np.arange(n * steps) % steps
+        o, a, h = (x[:, :steps].reshape(n * steps, -1) for x in (truth.o, truth.a, truth.hidden))
+        hidden = truth.hidden.copy()
+        hidden[:, :steps] = self._followed(o, a, h, step)[1].reshape(n, steps, -1)
+        return replace(truth, hidden=hidden)
 
     def act(self, o: Array, context: Array) -> Array:
         """The policy's joint targets; see :class:`ClosedLoop`."""
@@ -214,75 +221,71 @@ class WalkingWorld:
 
     def astray(self, s: Array, hidden: Array) -> Array:
         """Which robots cannot be where they are; see :class:`ClosedLoop`."""
-        ground = Ground(self._scene.blocks).height(hidden[:, 0], hidden[:, 1])
+        ground = Ground(self._options.blocks).height(hidden[:, 0], hidden[:, 1])
         return astray(self._robot, s, hidden, ground)
+
+    def pairs(self, split: str, count: int, seed: int) -> Pairs:
+        """R's closed-loop transitions and S's answers from the same state; see the module."""
+        real = self.collect("real", count, seed)
+        if not self._apart:
+            return Pairs(real, self.sim_step(real.o, real.a, real.hidden))
+        sim_next, hidden = self._followed(real.o, real.a, real.hidden, real.step)
+        return Pairs(replace(real, hidden=hidden), sim_next)
+
+    @property
+    def _apart(self) -> bool:
+        """Whether something else moves in S than in R."""
+        return self._state["sim"].channels != self._state["real"].channels
+
+    def _herd(self, domain: Domain, size: int) -> Herd:
+        options = self._options
+        scene = options.scene(domain)
+        return Herd(self._robot, self._models[domain], size, scene, options.threads)
+
+    def _read(self, domain: Domain) -> Callable[[Herd], Array]:
+        """How the hidden variables of a domain's herd are read; NaN where R says nothing of S's."""
+        read = self._state[domain].hidden
+        if domain == "sim" or not self._apart:
+            return read
+        missing = len(self.spec.hidden) - TRUNK
+        return lambda herd: np.pad(
+            read(herd)[:, :TRUNK], ((0, 0), (0, missing)), constant_values=np.nan
+        )
 
     def _stepped(
         self, domain: Domain, o: Array, a: Array, hidden: Array | None
     ) -> tuple[Array, Array]:
         size, n = min(len(o), 2048), self.spec.n_state
-        herd = Herd(self._robot, self._models[domain], size, self._scene, self._options.threads)
+        herd, read = self._herd(domain, size), self._read(domain)
+        known = TRUNK if domain == "real" and self._apart else len(self.spec.hidden)
         out = np.empty((len(o), n), np.float32)
         after = np.empty((len(o), len(self.spec.hidden)), np.float32)
         for start in range(0, len(o), size):
             rows = slice(max(0, min(start, len(o) - size)), min(start + size, len(o)))
-            h = None if hidden is None or not hidden.shape[1] else hidden[rows]
-            self._state.restore(herd, o[rows], h)
+            h = None if hidden is None else hidden[rows, :known]
+            self._state[domain].restore(herd, o[rows], h)
             herd.step(self._robot.actions(a[rows]))
-            out[rows], after[rows] = herd.observe()[:, :n], self._state.hidden(herd)
+            out[rows], after[rows] = herd.observe()[:, :n], read(herd)
         return out, after
 
-    def pairs(self, split: str, count: int, seed: int) -> Pairs:
-        """R's closed-loop transitions and S's answers from the same state."""
-        real = self.collect("real", count, seed)
-        return Pairs(real, self.sim_step(real.o, real.a, real.hidden))
+    def _followed(self, o: Array, a: Array, hidden: Array, step: Array) -> tuple[Array, Array]:
+        """S along R's motion, its load going on from step to step; see the module.
 
-    def _episodes(
-        self, domain: Domain, robots: int, rng: np.random.Generator
-    ) -> tuple[dict[str, Array], int]:
-        """One episode of each robot, or several where it falls, and the number of falls."""
-        options, robot, n = self._options, self._robot, self.spec.n_state
-        steps = options.episode_steps
-        herd = Herd(robot, self._models[domain], robots, self._scene, options.threads)
-        herd.reset(np.arange(robots), rng, options.start)
-        limits = options.command * np.array(self._policy.card.command_limits)
-        command = rng.uniform(-limits, limits, (robots, 3))
-        clock = self._policy.clock(robots)
-        keep = np.exp(-herd.dt / options.noise_seconds)
-        shape = (robots, len(robot.joints))
-        noise = options.noise * rng.standard_normal(shape)
-        found = {
-            "o": np.empty((robots, steps, self.spec.n_obs), np.float32),
-            "a": np.empty((robots, steps, shape[1]), np.float32),
-            "s_next": np.empty((robots, steps, n), np.float32),
-            "hidden": np.empty((robots, steps, len(self.spec.hidden)), np.float32),
-        }
-        begins = np.zeros((robots, steps), bool)
-        begins[:, 0] = True
-        falls = 0
-        for k in range(steps):
-            changed = rng.random(robots) < herd.dt / options.command_seconds
-            command[changed] = rng.uniform(-limits, limits, (int(changed.sum()), 3))
-            noise *= keep
-            noise += options.noise * np.sqrt(1 - keep**2) * rng.standard_normal(shape)
-            seen = herd.observe()
-            action = self._policy.act(seen, command, clock.read(herd.time, command)) + noise
-            found["o"][:, k, :n], found["o"][:, k, n:] = seen[:, :n], robot.targets(herd.action)
-            found["hidden"][:, k] = self._state.hidden(herd)
-            herd.step(action)
-            found["a"][:, k] = robot.targets(herd.action)
-            found["s_next"][:, k] = herd.observe()[:, :n]
-            fallen = np.flatnonzero(herd.fallen())
-            falls += len(fallen)
-            herd.reset(fallen, rng, options.start)
-            if k + 1 < steps:
-                begins[fallen, k + 1] = True
-        flat = {name: x.reshape(robots * steps, -1) for name, x in found.items()}
-        return {**flat, **_numbered(begins)}, falls
+        Args:
+            o: R's observations, episode after episode, (N, n_obs).
+            a: actions, (N, n_action).
+            hidden: R's hidden variables, (N, n_hidden), NaN beyond the trunk's.
+            step: number of the step in its episode, (N,), from 0 without gaps.
 
-
-def _numbered(begins: Array) -> dict[str, Array]:
-    """Episode and step of each transition, (robots · steps,), where episodes begin."""
-    first = np.flatnonzero(begins.reshape(-1))
-    episode = np.cumsum(begins.reshape(-1)) - 1
-    return {"episode": episode, "step": np.arange(begins.size) - first[episode]}
+        Returns:
+            S's answers, (N, n_state), float32, and the hidden variables with S's own filled in.
+        """
+        answers = np.empty((len(o), self.spec.n_state), np.float32)
+        hidden, after = hidden.copy(), np.empty_like(hidden)
+        hidden[:, TRUNK:] = self._state["sim"].rest
+        for k in range(int(step.max()) + 1):
+            rows = np.flatnonzero(step == k)
+            if k:
+                hidden[rows, TRUNK:] = after[rows - 1, TRUNK:]
+            answers[rows], after[rows] = self._stepped("sim", o[rows], a[rows], hidden[rows])
+        return answers, hidden

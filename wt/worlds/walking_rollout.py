@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from wt.errors import WorkError
 from wt.worlds.closed_loop import Truth
 from wt.worlds.legged import Herd, Robot, Start
 from wt.worlds.policy import Policy
-from wt.worlds.walking_state import WalkingState
+from wt.worlds.walking_state import TRUNK
 
 Array = np.ndarray
 
@@ -37,14 +39,14 @@ def astray(robot: Robot, s: Array, hidden: Array, ground: Array | float) -> Arra
         out = (height < robot.fall_height) | (height > MOST_HEIGHT * robot.height) | tilted
         out |= np.linalg.norm(hidden[:, 4:7], axis=1) > MOST_SPEED
         out |= np.linalg.norm(s[:, :3], axis=1) > MOST_SPIN
-    finite = np.isfinite(s).all(axis=1) & np.isfinite(hidden).all(axis=1)
+    finite = np.isfinite(s).all(axis=1) & np.isfinite(hidden[:, :TRUNK]).all(axis=1)
     return np.asarray(out | ~finite)
 
 
 def walk(
     herd: Herd,
     policy: Policy,
-    state: WalkingState,
+    read: Callable[[Herd], Array],
     *,
     start: Start,
     limits: Array,
@@ -58,7 +60,7 @@ def walk(
     Args:
         herd: N robots.
         policy: that walks.
-        state: reads the hidden variables.
+        read: the hidden variables of a herd, (N, n_hidden).
         start: spread of the states in which they begin.
         limits: largest command either way, (3,).
         command_seconds: how long a command holds on average [s].
@@ -81,7 +83,7 @@ def walk(
         seen = herd.observe()
         context = np.hstack([command, clock.read(herd.time, command)])
         o = np.hstack([seen[:, :n], robot.targets(herd.action)])
-        hidden = state.hidden(herd)
+        hidden = read(herd)
         herd.step(policy.act(seen, context[:, :3], context[:, 3:]))
         ground = herd.ground.height(hidden[:, 0], hidden[:, 1])
         lost |= astray(robot, o[:, :n], hidden, ground)

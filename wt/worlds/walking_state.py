@@ -1,7 +1,8 @@
 """What a walking robot's own sensors do not say of its state, and how a state is put together.
 
-Hidden are where the trunk is, where it heads, how fast it moves and, with a payload, where the ball
-is in the box and how it rolls. With the observation they are the whole state of the simulation.
+Hidden are where the trunk is, where it heads and how fast it moves; with a ball in a box, where the
+ball is and how it rolls; and whatever else moves in a model, as the load on slides that a diagnosis
+puts in. With the observation they are the whole state of the simulation.
 """
 
 from __future__ import annotations
@@ -11,7 +12,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wt.types import Channel
+from wt.worlds.go2_model import BALL
 from wt.worlds.legged import Herd, Robot
+from wt.worlds.legged_model import BASE, STAND
 
 Array = np.ndarray
 
@@ -25,6 +28,8 @@ _BALL = (
     *(Channel(f"ball/velocity/{axis}", "m/s") for axis in "xyz"),
     *(Channel(f"ball/spin/{axis}", "rad/s") for axis in "xyz"),
 )
+TRUNK = len(_TRUNK)
+"""So many channels of every hidden variable are the trunk's, the first ones."""
 
 
 class WalkingState:
@@ -33,13 +38,41 @@ class WalkingState:
     Attributes:
         channels: of the hidden variable: position [m] and heading [rad] of the trunk in the world,
             its velocity [m/s] along its own axes; with a ball, place and velocity of the ball
-            relative to the trunk, along the trunk's axes, and its angular velocity in the world.
+            relative to the trunk, along the trunk's axes, and its angular velocity in the world;
+            then positions and velocities of the other slides [m, m/s] and hinges [rad, rad/s].
+        rest: what is hidden beyond the trunk, where nothing is known of it: a ball lies still in
+            the middle of its box, all else as it does where the robot stands.
     """
 
-    def __init__(self, robot: Robot, ball: bool) -> None:
-        """Prepare for a robot with or without a ball."""
-        self._robot, self._ball = robot, ball
-        self.channels = (*_TRUNK, *_BALL) if ball else _TRUNK
+    def __init__(self, robot: Robot, model: mujoco.MjModel) -> None:
+        """Prepare for one model.
+
+        Args:
+            robot: whose joints are observed.
+            model: everything that moves in it.
+        """
+        self._robot, self._ball = robot, False
+        stand = model.key(STAND).qpos
+        joints = [model.joint(i) for i in range(model.njnt)]
+        others = [joint for joint in joints if joint.name not in (BASE, BALL, *robot.joints)]
+        self._q = np.array([int(joint.qposadr[0]) for joint in others], int)
+        self._v = np.array([int(joint.dofadr[0]) for joint in others], int)
+        slide = int(mujoco.mjtJoint.mjJNT_SLIDE)
+        units = ["m" if int(joint.type[0]) == slide else "rad" for joint in others]
+        named = [(joint.name, unit) for joint, unit in zip(others, units, strict=True)]
+        channels = (
+            *(Channel(f"qpos/{name}", unit) for name, unit in named),
+            *(Channel(f"qvel/{name}", f"{unit}/s") for name, unit in named),
+        )
+        rest = np.concatenate([stand[self._q], np.zeros(len(others))])
+        for joint in joints:
+            if joint.name == BALL:
+                self._ball = True
+                self._ball_q, self._ball_v = int(joint.qposadr[0]), int(joint.dofadr[0])
+                channels = (*_BALL, *channels)
+                at = stand[self._ball_q : self._ball_q + 3] - stand[:3]
+                rest = np.concatenate([at, np.zeros(6), rest])
+        self.channels, self.rest = (*_TRUNK, *channels), rest
 
     def hidden(self, herd: Herd) -> Array:
         """Hidden variables of all robots, (N, n_hidden)."""
@@ -48,9 +81,11 @@ class WalkingState:
         velocity = _into(turn, herd.qvel[:, :3])
         found = [herd.qpos[:, :3], np.arctan2(axis[:, 1], axis[:, 0])[:, None], velocity]
         if self._ball:
-            at, to = herd.qpos[:, -7:-4], herd.qvel[:, -6:-3]
-            spin = np.einsum("nij,nj->ni", _rotation(herd.qpos[:, -4:]), herd.qvel[:, -3:])
+            pose, twist = herd.qpos[:, self._ball_q :][:, :7], herd.qvel[:, self._ball_v :][:, :6]
+            spin = np.einsum("nij,nj->ni", _rotation(pose[:, 3:]), twist[:, 3:])
+            at, to = pose[:, :3], twist[:, :3]
             found += [_into(turn, at - herd.qpos[:, :3]), _into(turn, to) - velocity, spin]
+        found += [herd.qpos[:, self._q], herd.qvel[:, self._v]]
         return np.concatenate(found, axis=1)
 
     def restore(self, herd: Herd, o: Array, hidden: Array | None) -> None:
@@ -59,11 +94,12 @@ class WalkingState:
         Args:
             herd: at least N robots; the first N are set, the others stand.
             o: observations; the last action is the next step's business.
-            hidden: None for what :meth:`nominal` says.
+            hidden: None for what :meth:`nominal` says; beyond the trunk's channels, what is NaN or
+                not there is at :attr:`rest`.
         """
         rows = np.arange(len(o))
         herd.batch.reset(rows, stage=mujoco.mjtStage.mjSTAGE_NONE)
-        h = self.nominal(herd, o) if hidden is None else hidden.astype(float)
+        h = self.nominal(herd, o) if hidden is None else self._completed(hidden)
         self._set(herd, rows, o, h)
 
     def overwrite(self, herd: Herd, s: Array, hidden: Array, rows: Array) -> None:
@@ -79,56 +115,58 @@ class WalkingState:
         self._set(herd, rows, s[rows], hidden[rows])
 
     def _set(self, herd: Herd, rows: Array, o: Array, h: Array) -> None:
-        n = len(self._robot.joints)
         turn = upright(o[:, 3:6].astype(float), h[:, 3])
         quat = Rotation.from_matrix(turn).as_quat()[:, [3, 0, 1, 2]]
-        velocity = h[:, 4:7]
+        velocity, n = h[:, 4:7], len(self._robot.joints)
         qpos, qvel = herd.qpos[rows], herd.qvel[rows]
-        qpos[:, :3], qpos[:, 3:7], qpos[:, 7 : 7 + n] = h[:, :3], quat, o[:, 6 : 6 + n]
+        qpos[:, :3], qpos[:, 3:7], qpos[:, herd.q] = h[:, :3], quat, o[:, 6 : 6 + n]
         qvel[:, :3], qvel[:, 3:6] = np.einsum("nij,nj->ni", turn, velocity), o[:, :3]
-        qvel[:, 6 : 6 + n] = o[:, 6 + n : 6 + 2 * n]
+        qvel[:, herd.v] = o[:, 6 + n : 6 + 2 * n]
         if self._ball:
-            qpos[:, -7:-4] = h[:, :3] + np.einsum("nij,nj->ni", turn, h[:, 7:10])
-            qpos[:, -4:] = (1.0, 0.0, 0.0, 0.0)
-            qvel[:, -6:-3] = np.einsum("nij,nj->ni", turn, velocity + h[:, 10:13])
-            qvel[:, -3:] = h[:, 13:16]  # of a ball that is not turned, its frame is the world's
+            pose, twist = qpos[:, self._ball_q :][:, :7], qvel[:, self._ball_v :][:, :6]
+            at, to, spin = (h[:, TRUNK + 3 * i : TRUNK + 3 * i + 3] for i in range(3))
+            pose[:, :3] = h[:, :3] + np.einsum("nij,nj->ni", turn, at)
+            pose[:, 3:] = (1.0, 0.0, 0.0, 0.0)
+            twist[:, :3] = np.einsum("nij,nj->ni", turn, velocity + to)
+            twist[:, 3:] = spin  # of a ball that is not turned, its frame is the world's
+        inner = len(self._q)
+        qpos[:, self._q] = h[:, h.shape[1] - 2 * inner : h.shape[1] - inner]
+        qvel[:, self._v] = h[:, h.shape[1] - inner :]
         herd.qpos[rows], herd.qvel[rows] = qpos, qvel
 
     def nominal(self, herd: Herd, o: Array) -> Array:
         """What is believed of the hidden variables where nothing is known, (N, n_hidden).
 
         The robot stands on flat ground at the origin, on its lowest foot, which is at rest; a ball
-        lies still in the middle of its box.
+        lies still in the middle of its box, and all else is at :attr:`rest` too.
         """
         robot, model = self._robot, herd.model
         data, n = mujoco.MjData(model), len(robot.joints)
         feet = [model.site(name).id for name in robot.feet]
-        out = np.zeros((len(o), len(self.channels)))
+        out = np.tile(np.concatenate([np.zeros(TRUNK), self.rest]), (len(o), 1))
         turn = upright(o[:, 3:6].astype(float), np.zeros(len(o)))
-        rest = self._ball_at_rest(model)
         jacobian = np.zeros((3, model.nv))
         for k, (row, frame) in enumerate(zip(o.astype(float), turn, strict=True)):
             data.qpos[:3] = 0.0
             data.qpos[3:7] = Rotation.from_matrix(frame).as_quat()[[3, 0, 1, 2]]
-            data.qpos[7 : 7 + n] = row[6 : 6 + n]
+            data.qpos[herd.q] = row[6 : 6 + n]
             data.qvel[:] = 0.0
-            data.qvel[3:6], data.qvel[6 : 6 + n] = row[:3], row[6 + n : 6 + 2 * n]
+            data.qvel[3:6], data.qvel[herd.v] = row[:3], row[6 + n : 6 + 2 * n]
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
             lowest = min(feet, key=lambda site: float(data.site_xpos[site][2]))
             mujoco.mj_jacSite(model, data, jacobian, None, lowest)
             out[k, 2] = robot.foot_rest - data.site_xpos[lowest][2]
             out[k, 4:7] = -frame.T @ (jacobian @ data.qvel)
-            if self._ball:
-                out[k, 7:10] = rest
         return out
 
-    def _ball_at_rest(self, model: mujoco.MjModel) -> Array:
-        """Place of the ball in the trunk's frame, from the keyframe in which the robot stands."""
-        if not self._ball:
-            return np.zeros(3)
-        pose = model.key(0).qpos
-        return np.asarray(pose[-7:-4] - pose[:3])
+    def _completed(self, hidden: Array) -> Array:
+        """Hidden variables with what is at rest where they say nothing, (N, n_hidden)."""
+        beyond = np.full((len(hidden), len(self.rest)), np.nan)
+        if hidden.shape[1] == len(self.channels):
+            beyond = hidden[:, TRUNK:].astype(float)
+        known = np.where(np.isnan(beyond), self.rest, beyond)
+        return np.hstack([hidden[:, :TRUNK].astype(float), known])
 
 
 def upright(gravity: Array, heading: Array) -> Array:

@@ -1,0 +1,78 @@
+"""What ``conf/go2_*.yaml`` and ``conf/g1_*.yaml`` may say of their worlds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from wt.errors import ConfigError
+from wt.types import Domain
+from wt.worlds.go2_model import Payload
+from wt.worlds.legged import TIMESTEP, Scene, Start
+from wt.worlds.legged_model import LeggedPhysics
+from wt.worlds.terrain import Blocks
+
+
+@dataclass(frozen=True)
+class WalkingOptions:
+    """The ``world:`` section of ``conf/go2_*.yaml`` and ``conf/g1_*.yaml``.
+
+    Attributes:
+        robot: ``go2`` or ``g1``.
+        policy: name of a policy of the package, or a folder that wt-train-policy left.
+        sim: physics of domain S; its gains are those that the policy was trained for.
+        real: physics of domain R.
+        payload: a ball in a box on the back; None for nothing.
+        concealed: whether only R carries it, and S knows nothing of it.
+        blocks: irregular terrain under both; None for a flat floor.
+        model: MJCF that takes the place of S's, such as the ``model.xml`` of a diagnosis; None for
+            the one that ``sim`` and ``payload`` describe.
+        timestep: physics step of both domains [s]; a ``model`` has its own.
+        robots: simulations stepped together.
+        episode_steps: control steps before a robot starts anew.
+        command: share of the policy's largest command that is asked for at most [-].
+        command_seconds: how long a command holds on average [s].
+        noise: standard deviation of the exploration noise, in units of the action scale [-].
+        noise_seconds: its correlation time [s].
+        start: spread of the states in which episodes begin.
+        threads: physics threads; 0 for one per core.
+    """
+
+    robot: str
+    policy: str
+    sim: LeggedPhysics
+    real: LeggedPhysics
+    payload: Payload | None = None
+    concealed: bool = False
+    blocks: Blocks | None = None
+    model: str | None = None
+    timestep: float = TIMESTEP
+    robots: int = 256
+    episode_steps: int = 250
+    command: float = 0.8
+    command_seconds: float = 2.0
+    noise: float = 0.05
+    noise_seconds: float = 0.1
+    start: Start = field(default_factory=lambda: Start(joints=0.05, speed=0.2))
+    threads: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse sizes of nothing, times that are none, and a secret about nothing."""
+        for name in ("robots", "episode_steps", "command_seconds", "noise_seconds"):
+            if not getattr(self, name) > 0:
+                raise ConfigError(f"world.{name} is {getattr(self, name)}; it must be above zero")
+        if not 0 <= self.command <= 1:
+            raise ConfigError(f"world.command is {self.command}; a share of 0 … 1 is needed")
+        if not self.noise >= 0:
+            raise ConfigError(f"world.noise is {self.noise}; zero or more is needed")
+        if self.threads < 0:
+            raise ConfigError(f"world.threads is {self.threads}; 0 is one per core")
+        if self.concealed and self.payload is None:
+            raise ConfigError(
+                "world.concealed hides the payload from S, and world.payload is null; set it to {} "
+                "for a ball in a box"
+            )
+
+    def scene(self, domain: Domain) -> Scene:
+        """What surrounds the robot in a domain."""
+        carries = domain == "real" or not self.concealed
+        return Scene(self.payload if carries else None, self.blocks)
