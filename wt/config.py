@@ -169,6 +169,15 @@ class Tracking:
 
 
 @dataclass
+class Diagnose:
+    """Diagnosis of R, and a second run on the simulator that it patched (``diagnose:``)."""
+
+    recordings: int = 3
+    holdout: int = 1
+    rollouts: int = 256
+
+
+@dataclass
 class Fit:
     """Everything ``wt fit`` reads."""
 
@@ -182,6 +191,7 @@ class Fit:
     plus: Method = field(default_factory=Method)
     baselines: Baselines = field(default_factory=Baselines)
     tracking: Tracking = field(default_factory=Tracking)
+    diagnose: Diagnose | None = None
 
 
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Fit:
@@ -219,7 +229,7 @@ _ABOVE_ZERO = {
     "transitions", "real_transitions", "validation_pairs", "test_pairs", "steps", "batch",
     "validate_every", "log_every", "learning_rate", "gan_learning_rate", "width", "depth", "latent",
     "translator_width", "translator_depth", "members", "mode_width", "blind_temperature",
-    "segment", "memory",
+    "segment", "memory", "recordings", "holdout", "rollouts",
 }  # fmt: skip
 """Numbers of any section that zero makes meaningless; no other may be negative either."""
 
@@ -231,6 +241,11 @@ def _check(config: Fit) -> None:
         raise ConfigError(f"seeds {seeds} must be a list of different integers, zero or more")
     for name, method in (("paper", config.paper), ("plus", config.plus)):
         _check_method(name, method)
+    if config.diagnose and config.diagnose.holdout >= config.diagnose.recordings:
+        raise ConfigError(
+            f"diagnose.holdout {config.diagnose.holdout} leaves none of diagnose.recordings "
+            f"{config.diagnose.recordings} to fit; hold out fewer"
+        )
 
 
 def _check_method(name: str, method: Method) -> None:

@@ -8,6 +8,7 @@ the predictions of every method that is already finished.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields, replace
 from pathlib import Path
 
 from wt.config import Fit, load, to_yaml
@@ -20,9 +21,29 @@ from wt.schema import flat
 from wt.show.files import write_whole
 from wt.study import Listener, Study, check
 from wt.track import Run, run
+from wt.worlds.base import kind_of
 
 CONFIG = "config.yaml"
 RUN_ID = "mlflow_run_id"
+
+
+def on_model(config: Fit, model: Path) -> Fit:
+    """A configuration whose simulator is an MJCF from a file: the one that a diagnosis patched.
+
+    Args:
+        config: of a task whose world takes one, as ``world.model``.
+        model: the MJCF.
+
+    Raises:
+        ConfigError: the task's simulator is not to be replaced.
+    """
+    name = config.world.get("name", "")
+    if "model" not in {f.name for f in fields(kind_of(config.world).options)}:
+        raise ConfigError(
+            f"--model: the world '{name}' has no option world.model, its simulator is built in; "
+            "worlds of walking robots take one"
+        )
+    return replace(config, world={**config.world, "model": str(model)})
 
 
 def open_folder(config: Fit, folder: Path, resume: bool) -> Fit:

@@ -43,6 +43,12 @@ NOTHING_HIDDEN = (
     "the same command, and the simulator is reset to the measured state."
 )
 
+GIVEN_MODEL = (
+    "The simulator is a model from a file. At every step it is set to R's observation and to where "
+    "R's trunk is; what else moves in it goes on as its own last step left it, since where R's own "
+    "load is nobody tells it."
+)
+
 
 @dataclass(frozen=True)
 class Published:
@@ -119,6 +125,8 @@ def tabulate(
         for m in methods
     }
     extra = {} if spec.hidden else {"note": NOTHING_HIDDEN}
+    if study.config.world.get("model"):
+        extra = {"note": GIVEN_MODEL}
     return Results(
         task=study.config.task,
         seeds=seeds,

@@ -15,11 +15,14 @@ from torch import nn
 from wt.baselines.base import Baseline, find
 from wt.config import Fit, Method, to_yaml
 from wt.data.transitions import content_hash, digest
+from wt.errors import ConfigError
 from wt.evaluate.single_step import Scales
 from wt.nets.world_model import WorldModel
 from wt.show.files import write_whole
 from wt.worlds.base import World, make
+from wt.worlds.closed_loop import ClosedLoop
 from wt.worlds.collect import Collected, collect
+from wt.worlds.recorded import Recorded
 
 WEIGHTS = "model.pt"
 
@@ -28,9 +31,15 @@ def check(config: Fit) -> None:
     """Refuse what could not be run, before anything is written.
 
     Raises:
-        ConfigError: a world, one of its options, or a baseline is not known.
+        ConfigError: a world, one of its options, or a baseline is not known; a world is to be
+            diagnosed that cannot be recorded.
     """
-    make(config.world)
+    world = make(config.world)
+    if config.diagnose and not (isinstance(world, Recorded) and isinstance(world, ClosedLoop)):
+        raise ConfigError(
+            f"diagnose: the world '{config.world['name']}' cannot be recorded; worlds of walking "
+            "robots can"
+        )
     for name in config.baselines.names:
         find(name)
 

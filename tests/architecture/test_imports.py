@@ -18,7 +18,7 @@ LEVELS = [
     {"schema", "config", "data", "nets", "losses", "physics", "show", "worlds"},
     {"train", "translate", "baselines", "diagnose"},
     {"evaluate", "export", "locomotion", "track"},
-    {"study", "jobs", "publish", "finetune", "fit", "prove", "registered", "reproduce"},
+    {"study", "jobs", "publish", "finetune", "fit", "joined", "prove", "registered", "reproduce"},
     {"cli", "__init__"},
 ]
 REGISTRY_MAY = {"types", "errors", "export"}

@@ -17,6 +17,12 @@ def command(
     out: Annotated[
         Path | None, typer.Option(help="Folder of the run; runs/<task>-<time> by default.")
     ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MODEL.xml", help="Simulate with this MJCF: the one that wt diagnose patched."
+        ),
+    ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the interrupted run in --out.")
     ] = False,
@@ -25,26 +31,36 @@ def command(
 
     Collects transitions of both domains (or reuses those it has), trains, evaluates on pairs that
     were never trained on, logs to MLflow, records rollouts for Rerun, exports to ONNX, registers
-    the model, and prints the table of results.
+    the model, and prints the table of results. Where the configuration has a section "diagnose",
+    also diagnoses what R's recordings show, does the same on the simulator that the diagnosis
+    patched, and compares.
 
     Example:
         wt fit --config conf/r5.yaml seeds=[0,1,2]
+        wt fit --config conf/go2_concealed.yaml
+        wt fit --config conf/go2_flat.yaml --model diagnosis/model.xml
     """
     from rich.console import Console
 
     from wt.cli._progress import bars
     from wt.config import load
     from wt.errors import ConfigError, WorkError
-    from wt.fit import CONFIG, fit, open_folder
+    from wt.fit import CONFIG, fit, on_model, open_folder
+    from wt.joined import HEAD, Joined, join
+    from wt.show.text import terminal_table
 
     if resume and out is None:
         raise ConfigError("--resume needs --out: the folder of the run to continue")
     settings = load(config, overrides or [])
+    settings = settings if model is None else on_model(settings, model)
     folder = out or Path("runs") / f"{settings.task}-{datetime.now():%Y-%m-%dT%H-%M-%S}"
     settings = open_folder(settings, folder, resume)
+    both: Joined | None = None
     try:
         with bars() as listener:
             done, tracked = fit(settings, folder, listener)
+            if settings.diagnose is not None:
+                both = join(settings, folder, listener)
     except KeyboardInterrupt as error:
         raise WorkError(
             "interrupted: nothing finished is lost; continue with: "
@@ -53,4 +69,8 @@ def command(
     console = Console()
     done.results.print_table(console)
     console.print(f"{done.version}: {done.version.decision}")
+    if both is not None:
+        console.print(terminal_table(HEAD, both.rows(), settings.task))
+        for sentence in both.sentences():
+            console.print(f"- {sentence}", highlight=False, markup=False)
     console.print(f"run {tracked.id} in {tracked.uri}; files in {folder}", soft_wrap=True)

@@ -108,6 +108,23 @@ def register(name: str) -> Callable[[W], W]:
     return add
 
 
+def kind_of(section: Mapping[str, Any]) -> type[Any]:
+    """The class of the world that a configuration's ``world:`` section names.
+
+    Args:
+        section: ``name``, and the options of that world.
+
+    Raises:
+        ConfigError: no world has that name.
+    """
+    for module in pkgutil.iter_modules(wt.worlds.__path__):
+        importlib.import_module(f"wt.worlds.{module.name}")
+    name = str(section.get("name", ""))
+    if name not in _WORLDS:
+        raise ConfigError(f"world.name {name!r} is not known: {suggest(name, _WORLDS)}")
+    return _WORLDS[name]
+
+
 def make(section: Mapping[str, Any]) -> World:
     """Build the world of a configuration's ``world:`` section.
 
@@ -117,11 +134,7 @@ def make(section: Mapping[str, Any]) -> World:
     Raises:
         ConfigError: no world has that name, or an option is unknown or of the wrong type.
     """
-    for module in pkgutil.iter_modules(wt.worlds.__path__):
-        importlib.import_module(f"wt.worlds.{module.name}")
-    options = dict(section)
-    name = str(options.pop("name", ""))
-    if name not in _WORLDS:
-        raise ConfigError(f"world.name {name!r} is not known: {suggest(name, _WORLDS)}")
-    world: Any = _WORLDS[name]
-    return world(parse(world.options, options, "world."))
+    kind = kind_of(section)
+    options = {key: value for key, value in section.items() if key != "name"}
+    world: World = kind(parse(kind.options, options, "world."))
+    return world

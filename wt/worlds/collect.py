@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,8 +12,9 @@ import numpy as np
 from wt.config import Data
 from wt.data.transitions import Shard, digest, obtain, plan
 from wt.errors import DataError
-from wt.types import Domain, Pairs, Transitions
+from wt.types import Domain, Pairs, Recording, Transitions
 from wt.worlds.base import World
+from wt.worlds.recorded import Recorded
 
 Report = Callable[[str, int, int], None]
 """Called with (what, done, total) transitions."""
@@ -47,17 +48,10 @@ def collect(world: World, settings: Data, report: Report | None = None) -> Colle
     Raises:
         DataError: a stored part is damaged.
     """
-    counts = {
-        "sim": settings.transitions,
-        "real": settings.real_transitions or settings.transitions,
-        "validation": settings.validation_pairs,
-        "test": settings.test_pairs,
-    }
-    seeds = np.random.SeedSequence(settings.seed).generate_state(len(counts))
     models = {domain: model_hash(world.model(domain)) for domain in ("sim", "real")}
     found: dict[str, Transitions | Pairs] = {}
-    for (what, count), seed in zip(counts.items(), seeds, strict=True):
-        shards = plan(count, int(seed), world.shard)
+    for what, count, seed in _parts(settings):
+        shards = plan(count, seed, world.shard)
         identity = {"what": what, **world.identity(), "models": models}
         found[what] = obtain(
             Path(settings.dir), identity, world.spec, shards, _maker(world, what, count, report)
@@ -68,6 +62,35 @@ def collect(world: World, settings: Data, report: Report | None = None) -> Colle
         _pairs(found["validation"]),
         _pairs(found["test"]),
     )
+
+
+def recorded(world: Recorded, settings: Data, robots: int) -> list[Recording]:
+    """Recordings of the very walks that R's unpaired transitions are from, the first of them.
+
+    Args:
+        world: one that can be recorded.
+        settings: of the collection.
+        robots: how many recordings.
+
+    Raises:
+        WorkError: too few robots walk through an episode.
+    """
+    count, seed = next((count, seed) for what, count, seed in _parts(settings) if what == "real")
+    first = plan(count, seed, world.shard)[0]
+    return world.record(first.count, first.seed, robots)
+
+
+def _parts(settings: Data) -> Iterator[tuple[str, int, int]]:
+    """What is collected, how much of it, and with which seed."""
+    counts = {
+        "sim": settings.transitions,
+        "real": settings.real_transitions or settings.transitions,
+        "validation": settings.validation_pairs,
+        "test": settings.test_pairs,
+    }
+    seeds = np.random.SeedSequence(settings.seed).generate_state(len(counts))
+    for (what, count), seed in zip(counts.items(), seeds, strict=True):
+        yield what, count, int(seed)
 
 
 def model_hash(model: mujoco.MjModel) -> str:
