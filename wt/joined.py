@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.console import Console
 
 from wt.config import Diagnose, Fit
 from wt.data import recording
@@ -32,7 +33,7 @@ from wt.evaluate.multi_step import Step, of_model, roll_out, simulator
 from wt.evaluate.results import OURS, PAPERS_OWN, Results
 from wt.fit import CONFIG, fit, on_model, open_folder
 from wt.show.files import write_together, write_whole
-from wt.show.text import markdown_table, short
+from wt.show.text import markdown_table, short, terminal_table
 from wt.study import Listener, Study
 from wt.worlds.base import make
 from wt.worlds.closed_loop import ClosedLoop
@@ -119,6 +120,12 @@ class Joined:
             f"On the patched simulator, World Translation (ours) makes {self.ratio:.3g} of the "
             "single-step error that it makes alone.",
         ]
+
+    def print_table(self, console: Console) -> None:
+        """Print the table and the sentences."""
+        console.print(terminal_table(HEAD, self.rows(), self.task))
+        for sentence in self.sentences():
+            console.print(f"- {sentence}", highlight=False, markup=False)
 
     def save(self, folder: Path) -> None:
         """Write ``joined.json`` and ``joined.md``."""

@@ -20,7 +20,7 @@ def command(
     model: Annotated[
         Path | None,
         typer.Option(
-            metavar="MODEL.xml", help="Simulate with this MJCF: the one that wt diagnose patched."
+            metavar="MODEL.xml", help="Simulate with this MJCF, that a diagnosis patched."
         ),
     ] = None,
     resume: Annotated[
@@ -31,9 +31,8 @@ def command(
 
     Collects transitions of both domains (or reuses those it has), trains, evaluates on pairs that
     were never trained on, logs to MLflow, records rollouts for Rerun, exports to ONNX, registers
-    the model, and prints the table of results. Where the configuration has a section "diagnose",
-    also diagnoses what R's recordings show, does the same on the simulator that the diagnosis
-    patched, and compares.
+    the model, and prints the table of results. With a section "diagnose", also diagnoses R's
+    recordings, does it all again on the patched simulator, and compares.
 
     Example:
         wt fit --config conf/r5.yaml seeds=[0,1,2]
@@ -46,8 +45,7 @@ def command(
     from wt.config import load
     from wt.errors import ConfigError, WorkError
     from wt.fit import CONFIG, fit, on_model, open_folder
-    from wt.joined import HEAD, Joined, join
-    from wt.show.text import terminal_table
+    from wt.joined import join
 
     if resume and out is None:
         raise ConfigError("--resume needs --out: the folder of the run to continue")
@@ -55,12 +53,10 @@ def command(
     settings = settings if model is None else on_model(settings, model)
     folder = out or Path("runs") / f"{settings.task}-{datetime.now():%Y-%m-%dT%H-%M-%S}"
     settings = open_folder(settings, folder, resume)
-    both: Joined | None = None
     try:
         with bars() as listener:
             done, tracked = fit(settings, folder, listener)
-            if settings.diagnose is not None:
-                both = join(settings, folder, listener)
+            both = join(settings, folder, listener) if settings.diagnose else None
     except KeyboardInterrupt as error:
         raise WorkError(
             "interrupted: nothing finished is lost; continue with: "
@@ -70,7 +66,5 @@ def command(
     done.results.print_table(console)
     console.print(f"{done.version}: {done.version.decision}")
     if both is not None:
-        console.print(terminal_table(HEAD, both.rows(), settings.task))
-        for sentence in both.sentences():
-            console.print(f"- {sentence}", highlight=False, markup=False)
+        both.print_table(console)
     console.print(f"run {tracked.id} in {tracked.uri}; files in {folder}", soft_wrap=True)
