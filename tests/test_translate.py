@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from tests.baselines.toy import Toy
 from wt.config import Mean, Method, Translation
 from wt.nets.world_model import WorldModel
-from wt.translate import SimToReal, translate_state
+from wt.translate import Exported, SimToReal, translate_state
 
 SPEC = Toy(0.0).spec  # 6 observations, 2 actions, 4 states
 RNG = np.random.default_rng(0)
@@ -177,3 +177,17 @@ def test_sim_to_real_hands_the_other_channels_through(n: int) -> None:
     assert out.shape == (n, 6)
     assert torch.equal(out[:, 4:], other)
     check(out[:, :4], translate_state(build(), o, a, sim_next).numpy())
+
+
+def test_features_are_those_of_training_and_of_translation() -> None:
+    """Of R: E on what is beyond nominal simulator and shift; of S: G on what is transported."""
+    o, a, after = batch()
+    model = build(Mean(kind="average", width=4, depth=1))
+    model.frame.shift, model.frame.nominal = Linear(SHIFT[:8]), Linear(NOMINAL)
+    model.frame.transport.copy_(tensor(TRANSPORT))
+    x, change = conditions(o, a), (after - o[:, :4]).numpy() / SCALE
+    whole = torch.cat([after, torch.zeros(5, 2)], dim=1)
+    answer, z, translated = Exported(model)(o, a, whole)
+    check(answer[:, :4], translate_state(model, o, a, after).numpy())
+    check(z, (change - x @ NOMINAL - x @ SHIFT[:8] - x @ FROM_X) @ MIX)
+    check(translated, ((change - x @ NOMINAL) @ TRANSPORT.T - x @ FROM_X) @ MIX + STEP)

@@ -23,7 +23,7 @@ from wt.export.onnx import eager, export
 from wt.show.files import write_whole
 from wt.study import Study
 from wt.track import Run, source
-from wt.translate import SimToReal
+from wt.translate import Exported, SimToReal
 
 MODEL, RECORDING, FIGURES = "model.onnx", "rollout.rrd", "figures"
 SHOWN = ("RawSim", PAPERS_OWN, OURS)
@@ -167,13 +167,14 @@ def _has(study: Study, seed: int, method: str) -> bool:
 def _export(study: Study, seed: int, by_method: Mapping[str, Errors]) -> None:
     """The ONNX graph with its card; nothing is registered that does not match eager."""
     config, spec, folder = study.config, study.world.spec, study.folder
-    module = SimToReal(study.load_model(seed, OURS, config.plus)).eval()
+    trained = study.load_model(seed, OURS, config.plus)
+    module = SimToReal(trained).eval()
     pairs = study.data.validation
     known = pairs.real.o[:, spec.n_state :].copy()
     known[:, : spec.n_action] = pairs.real.a  # the last action of o′ is this step's
     n = EXAMPLES
     example = pairs.real.o[:n], pairs.real.a[:n], np.hstack([pairs.sim_next, known])[:n]
-    export(module, spec, folder / MODEL, example=example)
+    export(Exported(trained), spec, folder / MODEL, example=example)
     model = eager(module)
     difference = parity.check(folder / MODEL, model, example)
     o, a, o_next_sim = (x[:GOLDEN] for x in example)

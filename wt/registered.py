@@ -1,8 +1,8 @@
-"""A registered model by itself, evaluated on its task: what ``wt evaluate`` runs.
+"""A registered model by itself: what ``wt evaluate`` runs, and ``wt diagnose --translation`` reads.
 
 Only the ONNX graph and its card are read, so this is what anybody who pulls the model can expect
-of it. Probes need the features, which a graph does not show: they are the business of the models
-that ``wt reproduce`` trains.
+of it. Probes need features of both domains: they are the business of the models that ``wt
+reproduce`` trains.
 """
 
 from __future__ import annotations
@@ -14,14 +14,17 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from registry import parity
 from registry.card import MODEL_FILE, Card
 from registry.pull import pull
 from wt.config import Fit
+from wt.diagnose.translated import Translation
 from wt.errors import ConfigError, ModelError
 from wt.evaluate import figures
 from wt.evaluate.multi_step import Now, Step, roll_out, simulator
 from wt.evaluate.results import OURS, Results
 from wt.evaluate.single_step import errors
+from wt.export.onnx import FEATURES, OUTPUT
 from wt.publish import tabulate
 from wt.show.files import write_together
 from wt.study import Listener, Study
@@ -96,6 +99,34 @@ class Registered:
             return self.predict(now.o[:, -1], now.a[:, -1], now.sim_next)
 
         return step
+
+
+def translation(reference: str, uri: str | None = None) -> Translation:
+    """A registered model as a diagnosis reads it, with the features behind its answer.
+
+    Args:
+        reference: ``"wt-r5@champion"`` or ``"wt-r5/3"``.
+        uri: the store; None for the default one.
+
+    Raises:
+        RegistryError: no such version, or its bytes are not those that were registered.
+        ModelError: it was exported without features, by an earlier version.
+    """
+    with tempfile.TemporaryDirectory(prefix="wt-pull-") as name:
+        version, card = pull(reference, Path(name) / "model", uri=uri)
+        session = parity.session(Path(name) / "model" / MODEL_FILE)
+    outputs = [OUTPUT, *FEATURES]
+    if [found.name for found in session.get_outputs()] != outputs:
+        raise ModelError(
+            f"{version} was exported without its features; train it again: wt fit --config …"
+        )
+
+    def run(o: Array, a: Array, o_next: Array) -> tuple[Array, Array, Array]:
+        o_next_real, z, z_translated = session.run(outputs, {"o": o, "a": a, "o_next_sim": o_next})
+        return o_next_real, z, z_translated
+
+    channels = {port.name: port.channels for port in card.inputs}
+    return Translation(str(version), card.rate_hz, channels["o"], channels["a"], run)
 
 
 def _names(card: Card, port: str) -> list[str]:

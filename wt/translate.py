@@ -48,6 +48,41 @@ def translate_state(
     return frame.next_states(o, nominal + frame.shift_change(x, sim_change) + y_real)
 
 
+def feature_of_real(
+    model: WorldModel,
+    o: Float[Tensor, "batch obs"],
+    a: Float[Tensor, "batch action"],
+    s_next: Float[Tensor, "batch state"],
+) -> Float[Tensor, "batch latent"]:
+    """Feature z of a transition of R: the mean of E(o, a, o′_R), as in training.
+
+    Args:
+        model: a trained model.
+        o: observations, physical units.
+        a: actions, physical units.
+        s_next: R's state channels after the step, physical units.
+    """
+    frame = model.frame
+    x, change = frame.conditions(o, a), frame.changes(o, s_next)
+    nominal = frame.nominal_change(x)
+    feature: Tensor = model.encoder(x, change - nominal - frame.shift_change(x, nominal))[0]
+    return feature
+
+
+def translated_feature(
+    model: WorldModel,
+    o: Float[Tensor, "batch obs"],
+    a: Float[Tensor, "batch action"],
+    sim_next: Float[Tensor, "batch state"],
+) -> Float[Tensor, "batch latent"]:
+    """Translated feature ẑ = G(z) of a transition of S, as R's should be; arguments as above."""
+    frame = model.frame
+    x = frame.conditions(o, a)
+    left = frame.changes(o, sim_next) - frame.nominal_change(x)
+    feature: Tensor = model.to_real(model.encoder(x, left @ frame.transport.T)[0], x)
+    return feature
+
+
 class SimToReal(nn.Module):
     """(o, a, o′ of S) → o′ of R as one module, for export.
 
@@ -70,3 +105,23 @@ class SimToReal(nn.Module):
         n = self.model.spec.n_state
         state = translate_state(self.model, o, a, o_next_sim[:, :n])
         return torch.cat([state, o_next_sim[:, n:]], dim=-1)
+
+
+class Exported(SimToReal):
+    """The same with the features behind it, as further outputs of the exported graph."""
+
+    def forward(  # type: ignore[override]
+        self,
+        o: Float[Tensor, "batch obs"],
+        a: Float[Tensor, "batch action"],
+        o_next_sim: Float[Tensor, "batch obs"],
+    ) -> tuple[
+        Float[Tensor, "batch obs"], Float[Tensor, "batch latent"], Float[Tensor, "batch latent"]
+    ]:
+        """o′ of R; z of the transition, where it is one of R; ẑ, where it is one of S."""
+        state = o_next_sim[:, : self.model.spec.n_state]
+        return (
+            super().forward(o, a, o_next_sim),
+            feature_of_real(self.model, o, a, state),
+            translated_feature(self.model, o, a, state),
+        )

@@ -13,7 +13,14 @@ import pytest
 
 from tests.diagnose import synthetic
 from wt.diagnose import words
-from wt.diagnose.evidence import Measured, MeasuredForce, SensorError
+from wt.diagnose.evidence import (
+    ChannelLeft,
+    Distance,
+    Measured,
+    MeasuredForce,
+    SensorError,
+    Translated,
+)
 from wt.diagnose.report import report
 from wt.diagnose.result import (
     Considered,
@@ -355,3 +362,21 @@ def test_other_sensors_stand_in_the_proof(diagnosis: Diagnosis, tmp_path: Path) 
     plain = synthetic.nothing(str(synthetic.write_model(tmp_path)))
     alone = Page(report(dataclasses.replace(plain, measured=seen.measured))).words
     assert "gyro 0.0200 rad/s enc 4.00 mrad" in alone
+
+
+def test_a_translation_s_evidence_is_shown(diagnosis: Diagnosis, source: str) -> None:
+    assert "What a trained translation says" not in source
+    name = diagnosis.recordings[0].path
+    t = np.arange(0.0, 4.0, 0.02)
+    found = Translated(
+        "wt-arm/3",
+        (ChannelLeft("qpos/j1", "rad", 0.004, 0.002), ChannelLeft("qvel/j1", "rad/s", 0.2, 0.1)),
+        (Distance(name, t, 1.0 + 5.0 * (np.abs(t - 2.0) < 0.1)),),
+        (Interval(name, 1.9, 2.1),),
+    )
+    assert found.left == pytest.approx(0.25)
+    page = Page(report(dataclasses.replace(diagnosis, translated=found)))
+    text = " ".join(" ".join(page.text).replace("\N{NO-BREAK SPACE}", " ").split())
+    assert "wt-arm/3 leaves 25 % of the squared error" in text
+    assert "qpos 4.00 mrad 2.00 mrad 25 %" in text
+    assert "shaded where it stands out" in text

@@ -17,8 +17,12 @@ import pytest
 import torch
 
 from registry.card import Card
+from tests.diagnose import synthetic
 from tests.end_to_end.conftest import METHODS, STEPS, Place, Wt
 from wt.config import load, to_yaml
+from wt.diagnose import pipeline
+from wt.diagnose.result import Diagnosis
+from wt.diagnose.translated import Translation
 from wt.nets.world_model import WorldModel
 from wt.translate import translate_state
 from wt.types import Array
@@ -198,3 +202,31 @@ def test_a_finished_run_that_is_resumed_registers_nothing_new(
     assert {name: (finished / name).read_bytes() for name in names} == before
     versions = client.search_model_versions("name='wt-debug'")
     assert [int(v.version) for v in versions if v.run_id == run_id] == [1]
+
+
+def test_a_diagnosis_reads_the_registered_model(
+    wt: Wt, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its answer to the golden rows, and features that differ where o′ is R's or S's."""
+    asked: list[Translation] = []
+
+    def stand_in(*_: object, translation: Translation, **__: object) -> Diagnosis:
+        asked.append(translation)
+        return synthetic.diagnosis(str(model))
+
+    model = synthetic.write_model(tmp_path)
+    monkeypatch.setattr(pipeline, "diagnose", stand_in)
+    words = ("diagnose", model, "a.parquet", "--out", tmp_path / "out", "--translation")
+    code, _, err = wt(*words, "wt-debug@champion")
+    assert code == 0, err
+    (translation,) = asked
+    card = json.loads((finished / "card.json").read_text())
+    assert [c.name for c in translation.action] == [
+        c["name"] for c in card["inputs"][1]["channels"]
+    ]
+    golden = {name: np.array(rows, np.float32) for name, rows in card["golden"].items()}
+    answer, z, expected = translation.run(golden["o"], golden["a"], golden["o_next_sim"])
+    np.testing.assert_allclose(answer, golden["o_next_real"], atol=1e-4)
+    assert z.shape == expected.shape and np.abs(z - expected).max() > 1e-3
+    code, _, err = wt(*words, "wt-nobody@champion")
+    assert code == 2 and "wt-nobody" in err and err.count("\n") == 1

@@ -16,9 +16,27 @@ if TYPE_CHECKING:
     from typer._click.core import Context  # typer.Context is a subclass
 
     from wt.diagnose.result import Diagnosis
+    from wt.diagnose.translated import Translation
 
 EXPERIMENT = "diagnose"
 """Name of the experiment in MLflow."""
+
+
+TranslationOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME@ALIAS",
+        help="A model of wt fit between MODEL.xml and this robot, as further evidence.",
+    ),
+]
+JobsOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="N|ray",
+        help="Replay on N threads, or spread over a Ray cluster: the one that RAY_ADDRESS names, "
+        "else one of this machine's cores. Same answer.  [default: one thread a core]",
+    ),
+]
 
 
 class Command(TyperCommand):
@@ -64,14 +82,8 @@ def command(
         Path | None,
         typer.Option(metavar="OUT.parquet", help="Write the commands to record next."),
     ] = None,
-    jobs: Annotated[
-        str | None,
-        typer.Option(
-            metavar="N|ray",
-            help="Replay on N threads, or spread over a Ray cluster: the one that RAY_ADDRESS "
-            "names, else one of this machine's cores. Same answer.  [default: one thread a core]",
-        ),
-    ] = None,
+    translation: TranslationOption = None,
+    jobs: JobsOption = None,
 ) -> None:
     """Locate, name, model and prove what the simulator leaves out.
 
@@ -82,6 +94,7 @@ def command(
 
     Example:
         wt diagnose robot.xml walk1.parquet walk2.parquet --holdout walk3.parquet --out diagnosis
+        wt diagnose go2.xml walk.parquet --translation wt-go2-flat@champion --out diagnosis
     """
     from rich.console import Console
 
@@ -93,8 +106,9 @@ def command(
 
     if out.exists() and not out.is_dir():
         raise UserError(f"--out {out} is a file; name a folder")
+    beside = _registered(translation) if translation else {}
     with bar("reading") as progress, over(jobs):
-        found = diagnose(model, recordings, holdout or (), seed=seed, progress=progress)
+        found = diagnose(model, recordings, holdout or (), seed=seed, progress=progress, **beside)
         progress("writing", 0.98)
         write(found, out)
     console = Console()
@@ -104,6 +118,12 @@ def command(
         _suggest(found, model, suggest_experiment, console)
     if track:
         _track(found, out, seed, console)
+
+
+def _registered(reference: str) -> dict[str, Translation]:
+    from wt.registered import translation
+
+    return {"translation": translation(reference)}
 
 
 def _suggest(found: Diagnosis, model: Path, path: Path, console: Console) -> None:

@@ -51,25 +51,33 @@ def intervals(screen: Screen, size: Array, names: Sequence[str] = ()) -> tuple[I
         mine = np.flatnonzero((rows >= s.rows.start) & (rows < s.rows.stop))
         if len(mine) < 2:
             continue
-        t = m.t[rows[mine]]
-        gap = float(np.median(np.diff(t)))
-        width = max(1, round(_SMOOTH_S / gap))
-        mean = np.sqrt(np.maximum(uniform_filter1d(size[mine] ** 2, width), 0.0))
-        edges = np.diff(np.concatenate([[0], (mean > level).astype(int), [0]]))
-        starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
-        some = found.setdefault(s.recording, [])
-        some += [
-            (float(t[a] - gap / 2), float(t[b] + gap / 2))
-            for a, b in zip(starts, ends, strict=True)
-        ]
+        found.setdefault(s.recording, []).extend(standing_out(m.t[rows[mine]], size[mine], level))
     return tuple(
         Interval(names[r] if r < len(names) else f"recording {r + 1}", start, end)
         for r in sorted(found)
-        for start, end in _merged(found[r])
+        for start, end in merged(found[r])
     )
 
 
-def _merged(some: list[tuple[float, float]]) -> list[tuple[float, float]]:
+def standing_out(t: Array, size: Array, level: float) -> list[tuple[float, float]]:
+    """When a size stands above a level, on average over a tenth of a second.
+
+    Args:
+        t: times without a gap, (T,) [s].
+        size: what is compared, (T,).
+        level: with what.
+    """
+    gap = float(np.median(np.diff(t)))
+    width = max(1, round(_SMOOTH_S / gap))
+    mean = np.sqrt(np.maximum(uniform_filter1d(size**2, width), 0.0))
+    edges = np.diff(np.concatenate([[0], (mean > level).astype(int), [0]]))
+    starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
+    return [
+        (float(t[a] - gap / 2), float(t[b] + gap / 2)) for a, b in zip(starts, ends, strict=True)
+    ]
+
+
+def merged(some: list[tuple[float, float]]) -> list[tuple[float, float]]:
     """Close intervals joined, with growing tolerance until there are few."""
     near = _MERGE_S
     while True:

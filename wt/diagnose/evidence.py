@@ -16,6 +16,21 @@ Role = Literal["fit", "holdout"]
 
 
 @dataclass(frozen=True)
+class Interval:
+    """A stretch of time of one recording.
+
+    Attributes:
+        recording: its name.
+        start: since the recording's start [s].
+        end: likewise [s].
+    """
+
+    recording: str
+    start: float
+    end: float
+
+
+@dataclass(frozen=True)
 class Error:
     """Root mean square errors of replays against recordings [rad or m].
 
@@ -138,6 +153,60 @@ class Measured:
     forces: tuple[MeasuredForce, ...] = ()
     sensors: tuple[SensorError, ...] = ()
     notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ChannelLeft:
+    """Root mean square error one control step ahead, from the recorded state.
+
+    Attributes:
+        name: channel of the translation's state.
+        unit: of the errors.
+        before: of the model's own answer.
+        after: of the translated one: what no translation of this model recovers.
+    """
+
+    name: str
+    unit: str
+    before: float
+    after: float
+
+
+@dataclass(frozen=True, eq=False)
+class Distance:
+    """How far features of one recording are from those that a translation expects.
+
+    Attributes:
+        name: of the recording.
+        t: beginnings of control steps, (K,) [s].
+        size: in units of the usual distance, (K,).
+    """
+
+    name: str
+    t: Array
+    size: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Translated:
+    """What a trained translation says of the recordings; :mod:`wt.diagnose.translated`.
+
+    Attributes:
+        name: of the translation.
+        channels: errors before and after translation.
+        distances: one a recording.
+        events: when something hidden acted in the fitted recordings.
+    """
+
+    name: str
+    channels: tuple[ChannelLeft, ...]
+    distances: tuple[Distance, ...]
+    events: tuple[Interval, ...]
+
+    @property
+    def left(self) -> float:
+        """Share of the squared error that translation leaves, mean over channels."""
+        return float(np.mean([(c.after / max(c.before, 1e-30)) ** 2 for c in self.channels]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,6 +26,7 @@ from wt.diagnose.smooth import Smoothed, smooth
 from wt.diagnose.standalone import standalone
 from wt.diagnose.stretches import forgets, stretches_of
 from wt.diagnose.traces import traces
+from wt.diagnose.translated import Translation, sentences, timed, translated
 from wt.physics.replay import Key
 from wt.physics.scene import Scene
 
@@ -68,6 +69,7 @@ def diagnose(
     *,
     seed: int = 0,
     progress: Report | None = None,
+    translation: Translation | None = None,
 ) -> Diagnosis:
     """Find what a model leaves out, from recordings of the real machine.
 
@@ -78,13 +80,16 @@ def diagnose(
             held out, or the last quarter of a single one.
         seed: of everything random.
         progress: called as the work goes on.
+        translation: trained between this model and the machine; says when something hidden acted
+            where nothing else does, and what it cannot recover.
 
     Raises:
-        ModelError: the MJCF cannot be used.
+        ModelError: the MJCF cannot be used, or the translation is of another machine.
         RecordingError: a recording cannot be used.
     """
     began, say, scene = time.monotonic(), progress or _silent, Scene(model)
     prepared = prepare(scene, recordings, holdout)
+    beside = translated(scene, prepared, translation) if translation else None
     say("smoothing", 0.02)
     fitted, held_out = smooth(scene, prepared.fit), smooth(scene, prepared.held)
     say("screening hypotheses", 0.08)
@@ -105,7 +110,14 @@ def diagnose(
     judged = court.judge(proven)
     say("preparing pictures", 0.9)
     told = _told(scene, prepared, fitted, court, judged)
-    return replace(told, considered=considered, seconds=time.monotonic() - began)
+    return replace(
+        told,
+        considered=considered,
+        locations=timed(told.locations, beside),
+        translated=beside,
+        notes=(*told.notes, *(sentences(beside) if beside else ())),
+        seconds=time.monotonic() - began,
+    )
 
 
 def _told(

@@ -16,6 +16,7 @@ from string import Template
 from wt.diagnose import figures, words
 from wt.diagnose.page import bar, items, section, table, text
 from wt.diagnose.report_proof import proof
+from wt.diagnose.report_translation import translation
 from wt.diagnose.result import Diagnosis, Finding
 from wt.diagnose.robot_drawing import SHADES
 
@@ -27,7 +28,7 @@ def report(diagnosis: Diagnosis) -> str:
     """The page."""
     template = resources.files(__package__).joinpath("report.html").read_text(encoding="utf-8")
     sections: tuple[Callable[[Diagnosis], str], ...] = (
-        _opening, _where, _parameters, _dependence, _errors, proof, _confusable, _diff,
+        _opening, _where, _parameters, _dependence, _errors, proof, translation, _confusable, _diff,
         _considered, _sources,
     )  # fmt: skip
     title = f"Diagnosis of {PurePath(diagnosis.model_path).name}"

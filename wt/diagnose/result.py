@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from wt.diagnose.evidence import Considered, Measured, Proof, Role, Trace
+from wt.diagnose.evidence import Considered, Measured, Proof, Role, Trace, Translated
 from wt.diagnose.evidence import Error as Error
+from wt.diagnose.evidence import Interval as Interval
 from wt.types import Location
 
 Verdict = Literal["no_mismatch", "explained", "partly_explained", "unexplained"]
@@ -95,21 +96,6 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Interval:
-    """A stretch of time of one recording.
-
-    Attributes:
-        recording: its name.
-        start: since the recording's start [s].
-        end: likewise [s].
-    """
-
-    recording: str
-    start: float
-    end: float
-
-
-@dataclass(frozen=True)
 class Located:
     """A place where simulation and recording part.
 
@@ -176,6 +162,7 @@ class Diagnosis:
         considered: the search, best first.
         traces: recordings and replays.
         measured: what measured forces and further sensors say.
+        translated: what a trained translation says of the recordings, if one was given.
         suggestions: what to record next, in words.
         notes: warnings and remarks, e.g. a refined time step.
         residual_onnx: learned remainder as ONNX bytes, if one was needed.
@@ -196,6 +183,7 @@ class Diagnosis:
     considered: tuple[Considered, ...] = ()
     traces: tuple[Trace, ...] = ()
     measured: Measured = field(default_factory=Measured)
+    translated: Translated | None = None
     suggestions: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     residual_onnx: bytes | None = None

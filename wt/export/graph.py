@@ -24,15 +24,15 @@ OPSET = 18
 
 
 def graph(
-    model: torch.nn.Module, inputs: tuple[torch.Tensor, ...], names: Sequence[str], output: str
+    model: torch.nn.Module, inputs: tuple[torch.Tensor, ...], names: Sequence[str], *outputs: str
 ) -> bytes:
     """A model in evaluation mode as the content of an ONNX file.
 
     Args:
-        model: of one output, whose first axis is the batch.
+        model: whose outputs' first axis is the batch.
         inputs: of two rows each, since torch.export takes an axis of length 1 for a constant.
         names: of the inputs.
-        output: name of the output.
+        outputs: names of the outputs.
 
     Raises:
         ModelError: the model uses something that ONNX cannot express, or fixes the batch size.
@@ -44,7 +44,7 @@ def graph(
                 model,
                 inputs,
                 input_names=names,
-                output_names=(output,),
+                output_names=outputs,
                 opset_version=OPSET,
                 dynamic_shapes=({0: batch},) * len(inputs),
                 dynamo=True,

@@ -1,5 +1,8 @@
 """One ONNX graph of a trained model: (o, a, o′ of S) → o′ of R, in physical units.
 
+Behind that output may come features, which have no units: ``z`` of the transition, taken for one of
+R, so that o′ is to be R's then, and ``z_translated``, which R should have where S went to o′.
+
 The normaliser is part of the model, so whoever runs the graph needs neither torch nor our
 statistics. The file holds everything, weights too; see :mod:`wt.export.graph`.
 """
@@ -20,6 +23,7 @@ from wt.types import Array, TransitionSpec
 
 INPUTS = ("o", "a", "o_next_sim")
 OUTPUT = "o_next_real"
+FEATURES = ("z", "z_translated")
 
 
 def export(
@@ -33,7 +37,8 @@ def export(
 
     Args:
         model: maps float32 tensors o (batch, n_obs), a (batch, n_action) and o′ of S
-            (batch, n_obs) to o′ of R (batch, n_obs), all in physical units.
+            (batch, n_obs) to o′ of R (batch, n_obs), all in physical units; or to that and the
+            two features of :class:`wt.translate.Exported`.
         spec: layout of the task's transitions.
         path: the file to write.
         example: o, a and o′ of S, each at least one row, physical units.
@@ -56,13 +61,15 @@ def export(
         for x in example
     )
     with _evaluating(model), torch.no_grad():
-        shape = tuple(model(*inputs).shape)
+        answer = model(*inputs)
+        alone = isinstance(answer, torch.Tensor)
+        shape = tuple((answer if alone else answer[0]).shape)
         if shape != (2, spec.n_obs):
             raise ModelError(
                 f"export: the model answers two rows with shape {shape}, "
                 f"task {spec.task!r} needs (2, {spec.n_obs})"
             )
-        content = graph(model, inputs, INPUTS, OUTPUT)
+        content = graph(model, inputs, INPUTS, OUTPUT, *(() if alone else FEATURES))
     write_whole(Path(path), content)
 
 
