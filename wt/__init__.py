@@ -21,7 +21,8 @@ Map of the package (each concept has one home):
 ``wt.track``           a run in MLflow
 ``wt.fit``             the main job; ``study`` is what its steps share, ``jobs`` trains side by
                        side, ``publish`` writes, exports and registers what came out
-``wt.registered``      a registered model on its task
+``wt.joined``          translation, diagnosis, and translation on the patched simulator
+``wt.registered``      a registered model on its task, and as evidence for a diagnosis
 ``wt.reproduce``       the paper's tables and figures, one file each, in one report
 ``wt.finetune``        walking policies adapted to translated dynamics, beside their rivals
 ``wt.cli``             one module a command

@@ -50,13 +50,19 @@ RAW = "RawSim"
 AS_GIVEN, PATCHED = "as given", "patched"
 ROWS = (
     (AS_GIVEN, RAW, "simulator as given"),
-    (AS_GIVEN, PAPERS_OWN, "World Translation alone, the paper's"),
-    (AS_GIVEN, OURS, "World Translation alone, ours"),
-    (PATCHED, RAW, "diagnosis alone: the patched simulator"),
-    (PATCHED, PAPERS_OWN, "World Translation on the patched simulator, the paper's"),
-    (PATCHED, OURS, "World Translation on the patched simulator, ours"),
+    (AS_GIVEN, PAPERS_OWN, "translation alone, the paper's"),
+    (AS_GIVEN, OURS, "translation alone, ours"),
+    (PATCHED, RAW, "patched simulator"),
+    (PATCHED, PAPERS_OWN, "translation on it, the paper's"),
+    (PATCHED, OURS, "translation on it, ours"),
 )
-HEAD = ("what", "single-step MSE", "/ as given", f"MSE after {HORIZON} steps", "diverged")
+HEAD = ("MSE of the state", "one step", "/ as given", f"{HORIZON} steps", "diverged")
+LEGEND = (
+    "Normalised state of R: one step ahead under teacher forcing, and after "
+    f"{HORIZON} steps on own predictions, on which the policy acts; rollouts that diverged, whose "
+    "share stands last, are left out. A simulator starts from where R's trunk is; the load of the "
+    "patched one has gone along with R's recorded motion until then."
+)
 
 
 @dataclass(frozen=True)
@@ -118,12 +124,13 @@ class Joined:
         return [
             *(said or ["The diagnosis found nothing that the simulator leaves out."]),
             f"On the patched simulator, World Translation (ours) makes {self.ratio:.3g} of the "
-            "single-step error that it makes alone.",
+            "error one step ahead that it makes alone.",
         ]
 
     def print_table(self, console: Console) -> None:
         """Print the table and the sentences."""
         console.print(terminal_table(HEAD, self.rows(), self.task))
+        console.print(LEGEND, style="dim", highlight=False)
         for sentence in self.sentences():
             console.print(f"- {sentence}", highlight=False, markup=False)
 
@@ -142,7 +149,7 @@ class Joined:
             "verdict": self.diagnosis["verdict"],
             "findings": self.diagnosis["findings"],
         }
-        text = [f"# {self.task}", "", *markdown_table(HEAD, self.rows()), ""]
+        text = [f"# {self.task}", "", *markdown_table(HEAD, self.rows()), "", LEGEND, ""]
         text += [*(f"- {sentence}" for sentence in self.sentences()), ""]
         write_together(
             folder,

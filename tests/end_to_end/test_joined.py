@@ -22,7 +22,7 @@ def small(place: Place, tmp_path: Path) -> list[str]:
     config.write_text(
         f"base: {place.conf / 'go2_concealed_debug.yaml'}\n"
         "world: {robots: 6, episode_steps: 110, timestep: 0.005, threads: 1}\n"
-        f"data: {{dir: {tmp_path / 'data'}, transitions: 1320, validation_pairs: 660, "
+        f"data: {{dir: {tmp_path / 'data'}, transitions: 660, validation_pairs: 512, "
         "test_pairs: 660}\n"
         "workers: 1\ndiagnose: {rollouts: 6}\nbaselines: {names: [RawSim]}\n"
         "paper: &few\n  mean: {steps: 40}\n  train: {steps: 40, validate_every: 20}\nplus: *few\n"
@@ -50,11 +50,12 @@ def test_translation_diagnosis_and_both(
         said = {"verdict": "explained", "findings": [{"statement": STATEMENT}]}
         (out / "diagnosis.json").write_text(json.dumps(said))
 
+    monkeypatch.setattr(joined, "PAST", 20)
     monkeypatch.setattr(joined, "diagnose", diagnosed)
     monkeypatch.setattr(joined, "write", written)
     code, out, err = wt(*small)
     assert code == 0, err
-    assert STATEMENT in out and "World Translation on the patched simulator, ours" in out
+    assert STATEMENT in out and "translation on it, ours" in out
     said = json.loads((run / "joined.json").read_text())
     lines = {(x["simulator"], x["method"]): x for x in said["lines"]}
     assert len(lines) == 6
@@ -70,7 +71,11 @@ def test_translation_diagnosis_and_both(
         "model: " + str(run / "diagnosis" / "model.xml")
         in (run / "patched" / "config.yaml").read_text()
     )
-    assert (run / "joined.md").read_text().startswith("# go2_concealed\n\n| what | single-step MSE")
+    assert (
+        (run / "joined.md")
+        .read_text()
+        .startswith("# go2_concealed\n\n| MSE of the state | one step |")
+    )
     # again, after an interruption: nothing is diagnosed or trained anew
     (run / "joined.json").unlink()
     assert wt(*small, "--resume")[0] == 0
