@@ -49,6 +49,11 @@ GIVEN_MODEL = (
     "load is nobody tells it."
 )
 
+CONCEALED = (
+    "The simulator is set to R's observation and to where R's trunk is; of what R carries it knows "
+    "nothing."
+)
+
 
 @dataclass(frozen=True)
 class Published:
@@ -125,6 +130,8 @@ def tabulate(
         for m in methods
     }
     extra = {} if spec.hidden else {"note": NOTHING_HIDDEN}
+    if study.config.world.get("concealed"):
+        extra = {"note": CONCEALED}
     if study.config.world.get("model"):
         extra = {"note": GIVEN_MODEL}
     return Results(

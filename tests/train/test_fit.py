@@ -235,3 +235,20 @@ def test_of_an_average_answer_only_such_a_share_is_taken_as_helps(
     world = World(toy.spec, sim, real, Pairs(pairs.real, pairs.sim_next + noise))
     found = fit(world, method, folder, Sink()).frame.transport.numpy()
     assert np.abs(found).max() < 0.3
+
+
+def test_where_domains_are_one_the_simulator_s_answer_is_left_as_it_is(
+    paper: Method, folder: Path
+) -> None:
+    toy = Toy(0.0)
+    sim, real, other = (toy.collect(SIM, 20, seed) for seed in (1, 2, 3))
+    method = replace(
+        paper,
+        mean=replace(MEAN, simulator="mean"),
+        translation=Translation(conditioned=True, transport=True, anchored=True),
+        train=replace(paper.train, steps=10),
+    )
+    pairs = Pairs(other, other.s_next)
+    model = fit(World(toy.spec, sim, real, pairs), method, folder, Sink())
+    unit = torch.ones(toy.spec.n_state)
+    assert errors(model, PairTensors.of(pairs, unit, unit))[0] < 1e-9

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import logging
+import math
 import signal
 import warnings
 from collections.abc import Callable, Mapping
@@ -13,6 +15,7 @@ import torch
 from lightning.pytorch.callbacks import ModelCheckpoint
 
 from wt.config import Method
+from wt.nets.mlp import Ensemble
 from wt.nets.world_model import WorldModel
 from wt.train.batches import StepBatches, in_frame
 from wt.train.callbacks import CollapseWatch, Log, MetricSink, StartAtOwnStep
@@ -31,6 +34,8 @@ from wt.types import Pairs, Transitions, TransitionSpec
 
 STRENGTHS = tuple(k / 10 for k in range(11))
 """Shares of the translation that are tried on the validation pairs."""
+SHIFTS = (1.0, 0.75, 0.5, 0.25, 0.0)
+"""… and of the difference of the domains' averages."""
 
 
 def _ignore(metrics: Mapping[str, float], step: int) -> None:
@@ -178,19 +183,36 @@ def _choose_transport(
     """Take the closed-form transport if the validation pairs are better off with it.
 
     Where S's average answer stands in for what (o, a) says, S knows the rest only roughly at R's
-    (o, a): as large a share of it is taken as helps.
+    (o, a): as large a share of it is taken as helps. So it is with the difference of the averages:
+    where both domains do nearly the same, its noise is more than it corrects.
     """
     if not model.method.translation.transport:
         return
-    source, target = in_frame(model.frame, sim, real)
-    plain = model.frame.transport.clone()
-    shares = STRENGTHS if model.method.mean.simulator == "mean" else (1.0,)
-    options = [s * t for t in (plain, gaussian_transport(source.y, target.y)) for s in shares]
-    found = []
-    for option in options:
-        model.frame.transport.copy_(option)
-        found.append(errors(model, pairs)[0])
-    model.frame.transport.copy_(options[found.index(min(found))])
+    frame, averages = model.frame, model.method.mean.simulator == "mean"
+    plain, shift = frame.transport.clone(), copy.deepcopy(frame.shift)
+    best = math.inf, plain, shift
+    for part in SHIFTS if averages else (1.0,):
+        frame.shift = _scaled(shift, part)
+        source, target = in_frame(frame, sim, real)
+        for option in (plain, gaussian_transport(source.y, target.y)):
+            for share in STRENGTHS if averages else (1.0,):
+                frame.transport.copy_(share * option)
+                error = errors(model, pairs)[0]
+                if error < best[0]:
+                    best = error, share * option, frame.shift
+    frame.transport.copy_(best[1])
+    frame.shift = best[2]
+
+
+@torch.no_grad()
+def _scaled(shift: Ensemble | None, share: float) -> Ensemble | None:
+    """Regressors whose answers are a share of those of others."""
+    scaled = copy.deepcopy(shift)
+    for member in scaled.members if scaled else ():
+        last = list(member.children())[-1]
+        for values in last.parameters():
+            values.mul_(share)
+    return scaled
 
 
 @torch.no_grad()
