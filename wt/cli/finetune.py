@@ -31,7 +31,7 @@ def command(
 
     Example:
         wt-finetune --config conf/finetune_go2.yaml seeds=[0]
-        wt-finetune --config conf/finetune_go2.yaml variants=[none,translation] --out runs/tuned
+        wt finetune --config conf/finetune_go2.yaml --out runs/tuned --resume
     """
     from datetime import datetime
 
