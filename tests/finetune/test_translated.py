@@ -36,7 +36,7 @@ def environments(
 
 
 def hidden(env: Walking) -> Array:
-    return WalkingState(env.herd.robot, ball=True).hidden(env.herd)
+    return WalkingState(env.herd.robot, env.herd.model).hidden(env.herd)
 
 
 def test_the_task_s_state_is_what_a_robot_can_observe_of_itself(setting: Setting) -> None:

@@ -106,7 +106,7 @@ def run(config: Finetune, folder: Path, *, made_by: str, show: Show) -> tuple[di
 
 def _models(setting: Setting, folder: Path) -> dict[Variant, Card]:
     """Pull what variants translate with, unless a run that began has it, and see that it fits."""
-    config, spec, cards = setting.config, setting.world().spec, {}
+    config, cards = setting.config, {}
     references = {"translation": config.model, "diagnosed": config.diagnosed.model}
     for variant in config.variants:
         reference, home = references.get(variant), _model_home(folder, variant)
@@ -116,8 +116,7 @@ def _models(setting: Setting, folder: Path) -> dict[Variant, Card]:
         cards[variant] = (
             verify(home) if begun else pull(reference, home, uri=config.tracking.uri)[1]
         )
-        Registered(home / MODEL_FILE, cards[variant], spec)
-        setting.given(variant)
+        Registered(home / MODEL_FILE, cards[variant], setting.world(variant).spec)
     return cards
 
 

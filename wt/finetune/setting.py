@@ -10,15 +10,15 @@ import mujoco
 from wt.config import load as load_task
 from wt.errors import ConfigError
 from wt.finetune.config import Finetune, Variant
-from wt.finetune.given import read
 from wt.locomotion.config import Policy as Training
 from wt.locomotion.config import checked
 from wt.schema import merge, parse
-from wt.worlds.legged import Herd, Robot, Scene
-from wt.worlds.legged_model import LeggedPhysics
+from wt.types import Domain
+from wt.worlds.legged import Herd, Robot
 from wt.worlds.policy import Policy
 from wt.worlds.robots import robot_of
-from wt.worlds.walking import WalkingOptions, WalkingWorld
+from wt.worlds.walking import WalkingWorld
+from wt.worlds.walking_options import WalkingOptions
 
 
 @dataclass(frozen=True)
@@ -56,9 +56,9 @@ class Setting:
         robot = robot_of(options.robot)
         return cls(config, options, robot, Policy.load(options.policy, robot, options.sim))
 
-    def world(self) -> WalkingWorld:
-        """The task's world."""
-        return WalkingWorld(self.options)
+    def world(self, variant: Variant = "none") -> WalkingWorld:
+        """The task's world, as a variant has it."""
+        return WalkingWorld(self._options(variant))
 
     def training(self, variant: Variant, seed: int) -> Training:
         """How a variant is trained: as the base policy was, with what the configuration changes.
@@ -66,11 +66,11 @@ class Setting:
         Raises:
             ConfigError: the configuration's ``training`` holds what a trainer does not know.
         """
-        return self._trained_in(self.options.sim, f"{self.base.card.name}_{variant}", seed)
+        return self._trained_in("sim", f"{self.base.card.name}_{variant}", seed)
 
     def shown(self) -> Training:
         """The same in R, for a recording."""
-        return self._trained_in(self.options.real, self.base.card.name, 0)
+        return self._trained_in("real", self.base.card.name, 0)
 
     def reality(self, robots: int) -> Herd:
         """R, where policies are judged.
@@ -78,21 +78,25 @@ class Setting:
         Args:
             robots: how many.
         """
-        scene = Scene(self.options.payload, self.options.blocks)
-        threads = self.shown().threads
+        scene, threads = self.options.scene("real"), self.shown().threads
         return Herd(self.robot, self.world().model("real"), robots, scene, threads)
 
-    def given(self, variant: Variant) -> mujoco.MjSpec | None:
-        """What stands in S's place; None for the task's own.
+    def simulator(self, variant: Variant) -> mujoco.MjSpec:
+        """S of a variant: the task's, or what stands in its place.
 
         Raises:
-            ModelError: it cannot be read, or the robot is not in it as it was.
+            ModelError: that cannot be read, or is of another robot.
         """
-        path = self.config.diagnosed.mjcf if variant == "diagnosed" else None
-        return read(path, self.robot, self.options.payload is not None) if path else None
+        world, path = self.world(variant), self._options(variant).model
+        return world.description("sim") if path is None else mujoco.MjSpec.from_file(path)
 
-    def _trained_in(self, physics: LeggedPhysics, name: str, seed: int) -> Training:
-        scene = Scene(self.options.payload, self.options.blocks)
+    def _options(self, variant: Variant) -> WalkingOptions:
+        mjcf = self.config.diagnosed.mjcf
+        return self.options if variant != "diagnosed" else replace(self.options, model=mjcf)
+
+    def _trained_in(self, domain: Domain, name: str, seed: int) -> Training:
+        options = self.options
+        physics = options.sim if domain == "sim" else options.real
         tree: dict[str, Any] = merge(self.base.card.config, self.config.training)
-        tree |= {"name": name, "seed": seed, "physics": asdict(physics), "scene": asdict(scene)}
-        return checked(tree)
+        tree |= {"name": name, "seed": seed, "physics": asdict(physics)}
+        return checked(tree | {"scene": asdict(options.scene(domain))})

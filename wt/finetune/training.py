@@ -34,18 +34,19 @@ def environment(setting: Setting, variant: Variant, model: Path | None) -> Make:
         return functools.partial(Randomized, ranges=setting.config.randomization)
     if model is None:
         raise ModelError(f"variant {variant} has nothing to translate with")
-    world, alignment = setting.world(), setting.config.alignment
+    world, alignment = setting.world(variant), setting.config.alignment
     scale = None
     if alignment == "action":
         scale = world.collect("sim", SCALE_ROWS, seed=0).s_next.std(axis=0)
-    given = setting.given(variant)
+    simulator = setting.simulator(variant)
+    simulator.compile()
     return functools.partial(
         translated,
         folder=model,
         spec=world.spec,
         alignment=alignment,
         scale=scale,
-        mjcf=given.to_xml() if given else None,
+        mjcf=simulator.to_xml(),
     )
 
 

@@ -61,7 +61,7 @@ class Translated(Walking):
         """
         self._translate, self._scale, self._mjcf = translate, scale, mjcf
         super().__init__(config, device)
-        self._state = WalkingState(self.herd.robot, config.scene.payload is not None)
+        self._state = WalkingState(self.herd.robot, self.herd.model)
         self._probe = self._make_herd() if alignment == "action" else None
 
     def _make_herd(self) -> Herd:

@@ -241,10 +241,10 @@ class Herd:
         self.ctrl[:, self._drives] = self._default + self._scale * self.action
         if watch is None:
             self.batch.step(nstep=self._substeps)
-            return
-        for _ in range(self._substeps):
-            watch()
-            self.batch.step()
+        else:
+            for _ in range(self._substeps):
+                watch()
+                self.batch.step()
         self.steps += 1
 
     def observe(self) -> Array:
