@@ -40,6 +40,9 @@ hidden variables are never absent.
 ``ignored``: R's change is regressed on (o, a) alone.
 """
 
+Device = Literal["auto", "cpu", "cuda"]
+"""Where networks are trained; ``auto`` is CUDA where there is any."""
+
 Alignment = Literal["state", "action"]
 """How a simulator follows the translation: its state is overwritten, or its action corrected."""
 
@@ -185,6 +188,7 @@ class Fit:
     registry_name: str = omegaconf.MISSING
     seeds: list[int] = field(default_factory=lambda: [0])
     workers: int = 0
+    device: Device = "auto"
     world: dict[str, Any] = omegaconf.MISSING
     data: Data = field(default_factory=Data)
     paper: Method = field(default_factory=Method)

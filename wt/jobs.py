@@ -30,6 +30,7 @@ from wt.data.transitions import digest
 from wt.errors import WorkError
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.study import Study
+from wt.train.device import on
 from wt.train.fit import fit_world_model
 from wt.train.score import PairTensors, predictions
 
@@ -100,27 +101,30 @@ def train(study: Study, job: Job) -> None:
     data, config = study.data, study.config
     listener = study.listener
     if method not in (OURS, PAPERS_OWN):
-        baseline = find(method)(study.world.spec, config.baselines, seed)
-        baseline.train(
-            data.sim, data.real, data.validation, lambda k, n: listener.progress(str(job), k, n)
-        )
+        with on(config.device):
+            baseline = find(method)(study.world.spec, config.baselines, seed)
+            baseline.train(
+                data.sim, data.real, data.validation, lambda k, n: listener.progress(str(job), k, n)
+            )
+        baseline.nets.cpu()
         study.keep_baseline(seed, baseline)
         study.keep(seed, method, baseline.predict(data.test))
         return
-    model = fit_world_model(
-        study.world.spec,
-        job.settings(config),
-        data.sim,
-        data.real,
-        data.validation,
-        seed,
-        study.home(seed, job.key),
-        sink=lambda values, step: listener.metrics(
-            {f"{job.key}/seed{seed}/{k}": v for k, v in values.items()}, step
-        ),
-        warn=lambda line: listener.warn(f"{job}: {line}"),
-        progress=lambda k, n: listener.progress(str(job), k, n),
-    )
+    with on(config.device):
+        model = fit_world_model(
+            study.world.spec,
+            job.settings(config),
+            data.sim,
+            data.real,
+            data.validation,
+            seed,
+            study.home(seed, job.key),
+            sink=lambda values, step: listener.metrics(
+                {f"{job.key}/seed{seed}/{k}": v for k, v in values.items()}, step
+            ),
+            warn=lambda line: listener.warn(f"{job}: {line}"),
+            progress=lambda k, n: listener.progress(str(job), k, n),
+        ).cpu()
     study.keep_model(seed, job.key, model)
     tensors = PairTensors.of(data.test, model.frame.state.std, model.frame.change.std)
     study.keep(seed, job.key, predictions(model, tensors).numpy())

@@ -19,6 +19,7 @@ from wt.errors import ConfigError
 from wt.evaluate.single_step import Scales
 from wt.nets.world_model import WorldModel
 from wt.show.files import write_whole
+from wt.train import device
 from wt.worlds.base import World, make
 from wt.worlds.closed_loop import ClosedLoop
 from wt.worlds.collect import Collected, collect
@@ -32,8 +33,9 @@ def check(config: Fit) -> None:
 
     Raises:
         ConfigError: a world, one of its options, or a baseline is not known; a world is to be
-            diagnosed that cannot be recorded.
+            diagnosed that cannot be recorded; this machine has no such device.
     """
+    device.check(config.device)
     world = make(config.world)
     if config.diagnose and not (isinstance(world, Recorded) and isinstance(world, ClosedLoop)):
         raise ConfigError(

@@ -80,7 +80,7 @@ class Baseline(ABC):
         pairs = self._validation
         if pairs is None:
             return None
-        scale = self.frame.state.std.numpy()
+        scale = self.frame.state.std.cpu().numpy()
         return lambda: float((((self.predict(pairs) - pairs.real.s_next) / scale) ** 2).mean())
 
     def build(self) -> dict[str, nn.Module]:
@@ -118,7 +118,7 @@ class Baseline(ABC):
 
     def states(self, pairs: Pairs, change: Tensor) -> np.ndarray:
         """Next states in physical units for normalised changes."""
-        return self.frame.next_states(torch.tensor(pairs.real.o), change).numpy()
+        return self.frame.next_states(torch.tensor(pairs.real.o), change).cpu().numpy()
 
 
 _BASELINES: dict[str, type[Baseline]] = {}

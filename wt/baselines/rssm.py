@@ -17,6 +17,7 @@ from torch import Tensor, nn
 from wt.baselines.base import Baseline, register
 from wt.data.history import History
 from wt.nets.mlp import mlp
+from wt.train.device import seeded
 from wt.train.regression import Progress, Regression, regress
 from wt.types import Pairs, Transitions
 
@@ -69,7 +70,7 @@ class RSSM(Baseline):
         x, _, change = self.tensors(real)
         history = History(real, self.settings.history)
         cell = self.cell
-        noise = torch.Generator().manual_seed(self.seed)
+        noise = seeded(self.seed)
         budget = self.budget()
         # a window holds history + 1 transitions: same number of transitions per step as others
         batch = max(1, budget.batch // (history.length + 1))

@@ -43,7 +43,7 @@ class Normalizer(nn.Module):
         Raises:
             DataError: the sample is empty or has another number of channels.
         """
-        sample = np.asarray(array)
+        sample = np.asarray(array.cpu() if isinstance(array, Tensor) else array)
         if sample.ndim != 2 or len(sample) == 0 or sample.shape[1] != len(self.mean):
             raise DataError(
                 f"normaliser: a sample of shape {sample.shape} was given; "

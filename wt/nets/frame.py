@@ -107,7 +107,7 @@ class Frame(nn.Module):
         positions, velocities = (list(x) for x in zip(*self.spec.integrated, strict=True))
         # q′ = q + q̇′ / rate
         moved = o[:, positions] + state[:, velocities] / self.spec.rate_hz
-        return state.index_copy(1, torch.tensor(positions), moved)
+        return state.index_copy(1, torch.tensor(positions, device=o.device), moved)
 
     def nominal_change(self, x: Float[Tensor, "batch condition"]) -> Float[Tensor, "batch state"]:
         """n(o, a): the nominal simulator's normalised change; zero without a mean field."""

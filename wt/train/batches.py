@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from wt.nets.frame import Frame
+from wt.train.device import seeded
 from wt.train.segments import Segment, Segments
 from wt.types import Transitions
 
@@ -113,7 +114,7 @@ class StepBatches:
         """The batch of one step."""
         # torch looks at 32 bits of a seed only, so both numbers are hashed into those
         hashed = int(np.random.SeedSequence((self._seed, step)).generate_state(1)[0])
-        generator = torch.Generator().manual_seed(hashed)
+        generator = seeded(hashed)
 
         def draw(data: DomainData) -> DomainData:
             return data.rows(torch.randint(len(data.x), (self._batch,), generator=generator))

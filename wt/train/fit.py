@@ -91,7 +91,8 @@ def fit_world_model(
     module = WorldTranslation(model, pairs)
     on_step = progress and (lambda k, _: progress(extra + k, total))
     best = _run(module, batches, folder, sink, warn, on_step)
-    module.load_state_dict(torch.load(best, weights_only=True)["state_dict"])
+    module.to(pairs.o.device)  # Lightning leaves what it trained on the CPU
+    module.load_state_dict(torch.load(best, "cpu", weights_only=True)["state_dict"])
     chosen = module.deployed().eval()
     _choose_strength(chosen, pairs)
     return chosen
@@ -109,7 +110,7 @@ def _mean_field(
     """Fit the mean field once; an interrupted run finds it again."""
     kept = folder / "mean_field.pt"
     if kept.exists():
-        model.frame.load_state_dict(torch.load(kept, weights_only=True))
+        model.frame.load_state_dict(torch.load(kept, "cpu", weights_only=True))
         model.frame.requires_grad_(False)
         return
     # an untrained decoder has no say only where its difference is added to the simulator's answer
@@ -131,7 +132,7 @@ def _run(
     progress: Progress | None,
 ) -> Path:
     """Algorithm 1's loop; returns the checkpoint with the lowest validation error."""
-    train = module.model.method.train
+    train, device = module.model.method.train, torch.get_default_device()
     best = ModelCheckpoint(folder, "best", monitor="val/mse")
     # one of its own: save_last of the one above writes only when the error has fallen
     newest = ModelCheckpoint(folder, "last", enable_version_counter=False)
@@ -141,7 +142,8 @@ def _run(
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", module="lightning")
         trainer = lightning.Trainer(
-            accelerator="cpu",
+            accelerator=device.type,
+            devices=1 if device.type == "cpu" else [device.index],
             max_epochs=train.steps // train.validate_every,
             limit_train_batches=train.validate_every,
             callbacks=[

@@ -17,6 +17,7 @@ from torch import Tensor, nn
 from wt.config import Mean
 from wt.losses.robust import cauchy
 from wt.nets.frame import Frame
+from wt.train.device import seeded
 from wt.train.regression import Progress, Regression, Score, mean_square, regress
 from wt.types import Transitions
 
@@ -104,7 +105,7 @@ def _fit_member(
     score: Score | None,
 ) -> None:
     """Train one regressor of δ."""
-    noise = torch.Generator().manual_seed(seed)
+    noise = seeded(seed)
 
     def error(rows: Tensor) -> Tensor:
         x = inputs[rows]

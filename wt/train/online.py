@@ -18,6 +18,7 @@ from wt.losses.robust import cauchy
 from wt.nets.world_model import WorldModel
 from wt.train import phases
 from wt.train.batches import StepBatch, StepBatches, in_frame
+from wt.train.device import seeded
 from wt.types import Transitions
 
 BETAS = (0.5, 0.9)
@@ -108,7 +109,7 @@ class OnlineAdaptation:
         elif mean.simulator == "mean":
             nominal = frame.nominal_change(x).detach()
         target = frame.changes(o, s_next) - nominal
-        generator = torch.Generator().manual_seed(self._seed + self._seen)
+        generator = seeded(self._seed + self._seen)
         for _ in range(online.iterations):
             rows = torch.randint(len(x), (mean.batch,), generator=generator)
             error = frame.shift_change(x[rows], nominal[rows]) - target[rows]

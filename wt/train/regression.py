@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+from wt.train.device import seeded
+
 Loss = Callable[[Tensor, float], Tensor]
 """(error of a batch (batch, channels), progress 0…1) → scalar loss."""
 
@@ -72,7 +74,7 @@ def regress(
         progress: called with (done, total) steps.
         score: looked at ``LOOKS`` times; the weights of the lowest are kept. None keeps the last.
     """
-    generator = torch.Generator().manual_seed(settings.seed)
+    generator = seeded(settings.seed)
     optimizer = torch.optim.AdamW(
         net.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay
     )

@@ -17,6 +17,7 @@ from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
 from wt.reproduce.words import mean, spread
 from wt.study import Study
 from wt.train.batches import DomainData, in_frame
+from wt.train.device import on
 from wt.train.mean_field import fit_normalizers
 from wt.train.translation_only import Curves, OutcomeTranslator, train_translation
 
@@ -56,21 +57,23 @@ class Collapse(Exhibit):
 
     def _on_features(self, bench: Bench, study: Study, seed: int) -> dict[str, Any]:
         sim, real = bench.features(study, FULL, seed)
-        data_sim, data_real = (
-            DomainData(*(torch.tensor(x) for x in (f.condition, f.z, f.outcome)))
-            for f in (sim, real)
-        )
-        torch.manual_seed(seed)
-        model = OutcomeTranslator(sim.z.shape[1], 0, study.config.paper)
-        return _said(train_translation(model, data_sim, data_real, seed))
+        with on(study.config.device):
+            data_sim, data_real = (
+                DomainData(*(torch.tensor(x) for x in (f.condition, f.z, f.outcome)))
+                for f in (sim, real)
+            )
+            torch.manual_seed(seed)
+            model = OutcomeTranslator(sim.z.shape[1], 0, study.config.paper)
+            return _said(train_translation(model, data_sim, data_real, seed))
 
     def _on_observations(self, study: Study, seed: int) -> dict[str, Any]:
         spec, data = study.world.spec, study.data
-        frame = _frame(study)
-        torch.manual_seed(seed)
-        model = OutcomeTranslator(spec.n_state, frame.n_condition, study.config.paper)
-        seen = train_translation(model, *in_frame(frame, data.sim, data.real), seed)
-        real = data.test.real
+        with on(study.config.device):
+            frame = _frame(study)
+            torch.manual_seed(seed)
+            model = OutcomeTranslator(spec.n_state, frame.n_condition, study.config.paper)
+            seen = train_translation(model, *in_frame(frame, data.sim, data.real), seed)
+        model, frame, real = model.cpu(), frame.cpu(), data.test.real
         with torch.no_grad():
             o = torch.tensor(real.o)
             x = frame.conditions(o, torch.tensor(real.a))

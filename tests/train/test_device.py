@@ -1,0 +1,60 @@
+"""Where networks are trained."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+import torch
+
+from tests.learning.test_toy_translation import NETS, SPEC, both_answers, collect
+from wt.baselines.base import find
+from wt.config import Baselines, Method, Train
+from wt.errors import ConfigError
+from wt.train.device import check, on, seeded
+from wt.train.fit import fit_world_model
+
+
+@pytest.fixture
+def two_gpus(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+
+
+def test_a_cuda_device_that_is_not_there_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    with pytest.raises(ConfigError, match="use auto or cpu"):
+        check("cuda")
+    check("auto")
+    check("cpu")
+    assert on("auto") == torch.device("cpu")
+
+
+@pytest.mark.usefixtures("two_gpus")
+def test_processes_are_spread_over_devices(monkeypatch: pytest.MonkeyPatch) -> None:
+    for process, index in ((10, 0), (11, 1), (12, 0)):
+        monkeypatch.setattr(os, "getpid", lambda process=process: process)
+        assert on("auto") == on("cuda") == torch.device("cuda", index)
+    assert on("cpu") == torch.device("cpu")
+
+
+def test_generators_follow_the_device_and_repeat() -> None:
+    with on("cpu"):
+        first, second = (torch.rand(3, generator=seeded(4)) for _ in range(2))
+    assert torch.equal(first, second)
+    assert seeded(0).device == torch.device("cpu")
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device on this machine")
+def test_every_method_trains_on_cuda_and_leaves_what_the_cpu_reads(tmp_path: Path) -> None:
+    sim, real, pairs = collect("sim", 2000, 0), collect("real", 2000, 1), both_answers(200, 2)
+    method = Method(nets=NETS, train=Train(steps=20, validate_every=10, batch=64, segment=2))
+    with on("cuda") as device:
+        model = fit_world_model(SPEC, method, sim, real, pairs, 0, tmp_path)
+        assert {p.device for p in model.parameters()} == {device}
+        for name in Baselines().names:
+            baseline = find(name)(SPEC, Baselines(steps=20, batch=64, width=16), 0)
+            baseline.train(sim, real, pairs)
+            baseline.nets.cpu()
+    assert model.cpu().strength.device == torch.device("cpu")

@@ -1,0 +1,41 @@
+"""Where networks are trained: on the CPU, or on a CUDA device where there is one.
+
+All tensors of a training are made inside ``with on(…):``, so that no function has to be told where
+it works. What is kept of a training is on the CPU, and so are evaluation and export.
+"""
+
+from __future__ import annotations
+
+import os
+
+import torch
+
+from wt.config import Device
+from wt.errors import ConfigError
+
+
+def check(name: Device) -> None:
+    """Refuse a device that this machine does not have.
+
+    Raises:
+        ConfigError: ``cuda``, and there is none.
+    """
+    if name == "cuda" and not torch.cuda.is_available():
+        raise ConfigError("device: 'cuda' was given, and torch finds none; use auto or cpu")
+
+
+def on(name: Device) -> torch.device:
+    """The device of a name, as a context in which new tensors are made on it.
+
+    Args:
+        name: ``cpu``, ``cuda`` or ``auto``, which is CUDA where there is any. Processes that train
+            side by side are spread over the machine's CUDA devices.
+    """
+    if name == "cpu" or not torch.cuda.is_available():
+        return torch.device("cpu")
+    return torch.device("cuda", os.getpid() % torch.cuda.device_count())
+
+
+def seeded(seed: int) -> torch.Generator:
+    """A generator on the device that tensors are made on now."""
+    return torch.Generator(torch.get_default_device()).manual_seed(seed)
