@@ -33,18 +33,18 @@ def elsewhere(motion: Motion, hypothesis: Sequence[Planted]) -> tuple[Planted, .
 
 def force(motion: Motion, planted: Planted) -> Array | None:
     """An effect's generalised force, (T, nv) [N·m]; None if it has no signature in forces."""
-    effect, columns = planted.effect, signature(motion, planted)
-    if columns is None:
+    found = _shaped(motion, planted)
+    if found is None:
         return None
-    shapes, k = effect.shapes(motion, planted.at), columns.shape[2]
-    shape = _shape(planted, shapes, k) if shapes[0] else shapes[0]
+    columns, shape = found
+    effect = planted.effect
     scale = np.abs(planted.theta) + effect.steps()
 
     def miss(coefficients: Array) -> Array:
         off = (effect.theta(coefficients, shape) - planted.theta) / scale
         return np.nan_to_num(off, nan=1e3, posinf=1e3, neginf=-1e3)
 
-    return np.asarray(columns @ least_squares(miss, np.ones(k)).x)
+    return np.asarray(columns @ least_squares(miss, np.ones(columns.shape[2])).x)
 
 
 def reduced(motion: Motion, some: Sequence[Planted]) -> Motion:
@@ -65,14 +65,21 @@ def signature(motion: Motion, planted: Planted) -> Array | None:
 
     None if it has no signature in forces.
     """
+    found = _shaped(motion, planted)
+    return None if found is None else found[0]
+
+
+def _shaped(motion: Motion, planted: Planted) -> tuple[Array, Shape] | None:
+    """The columns of :func:`signature`, and the shape they are of."""
     effect, at = planted.effect, planted.at
     shapes = effect.shapes(motion, at)
     if not shapes:
         return None
-    columns = effect.columns(motion, at, shapes[0])
-    if not shapes[0]:
-        return columns
-    return effect.columns(motion, at, _shape(planted, shapes, columns.shape[2]))
+    columns, shape = effect.columns(motion, at, shapes[0]), shapes[0]
+    if shape:
+        shape = _shape(planted, shapes, columns.shape[2])
+        columns = effect.columns(motion, at, shape)
+    return columns, shape
 
 
 def _shape(planted: Planted, shapes: Sequence[Shape], k: int) -> Shape:
