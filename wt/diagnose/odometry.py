@@ -22,8 +22,8 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from wt.errors import RecordingError
-from wt.physics import base, contact, ground
-from wt.physics.reach import reaching
+from wt.physics import base, ground
+from wt.physics.reach import beside, reaching
 from wt.physics.scene import Scene
 
 Array = np.ndarray
@@ -205,7 +205,7 @@ def _pull(imu: _Imu, turned: Rotation) -> Array | None:
 def _feet(scene: Scene, joint: str, turned: Rotation, turning: Array, q: Array, v: Array) -> _Feet:
     """The points that may be standing at each sample, and what each says of the base's speed."""
     m = scene.model
-    fixed, planes = contact.fixed(m), ground.planes(m)
+    planes = ground.planes(m)
     if not planes:
         raise RecordingError(
             "where the base was can be computed on a floor only: the model has no plane"
@@ -225,16 +225,12 @@ def _feet(scene: Scene, joint: str, turned: Rotation, turning: Array, q: Array, 
         mujoco.mj_kinematics(m, d)
         mujoco.mj_comPos(m, d)
         mujoco.mj_collision(m, d)
-        geoms, distance = np.array(d.contact.geom), np.array(d.contact.dist)
-        possible = (geoms == planes[0]).any(axis=1) & ~fixed[geoms].all(axis=1)
-        lowest = distance[possible].min(initial=np.inf)
+        points, bodies, distance = beside(m, d, planes[0])
+        above = distance - distance.min(initial=np.inf)
         rows = []
-        for c in np.flatnonzero(possible & (distance < lowest + _REACH)):
-            sign = 1.0 if geoms[c, 0] == planes[0] else -1.0
-            point = d.contact.pos[c] + 0.5 * sign * distance[c] * d.contact.frame[c, :3]
-            other = geoms[c, 1] if sign > 0.0 else geoms[c, 0]
-            mujoco.mj_jac(m, d, jacobian, None, point, m.geom_bodyid[other])
-            rows.append((*(-jacobian @ rate), distance[c] - lowest, *(point - pose[dofs[:3]])))
+        for c in np.flatnonzero(above < _REACH):
+            mujoco.mj_jac(m, d, jacobian, None, points[c], bodies[c])
+            rows.append((*(-jacobian @ rate), above[c], *(points[c] - pose[dofs[:3]])))
         found.append(np.array(rows).reshape(-1, 7))
     most = max((len(rows) for rows in found), default=0)
     table = np.full((len(found), max(most, 1), 7), np.nan)

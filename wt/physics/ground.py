@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from sklearn.linear_model import LinearRegression, RANSACRegressor
 
-from wt.physics.reach import reaching
+from wt.physics.reach import beside, reaching
 from wt.physics.scene import Scene
 
 Array = np.ndarray
@@ -102,14 +102,9 @@ def _standing(scene: Scene, geom: int, q: Array, v: Array) -> Array:
     for k in range(0, len(q), max(1, len(q) // _SAMPLES)):
         d.qpos[:] = q[k]
         mujoco.mj_fwdPosition(m, d)
-        for contact in d.contact:
-            if geom not in contact.geom:
-                continue
-            # the normal points from the first geom to the second, whose surface is half a gap on
-            sign = 1.0 if contact.geom[0] == geom else -1.0
-            point = contact.pos + sign * 0.5 * contact.dist * contact.frame[:3]
-            other = int(contact.geom[1] if sign > 0.0 else contact.geom[0])
-            mujoco.mj_jac(m, d, jacobian, None, point, m.geom_bodyid[other])
+        points, bodies, _ = beside(m, d, geom)
+        for point, body in zip(points, bodies, strict=True):
+            mujoco.mj_jac(m, d, jacobian, None, point, body)
             if np.linalg.norm(jacobian @ v[k]) < _STANDING:
                 found.append(point[None])
     return np.concatenate(found)

@@ -1,8 +1,11 @@
-"""Contacts that are not there yet: copies of models that see them from a distance."""
+"""Contacts that are not there yet: copies of models that see them from a distance, and where."""
 
 from __future__ import annotations
 
 import mujoco
+import numpy as np
+
+Array = np.ndarray
 
 
 def reaching(model: mujoco.MjModel, gap: float, geom: int | None = None) -> mujoco.MjModel:
@@ -22,3 +25,26 @@ def reaching(model: mujoco.MjModel, gap: float, geom: int | None = None) -> mujo
     # bodies of several geoms are passed over by what was compiled: the gaps of before
     copy.body_margin[:] = gap
     return copy
+
+
+def beside(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> tuple[Array, Array, Array]:
+    """What moves and is close to a geom, in the contacts that were found, C of them.
+
+    Args:
+        model: of :func:`reaching`.
+        data: after a search for contacts.
+        geom: the one that the others are close to.
+
+    Returns:
+        Points of the other surfaces, (C, 3) [m] in the world; their bodies, (C,); their distances
+        from the geom, (C,) [m].
+    """
+    geoms, first = np.array(data.contact.geom), np.array(data.contact.geom[:, 0] == geom)
+    bodies = model.geom_bodyid[np.where(first, geoms[:, 1], geoms[:, 0])]
+    # two fixed geoms may touch only if the model pairs them by name
+    some = (geoms == geom).any(axis=1) & (model.body_weldid[bodies] != 0)
+    distance = np.array(data.contact.dist[some])
+    # the normal points from the first geom to the second, whose surface is half a gap on
+    half = 0.5 * np.where(first[some], 1.0, -1.0) * distance
+    points = data.contact.pos[some] + half[:, None] * data.contact.frame[some, :3]
+    return points, bodies[some], distance
