@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 from tests.physics import stool
+from wt.diagnose.observe import Observer
 from wt.diagnose.odometry import located
-from wt.diagnose.samples import Part
+from wt.diagnose.prepare import prepare
 from wt.diagnose.screen import Screen
 from wt.diagnose.smooth import smooth
 from wt.errors import RecordingError
 from wt.physics import base
 from wt.physics.scene import Scene
-from wt.types import Recording
+from wt.types import Channel, Recording
 
 SENSORS = ("gyro", "accelerometer", "orientation")
 
@@ -71,13 +72,30 @@ def test_too_little_is_said_to_be(
 ) -> None:
     known = without_base(whole, *sensors)
     with pytest.raises(RecordingError, match=r"qpos/root/0…6, or a gyro and an accelerometer"):
-        smooth(machine, [Part(known, 0)])
+        prepare(machine, [known], [])
 
 
 def test_a_load_is_seen_by_an_imu(machine: Scene) -> None:
     edit = stool.loaded(1.0, (0.08, -0.03, 0.06))
     recorded = [stool.recording(seed, edit, seconds=5.0, imu=SENSORS) for seed in (3, 4)]
-    parts = [Part(without_base(r, "gyro", "accelerometer"), i) for i, r in enumerate(recorded)]
-    best = Screen(smooth(machine, parts)).rank([])[0]
+    first, second = (without_base(r, "gyro", "accelerometer") for r in recorded)
+    prepared = prepare(machine, [first], [second])
+    best = Screen(smooth(machine, [*prepared.fit, *prepared.held])).rank([])[0]
     assert (best.planted.effect.id, best.planted.at.name) == ("body.payload_fixed", "trunk")
     assert best.planted.theta[0] == pytest.approx(1.0, abs=0.4)
+
+
+def test_a_translation_sees_the_base_move(machine: Scene, whole: Recording) -> None:
+    """The second half, while it shuffles about: turning as the gyro says, up as it was."""
+    channels = [Channel(f"{kind}/{axis}", "1") for kind in ("gyro", "gravity") for axis in "xyz"]
+    action = [Channel(f"ctrl/{stool.JOINTS[0]}", "rad")]
+    observer = Observer(machine, channels, action, 50.0)
+
+    def seen(recording: Recording) -> np.ndarray:
+        part, *_ = prepare(machine, [recording], []).fit
+        state = observer.states(part.recording)
+        return observer.seen(channels, state, state.ctrl)[len(state.t) // 2 :]
+
+    true, found = seen(whole), seen(without_base(whole, "gyro", "orientation"))
+    assert (np.std(true, axis=0)[[0, 1, 3, 4]] > 0.005).all()
+    assert np.std(found - true, axis=0) == pytest.approx(np.zeros(6), abs=0.003)

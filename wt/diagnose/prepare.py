@@ -1,16 +1,21 @@
-"""Recordings are read, checked against the model, and split into fitted and held-out parts."""
+"""Recordings are read, checked against the model, completed, and split.
+
+Completed: with where a floating base was, if only its IMU was recorded. Split: into fitted and
+held-out parts.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from wt.data import recording as recordings
+from wt.diagnose.odometry import located
 from wt.diagnose.result import Role, Used
-from wt.diagnose.samples import Part
+from wt.diagnose.samples import Part, stamps
 from wt.errors import RecordingError
 from wt.physics.scene import Scene
 from wt.types import Recording
@@ -25,7 +30,7 @@ _STILL = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """Checked recordings, split.
+    """Checked and completed recordings, split.
 
     Attributes:
         fit: parts that may be fitted.
@@ -43,7 +48,7 @@ class Prepared:
 
 
 def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) -> Prepared:
-    """Read, check and split recordings.
+    """Read, check, complete and split recordings.
 
     Args:
         scene: the machine.
@@ -51,7 +56,8 @@ def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) ->
         holdout: recordings for the proof only.
 
     Raises:
-        RecordingError: one of them cannot be used; the message names it.
+        RecordingError: one of them cannot be used, or where its base was cannot be known; the
+            message names it.
     """
     if not given:
         raise RecordingError("no recording was given; give at least one .parquet file")
@@ -89,9 +95,9 @@ def _read(scene: Scene, source: Source, index: int) -> tuple[str, Recording]:
     try:
         recordings.check_against(recording, scene.given)
         _check_contents(scene, recording)
+        return name, _completed(scene, recording)
     except RecordingError as error:
         raise RecordingError(f"'{name}': {error}") from error
-    return name, recording
 
 
 def _told_apart(named: list[tuple[str, Recording]]) -> list[tuple[str, Recording]]:
@@ -127,6 +133,14 @@ def _check_contents(scene: Scene, recording: Recording) -> None:
             "every command is constant and nothing moves: nothing is excited, so nothing can be "
             "learned; record a motion, for example the one of --suggest-experiment"
         )
+
+
+def _completed(scene: Scene, recording: Recording) -> Recording:
+    """A recording with the pose of every base that floats."""
+    columns = dict(recording.columns)
+    for joint in scene.free:
+        columns |= located(scene, joint, stamps(recording), columns)
+    return replace(recording, columns=columns)
 
 
 def _swings(scene: Scene, recording: Recording) -> bool:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import isotonic_regression
 
-from wt.diagnose.odometry import located
 from wt.errors import RecordingError
 from wt.physics import base
 from wt.physics.scene import Scene
@@ -68,10 +67,10 @@ class Samples:
 
 
 def samples_of(scene: Scene, parts: Sequence[Part]) -> tuple[Samples, ...]:
-    """The segments without long gaps of some recordings.
+    """The segments without long gaps of some prepared recordings.
 
     Raises:
-        RecordingError: nothing is left, or where a base was cannot be known.
+        RecordingError: nothing is left.
     """
     found = []
     for part in parts:
@@ -79,7 +78,6 @@ def samples_of(scene: Scene, parts: Sequence[Part]) -> tuple[Samples, ...]:
         t = stamps(recording)
         m, columns = scene.model, dict(recording.columns)
         for joint in scene.free:
-            columns |= located(scene, joint, t, columns)
             columns |= base.coordinates(joint, columns)
         q = _table(len(recording), columns, [f"qpos/{name}" for name in scene.joints])
         v = _table(len(recording), columns, [f"qvel/{name}" for name in scene.joints])
