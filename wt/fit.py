@@ -11,20 +11,16 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 
-from wt.config import Fit, load, to_yaml
+from wt.config import Fit, load
 from wt.errors import ConfigError
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.evaluate.single_step import Errors, errors
 from wt.jobs import Job, run_jobs
 from wt.publish import Published, check_name, publish
-from wt.schema import flat
-from wt.show.files import write_whole
+from wt.run_folder import claim, keep, tracked
 from wt.study import Listener, Study, check
-from wt.track import Run, run
+from wt.track import Run
 from wt.worlds.base import kind_of
-
-CONFIG = "config.yaml"
-RUN_ID = "mlflow_run_id"
 
 
 def on_model(config: Fit, model: Path) -> Fit:
@@ -58,25 +54,11 @@ def open_folder(config: Fit, folder: Path, resume: bool) -> Fit:
         ConfigError: the folder holds another run, or none to resume, or is a file; the
             configuration cannot be run.
     """
-    kept = folder / CONFIG
-    if folder.exists() and not folder.is_dir():
-        raise ConfigError(f"--out: {folder} is a file; name a folder, new or empty")
-    if resume:
-        if not kept.exists():
-            raise ConfigError(f"--resume: {folder} holds no run ({CONFIG} is missing)")
-        begun = load(kept)
-        if to_yaml(begun) != to_yaml(config):
-            raise ConfigError(
-                f"--resume: the configuration differs from {kept}, with which the run began; "
-                f"resume with --config {kept} and no overrides, or choose a new --out"
-            )
-        return begun
-    if kept.exists():
-        raise ConfigError(f"{folder} already holds a run; add --resume, or choose a new --out")
-    check(config)
-    check_name(config)
-    folder.mkdir(parents=True, exist_ok=True)
-    write_whole(kept, to_yaml(config))
+    config = claim(config, folder, load, resume)
+    if not resume:
+        check(config)
+        check_name(config)
+        keep(config, folder)
     return config
 
 
@@ -91,18 +73,12 @@ def fit(config: Fit, folder: Path, listener: Listener) -> tuple[Published, Run]:
     Returns:
         What was published, and the MLflow run.
     """
-    kept = folder / RUN_ID
-    run_id = kept.read_text().strip() if kept.exists() else None
-    tracking = config.tracking
-    with run(tracking.experiment, folder.name, uri=tracking.uri, run_id=run_id) as tracked:
-        write_whole(kept, tracked.id)
-        tracked.params(flat(config))
-        tracked.text(to_yaml(config), CONFIG)
-        study = Study.open(config, folder, _Logged(listener, tracked))
+    with tracked(config, folder) as current:
+        study = Study.open(config, folder, _Logged(listener, current))
         methods = [OURS, PAPERS_OWN, *reversed(config.baselines.names)]
         run_jobs(study, [Job(seed, method) for seed in config.seeds for method in methods])
-        by_seed = {seed: _evaluate(study, seed, tracked) for seed in config.seeds}
-        return publish(study, by_seed, tracked), tracked
+        by_seed = {seed: _evaluate(study, seed, current) for seed in config.seeds}
+        return publish(study, by_seed, current), current
 
 
 class _Logged:

@@ -31,7 +31,8 @@ from wt.diagnose.write import write
 from wt.errors import ConfigError
 from wt.evaluate.multi_step import Step, of_model, roll_out, simulator
 from wt.evaluate.results import OURS, PAPERS_OWN, Results
-from wt.fit import CONFIG, fit, on_model, open_folder
+from wt.fit import fit, on_model, open_folder
+from wt.run_folder import CONFIG
 from wt.show.files import write_together, write_whole
 from wt.show.text import markdown_table, short, terminal_table
 from wt.study import Listener, Study

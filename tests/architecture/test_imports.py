@@ -17,7 +17,7 @@ LEVELS = [
     {"types", "errors"},
     {"schema", "config", "data", "nets", "losses", "physics", "show", "worlds"},
     {"train", "translate", "baselines", "diagnose"},
-    {"evaluate", "export", "locomotion", "track"},
+    {"evaluate", "export", "locomotion", "run_folder", "track"},
     {"study", "jobs", "publish", "finetune", "fit", "joined", "prove", "registered", "reproduce"},
     {"cli", "__init__"},
 ]

@@ -41,13 +41,14 @@ def command(
     from wt.locomotion.job import find_rsl_rl
 
     find_rsl_rl()
-    from wt.finetune.job import CONFIG, open_folder, run
+    from wt.finetune.job import run
     from wt.finetune.results import table
+    from wt.run_folder import CONFIG, claim
 
     if resume and out is None:
         raise ConfigError("--resume needs --out: the folder of the run to continue")
     folder = out or Path("runs") / f"finetune-{datetime.now():%Y-%m-%dT%H-%M-%S}"
-    settings = open_folder(load(config, overrides or []), folder, resume)
+    settings = claim(load(config, overrides or []), folder, load, resume)
     words = " ".join(["wt-finetune", "--config", str(config), *(overrides or [])])
     try:
         with bar("fine-tuning") as show:

@@ -44,8 +44,9 @@ def command(
     from wt.cli._progress import bars
     from wt.config import load
     from wt.errors import ConfigError, WorkError
-    from wt.fit import CONFIG, fit, on_model, open_folder
+    from wt.fit import fit, on_model, open_folder
     from wt.joined import join
+    from wt.run_folder import CONFIG
 
     if resume and out is None:
         raise ConfigError("--resume needs --out: the folder of the run to continue")

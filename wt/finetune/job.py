@@ -14,49 +14,17 @@ from typing import Any
 from registry.card import MODEL_FILE, Card
 from registry.parity import verify
 from registry.pull import pull
-from wt.errors import ConfigError
-from wt.finetune.config import Finetune, Variant, load
+from wt.finetune.config import Finetune, Variant
 from wt.finetune.evaluate import Downstream, evaluate
 from wt.finetune.results import plain, save
 from wt.finetune.setting import Setting
 from wt.finetune.training import adapt
 from wt.registered import Registered
-from wt.schema import flat, to_yaml
-from wt.show.files import write_whole
+from wt.run_folder import CONFIG, keep, tracked
 from wt.track import Run
-from wt.track import run as tracking
-
-CONFIG = "config.yaml"
-RUN_ID = "mlflow_run_id"
 
 Show = Callable[[str, float], None]
 """Told what is being done and which share of it is behind."""
-
-
-def open_folder(config: Finetune, folder: Path, resume: bool) -> Finetune:
-    """Claim a run's folder and keep the configuration in it.
-
-    Args:
-        config: the resolved configuration.
-        folder: the run's folder.
-        resume: continue the run in it.
-
-    Raises:
-        ConfigError: it is a file, holds another run, or none to resume.
-    """
-    kept = folder / CONFIG
-    if folder.exists() and not folder.is_dir():
-        raise ConfigError(f"--out: {folder} is a file; name a folder, new or empty")
-    if resume and not kept.exists():
-        raise ConfigError(f"--resume: {folder} holds no run ({CONFIG} is missing)")
-    if resume and to_yaml(load(kept)) != to_yaml(config):
-        raise ConfigError(
-            f"--resume: the configuration differs from {kept}, with which the run began; "
-            f"resume with --config {kept} and no overrides, or choose a new --out"
-        )
-    if not resume and kept.exists():
-        raise ConfigError(f"{folder} already holds a run; add --resume, or choose a new --out")
-    return config
 
 
 def run(config: Finetune, folder: Path, *, made_by: str, show: Show) -> tuple[dict[str, Any], Run]:
@@ -79,16 +47,9 @@ def run(config: Finetune, folder: Path, *, made_by: str, show: Show) -> tuple[di
     setting = Setting.of(config)
     iterations = setting.training("none", config.seeds[0]).ppo.iterations
     models = _models(setting, folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    write_whole(folder / CONFIG, to_yaml(config))
-    kept = folder / RUN_ID
-    run_id = kept.read_text().strip() if kept.exists() else None
-    where = config.tracking
-    with tracking(where.experiment, folder.name, uri=where.uri, run_id=run_id) as tracked:
-        write_whole(kept, tracked.id)
-        tracked.params(flat(config))
-        tracked.text(to_yaml(config), CONFIG)
-        found = _figures(setting, folder, made_by, show, tracked)
+    keep(config, folder)
+    with tracked(config, folder) as current:
+        found = _figures(setting, folder, made_by, show, current)
         about = {
             "task": setting.world().spec.task,
             "policy": setting.base.card.name,
@@ -100,8 +61,8 @@ def run(config: Finetune, folder: Path, *, made_by: str, show: Show) -> tuple[di
         results = plain(found, about)
         save(results, folder)
         for name in ("results.json", "results.md"):
-            tracked.artifact(folder / name)
-    return results, tracked
+            current.artifact(folder / name)
+    return results, current
 
 
 def _models(setting: Setting, folder: Path) -> dict[Variant, Card]:
@@ -125,7 +86,7 @@ def _model_home(folder: Path, variant: Variant) -> Path:
 
 
 def _figures(
-    setting: Setting, folder: Path, made_by: str, show: Show, tracked: Run
+    setting: Setting, folder: Path, made_by: str, show: Show, current: Run
 ) -> dict[str, dict[int, Downstream]]:
     """Figures by variant and seed; the base policy needs no training and has one."""
     config = setting.config
@@ -146,7 +107,7 @@ def _figures(
                 f"{name} {done}/{total} reward {row['reward']:.2f}", (k + done / total) / len(jobs)
             )
             values = {f"{name}/{key}": value for key, value in row.items()}
-            tracked.metrics(values, done)
+            current.metrics(values, done)
 
         policy = setting.base
         if variant != "none":
@@ -155,10 +116,10 @@ def _figures(
                 setting, variant, seed, folder / name, model if model.exists() else None,
                 made_by, progress,
             )  # fmt: skip
-            tracked.artifact(folder / name / "rollout.rrd", name)
+            current.artifact(folder / name / "rollout.rrd", name)
         show(f"judging {name}", (k + 1) / len(jobs))
         herd = setting.reality(judged.episodes)
         figures = evaluate(herd, policy, judged.commands, judged.seed)
         found.setdefault(variant, {})[seed] = figures
-        tracked.metrics({f"{variant}/{key}": value for key, value in vars(figures).items()}, seed)
+        current.metrics({f"{variant}/{key}": value for key, value in vars(figures).items()}, seed)
     return found
