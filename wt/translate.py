@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
@@ -35,11 +37,7 @@ def translate_state(
         R's state channels after the step, physical units.
     """
     frame = model.frame
-    x = frame.conditions(o, a)
-    sim_change = frame.changes(o, sim_next)
-    nominal = frame.nominal_change(x)
-    y = (sim_change - nominal) @ frame.transport.T
-    z, _ = model.encoder(x, y)
+    x, sim_change, nominal, y, z = _encoded(model, o, a, sim_next)
     translated = model.decoder(x, model.to_real(z, x))
     if model.method.translation.anchored:
         y_real = y + model.strength * (translated - model.decoder(x, z))
@@ -76,11 +74,41 @@ def translated_feature(
     sim_next: Float[Tensor, "batch state"],
 ) -> Float[Tensor, "batch latent"]:
     """Translated feature ẑ = G(z) of a transition of S, as R's should be; arguments as above."""
-    frame = model.frame
-    x = frame.conditions(o, a)
-    left = frame.changes(o, sim_next) - frame.nominal_change(x)
-    feature: Tensor = model.to_real(model.encoder(x, left @ frame.transport.T)[0], x)
+    x, _, _, _, z = _encoded(model, o, a, sim_next)
+    feature: Tensor = model.to_real(z, x)
     return feature
+
+
+class _Encoded(NamedTuple):
+    """A transition of S, normalised.
+
+    Attributes:
+        x: (o, a).
+        change: of S's state.
+        nominal: what of it needs no translation, n(o, a).
+        y: the rest, moved to where R's is.
+        z: its feature.
+    """
+
+    x: Float[Tensor, "batch condition"]
+    change: Float[Tensor, "batch state"]
+    nominal: Float[Tensor, "batch state"]
+    y: Float[Tensor, "batch state"]
+    z: Float[Tensor, "batch latent"]
+
+
+def _encoded(
+    model: WorldModel,
+    o: Float[Tensor, "batch obs"],
+    a: Float[Tensor, "batch action"],
+    sim_next: Float[Tensor, "batch state"],
+) -> _Encoded:
+    """What translation begins with; arguments as :func:`translate_state`'s."""
+    frame = model.frame
+    x, change = frame.conditions(o, a), frame.changes(o, sim_next)
+    nominal = frame.nominal_change(x)
+    y = (change - nominal) @ frame.transport.T
+    return _Encoded(x, change, nominal, y, model.encoder(x, y)[0])
 
 
 class SimToReal(nn.Module):
