@@ -23,15 +23,23 @@ Model = Callable[[Array, Array, Array], Array]
 """o (N, n_obs), a (N, n_action), o′ of S (N, n_obs) → o′ of R (N, n_obs), float32."""
 
 
-def session(path: Path) -> onnxruntime.InferenceSession:
+def session(path: Path, threads: int = 0) -> onnxruntime.InferenceSession:
     """An onnxruntime session on the CPU.
+
+    Args:
+        path: the graph.
+        threads: of inference; 0 for one per core.
 
     Raises:
         ModelError: the file is missing, truncated or no ONNX graph.
     """
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
     try:
         # From bytes, so that a graph cannot pull in other files as external data.
-        return onnxruntime.InferenceSession(path.read_bytes(), providers=["CPUExecutionProvider"])
+        return onnxruntime.InferenceSession(
+            path.read_bytes(), options, providers=["CPUExecutionProvider"]
+        )
     except FileNotFoundError:
         raise ModelError(f"{path} does not exist; export or pull the model first") from None
     except Exception as error:  # onnxruntime's errors share no base but Exception

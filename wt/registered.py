@@ -54,10 +54,8 @@ class Registered:
             threads: of inference; 0 for one per core.
 
         Raises:
-            ModelError: the model is of another task, rate or layout.
+            ModelError: the model is of another task, rate or layout, or its file is no graph.
         """
-        import onnxruntime
-
         self.card, self._spec = card, spec
         expected = {
             "task": (card.task, spec.task),
@@ -73,11 +71,7 @@ class Registered:
                     f"the model {card.name} does not fit: its {what} is {given}, the "
                     f"configuration's {wanted}; name the configuration that it was trained with"
                 )
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = threads
-        self._session = onnxruntime.InferenceSession(
-            str(graph), options, providers=["CPUExecutionProvider"]
-        )
+        self._session = parity.session(graph, threads)
 
     def predict(self, o: Array, a: Array, sim_next: Array) -> Array:
         """R's state after the step, (N, n_state), for S's, (N, n_state), physical units."""
