@@ -106,9 +106,11 @@ def command(
 
     if out.exists() and not out.is_dir():
         raise UserError(f"--out {out} is a file; name a folder")
-    beside = _registered(translation) if translation else {}
+    beside = _registered(translation) if translation else None
     with bar("reading") as progress, over(jobs):
-        found = diagnose(model, recordings, holdout or (), seed=seed, progress=progress, **beside)
+        found = diagnose(
+            model, recordings, holdout or (), seed=seed, progress=progress, translation=beside
+        )
         progress("writing", 0.98)
         write(found, out)
     console = Console()
@@ -120,10 +122,10 @@ def command(
         _track(found, out, seed, console)
 
 
-def _registered(reference: str) -> dict[str, Translation]:
+def _registered(reference: str) -> Translation:
     from wt.registered import translation
 
-    return {"translation": translation(reference)}
+    return translation(reference)
 
 
 def _suggest(found: Diagnosis, model: Path, path: Path, console: Console) -> None:
