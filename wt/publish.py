@@ -16,7 +16,7 @@ from wt.config import Fit
 from wt.data.transitions import content_hash
 from wt.errors import ConfigError, RegistryError
 from wt.evaluate import figures
-from wt.evaluate.results import OURS, PAPERS_OWN, Results, Score
+from wt.evaluate.results import ASSUMPTION, OURS, PAPERS_OWN, Results, Score
 from wt.evaluate.rollout_view import write_rollout
 from wt.evaluate.single_step import Errors, first_episode, poses
 from wt.export.onnx import eager, export
@@ -37,22 +37,6 @@ EXAMPLES = 512
 
 GOLDEN = 8
 """Input and output rows that travel with the model."""
-
-NOTHING_HIDDEN = (
-    "Nothing is hidden on purpose in this task: every method starts from the same observation and "
-    "the same command, and the simulator is reset to the measured state."
-)
-
-GIVEN_MODEL = (
-    "The simulator is a model from a file. At every step it is set to R's observation and to where "
-    "R's trunk is; what else moves in it goes on as its own last step left it, since where R's own "
-    "load is nobody tells it."
-)
-
-CONCEALED = (
-    "The simulator is set to R's observation and to where R's trunk is; of what R carries it knows "
-    "nothing."
-)
 
 
 @dataclass(frozen=True)
@@ -119,7 +103,6 @@ def tabulate(
 ) -> Results:
     """Mean and spread over seeds of every method."""
     seeds, methods = tuple(by_seed), tuple(next(iter(by_seed.values())))
-    spec = study.world.spec
     rmse = {
         m: tuple(np.mean([by_seed[s][m].rmse for s in seeds], axis=0).tolist()) for m in methods
     }
@@ -129,20 +112,15 @@ def tabulate(
         )
         for m in methods
     }
-    extra = {} if spec.hidden else {"note": NOTHING_HIDDEN}
-    if study.config.world.get("concealed"):
-        extra = {"note": CONCEALED}
-    if study.config.world.get("model"):
-        extra = {"note": GIVEN_MODEL}
     return Results(
         task=study.config.task,
         seeds=seeds,
         single_step=scores,
         model=version.name if version else None,
         version=version.version if version else None,
-        channels=spec.state,
+        channels=study.world.spec.state,
         rmse=rmse,
-        **extra,
+        note=study.world.note or ASSUMPTION,
     )
 
 

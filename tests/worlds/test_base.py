@@ -29,6 +29,7 @@ class Options:
 @pytest.fixture
 def registry(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, type]]:
     """A registry of this test's own."""
+    base.kind_of({"name": "r5"})  # all files are imported by now, and none into this registry only
     worlds = dict(base._WORLDS)
     monkeypatch.setattr(base, "_WORLDS", worlds)
     yield worlds
@@ -39,7 +40,7 @@ class Whole:
 
     spec = base.TransitionSpec("toy", 50.0, (), (), 0, ())
     shard = 1
-    force_body = None
+    force_body = note = None
     identity = model = collect = sim_step = pairs = len
 
 
@@ -104,7 +105,7 @@ def test_a_new_file_is_found_by_itself(
         "class Options:\n    '''None.'''\n"
         "@register('found')\n"
         "class Found:\n"
-        "    options, spec, shard, force_body = Options, None, 1, None\n"
+        "    options, spec, shard, force_body, note = Options, None, 1, None, None\n"
         "    identity = model = collect = sim_step = pairs = len\n"
         "    def __init__(self, options): pass\n"
     )
@@ -120,6 +121,7 @@ def test_every_shipped_world_keeps_the_contract(name: str) -> None:
     spec = world.spec
     assert 0 < spec.n_state <= spec.n_obs
     assert len({c.name for c in spec.observation}) == spec.n_obs
+    assert spec.hidden or (world.note or "").startswith("Nothing is hidden")
     assert all(c.unit for c in (*spec.observation, *spec.action, *spec.hidden))
     assert [spec.observation[i].name for i in spec.pose] == [f"qpos/{j}" for j in spec.joints]
     for domain in ("sim", "real"):

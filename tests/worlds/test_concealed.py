@@ -178,3 +178,9 @@ def to_xml(w: WalkingWorld) -> str:
     spec = w.description("sim")
     spec.compile()
     return spec.to_xml()
+
+
+def test_a_table_says_what_s_knows(alone: WalkingWorld, patched: WalkingWorld) -> None:
+    assert alone.note is not None and "of what R carries it knows nothing" in alone.note
+    assert patched.note is not None and "The simulator is a model from a file" in patched.note
+    assert world("go2_payload", **QUICK).note is None

@@ -25,6 +25,12 @@ Array = np.ndarray
 Progress = Callable[[int, int], None]
 """Called with (done, total) transitions while a world collects."""
 
+NOTHING_HIDDEN = (
+    "Nothing is hidden on purpose in this task: every method starts from the same observation and "
+    "the same command, and the simulator is reset to the measured state."
+)
+"""The note of a world without a hidden variable."""
+
 
 @runtime_checkable
 class World(Protocol):
@@ -36,12 +42,15 @@ class World(Protocol):
         shard: how many transitions are worth one file of a collection.
         force_body: body that a hidden force acts on, if that is what h is (first three channels,
             world frame); it is drawn as an arrow.
+        note: what a table of errors assumes, in words; None where it is the paper's assumption,
+            that S is given R's hidden variable.
     """
 
     options: ClassVar[type]
     spec: TransitionSpec
     shard: int
     force_body: str | None
+    note: str | None
 
     def __init__(self, options: Any) -> None:  # noqa: ANN401 – each world has its own
         """Build both domains."""

@@ -23,7 +23,7 @@ from mujoco.batch import Batch
 from wt.errors import ConfigError
 from wt.types import Channel, Domain, Pairs, Transitions, TransitionSpec
 from wt.worlds import r5_model
-from wt.worlds.base import Progress, register
+from wt.worlds.base import NOTHING_HIDDEN, Progress, register
 from wt.worlds.motion import MotionSettings, plan_routes
 from wt.worlds.r5_force import ForceSettings, HiddenForce
 from wt.worlds.r5_model import GRIPPER, JOINTS, ArmPhysics
@@ -123,6 +123,7 @@ class R5World:
         """
         self._options = options
         self.force_body = GRIPPER if options.force else None
+        self.note = None if options.force else NOTHING_HIDDEN
         self.shard = options.arms * options.episode_steps
         hidden = tuple(Channel(f"force/{axis}", "N") for axis in "xyz") if options.force else ()
         self.spec = TransitionSpec(

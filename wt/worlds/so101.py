@@ -25,7 +25,7 @@ from mujoco.batch import Batch
 from wt.errors import ConfigError
 from wt.types import Channel, Domain, Pairs, Recording, Transitions, TransitionSpec
 from wt.worlds import so101_model
-from wt.worlds.base import Progress, register
+from wt.worlds.base import NOTHING_HIDDEN, Progress, register
 from wt.worlds.so101_model import ARM_JOINTS, JAW, JOINTS, LIMITS, ServoPhysics
 from wt.worlds.so101_motions import TEST, TRAIN, VALIDATION, Motions, vary
 
@@ -83,6 +83,7 @@ class SO101:
 
     options = SO101Options
     force_body = None
+    note = NOTHING_HIDDEN
     shard = sys.maxsize  # recordings cannot be divided by seed
 
     def __init__(self, options: SO101Options) -> None:

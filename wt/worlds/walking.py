@@ -64,7 +64,7 @@ class WalkingWorld:
         Raises:
             ModelError: the policy or the model is missing, or is one of another robot.
         """
-        self._options = options
+        self._options, self.note = options, options.note
         self._robot = robot_of(options.robot)
         self._policy = Policy.load(options.policy, self._robot, options.sim)
         self._models = {"real": self.description("real").compile()}

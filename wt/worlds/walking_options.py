@@ -11,6 +11,17 @@ from wt.worlds.legged import TIMESTEP, Scene, Start
 from wt.worlds.legged_model import LeggedPhysics
 from wt.worlds.terrain import Blocks
 
+GIVEN_MODEL = (
+    "The simulator is a model from a file. At every step it is set to R's observation and to where "
+    "R's trunk is; what else moves in it goes on as its own last step left it, since where R's own "
+    "load is nobody tells it."
+)
+
+CONCEALED = (
+    "The simulator is set to R's observation and to where R's trunk is; of what R carries it knows "
+    "nothing."
+)
+
 
 @dataclass(frozen=True)
 class WalkingOptions:
@@ -71,6 +82,13 @@ class WalkingOptions:
                 "world.concealed hides the payload from S, and world.payload is null; set it to {} "
                 "for a ball in a box"
             )
+
+    @property
+    def note(self) -> str | None:
+        """What a table of errors assumes; see :class:`wt.worlds.base.World`."""
+        if self.model:
+            return GIVEN_MODEL
+        return CONCEALED if self.concealed else None
 
     def scene(self, domain: Domain) -> Scene:
         """What surrounds the robot in a domain."""
