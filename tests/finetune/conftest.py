@@ -6,17 +6,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-import onnx
 import pytest
-from onnx import TensorProto, helper, numpy_helper
 
-from registry.card import HeldOut, describe
 from registry.push import push
+from tests.toy_models import shifted
 from wt import track
 from wt.finetune.config import Finetune, load
 from wt.finetune.setting import Setting
-from wt.types import TransitionSpec
 
 MakeModel = Callable[..., Path]
 
@@ -49,24 +45,7 @@ def make_model(tmp_path: Path, setting: Setting) -> MakeModel:
     def make(shift: float = 0.01, **changes: object) -> Path:
         spec = replace(setting.world().spec, **changes)
         folder = tmp_path / f"model-{len(list(tmp_path.glob('model-*')))}"
-        folder.mkdir()
-        onnx.save(_graph(spec, shift), folder / "model.onnx")
-        rng = np.random.default_rng(0)
-        widths = (spec.n_obs, spec.n_action, spec.n_obs)
-        o, a, s = (rng.normal(size=(2, width)).astype(np.float32) for width in widths)
-        describe(
-            folder / "model.onnx",
-            spec,
-            name="wt-toy",
-            data_hash="data",
-            config_hash="config",
-            commit="0" * 40,
-            metrics={},
-            heldout=HeldOut("test pairs", "data", "mse", 0.5),
-            parity=0.0,
-            golden=(o, a, s, s + np.float32(shift)),
-        ).save(folder)
-        return folder
+        return shifted(folder, spec, shift)
 
     return make
 
@@ -82,17 +61,3 @@ def registered(tmp_path: Path, make_model: MakeModel) -> Callable[..., list[str]
         return [f"model={version}", f"tracking.uri={uri}"]
 
     return register
-
-
-def _graph(spec: TransitionSpec, shift: float) -> onnx.ModelProto:
-    def port(name: str, width: int) -> onnx.ValueInfoProto:
-        return helper.make_tensor_value_info(name, TensorProto.FLOAT, ["batch", width])
-
-    graph = helper.make_graph(
-        [helper.make_node("Add", ["o_next_sim", "shift"], ["o_next_real"])],
-        "toy",
-        [port("o", spec.n_obs), port("a", spec.n_action), port("o_next_sim", spec.n_obs)],
-        [port("o_next_real", spec.n_obs)],
-        [numpy_helper.from_array(np.float32(shift), "shift")],
-    )
-    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=10)

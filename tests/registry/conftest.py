@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
-import onnx
 import pytest
-from onnx import TensorProto, helper, numpy_helper
+from onnx import helper
 
-from registry.card import HeldOut, describe
+from registry.card import HeldOut
+from tests.toy_models import save
 from wt.types import Array, Channel, TransitionSpec
 
 MakeFolder = Callable[..., Path]
@@ -24,6 +24,13 @@ SPEC = TransitionSpec(
     observation=(Channel("qpos/hip", "rad"), Channel("qpos/knee", "rad"), Channel("v", "rad/s")),
     n_state=3,
     action=(Channel("u1", "rad"), Channel("u2", "rad")),
+)
+
+NODES = (
+    helper.make_node("MatMul", ["a", "w"], ["x"]),
+    helper.make_node("Mul", ["o", "tenth"], ["y"]),
+    helper.make_node("Add", ["x", "y"], ["z"]),
+    helper.make_node("Add", ["z", "o_next_sim"], ["o_next_real"]),
 )
 
 
@@ -43,30 +50,8 @@ def spec() -> TransitionSpec:
 
 @pytest.fixture(scope="session")
 def truth() -> Callable[[Array, Array, Array], Array]:
-    """o' of R = o' of S + o / 10 + a W, which the graph below computes too."""
+    """o' of R = o' of S + o / 10 + a W, which the graph above computes too."""
     return lambda o, a, o_next_sim: (o_next_sim + 0.1 * o + a @ WEIGHT).astype(np.float32)
-
-
-def _graph() -> onnx.ModelProto:
-    def port(name: str, width: int) -> onnx.ValueInfoProto:
-        return helper.make_tensor_value_info(name, TensorProto.FLOAT, ["batch", width])
-
-    graph = helper.make_graph(
-        [
-            helper.make_node("MatMul", ["a", "w"], ["x"]),
-            helper.make_node("Mul", ["o", "tenth"], ["y"]),
-            helper.make_node("Add", ["x", "y"], ["z"]),
-            helper.make_node("Add", ["z", "o_next_sim"], ["o_next_real"]),
-        ],
-        "toy",
-        [port("o", 3), port("a", 2), port("o_next_sim", 3)],
-        [port("o_next_real", 3)],
-        [
-            numpy_helper.from_array(WEIGHT, "w"),
-            numpy_helper.from_array(np.float32(0.1), "tenth"),
-        ],
-    )
-    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=10)
 
 
 @pytest.fixture(scope="session")
@@ -85,21 +70,11 @@ def make_folder(
 
     def make(value: float = 0.5, data_hash: str = "heldout-1", parity: float | None = 1e-7) -> Path:
         folder = tmp_path / f"model-{len(list(tmp_path.glob('model-*')))}"
-        folder.mkdir()
-        onnx.save(_graph(), folder / "model.onnx")
-        describe(
-            folder / "model.onnx",
-            SPEC,
-            name="wt-toy",
-            data_hash="data-1",
-            config_hash="config-1",
-            commit="0" * 40,
-            metrics={"mse_change": 0.25},
-            heldout=HeldOut("pairs/test", data_hash, "mse", value),
-            parity=parity,
-            golden=(*rows, truth(*rows)),
-        ).save(folder)
-        return folder
+        return save(
+            folder, SPEC, NODES, {"w": WEIGHT, "tenth": np.array(np.float32(0.1))},
+            (*rows, truth(*rows)), metrics={"mse_change": 0.25},
+            heldout=HeldOut("pairs/test", data_hash, "mse", value), parity=parity,
+        )  # fmt: skip
 
     return make
 
