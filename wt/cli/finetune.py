@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from wt.cli.main import subcommand
 
 
 def command(
@@ -62,15 +64,8 @@ def command(
     print(f"run {tracked.id} in {tracked.uri}; files in {folder}")
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point of ``wt-finetune``.
-
-    Args:
-        argv: the arguments; None for those of this process.
-    """
-    from wt.cli.main import main as wt_main
-
-    return wt_main(["finetune", *(sys.argv[1:] if argv is None else argv)])
+main = functools.partial(subcommand, "finetune")
+"""Entry point of ``wt-finetune``."""
 
 
 if __name__ == "__main__":

@@ -69,6 +69,16 @@ def single(command: Callable[..., object], name: str, argv: Sequence[str] | None
     return _run(one, name, argv)
 
 
+def subcommand(name: str, argv: Sequence[str] | None = None) -> int:
+    """Run a command of ``wt`` that has a program of its own too, and return its exit code.
+
+    Args:
+        name: of the command.
+        argv: its arguments; None for those of this process.
+    """
+    return main([name, *(sys.argv[1:] if argv is None else argv)])
+
+
 def _run(make: Callable[[], typer.Typer], name: str, argv: Sequence[str] | None) -> int:
     os.environ.update(QUIET)
     try:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from wt.cli.main import subcommand
 
 
 def command(
@@ -72,15 +74,8 @@ def command(
     print(f"policy, card and checkpoint in {folder}")
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point of ``wt-train-policy``.
-
-    Args:
-        argv: the arguments; None for those of this process.
-    """
-    from wt.cli.main import main as wt_main
-
-    return wt_main(["train-policy", *(sys.argv[1:] if argv is None else argv)])
+main = functools.partial(subcommand, "train-policy")
+"""Entry point of ``wt-train-policy``."""
 
 
 if __name__ == "__main__":
