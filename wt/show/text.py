@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Literal
 
 from rich import box
 from rich.table import Table
@@ -21,10 +22,13 @@ def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[s
 
 
 def terminal_table(head: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> Table:
-    """The same for a terminal."""
+    """The same for a terminal; where it is too narrow, cells take two lines and lose nothing."""
     table = Table(title=title or None, box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), pad_edge=False)
     for i, name in enumerate(head):
-        table.add_column(name, justify="right" if i else "left", no_wrap=True)
+        justify: Literal["left", "right"] = "right" if i else "left"
+        words = [word for cell in (name, *(row[i] for row in rows)) for word in cell.split()]
+        longest = max(map(len, words), default=0)  # a number is never broken
+        table.add_column(name, justify=justify, no_wrap=not i, min_width=longest)
     for row in rows:
         table.add_row(*row)
     return table
