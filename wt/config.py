@@ -43,8 +43,13 @@ hidden variables are never absent.
 Device = Literal["auto", "cpu", "cuda"]
 """Where networks are trained; ``auto`` is CUDA where there is any."""
 
-Alignment = Literal["state", "action"]
-"""How a simulator follows the translation: its state is overwritten, or its action corrected."""
+Alignment = Literal["state", "stance", "action"]
+"""How a simulator follows the translation.
+
+``state``: what a robot observes of itself is overwritten; ``stance``: the same, and the trunk's
+height and velocity move so that standing feet stay where they are; ``action``: the action is
+corrected.
+"""
 
 
 @dataclass

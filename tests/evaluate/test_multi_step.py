@@ -33,6 +33,9 @@ class Loop:
     def sim_step(self, o: Array, a: Array, hidden: Array | None) -> Array:
         return self.advance("sim", o, a, np.zeros((len(o), 2)) if hidden is None else hidden)[0]
 
+    def stance(self, answer: Array, target: Array, hidden: Array) -> Array:
+        return hidden + (target - answer)[:, :2]
+
     def astray(self, s: Array, hidden: Array) -> Array:
         return ~(np.abs(s) < 50.0).all(axis=1)
 
@@ -143,3 +146,12 @@ def test_with_corrected_actions_the_state_is_the_simulators_own() -> None:
     corrected = roll_out(LOOP, TRUTH, of_real, ONES, "action")
     # one actuator a joint cannot follow everything, but R's own path is followed better than by S
     assert 0.0 < corrected.mse[-1] < plain.mse[-1]
+
+
+def test_what_is_hidden_follows_standing_feet_where_that_is_asked_for() -> None:
+    def moved(now: Now) -> Array:
+        return now.sim_next + np.float32(0.1)
+
+    plain, stance = (roll_out(LOOP, TRUTH, moved, ONES, x) for x in ("state", "stance"))
+    assert stance.mse[0] == plain.mse[0]  # it is the next step that starts elsewhere
+    assert np.all(stance.mse[1:] != plain.mse[1:])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 
+import mujoco
 import numpy as np
 import pytest
 import torch
@@ -129,6 +130,33 @@ def test_a_corrected_action_brings_the_simulator_itself_to_the_target(setting: S
     assert near < 0.5 * far
     np.testing.assert_allclose(moved.herd.action, ACTIONS, atol=1e-6)  # what the policy asked for
     np.testing.assert_array_equal(moved.herd.steps, raw.herd.steps)
+
+
+def test_standing_feet_stay_where_joints_are_overwritten(setting: Setting) -> None:
+    def translate(o: Array, a: Array, s: Array) -> Array:
+        out = s.copy()
+        out[:, 6:18] += 0.02
+        return out
+
+    raw, moved = environments(setting, translate)
+    _, stays = environments(setting, translate, alignment="stance")
+    raw.herd.step(ACTIONS.numpy())
+    for env in (moved, stays):
+        env.step(ACTIONS)
+    np.testing.assert_allclose(stays.herd.joint_pos, moved.herd.joint_pos, atol=2e-6)
+    np.testing.assert_array_equal(moved.herd.qpos[:, 2], raw.herd.qpos[:, 2])
+    feet = [raw.herd.model.site(name).id for name in raw.herd.robot.feet]
+
+    def lowest(env: Walking) -> Array:
+        data, found = mujoco.MjData(env.herd.model), []
+        for row in env.herd.qpos:
+            data.qpos[:] = row
+            mujoco.mj_kinematics(env.herd.model, data)
+            found.append(data.site_xpos[feet, 2].min())
+        return np.array(found)
+
+    sunk, kept = (np.abs(lowest(env) - lowest(raw)).mean() for env in (moved, stays))
+    assert kept < 0.5 * sunk
 
 
 def test_a_pulled_model_is_what_runs(setting: Setting, make_model: MakeModel) -> None:

@@ -70,7 +70,8 @@ def roll_out(
         truth: what R did from the same starts on.
         step: the method.
         scale: what errors are measured in, (n_state,).
-        alignment: whether the simulator's state is overwritten, or its action corrected.
+        alignment: whether the simulator's state is overwritten, without or with what is hidden
+            following its standing feet, or its action corrected.
     """
     n, past = world.spec.n_state, truth.past
     o, hidden = truth.o[:, : past + 1], truth.hidden[:, past]
@@ -87,6 +88,8 @@ def roll_out(
         if alignment == "action":
             better = corrected_action(world, o[:, -1], action, before, state, scale)
             state, hidden = world.advance("sim", o[:, -1], better, before)
+        elif alignment == "stance":
+            hidden = world.stance(sim_next, state, hidden)
         gone |= world.astray(state, hidden)
         # who is gone waits where it began, so that nothing explodes
         state[gone], hidden[gone] = truth.o[gone, past, :n], truth.hidden[gone, past]

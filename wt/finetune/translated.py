@@ -4,8 +4,9 @@ At each control step the simulator's transition (o, a, o′) goes through the ex
 simulator then observes of itself what the model says: angular velocity and tilt of the trunk, joint
 positions and velocities. What no sensor of the robot tells (where the trunk is, where it heads, its
 linear velocity, a ball in a box on its back) is not in the model's state and stays as the simulator
-left it. With the alignment ``action`` nothing is overwritten: the simulator takes the action under
-which it comes nearest to that state by itself.
+left it; with the alignment ``stance``, height and velocity of the trunk move so that standing feet
+stay where they are. With the alignment ``action`` nothing is overwritten: the simulator takes the
+action under which it comes nearest to that state by itself.
 """
 
 from __future__ import annotations
@@ -55,13 +56,15 @@ class Translated(Walking):
             config: what is trained.
             device: of the tensors.
             translate: the model.
-            alignment: whether states are overwritten or actions corrected.
+            alignment: whether states are overwritten, with or without standing feet that stay,
+                or actions corrected.
             scale: what differences of states are measured in, (n_state,), where actions are.
             mjcf: text of the model that stands in S's place; None for the configuration's.
         """
         self._translate, self._scale, self._mjcf = translate, scale, mjcf
         super().__init__(config, device)
         self._state = WalkingState(self.herd.robot, self.herd.model)
+        self._stays = alignment == "stance"
         self._probe = self._make_herd() if alignment == "action" else None
 
     def _make_herd(self) -> Herd:
@@ -84,6 +87,11 @@ class Translated(Walking):
         ground = herd.ground.height(hidden[:, 0], hidden[:, 1])
         lost = astray(robot, target, hidden, ground)
         self.sums["astray"] = self.sums.get("astray", 0.0) + float(lost.mean())
+        if self._stays:
+            kept = ~lost
+            hidden[kept] = self._state.feet.kept(
+                answer[kept], target[kept], hidden[kept], herd.ground.height
+            )
         if before is None:
             self._state.overwrite(herd, target, hidden, np.flatnonzero(~lost))
         else:

@@ -2,7 +2,8 @@
 
 A rollout starts from a state of R and goes on without R: the policy acts on the prediction, the
 simulator answers, a method turns its answer into the next prediction, and the simulator's
-observable state is overwritten with that. What is hidden stays as the simulator left it.
+observable state is overwritten with that. What is hidden stays as the simulator left it, or is
+moved so that standing feet stay where they are.
 """
 
 from __future__ import annotations
@@ -76,6 +77,19 @@ class ClosedLoop(Protocol):
         Returns:
             The state channels one control step later, (N, n_state), float32, and the hidden
             variables then, (N, n_hidden).
+        """
+        ...
+
+    def stance(self, answer: Array, target: Array, hidden: Array) -> Array:
+        """What is hidden in S, where its standing feet stay when its observable state changes.
+
+        Args:
+            answer: S's state channels after a step, (N, n_state).
+            target: those that overwrite them, (N, n_state).
+            hidden: S's hidden variables after the step, (N, n_hidden).
+
+        Returns:
+            (N, n_hidden).
         """
         ...
 

@@ -219,6 +219,11 @@ class WalkingWorld:
         seen = np.hstack([o[:, :n], self._robot.actions(o[:, n:])])
         return self._robot.targets(self._policy.act(seen, context[:, :3], context[:, 3:]))
 
+    def stance(self, answer: Array, target: Array, hidden: Array) -> Array:
+        """Hidden variables with which standing feet stay; see :class:`ClosedLoop`."""
+        ground = Ground(self._options.blocks)
+        return self._state["sim"].feet.kept(answer, target, hidden, ground.height)
+
     def astray(self, s: Array, hidden: Array) -> Array:
         """Which robots cannot be where they are; see :class:`ClosedLoop`."""
         ground = Ground(self._options.blocks).height(hidden[:, 0], hidden[:, 1])

@@ -15,6 +15,7 @@ from wt.types import Channel
 from wt.worlds.go2_model import BALL
 from wt.worlds.legged import Herd, Robot
 from wt.worlds.legged_model import BASE, STAND
+from wt.worlds.stance import Feet, upright
 
 Array = np.ndarray
 
@@ -40,6 +41,7 @@ class WalkingState:
             its velocity [m/s] along its own axes; with a ball, place and velocity of the ball
             relative to the trunk, along the trunk's axes, and its angular velocity in the world;
             then positions and velocities of the other slides [m, m/s] and hinges [rad, rad/s].
+        feet: where they are, from what is observed.
         rest: what is hidden beyond the trunk, where nothing is known of it: a ball lies still in
             the middle of its box, all else as it does where the robot stands.
     """
@@ -51,7 +53,7 @@ class WalkingState:
             robot: whose joints are observed.
             model: everything that moves in it.
         """
-        self._robot, self._ball = robot, False
+        self._robot, self._ball, self.feet = robot, False, Feet(robot, model)
         stand = model.key(STAND).qpos
         joints = [model.joint(i) for i in range(model.njnt)]
         others = [joint for joint in joints if joint.name not in (BASE, BALL, *robot.joints)]
@@ -99,7 +101,7 @@ class WalkingState:
         """
         rows = np.arange(len(o))
         herd.batch.reset(rows, stage=mujoco.mjtStage.mjSTAGE_NONE)
-        h = self.nominal(herd, o) if hidden is None else self._completed(hidden)
+        h = self.nominal(o) if hidden is None else self._completed(hidden)
         self._set(herd, rows, o, h)
 
     def overwrite(self, herd: Herd, s: Array, hidden: Array, rows: Array) -> None:
@@ -134,31 +136,14 @@ class WalkingState:
         qvel[:, self._v] = h[:, h.shape[1] - inner :]
         herd.qpos[rows], herd.qvel[rows] = qpos, qvel
 
-    def nominal(self, herd: Herd, o: Array) -> Array:
+    def nominal(self, o: Array) -> Array:
         """What is believed of the hidden variables where nothing is known, (N, n_hidden).
 
         The robot stands on flat ground at the origin, on its lowest foot, which is at rest; a ball
         lies still in the middle of its box, and all else is at :attr:`rest` too.
         """
-        robot, model = self._robot, herd.model
-        data, n = mujoco.MjData(model), len(robot.joints)
-        feet = [model.site(name).id for name in robot.feet]
-        out = np.tile(np.concatenate([np.zeros(TRUNK), self.rest]), (len(o), 1))
-        turn = upright(o[:, 3:6].astype(float), np.zeros(len(o)))
-        jacobian = np.zeros((3, model.nv))
-        for k, (row, frame) in enumerate(zip(o.astype(float), turn, strict=True)):
-            data.qpos[:3] = 0.0
-            data.qpos[3:7] = Rotation.from_matrix(frame).as_quat()[[3, 0, 1, 2]]
-            data.qpos[herd.q] = row[6 : 6 + n]
-            data.qvel[:] = 0.0
-            data.qvel[3:6], data.qvel[herd.v] = row[:3], row[6 + n : 6 + 2 * n]
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_comPos(model, data)
-            lowest = min(feet, key=lambda site: float(data.site_xpos[site][2]))
-            mujoco.mj_jacSite(model, data, jacobian, None, lowest)
-            out[k, 2] = robot.foot_rest - data.site_xpos[lowest][2]
-            out[k, 4:7] = -frame.T @ (jacobian @ data.qvel)
-        return out
+        unknown = np.concatenate([np.zeros(TRUNK), self.rest])
+        return self.feet.standing(o, np.tile(unknown, (len(o), 1)))
 
     def _completed(self, hidden: Array) -> Array:
         """Hidden variables with what is at rest where they say nothing, (N, n_hidden)."""
@@ -167,22 +152,6 @@ class WalkingState:
             beyond = hidden[:, TRUNK:].astype(float)
         known = np.where(np.isnan(beyond), self.rest, beyond)
         return np.hstack([hidden[:, :TRUNK].astype(float), known])
-
-
-def upright(gravity: Array, heading: Array) -> Array:
-    """Orientation of trunks, (N, 3, 3), from the direction of gravity and the heading.
-
-    Args:
-        gravity: in the trunk's frame, (N, 3), of about unit length.
-        heading: of the trunk's x axis seen from above, (N,) [rad].
-    """
-    z = -gravity / np.linalg.norm(gravity, axis=1, keepdims=True)
-    y = np.cross(z, (1.0, 0.0, 0.0))
-    y /= np.linalg.norm(y, axis=1, keepdims=True)
-    level = np.stack([np.cross(y, z), y, z], axis=1)  # rows: axes of the heading frame
-    cos, sin, zero = np.cos(heading), np.sin(heading), np.zeros(len(heading))
-    about = np.stack([cos, -sin, zero, sin, cos, zero, zero, zero, zero + 1.0], axis=1)
-    return np.asarray(about.reshape(-1, 3, 3) @ level)
 
 
 def _rotation(quat: Array) -> Array:
