@@ -50,7 +50,7 @@ def main(robots: str = "256", threads: str = "0") -> None:
     raw = _pace(Walking(training, "cpu"), setting)
     print(f"{robots} robots, {threads} threads (0: one per core)")
     print(f"{'raw':<20}{raw:>10.0f} steps/s")
-    for alignment in ("state", "action"):
+    for alignment in ("state", "stance", "action"):
         env = Translated(training, "cpu", translate, alignment, scale)
         pace = _pace(env, setting)
         goal = f"   goal {GOAL}" if alignment == "state" else ""
