@@ -57,18 +57,20 @@ class Feet:
         turn = upright(s[:, 3:6].astype(float), heading)
         place = np.empty((len(s), len(self._sites), 3))
         velocity = np.empty_like(place)
-        jacobian = np.zeros((3, model.nv))
+        seen, found = s.astype(float), np.zeros(6)
+        quats = Rotation.from_matrix(turn).as_quat()[:, [3, 0, 1, 2]]
         data.qpos[:3], data.qvel[:] = 0.0, 0.0
-        for i, (row, frame) in enumerate(zip(s.astype(float), turn, strict=True)):
-            data.qpos[3:7] = Rotation.from_matrix(frame).as_quat()[[3, 0, 1, 2]]
-            data.qpos[self._q] = row[6 : 6 + n]
+        for i, (row, quat) in enumerate(zip(seen, quats, strict=True)):
+            data.qpos[3:7], data.qpos[self._q] = quat, row[6 : 6 + n]
             data.qvel[3:6], data.qvel[self._v] = row[:3], row[6 + n : 6 + 2 * n]
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
+            mujoco.mj_comVel(model, data)
             place[i] = data.site_xpos[self._sites]
             for k, site in enumerate(self._sites):
-                mujoco.mj_jacSite(model, data, jacobian, None, site)
-                velocity[i, k] = frame.T @ (jacobian @ data.qvel)
+                mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_SITE, site, found, 0)
+                velocity[i, k] = found[3:]
+        velocity = np.einsum("nji,nfj->nfi", turn, velocity)
         return place, velocity
 
     def standing(self, s: Array, hidden: Array) -> Array:
