@@ -29,7 +29,7 @@ from wt.data import recording
 from wt.diagnose.pipeline import diagnose
 from wt.diagnose.write import write
 from wt.errors import ConfigError
-from wt.evaluate.multi_step import Step, of_model, roll_out, simulator
+from wt.evaluate.multi_step import Step, alignment_of, of_model, roll_out, simulator
 from wt.evaluate.results import OURS, PAPERS_OWN, Results
 from wt.fit import fit, on_model, open_folder
 from wt.run_folder import CONFIG
@@ -235,7 +235,8 @@ def _lines(simulated: str, study: Study, settings: Diagnose) -> list[Line]:
             OURS: of_model(study.load_model(seed, OURS, config.plus)),
         }
         for method, step in steps.items():
-            found = roll_out(world, truth, step, study.scales.state)
+            alignment = alignment_of(config, method)
+            found = roll_out(world, truth, step, study.scales.state, alignment)
             end = float(found.mse[-1]), float(found.diverged[-1])
             rolled.setdefault(method, []).append(end)
     return [

@@ -21,7 +21,7 @@ from wt.config import Fit
 from wt.diagnose.translated import Translation
 from wt.errors import ConfigError, ModelError
 from wt.evaluate import figures
-from wt.evaluate.multi_step import Now, Step, roll_out, simulator
+from wt.evaluate.multi_step import Now, Step, alignment_of, roll_out, simulator
 from wt.evaluate.results import OURS, Results
 from wt.evaluate.single_step import errors
 from wt.export.onnx import FEATURES, OUTPUT
@@ -181,7 +181,10 @@ def evaluate(reference: str, config: Fit, folder: Path, listener: Listener) -> R
 def _rollouts(study: Study, world: ClosedLoop, model: Registered) -> Figure:
     truth = world.truth(ROLLOUTS, 0, HORIZON, study.config.data.seed)
     steps = {"RawSim": simulator, OURS: model.step()}
-    rolled = {m: roll_out(world, truth, step, study.scales.state) for m, step in steps.items()}
+    scale, config = study.scales.state, study.config
+    rolled = {
+        m: roll_out(world, truth, step, scale, alignment_of(config, m)) for m, step in steps.items()
+    }
     horizon = np.arange(1, HORIZON + 1)
     panels = [
         ("diverged rollouts [%]", {m: (horizon, 100 * r.diverged) for m, r in rolled.items()}),

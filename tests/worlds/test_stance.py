@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from tests.worlds.test_walking import world
-from wt.worlds.stance import LOADED, Feet
+from wt.worlds.stance import HEADING, HEIGHT, LOADED, VELOCITY, Feet
 from wt.worlds.walking import WalkingWorld
 
 Array = np.ndarray
-HEIGHT, VELOCITY = 2, slice(4, 7)
 
 
 @pytest.fixture(scope="module", params=["go2_flat", "g1_flat"])
@@ -24,13 +23,13 @@ def walked(request: pytest.FixtureRequest) -> tuple[WalkingWorld, Feet, Array, A
 
 
 def heights(feet: Feet, s: Array, hidden: Array) -> Array:
-    place, _ = feet.motion(s, hidden[:, 3])
+    place, _ = feet.motion(s, hidden[:, HEADING])
     return np.asarray(place[:, :, 2] + hidden[:, [HEIGHT]])
 
 
 def speeds(feet: Feet, s: Array, hidden: Array) -> Array:
     """Of the feet in the world, along the trunk's axes."""
-    _, velocity = feet.motion(s, hidden[:, 3])
+    _, velocity = feet.motion(s, hidden[:, HEADING])
     return np.asarray(velocity + hidden[:, None, VELOCITY])
 
 

@@ -16,8 +16,9 @@ import numpy as np
 import torch
 
 from wt.baselines.base import Baseline
-from wt.config import Alignment
+from wt.config import Alignment, Fit
 from wt.evaluate.correction import corrected_action
+from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.nets.world_model import WorldModel
 from wt.translate import translate_state
 from wt.types import Pairs, Transitions
@@ -100,6 +101,12 @@ def roll_out(
             error = (state - truth.o[:, past + k + 1, :n])[~gone] / scale
             mse[k] = float(np.mean(error.astype(np.float64) ** 2))
     return Rolled(mse, diverged)
+
+
+def alignment_of(config: Fit, method: str) -> Alignment:
+    """How the simulator follows a method of a run: as its settings say, a baseline by its state."""
+    settings = {PAPERS_OWN: config.paper, OURS: config.plus}.get(method)
+    return settings.translation.alignment if settings else "state"
 
 
 def simulator(now: Now) -> Array:

@@ -87,13 +87,13 @@ class Translated(Walking):
         ground = herd.ground.height(hidden[:, 0], hidden[:, 1])
         lost = astray(robot, target, hidden, ground)
         self.sums["astray"] = self.sums.get("astray", 0.0) + float(lost.mean())
+        rows = np.flatnonzero(~lost)
         if self._stays:
-            kept = ~lost
-            hidden[kept] = self._state.feet.kept(
-                answer[kept], target[kept], hidden[kept], herd.ground.height
+            hidden[rows] = self._state.feet.kept(
+                answer[rows], target[rows], hidden[rows], herd.ground.height
             )
         if before is None:
-            self._state.overwrite(herd, target, hidden, np.flatnonzero(~lost))
+            self._state.overwrite(herd, target, hidden, rows)
         else:
             self._correct(before, a, np.where(lost[:, None], answer, target))
 

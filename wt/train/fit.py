@@ -91,7 +91,6 @@ def fit_world_model(
     module = WorldTranslation(model, pairs)
     on_step = progress and (lambda k, _: progress(extra + k, total))
     best = _run(module, batches, folder, sink, warn, on_step)
-    module.to(pairs.o.device)  # Lightning leaves what it trained on the CPU
     module.load_state_dict(torch.load(best, "cpu", weights_only=True)["state_dict"])
     chosen = module.deployed().eval()
     _choose_strength(chosen, pairs)
@@ -172,6 +171,7 @@ def _run(
             # Lightning's answer to Ctrl-C, which also leaves the signal ignored
             signal.signal(signal.SIGINT, on_interrupt)
             raise KeyboardInterrupt from end
+    module.to(device)  # Lightning leaves what it trained on the CPU
     return Path(best.best_model_path)
 
 

@@ -99,6 +99,13 @@ class Robot:
             *(Channel(f"last_action/{joint}", "1") for joint in n),
         )
 
+    def addresses(self, model: mujoco.MjModel) -> tuple[Array, Array]:
+        """Where its joints are in ``qpos`` and in ``qvel``, (n,) each."""
+        # by name: a model that a diagnosis has patched may have others in between
+        joints = [model.joint(joint) for joint in self.joints]
+        q, v = zip(*((int(j.qposadr[0]), int(j.dofadr[0])) for j in joints), strict=True)
+        return np.array(q), np.array(v)
+
     def targets(self, action: Array) -> Array:
         """Joint targets that actions (N, n) ask for, (N, n) [rad]."""
         return np.asarray(np.array(self.default) + np.array(self.action_scale) * action)
@@ -166,10 +173,7 @@ class Herd:
         self.dt = 1.0 / RATE_HZ
         self._substeps = round(substeps)
         self._n = len(robot.joints)
-        # by name: a model that a diagnosis has patched may have others in between
-        joints = [model.joint(joint) for joint in robot.joints]
-        self.q = np.array([int(joint.qposadr[0]) for joint in joints])
-        self.v = np.array([int(joint.dofadr[0]) for joint in joints])
+        self.q, self.v = robot.addresses(model)
         self._drives = np.array([model.actuator(joint).id for joint in robot.joints])
         self._default = np.array(robot.default)
         self._scale = np.array(robot.action_scale)

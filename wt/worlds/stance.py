@@ -32,14 +32,12 @@ class Feet:
 
         Args:
             robot: whose joints are observed.
-            model: what it is part of; read by name, as others' joints may lie in between.
+            model: what it is part of.
         """
         self._model, self._data = model, mujoco.MjData(model)
         self._rest = robot.foot_rest
         self._sites = [model.site(name).id for name in robot.feet]
-        joints = [model.joint(name) for name in robot.joints]
-        self._q = np.array([int(joint.qposadr[0]) for joint in joints])
-        self._v = np.array([int(joint.dofadr[0]) for joint in joints])
+        self._q, self._v = robot.addresses(model)
 
     def motion(self, s: Array, heading: Array) -> tuple[Array, Array]:
         """Feet of robots whose trunk rests at the origin.

@@ -73,6 +73,7 @@ class WalkingWorld:
         else:
             self._models["sim"] = given_model.load(options.model, self._robot)
         self._state = {d: WalkingState(self._robot, model) for d, model in self._models.items()}
+        self._ground = Ground(options.blocks)
         self.shard = options.robots * options.episode_steps
         joints, condition = self._robot.joints, "flat"
         if options.payload or options.blocks:
@@ -221,12 +222,11 @@ class WalkingWorld:
 
     def stance(self, answer: Array, target: Array, hidden: Array) -> Array:
         """Hidden variables with which standing feet stay; see :class:`ClosedLoop`."""
-        ground = Ground(self._options.blocks)
-        return self._state["sim"].feet.kept(answer, target, hidden, ground.height)
+        return self._state["sim"].feet.kept(answer, target, hidden, self._ground.height)
 
     def astray(self, s: Array, hidden: Array) -> Array:
         """Which robots cannot be where they are; see :class:`ClosedLoop`."""
-        ground = Ground(self._options.blocks).height(hidden[:, 0], hidden[:, 1])
+        ground = self._ground.height(hidden[:, 0], hidden[:, 1])
         return astray(self._robot, s, hidden, ground)
 
     def pairs(self, split: str, count: int, seed: int) -> Pairs:

@@ -10,6 +10,7 @@ from wt.errors import WorkError
 from wt.worlds.closed_loop import Truth
 from wt.worlds.legged import Herd, Robot, Start
 from wt.worlds.policy import Policy
+from wt.worlds.stance import HEIGHT, VELOCITY
 from wt.worlds.walking_state import TRUNK
 
 Array = np.ndarray
@@ -34,10 +35,10 @@ def astray(robot: Robot, s: Array, hidden: Array, ground: Array | float) -> Arra
         ground: height of the ground under it, (N,), or one for all [m].
     """
     with np.errstate(invalid="ignore", over="ignore"):
-        height = hidden[:, 2] - ground
+        height = hidden[:, HEIGHT] - ground
         tilted = -s[:, 5] < np.cos(robot.fall_tilt) * np.linalg.norm(s[:, 3:6], axis=1)
         out = (height < robot.fall_height) | (height > MOST_HEIGHT * robot.height) | tilted
-        out |= np.linalg.norm(hidden[:, 4:7], axis=1) > MOST_SPEED
+        out |= np.linalg.norm(hidden[:, VELOCITY], axis=1) > MOST_SPEED
         out |= np.linalg.norm(s[:, :3], axis=1) > MOST_SPIN
     finite = np.isfinite(s).all(axis=1) & np.isfinite(hidden[:, :TRUNK]).all(axis=1)
     return np.asarray(out | ~finite)

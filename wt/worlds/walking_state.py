@@ -15,7 +15,7 @@ from wt.types import Channel
 from wt.worlds.go2_model import BALL
 from wt.worlds.legged import Herd, Robot
 from wt.worlds.legged_model import BASE, STAND
-from wt.worlds.stance import Feet, upright
+from wt.worlds.stance import HEADING, VELOCITY, Feet, upright
 
 Array = np.ndarray
 
@@ -117,9 +117,9 @@ class WalkingState:
         self._set(herd, rows, s[rows], hidden[rows])
 
     def _set(self, herd: Herd, rows: Array, o: Array, h: Array) -> None:
-        turn = upright(o[:, 3:6].astype(float), h[:, 3])
+        turn = upright(o[:, 3:6].astype(float), h[:, HEADING])
         quat = Rotation.from_matrix(turn).as_quat()[:, [3, 0, 1, 2]]
-        velocity, n = h[:, 4:7], len(self._robot.joints)
+        velocity, n = h[:, VELOCITY], len(self._robot.joints)
         qpos, qvel = herd.qpos[rows], herd.qvel[rows]
         qpos[:, :3], qpos[:, 3:7], qpos[:, herd.q] = h[:, :3], quat, o[:, 6 : 6 + n]
         qvel[:, :3], qvel[:, 3:6] = np.einsum("nij,nj->ni", turn, velocity), o[:, :3]

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
+from wt.config import Alignment
 from wt.evaluate.multi_step import of_model, roll_out, simulator
 from wt.evaluate.results import OURS, PAPERS_OWN
-from wt.reproduce.bench import FULL, PLUS, Bench, Variant
+from wt.reproduce.bench import FULL, PLUS, Bench
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
 from wt.reproduce.exhibits.figure_4 import TASK, draw, gains, horizon_tables, numbers, truth_of
 
-CHANGES = ((), ("translation.alignment=stance",), ("translation.alignment=action",))
+ALIGNMENTS: tuple[Alignment, ...] = get_args(Alignment)
 METHODS = ((PAPERS_OWN, FULL), (OURS, PLUS))
 
 
@@ -26,17 +29,16 @@ class Alignments(Exhibit):
         study = bench.study(TASK)
         bench.train(study, [PLUS, FULL])
         found: Numbers = {}
+        total = 1 + len(METHODS) * len(ALIGNMENTS)
         for seed in study.config.seeds:
             world, truth = truth_of(study, bench.quick, seed)
             scale = study.scales.state
             rolled = {"RawSim": roll_out(world, truth, simulator, scale)}
             for name, variant in METHODS:
                 step = of_model(bench.model(study, variant, seed))
-                for changes in CHANGES:
-                    settings = Variant(name, variant.method, changes).job(seed)
-                    alignment = settings.settings(study.config).translation.alignment
+                for alignment in ALIGNMENTS:
                     label = f"{name}, {alignment}"
-                    bench.listener.progress(f"rollouts, seed {seed}", len(rolled), 7)
+                    bench.listener.progress(f"rollouts, seed {seed}", len(rolled), total)
                     rolled[label] = roll_out(world, truth, step, scale, alignment)
             for label, one in rolled.items():
                 for key, values in numbers(one).items():
