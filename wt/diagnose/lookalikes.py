@@ -62,8 +62,8 @@ class Lookalikes:
             accepted: effects.
             estimated: their parameters.
         """
+        present = estimated.assessed
         for i, now in enumerate(accepted):
-            present = estimated.assessed
             starts = self._starts(accepted, present, i)
             if not starts:
                 continue
@@ -73,11 +73,13 @@ class Lookalikes:
             if ahead > _EVIDENT:
                 now = Accepted(law, next(shape for p, shape in starts if p.key == law.key), ())
                 parts = (*present.hypothesis[:i], law, *present.hypothesis[i + 1 :])
-                estimated = estimate(self.objective, parts)
+                (present,) = refine(self.objective, [parts], [range(len(parts))], 1)
             close = [h[i] for x, h in options if x > ahead - EQUIVALENT_NATS]
             rivals = tuple(p for p in close if p.key != now.planted.key)
             now = replace(now, rivals=rivals)
             accepted = (*accepted[:i], now, *accepted[i + 1 :])
+        if present is not estimated.assessed:
+            estimated = estimate(self.objective, present.hypothesis)
         return accepted, estimated
 
     def _starts(self, accepted: Sequence[Accepted], now: Assessed, index: int) -> list[Start]:

@@ -45,7 +45,8 @@ class Effort:
         search_step: … and while hypotheses are compared.
         search_s: at most so many seconds of recordings are replayed while these are compared.
         doubt_s: … while each of what was found is compared with its lookalikes.
-        most_s: … and to estimate and to prove.
+        most_s: … and to estimate.
+        proof_s: … and to prove, of those held out.
     """
 
     step: float
@@ -53,10 +54,11 @@ class Effort:
     search_s: float
     doubt_s: float
     most_s: float
+    proof_s: float
 
 
-FIXED = Effort(STEP_S, 1e-3, 16.0, 60.0, np.inf)
-FLOATING = Effort(1e-3, 1e-3, 4.0, 8.0, 8.0)
+FIXED = Effort(STEP_S, 1e-3, 16.0, 60.0, 60.0, np.inf)
+FLOATING = Effort(1e-3, 1e-3, 4.0, 8.0, 8.0, 8.0)
 """Steps with contacts cost several times as much, and there are many more of them to choose."""
 ATTEMPTS = 3
 """So many searches, each without the effects that held-out data refused to the ones before."""
@@ -103,7 +105,7 @@ def diagnose(
     whole = functools.cache(
         lambda: _objective([fitted, held_out], screen, forgetting, effort.doubt_s, quick)
     )
-    held = proof.hold(held_out, forgetting, effort.most_s, step)
+    held = proof.hold(held_out, forgetting, effort.proof_s, step)
     court = Court(screen, some, everything, whole, held, step, seed)
     proven, considered = _found(court, say)
     say("judging", 0.8)
