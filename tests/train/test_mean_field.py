@@ -8,6 +8,7 @@ from tests.baselines.toy import Toy
 from wt.config import Mean
 from wt.nets.frame import Frame
 from wt.train.mean_field import fit_mean_field, fit_normalizers, gaussian_transport, regressions
+from wt.train.regression import Score
 from wt.types import Transitions
 
 
@@ -131,6 +132,37 @@ def test_average_answers_of_both_domains_where_nothing_is_ever_absent() -> None:
     assert ((own_next - other.nominal - push) ** 2).mean() < 0.05 * size
     shift = other.o[:, 2:4] @ TRUE_SHIFT
     assert ((both - other.nominal - push - shift) ** 2).mean() < 0.05 * size
+
+
+def test_averages_are_those_that_were_best_on_pairs() -> None:
+    data, other = pushed(60, 0, TRUE_SHIFT), pushed(2000, 1, TRUE_SHIFT)
+    mean = Mean(kind="average", simulator="mean", width=64, depth=2, steps=400, batch=60)
+    frame = Frame(Toy(0.0).spec, mean)
+    fit_normalizers(frame, data, data)
+    o = torch.tensor(other.o)
+    x, y = frame.conditions(o, torch.tensor(other.a)), frame.changes(o, torch.tensor(other.s_next))
+
+    def n() -> float:
+        with torch.no_grad():
+            return float(((frame.nominal_change(x) - y) ** 2).mean())
+
+    def both() -> float:
+        with torch.no_grad():
+            return float(((frame.nominal_change(x) + frame.shift_change(x, y) - y) ** 2).mean())
+
+    seen: dict[str, list[float]] = {"n": [], "both": []}
+
+    def noted(name: str, score: Score) -> Score:
+        def noting() -> float:
+            seen[name].append(score())
+            return seen[name][-1]
+
+        return noting
+
+    fit_mean_field(frame, data, data, mean, 0, None, noted("both", both), noted("n", n))
+    for now, name in ((n(), "n"), (both(), "both")):
+        assert now == pytest.approx(min(seen[name]))
+        assert min(seen[name]) < seen[name][-1], "nothing was over-trained"
 
 
 def test_number_of_regressions() -> None:

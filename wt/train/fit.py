@@ -13,6 +13,7 @@ from pathlib import Path
 import lightning
 import torch
 from lightning.pytorch.callbacks import ModelCheckpoint
+from torch import Tensor
 
 from wt.config import Method
 from wt.nets.mlp import Ensemble
@@ -27,7 +28,7 @@ from wt.train.mean_field import (
     regressions,
 )
 from wt.train.module import WorldTranslation
-from wt.train.regression import Progress
+from wt.train.regression import Progress, Score
 from wt.train.score import PairTensors, errors
 from wt.train.segments import Segments
 from wt.types import Pairs, Transitions, TransitionSpec
@@ -112,14 +113,37 @@ def _mean_field(
         model.frame.load_state_dict(torch.load(kept, "cpu", weights_only=True))
         model.frame.requires_grad_(False)
         return
-    # an untrained decoder has no say only where its difference is added to the simulator's answer
-    # … and only where all of that answer counts
-    whole = model.method.translation.anchored and model.method.mean.simulator != "mean"
-    score = (lambda: errors(model, pairs)[0]) if whole else None
-    fit_mean_field(model.frame, sim, real, model.method.mean, seed, progress, score)
+    score, nominal_score = _scores(model, pairs)
+    mean = model.method.mean
+    fit_mean_field(model.frame, sim, real, mean, seed, progress, score, nominal_score)
     folder.mkdir(parents=True, exist_ok=True)
     torch.save(model.frame.state_dict(), kept.with_suffix(".tmp"))
     kept.with_suffix(".tmp").replace(kept)
+
+
+def _scores(model: WorldModel, pairs: PairTensors) -> tuple[Score | None, Score | None]:
+    """Errors on the validation pairs that stop δ and n from being over-trained."""
+    mean, frame = model.method.mean, model.frame
+    if mean.kind == "none":
+        return None, None
+    if mean.simulator == "mean":
+        # averages, so that the rest of S's answer, which only a translation can tell, is left out
+        x = frame.conditions(pairs.o, pairs.a)
+        simulated, real = (frame.changes(pairs.o, s) for s in (pairs.sim_next, pairs.real_next))
+        return (
+            _score(lambda: frame.nominal_change(x) + frame.shift_change(x, simulated) - real),
+            _score(lambda: frame.nominal_change(x) - simulated),
+        )
+    # an untrained decoder has no say only where its difference is added to the simulator's answer
+    return (lambda: errors(model, pairs)[0]) if model.method.translation.anchored else None, None
+
+
+def _score(error: Callable[[], Tensor]) -> Score:
+    @torch.no_grad()
+    def score() -> float:
+        return float((error() ** 2).mean())
+
+    return score
 
 
 def _run(

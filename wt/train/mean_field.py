@@ -43,6 +43,7 @@ def fit_mean_field(
     seed: int,
     progress: Progress | None = None,
     score: Score | None = None,
+    nominal_score: Score | None = None,
 ) -> None:
     """Train n on the simulator and δ on R against it; nothing for kind ``none``.
 
@@ -54,6 +55,7 @@ def fit_mean_field(
         seed: same seed, same regressors.
         progress: called with (done, total) steps.
         score: error on validation pairs, which stops δ from being over-trained.
+        nominal_score: the same for n.
     """
     if frame.shift is None:
         return
@@ -72,6 +74,7 @@ def fit_mean_field(
             len(x),
             _budget(settings, seed),
             progress=_after(progress, done, total),
+            score=nominal_score,
         )
         done += settings.steps
         if settings.simulator == "mean":
