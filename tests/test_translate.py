@@ -107,6 +107,17 @@ def test_pipeline_encodes_translates_and_decodes(n: int) -> None:
     check(translate_state(build(), o, a, sim_next), expected)
 
 
+def test_far_from_all_that_was_seen_the_simulators_answer_stands() -> None:
+    model = build()
+    o, a, sim_next = batch()
+    before = translate_state(model, o, a, sim_next)
+    model.method = replace(model.method, translation=Translation(reach=20.0))
+    o[1, 2], a[3, 0] = 60.0, -80.0
+    found = translate_state(model, o, a, sim_next)
+    check(found[[1, 3]], sim_next[[1, 3]].numpy())
+    check(found[[0, 2, 4]], before[[0, 2, 4]].numpy())
+
+
 def test_identity_generator_and_inverse_decoder_give_the_simulator_back() -> None:
     o, a, sim_next = batch()
     model = build()

@@ -113,6 +113,7 @@ class Translation:
     transport: bool = False
     anchored: bool = False
     average: float = 0.0
+    reach: float = 0.0
     alignment: Alignment = "state"
 
 

@@ -27,6 +27,9 @@ def translate_state(
     difference that translation makes is added, D(o, a, ẑ) − D(o, a, z), so that what encoder
     and decoder lose is not lost in o′.
 
+    With ``translation.reach`` the simulator's answer stands where (o, a) is so far from all that
+    was seen, as where a robot falls.
+
     Args:
         model: a trained model.
         o: observations, physical units.
@@ -43,7 +46,11 @@ def translate_state(
         y_real = y + model.strength * (translated - model.decoder(x, z))
     else:
         y_real = translated
-    return frame.next_states(o, nominal + frame.shift_change(x, sim_change) + y_real)
+    change = nominal + frame.shift_change(x, sim_change) + y_real
+    reach = model.method.translation.reach
+    if reach:
+        change = torch.where(frame.within(x, reach)[:, None], change, sim_change)
+    return frame.next_states(o, change)
 
 
 def feature_of_real(

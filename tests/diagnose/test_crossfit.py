@@ -10,7 +10,7 @@ import pytest
 from tests.diagnose.hidden_forces import NOISE, STEP, chain, record
 from wt.diagnose.crossfit import WORTH, left_in_turn
 from wt.diagnose.objective import Objective
-from wt.diagnose.proof import gain_of
+from wt.diagnose.proof import Gain, gain_of
 from wt.diagnose.samples import Part
 from wt.diagnose.screen import Screen
 from wt.diagnose.smooth import smooth
@@ -72,3 +72,25 @@ def test_data_that_an_effect_leaves_as_they_are_are_mute() -> None:
     assert gain_of(nudged / NOISE, left / NOISE, (block, block)).potential < 0.01
     moved = left + 0.5 * NOISE * np.sin(np.arange(400))[:, None]
     assert gain_of(moved / NOISE, left / NOISE, (block, block)).potential > 0.05
+
+
+def hit(blocks: int, better: bool = True) -> Gain:
+    """Gain of what takes away an error in a few blocks, and adds a little to all others."""
+    rng = np.random.default_rng(1)
+    left, block = rng.standard_normal((400, 2)), np.arange(400) // 5
+    touched = (block % 8 == 3) & (block < 8 * blocks)
+    raw, patched = left + 30.0 * touched[:, None], 1.01 * left
+    return gain_of(*((raw, patched) if better else (patched, raw)), (block, block))
+
+
+def test_noise_elsewhere_does_not_outvote_hits() -> None:
+    found = hit(10)
+    assert found.share > 0.9 and found.p_value < 2e-3
+    assert not found.undecided
+    assert hit(10, better=False).p_value > 0.9
+
+
+def test_too_few_hits_cannot_say() -> None:
+    assert hit(4).share > 0.9 and hit(4).p_value == pytest.approx(0.5**4)
+    assert hit(4).undecided
+    assert not hit(4, better=False).undecided, "what makes replays worse is refused"

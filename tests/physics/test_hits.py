@@ -60,7 +60,7 @@ def test_nothing_is_seen_where_nothing_is(tmp_path: Path) -> None:
 
 def test_replays_stop_at_the_table(run: arm.Run, tmp_path: Path) -> None:
     stretch = Stretch(0, run.t, run.held, run.q[0], run.v[0])
-    there = Planted(WALL, AT, np.array([0.3, 0.0, LEVEL, 0.0, 0.0, 1.0]))
+    there = Planted(WALL, AT, np.array([0.3, 0.0, LEVEL, 0.0, 0.0, 1.0, 0.3]))
     q = Replayer(arm.scene(tmp_path), [stretch]).run([(), (there,)]).q
     free, stopped = np.sqrt(np.mean((q - run.q) ** 2, axis=(1, 2)))
     assert stopped < 0.15 * free
@@ -68,12 +68,13 @@ def test_replays_stop_at_the_table(run: arm.Run, tmp_path: Path) -> None:
 
 def test_the_patch_is_plain_mjcf_and_leaves_other_contacts(tmp_path: Path) -> None:
     spec = arm.scene(tmp_path).spec()
-    WALL.patch(spec, AT, np.array([0.3, 0.1, 0.4, 0.0, 0.6, 0.8]))
+    WALL.patch(spec, AT, np.array([0.3, 0.1, 0.4, 0.0, 0.6, 0.8, 0.5]))
     model = mujoco.MjModel.from_xml_string(spec.to_xml())
     box = model.geom("obstacle")
     face_at = box.pos + 0.1 * np.array([0.0, 0.6, 0.8])
     assert face_at == pytest.approx([0.3, 0.1, 0.4], abs=1e-5)
     assert not box.contype[0] & 1
+    assert box.friction[0] == pytest.approx(0.5) and box.priority[0] == 1
     assert [bool(model.geom(f"g{i}").conaffinity[0] & box.contype[0]) for i in range(4)] == [
         False, True, True, True
     ]  # fmt: skip
@@ -81,7 +82,9 @@ def test_the_patch_is_plain_mjcf_and_leaves_other_contacts(tmp_path: Path) -> No
 
 
 def test_people_are_told() -> None:
-    assert [(p.name, p.unit) for p in WALL.parameters] == [("position", "m"), ("normal", "-")]
-    theta = np.array([0.3, 0.1, 0.4, 0.0, 0.0, 1.0])
+    assert [(p.name, p.unit) for p in WALL.parameters] == [
+        ("position", "m"), ("normal", "-"), ("friction", "-")
+    ]  # fmt: skip
+    theta = np.array([0.3, 0.1, 0.4, 0.0, 0.0, 1.0, 0.5])
     assert "0.3, 0.1, 0.4 m" in WALL.statement(AT, theta)
     assert WALL.separation(AT)

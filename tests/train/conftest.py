@@ -52,7 +52,7 @@ def plus(paper: Method) -> Method:
         mean=Mean(kind="mode", members=2, width=16, depth=1, steps=30, batch=64),
         translation=Translation(
             conditioned=True, adversarial="lsgan", cycle=5.0, identity=0.0, transport=True,
-            anchored=True, average=0.9,
+            anchored=True, average=0.9, reach=10.0,
         ),
     )  # fmt: skip
 

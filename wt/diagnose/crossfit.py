@@ -14,8 +14,6 @@ from wt.diagnose.refine import refine
 
 Array = np.ndarray
 
-MUTE = 0.01
-"""Held-out data are mute on an effect that could change their squared error by less than this."""
 WORTH = 0.1
 """Smallest share of the squared error that it must remove: the search has seen these data."""
 PARTS = 4

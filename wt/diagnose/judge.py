@@ -7,7 +7,7 @@ is learned, is said to be unknown.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from scipy.stats import chi2
 from wt.diagnose import proof
 from wt.diagnose.addition import Accepted
 from wt.diagnose.calibrate import calibration, comments
-from wt.diagnose.crossfit import MUTE, WORTH, left_in_turn
+from wt.diagnose.crossfit import WORTH, left_in_turn
 from wt.diagnose.estimate import Estimated, estimate, least_certain
 from wt.diagnose.lookalikes import Lookalikes
 from wt.diagnose.objective import Hypothesis, Objective, without
@@ -26,7 +26,7 @@ from wt.diagnose.rivals import DOUBTFUL, rivals_nonparametric
 from wt.diagnose.screen import Screen
 from wt.diagnose.simplify import simplified
 from wt.diagnose.worth import CLEAN, erring_joints, typical
-from wt.physics.replay import Planted
+from wt.physics.replay import Key, Planted
 from wt.types import Location
 
 Array = np.ndarray
@@ -118,16 +118,19 @@ class Court:
         unnamed = self._with_unknown(self.proven(rest))
         return unnamed if self._better(unnamed, named) else named
 
-    def proven(self, accepted: tuple[Accepted, ...], attempts: int = 1) -> Judged:
+    def proven(
+        self, accepted: tuple[Accepted, ...], attempts: int = 1, known: Container[Key] = ()
+    ) -> Judged:
         """Only what is certain and improves the held-out fit stays, estimated without the rest.
 
         Args:
             accepted: what the search found.
             attempts: how often held-out data have been asked; all that is asked has to be paid.
+            known: effects that were compared with their lookalikes before.
         """
         estimated = estimate(self.objective, tuple(a.planted for a in accepted))
         alike = Lookalikes(self.screen, self.some, self.objective, self.whole)
-        accepted, estimated = alike.settled(accepted, estimated)
+        accepted, estimated = alike.settled(accepted, estimated, known)
         accepted, estimated = simplified(self.objective, accepted, estimated)
         while accepted:
             weakest = least_certain(estimated)
@@ -155,9 +158,7 @@ class Court:
             (*s.hypothesis, *(objective.calibration(s) if known else ())) for s in sides
         ]
         gains = proof.gains(self.held, full, lesser, self.step)
-        mute = [
-            i for i, g in enumerate(gains) if g.p_value > proof.SIGNIFICANT and g.potential < MUTE
-        ]
+        mute = [i for i, g in enumerate(gains) if g.undecided]
         for i in mute:
             fitted = left_in_turn(objective, whole.hypothesis, i)
             proven = fitted.share >= WORTH

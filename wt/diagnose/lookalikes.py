@@ -10,7 +10,7 @@ large it is, which both remain to be proven and estimated.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,17 +54,18 @@ class Lookalikes:
     whole: Callable[[], Objective]
 
     def settled(
-        self, accepted: tuple[Accepted, ...], estimated: Estimated
+        self, accepted: tuple[Accepted, ...], estimated: Estimated, known: Container[Key] = ()
     ) -> tuple[tuple[Accepted, ...], Estimated]:
         """The same effects, each by the best of its lookalikes; what comes close is its rival.
 
         Args:
             accepted: effects.
             estimated: their parameters.
+            known: effects that were compared before, and are not again.
         """
         present = estimated.assessed
         for i, now in enumerate(accepted):
-            starts = self._starts(accepted, present, i)
+            starts = () if now.planted.key in known else self._starts(accepted, present, i)
             if not starts:
                 continue
             options = self._compared(present.hypothesis, i, [p for p, _ in starts])

@@ -164,11 +164,11 @@ def _told(
 
 def _found(court: Court, say: Report) -> tuple[Judged, tuple[Considered, ...]]:
     """Search and prove; where the proof drops effects and leaves errors, search for others."""
-    outcome, banned = search(court.screen, court.some, say), set[Key]()
+    outcome, banned, kept = search(court.screen, court.some, say), set[Key](), set[Key]()
     considered = outcome.considered
     for attempt in range(1, ATTEMPTS + 1):
         say("estimating and proving", 0.7)
-        proven = court.proven(outcome.accepted, attempt)
+        proven = court.proven(outcome.accepted, attempt, kept)
         # fewer, not others: an effect that a simpler law says as well was not refused
         refused = len(proven.accepted) < len(outcome.accepted)
         if not refused or attempt == ATTEMPTS or court.clean(proven):

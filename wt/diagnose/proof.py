@@ -29,11 +29,15 @@ Array = np.ndarray
 
 SIGNIFICANT = 0.01
 """Largest p-value of a gain that counts."""
+MUTE = 0.01
+"""Data are mute on an effect that could change their squared error by less than this."""
 HORIZONS_S = (0.1, 0.25, 0.5, 1.0, 2.0)
 _BLOCK_S, _BLOCKS = (0.25, 1.0), 24
 """Shortest and longest block [s], and how many there should be: errors remember for less."""
 _TOUCHED = 1e-3
 """A block whose error changes by less than this share of the largest change is not touched."""
+_WHOLE, _SELDOM = 0.99, 0.25
+"""What makes up so much of a change in fewer than this share of the blocks shows seldom."""
 RAN_AWAY = 1.0
 """Error that a replay counts with after it exploded [rad or m]."""
 _RESAMPLES = 1000
@@ -156,12 +160,20 @@ class Gain:
             paid for is the number of effects that are tested, not that of all hypotheses.
         potential: largest share that an effect which changes the replays so much could remove.
         in_turn: whether the p-value is of fitted data left out in turn, held-out ones being mute.
+        least_p: the smallest p-value that so few blocks as it shows in could give.
     """
 
     share: float
     p_value: float
     potential: float = 1.0
     in_turn: bool = False
+    least_p: float = 0.0
+
+    @property
+    def undecided(self) -> bool:
+        """Whether the data cannot say: they are mute, or too few of them show the gain."""
+        few = self.least_p > SIGNIFICANT and self.share > 0.0
+        return self.p_value > SIGNIFICANT and (few or self.potential < MUTE)
 
 
 def gains(
@@ -170,7 +182,10 @@ def gains(
     """Held-out gain of a hypothesis over each of some lesser ones; p-values pay for all."""
     full, *lesser = scaled(errors(held, [hypothesis, *without], step), held.smoothed.noise)
     found = [gain_of(less, full, (held.block, held.fine)) for less in lesser]
-    return [replace(g, p_value=min(1.0, g.p_value * len(found))) for g in found]
+    n = len(found)
+    return [
+        replace(g, p_value=min(1.0, g.p_value * n), least_p=min(1.0, g.least_p * n)) for g in found
+    ]
 
 
 def gain(held: Held, hypothesis: Hypothesis, other: Hypothesis, step: float) -> Gain:
@@ -199,11 +214,26 @@ def gain_of(less: Array, full: Array, blocks: tuple[Array, Array]) -> Gain:
         # what shows in few blocks only, such as a stop, is tested with the shortest ones
         if np.sum(np.abs(difference) > _TOUCHED * np.abs(difference).max()) >= _BLOCKS // 2:
             break
+    touched = _touched(difference)
     # ranks: a block in which an error ran away counts no more than any other
-    test = wilcoxon(one, other, alternative="greater")
+    test = wilcoxon(difference[touched], alternative="greater")
     change, left = (np.nansum(x**2, axis=0) for x in (less - full, full))
     potential = float(np.max(change / np.maximum(change + left, 1e-30)))
-    return Gain(float(difference.sum() / one.sum()), float(test.pvalue), potential)
+    share, least_p = float(difference.sum() / one.sum()), float(0.5 ** touched.sum())
+    return Gain(share, float(test.pvalue), potential, least_p=least_p)
+
+
+def _touched(difference: Array) -> Array:
+    """The blocks (B,) that a change is tested over, bool: all, or the few that make it up.
+
+    Noise elsewhere would outvote a hit. Size alone decides, so that nothing still has either sign.
+    """
+    size = np.abs(difference)
+    order = np.argsort(-size)
+    count = int(np.searchsorted(np.cumsum(size[order]), _WHOLE * size.sum())) + 1
+    touched = np.zeros(len(size), bool)
+    touched[order[:count]] = True
+    return touched if touched.mean() < _SELDOM else np.ones(len(size), bool)
 
 
 def prove(held: Held, hypothesis: Hypothesis, step: float, split: str, seed: int = 0) -> Proof:

@@ -16,7 +16,7 @@ the closed-form optimal transport between the two Gaussians (``transport``), bef
 from __future__ import annotations
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from wt.config import Mean
@@ -87,6 +87,13 @@ class Frame(nn.Module):
     ) -> Float[Tensor, "batch condition"]:
         """Normalised (o, a)."""
         return self.condition(self.raw_condition(o, a))
+
+    def within(self, x: Float[Tensor, "batch condition"], reach: float) -> Bool[Tensor, " batch"]:
+        """Which normalised (o, a) deviate by at most ``reach`` in every channel; all of them for 0.
+
+        Farther from all that was seen, as where a robot falls, networks make anything of it.
+        """
+        return x.abs().amax(dim=1) <= (reach or torch.inf)
 
     def changes(
         self, o: Float[Tensor, "batch obs"], s_next: Float[Tensor, "batch state"]

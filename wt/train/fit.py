@@ -79,9 +79,10 @@ def fit_world_model(
     torch.manual_seed(seed)
     model = WorldModel(spec, method)
     fit_normalizers(model.frame, sim, real)
+    pairs = PairTensors.of(validation, model.frame.state.std, _change_std(real, spec))
+    sim, real = (_within(model, data) for data in (sim, real))
     extra = regressions(method.mean) * method.mean.steps
     total = extra + method.train.steps
-    pairs = PairTensors.of(validation, model.frame.state.std, _change_std(real, spec))
     in_front = progress and (lambda k, _: progress(k, total))
     _mean_field(model, sim, real, pairs, seed, folder, in_front)
     _choose_transport(model, sim, real, pairs)
@@ -121,6 +122,12 @@ def _mean_field(
     kept.with_suffix(".tmp").replace(kept)
 
 
+def _within(model: WorldModel, data: Transitions) -> Transitions:
+    """The transitions that are translated: of the others a few would outweigh many."""
+    x = model.frame.conditions(torch.tensor(data.o), torch.tensor(data.a))
+    return data.select(model.frame.within(x, model.method.translation.reach).cpu().numpy())
+
+
 def _scores(model: WorldModel, pairs: PairTensors) -> tuple[Score | None, Score | None]:
     """Errors on the validation pairs that stop δ and n from being over-trained."""
     mean, frame = model.method.mean, model.frame
@@ -129,7 +136,9 @@ def _scores(model: WorldModel, pairs: PairTensors) -> tuple[Score | None, Score 
     if mean.simulator == "mean":
         # averages, so that the rest of S's answer, which only a translation can tell, is left out
         x = frame.conditions(pairs.o, pairs.a)
-        simulated, real = (frame.changes(pairs.o, s) for s in (pairs.sim_next, pairs.real_next))
+        seen = frame.within(x, model.method.translation.reach)
+        o, x = pairs.o[seen], x[seen]
+        simulated, real = (frame.changes(o, s[seen]) for s in (pairs.sim_next, pairs.real_next))
         return (
             _score(lambda: frame.nominal_change(x) + frame.shift_change(x, simulated) - real),
             _score(lambda: frame.nominal_change(x) - simulated),

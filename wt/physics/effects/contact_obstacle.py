@@ -18,11 +18,13 @@ Array = np.ndarray
 _HALF = (0.5, 0.5, 0.1)  # m: wide enough to be a table or a wall, and thick
 _BIT = 1 << 20  # of contacts with it alone: robots' own files hardly use so many
 _NAME = "obstacle"
+_SLIPS, _HOLDS = 0.3, 1.0
+"""Friction of faces that links slide along, and that hold them; MuJoCo's own is the second."""
 
 
 @register
 class ContactObstacle(ReplayOnly):
-    """A box whose face is at a position and looks along a normal; nothing of it bounces.
+    """A box whose face is at a position, looks along a normal and has friction; nothing bounces.
 
     Forces say when something is touched, the shape of what touches says where
     (:mod:`wt.physics.hits`); only replays tell how well.
@@ -33,25 +35,28 @@ class ContactObstacle(ReplayOnly):
     parameters = (
         Parameter("position", "m", -20.0, 20.0, 1e-3, ("x", "y", "z")),
         Parameter("normal", "-", -1.0, 1.0, 2e-3, ("x", "y", "z")),
+        Parameter("friction", "-", 0.02, 2.0, 0.01),
     )
     reference = "S. Haddadin, A. De Luca and A. Albu-Schäffer, Robot collisions, IEEE T-RO 33, 2017"
 
     def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
-        """What the machine runs into."""
+        """What the machine runs into, whether it slips or holds."""
         found = face(motion)
-        return [np.array([*found.position, *found.normal])] if found else []
+        if found is None:
+            return []
+        return [np.array([*found.position, *found.normal, f]) for f in (_SLIPS, _HOLDS)]
 
     def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
         """Add a box to the world that all moving bodies but the first can touch.
 
         Of a body, those geoms that can touch anything; all of them, if none can.
         """
-        normal, turn = theta[3:] / max(float(np.linalg.norm(theta[3:])), 1e-9), np.zeros(4)
+        normal, turn = theta[3:6] / max(float(np.linalg.norm(theta[3:6])), 1e-9), np.zeros(4)
         mujoco.mju_quatZ2Vec(turn, normal)
         box = spec.worldbody.add_geom(
             name=_NAME, type=mujoco.mjtGeom.mjGEOM_BOX, size=_HALF, quat=turn,
             pos=theta[:3] - _HALF[2] * normal, contype=_BIT, conaffinity=0, priority=1,
-            condim=3, friction=[0.3, 0.005, 0.0001], solref=[0.006, 1.0],
+            condim=3, friction=[theta[6], 0.005, 0.0001], solref=[0.006, 1.0],
         )  # fmt: skip
         box.rgba = [0.8, 0.4, 0.1, 0.4]
         for body in spec.bodies[2:]:
@@ -61,10 +66,10 @@ class ContactObstacle(ReplayOnly):
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""
-        x, y, z, a, b, c = theta
+        x, y, z, a, b, c, friction = theta
         return (
             f"Something stands in the way: its face is at {x:.3g}, {y:.3g}, {z:.3g} m and looks "
-            f"along {a:.2g}, {b:.2g}, {c:.2g} (world x, y, z)."
+            f"along {a:.2g}, {b:.2g}, {c:.2g} (world x, y, z); its friction is {friction:.2g}."
         )
 
     def separation(self, at: Location) -> str:
