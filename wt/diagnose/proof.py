@@ -214,16 +214,16 @@ def gain_of(less: Array, full: Array, blocks: tuple[Array, Array]) -> Gain:
         # what shows in few blocks only, such as a stop, is tested with the shortest ones
         if np.sum(np.abs(difference) > _TOUCHED * np.abs(difference).max()) >= _BLOCKS // 2:
             break
-    touched = _touched(difference)
+    tested = _tested(difference)
     # ranks: a block in which an error ran away counts no more than any other
-    test = wilcoxon(difference[touched], alternative="greater")
+    test = wilcoxon(difference[tested], alternative="greater")
     change, left = (np.nansum(x**2, axis=0) for x in (less - full, full))
     potential = float(np.max(change / np.maximum(change + left, 1e-30)))
-    share, least_p = float(difference.sum() / one.sum()), float(0.5 ** touched.sum())
+    share, least_p = float(difference.sum() / one.sum()), float(0.5 ** tested.sum())
     return Gain(share, float(test.pvalue), potential, least_p=least_p)
 
 
-def _touched(difference: Array) -> Array:
+def _tested(difference: Array) -> Array:
     """The blocks (B,) that a change is tested over, bool: all, or the few that make it up.
 
     Noise elsewhere would outvote a hit. Size alone decides, so that nothing still has either sign.
@@ -231,9 +231,9 @@ def _touched(difference: Array) -> Array:
     size = np.abs(difference)
     order = np.argsort(-size)
     count = int(np.searchsorted(np.cumsum(size[order]), _WHOLE * size.sum())) + 1
-    touched = np.zeros(len(size), bool)
-    touched[order[:count]] = True
-    return touched if touched.mean() < _SELDOM else np.ones(len(size), bool)
+    most = np.zeros(len(size), bool)
+    most[order[:count]] = True
+    return most if most.mean() < _SELDOM else np.ones(len(size), bool)
 
 
 def prove(held: Held, hypothesis: Hypothesis, step: float, split: str, seed: int = 0) -> Proof:

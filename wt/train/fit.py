@@ -124,8 +124,11 @@ def _mean_field(
 
 def _within(model: WorldModel, data: Transitions) -> Transitions:
     """The transitions that are translated: of the others a few would outweigh many."""
+    reach = model.method.translation.reach
+    if not reach:
+        return data
     x = model.frame.conditions(torch.tensor(data.o), torch.tensor(data.a))
-    return data.select(model.frame.within(x, model.method.translation.reach).cpu().numpy())
+    return data.select(model.frame.within(x, reach).cpu().numpy())
 
 
 def _scores(model: WorldModel, pairs: PairTensors) -> tuple[Score | None, Score | None]:

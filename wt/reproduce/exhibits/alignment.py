@@ -9,7 +9,7 @@ from wt.evaluate.multi_step import of_model, roll_out, simulator
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.reproduce.bench import FULL, PLUS, Bench
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
-from wt.reproduce.exhibits.figure_4 import TASK, draw, gains, horizon_tables, numbers, truth_of
+from wt.reproduce.exhibits.figure_4 import TASK, draw, gains, horizon_tables, keep, truth_of
 
 ALIGNMENTS: tuple[Alignment, ...] = get_args(Alignment)
 METHODS = ((PAPERS_OWN, FULL), (OURS, PLUS))
@@ -41,8 +41,7 @@ class Alignments(Exhibit):
                     bench.listener.progress(f"rollouts, seed {seed}", len(rolled), total)
                     rolled[label] = roll_out(world, truth, step, scale, alignment)
             for label, one in rolled.items():
-                for key, values in numbers(one).items():
-                    found.setdefault(label, {}).setdefault(key, []).append(values)
+                keep(found, label, one)
         return found
 
     def present(self, found: Numbers) -> Section:

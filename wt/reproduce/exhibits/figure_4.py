@@ -44,10 +44,12 @@ def truth_of(study: Study, quick: bool, seed: int) -> tuple[ClosedLoop, Truth]:
     return world, world.truth(count, past, HORIZON, START_SEED + seed)
 
 
-def numbers(rolled: Rolled) -> dict[str, list[float | None]]:
-    """As kept: NaN, where every rollout has diverged, is null."""
+def keep(found: Numbers, label: str, rolled: Rolled) -> None:
+    """Add one seed's rollouts; NaN, where every rollout has diverged, is kept as null."""
     mse = [float(x) if np.isfinite(x) else None for x in rolled.mse]
-    return {"mse": mse, "diverged": [float(x) for x in rolled.diverged]}
+    values = found.setdefault(label, {"mse": [], "diverged": []})
+    values["mse"].append(mse)
+    values["diverged"].append([float(x) for x in rolled.diverged])
 
 
 @register
@@ -76,8 +78,7 @@ class MultiStep(Exhibit):
                 bench.listener.progress(f"rollouts, seed {seed}", i, len(steps))
                 alignment = alignment_of(study.config, method)
                 rolled = roll_out(world, truth, step, study.scales.state, alignment)
-                for key, values in numbers(rolled).items():
-                    found.setdefault(method, {}).setdefault(key, []).append(values)
+                keep(found, method, rolled)
         return found
 
     def present(self, found: Numbers) -> Section:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from wt.evaluate.multi_step import of_model, roll_out, simulator
+from wt.evaluate.multi_step import alignment_of, of_model, roll_out, simulator
 from wt.reproduce.bench import FULL, Bench, Variant
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
-from wt.reproduce.exhibits.figure_4 import TASK, draw, gains, horizon_tables, numbers, truth_of
+from wt.reproduce.exhibits.figure_4 import TASK, draw, gains, horizon_tables, keep, truth_of
 from wt.reproduce.words import gain
 
 VARIANTS = (
@@ -29,13 +29,15 @@ class SegmentTraining(Exhibit):
         study = bench.study(TASK)
         bench.train(study, VARIANTS)
         found: Numbers = {"single": {}, "rolled": {}}
+        alignment = alignment_of(
+            study.config, FULL.method
+        )  # where nothing is translated, no matter
         for seed in study.config.seeds:
             world, truth = truth_of(study, bench.quick, seed)
             steps = {v.name: of_model(bench.model(study, v, seed)) for v in VARIANTS}
             for label, step in {"RawSim": simulator, **steps}.items():
-                one = numbers(roll_out(world, truth, step, study.scales.state))
-                for key, values in one.items():
-                    found["rolled"].setdefault(label, {}).setdefault(key, []).append(values)
+                rolled = roll_out(world, truth, step, study.scales.state, alignment)
+                keep(found["rolled"], label, rolled)
             for variant in VARIANTS:
                 mse = bench.errors(study, variant, seed).mse
                 found["single"].setdefault(variant.name, []).append(mse)
