@@ -55,12 +55,12 @@ def test_the_rest_is_not_looked_at(tmp_path: Path) -> None:
     some = objective(tmp_path, 1)
     late = some.t > 4.0
     early = some.only(~late)
-    assert not early.valid[late].any()
-    np.testing.assert_array_equal(early.valid[~late], some.valid[~late])
+    assert not early.channels.valid[late].any()
+    np.testing.assert_array_equal(early.channels.valid[~late], some.channels.valid[~late])
     np.testing.assert_allclose(early.count, 0.5 * some.count, rtol=0.1)
     (now,) = early.evaluate([()])
     assert not now.error[late].any()
-    assert some.valid[late].all()  # the whole keeps its own
+    assert some.channels.valid[late].all()  # the whole keeps its own
 
 
 def test_data_that_an_effect_leaves_as_they_are_are_mute() -> None:

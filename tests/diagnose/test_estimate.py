@@ -6,8 +6,8 @@ from unittest.mock import Mock
 
 import numpy as np
 
+from wt.diagnose.assessed import Assessed
 from wt.diagnose.estimate import Estimated, least_certain
-from wt.diagnose.objective import Assessed
 from wt.diagnose.result import Estimate
 from wt.physics.effect import effects
 from wt.physics.replay import Planted

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import mujoco
+import numpy as np
 import pytest
 
 from tests.physics import stool
@@ -52,6 +54,42 @@ def test_friction_of_a_leg_leads(machine: Scene) -> None:
         "joint.friction"
     )
     assert best.planted.theta[0] == pytest.approx(0.6, rel=0.25)
+
+
+PUSH, WINDOWS = (3.0, -4.0, 2.0), ((1.2, 1.7), (3.1, 3.5))
+
+
+def pushed(t: float) -> Sequence[float]:
+    """A push that is a tenth of the weight, now and then."""
+    return PUSH if any(start <= t < end for start, end in WINDOWS) else (0.0, 0.0, 0.0)
+
+
+def test_a_push_that_is_fainter_than_the_residual_is_seen_by_its_direction(machine: Scene) -> None:
+    parts = [Part(stool.recording(seed, seconds=5.0, push=pushed), seed) for seed in (3, 4)]
+    screen = Screen(smooth(machine, parts))
+    best = screen.rank([])[0]
+    assert (best.planted.effect.id, best.planted.at.name) == ("body.force_intermittent", "trunk")
+    assert best.planted.theta == pytest.approx(np.array(PUSH), rel=0.15)
+    t = np.arange(0.0, 5.0, 0.01)
+    true = np.array([any(pushed(x)) for x in t])
+    for recording in (3.0, 4.0):
+        said = np.zeros(len(t), dtype=bool)
+        for which, start, end in np.array(best.shape).reshape(-1, 3):
+            said |= (which == recording) & (start <= t) & (t < end)
+        assert (said == true).mean() > 0.92
+
+
+def test_moments_of_a_blow_are_not_calm(machine: Scene) -> None:
+    motion = smooth(machine, [Part(stool.recording(3, seconds=4.0), 0)]).motion
+    before = motion.calm
+    assert before.mean() > 0.7
+    force = np.zeros_like(motion.q)
+    blow = slice(200, 202)
+    force[blow, 6:] = 20.0 * np.std(motion.unexplained[:, 6:], axis=0)
+    calm = motion.without(force).calm
+    assert not calm[blow].any()
+    far = np.abs(np.arange(len(calm)) - 201) > 10
+    assert (calm | ~before)[far].all(), "a blow makes no other moment a worse one"
 
 
 def test_a_whole_diagnosis_is_silent_where_nothing_is_hidden(

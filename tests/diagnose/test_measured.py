@@ -13,9 +13,9 @@ import pytest
 from tests.diagnose.hidden_forces import RATE, REFINE, STEP, chain
 from wt.data.recording import check_against
 from wt.diagnose import proof, words
+from wt.diagnose.assessed import Hypothesis
 from wt.diagnose.evidence import MeasuredForce, SensorError
 from wt.diagnose.measured import measured, sentence
-from wt.diagnose.objective import Hypothesis
 from wt.diagnose.pipeline import diagnose
 from wt.diagnose.prepare import prepare
 from wt.diagnose.screen import Screen

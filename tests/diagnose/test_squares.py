@@ -11,36 +11,47 @@ from wt.diagnose.adapt import Adaptable
 SAMPLES, JOINTS, NUISANCES, FREE = 200, 3, 4, 2
 
 
-@pytest.fixture
-def made() -> tuple[Adaptable, np.ndarray, np.ndarray]:
-    """What nuisances change, an error, and what two parameters change in it."""
+@pytest.fixture(params=[(slice(None),), (slice(0, 80), slice(80, SAMPLES))], ids=["one", "two"])
+def made(request: pytest.FixtureRequest) -> tuple[Adaptable, np.ndarray, np.ndarray]:
+    """What nuisances change, an error, and what two parameters change in it; in parts."""
     rng = np.random.default_rng(3)
     changes = rng.standard_normal((JOINTS, SAMPLES, NUISANCES))
     error = 5.0 * rng.standard_normal((SAMPLES, JOINTS))
     jacobian = rng.standard_normal((SAMPLES, JOINTS, FREE))
-    return Adaptable(changes, np.zeros(NUISANCES)), error, jacobian
+    return Adaptable(changes, np.zeros(NUISANCES), request.param), error, jacobian
+
+
+def sums(around: Adaptable, squares: np.ndarray) -> np.ndarray:
+    """Part by part, joint by joint."""
+    return np.concatenate([squares[part].sum(axis=0) for part in around.parts])
 
 
 def test_it_knows_what_is_left(made: tuple[Adaptable, np.ndarray, np.ndarray]) -> None:
     around, error, _ = made
     x = np.array([0.3, -2.0, 0.0, 1.0])
-    left = ((error + around.moved(x)) ** 2).sum(axis=0)
+    left = sums(around, (error + around.moved(x)) ** 2)
     np.testing.assert_allclose(around.squares(error).left(x), left, rtol=1e-10)
     np.testing.assert_allclose(around.moved(x), around.columns @ x)
     some = np.array([0, 3])
-    left = ((error + around.columns[:, :, some] @ x[some]) ** 2).sum(axis=0)
+    left = sums(around, (error + around.columns[:, :, some] @ x[some]) ** 2)
     np.testing.assert_allclose(around.squares(error).only(some).left(x[some]), left, rtol=1e-10)
 
 
 def test_a_step_is_that_of_the_samples(made: tuple[Adaptable, np.ndarray, np.ndarray]) -> None:
     """Parameters come first and pay nothing, nuisances pay for every deviation."""
     around, error, jacobian = made
-    weight = np.array([1.0, 0.1, 4.0])
+    weight = np.array([1.0, 0.1, 4.0, 0.5, 2.0, 0.2])[: JOINTS * len(around.parts)]
+    each = np.concatenate(
+        [
+            np.broadcast_to(w, error[part].shape)
+            for w, part in zip(weight.reshape(-1, JOINTS), around.parts, strict=True)
+        ]
+    )
     prior = np.array([0.0] * FREE + [1.0] * NUISANCES)
     high = np.array([0.05, 9.0, 9.0, 0.02, 9.0, 9.0])
-    rows = np.concatenate([jacobian, around.columns], axis=2) * np.sqrt(weight)[:, None]
+    rows = np.concatenate([jacobian, around.columns], axis=2) * np.sqrt(each)[:, :, None]
     stacked = np.vstack([rows.reshape(-1, FREE + NUISANCES), np.diag(np.sqrt(prior))])
-    target = np.concatenate([-(error * np.sqrt(weight)).ravel(), np.zeros(FREE + NUISANCES)])
+    target = np.concatenate([-(error * np.sqrt(each)).ravel(), np.zeros(FREE + NUISANCES)])
     best = lsq_linear(stacked, target, (-high, high), method="bvls").x
     found = around.squares_beside(error, jacobian).step(weight, -high, high, prior)
     np.testing.assert_allclose(found, best, rtol=1e-5, atol=1e-8)

@@ -72,6 +72,7 @@ def recording(
     seconds: float = 8.0,
     rate: float = 100.0,
     imu: Sequence[str] = (),
+    push: Callable[[float], Sequence[float]] | None = None,
 ) -> Recording:
     """What is recorded of a machine that shuffles about, with something hidden in it.
 
@@ -81,6 +82,7 @@ def recording(
         seconds: duration.
         rate: of the samples [Hz].
         imu: names of the sensors that are recorded too.
+        push: force on the trunk [N] at a time [s].
     """
     spec = mujoco.MjSpec.from_string(STOOL)
     spec.option.timestep = 0.0005
@@ -105,6 +107,8 @@ def recording(
         for name, column in sensed.items():
             column[k] = data.sensor(name).data
         for _ in range(round(1.0 / (rate * model.opt.timestep))):
+            if push:
+                data.xfrc_applied[model.body("trunk").id, :3] = push(data.time)
             mujoco.mj_step(model, data)
     noise = np.concatenate([np.full(3, 3e-4), np.full(4, 3e-4), np.full(6, 1e-4)])
     q += noise * rng.normal(size=q.shape)

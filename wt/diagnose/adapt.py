@@ -83,13 +83,13 @@ def initial_states(rows: Sequence[slice], response: Array, mse: Array) -> tuple[
     Args:
         rows: of each stretch.
         response: of all samples to one deviation of each, (N, nv, 2nv).
-        mse: mean square error that a joint is expected to have, (nv,).
+        mse: mean square error that a joint is expected to have, (nv,) or (stretches, nv).
     """
     found = []
-    for some in rows:
+    for some, expected in zip(rows, np.broadcast_to(mse, (len(rows), mse.shape[-1])), strict=True):
         s = response[some]
         n = s.shape[2]
-        flat, w = s.reshape(-1, n), (s / mse[:, None]).reshape(-1, n)
+        flat, w = s.reshape(-1, n), (s / expected[:, None]).reshape(-1, n)
         found.append(InitialState(some, flat, np.linalg.solve(w.T @ flat + np.eye(n), w.T)))
     return tuple(found)
 
@@ -113,11 +113,13 @@ class Adaptable:
     Attributes:
         changes: of the projected error per deviation of each nuisance, (nv, N, n).
         centre: nuisances that replays are run with unless others are said, in deviations, (n,).
+        parts: samples whose squares are summed apart.
         initial: of the stretches of a machine that does not forget its initial state.
     """
 
     changes: Array
     centre: Array
+    parts: tuple[slice, ...]
     initial: tuple[InitialState, ...] = ()
 
     @property
@@ -138,8 +140,9 @@ class Adaptable:
         return np.asarray(self.project(error) - self.moved(centre))
 
     def squares(self, error: Array) -> Squares:
-        """Of an error (N, nv) that the nuisances change."""
-        return Squares(self._gram, _times(self.changes, error), np.einsum("ij,ij->j", error, error))
+        """Of an error (N, nv) that the nuisances change; part by part, joint by joint."""
+        total = [np.einsum("ij,ij->j", error[part], error[part]) for part in self.parts]
+        return Squares(self._gram, self._times(self.changes, error), np.concatenate(total))
 
     def squares_beside(self, error: Array, jacobian: Array) -> Squares:
         """Of an error (N, nv) that p parameters, which come first, and the nuisances change.
@@ -149,24 +152,34 @@ class Adaptable:
             jacobian: of the error in the parameters, (N, nv, p).
         """
         own, some = self.squares(error), np.ascontiguousarray(jacobian.transpose(1, 0, 2))
-        among, across = some.transpose(0, 2, 1) @ some, some.transpose(0, 2, 1) @ self.changes
+        among, across = self._products(some, some), self._products(some, self.changes)
         gram = np.block([[among, across], [across.transpose(0, 2, 1), own.gram]])
-        return Squares(gram, np.hstack([_times(some, error), own.right]), own.total)
+        return Squares(gram, np.hstack([self._times(some, error), own.right]), own.total)
 
     @functools.cached_property
     def _gram(self) -> Array:
-        return np.asarray(self.changes.transpose(0, 2, 1) @ self.changes)
+        return self._products(self.changes, self.changes)
+
+    def _products(self, some: Array, others: Array) -> Array:
+        """Products of changes (nv, N, m) and (nv, N, n), (parts · nv, m, n)."""
+        each = [some[:, part].transpose(0, 2, 1) @ others[:, part] for part in self.parts]
+        return np.concatenate(each)
+
+    def _times(self, changes: Array, error: Array) -> Array:
+        """Products of changes (nv, N, n) and an error (N, nv), (parts · nv, n)."""
+        each = [(error[part].T[:, None, :] @ changes[:, part])[:, 0] for part in self.parts]
+        return np.concatenate(each)
 
 
-def _times(changes: Array, error: Array) -> Array:
-    """Products of changes (nv, N, n) and an error (N, nv), (nv, n)."""
-    return np.asarray((error.T[:, None, :] @ changes)[:, 0])
-
-
-def linear(changes: Array, centre: Array, initial: tuple[InitialState, ...] = ()) -> Adaptable:
+def linear(
+    changes: Array,
+    centre: Array,
+    parts: tuple[slice, ...],
+    initial: tuple[InitialState, ...] = (),
+) -> Adaptable:
     """What adapts, from the changes of the error per deviation of each nuisance, (n, N, nv)."""
     n, samples, nv = changes.shape
     projected = np.empty((nv, samples, n))
     for k, change in enumerate(changes):
         projected[:, :, k] = project(change, initial).T
-    return Adaptable(projected, centre, initial)
+    return Adaptable(projected, centre, parts, initial)

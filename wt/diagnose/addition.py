@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wt.diagnose.assessed import Assessed, Hypothesis
 from wt.diagnose.hypotheses import candidates, dof_of, excluded
-from wt.diagnose.objective import Assessed, Hypothesis, Objective
+from wt.diagnose.objective import Objective
 from wt.diagnose.refine import refine
 from wt.diagnose.result import Considered
 from wt.diagnose.screen import Scored, Screen

@@ -8,7 +8,8 @@ noise; it has to be proven on held-out data like everything else.
 from __future__ import annotations
 
 from wt.diagnose import proof
-from wt.diagnose.objective import Hypothesis, Objective
+from wt.diagnose.assessed import Hypothesis
+from wt.diagnose.objective import Objective
 
 
 def calibration(

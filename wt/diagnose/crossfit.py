@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from wt.diagnose.objective import Hypothesis, Objective, without
+from wt.diagnose.assessed import Hypothesis, without
+from wt.diagnose.objective import Objective
 from wt.diagnose.proof import RAN_AWAY, Gain, blocks_of, gain_of, scaled
 from wt.diagnose.refine import refine
 
@@ -37,7 +38,7 @@ def left_in_turn(objective: Objective, hypothesis: Hypothesis, index: int) -> Ga
         again = objective.evaluate([f.hypothesis for f in fits], [f.nuisance for f in fits])
         for error, whole, fit in zip(errors, again, fits, strict=True):
             error[part] = objective.adapted(whole.error, fit.nuisance)[part]
-    errors = np.where(objective.valid, np.nan_to_num(errors, nan=RAN_AWAY), np.nan)
+    errors = np.where(objective.channels.valid, np.nan_to_num(errors, nan=RAN_AWAY), np.nan)
     full, less = scaled(errors, objective.noise)
     return gain_of(less, full, blocks_of(objective.recording, objective.t))
 

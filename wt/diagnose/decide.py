@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wt.diagnose.addition import EQUIVALENT_NATS, Accepted, addition
+from wt.diagnose.assessed import Assessed, Hypothesis, without
 from wt.diagnose.hypotheses import dof_of
-from wt.diagnose.objective import Assessed, Hypothesis, Objective, without
+from wt.diagnose.objective import Objective
 from wt.diagnose.refine import refine
 from wt.diagnose.result import Considered
 from wt.diagnose.screen import Screen

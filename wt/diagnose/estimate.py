@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
+from wt.diagnose.assessed import Assessed, Hypothesis
 from wt.diagnose.nuisance import boxes
-from wt.diagnose.objective import Assessed, Hypothesis, Objective
+from wt.diagnose.objective import Objective
 from wt.diagnose.refine import bounds, jacobian, pack, refine, steps
 from wt.diagnose.result import Estimate
 from wt.physics.effect import Parameter
@@ -101,6 +102,10 @@ def _spread(objective: Objective, now: Assessed, slope: Array) -> Array:
     hessian, scores, blocks = _curvature(objective, now, slope)
     p, n = slope.shape[2], len(hessian)
     settled = np.concatenate([np.zeros(p, bool), boxes(objective.some, now.hypothesis) == 0.0])
+    if objective.scene.free:  # rough derivatives tell them from an effect, and nothing else can
+        alike = {(q.effect.id, q.at) for q in now.hypothesis}
+        alike |= {("body.mass", q.at) for q in now.hypothesis if q.effect.weighs}
+        settled[p:] |= [(n.planted.effect.id, n.planted.at) in alike for n in objective.some]
     scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     scaled, free = hessian / scale / scale[:, None], np.flatnonzero(~settled)
     inverse = np.zeros((n, n))
@@ -147,7 +152,7 @@ def _curvature(objective: Objective, now: Assessed, slope: Array) -> tuple[Array
     """
     both = np.concatenate([slope, objective.columns], axis=2)
     p, n = slope.shape[2], both.shape[2]
-    weighted = both / now.mse[:, None]
+    weighted = both * objective.channels.precision(now.variance)[:, :, None]
     hessian = weighted.reshape(-1, n).T @ both.reshape(-1, n)
     hessian[range(p, n), range(p, n)] += 1.0
     left = objective.left(now)
@@ -161,8 +166,9 @@ def _curvature(objective: Objective, now: Assessed, slope: Array) -> tuple[Array
 
 def _numerical_score(objective: Objective, now: Assessed, slope: Array) -> Array:
     """Score that half of the steps' known error would have, (p + nuisances,)."""
-    both = np.concatenate([slope, objective.columns], axis=2) / now.mse[:, None]
-    return np.asarray(np.einsum("ijk,ij->k", both, objective.numerical_error))
+    both = np.concatenate([slope, objective.columns], axis=2)
+    error = objective.channels.precision(now.variance) * objective.numerical_error
+    return np.asarray(np.einsum("ijk,ij->k", both, error))
 
 
 def _named(planted: Planted, low: Array, high: Array) -> dict[str, Estimate]:

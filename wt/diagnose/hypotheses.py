@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from wt.diagnose.objective import Assessed, Objective
+from wt.diagnose.assessed import Assessed
+from wt.diagnose.objective import Objective
 from wt.diagnose.screen import Scored, Screen
 from wt.diagnose.worth import erring_joints, improvable
 from wt.physics.acting import is_live
@@ -34,7 +35,8 @@ USUAL = (
 EACH, LEAST = 2, 10.0
 """… and so many at each joint, from so many nats on: another joint may just be worse."""
 FLOATING_SHARE = 0.05
-"""… and where the base floats from this share of the best one's gain on: replays are dear there."""
+"""… and where the base floats from this share of the best one's gain on: replays are dear there,
+and what lands hides what is faint."""
 ALIKE = (
     ("joint.friction_coulomb", "joint.friction_stribeck", "joint.friction_load"),
     ("joint.friction_viscous", "joint.friction_quadratic", "joint.friction_stribeck"),
@@ -67,9 +69,12 @@ def candidates(
         Effects with their starting parameters, and the shape of their signature if they have one.
     """
     best = ranked[0].gain if ranked else 0.0
-    strong = [s for s in ranked[:KEPT] if s.gain >= SHARE * best and s.gain > 0.0]
     floating = bool(screen.motion.scene.free)
-    least = max(LEAST, FLOATING_SHARE * best) if floating else LEAST
+    share, least = (
+        (FLOATING_SHARE, max(LEAST, FLOATING_SHARE * best)) if floating else (SHARE, LEAST)
+    )
+    first = _places_of_each(ranked) if floating else ranked
+    strong = [s for s in first[:KEPT] if s.gain >= share * best and s.gain > 0.0]
     strong += _best_of_each(screen, [s for s in ranked if s not in strong and s.gain > least])
     wanted = {
         (name, place)
@@ -105,6 +110,18 @@ def candidates(
         and dof_of(screen, p.at) in somewhere
         and not any(excluded(p, other) for other in now.hypothesis)
     ]
+
+
+def _places_of_each(ranked: Sequence[Scored]) -> list[Scored]:
+    """The first places of each effect: what acts on one link of a floating base shows on all."""
+    count: dict[str, int] = {}
+    found = []
+    for s in ranked:
+        name = s.planted.effect.id
+        count[name] = count.get(name, 0) + 1
+        if count[name] <= EACH:
+            found.append(s)
+    return found
 
 
 def _best_of_each(screen: Screen, ranked: Sequence[Scored]) -> list[Scored]:

@@ -15,17 +15,18 @@ from scipy.stats import chi2
 
 from wt.diagnose import proof
 from wt.diagnose.addition import Accepted
+from wt.diagnose.assessed import Hypothesis, without
 from wt.diagnose.calibrate import calibration, comments
 from wt.diagnose.crossfit import WORTH, left_in_turn
 from wt.diagnose.estimate import Estimated, estimate, least_certain
 from wt.diagnose.lookalikes import Lookalikes
-from wt.diagnose.objective import Hypothesis, Objective, without
+from wt.diagnose.objective import Objective
 from wt.diagnose.remainder import Unknown, find
 from wt.diagnose.result import Confusable, Finding, Verdict
 from wt.diagnose.rivals import DOUBTFUL, rivals_nonparametric
 from wt.diagnose.screen import Screen
 from wt.diagnose.simplify import simplified
-from wt.diagnose.worth import CLEAN, erring_joints, typical
+from wt.diagnose.worth import CLEAN, erring_joints
 from wt.physics.replay import Key, Planted
 from wt.types import Location
 
@@ -219,13 +220,12 @@ def unexplained(judged: Judged, objective: Objective) -> dict[str, float]:
     """Where nothing was found and still replays err by much: joint → share of it."""
     if judged.accepted or judged.unknown:
         return {}
-    left = typical(objective, judged.estimated.assessed)
     # a very quiet sensor sees what any rig is off by: that alone is no mismatch
-    moved = np.nanstd(objective.measured, axis=0)
-    large = (left > CLEAN * objective.noise) & (left > MISMATCH * moved)
+    left, moved = np.sqrt(judged.estimated.assessed.mse), np.nanstd(objective.measured, axis=0)
+    large = (left > CLEAN * objective.floor) & (left > MISMATCH * moved)
     size = np.where(large, (left / objective.noise) ** 2, 0.0)
-    joints = objective.scene.joints
-    return {joints[j]: float(size[j] / size.sum()) for j in np.flatnonzero(large)}
+    names = objective.scene.joints
+    return {names[j]: float(size[j] / size.sum()) for j in np.flatnonzero(large)}
 
 
 def findings(judged: Judged) -> tuple[Finding, ...]:

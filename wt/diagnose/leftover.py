@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wt.diagnose.objective import Hypothesis
+from wt.diagnose.assessed import Hypothesis
 from wt.diagnose.scoring import bounded, boxed
 from wt.diagnose.screen import Screen
 from wt.diagnose.signature import signature

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from wt.diagnose.assessed import Hypothesis
 from wt.diagnose.condition import condition, intervals
 from wt.diagnose.leftover import Leftover, leftover
-from wt.diagnose.objective import Hypothesis
 from wt.diagnose.result import Located
 from wt.diagnose.screen import Screen
 from wt.diagnose.structure import places

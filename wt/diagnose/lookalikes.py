@@ -16,9 +16,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wt.diagnose.addition import EQUIVALENT_NATS, Accepted
+from wt.diagnose.assessed import Assessed, Hypothesis, without
 from wt.diagnose.estimate import Estimated, estimate
 from wt.diagnose.hypotheses import alike, excluded, near
-from wt.diagnose.objective import Assessed, Hypothesis, Objective, without
+from wt.diagnose.objective import Objective
 from wt.diagnose.refine import refine
 from wt.diagnose.screen import Screen
 from wt.diagnose.worth import MIN_NATS, price, room, size, worth

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from wt.diagnose.assessed import Hypothesis
 from wt.diagnose.evidence import Measured, MeasuredForce, Side
 from wt.diagnose.leftover import leftover
-from wt.diagnose.objective import Hypothesis
 from wt.diagnose.prepare import Prepared
 from wt.diagnose.proof import Held
 from wt.diagnose.samples import Part, stamps

@@ -14,7 +14,11 @@ from wt.physics.replay import Key, Planted
 
 Array = np.ndarray
 
-_STEP = 0.1  # deviations: long valleys between an effect and its nuisance need good derivatives
+_STEP = 0.1
+"""Change of an error for its derivative [deviations]: long valleys need good ones."""
+ROUGH = 10.0
+"""So many times as large are differences on legs: a foot lands a physics step earlier or later
+after the smallest change, and what that does must not pass for a slope."""
 
 
 class Nearby:
@@ -24,6 +28,7 @@ class Nearby:
     once there for hypotheses of the same effects, whatever their parameters.
 
     Attributes:
+        nudge: differences are so many times as large as where replays are smooth.
         some: errors of the rig.
         able: which of them a model can hold, (n,) bool.
     """
@@ -40,6 +45,8 @@ class Nearby:
             once: whether to compute what changes once for the same effects.
         """
         self._replays, self._deviations, self._once = replays, deviations, once
+        self.nudge = ROUGH if once else 1.0
+        self._step = _STEP * self.nudge
         self.some = tuple(some)
         self.able = np.array([n.correctable for n in some], dtype=bool)
         self._known: tuple[tuple[Key, ...], Array, Array] | None = None
@@ -68,10 +75,10 @@ class Nearby:
             return self._replays.around(here, [])[0], *self._known[1:]
         moved = [
             (*hypothesis, *self.rig(centre + one)) if n.correctable else (*here, n.planted)
-            for n, one in zip(self.some, _STEP * np.eye(len(self.some)), strict=True)
+            for n, one in zip(self.some, self._step * np.eye(len(self.some)), strict=True)
         ]
         q, changes = self._replays.around(here, moved)
-        changes = np.nan_to_num(changes) / np.where(self.able, _STEP, 1.0)[:, None, None]
+        changes = np.nan_to_num(changes) / np.where(self.able, self._step, 1.0)[:, None, None]
         response = np.zeros((*q.shape, 0))
         if self._deviations.size:
             response = responses(self._replays.slopes, here, self._deviations)

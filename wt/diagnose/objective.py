@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,27 +21,22 @@ from wt.diagnose.adapt import (
     initial_states,
     linear,
 )
+from wt.diagnose.assessed import Assessed, Hypothesis
+from wt.diagnose.channels import Channels
 from wt.diagnose.extrapolate import Extrapolated
 from wt.diagnose.nearby import Nearby
 from wt.diagnose.nuisance import Nuisance, boxes, nuisances
 from wt.diagnose.smooth import Smoothed
 from wt.diagnose.squares import Squares
-from wt.physics.replay import Planted, Stretch
+from wt.physics.replay import Stretch
 
 Array = np.ndarray
-
-Hypothesis = tuple[Planted, ...]
-
-
-def without(hypothesis: Hypothesis, index: int) -> Hypothesis:
-    """All effects but one."""
-    return hypothesis[:index] + hypothesis[index + 1 :]
-
 
 INDEPENDENT_PER_SECOND = 10.0
 """Errors of replays remember; this many samples a second count as new."""
 _RELINEARISED, _LINEAR = 4, 0.3
 """Most linearisations around a hypothesis; error of the linear part that is let be, in noise."""
+_ALIKE = 4  # replays that tell how rough they are
 _WORTHWHILE = 0.05  # deviations: a smaller correction is not worth a change of the model
 LAW = 0.005
 """Share of what the model as given errs by that is left even by the right law: real friction,
@@ -50,35 +45,13 @@ BURN_IN_S = 0.25
 """Start of a long stretch that is not scored: hidden states (gears, buffers) settle [s]."""
 
 
-@dataclass(frozen=True, eq=False)
-class Assessed:
-    """A hypothesis against the recordings.
-
-    Attributes:
-        hypothesis: what was replayed.
-        loglik: log-likelihood, up to a constant [nats]; −inf if a replay exploded.
-        mse: mean square error per joint after the adaptations, (nv,).
-        nuisance: the adapted errors, in standard deviations.
-        centre: those that it was replayed with.
-        error: projected error that replays without any nuisance would have, (N, nv).
-    """
-
-    hypothesis: Hypothesis
-    loglik: float
-    mse: Array
-    nuisance: Array
-    centre: Array
-    error: Array
-
-
 class Objective:
     """Replays on a choice of stretches, and their likelihood.
 
     Attributes:
         motion, scene: the recordings, smoothed, and their machine.
-        count: independent samples per joint, (nv,).
-        floor: error of a replay that leaves nothing to explain: noise, and what laws are apart
-            from machines (:data:`LAW`), (nv,).
+        channels: how much each sample counts. The smallest error of a joint is noise, and what
+            laws are apart from machines (:data:`LAW`).
     """
 
     def __init__(
@@ -106,13 +79,15 @@ class Objective:
         self.recording = np.concatenate([np.full(len(s.t), s.recording) for s in self.stretches])
         burn = BURN_IN_S if forgets else 0.0
         settled = np.concatenate([s.t >= s.t[0] + burn for s in self.stretches])
-        self.valid = np.isfinite(self.measured) & settled[:, None]
+        valid = np.isfinite(self.measured) & settled[:, None]
         self.forgets = forgets
         self._ends = np.cumsum([len(s.t) for s in self.stretches])
         self._replays = Extrapolated(self.scene, self.stretches, step)
         seconds = sum(s.t[-1] - s.t[0] for s in self.stretches)
-        share = self.valid.mean(axis=0)
-        self.count = np.minimum(seconds * INDEPENDENT_PER_SECOND * share, self.valid.sum(axis=0))
+        count = np.minimum(seconds * INDEPENDENT_PER_SECOND * valid.mean(axis=0), valid.sum(axis=0))
+        each = [self.rows(i) for i in range(len(self.stretches))]
+        parts = tuple(each) if self.scene.free else (slice(None),)
+        self.channels = Channels(valid, parts, count, np.tile(self.noise, (len(parts), 1)))
         self.some: tuple[Nuisance, ...] = nuisances(self.scene)
         uncertain = np.zeros(0) if forgets else initial_deviations(self.noise, noise_v0)
         floating = bool(self.scene.free)
@@ -120,9 +95,21 @@ class Objective:
         self._relinearised = 1 if floating else _RELINEARISED
         self._able = self._nearby.able
         none = np.zeros((*self.measured.T.shape, len(self.some)))
-        self._around = Adaptable(none, np.zeros(len(self.some)))
+        self._around = Adaptable(none, np.zeros(len(self.some)), parts)
         self._reference: Assessed | None = None
-        self.floor = np.hypot(self.noise, LAW * np.nan_to_num(self._rms(self._raw([()])[0])))
+        law = LAW * np.nan_to_num(self.channels.rms(self._raw([()])[0]))
+        self.channels = replace(self.channels, floors=np.hypot(self.channels.floors, law))
+        self._rough = floating
+
+    @property
+    def count(self) -> Array:
+        """Independent samples per joint, (nv,)."""
+        return self.channels.count
+
+    @property
+    def floor(self) -> Array:
+        """Error of a replay that leaves nothing to explain, (nv,)."""
+        return self.channels.floor
 
     def rows(self, stretch: int) -> slice:
         """Rows of one stretch among all samples."""
@@ -157,7 +144,7 @@ class Objective:
         return self._errors(self._replays.run(hypotheses))
 
     def _errors(self, q: Array) -> Array:
-        return np.where(self.valid, q - self.measured, 0.0)
+        return np.where(self.channels.valid, q - self.measured, 0.0)
 
     def reference(self, hypothesis: Hypothesis, nuisance: Array | None = None) -> Assessed:
         """Linearise what may adapt around a hypothesis, and assess it.
@@ -179,7 +166,7 @@ class Objective:
             centre = np.where(self._able, assessed.nuisance, 0.0)
             (actual,) = self._raw([(*hypothesis, *self._nearby.rig(centre))])
             apart = self._around.project(actual) - assessed.error - self._around.moved(centre)
-            if not (self._rms(apart) > _LINEAR * self.noise).any():
+            if not (self.channels.rms(apart) > _LINEAR * self.noise).any():
                 break
             self._around = replace(self._around, centre=centre)
         self._reference = assessed
@@ -189,32 +176,53 @@ class Objective:
         """Linearise around a hypothesis and the present nuisances."""
         centre = self._around.centre
         q, changes, response = self._nearby.around(hypothesis, centre)
-        error, columns = self._errors(q), np.where(self.valid, changes, 0.0)
+        error, columns = self._errors(q), np.where(self.channels.valid, changes, 0.0)
+        parts = self.channels.parts
         if self.forgets:
-            self._around = linear(columns, centre)
+            self._around = linear(columns, centre, parts)
             return self._assess(hypothesis, self._around.at_origin(error, centre), centre)
-        response = response * self.valid[:, :, None]
+        response = response * self.channels.valid[:, :, None]
         rows = [self.rows(i) for i in range(len(self.stretches))]
-        mse = self._floored((np.nan_to_num(error, nan=1.0) ** 2).sum(axis=0))
+        known = np.nan_to_num(error, nan=1.0) ** 2
+        variance = self.channels.variance(self.channels.sums(known))
         # how far an initial state may go depends on what is left once all has adapted
         for _ in range(REWEIGHTED):
-            self._around = linear(columns, centre, initial_states(rows, response, mse))
+            initial = initial_states(rows, response, variance)
+            self._around = linear(columns, centre, parts, initial)
             assessed = self._assess(hypothesis, self._around.at_origin(error, centre), centre)
-            mse = np.where(np.isfinite(assessed.mse), assessed.mse, mse)
+            variance = np.where(np.isfinite(assessed.variance), assessed.variance, variance)
+        if self._rough:
+            self._rough = False
+            self.channels = self.channels.rougher(self._apart(hypothesis, error))
+            return self._linearised(hypothesis)
         return assessed
+
+    def _apart(self, hypothesis: Hypothesis, error: Array) -> list[Array]:
+        """What replays with errors of the rig differ by from their linear prediction, (N, nv) each.
+
+        Args:
+            hypothesis: the reference.
+            error: of its replay, (N, nv).
+        """
+        rng, found = np.random.default_rng(0), []
+        for size in rng.normal(size=(_ALIKE, len(self.some))) * self._able:
+            (other,) = self._raw([(*hypothesis, *self._nearby.rig(self._around.centre + size))])
+            apart = self._around.project(np.nan_to_num(other - error))
+            found.append(apart - self._around.moved(size))
+        return found
 
     def _assess(self, hypothesis: Hypothesis, error: Array, centre: Array) -> Assessed:
         """Likelihood of a projected error, with the nuisances adapted inside their box."""
         if not np.isfinite(error).all():
-            bad = np.full(error.shape[1], np.inf)
+            bad = np.full(self.channels.floors.shape, np.inf)
             return Assessed(hypothesis, -np.inf, bad, np.zeros(len(self.some)), centre, error)
         squares, nuisance = self._around.squares(error), np.zeros(len(self.some))
-        mse = self._floored(squares.total)
+        variance = self.channels.variance(squares.total)
         for _ in range(3):
-            nuisance = self._adapt(squares, mse, boxes(self.some, hypothesis))
-            mse = self._floored(squares.left(nuisance))
-        loglik = -0.5 * float(self.count @ np.log(mse)) - 0.5 * float(nuisance @ nuisance)
-        return Assessed(hypothesis, loglik, mse, nuisance, centre, error)
+            nuisance = self._adapt(squares, variance, boxes(self.some, hypothesis))
+            variance = self.channels.variance(squares.left(nuisance))
+        loglik = self.channels.nats(variance) - 0.5 * float(nuisance @ nuisance)
+        return Assessed(hypothesis, loglik, variance, nuisance, centre, error)
 
     def left(self, assessed: Assessed) -> Array:
         """The error once the nuisances have adapted, (N, nv)."""
@@ -229,22 +237,20 @@ class Objective:
         some = copy.copy(self)
         some._replays, some._reference = copy.copy(self._replays), None
         some._nearby = self._nearby.on(some._replays)
-        some.valid = self.valid & rows[:, None]
-        share = some.valid.sum(axis=0) / self._samples
-        some.count = self.count * share
+        some.channels = self.channels.only(rows)
         return some
 
     def calibration(self, assessed: Assessed) -> Hypothesis:
         """The nuisances as small corrections of the model, without those that it cannot hold."""
         able = np.flatnonzero(self._able)
         squares, size = self._around.squares(assessed.error), boxes(self.some, assessed.hypothesis)
-        sizes = self._adapt(squares.only(able), assessed.mse, size[able])
+        sizes = self._adapt(squares.only(able), assessed.variance, size[able])
         found = [(self.some[i], float(x)) for i, x in zip(able, sizes, strict=True)]
         return tuple(n.scaled(x) for n, x in found if abs(x) > _WORTHWHILE)
 
-    def _adapt(self, squares: Squares, mse: Array, size: Array) -> Array:
+    def _adapt(self, squares: Squares, variance: Array, size: Array) -> Array:
         """Nuisances inside their boxes."""
-        return squares.step(self._weight(mse), -size, size, np.ones(len(size)))
+        return squares.step(self.channels.weights(variance), -size, size, np.ones(len(size)))
 
     def solve(
         self, now: Assessed, jacobian: Array, lower: Array, upper: Array, damping: float
@@ -265,12 +271,13 @@ class Objective:
         p, size = jacobian.shape[2], boxes(self.some, now.hypothesis)
         low, high = np.concatenate([lower, -size]), np.concatenate([upper, size])
         prior = np.concatenate([np.zeros(p), np.ones(len(size))])
-        x = squares.step(self._weight(now.mse), low, high, prior, damping)
+        x = squares.step(self.channels.weights(now.variance), low, high, prior, damping)
         return x[p:], x[:p]
 
-    def _weight(self, mse: Array) -> Array:
-        """Weights with which one joint's samples together count as its independent ones, (nv,)."""
-        return np.asarray(self.count / self._samples / mse)
+    @property
+    def nudge(self) -> float:
+        """How much larger finite differences are than where replays are smooth."""
+        return self._nearby.nudge
 
     @property
     def columns(self) -> Array:
@@ -280,16 +287,5 @@ class Objective:
     @property
     def numerical_error(self) -> Array:
         """Half of the steps' known error, projected, (N, nv): what may still be wrong."""
-        known = np.where(self.valid, self._replays.correction, 0.0)
+        known = np.where(self.channels.valid, self._replays.correction, 0.0)
         return 0.5 * self._around.project(known)
-
-    def _floored(self, squares: Array) -> Array:
-        """Mean of the squares of each joint, (nv,), no less than what even the right law leaves."""
-        return np.asarray(np.maximum(squares / self._samples, self.floor**2))
-
-    def _rms(self, error: Array) -> Array:
-        return np.asarray(np.sqrt((error**2).sum(axis=0) / self._samples))
-
-    @property
-    def _samples(self) -> Array:
-        return np.maximum(self.valid.sum(axis=0), 1)

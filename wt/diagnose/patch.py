@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import mujoco
 
+from wt.diagnose.assessed import Hypothesis
 from wt.diagnose.changes import (
     Added,
     Change,
@@ -29,7 +30,6 @@ from wt.diagnose.changes import (
 )
 from wt.diagnose.changes import Path as Place
 from wt.diagnose.markup import Document, Element, remark
-from wt.diagnose.objective import Hypothesis
 from wt.diagnose.standalone import compiles_to, standalone
 from wt.physics.scene import Scene
 

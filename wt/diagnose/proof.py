@@ -16,7 +16,7 @@ from wt.diagnose.adapt import (
     project,
     responses,
 )
-from wt.diagnose.objective import Hypothesis
+from wt.diagnose.assessed import Hypothesis
 from wt.diagnose.result import Error, Proof
 from wt.diagnose.samples import Samples
 from wt.diagnose.signature import elsewhere

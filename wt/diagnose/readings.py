@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from wt.diagnose.objective import Hypothesis
+from wt.diagnose.assessed import Hypothesis
 from wt.diagnose.proof import Held
 from wt.physics.acting import is_live
 from wt.physics.effect import Effect

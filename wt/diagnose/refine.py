@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wt.diagnose.objective import Assessed, Hypothesis, Objective
+from wt.diagnose.assessed import Assessed, Hypothesis
+from wt.diagnose.objective import Objective
 from wt.physics.replay import Planted
 
 Array = np.ndarray
@@ -78,11 +79,12 @@ def jacobian(
         theta = pack(assessed.hypothesis, parts)
         lower, upper = bounds(assessed.hypothesis, parts)
         minimum = steps(assessed.hypothesis, parts)
-        step = np.maximum(minimum, _RELATIVE_STEP * np.abs(theta))
-        step = np.where(theta + step > upper, -step, step)
+        step = objective.nudge * np.maximum(minimum, _RELATIVE_STEP * np.abs(theta))
+        up, down = np.minimum(step, upper - theta), np.minimum(step, theta - lower)
+        step = np.where((up == step) | (up >= down), up, -down)
         for k in range(len(theta)):
             moved = theta.copy()
-            moved[k] = np.clip(moved[k] + step[k], lower[k], upper[k])
+            moved[k] += step[k]
             neighbours.append(unpack(assessed.hypothesis, parts, moved))
         sizes.append(step)
         centres += [assessed.centre] * len(theta)

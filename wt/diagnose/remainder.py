@@ -13,17 +13,18 @@ import numpy as np
 from scipy.stats import combine_pvalues, ttest_1samp, wilcoxon
 
 from wt.diagnose import proof
+from wt.diagnose.assessed import Assessed, Hypothesis
 from wt.diagnose.extrapolate import COARSE
 from wt.diagnose.leftover import leftover
 from wt.diagnose.memory import Remembering, along, memory_of, recorded
-from wt.diagnose.objective import Assessed, Hypothesis, Objective
+from wt.diagnose.objective import Objective
 from wt.diagnose.remainder_choice import choose, remembers
 from wt.diagnose.remainder_fit import Data, Fit, solve
 from wt.diagnose.remainder_formula import reduced, sparse
 from wt.diagnose.remainder_law import Law
 from wt.diagnose.remainder_onnx import to_onnx
 from wt.diagnose.screen import Screen
-from wt.diagnose.worth import CLEAN, typical
+from wt.diagnose.worth import CLEAN
 from wt.physics.effect import Effect, Parameter, Shape
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
@@ -145,7 +146,7 @@ def find(
     Returns:
         The most useful unknown force, or None if none improves held-out replays.
     """
-    excess = typical(objective, assessed) / objective.floor
+    excess = np.sqrt(assessed.mse) / objective.floor
     rest = leftover(screen, assessed.hypothesis)
     force = np.sqrt((rest.keep * rest.left**2).sum(axis=0) / rest.keep.sum(axis=0)) / screen.floor
     force = np.where(excess > CLEAN, force, 0.0)

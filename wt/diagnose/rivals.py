@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wt.diagnose.assessed import Hypothesis
 from wt.diagnose.leftover import leftover
 from wt.diagnose.memory import recorded
-from wt.diagnose.objective import Hypothesis
 from wt.diagnose.remainder_choice import freest
 from wt.diagnose.remainder_fit import Data
 from wt.diagnose.scoring import STRIDE, WINDOW

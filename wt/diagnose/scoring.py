@@ -25,7 +25,7 @@ Array = np.ndarray
 
 WINDOW, STRIDE = 13, 5
 """Length and spacing of the weak form's cos² windows, in samples."""
-_ATTEMPTS = 24  # at finding which nuisances stand at their bounds
+_ATTEMPTS, _PATIENCE = 200, 3  # at finding which nuisances stand at their bounds
 _SLACK = 1e-9
 _IDLE = 1e-16  # of the largest square of a block's columns
 
@@ -111,6 +111,11 @@ class Base:
         count = np.maximum(self.keep.sum(axis=0), 1)
         return np.maximum(squares / count, self.screen.floor**2)
 
+    def _nats(self, squares: Array) -> Array:
+        """Nats that a row of each joint costs, (nv,); errors within the noise count too."""
+        mse, mean = self._mse(squares), squares / np.maximum(self.keep.sum(axis=0), 1)
+        return np.asarray(0.5 * (np.log(mse) + mean / mse))
+
     def fit(self, *blocks: Block) -> tuple[float, tuple[Planted, ...]]:
         """Blocks together, everything else free to adapt.
 
@@ -129,7 +134,7 @@ class Base:
             start = end
         # neighbouring windows overlap: only every WINDOW / STRIDE-th row is new
         count = self.keep.sum(axis=0) * STRIDE / WINDOW
-        gained = 0.5 * float(count @ np.log(self.mse / self._mse(squares)))
+        gained = float(count @ (self._nats(self.squares) - self._nats(squares)))
         gained -= 0.5 * price * float(np.log(max(count.sum(), 2.0)))
         return gained, tuple(planted)
 
@@ -164,14 +169,15 @@ class Base:
 def _clamped(gram: Array, right: Array, low: Array, high: Array) -> Array:
     """Least squares inside a box, by block principal pivoting (Portugal, Júdice, Vicente, 1994).
 
-    What would leave the box is held at its bound, what pulls inwards is let go again; one at a
-    time, once all at a time have had several tries.
+    What would leave the box is held at its bound, what pulls inwards is let go again: all at a
+    time while that makes fewer of them, else one at a time; scipy's way if that goes in circles.
     """
     scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     gram = gram / scale / scale[:, None] + 1e-7 * np.eye(len(gram))
     right, low, high = right / scale, low * scale, high * scale
     x, free = np.zeros(len(gram)), np.ones(len(gram), bool)
-    for attempt in range(_ATTEMPTS):
+    fewest, patience = len(gram) + 1, _PATIENCE
+    for _ in range(_ATTEMPTS):
         held = gram[np.ix_(free, ~free)] @ x[~free]
         x[free] = np.linalg.solve(gram[np.ix_(free, free)], right[free] - held)
         pull = right - gram @ x
@@ -179,12 +185,18 @@ def _clamped(gram: Array, right: Array, low: Array, high: Array) -> Array:
         inwards = ~free & np.where(x <= low, pull > _SLACK, pull < -_SLACK)
         wrong = np.flatnonzero(outside | inwards)
         if not len(wrong):
-            break
-        if attempt >= _ATTEMPTS // 2:
+            return np.asarray(x / scale)
+        if len(wrong) < fewest:
+            fewest, patience = len(wrong), _PATIENCE
+        elif patience:
+            patience -= 1
+        else:
             wrong = wrong[-1:]
         free[wrong] = ~free[wrong]
         x[~free] = np.clip(x[~free], low[~free], high[~free])
-    return np.clip(x, low, high) / scale
+    factor = np.linalg.cholesky(gram)
+    target, ends = np.linalg.solve(factor, right), (low - 1e-12, high + 1e-12)
+    return np.asarray(lsq_linear(factor.T, target, ends, method="bvls").x / scale)
 
 
 def boxed(columns: Array, screen: Screen) -> Array:

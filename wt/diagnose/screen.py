@@ -72,7 +72,8 @@ class Screen:
         residual: weak residual, (R, nv) [N·m].
         floor: what measurement noise alone makes of it, (nv,) [N·m].
         rows: for each of the R rows, the sample at the window's centre.
-        keep: rows that count for each degree of freedom: moving, unless that drops most, (R, nv).
+        keep: rows that count for each degree of freedom: moving, unless that drops most, and not
+            while a foot lands, (R, nv).
         nuisances: small errors that any rig has.
         nuisance: weak force of the errors of any rig, one deviation each, (R, nv, n) [N·m].
         velocity_noise: uncertainty of the smoothed velocity, (nv,) [rad/s].
@@ -184,7 +185,7 @@ class Screen:
     def _polished(self, base: Base, scored: Scored) -> Scored:
         """A hypothesis with its shape improved by Nelder-Mead."""
         effect, at = scored.planted.effect, scored.planted.at
-        fitted = len(scored.shape) - effect.read_off
+        fitted = max(len(scored.shape) - effect.read_off, 0)
         shape = np.array(scored.shape[:fitted])
         if not shape.size or not (shape > 0.0).all():
             return scored
@@ -220,7 +221,7 @@ def _centres(motion: Motion) -> Array:
 
 
 def _fast_enough(motion: Motion, rows: Array) -> Array:
-    """Rows that count for each degree of freedom, (R, nv): moving, unless that drops most."""
+    """Rows that count for each degree of freedom, (R, nv): moving, unless that drops most; calm."""
     keep = np.abs(motion.v[rows]) > SLOW
     keep[:, keep.mean(axis=0) < 0.5] = True
-    return keep
+    return np.asarray(keep & motion.calm[rows, None])

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
+from wt.diagnose.assessed import Hypothesis
 from wt.diagnose.evidence import SensorError
-from wt.diagnose.objective import Hypothesis
 from wt.diagnose.proof import Held
 from wt.diagnose.readings import FORCES, MOTION, Channel, joint_of_sensor, predicted
 from wt.diagnose.samples import Part, stamps

@@ -86,7 +86,7 @@ def _shape(planted: Planted, shapes: Sequence[Shape], k: int) -> Shape:
     """The shape whose parameters, with suitable coefficients, are those of the effect."""
     effect, theta = planted.effect, planted.theta
     scale = np.abs(theta) + effect.steps()
-    fitted = len(shapes[0]) - effect.read_off
+    fitted = max(len(shapes[0]) - effect.read_off, 0)
     # where coefficients and shape say the same, as of a delay, the shape says all of it
     free = k if k + fitted <= len(theta) else 0
     ones = np.ones(k - free)

@@ -1,6 +1,7 @@
-"""Bounded least squares on what an error and its linear changes have in common, joint by joint.
+"""Bounded least squares on what an error and its linear changes have in common.
 
-An error is adapted many times over, each time with other weights of the joints. Its products with
+An error is adapted many times over, each time with other weights of its channels: a joint, or a
+joint in one stretch. Its products with
 the changes do not depend on the weights: they are made once.
 """
 
@@ -18,12 +19,12 @@ _IDLE = 0.01  # change of the weighted error, its standard deviation being one
 
 @dataclass(frozen=True, eq=False)
 class Squares:
-    """Products over the samples of each of nv joints, of an error e and the changes C of it.
+    """Products over the samples of each of c channels, of an error e and the changes C of it.
 
     Attributes:
-        gram: CᵀC, (nv, n, n).
-        right: Cᵀe, (nv, n).
-        total: eᵀe, (nv,).
+        gram: CᵀC, (c, n, n).
+        right: Cᵀe, (c, n).
+        total: eᵀe, (c,).
     """
 
     gram: Array
@@ -35,7 +36,7 @@ class Squares:
         return Squares(self.gram[:, some[:, None], some], self.right[:, some], self.total)
 
     def left(self, x: Array) -> Array:
-        """Sum of squares of e + C x of each joint, (nv,)."""
+        """Sum of squares of e + C x of each channel, (c,)."""
         return np.maximum(self.total + (2.0 * self.right + self.gram @ x) @ x, 0.0)
 
     def step(
@@ -44,7 +45,7 @@ class Squares:
         """The x within bounds that makes the weighted squares of e + C x least.
 
         Args:
-            weight: of each joint's squares, (nv,).
+            weight: of each channel's squares, (c,).
             low: smallest step, (n,).
             high: largest step, (n,).
             prior: weight of each parameter's own square, (n,); 1 for nuisances, 0 for others.
@@ -56,7 +57,7 @@ class Squares:
         n = self.right.shape[1]
         if n == 0:
             return np.zeros(0)
-        gram = np.einsum("j,jkl->kl", weight, self.gram)
+        gram = (weight @ self.gram.reshape(len(weight), -1)).reshape(n, n)
         gram[range(n), range(n)] *= np.where(prior > 0.0, 1.0, 1.0 + damping)
         gram[range(n), range(n)] += prior
         scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wt.diagnose.objective import Hypothesis
+from wt.diagnose.assessed import Hypothesis
 from wt.diagnose.prepare import Prepared
 from wt.diagnose.result import Trace
 from wt.diagnose.signature import elsewhere, reduced

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wt.diagnose.objective import Assessed, Hypothesis, Objective
+from wt.diagnose.assessed import Assessed, Hypothesis
+from wt.diagnose.objective import Objective
 
 Array = np.ndarray
 
@@ -21,20 +22,7 @@ CLEAN = 3.0
 
 def erring_joints(objective: Objective, assessed: Assessed) -> list[int]:
     """Degrees of freedom whose replays err by more than noise and imperfect laws."""
-    return [int(d) for d in np.flatnonzero(typical(objective, assessed) > CLEAN * objective.floor)]
-
-
-def typical(objective: Objective, assessed: Assessed) -> Array:
-    """Error that a replay usually has beyond what a hypothesis explains, per joint, (nv,).
-
-    On a floating base a foot that lands a moment earlier may send a replay another way: what a
-    few stretches err by says nothing of the model there, and their median counts.
-    """
-    if not objective.scene.free or not np.isfinite(assessed.loglik):
-        return np.asarray(np.sqrt(assessed.mse))
-    squares = objective.left(assessed) ** 2
-    each = [squares[objective.rows(i)].mean(axis=0) for i in range(len(objective.stretches))]
-    return np.asarray(np.sqrt(np.maximum(np.median(each, axis=0), objective.floor**2)))
+    return [int(d) for d in np.flatnonzero(np.sqrt(assessed.mse) > CLEAN * objective.floor)]
 
 
 def room(objective: Objective, now: Assessed) -> float:

@@ -91,11 +91,11 @@ class Effect(abc.ABC):
         native: whether the patch expresses it fully in MJCF.
         excludes: ids that cannot stand at the same place beside it.
         odds_against: log odds against it beside a more common effect that fits as well [nats].
-        reads_residual: whether the shapes to try are read off the force residual itself.
+        reads_residual: whether the shapes to try are read off the force residual.
         signed: for each coefficient of the signature the sign it must have: +1, -1 or 0 for any.
         read_off: how many of a shape's last values come from the recordings and are not fitted.
-        weighted: whether the first parameter weighs the others, as a spring's stiffness weighs
-            where it pulls to: the force is linear in it and in its products with them.
+        weighted: whether the force is linear in the first parameter and its products with others.
+        weighs: whether it adds weight to its body.
         settles: ids of small errors of the same place that are nothing beside it.
     """
 
@@ -110,6 +110,7 @@ class Effect(abc.ABC):
     signed: ClassVar[tuple[int, ...]] = ()
     read_off: ClassVar[int] = 0
     weighted: ClassVar[bool] = False
+    weighs: ClassVar[bool] = False
     settles: ClassVar[tuple[str, ...]] = ()
 
     def places(self, scene: Scene) -> Sequence[Location]:

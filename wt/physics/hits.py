@@ -2,7 +2,7 @@
 
 While a link touches something, the force residual is far beyond what it is otherwise, and is that
 of one force on the link (S. Haddadin, A. De Luca and A. Albu-Schäffer, Robot collisions, 2017). The
-forces say which link it is and about where the face looks; where exactly it stands follows from the
+forces say which link it is and on which side; where the face stands and looks follows from the
 link's own shape: it is as far as the face whenever it touches, and never beyond it.
 """
 
@@ -26,6 +26,8 @@ _EXPLAINED, _ONE_SIDED = 0.5, 0.7
 """Share of these residuals that one force on a link explains; … that all of them push one way."""
 _LOOKED_AT, _BESIDE = 80, 240  # samples of hits, and of all others
 _MILLIMETRE = 1e-3
+_WAYS, _SPARSE, _TRIED = 60, 4, 3
+"""So many ways that a face may look are tried on every so many samples, and so many refined."""
 _AWAY, _FACE = 50.0, "a face in the way"  # m: nothing is behind a plane so far off
 
 
@@ -54,10 +56,10 @@ def face(motion: Motion) -> Face | None:
     if not _SELDOM < hit.mean() < _OFTEN:
         return None
     rows = _some(np.flatnonzero(hit), _LOOKED_AT)
-    body, normal = _pushed(motion, rows, residual[rows] / scale, scale)
+    body, push = _pushed(motion, rows, residual[rows] / scale, scale)
     if not body:
         return None
-    return _placed(motion, body, normal, rows, _some(np.flatnonzero(~hit), _BESIDE))
+    return _placed(motion, body, push, rows, _some(np.flatnonzero(~hit), _BESIDE))
 
 
 def _some(rows: Array, count: int) -> Array:
@@ -89,33 +91,71 @@ def _pushed(motion: Motion, rows: Array, residual: Array, scale: Array) -> tuple
     return found
 
 
-def _placed(motion: Motion, body: str, normal: Array, on: Array, off: Array) -> Face | None:
-    """Turn and shift a face until the outer links touch it in hits and never pass it else."""
-    probe = _Probe(motion.scene, body)
-    side = np.linalg.svd(normal[None])[2][1:]
+def _placed(motion: Motion, body: str, push: Array, on: Array, off: Array) -> Face | None:
+    """The face that the outer links touch in hits and never pass else.
 
-    def turned(x: Array) -> Array:
-        n = normal + x[:2] @ side
-        return np.asarray(n / np.linalg.norm(n))
+    Forces only say on which side it is: where on a link it touches decides their direction as much.
+    """
+    fits = _Misfits(_Probe(motion.scene, body), motion.q[on], motion.q[off])
+    few = _Misfits(fits.probe, fits.on[::_SPARSE], fits.off[::_SPARSE])
+    ways = np.array([push, *(way for way in _around() if way @ push > 0.0)])
+    rough = np.array([few.roughly(way) for way in ways])
+    first = np.argsort(rough)[:_TRIED]
+    placed = [fits.placed(way) for way in ways[first[np.isfinite(rough[first])]]]
+    if not placed:
+        return None
+    _, normal, height = min(placed, key=lambda one: one[0])
+    centre = np.median(fits.probe.points(normal, motion.q[on]), axis=0)
+    x, y, z = (float(c) for c in centre + (height - centre @ normal) * normal)
+    a, b, c = (float(c) for c in normal)
+    return Face((x, y, z), (a, b, c))
 
-    def misfit(x: Array) -> Array:
-        n = turned(x)
-        touching = probe.heights(n, motion.q[on]) - x[2]
-        free = np.minimum(probe.heights(n, motion.q[off]) - x[2], 0.0)
-        share = np.sqrt(len(on) / len(off))
+
+def _around() -> Array:
+    """Directions all around, spread evenly, (n, 3) (E. B. Saff and A. Kuijlaars, 1997)."""
+    k = np.arange(_WAYS)
+    z = 1.0 - (2.0 * k + 1.0) / _WAYS
+    turn = k * np.pi * (3.0 - np.sqrt(5.0))
+    flat = np.sqrt(1.0 - z * z)
+    return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Misfits:
+    """How far faces are from being touched in hits (n, nq) and passed in no other pose (k, nq)."""
+
+    probe: _Probe
+    on: Array
+    off: Array
+
+    def of(self, normal: Array, height: float) -> Array:
+        """The misfits of a face [mm]."""
+        touching = self.probe.heights(normal, self.on) - height
+        free = np.minimum(self.probe.heights(normal, self.off) - height, 0.0)
+        share = np.sqrt(len(self.on) / len(self.off))
         return np.nan_to_num(np.concatenate([touching, share * free])) / _MILLIMETRE
 
-    start = float(np.median(probe.heights(normal, motion.q[on])))
-    if not np.isfinite(start):
-        return None
-    found = least_squares(misfit, [0.0, 0.0, start], loss="soft_l1", x_scale=[0.1, 0.1, 0.01],
-                          diff_step=[1e-3, 1e-3, 1e-4], max_nfev=30)  # fmt: skip
-    n = turned(found.x)
-    points = probe.points(n, motion.q[on])
-    centre = np.median(points, axis=0)
-    x, y, z = (float(c) for c in centre + (found.x[2] - centre @ n) * n)
-    a, b, c = (float(c) for c in n)
-    return Face((x, y, z), (a, b, c))
+    def roughly(self, normal: Array) -> float:
+        """The misfit of a face as high as hits usually are; endless where nothing touches."""
+        height = float(np.median(self.probe.heights(normal, self.on)))
+        if not np.isfinite(height):
+            return np.inf
+        return float(np.sqrt(1.0 + self.of(normal, height) ** 2).sum())
+
+    def placed(self, way: Array) -> tuple[float, Array, float]:
+        """(misfit, normal, height) of the best face that looks about that way."""
+        side = np.linalg.svd(way[None])[2][1:]
+
+        def turned(x: Array) -> Array:
+            n = way + x[:2] @ side
+            return np.asarray(n / np.linalg.norm(n))
+
+        start = float(np.median(self.probe.heights(way, self.on)))
+        found = least_squares(
+            lambda x: self.of(turned(x), x[2]), [0.0, 0.0, start], loss="soft_l1",
+            x_scale=[0.1, 0.1, 0.01], diff_step=[1e-3, 1e-3, 1e-4], max_nfev=30,
+        )  # fmt: skip
+        return float(found.cost), turned(found.x), float(found.x[2])
 
 
 class _Probe:

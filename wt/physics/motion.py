@@ -7,12 +7,16 @@ from functools import cached_property, lru_cache
 
 import mujoco
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from wt.physics.contact import Touching, touching
 from wt.physics.ground import Floor, floors
 from wt.physics.scene import Drive, Scene
 
 Array = np.ndarray
+
+_BLOW_S, _BLOW = 0.05, 8.0
+"""A blow shows so long [s], and makes the residual's change so many times what it usually is."""
 
 
 @dataclass(frozen=True)
@@ -157,6 +161,21 @@ class Motion:
     def unexplained(self) -> Array:
         """The free part of the residual, (T, nv) [N·m]: what no contact may have supplied."""
         return self.touching.free(self.residual)
+
+    @cached_property
+    def calm(self) -> Array:
+        """Moments in which no foot lands, (T,) bool: the residual changes no faster than usual.
+
+        A blow lasts a sample or two and is many times as large as what else is missing.
+        """
+        if not self.scene.free:
+            return np.ones(len(self), dtype=bool)
+        scaled = self.unexplained / (np.std(self.unexplained, axis=0) + 1e-12)
+        change = np.zeros(len(self))
+        for s in self.segments:
+            fast = np.sum(np.gradient(scaled[s.rows], axis=0) ** 2, axis=1)
+            change[s.rows] = uniform_filter1d(fast, max(1, round(_BLOW_S / s.dt)))
+        return np.asarray(change <= _BLOW * np.median(change))
 
     @cached_property
     def recorded(self) -> Motion:

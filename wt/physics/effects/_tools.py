@@ -16,6 +16,8 @@ Array = np.ndarray
 
 _BRISTLE_FREQUENCY, _BRISTLE_DAMPING = 0.4, 0.5  # frequency · time step, damping ratio
 _LOAD_RADIUS = 0.01  # m, of the sphere that stands for a load
+_BEYOND, _MOUNT = 2.0, 0.05
+"""A load sits within so many radii of what carries it, and so much for its mount [m]."""
 _FROM_GEOMS = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
 
 
@@ -198,3 +200,40 @@ def place_of_load(coefficients: Array, centre: Sequence[float]) -> Array:
     mass = coefficients[0]
     size = max(abs(mass), 1e-9)
     return np.array(centre) + coefficients[1:] / (size if mass >= 0.0 else -size)
+
+
+def within_reach(scene: Scene, body: str, position: Array) -> bool:
+    """Whether a load at a position (3,) [m] in a body's frame may be fixed to that body.
+
+    A load on a trunk moves, but for little, like one that sticks out far from a hip: it has to be
+    inside the body, or close to it and, in radii of each, no closer to the bodies next to it.
+    """
+    m = scene.model
+    b = m.body(body).id
+    away, radius = _away(m, b, position)
+    if away <= radius or not radius:
+        return True
+    if away > _BEYOND * radius + _MOUNT:
+        return False
+    children = [int(c) for c in np.flatnonzero(m.body_parentid == b)]
+    nearer = [_away(m, c, _into(m, c, position)) for c in children]
+    if m.body_parentid[b] > 0:
+        turn = np.zeros(9)
+        mujoco.mju_quat2Mat(turn, m.body_quat[b])
+        out = m.body_pos[b] + turn.reshape(3, 3) @ position
+        nearer.append(_away(m, int(m.body_parentid[b]), out))
+    return all(away / radius <= other / size for other, size in nearer if size)
+
+
+def _away(m: mujoco.MjModel, body: int, position: Array) -> tuple[float, float]:
+    """Distance from a body's centre, and the body's radius, zero without geoms [m]."""
+    geoms, centre = np.flatnonzero(m.geom_bodyid == body), m.body_ipos[body]
+    sizes = np.linalg.norm(m.geom_pos[geoms] - centre, axis=1) + m.geom_rbound[geoms]
+    return float(np.linalg.norm(position - centre)), float(sizes.max(initial=0.0))
+
+
+def _into(m: mujoco.MjModel, child: int, position: Array) -> Array:
+    """A position in the frame of a child, as the model is at rest."""
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, m.body_quat[child])
+    return np.asarray(turn.reshape(3, 3).T @ (position - m.body_pos[child]))

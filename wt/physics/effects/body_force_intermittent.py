@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+import sys
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.motion import Motion
+from wt.physics.motion import Motion, Segment
 from wt.physics.scene import Scene
 from wt.types import Location
 
@@ -19,7 +20,10 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 _THRESHOLDS = (4.0, 8.0)  # robust deviations above the usual
-_SHORTEST, _GAP, _SMOOTH = 0.04, 0.1, 0.06  # s
+_SHORTEST, _GAP = 0.04, 0.1  # s
+_FILTERS_S, _CALM = (0.06, 0.12, 0.24), 0.25
+_BURST_S, _BURSTS = 0.25, 2
+"""So long, and so many, are the moments that stand out most as a force other than usual."""
 
 
 @register
@@ -36,6 +40,7 @@ class BodyForceIntermittent(Effect):
     reference = "S. Haddadin, A. De Luca and A. Albu-Schäffer, Robot collisions, IEEE T-RO 33, 2017"
     native = False
     reads_residual = True
+    read_off = sys.maxsize
     signed = (0, 0, 0)
 
     def __init__(self, windows: Shape = ()) -> None:
@@ -53,10 +58,14 @@ class BodyForceIntermittent(Effect):
         return self.shaped(_acting(motion, at.name, theta))
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
-        """Times at which the residual, as a force on the body, stands out."""
+        """Times at which the residual, as a force on the body, stands out.
+
+        By its size; and since a push on a robot that feet hold may be smaller than what else is
+        left, wherever it has again the direction that it has in its most telling moments.
+        """
         if self.windows:
             return [self.windows]
-        found = set()
+        found = {_acting(motion, at.name, force) for force in _bursts(motion, at.name)}
         for threshold in _THRESHOLDS:
             windows = _proposed(motion, at.name, threshold)
             if windows:
@@ -124,13 +133,64 @@ def _mean_force(motion: Motion, body: str, columns: Array) -> Array:
     return np.asarray(found)
 
 
+def _usual(motion: Motion, segment: Segment) -> tuple[Array, Array]:
+    """What a residual usually is in a segment, (nv,), and how much each moment counts, (T,)."""
+    calm = motion.calm[segment.rows]
+    left = motion.unexplained[segment.rows]
+    usual = np.median(np.abs(left[calm] if calm.any() else left), axis=0)
+    return 1.4826 * usual + 1e-12, np.where(calm, 1.0, 0.01)
+
+
+def _bursts(motion: Motion, body: str) -> list[Array]:
+    """Forces on a body in moments that differ most from the usual, (3,) each [N]."""
+    on, forces, worths = _on(motion, body), [], []
+    for s in motion.segments:
+        left = motion.unexplained[s.rows]
+        scale, weight = _usual(motion, s)
+        design = on[s.rows] / scale[:, None]
+        gram = weight[:, None, None] * (design.transpose(0, 2, 1) @ design)
+        right = weight[:, None] * ((left / scale)[:, None] @ design)[:, 0]
+        width = min(max(1, round(_BURST_S / s.dt)), len(left))
+        gram, right = _sums(gram, width), _sums(right, width)
+        ridge = 1e-6 * np.trace(gram, axis1=1, axis2=2) + 1e-12
+        gram += ridge[:, None, None] * np.eye(3)
+        force = np.linalg.solve(gram, right[:, :, None])[:, :, 0]
+        other = force - np.median(force, axis=0)
+        worth = np.einsum("ti,tij,tj->t", other, gram, other)
+        for _ in range(_BURSTS):
+            peak = int(np.argmax(worth))
+            forces.append(other[peak])
+            worths.append(float(worth[peak]))
+            worth[max(0, peak - width) : peak + width] = 0.0
+    order = np.argsort(worths)[::-1][:_BURSTS]
+    return [forces[i] for i in order if worths[i] > 0.0]
+
+
+def _sums(x: Array, width: int) -> Array:
+    """Sums over so many neighbours, (T − width + 1, …) of (T, …)."""
+    total = np.concatenate([np.zeros((1, *x.shape[1:])), np.cumsum(x, axis=0)])
+    return np.asarray(total[width:] - total[:-width])
+
+
 def _acting(motion: Motion, body: str, force: Array) -> Shape:
-    """Windows in which a known force shows: more than half of it, by a matched filter."""
-    weight = 1.0 / (np.var(motion.unexplained, axis=0) + 1e-24)
-    expected = _on(motion, body) @ force  # (T, nv)
-    size = expected**2 @ weight
-    seen = (motion.unexplained * expected) @ weight / (size + 0.05 * size.mean() + 1e-12)
-    return _windows(motion, seen, lambda _: 0.5)
+    """Windows in which a known force shows: more than half of it, by a matched filter.
+
+    The filter is as long as it takes for what is left besides to stay below a quarter.
+    """
+    expected, windows = _on(motion, body) @ force, list[float]()  # (T, nv)
+    usual = 0.05 * np.mean(expected**2, axis=0)
+    for s in motion.segments:
+        left = motion.unexplained[s.rows]
+        scale, weight = _usual(motion, s)
+        known = expected[s.rows] / scale
+        size = weight * ((known**2).sum(axis=1) + (usual / scale**2).sum())
+        found = weight * (left / scale * known).sum(axis=1)
+        for seconds in _FILTERS_S:
+            seen = _smoothed(found, s.dt, seconds) / (_smoothed(size, s.dt, seconds) + 1e-12)
+            if 1.4826 * np.median(np.abs(seen - np.median(seen))) < _CALM:
+                break
+        windows += _windows(motion, s, seen > 0.5)
+    return tuple(windows)
 
 
 def _on(motion: Motion, body: str) -> Array:
@@ -147,24 +207,28 @@ def _proposed(motion: Motion, body: str, threshold: float) -> Shape:
     )
     size = np.linalg.norm(projected[..., 0], axis=1)
 
-    def unusual(smooth: Array) -> float:
-        usual = float(np.median(smooth))
-        return usual + threshold * (1.4826 * float(np.median(np.abs(smooth - usual))) + 1e-12)
-
-    return _windows(motion, size, unusual)
-
-
-def _windows(motion: Motion, signal: Array, level: Callable[[Array], float]) -> Shape:
-    """Spans in which a signal (T,), smoothed, exceeds a level of it, flattened."""
     windows: list[float] = []
     for s in motion.segments:
-        width = max(1, round(_SMOOTH / s.dt))
-        smooth = np.convolve(signal[s.rows], np.full(width, 1.0 / width), mode="same")
-        for start, end in _spans(smooth > level(smooth), round(_GAP / s.dt)):
-            t = motion.t[s.rows]
-            if t[end] - t[start] >= _SHORTEST:
-                windows += [float(s.recording), float(t[start]), float(t[end])]
+        smooth = _smoothed(size[s.rows], s.dt, _FILTERS_S[0])
+        usual = float(np.median(smooth))
+        spread = 1.4826 * float(np.median(np.abs(smooth - usual))) + 1e-12
+        windows += _windows(motion, s, smooth > usual + threshold * spread)
     return tuple(windows)
+
+
+def _smoothed(signal: Array, dt: float, seconds: float) -> Array:
+    """Running mean (T,)."""
+    width = max(1, min(round(seconds / dt), len(signal)))
+    return np.convolve(signal, np.full(width, 1.0 / width), mode="same")
+
+
+def _windows(motion: Motion, segment: Segment, above: Array) -> list[float]:
+    """Spans of a segment in which something is so, (T,) bool: recording, start, end, and so on."""
+    windows, t = list[float](), motion.t[segment.rows]
+    for start, end in _spans(above, round(_GAP / segment.dt)):
+        if t[end] - t[start] >= _SHORTEST:
+            windows += [float(segment.recording), float(t[start]), float(t[end])]
+    return windows
 
 
 def _spans(above: Array, gap: int) -> list[tuple[int, int]]:

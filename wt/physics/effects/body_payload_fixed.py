@@ -9,7 +9,7 @@ import numpy as np
 
 from wt.physics import inertia
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import place_of_load, point_load
+from wt.physics.effects._tools import place_of_load, point_load, within_reach
 from wt.physics.motion import Motion
 from wt.types import Location
 
@@ -36,6 +36,7 @@ class BodyPayloadFixed(Effect):
     reference = "C. H. An, C. G. Atkeson and J. M. Hollerbach, Model-Based Control of a Robot, 1988"
     signed = (1, 0, 0, 0)
     weighted = True
+    weighs = True
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """The centre of mass: at the frame's origin a body that turns about it shows no mass."""
@@ -56,6 +57,10 @@ class BodyPayloadFixed(Effect):
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """Mass, and position from the first moments."""
         return np.array([coefficients[0], *place_of_load(coefficients, shape)])
+
+    def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
+        """Whether the body can carry it there."""
+        return within_reach(motion.scene, at.name, theta[1:])
 
     def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
         """Weld a point mass on."""

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import place_of_load, point_load
+from wt.physics.effects._tools import place_of_load, point_load, within_reach
 from wt.physics.loose import Centre, Law, columns, path_of
 from wt.physics.loose_search import laws_that_fit
 from wt.physics.motion import Motion
@@ -50,6 +50,7 @@ class BodyPayloadMoving(Effect):
     signed = (1, 0, 0, 0)
     read_off = 10
     odds_against = 8.0
+    weighs = True
     settles = ("body.mass",)
 
     def __init__(self, shape: Shape = ()) -> None:
@@ -129,7 +130,9 @@ class BodyPayloadMoving(Effect):
         }
 
     def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
-        """Whether the load moved at all."""
+        """Whether the body can carry it there, and it moved at all."""
+        if not within_reach(motion.scene, at.name, theta[2:]):
+            return False
         path = path_of(motion, at.name, self._centre(theta), self._law(theta))
         return bool(np.std(path.s, axis=0).max() > _AT_REST)
 

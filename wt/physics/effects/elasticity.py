@@ -28,12 +28,12 @@ class Elasticity(GearEffect):
     reference = "M. W. Spong, Modeling and control of elastic joint robots, ASME JDSMC 1987"
 
     def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
-        """Twists of 10, 30 and 100 mrad under the largest force, lightly damped."""
+        """Twists of 10 to 300 mrad under the largest force, lightly damped."""
         drive = next(d for d in motion.scene.drives if d.joint == at.name)
         force = float(np.quantile(np.abs(motion.force(drive)), 0.98)) + 1e-3
         inertia = float(motion.scene.model.dof_M0[drive.dof])
         found = []
-        for twist in (0.01, 0.03, 0.1):
+        for twist in (0.01, 0.03, 0.1, 0.3):
             stiffness = force / twist
             found.append(np.array([stiffness, 0.1 * np.sqrt(stiffness * inertia)]))
         return found
