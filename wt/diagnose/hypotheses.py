@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -68,14 +69,8 @@ def candidates(
     Returns:
         Effects with their starting parameters, and the shape of their signature if they have one.
     """
-    best = ranked[0].gain if ranked else 0.0
     floating = bool(screen.motion.scene.free)
-    share, least = (
-        (FLOATING_SHARE, max(LEAST, FLOATING_SHARE * best)) if floating else (SHARE, LEAST)
-    )
-    first = _places_of_each(ranked) if floating else ranked
-    strong = [s for s in first[:KEPT] if s.gain >= share * best and s.gain > 0.0]
-    strong += _best_of_each(screen, [s for s in ranked if s not in strong and s.gain > least])
+    strong = _strong(screen, ranked)
     wanted = {
         (name, place)
         for s in strong
@@ -112,26 +107,28 @@ def candidates(
     ]
 
 
-def _places_of_each(ranked: Sequence[Scored]) -> list[Scored]:
-    """The first places of each effect: what acts on one link of a floating base shows on all."""
-    count: dict[str, int] = {}
-    found = []
-    for s in ranked:
-        name = s.planted.effect.id
-        count[name] = count.get(name, 0) + 1
-        if count[name] <= EACH:
-            found.append(s)
-    return found
+def _strong(screen: Screen, ranked: Sequence[Scored]) -> list[Scored]:
+    """What gains much by the force residual, and the first at each joint."""
+    best = ranked[0].gain if ranked else 0.0
+    floating = bool(screen.motion.scene.free)
+    share, least = (
+        (FLOATING_SHARE, max(LEAST, FLOATING_SHARE * best)) if floating else (SHARE, LEAST)
+    )
+    # what acts on one link of a floating base shows on all: not only the first effect counts
+    first = _first_of_each(ranked, lambda s: s.planted.effect.id) if floating else ranked
+    strong = [s for s in first[:KEPT] if s.gain >= share * best and s.gain > 0.0]
+    others = [s for s in ranked if s not in strong and s.gain > least]
+    alone = [s for s in others if dof_of(screen, s.planted.at) >= 0]
+    return strong + _first_of_each(alone, lambda s: dof_of(screen, s.planted.at))
 
 
-def _best_of_each(screen: Screen, ranked: Sequence[Scored]) -> list[Scored]:
-    """The first at each joint of a ranking."""
-    count: dict[int, int] = {}
+def _first_of_each(ranked: Sequence[Scored], label: Callable[[Scored], Hashable]) -> list[Scored]:
+    """The first few with each label, in the order of a ranking."""
+    count: Counter[Hashable] = Counter()
     found = []
     for s in ranked:
-        dof = dof_of(screen, s.planted.at)
-        count[dof] = count.get(dof, 0) + 1
-        if dof >= 0 and count[dof] <= EACH:
+        count[label(s)] += 1
+        if count[label(s)] <= EACH:
             found.append(s)
     return found
 

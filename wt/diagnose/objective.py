@@ -81,12 +81,15 @@ class Objective:
         settled = np.concatenate([s.t >= s.t[0] + burn for s in self.stretches])
         valid = np.isfinite(self.measured) & settled[:, None]
         self.forgets = forgets
-        self._ends = np.cumsum([len(s.t) for s in self.stretches])
+        ends = np.cumsum([len(s.t) for s in self.stretches])
+        self._rows = tuple(
+            slice(int(end) - len(s.t), int(end))
+            for end, s in zip(ends, self.stretches, strict=True)
+        )
         self._replays = Extrapolated(self.scene, self.stretches, step)
         seconds = sum(s.t[-1] - s.t[0] for s in self.stretches)
         count = np.minimum(seconds * INDEPENDENT_PER_SECOND * valid.mean(axis=0), valid.sum(axis=0))
-        each = [self.rows(i) for i in range(len(self.stretches))]
-        parts = tuple(each) if self.scene.free else (slice(None),)
+        parts = self._rows if self.scene.free else (slice(None),)
         self.channels = Channels(valid, parts, count, np.tile(self.noise, (len(parts), 1)))
         self.some: tuple[Nuisance, ...] = nuisances(self.scene)
         uncertain = np.zeros(0) if forgets else initial_deviations(self.noise, noise_v0)
@@ -99,7 +102,7 @@ class Objective:
         self._reference: Assessed | None = None
         law = LAW * np.nan_to_num(self.channels.rms(self._raw([()])[0]))
         self.channels = replace(self.channels, floors=np.hypot(self.channels.floors, law))
-        self._rough = floating
+        self._measured_rough = not floating  # how rough replays are is measured at first use
 
     @property
     def count(self) -> Array:
@@ -110,11 +113,6 @@ class Objective:
     def floor(self) -> Array:
         """Error of a replay that leaves nothing to explain, (nv,)."""
         return self.channels.floor
-
-    def rows(self, stretch: int) -> slice:
-        """Rows of one stretch among all samples."""
-        end = int(self._ends[stretch])
-        return slice(end - len(self.stretches[stretch].t), end)
 
     def evaluate(
         self, hypotheses: Sequence[Hypothesis], centres: Sequence[Array] | None = None
@@ -182,17 +180,16 @@ class Objective:
             self._around = linear(columns, centre, parts)
             return self._assess(hypothesis, self._around.at_origin(error, centre), centre)
         response = response * self.channels.valid[:, :, None]
-        rows = [self.rows(i) for i in range(len(self.stretches))]
         known = np.nan_to_num(error, nan=1.0) ** 2
         variance = self.channels.variance(self.channels.sums(known))
         # how far an initial state may go depends on what is left once all has adapted
         for _ in range(REWEIGHTED):
-            initial = initial_states(rows, response, variance)
+            initial = initial_states(self._rows, response, variance)
             self._around = linear(columns, centre, parts, initial)
             assessed = self._assess(hypothesis, self._around.at_origin(error, centre), centre)
             variance = np.where(np.isfinite(assessed.variance), assessed.variance, variance)
-        if self._rough:
-            self._rough = False
+        if not self._measured_rough:
+            self._measured_rough = True
             self.channels = self.channels.rougher(self._apart(hypothesis, error))
             return self._linearised(hypothesis)
         return assessed

@@ -1,8 +1,8 @@
 """Bounded least squares on what an error and its linear changes have in common.
 
 An error is adapted many times over, each time with other weights of its channels: a joint, or a
-joint in one stretch. Its products with
-the changes do not depend on the weights: they are made once.
+joint in one stretch. Its products with the changes do not depend on the weights: they are made
+once.
 """
 
 from __future__ import annotations

@@ -128,19 +128,20 @@ class _Misfits:
     on: Array
     off: Array
 
-    def of(self, normal: Array, height: float) -> Array:
-        """The misfits of a face [mm]."""
-        touching = self.probe.heights(normal, self.on) - height
+    def of(self, normal: Array, height: float, on: Array | None = None) -> Array:
+        """The misfits of a face [mm]; heights in hits (n,) need not be computed again."""
+        touching = (self.probe.heights(normal, self.on) if on is None else on) - height
         free = np.minimum(self.probe.heights(normal, self.off) - height, 0.0)
         share = np.sqrt(len(self.on) / len(self.off))
         return np.nan_to_num(np.concatenate([touching, share * free])) / _MILLIMETRE
 
     def roughly(self, normal: Array) -> float:
         """The misfit of a face as high as hits usually are; endless where nothing touches."""
-        height = float(np.median(self.probe.heights(normal, self.on)))
+        on = self.probe.heights(normal, self.on)
+        height = float(np.median(on))
         if not np.isfinite(height):
             return np.inf
-        return float(np.sqrt(1.0 + self.of(normal, height) ** 2).sum())
+        return float(np.sqrt(1.0 + self.of(normal, height, on) ** 2).sum())
 
     def placed(self, way: Array) -> tuple[float, Array, float]:
         """(misfit, normal, height) of the best face that looks about that way."""

@@ -216,12 +216,9 @@ def within_reach(scene: Scene, body: str, position: Array) -> bool:
     if away > _BEYOND * radius + _MOUNT:
         return False
     children = [int(c) for c in np.flatnonzero(m.body_parentid == b)]
-    nearer = [_away(m, c, _into(m, c, position)) for c in children]
-    if m.body_parentid[b] > 0:
-        turn = np.zeros(9)
-        mujoco.mju_quat2Mat(turn, m.body_quat[b])
-        out = m.body_pos[b] + turn.reshape(3, 3) @ position
-        nearer.append(_away(m, int(m.body_parentid[b]), out))
+    nearer = [_away(m, c, _turn(m, c).T @ (position - m.body_pos[c])) for c in children]
+    if parent := int(m.body_parentid[b]):
+        nearer.append(_away(m, parent, m.body_pos[b] + _turn(m, b) @ position))
     return all(away / radius <= other / size for other, size in nearer if size)
 
 
@@ -232,8 +229,8 @@ def _away(m: mujoco.MjModel, body: int, position: Array) -> tuple[float, float]:
     return float(np.linalg.norm(position - centre)), float(sizes.max(initial=0.0))
 
 
-def _into(m: mujoco.MjModel, child: int, position: Array) -> Array:
-    """A position in the frame of a child, as the model is at rest."""
+def _turn(m: mujoco.MjModel, body: int) -> Array:
+    """From a body's frame to its parent's, as the model is at rest, (3, 3)."""
     turn = np.zeros(9)
-    mujoco.mju_quat2Mat(turn, m.body_quat[child])
-    return np.asarray(turn.reshape(3, 3).T @ (position - m.body_pos[child]))
+    mujoco.mju_quat2Mat(turn, m.body_quat[body])
+    return turn.reshape(3, 3)

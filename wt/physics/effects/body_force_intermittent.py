@@ -55,7 +55,7 @@ class BodyForceIntermittent(Effect):
 
     def elsewhere(self, motion: Motion, at: Location, theta: Array) -> BodyForceIntermittent:
         """The same force, at the times at which these recordings show it."""
-        return self.shaped(_acting(motion, at.name, theta))
+        return self.shaped(_acting(motion, _on(motion, at.name), theta))
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Times at which the residual, as a force on the body, stands out.
@@ -65,12 +65,13 @@ class BodyForceIntermittent(Effect):
         """
         if self.windows:
             return [self.windows]
-        found = {_acting(motion, at.name, force) for force in _bursts(motion, at.name)}
+        on = _on(motion, at.name)
+        found = {_acting(motion, on, force) for force in _bursts(motion, on)}
         for threshold in _THRESHOLDS:
-            windows = _proposed(motion, at.name, threshold)
+            windows = _proposed(motion, on, threshold)
             if windows:
-                force = _mean_force(motion, at.name, self.columns(motion, at, windows))
-                found.add(_acting(motion, at.name, force))
+                force = _mean_force(motion, self.columns(motion, at, windows))
+                found.add(_acting(motion, on, force))
         return sorted(windows for windows in found if windows)
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
@@ -125,7 +126,7 @@ def _covered(t: Array, h: float, start: float, end: float) -> Array:
     return np.asarray(np.clip((np.minimum(t + h, end) - np.maximum(t, start)) / h, 0.0, 1.0))
 
 
-def _mean_force(motion: Motion, body: str, columns: Array) -> Array:
+def _mean_force(motion: Motion, columns: Array) -> Array:
     """The force on a body that its columns (T, nv, 3) explain the residual best with, (3,) [N]."""
     scale = np.std(motion.unexplained, axis=0) + 1e-12
     design = (motion.touching.free(columns) / scale[:, None]).reshape(-1, 3)
@@ -141,9 +142,14 @@ def _usual(motion: Motion, segment: Segment) -> tuple[Array, Array]:
     return 1.4826 * usual + 1e-12, np.where(calm, 1.0, 0.01)
 
 
-def _bursts(motion: Motion, body: str) -> list[Array]:
-    """Forces on a body in moments that differ most from the usual, (3,) each [N]."""
-    on, forces, worths = _on(motion, body), [], []
+def _bursts(motion: Motion, on: Array) -> list[Array]:
+    """Forces on a body in moments that differ most from the usual, (3,) each [N].
+
+    Args:
+        motion: the recordings.
+        on: what unit forces on it do, (T, nv, 3).
+    """
+    forces, worths = [], []
     for s in motion.segments:
         left = motion.unexplained[s.rows]
         scale, weight = _usual(motion, s)
@@ -172,12 +178,12 @@ def _sums(x: Array, width: int) -> Array:
     return np.asarray(total[width:] - total[:-width])
 
 
-def _acting(motion: Motion, body: str, force: Array) -> Shape:
+def _acting(motion: Motion, on: Array, force: Array) -> Shape:
     """Windows in which a known force shows: more than half of it, by a matched filter.
 
     The filter is as long as it takes for what is left besides to stay below a quarter.
     """
-    expected, windows = _on(motion, body) @ force, list[float]()  # (T, nv)
+    expected, windows = on @ force, list[float]()  # (T, nv)
     usual = 0.05 * np.mean(expected**2, axis=0)
     for s in motion.segments:
         left = motion.unexplained[s.rows]
@@ -198,10 +204,10 @@ def _on(motion: Motion, body: str) -> Array:
     return motion.touching.free(motion.point(body).jacobian.swapaxes(1, 2))
 
 
-def _proposed(motion: Motion, body: str, threshold: float) -> Shape:
+def _proposed(motion: Motion, on: Array, threshold: float) -> Shape:
     """Windows in which the residual's part that a force on the body can make stands out."""
     scale = np.std(motion.unexplained, axis=0) + 1e-12
-    scaled = _on(motion, body) / scale[:, None]
+    scaled = on / scale[:, None]
     projected = scaled @ (
         np.linalg.pinv(scaled, rcond=1e-3) @ (motion.unexplained / scale)[..., None]
     )

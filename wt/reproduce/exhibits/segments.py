@@ -29,9 +29,8 @@ class SegmentTraining(Exhibit):
         study = bench.study(TASK)
         bench.train(study, VARIANTS)
         found: Numbers = {"single": {}, "rolled": {}}
-        alignment = alignment_of(
-            study.config, FULL.method
-        )  # where nothing is translated, no matter
+        # where nothing is translated, as by RawSim, it does not matter
+        alignment = alignment_of(study.config, FULL.method)
         for seed in study.config.seeds:
             world, truth = truth_of(study, bench.quick, seed)
             steps = {v.name: of_model(bench.model(study, v, seed)) for v in VARIANTS}
