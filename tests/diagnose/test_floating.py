@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from wt.diagnose.samples import Part
 from wt.diagnose.screen import Scored, Screen
 from wt.diagnose.smooth import smooth
 from wt.diagnose.stretches import FLOATING_S, forgets, stretches_of
+from wt.physics.replay import Stretch
 from wt.physics.scene import Scene
 
 
@@ -33,6 +35,25 @@ def test_it_is_replayed_in_short_pieces(machine: Scene) -> None:
     assert not forgets(smoothed, 1e-3)
     pieces = stretches_of(smoothed, False)
     assert all(s.t[-1] - s.t[0] < FLOATING_S + 0.02 for s, _ in pieces)
+
+
+def shoved(t: float) -> Sequence[float]:
+    """A shove between pieces that are spread evenly."""
+    return (3.0, -4.0, 2.0) if 2.4 <= t < 2.6 else (0.0, 0.0, 0.0)
+
+
+def test_some_pieces_are_where_forces_are_unusual(machine: Scene) -> None:
+    smoothed = smooth(machine, [Part(stool.recording(3, seconds=5.0, push=shoved), 0)])
+    even, some = (stretches_of(smoothed, False, 2.0, share) for share in (0.0, 0.5))
+    assert len(even) == len(some)
+
+    def during(pieces: list[tuple[Stretch, np.ndarray]]) -> float:
+        t = np.concatenate([s.t for s, _ in pieces])
+        return float(((t >= 2.4) & (t < 2.6)).sum() * 0.01)
+
+    assert during(even) < 0.1 < 0.19 < during(some)
+    ends = [(s.t[0], s.t[-1]) for s, _ in some]
+    assert all(end < start for (_, end), (start, _) in itertools.pairwise(ends))
 
 
 def test_where_nothing_is_hidden_little_is_gained(machine: Scene) -> None:

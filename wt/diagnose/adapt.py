@@ -69,11 +69,11 @@ def responses(replayer: Replayer, hypothesis: Sequence[Planted], deviations: Arr
 
 
 def hidden(hypothesis: Sequence[Planted], stretch: Stretch) -> dict[str, tuple[float, float]]:
-    """Deviations of the initial states of the joints that a hypothesis adds."""
+    """Deviations of the initial states of joints that a hypothesis adds, where there are any."""
     found: dict[str, tuple[float, float]] = {}
     for p in hypothesis:
         started = p.effect.started(p.at, p.theta, stretch)
-        found |= {name: state.unsure for name, state in started.items()}
+        found |= {name: state.unsure for name, state in started.items() if any(state.unsure)}
     return found
 
 

@@ -48,7 +48,7 @@ def cut(smoothed: Smoothed, index: int, rows: slice) -> Stretch:
 
 
 def stretches_of(
-    smoothed: Smoothed, forgets: bool, seconds: float = np.inf
+    smoothed: Smoothed, forgets: bool, seconds: float = np.inf, telling: float = 0.0
 ) -> list[tuple[Stretch, Array]]:
     """Cut recordings into stretches to replay, with the positions measured in them.
 
@@ -56,22 +56,50 @@ def stretches_of(
         smoothed: the recordings.
         forgets: long stretches if so, else windows.
         seconds: at most so much in all; blocks spread evenly over the recordings.
+        telling: share of them that is not, where windows are chosen from more than that: these are
+            where forces differ most from the usual. A stop is hit, and a foot slips, now and then.
     """
     total = sum(float(s.t[-1] - s.t[0]) for s in smoothed.samples)
     keep = min(1.0, seconds / total)
-    found, window = [], FLOATING_S if smoothed.motion.scene.free else WINDOW_S
-    for i, (s, (q, _, _), spacing) in enumerate(
-        zip(smoothed.samples, smoothed.at_samples, smoothed.spacing, strict=True)
-    ):
+    telling = 0.0 if forgets or keep == 1.0 else telling
+    window = FLOATING_S if smoothed.motion.scene.free else WINDOW_S
+    blocks = [
+        (i, *block)
+        for i, s in enumerate(smoothed.samples)
+        for block in _blocks(s, keep * (1.0 - telling), forgets, window)
+    ]
+    blocks = sorted(blocks + _telling(smoothed, blocks, round(telling * keep * total / window)))
+    found = []
+    for i, first, last in blocks:
+        s, (q, _, _) = smoothed.samples[i], smoothed.at_samples[i]
         ready = np.flatnonzero(_known(s.q - q, smoothed.noise))
         if not forgets:  # at its very ends a curve's slope is loose
-            ready = ready[ready >= max(spacing)]
-        for first, last in _blocks(s, keep, forgets, window):
-            later = ready[(ready >= first) & (ready <= (first + last) // 2)]
-            first = int(later[0]) if len(later) else first
-            rows = slice(first, last)
-            found.append((cut(smoothed, i, rows), s.q[rows]))
+            ready = ready[ready >= max(smoothed.spacing[i])]
+        later = ready[(ready >= first) & (ready <= (first + last) // 2)]
+        rows = slice(int(later[0]) if len(later) else first, last)
+        found.append((cut(smoothed, i, rows), s.q[rows]))
     return found
+
+
+Block = tuple[int, int, int]
+"""A segment, and its first sample and the one after its last."""
+
+
+def _telling(smoothed: Smoothed, taken: list[Block], count: int) -> list[Block]:
+    """So many more windows, as long as those taken: where what is not explained is most unusual."""
+    m, scored = smoothed.motion, []
+    usual = 1.4826 * np.median(np.abs(m.unexplained), axis=0) + 1e-12
+    unusual = (m.unexplained / usual) ** 2 * m.calm[:, None]
+    for i, (s, segment) in enumerate(zip(smoothed.samples, m.segments, strict=True)):
+        mine = [(first, last) for j, first, last in taken if j == i]
+        size = mine[0][1] - mine[0][0]
+        for first in range(0, len(s.t) - size + 1, size):
+            if all(first + size <= f or first >= last for f, last in mine):
+                ends = np.searchsorted(m.t[segment.rows], s.t[[first, first + size - 1]])
+                here = unusual[segment.rows][ends[0] : ends[1] + 1]
+                scored.append((float(here.mean(axis=0).max()), (i, first, first + size)))
+    scored.sort(reverse=True)
+    return [block for _, block in scored[:count]]
 
 
 def _known(misfit: Array, noise: Array) -> Array:

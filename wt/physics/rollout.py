@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -150,7 +150,8 @@ class _Job:
         for p in self.hypothesis:
             followers = p.effect.followers(p.at).items()
             known |= {name: known[leader] for name, leader in followers}
-            for name, hidden in p.effect.started(p.at, p.theta, self.stretch).items():
+            begun = replace(self.stretch, q0=q, v0=v)
+            for name, hidden in p.effect.started(p.at, p.theta, begun).items():
                 dq, dv = self.stretch.shifts.get(name, (0.0, 0.0))
                 known[name] = (hidden.position + dq, hidden.velocity + dv)
         states = np.array([known[self.model.joint(i).name] for i in range(self.model.njnt)])

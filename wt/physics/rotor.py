@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
 
+from wt.physics.replay import Hidden, Stretch
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
 from wt.types import Location
@@ -67,5 +69,26 @@ class GearEffect(ReplayOnly):
         return [Location("joint", name) for name in dict.fromkeys(d.joint for d in scene.drives)]
 
     def followers(self, at: Location) -> Mapping[str, str]:
-        """The rotor starts at the link's angle."""
+        """The rotor starts at the link's angle where nothing else is known."""
         return {rotor(at.name): at.name}
+
+    def started(self, at: Location, theta: Array, stretch: Stretch) -> Mapping[str, Hidden]:
+        """The rotor where its drives and the gear are in balance, as fast as the link."""
+        if stretch.motion is None:
+            return {}
+        mine = [d for d in stretch.motion.scene.drives if d.joint == at.name]
+        q, v = (x[[mine[0].dof]] for x in (stretch.q0, stretch.v0))
+        force = sum(float(d.force(stretch.held[:1, d.index], q, v)[0]) for d in mine)
+        stiffness = sum(-d.bias[1] * d.gear**2 for d in mine)
+        twist = self.twist(theta, force, max(stiffness, 0.0))
+        return {rotor(at.name): Hidden(float(q[0]) + twist, float(v[0]), (0.0, 0.0))}
+
+    @abstractmethod
+    def twist(self, theta: Array, force: float, stiffness: float) -> float:
+        """Angle by which the rotor is ahead of a link at rest [rad].
+
+        Args:
+            theta: parameters of the effect.
+            force: of the drives, were the rotor at the link's angle [N·m].
+            stiffness: by which that falls as the rotor turns [N·m/rad].
+        """

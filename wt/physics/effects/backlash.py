@@ -42,6 +42,12 @@ class Backlash(GearEffect):
         tendon.range = [-0.5 * theta[0], 0.5 * theta[0]]
         tendon.solref_limit = [_CONTACT, 1.0]
 
+    def twist(self, theta: Array, force: float, stiffness: float) -> float:
+        """As far as the drives turn the rotor, or to the teeth."""
+        half = 0.5 * float(theta[0])
+        free = force / stiffness if stiffness else np.copysign(np.inf, force)
+        return float(np.clip(free, -half, half))
+
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""
         return f"Joint {at.name} has {np.degrees(theta[0]):.2g}° of gear play."

@@ -45,6 +45,10 @@ class Elasticity(GearEffect):
         tendon.damping = [theta[1], 0.0, 0.0]
         tendon.springlength = [0.0, 0.0]
 
+    def twist(self, theta: Array, force: float, stiffness: float) -> float:
+        """As far as the spring balances the drives."""
+        return force / (float(theta[0]) + stiffness)
+
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""
         return f"Joint {at.name} is elastic: {theta[0]:.3g} N·m/rad between motor and link."

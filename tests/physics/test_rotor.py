@@ -1,0 +1,72 @@
+"""A rotor behind a gear begins where its drive and the gear are in balance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.diagnose.hidden_forces import chain, record
+from wt.diagnose.samples import Part
+from wt.diagnose.smooth import smooth
+from wt.diagnose.stretches import stretches_of
+from wt.physics.effect import effects
+from wt.physics.replay import Planted, Stretch
+from wt.physics.rollout import Replayer
+from wt.physics.scene import Scene
+from wt.types import Location
+
+AT = Location("joint", "j1")
+
+
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory: pytest.TempPathFactory) -> tuple[Scene, Stretch]:
+    """A stretch of a servo that is commanded elsewhere than where its joint is."""
+    path = tmp_path_factory.mktemp("rotor") / "chain.xml"
+    path.write_text(chain(1))
+    scene = Scene(path)
+    smoothed = smooth(scene, [Part(record(chain(1), None, 4.0, 0), 0)])
+    found = [s for s, _ in stretches_of(smoothed, False)]
+    return scene, max(found, key=lambda s: abs(ahead(scene, s)))
+
+
+def ahead(scene: Scene, stretch: Stretch) -> float:
+    """How far the drive would turn a free rotor [rad]."""
+    (drive,) = scene.drives
+    force = drive.force(stretch.held[:1, 0], stretch.q0, stretch.v0)
+    return float(force[0]) / (-drive.bias[1] * drive.gear**2)
+
+
+def twist(scene: Scene, stretch: Stretch, effect: str, *theta: float) -> float:
+    """How far its rotor begins ahead of the link [rad]."""
+    found = effects()[effect].started(AT, np.array(theta), stretch)
+    assert set(found) == {"j1_rotor"} and found["j1_rotor"].velocity == stretch.v0[0]
+    return found["j1_rotor"].position - float(stretch.q0[0])
+
+
+def test_in_the_play_it_is_where_its_drive_holds_it(begun: tuple[Scene, Stretch]) -> None:
+    free = ahead(*begun)
+    assert twist(*begun, "joint.backlash", 4.0 * abs(free)) == pytest.approx(free)
+
+
+def test_beyond_the_play_teeth_stop_it(begun: tuple[Scene, Stretch]) -> None:
+    free = ahead(*begun)
+    expected = np.copysign(0.25 * abs(free), free)
+    assert twist(*begun, "joint.backlash", 0.5 * abs(free)) == pytest.approx(expected)
+
+
+def test_an_elastic_gear_is_twisted_in_balance(begun: tuple[Scene, Stretch]) -> None:
+    scene, stretch = begun
+    (drive,) = scene.drives
+    held = -drive.bias[1] * drive.gear**2
+    found = twist(scene, stretch, "joint.elasticity", 3.0 * held, 0.0)
+    assert found == pytest.approx(0.25 * ahead(scene, stretch))
+
+
+def test_a_replay_begins_so(begun: tuple[Scene, Stretch]) -> None:
+    """The link is not jolted: in the first instants it moves as without a gear."""
+    scene, stretch = begun
+    stiff = Planted(effects()["joint.elasticity"], AT, np.array([2000.0, 2.0]))
+    plain, geared = Replayer(scene, [stretch], 1e-3).run([(), (stiff,)]).q
+    first = stretch.t <= stretch.t[0] + 0.05
+    moved = np.ptp(plain[first])
+    assert np.abs(geared - plain)[first].max() < 0.02 * moved
