@@ -64,8 +64,18 @@ def test_replays_warm_up_as_the_machine_does(warm: World) -> None:
 def test_the_usual_load_is_read_off_and_stays(warm: World) -> None:
     effect, motion = effects()["actuator.fade"], warm.screen.motion
     force = motion.force(motion.scene.drive("a1"))
-    shapes = effect.shapes(motion, AT)
-    assert {shape[1] for shape in shapes} == {float(np.sqrt(np.mean(force**2)))}
+    usual = float(np.sqrt(np.mean(force**2)))
+    shapes = np.array(effect.shapes(motion, AT))
+    assert (shapes[:5, 1] == usual).all() and (shapes[5:, 1] < usual).all()
     bound = effect.shaped((3.0, 7.0))
     assert {shape[1] for shape in bound.shapes(motion, AT)} == {7.0}
     assert "7 N·m" in bound.statement(AT, np.array([0.2, 3.0]))
+
+
+def test_a_smaller_load_is_tried_where_it_makes_all_the_heat_there_can_be(warm: World) -> None:
+    effect, motion = effects()["actuator.fade"], warm.screen.motion
+    shapes = effect.shapes(motion, AT)
+    usual = shapes[0][1]
+    tried = {(time, round(load / usual, 2)) for time, load in shapes if load < usual}
+    assert (shapes[0][0], 0.85) in tried  # a tenth of the recording: hot soon
+    assert (shapes[4][0], 0.85) not in tried  # twice the recording: never as hot

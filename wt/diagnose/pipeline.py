@@ -61,7 +61,7 @@ FIXED = Effort(STEP_S, 1e-3, 16.0, 60.0, 60.0, np.inf)
 FLOATING = Effort(1e-3, 1e-3, 5.0, 8.0, 16.0, 16.0)
 """Steps with contacts cost several times as much, and there are many more of them to choose."""
 TELLING = 0.4
-"""Share of the windows that are chosen where forces are most unusual, not evenly."""
+"""Share of a floating machine's windows that are not spread evenly: where forces are unusual."""
 ATTEMPTS = 3
 """So many searches, each without the effects that held-out data refused to the ones before."""
 
@@ -190,9 +190,10 @@ def _objective(
     sets: Sequence[Smoothed], screen: Screen, forgetting: bool, seconds: float, step: float
 ) -> Objective:
     """Replays of one or more sets of recordings, which are counted through."""
+    telling = TELLING if screen.motion.scene.free else 0.0
     pairs, before = [], 0
     for smoothed in sets:
-        some = stretches_of(smoothed, forgetting, seconds, TELLING)
+        some = stretches_of(smoothed, forgetting, seconds, telling)
         pairs += [(replace(s, recording=s.recording + before), q) for s, q in some]
         before += max(s.recording for s in smoothed.samples) + 1
     return Objective(sets[0], pairs, screen.velocity_noise, step, forgetting)

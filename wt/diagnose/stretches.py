@@ -13,6 +13,8 @@ from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 
 Array = np.ndarray
+Block = tuple[int, int, int]
+"""A segment, its first sample, and the one after its last."""
 
 WINDOW_S, FLOATING_S = 0.5, 0.25
 """Length of the stretches of a machine that does not forget its initial state [s], and of one on
@@ -81,12 +83,10 @@ def stretches_of(
     return found
 
 
-Block = tuple[int, int, int]
-"""A segment, and its first sample and the one after its last."""
-
-
 def _telling(smoothed: Smoothed, taken: list[Block], count: int) -> list[Block]:
     """So many more windows, as long as those taken: where what is not explained is most unusual."""
+    if not count:
+        return []
     m, scored = smoothed.motion, []
     usual = 1.4826 * np.median(np.abs(m.unexplained), axis=0) + 1e-12
     unusual = (m.unexplained / usual) ** 2 * m.calm[:, None]

@@ -19,6 +19,7 @@ from wt.types import Location
 Array = np.ndarray
 
 _HOTTEST = 1.5  # heat beyond which a motor's protection would step in
+_SMALLER = (0.85, 0.7, 0.5)  # shares of the load in the recordings
 
 
 @register
@@ -26,7 +27,8 @@ class ActuatorFade(Effect):
     """τ → τ · (1 − loss · x) with heat x: time_constant · ẋ = (τ/τ₀)² − x, cold at the start.
 
     τ₀ is the root mean square of the drive's force in the recordings, read off them, so that the
-    whole ``loss`` shows when the motion that was recorded goes on.
+    whole ``loss`` shows when the motion that was recorded goes on; or less, where the motor is as
+    hot as it gets.
     """
 
     id = "actuator.fade"
@@ -51,11 +53,19 @@ class ActuatorFade(Effect):
         return bound
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
-        """Time constants as fractions of the recording's length, and τ₀."""
-        last = float(motion.t.max())
+        """Time constants as fractions of the recording's length, and τ₀.
+
+        Smaller ones too, where the heat that they make reaches what a motor stands: strength that
+        falls no further in a stronger motion tells them apart.
+        """
         force = motion.force(motion.scene.drive(at.name))
-        usual = self.usual or float(np.sqrt(np.mean(force**2)))
-        return [(f * last, usual) for f in (0.1, 0.25, 0.5, 1.0, 2.0)]
+        times = [float(f * motion.t.max()) for f in (0.1, 0.25, 0.5, 1.0, 2.0)]
+        if self.usual:
+            return [(time, self.usual) for time in times]
+        usual = float(np.sqrt(np.mean(force**2)))
+        smaller = [(time, share * usual) for share in _SMALLER for time in times]
+        hot = [shape for shape in smaller if _heat(motion, force, *shape).max() >= _HOTTEST]
+        return [*((time, usual) for time in times), *hot]
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """The force that is lost, per unit of loss."""
