@@ -71,15 +71,11 @@ def stretches_of(
         for block in _blocks(s, keep * (1.0 - telling), forgets, window)
     ]
     blocks = sorted(blocks + _telling(smoothed, blocks, round(telling * keep * total / window)))
-    found = []
+    ready, found = [_ready(smoothed, i, forgets) for i in range(len(smoothed.samples))], []
     for i, first, last in blocks:
-        s, (q, _, _) = smoothed.samples[i], smoothed.at_samples[i]
-        ready = np.flatnonzero(_known(s.q - q, smoothed.noise))
-        if not forgets:  # at its very ends a curve's slope is loose
-            ready = ready[ready >= max(smoothed.spacing[i])]
-        later = ready[(ready >= first) & (ready <= (first + last) // 2)]
+        later = ready[i][(ready[i] >= first) & (ready[i] <= (first + last) // 2)]
         rows = slice(int(later[0]) if len(later) else first, last)
-        found.append((cut(smoothed, i, rows), s.q[rows]))
+        found.append((cut(smoothed, i, rows), smoothed.samples[i].q[rows]))
     return found
 
 
@@ -100,6 +96,14 @@ def _telling(smoothed: Smoothed, taken: list[Block], count: int) -> list[Block]:
                 scored.append((float(here.mean(axis=0).max()), (i, first, first + size)))
     scored.sort(reverse=True)
     return [block for _, block in scored[:count]]
+
+
+def _ready(smoothed: Smoothed, index: int, forgets: bool) -> Array:
+    """Samples of a segment that a stretch may begin with."""
+    s, (q, _, _) = smoothed.samples[index], smoothed.at_samples[index]
+    ready = np.flatnonzero(_known(s.q - q, smoothed.noise))
+    # at its very ends a curve's slope is loose
+    return ready if forgets else ready[ready >= max(smoothed.spacing[index])]
 
 
 def _known(misfit: Array, noise: Array) -> Array:

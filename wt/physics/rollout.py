@@ -147,10 +147,10 @@ class _Job:
             name: (q[dof], v[dof])
             for name, dof in ((name, self.scene.dof(name)) for name in self.scene.joints)
         }
+        begun = replace(self.stretch, q0=q, v0=v)
         for p in self.hypothesis:
             followers = p.effect.followers(p.at).items()
             known |= {name: known[leader] for name, leader in followers}
-            begun = replace(self.stretch, q0=q, v0=v)
             for name, hidden in p.effect.started(p.at, p.theta, begun).items():
                 dq, dv = self.stretch.shifts.get(name, (0.0, 0.0))
                 known[name] = (hidden.position + dq, hidden.velocity + dv)
