@@ -180,6 +180,21 @@ def test_mean_field_transport_and_translation_add_up(simulator: str) -> None:
     check(translate_state(model, o, a, sim_next), exact)
 
 
+def test_a_reader_of_the_simulator_has_its_share_of_each_channel() -> None:
+    o, a, sim_next = batch()
+    model = build(Mean(kind="average", simulator="blend", width=4, depth=1), anchored=True)
+    frame, x = model.frame, conditions(o, a)
+    frame.nominal, frame.shift = Linear(NOMINAL), Linear(SHIFT[:8])
+    translated = translate_state(model, o, a, sim_next).detach().numpy()
+    read = SHIFT[::-1].copy()
+    frame.reader = Linear(read)
+    change = (sim_next - o[:, :4]).numpy() / SCALE
+    answer = sim_next.numpy() + SCALE * (np.hstack([x, change]) @ read)
+    share = np.array([0.0, 0.25, 0.5, 1.0])
+    frame.trusted.copy_(tensor(share))
+    check(translate_state(model, o, a, sim_next), (1.0 - share) * translated + share * answer)
+
+
 @pytest.mark.parametrize("n", [1, 5])
 def test_sim_to_real_hands_the_other_channels_through(n: int) -> None:
     o, a, sim_next = batch(n)

@@ -30,13 +30,15 @@ MeanKind = Literal["none", "average", "mode"]
 for hidden variables that are often absent.
 """
 
-SimulatorUse = Literal["base", "read", "mean", "ignored"]
+SimulatorUse = Literal["base", "read", "mean", "blend", "ignored"]
 """How the mean field uses the simulator's own answer.
 
 ``base``: it is added to; ``read``: it is added to and is also an input of the correction;
 ``mean``: the same, but with S's own average answer to (o, a) instead of its answer with nothing
 hidden, and with only such a share of what S then says of the hidden variable as helps: where
 hidden variables are never absent.
+``blend``: as ``mean``, and beside it a correction that reads S's answer, as with ``read``, gives an
+answer of its own: each channel takes the mix of both that is nearest to R on the validation pairs.
 ``ignored``: R's change is regressed on (o, a) alone.
 """
 
@@ -78,6 +80,11 @@ class Mean:
     steps: int = 8000
     batch: int = 512
     learning_rate: float = 4e-3
+
+    @property
+    def averages(self) -> bool:
+        """Whether S's average answer stands for its answer with nothing hidden."""
+        return self.simulator in ("mean", "blend")
 
 
 @dataclass

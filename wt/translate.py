@@ -27,6 +27,8 @@ def translate_state(
     difference that translation makes is added, D(o, a, ẑ) − D(o, a, z), so that what encoder
     and decoder lose is not lost in o′.
 
+    With ``mean.simulator: blend`` a regressor that reads S's outcome has its share of each channel.
+
     With ``translation.reach`` the simulator's answer stands where (o, a) is so far from all that
     was seen, as where a robot falls.
 
@@ -47,6 +49,8 @@ def translate_state(
     else:
         y_real = translated
     change = nominal + frame.shift_change(x, sim_change) + y_real
+    if frame.reader is not None:
+        change = change + frame.trusted * (frame.read_change(x, sim_change) - change)
     reach = model.method.translation.reach
     if reach:
         change = torch.where(frame.within(x, reach)[:, None], change, sim_change)

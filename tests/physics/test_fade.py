@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.diagnose.hidden_forces import World, world
+from wt.diagnose.estimate import estimate
 from wt.diagnose.signature import signature
 from wt.physics.effect import effects
 from wt.physics.replay import Planted
@@ -65,8 +66,9 @@ def test_the_usual_load_is_read_off_and_stays(warm: World) -> None:
     effect, motion = effects()["actuator.fade"], warm.screen.motion
     force = motion.force(motion.scene.drive("a1"))
     usual = float(np.sqrt(np.mean(force**2)))
-    shapes = np.array(effect.shapes(motion, AT))
-    assert (shapes[:5, 1] == usual).all() and (shapes[5:, 1] < usual).all()
+    shapes = effect.shapes(motion, AT)
+    assert [shape[1:] for shape in shapes[:5]] == 5 * [(usual,)]
+    assert all(load < usual and read == usual for _, load, read in shapes[5:])
     bound = effect.shaped((3.0, 7.0))
     assert {shape[1] for shape in bound.shapes(motion, AT)} == {7.0}
     assert "7 N·m" in bound.statement(AT, np.array([0.2, 3.0]))
@@ -76,6 +78,23 @@ def test_a_smaller_load_is_tried_where_it_makes_all_the_heat_there_can_be(warm: 
     effect, motion = effects()["actuator.fade"], warm.screen.motion
     shapes = effect.shapes(motion, AT)
     usual = shapes[0][1]
-    tried = {(time, round(load / usual, 2)) for time, load in shapes if load < usual}
+    tried = {(time, round(load / usual, 2)) for time, load, _ in shapes[5:]}
     assert (shapes[0][0], 0.85) in tried  # a tenth of the recording: hot soon
     assert (shapes[4][0], 0.85) not in tried  # twice the recording: never as hot
+
+
+def test_where_it_is_hot_the_load_is_fitted_and_not_reported(warm: World) -> None:
+    effect, motion = effects()["actuator.fade"], warm.screen.motion
+    usual = float(np.sqrt(np.mean(motion.force(motion.scene.drive("a1")) ** 2)))
+    shape = (TAU, 0.9 * RATED, usual)
+    hot = effect.shaped(shape)
+    start = Planted(hot, AT, hot.theta(np.array([LOSS]), shape))
+    found = estimate(warm.objective, (start,))
+    (now,) = found.hypothesis
+    np.testing.assert_allclose(now.theta, [LOSS, TAU, RATED], rtol=0.08)
+    assert list(found.estimates[0]) == ["loss", "time_constant"]
+    # how a drive warms up is known to a few per cent at best, however well one law fits
+    known = found.estimates[0]["time_constant"]
+    low, high = known.ci95
+    assert low <= 0.97 * known.value and high >= 1.03 * known.value  # type: ignore[operator]
+    assert f"{now.theta[2]:.3g} N·m" in now.statement

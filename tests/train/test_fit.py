@@ -237,6 +237,32 @@ def test_of_an_average_answer_only_such_a_share_is_taken_as_helps(
     assert np.abs(found).max() < 0.3
 
 
+def test_each_channel_is_read_off_the_simulator_as_far_as_it_helps(
+    paper: Method, folder: Path
+) -> None:
+    # S says one joint's velocity exactly, what is hidden included, and the other's not at all
+    toy, rng = Toy(0.0), np.random.default_rng(0)
+    sim, real, other = (toy.collect(SIM, 40, seed) for seed in (1, 2, 3))
+    sim_next = other.s_next.copy()
+    sim_next[:, 3] += rng.standard_normal(len(sim_next)) * 2.0 * sim.s_next[:, 3].std()
+    pairs = Pairs(other, sim_next)
+    unit = torch.ones(toy.spec.n_state)
+    error = {}
+    for simulator in ("mean", "blend"):
+        method = replace(
+            paper,
+            mean=replace(MEAN, simulator=simulator, steps=400),
+            translation=Translation(conditioned=True, transport=True, anchored=True),
+            train=replace(paper.train, steps=10),
+        )
+        model = fit(World(toy.spec, sim, real, pairs), method, folder / simulator, Sink())
+        error[simulator] = errors(model, PairTensors.of(pairs, unit, unit))[0]
+    trusted = model.frame.trusted
+    assert trusted[2] > 0.5
+    assert trusted[3] < 0.1
+    assert error["blend"] < error["mean"]
+
+
 def test_where_domains_are_one_the_simulator_s_answer_is_left_as_it_is(
     paper: Method, folder: Path
 ) -> None:

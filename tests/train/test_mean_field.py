@@ -170,6 +170,7 @@ def test_number_of_regressions() -> None:
     assert regressions(Mean(kind="average")) == 2
     assert regressions(Mean(kind="mode", members=3)) == 4
     assert regressions(Mean(kind="average", simulator="ignored", members=3)) == 3
+    assert regressions(Mean(kind="average", simulator="blend", members=3)) == 7
 
 
 def test_progress_runs_over_all_regressions() -> None:

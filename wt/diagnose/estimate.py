@@ -30,6 +30,8 @@ _NEAR = 0.02
 """Nuisances linearised within this share of the parameters are not linearised again."""
 LAW = 0.01
 """Share of its strength to which a machine follows a law at best: half of the interval."""
+BEND = 0.03
+"""The same of parameters that say how a curve bends: a speed limit's corner is never sharp."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +135,7 @@ def _inexact(hypothesis: Hypothesis) -> Array:
     for planted in hypothesis:
         sizes = iter(np.abs(planted.theta))
         for p in planted.effect.parameters:
-            share = LAW if p.lower >= 0.0 and p.unit != "-" else 0.0
+            share = BEND if p.bend else LAW if p.lower >= 0.0 and p.unit != "-" else 0.0
             found += [float(np.hypot(p.step, share * next(sizes))) for _ in range(p.size)]
     return np.array(found)
 
@@ -178,6 +180,8 @@ def _named(planted: Planted, low: Array, high: Array) -> dict[str, Estimate]:
     for p in planted.effect.parameters:
         rows = slice(start, start + p.size)
         start = rows.stop
+        if not p.public:
+            continue
         value, ends = planted.theta[rows], (low[rows], high[rows])
         warning = ""
         if (ends[1] - ends[0] > 2.0 * np.maximum(np.abs(value), p.step)).any():

@@ -71,9 +71,9 @@ class Block:
 
     def planted(self, coefficients: Array) -> Planted:
         """The effect with the parameters that belong to coefficients."""
-        theta = np.nan_to_num(self.effect.theta(coefficients, self.shape))
-        theta = np.clip(theta, *self.effect.bounds())
-        return Planted(self.effect.shaped(self.shape), self.at, theta)
+        effect = self.effect.shaped(self.shape)
+        theta = np.nan_to_num(effect.theta(coefficients, self.shape))
+        return Planted(effect, self.at, np.clip(theta, *effect.bounds()))
 
 
 class Base:

@@ -37,10 +37,13 @@ class Frame(nn.Module):
         transport: linear map of S's remaining outcome, (n_state, n_state); identity unless fit.
         nominal: regressor of the nominal simulator's change n(o, a), or None.
         shift: regressors of the domains' difference δ, or None.
+        reader: regressors of what R does differently from S's answer, which they read, or None.
+        trusted: share of the reader's answer in each channel of the prediction, (n_state,).
     """
 
     transport: Tensor
     free: Tensor
+    trusted: Tensor
 
     def __init__(self, spec: TransitionSpec, mean: Mean) -> None:
         """Build an unfitted frame; ``wt.train.mean_field`` and ``Normalizer.fit`` fill it."""
@@ -56,13 +59,21 @@ class Frame(nn.Module):
         free = torch.ones(spec.n_state)
         free[[position for position, _ in spec.integrated]] = 0.0
         self.register_buffer("free", free)
+        self.register_buffer("trusted", torch.zeros(spec.n_state))
         self.nominal: nn.Module | None = None
         self.shift: Ensemble | None = None
+        self.reader: Ensemble | None = None
         if mean.kind == "none":
             return
-        extra = spec.n_state if self.reads_simulator else 0
-        size = (self.n_condition + extra, spec.n_state, mean.width, mean.depth)
-        self.shift = Ensemble([mlp(*size) for _ in range(mean.members)])
+
+        def regressors(reads: bool) -> Ensemble:
+            inputs = self.n_condition + spec.n_state * reads
+            size = (inputs, spec.n_state, mean.width, mean.depth)
+            return Ensemble([mlp(*size) for _ in range(mean.members)])
+
+        self.shift = regressors(self.reads_simulator)
+        if mean.simulator == "blend":
+            self.reader = regressors(True)
         if mean.simulator == "ignored":
             self.transport.zero_()
         else:
@@ -137,6 +148,14 @@ class Frame(nn.Module):
         if self.shift is None:
             return torch.zeros_like(sim_change)
         return self.shift(torch.cat([x, sim_change], dim=-1) if self.reads_simulator else x)
+
+    def read_change(
+        self, x: Float[Tensor, "batch condition"], sim_change: Float[Tensor, "batch state"]
+    ) -> Float[Tensor, "batch state"]:
+        """R's normalised change as the reader has it from S's, ``sim_change`` without a reader."""
+        if self.reader is None:
+            return sim_change
+        return sim_change + self.reader(torch.cat([x, sim_change], dim=-1))
 
 
 def _acts_on_positions(spec: TransitionSpec) -> bool:

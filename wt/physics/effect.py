@@ -60,6 +60,8 @@ class Parameter:
         step: smallest change that matters, the unit of finite differences.
         axes: names of a vector's components, e.g. ``("x", "y", "z")``; empty for a scalar.
         neutral: of every component, where the effect is nothing; None if it takes more than that.
+        public: whether it is one of the table of effects, and reported; else it is only fitted.
+        bend: whether it says where or how fast a curve bends, as each machine does in its own way.
     """
 
     name: str
@@ -69,6 +71,8 @@ class Parameter:
     step: float
     axes: tuple[str, ...] = ()
     neutral: float | None = None
+    public: bool = True
+    bend: bool = False
 
     @property
     def size(self) -> int:
@@ -208,8 +212,6 @@ class Effect(abc.ABC):
         """
         return None
 
-    # -- people ------------------------------------------------------------------------------
-
     @abc.abstractmethod
     def statement(self, at: Location, theta: Array) -> str:
         """One plain sentence with figures and units, e.g. "Joint j2 has 1.2° of gear play."."""
@@ -217,8 +219,6 @@ class Effect(abc.ABC):
     def separation(self, at: Location) -> str:
         """The experiment that tells this effect best from others at the same place."""
         return f"a multisine on {at} with slow reversals and fast parts"
-
-    # -- helpers -----------------------------------------------------------------------------
 
     @property
     def n_theta(self) -> int:
@@ -267,9 +267,8 @@ class Effect(abc.ABC):
         values: dict[str, float | list[float]] = {}
         start = 0
         for p in self.parameters:
-            part = [float(x) for x in theta[start : start + p.size]]
+            part = theta[start : (start := start + p.size)].tolist()
             values[p.name] = part if p.axes else part[0]
-            start += p.size
         return values
 
 

@@ -29,7 +29,7 @@ from wt.train.mean_field import (
 )
 from wt.train.module import WorldTranslation
 from wt.train.regression import Progress, Score
-from wt.train.score import PairTensors, errors
+from wt.train.score import PairTensors, errors, predictions
 from wt.train.segments import Segments
 from wt.types import Pairs, Transitions, TransitionSpec
 
@@ -96,6 +96,7 @@ def fit_world_model(
     module.load_state_dict(torch.load(best, "cpu", weights_only=True)["state_dict"])
     chosen = module.deployed().eval()
     _choose_strength(chosen, pairs)
+    _choose_trust(chosen, pairs)
     return chosen
 
 
@@ -114,9 +115,8 @@ def _mean_field(
         model.frame.load_state_dict(torch.load(kept, "cpu", weights_only=True))
         model.frame.requires_grad_(False)
         return
-    score, nominal_score = _scores(model, pairs)
-    mean = model.method.mean
-    fit_mean_field(model.frame, sim, real, mean, seed, progress, score, nominal_score)
+    scores = _scores(model, pairs)
+    fit_mean_field(model.frame, sim, real, model.method.mean, seed, progress, *scores)
     folder.mkdir(parents=True, exist_ok=True)
     torch.save(model.frame.state_dict(), kept.with_suffix(".tmp"))
     kept.with_suffix(".tmp").replace(kept)
@@ -131,12 +131,12 @@ def _within(model: WorldModel, data: Transitions) -> Transitions:
     return data.select(model.frame.within(x, reach).cpu().numpy())
 
 
-def _scores(model: WorldModel, pairs: PairTensors) -> tuple[Score | None, Score | None]:
-    """Errors on the validation pairs that stop δ and n from being over-trained."""
+def _scores(model: WorldModel, pairs: PairTensors) -> tuple[Score | None, ...]:
+    """Errors on the validation pairs that stop δ, n and the reader from being over-trained."""
     mean, frame = model.method.mean, model.frame
     if mean.kind == "none":
-        return None, None
-    if mean.simulator == "mean":
+        return ()
+    if mean.averages:
         # averages, so that the rest of S's answer, which only a translation can tell, is left out
         x = frame.conditions(pairs.o, pairs.a)
         seen = frame.within(x, model.method.translation.reach)
@@ -145,9 +145,10 @@ def _scores(model: WorldModel, pairs: PairTensors) -> tuple[Score | None, Score 
         return (
             _score(lambda: frame.nominal_change(x) + frame.shift_change(x, simulated) - real),
             _score(lambda: frame.nominal_change(x) - simulated),
+            _score(lambda: frame.read_change(x, simulated) - real),
         )
     # an untrained decoder has no say only where its difference is added to the simulator's answer
-    return (lambda: errors(model, pairs)[0]) if model.method.translation.anchored else None, None
+    return ((lambda: errors(model, pairs)[0]) if model.method.translation.anchored else None,)
 
 
 def _score(error: Callable[[], Tensor]) -> Score:
@@ -226,7 +227,7 @@ def _choose_transport(
     """
     if not model.method.translation.transport:
         return
-    frame, averages = model.frame, model.method.mean.simulator == "mean"
+    frame, averages = model.frame, model.method.mean.averages
     plain, shift = frame.transport.clone(), copy.deepcopy(frame.shift)
     best = math.inf, plain, shift
     for part in SHIFTS if averages else (1.0,):
@@ -263,3 +264,19 @@ def _choose_strength(model: WorldModel, pairs: PairTensors) -> None:
         model.strength.fill_(strength)
         scores.append(errors(model, pairs)[0])
     model.strength.fill_(STRENGTHS[scores.index(min(scores))])
+
+
+@torch.no_grad()
+def _choose_trust(model: WorldModel, pairs: PairTensors) -> None:
+    """Give the reader the share of each channel that is nearest to R on the validation pairs."""
+    frame = model.frame
+    if frame.reader is None:
+        return
+    answers = []
+    for share in (0.0, 1.0):
+        frame.trusted.fill_(share)
+        answers.append(frame.changes(pairs.o, predictions(model, pairs)))
+    translated, read = answers
+    off, apart = frame.changes(pairs.o, pairs.real_next) - translated, read - translated
+    best = (off * apart).sum(dim=0) / (apart**2).sum(dim=0).clamp_min(1e-12)
+    frame.trusted.copy_(best.clamp(0.0, 1.0))

@@ -6,7 +6,8 @@ variable is often absent, δ is the most frequent difference rather than the ave
 (``mean.kind: mode``): the average is biased by whatever (o, a) gives away of the hidden variable.
 
 Where it is never absent there is no answer with nothing hidden, and ``n`` is S's average answer
-instead (``mean.simulator: mean``).
+instead (``mean.simulator: mean``). Beside it, regressors that read S's answer may have a share of
+the prediction (``mean.simulator: blend``).
 """
 
 from __future__ import annotations
@@ -44,6 +45,7 @@ def fit_mean_field(
     progress: Progress | None = None,
     score: Score | None = None,
     nominal_score: Score | None = None,
+    reader_score: Score | None = None,
 ) -> None:
     """Train n on the simulator and δ on R against it; nothing for kind ``none``.
 
@@ -56,17 +58,19 @@ def fit_mean_field(
         progress: called with (done, total) steps.
         score: error on validation pairs, which stops δ from being over-trained.
         nominal_score: the same for n.
+        reader_score: the same for the regressors that read S's answer.
     """
     if frame.shift is None:
         return
-    x_real, n_real, r_real = _tensors(frame, real)
+    x_real, nominal_real, r_real = _tensors(frame, real)
+    n_real = nominal_real
     total, done = regressions(settings) * settings.steps, 0
     if frame.nominal is None:
         n_real = torch.zeros_like(n_real)
     else:
         x_sim, n_sim, s_sim = _tensors(frame, sim)
         nominal, x, n = frame.nominal, torch.cat([x_sim, x_real]), torch.cat([n_sim, n_real])
-        if settings.simulator == "mean":
+        if settings.averages:
             x, n = x_sim, s_sim
         regress(
             nominal,
@@ -77,17 +81,22 @@ def fit_mean_field(
             score=nominal_score,
         )
         done += settings.steps
-        if settings.simulator == "mean":
+        if settings.averages:
             n_real = _answers(nominal, x_real)
     inputs = torch.cat([x_real, n_real], dim=1) if frame.reads_simulator else x_real
-    members = list(frame.shift.members)
-    for k, member in enumerate(members):
-        # scored, and so stopped, by itself: the others would hide what it does
-        frame.shift.members = nn.ModuleList([member])
-        _fit_member(member, inputs, r_real - n_real, settings, seed + 1000 * k,
-                    _after(progress, done, total), score)  # fmt: skip
-        done += settings.steps
-    frame.shift.members = nn.ModuleList(members)
+    jobs = [(frame.shift, inputs, r_real - n_real, score)]
+    if frame.reader is not None:
+        reads = torch.cat([x_real, nominal_real], dim=1)
+        jobs.append((frame.reader, reads, r_real - nominal_real, reader_score))
+    for ensemble, inputs, target, judged in jobs:
+        members = list(ensemble.members)
+        for k, member in enumerate(members):
+            # scored, and so stopped, by itself: the others would hide what it does
+            ensemble.members = nn.ModuleList([member])
+            _fit_member(member, inputs, target, settings, seed + 1000 * k,
+                        _after(progress, done, total), judged)  # fmt: skip
+            done += settings.steps
+        ensemble.members = nn.ModuleList(members)
     frame.requires_grad_(False)
 
 
@@ -95,7 +104,8 @@ def regressions(settings: Mean) -> int:
     """How many regressions of ``settings.steps`` each a mean field takes."""
     if settings.kind == "none":
         return 0
-    return settings.members + (settings.simulator != "ignored")
+    ensembles = 2 if settings.simulator == "blend" else 1
+    return ensembles * settings.members + (settings.simulator != "ignored")
 
 
 def _fit_member(

@@ -106,7 +106,7 @@ class OnlineAdaptation:
         nominal = frame.changes(o, base)
         if frame.nominal is None:
             nominal = torch.zeros_like(nominal)
-        elif mean.simulator == "mean":
+        elif mean.averages:
             nominal = frame.nominal_change(x).detach()
         target = frame.changes(o, s_next) - nominal
         generator = seeded(self._seed + self._seen)

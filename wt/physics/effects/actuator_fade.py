@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
+from typing import ClassVar
 
 import mujoco
 import numpy as np
@@ -28,14 +29,14 @@ class ActuatorFade(Effect):
 
     τ₀ is the root mean square of the drive's force in the recordings, read off them, so that the
     whole ``loss`` shows when the motion that was recorded goes on; or less, where the motor is as
-    hot as it gets.
+    hot as it gets, and τ₀ is fitted (:class:`_Hot`).
     """
 
     id = "actuator.fade"
     kind = "actuator"
-    parameters = (
-        Parameter("loss", "-", 0.0, 0.95, 1e-3, neutral=0.0),
-        Parameter("time_constant", "s", 2.0, 1e4, 1e-2),
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("loss", "-", 0.0, 0.95, 1e-3, neutral=0.0, bend=True),
+        Parameter("time_constant", "s", 2.0, 1e4, 1e-2, bend=True),
     )
     reference = "J. Pyrhönen et al., Design of Rotating Electrical Machines, chapter 9"
     native = False
@@ -47,35 +48,39 @@ class ActuatorFade(Effect):
         self.usual = usual
 
     def shaped(self, shape: Shape) -> ActuatorFade:
-        """The effect bound to τ₀."""
-        bound = copy.copy(self)
-        bound.usual = float(shape[1])
+        """The effect bound to the load in the recordings; hot, if the shape has another τ₀."""
+        bound = copy.copy(self) if len(shape) == 2 else _Hot()
+        bound.usual = float(shape[-1])
         return bound
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
-        """Time constants as fractions of the recording's length, and τ₀.
+        """Time constants as fractions of the recording's length, and the load in the recordings.
 
-        Smaller ones too, where the heat that they make reaches what a motor stands: strength that
-        falls no further in a stronger motion tells them apart.
+        In front of it a smaller τ₀ too, where the heat that it makes reaches what a motor stands:
+        strength that falls no further in a stronger motion tells them apart.
         """
-        force = motion.force(motion.scene.drive(at.name))
-        times = [float(f * motion.t.max()) for f in (0.1, 0.25, 0.5, 1.0, 2.0)]
+        times = self._times(motion)
         if self.usual:
             return [(time, self.usual) for time in times]
+        force = motion.force(motion.scene.drive(at.name))
         usual = float(np.sqrt(np.mean(force**2)))
         smaller = [(time, share * usual) for share in _SMALLER for time in times]
-        hot = [shape for shape in smaller if _heat(motion, force, *shape).max() >= _HOTTEST]
+        hot = [
+            (*shape, usual)
+            for shape in smaller
+            if _heat(motion, force, (*shape, usual)).max() >= _HOTTEST
+        ]
         return [*((time, usual) for time in times), *hot]
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """The force that is lost, per unit of loss."""
         drive = motion.scene.drive(at.name)
         force = motion.force(drive)
-        return motion.on(drive.dof, -force * _heat(motion, force, *shape))
+        return motion.on(drive.dof, -force * _heat(motion, force, shape))
 
     def theta(self, coefficients: Array, shape: Shape) -> Array:
-        """(loss, time constant)."""
-        return np.array([coefficients[0], shape[0]])
+        """(loss, time constant), and τ₀ where it is fitted."""
+        return np.array([coefficients[0], *shape[:-1]])
 
     def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
         """The final strength as gain: the closest that a servo's element offers."""
@@ -88,11 +93,12 @@ class ActuatorFade(Effect):
 
     def live(self, scene: Scene, at: Location, theta: Array) -> Live:
         """Take the lost force off."""
-        return _Warming(scene, at.name, theta, self.usual)
+        return _Warming(scene, at.name, theta, self._load(theta), self.usual)
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""
-        load = f" of {self.usual:.3g} N·m" if self.usual else ""
+        usual = float(self._load(theta))
+        load = f" of {usual:.3g} N·m" if usual else ""
         return (
             f"Actuator {at.name} loses {100.0 * theta[0]:.3g} % of its strength as it warms up "
             f"under its usual load{load}, with a time constant of {theta[1]:.3g} s."
@@ -102,14 +108,41 @@ class ActuatorFade(Effect):
         """See :meth:`Effect.separation`."""
         return f"the same motion of {at.name} from cold, repeated for several minutes"
 
+    def _times(self, motion: Motion) -> list[float]:
+        """Time constants to try [s]."""
+        return [float(f * motion.t.max()) for f in (0.1, 0.25, 0.5, 1.0, 2.0)]
+
+    def _load(self, theta: Array) -> Array:
+        """τ₀ of (…, n_theta) parameters [N·m]."""
+        return np.full(theta.shape[:-1], self.usual)
+
+
+class _Hot(ActuatorFade):
+    """As hot as a motor gets: when it is so depends on τ₀, which is one more parameter."""
+
+    parameters = (
+        *ActuatorFade.parameters,
+        Parameter("load", "N·m", 1e-3, 1e4, 1e-3, public=False),
+    )
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """Time constants, τ₀, and the load in the recordings."""
+        times, loads = self._times(motion), [share * self.usual for share in _SMALLER]
+        return [(time, load, self.usual) for load in loads for time in times]
+
+    def _load(self, theta: Array) -> Array:
+        return theta[..., 2]
+
 
 class _Warming(DriveLaw):
     """Keeps the heat of n drives."""
 
-    def __init__(self, scene: Scene, actuator: str, theta: Array, usual: float) -> None:
-        """Prepare; ``usual`` is τ₀ or zero."""
-        self.loss, self.tau = theta.T
-        self.usual = usual
+    def __init__(
+        self, scene: Scene, actuator: str, theta: Array, rated: Array, usual: float
+    ) -> None:
+        """Prepare; ``rated`` is τ₀ of each, or zeros, ``usual`` the load in the recordings."""
+        self.loss, self.tau = theta[:, 0], theta[:, 1]
+        self.rated, self.usual = rated, usual
         self.heat: Array | None = None
         super().__init__(scene, actuator, self._weakened)
 
@@ -119,21 +152,24 @@ class _Warming(DriveLaw):
         super().act(state)
 
     def _weakened(self, force: Array, v: Array, t: Array) -> Array:
-        if self.heat is None:  # what came before is taken as the usual load
-            self.heat = 1.0 - np.exp(-t / self.tau)
-        load = (force / self.usual) ** 2 if self.usual else np.ones_like(force)
+        timed = not self.usual
+        if self.heat is None:  # what came before is taken as the load in the recordings
+            power = 1.0 if timed else (self.usual / self.rated) ** 2
+            self.heat = -np.expm1(-t / self.tau) * power
+        load = np.ones_like(force) if timed else (force / self.rated) ** 2
         now = force * (1.0 - self.loss * np.minimum(self.heat, _HOTTEST))
         self.heat = self.heat + self.step * (load - self.heat)
         return now
 
 
-def _heat(motion: Motion, force: Array, tau: float, usual: float) -> Array:
-    """Heat along a motion, (T,); before a segment begins, the load is taken as the usual."""
-    heat = np.empty(len(motion))
+def _heat(motion: Motion, force: Array, shape: Shape) -> Array:
+    """Heat along a motion, (T,); before a segment, the load is that in the recordings."""
+    heat, tau, rated, usual = np.empty(len(motion)), shape[0], shape[1], shape[-1]
+    power = (usual / rated) ** 2 if usual else 1.0
     for s in motion.segments:
         keep = float(np.exp(-s.dt / tau))
-        load = (force[s.rows] / usual) ** 2 if usual else np.ones(s.rows.stop - s.rows.start)
-        start = 1.0 - float(np.exp(-motion.t[s.rows.start] / tau))
+        load = (force[s.rows] / rated) ** 2 if usual else np.ones(s.rows.stop - s.rows.start)
+        start = -float(np.expm1(-motion.t[s.rows.start] / tau)) * power
         before = np.concatenate([[start], (1.0 - keep) * load[:-1]])
         heat[s.rows] = lfilter([1.0], [1.0, -keep], before)
     return np.minimum(heat, _HOTTEST)

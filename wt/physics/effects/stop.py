@@ -22,7 +22,7 @@ class Stop(Effect):
     id = "joint.stop"
     kind = "joint"
     parameters = (
-        Parameter("position", "rad", -20.0, 20.0, 1e-3),
+        Parameter("position", "rad", -20.0, 20.0, 2e-3),
         Parameter("side", "±1", -1.0, 1.0, 0.0),
     )
     reference = "K. Hunt and F. Crossley, Coefficient of restitution as damping, ASME JAM 1975"
