@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import onnx
 import pytest
 import torch
@@ -11,9 +12,10 @@ import torch
 from wt.errors import ModelError
 from wt.finetune.setting import Setting
 from wt.finetune.start import take_over
+from wt.locomotion.calibrate import calibrate
 from wt.locomotion.env import Walking
 from wt.locomotion.train import make_runner
-from wt.worlds.policy import GRAPH, SHIPPED
+from wt.worlds.policy import CARD, GRAPH, SHIPPED, Policy
 
 
 def test_the_actor_is_the_policy_and_only_the_critic_warms_up(setting: Setting) -> None:
@@ -33,6 +35,24 @@ def test_the_actor_is_the_policy_and_only_the_critic_warms_up(setting: Setting) 
     ]
     assert all(changed)
     assert all(p.requires_grad for p in runner.alg.actor.parameters())
+
+
+def test_calibrated_commands_are_taken_over(setting: Setting, tmp_path: Path) -> None:
+    shipped = SHIPPED / setting.base.card.name
+    for name in (GRAPH, CARD):
+        (tmp_path / name).write_bytes((shipped / name).read_bytes())
+    calibrate(tmp_path, np.array([1.0, 1.0, 1.3]))
+    training = setting.training("translation", 0)
+    env = Walking(training, "cpu")
+    runner = make_runner(env, training.ppo, "cpu")
+    policy = Policy.load(tmp_path, setting.robot, setting.options.sim)
+    take_over(runner, policy, str(tmp_path), warm_up=0)
+    rows = env.get_observations()["policy"]
+    assert (rows[:, 44] != 0.0).any()
+    with torch.inference_mode():
+        got = runner.alg.get_policy()(env.get_observations())
+    wanted = policy.act(rows[:, :42].numpy(), rows[:, 42:45].numpy(), rows[:, 45:].numpy())
+    torch.testing.assert_close(got, torch.from_numpy(wanted), atol=1e-4, rtol=1e-4)
 
 
 def test_a_graph_of_another_make_is_refused(setting: Setting, tmp_path: Path) -> None:

@@ -33,7 +33,10 @@ def take_over(runner: OnPolicyRunner, policy: Policy, path: str, warm_up: int) -
         ModelError: the graph is no normaliser and MLP of these sizes.
     """
     actor = runner.alg.get_policy()
-    mean, spread, layers = _weights(folder_of(Path(path)) / GRAPH)
+    scale, mean, spread, layers = _weights(folder_of(Path(path)) / GRAPH)
+    # what the graph scales in front of its normaliser, as calibrated commands, the normaliser does
+    scale = np.where(scale > 0.0, scale, 1.0)
+    mean, spread = mean / scale, spread / scale
     linear = [module for module in actor.mlp.modules() if isinstance(module, torch.nn.Linear)]
     wanted = [tuple(layer.weight.shape) for layer in linear]
     if wanted != [weight.shape for weight, _ in layers]:
@@ -56,18 +59,22 @@ def take_over(runner: OnPolicyRunner, policy: Policy, path: str, warm_up: int) -
     _warm_up(runner, warm_up)
 
 
-def _weights(path: Path) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
-    """Mean and divisor of the normaliser, weight and bias of each layer, in the graph's order."""
+def _weights(
+    path: Path,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
+    """Factors of the inputs, the normaliser's mean and divisor, each layer's weight and bias."""
     graph = onnx.load(path).graph
     arrays = {x.name: numpy_helper.to_array(x) for x in graph.initializer}
-    found: dict[str, list[list[np.ndarray]]] = {"Sub": [], "Div": [], "Gemm": []}
+    found: dict[str, list[list[np.ndarray]]] = {"Mul": [], "Sub": [], "Div": [], "Gemm": []}
     for node in graph.node:
         if node.op_type in found:
             found[node.op_type].append([arrays[name] for name in node.input if name in arrays])
-    one_each = all(len(found[kind]) == 1 == len(found[kind][0]) for kind in ("Sub", "Div"))
+    first = [found[kind] for kind in ("Mul", "Sub", "Div")]
+    one_each = all(len(nodes) == 1 == len(nodes[0]) for nodes in first)
     if not one_each or any(len(layer) != 2 for layer in found["Gemm"]):
         raise ModelError(f"{path} is no normaliser and MLP as wt-train-policy exports them")
-    return found["Sub"][0][0], found["Div"][0][0], [(w, b) for w, b in found["Gemm"]]
+    scale, mean, spread = (nodes[0][0] for nodes in first)
+    return scale, mean, spread, [(w, b) for w, b in found["Gemm"]]
 
 
 def _compare(runner: OnPolicyRunner, policy: Policy, path: str) -> None:

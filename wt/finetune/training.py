@@ -89,5 +89,5 @@ def adapt(
         policy = Policy.load(home, setting.robot, setting.options.sim)
         record(setting.shown(), policy.act, home / "rollout.rrd")
         figures = evaluate(training, policy.act, threads=training.threads * training.processes)
-        export.write(trained, training, home, made_by, figures.plain())
+        export.judged(home, figures)
     return Policy.load(home, setting.robot, setting.options.sim)

@@ -10,6 +10,7 @@ import copy
 import hashlib
 import importlib.metadata
 import platform
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -21,8 +22,9 @@ from omegaconf import OmegaConf
 from wt.errors import WorkError
 from wt.export.graph import graph
 from wt.locomotion.config import Policy as Config
+from wt.locomotion.evaluate import Evaluation
 from wt.locomotion.train import Trained
-from wt.show.files import write_together
+from wt.show.files import write_together, write_whole
 from wt.worlds.legged import RATE_HZ
 from wt.worlds.policy import CARD, GRAPH, PolicyCard, gains, observation_names
 
@@ -66,16 +68,16 @@ def write(
     config: Config,
     folder: Path,
     made_by: str,
-    evaluation: dict[str, Any] | None = None,
 ) -> PolicyCard:
     """Write ``policy.onnx`` and ``card.json`` into a folder, both or neither.
+
+    The card has no evaluation yet: :func:`judged` adds it.
 
     Args:
         trained: what came out of the training.
         config: what it was trained with.
         folder: where to; it is made.
         made_by: the command line.
-        evaluation: figures of ``wt.locomotion.evaluate``, if there are any yet.
 
     Raises:
         WorkError: the graph computes something else than the net.
@@ -107,7 +109,6 @@ def write(
         config=OmegaConf.to_container(OmegaConf.structured(config)),  # type: ignore[arg-type]
         clock_period=config.gait.period if config.gait else None,
         clock_rests=config.gait is None or config.gait.rests,
-        evaluation=evaluation or {},
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         packages={"python": platform.python_version()}
         | {package: importlib.metadata.version(package) for package in PACKAGES},
@@ -115,6 +116,12 @@ def write(
     folder.mkdir(parents=True, exist_ok=True)
     write_together(folder, {GRAPH: content, CARD: card.text()})
     return card
+
+
+def judged(folder: Path, figures: Evaluation) -> None:
+    """Write what was measured of a policy into the card in its folder."""
+    card = PolicyCard.read(folder / CARD)
+    write_whole(folder / CARD, replace(card, evaluation=figures.plain()).text())
 
 
 def _compare(actor: Actor, content: bytes, n_in: int) -> None:

@@ -1,4 +1,4 @@
-"""What ``wt-train-policy`` does, step by step: train, export, evaluate, put in place."""
+"""What ``wt-train-policy`` does, step by step: train, export, evaluate, calibrate, put in place."""
 
 from __future__ import annotations
 
@@ -7,10 +7,15 @@ import os
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from wt.errors import ConfigError
 from wt.locomotion.config import Policy as Config
-from wt.worlds.policy import SHIPPED, Policy
+from wt.show.files import write_together
+from wt.worlds.policy import CARD, GRAPH, SHIPPED, Policy
+
+if TYPE_CHECKING:
+    from wt.locomotion.evaluate import Evaluation
 
 
 def run(
@@ -46,7 +51,7 @@ def run(
     """
     find_rsl_rl()
     from wt.locomotion import export
-    from wt.locomotion.evaluate import evaluate, table
+    from wt.locomotion.evaluate import table
     from wt.locomotion.train import line, train
 
     def progress(done: int, total: int, row: Mapping[str, float]) -> None:
@@ -61,16 +66,35 @@ def run(
     export.write(trained, config, folder, made_by)
     if show:
         show("evaluating", 1.0)
-    policy = Policy.load(folder, config.body(), config.physics)
-    figures = evaluate(config, policy.act, threads=config.threads * config.processes)
-    export.write(trained, config, folder, made_by, figures.plain())
+    policy, figures = _calibrated(config, folder)
+    export.judged(folder, figures)
     if install:
-        export.write(trained, config, SHIPPED / config.name, made_by, figures.plain())
+        files = {name: (folder / name).read_bytes() for name in (GRAPH, CARD)}
+        (SHIPPED / config.name).mkdir(parents=True, exist_ok=True)
+        write_together(SHIPPED / config.name, files)
     if watch:
         from wt.locomotion.watch import record
 
         record(config, policy.act, folder / "rollout.rrd")
     return table(figures)
+
+
+def _calibrated(config: Config, folder: Path) -> tuple[Policy, Evaluation]:
+    """The policy in a folder and its figures, once its commands are scaled to what it reaches."""
+    from wt.locomotion.calibrate import calibrate, factors
+    from wt.locomotion.evaluate import evaluate
+
+    def judged() -> tuple[Policy, Evaluation]:
+        policy = Policy.load(folder, config.body(), config.physics)
+        threads = config.threads * config.processes
+        return policy, evaluate(config, policy.act, threads=threads)
+
+    policy, figures = judged()
+    by = factors(figures)
+    if (by == 1.0).all():
+        return policy, figures
+    calibrate(folder, by)
+    return judged()
 
 
 def find_rsl_rl() -> None:

@@ -12,12 +12,15 @@ the prediction (``mean.simulator: blend``).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import torch
 from torch import Tensor, nn
 
 from wt.config import Mean
 from wt.losses.robust import cauchy
 from wt.nets.frame import Frame
+from wt.nets.mlp import Ensemble
 from wt.train.device import seeded
 from wt.train.regression import Progress, Regression, Score, mean_square, regress
 from wt.types import Transitions
@@ -86,17 +89,13 @@ def fit_mean_field(
     inputs = torch.cat([x_real, n_real], dim=1) if frame.reads_simulator else x_real
     jobs = [(frame.shift, inputs, r_real - n_real, score)]
     if frame.reader is not None:
-        reads = torch.cat([x_real, nominal_real], dim=1)
-        jobs.append((frame.reader, reads, r_real - nominal_real, reader_score))
-    for ensemble, inputs, target, judged in jobs:
-        members = list(ensemble.members)
-        for k, member in enumerate(members):
-            # scored, and so stopped, by itself: the others would hide what it does
-            ensemble.members = nn.ModuleList([member])
-            _fit_member(member, inputs, target, settings, seed + 1000 * k,
+        answers = torch.cat([x_real, nominal_real], dim=1)
+        jobs.append((frame.reader, answers, r_real - nominal_real, reader_score))
+    for ensemble, reads, target, judged in jobs:
+        for k, alone in _one_by_one(ensemble):
+            _fit_member(alone, reads, target, settings, seed + 1000 * k,
                         _after(progress, done, total), judged)  # fmt: skip
             done += settings.steps
-        ensemble.members = nn.ModuleList(members)
     frame.requires_grad_(False)
 
 
@@ -106,6 +105,15 @@ def regressions(settings: Mean) -> int:
         return 0
     ensembles = 2 if settings.simulator == "blend" else 1
     return ensembles * settings.members + (settings.simulator != "ignored")
+
+
+def _one_by_one(ensemble: Ensemble) -> Iterator[tuple[int, nn.Module]]:
+    """Each member, as the ensemble's only one: the others would hide what it scores."""
+    members = list(ensemble.members)
+    for k, member in enumerate(members):
+        ensemble.members = nn.ModuleList([member])
+        yield k, member
+    ensemble.members = nn.ModuleList(members)
 
 
 def _fit_member(

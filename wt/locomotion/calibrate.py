@@ -1,0 +1,76 @@
+"""Commands scaled inside a policy's graph, so that what is asked for is what is reached.
+
+The reward for following a command is nearly flat close to it, and what following costs is not: PPO
+leaves a policy that turns a fifth too slowly, whatever it is told. Where that is so in both
+directions alike, a factor on the command makes up for it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import onnx
+from onnx import numpy_helper
+
+from wt.locomotion.evaluate import Evaluation
+from wt.show.files import write_together
+from wt.worlds.policy import CARD, COMMAND, GRAPH, PolicyCard
+
+Array = np.ndarray
+
+LARGEST = 1.4
+"""Factors beyond it would be guesses at what the policy does where it has never been."""
+_ALIKE = 1.1  # largest ratio of what is reached of two opposite commands
+_WORTH = 0.02  # smallest change
+
+
+def factors(figures: Evaluation) -> Array:
+    """Command over what is reached of it, by axis of the command, (3,).
+
+    It is 1 where robots fell, where both directions differ, and where it would be beyond
+    :data:`LARGEST` or hardly matter.
+    """
+    found = np.ones(len(COMMAND))
+    for a, axis in enumerate(COMMAND):
+        tried = [t for t in figures.tracking if t.axis == axis]
+        reached = np.array([t.mean / t.command for t in tried])
+        if not len(tried) or any(t.fallen for t in tried) or reached.min() <= 0.0:
+            continue
+        factor = float(1.0 / reached.mean())
+        alike = reached.max() <= _ALIKE * reached.min()
+        if alike and abs(factor - 1.0) >= _WORTH and 1.0 / LARGEST <= factor <= LARGEST:
+            found[a] = factor
+    return found
+
+
+def calibrate(folder: Path, by: Array) -> None:
+    """Scale the commands of the policy in a folder; graph and card are replaced together.
+
+    Args:
+        folder: of ``policy.onnx`` and its card.
+        by: factor of each command, (3,), on top of those that it has.
+    """
+    card = PolicyCard.read(folder / CARD)
+    model = onnx.load(folder / GRAPH)
+    scale = next(x for x in model.graph.initializer if x.name == scale_name(model.graph))
+    values = numpy_helper.to_array(scale).copy()
+    rows = [card.observation.index(f"command/{axis}") for axis in COMMAND]
+    values[rows] *= by
+    scale.CopyFrom(numpy_helper.from_array(values, scale.name))
+    content = model.SerializeToString(deterministic=True)
+    card = replace(
+        card,
+        sha256=hashlib.sha256(content).hexdigest(),
+        training=card.training
+        | {f"{axis}_factor": float(x) for axis, x in zip(COMMAND, values[rows], strict=True)},
+    )
+    write_together(folder, {GRAPH: content, CARD: card.text()})
+
+
+def scale_name(graph: onnx.GraphProto) -> str:
+    """Name of the factors that observations are multiplied with before anything else."""
+    first = next(node for node in graph.node if "observation" in node.input)
+    return str(next(name for name in first.input if name != "observation"))
