@@ -20,7 +20,7 @@ from wt.physics.replay import Key
 Report = Callable[[str, float], None]
 """Called with (what is being done, share of the whole 0…1)."""
 
-MOST_EFFECTS = 10
+MOST_EFFECTS = 16
 FEW = 3
 """So many effects that joined in one round are all looked for again."""
 

@@ -194,6 +194,9 @@ def split(hypotheses: int, stretches: int, cores: int) -> list[tuple[slice, rang
     ]
 
 
+_MOMENT_S = 1.0
+
+
 def _gather(pending: Sequence[ObjectRef]) -> list[Array]:
     """The results in order; if one fails or the user interrupts, the others are called off."""
     import ray
@@ -201,10 +204,14 @@ def _gather(pending: Sequence[ObjectRef]) -> list[Array]:
     try:
         return list(ray.get(list(pending)))
     except BaseException as error:
-        with suppress(Exception):  # what went wrong first is what counts
-            for task in pending:
-                ray.cancel(task)
         cause = getattr(error, "cause", None)  # what a task raised
+        with suppress(Exception):  # what went wrong first is what counts
+            # Ray's core may crash where a task ends as it is called off: what raises in one task
+            # mostly does in all, so those get a moment
+            moment = _MOMENT_S if isinstance(cause, Exception) else 0.0
+            _, running = ray.wait(list(pending), num_returns=len(pending), timeout=moment)
+            for task in running:
+                ray.cancel(task)
         if isinstance(cause, ImportError) or "failed to import" in str(cause):
             raise UserError(
                 "a node of the Ray cluster lacks this package: install world-translation "

@@ -64,12 +64,8 @@ class ActuatorFade(Effect):
             return [(time, self.usual) for time in times]
         force = motion.force(motion.scene.drive(at.name))
         usual = float(np.sqrt(np.mean(force**2)))
-        smaller = [(time, share * usual) for share in _SMALLER for time in times]
-        hot = [
-            (*shape, usual)
-            for shape in smaller
-            if _heat(motion, force, (*shape, usual)).max() >= _HOTTEST
-        ]
+        smaller = [(time, share * usual, usual) for share in _SMALLER for time in times]
+        hot = [shape for shape in smaller if _heat(motion, force, shape).max() >= _HOTTEST]
         return [*((time, usual) for time in times), *hot]
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
