@@ -55,7 +55,7 @@ def calibrate(folder: Path, by: Array) -> None:
     """
     card = PolicyCard.read(folder / CARD)
     model = onnx.load(folder / GRAPH)
-    scale = next(x for x in model.graph.initializer if x.name == scale_name(model.graph))
+    scale = _input_scale(model.graph)
     values = numpy_helper.to_array(scale).copy()
     rows = [card.observation.index(f"command/{axis}") for axis in COMMAND]
     values[rows] *= by
@@ -70,7 +70,7 @@ def calibrate(folder: Path, by: Array) -> None:
     write_together(folder, {GRAPH: content, CARD: card.text()})
 
 
-def scale_name(graph: onnx.GraphProto) -> str:
-    """Name of the factors that observations are multiplied with before anything else."""
+def _input_scale(graph: onnx.GraphProto) -> onnx.TensorProto:
+    """The factors that observations are multiplied with before anything else."""
     first = next(node for node in graph.node if "observation" in node.input)
-    return str(next(name for name in first.input if name != "observation"))
+    return next(x for x in graph.initializer if x.name in first.input)
