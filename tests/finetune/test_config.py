@@ -66,6 +66,7 @@ def test_training_is_in_s_and_goes_on_as_the_base_policy_was_trained(setting: Se
     training, card = setting.training("translation", 7), setting.base.card
     assert (training.seed, training.robots, training.ppo.iterations) == (7, 4, 2)
     assert training.rewards.impact == card.config["rewards"]["impact"] > 0
+    assert training.rewards.tilt == 30.0 > card.config["rewards"]["tilt"]  # conf says so
     assert training.physics == setting.options.sim != setting.options.real
     assert training.name == "go2_payload_translation"
     s = setting.world().model("sim")
