@@ -1,4 +1,4 @@
-"""Which of several effects may as well be nothing."""
+"""Which of several effects may as well be nothing, and how well any of them can be known."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from unittest.mock import Mock
 import numpy as np
 
 from wt.diagnose.assessed import Assessed
-from wt.diagnose.estimate import Estimated, least_certain
+from wt.diagnose.estimate import LAW, Estimated, least_certain, least_spread
 from wt.diagnose.result import Estimate
 from wt.physics.effect import effects
 from wt.physics.replay import Planted
@@ -65,3 +65,29 @@ def test_a_vector_is_nothing_where_all_of_it_may_be() -> None:
     ends = ((-0.1, -0.1, -1.0), (0.3, 0.1, 3.0))
     known = Estimated(known.assessed, ({"force": Estimate((0.1, 0.0, 2.0), "N", ends)},))
     assert least_certain(known) == 0
+
+
+def planted(name: str, *theta: float) -> Planted:
+    """An effect with its parameters."""
+    return Planted(effects()[name], J, np.array(theta))
+
+
+def test_no_interval_is_narrower_than_machines_follow_the_law() -> None:
+    strength, share = least_spread((planted("joint.friction_coulomb", 10.0),)), LAW * 10.0
+    assert share < strength[0] < 1.01 * share
+    gain = least_spread((planted("actuator.gain", 0.5),))  # a factor is measured from one
+    assert gain == effects()["actuator.gain"].parameters[0].step
+
+
+def test_laws_that_stand_for_another_are_known_less_well() -> None:
+    both = (
+        planted("body.payload_moving", 2.0, 0.1, 0.0, 0.0, 0.0),
+        planted("contact.obstacle", 0.5, 0.0, 0.0, 0.0, 0.6, 0.8, 1.0),
+    )
+    found = least_spread(both)
+    mass, travel = effects()["body.payload_moving"].parameters[:2]
+    assert mass.inexact is not None and travel.inexact is not None
+    np.testing.assert_allclose(found[:2], [2.0 * mass.inexact, 0.1 * travel.inexact], rtol=1e-3)
+    normal = effects()["contact.obstacle"].parameters[1]
+    assert normal.inexact is not None  # of all components: they are one direction
+    np.testing.assert_allclose(found[8:11], normal.inexact, rtol=1e-3)

@@ -18,7 +18,8 @@ MakeModel = Callable[..., Path]
 
 TINY = [
     "training.robots=4", "training.threads=1", "training.ppo.iterations=2", "training.ppo.steps=4",
-    "seeds=[0]", "warm_up=1", "evaluation.episodes=2", "evaluation.commands=[[0.2,0,0,0.5]]",
+    "seeds=[0]", "warm_up=1", "share=0.75", "evaluation.episodes=2",
+    "evaluation.commands=[[0.2,0,0,0.5]]",
 ]  # fmt: skip
 
 

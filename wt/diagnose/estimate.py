@@ -29,9 +29,7 @@ BLOCK_S = 2.0
 _NEAR = 0.02
 """Nuisances linearised within this share of the parameters are not linearised again."""
 LAW = 0.01
-"""Share of its strength to which a machine follows a law at best: half of the interval."""
-BEND = 0.03
-"""The same of parameters that say how a curve bends: a speed limit's corner is never sharp."""
+"""Share of a strength to which a machine follows a law at best: half of the interval."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +61,7 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     if (np.abs(theta - pack(start, parts)) > _NEAR * np.abs(theta) + steps(start, parts)).any():
         now = objective.reference(now.hypothesis, now.nuisance)
     (slope,) = jacobian(objective, [now], [parts])
-    spread = np.hypot(_spread(objective, now, slope), _inexact(now.hypothesis))
+    spread = np.hypot(_spread(objective, now, slope), least_spread(now.hypothesis))
     lower, upper = bounds(now.hypothesis, parts)
     low, high = np.maximum(theta - spread, lower), np.minimum(theta + spread, upper)
     estimates, offset = [], 0
@@ -126,17 +124,19 @@ def _spread(objective: Objective, now: Assessed, slope: Array) -> Array:
     return np.asarray(np.hypot(student.ppf(0.975, freedom) * deviation, 2.0 * numerical[:p]))
 
 
-def _inexact(hypothesis: Hypothesis) -> Array:
+def least_spread(hypothesis: Hypothesis) -> Array:
     """Half width below which no interval makes sense, however much data there is, (p,).
 
     The smallest change that matters; and for what is measured from nothing, a share of it.
     """
     found: list[float] = []
     for planted in hypothesis:
-        sizes = iter(np.abs(planted.theta))
+        offset = 0
         for p in planted.effect.parameters:
-            share = BEND if p.bend else LAW if p.lower >= 0.0 and p.unit != "-" else 0.0
-            found += [float(np.hypot(p.step, share * next(sizes))) for _ in range(p.size)]
+            size = float(np.linalg.norm(planted.theta[offset : offset + p.size]))
+            offset += p.size
+            usual = LAW if p.lower >= 0.0 and p.unit != "-" else 0.0
+            found += [float(np.hypot(p.step, (p.inexact or usual) * size))] * p.size
     return np.array(found)
 
 

@@ -65,6 +65,7 @@ class Finetune:
     variants: list[Variant] = field(default_factory=lambda: list(VARIANTS[:3]))
     seeds: list[int] = field(default_factory=lambda: [0, 1, 2])
     alignment: Alignment = "state"
+    share: float = 1.0  # of the robots in translated dynamics; the others stay in S
     warm_up: int = 60
     training: dict[str, Any] = field(default_factory=dict)
     randomization: Randomization = field(default_factory=Randomization)
@@ -88,7 +89,9 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Finetune:
         if name not in VARIANTS:
             raise ConfigError(f"variants holds {name!r}; {suggest(str(name), VARIANTS)}")
     config = parse(Finetune, tree, "")
-    check_numbers(config, {"episodes"})
+    check_numbers(config, {"episodes", "share"})
+    if config.share > 1.0:
+        raise ConfigError(f"share is {config.share}; it must be at most 1, all of the robots")
     for key, values in (("variants", config.variants), ("seeds", config.seeds)):
         if not values or len(set(values)) != len(values):
             raise ConfigError(f"{key} {values} must be a list of different values, at least one")

@@ -47,6 +47,7 @@ def environment(setting: Setting, variant: Variant, model: Path | None) -> Make:
         alignment=alignment,
         scale=scale,
         mjcf=simulator.to_xml(),
+        share=setting.config.share,
     )
 
 

@@ -61,7 +61,7 @@ class Parameter:
         axes: names of a vector's components, e.g. ``("x", "y", "z")``; empty for a scalar.
         neutral: of every component, where the effect is nothing; None if it takes more than that.
         public: whether it is one of the table of effects, and reported; else it is only fitted.
-        bend: whether it says where or how fast a curve bends, as each machine does in its own way.
+        inexact: share of its size by which machines differ from the law at least; None: as usual.
     """
 
     name: str
@@ -72,7 +72,7 @@ class Parameter:
     axes: tuple[str, ...] = ()
     neutral: float | None = None
     public: bool = True
-    bend: bool = False
+    inexact: float | None = None
 
     @property
     def size(self) -> int:

@@ -35,8 +35,8 @@ class ActuatorFade(Effect):
     id = "actuator.fade"
     kind = "actuator"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("loss", "-", 0.0, 0.95, 1e-3, neutral=0.0, bend=True),
-        Parameter("time_constant", "s", 2.0, 1e4, 1e-2, bend=True),
+        Parameter("loss", "-", 0.0, 0.95, 1e-3, neutral=0.0, inexact=0.03),
+        Parameter("time_constant", "s", 2.0, 1e4, 1e-2, inexact=0.03),
     )
     reference = "J. Pyrhönen et al., Design of Rotating Electrical Machines, chapter 9"
     native = False

@@ -20,7 +20,7 @@ class ActuatorSaturation(Effect):
 
     id = "actuator.saturation"
     kind = "actuator"
-    parameters = (Parameter("torque", "N·m", 1e-4, 1e4, 1e-3, bend=True),)
+    parameters = (Parameter("torque", "N·m", 1e-4, 1e4, 1e-3, inexact=0.03),)
     reference = "MuJoCo XML reference, actuator/general/forcerange"
     signed = (1,)
 

@@ -34,14 +34,15 @@ class BodyPayloadMoving(Effect):
     are no part of ``theta``: they stand in the signature's shape, with the centre at which it was
     computed, and are read off the residual (:mod:`wt.physics.loose_search`). No path is exact, and
     a load that is not quite where it is thought to be weighs less in a fit; so all weight that is
-    too much counts as its own, and none as an error of the body's mass.
+    too much counts as its own, and none as an error of the body's mass. What really moves may be a
+    ball or a liquid, hence intervals as wide as ``inexact`` says.
     """
 
     id = "body.payload_moving"
     kind = "body"
     parameters = (
-        Parameter("mass", "kg", 0.0, 1e3, 1e-3),
-        Parameter("travel", "m", 1e-3, 2.0, 1e-3),
+        Parameter("mass", "kg", 0.0, 1e3, 1e-3, inexact=0.15),
+        Parameter("travel", "m", 1e-3, 2.0, 1e-3, inexact=0.25),
         Parameter("position", "m", -5.0, 5.0, 1e-3, _AXES),
     )
     reference = "H. N. Abramson, The dynamic behavior of liquids, NASA SP-106, 1966, chapter 6"

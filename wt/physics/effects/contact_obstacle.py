@@ -34,7 +34,7 @@ class ContactObstacle(ReplayOnly):
     kind = "world"
     parameters = (
         Parameter("position", "m", -20.0, 20.0, 1e-3, ("x", "y", "z")),
-        Parameter("normal", "-", -1.0, 1.0, 2e-3, ("x", "y", "z")),
+        Parameter("normal", "-", -1.0, 1.0, 2e-3, ("x", "y", "z"), inexact=0.08),
         Parameter("friction", "-", 0.02, 2.0, 0.01),
     )
     reference = "S. Haddadin, A. De Luca and A. Albu-Schäffer, Robot collisions, IEEE T-RO 33, 2017"

@@ -33,8 +33,8 @@ class FrictionStribeck(Effect):
     kind = "joint"
     parameters = (
         Parameter("coulomb", "N·m", 0.0, 1e3, 1e-3, neutral=0.0),
-        Parameter("static", "N·m", 0.0, 1e3, 1e-3, neutral=0.0, bend=True),
-        Parameter("velocity", "rad/s", 1e-3, 10.0, 1e-3, bend=True),
+        Parameter("static", "N·m", 0.0, 1e3, 1e-3, neutral=0.0, inexact=0.03),
+        Parameter("velocity", "rad/s", 1e-3, 10.0, 1e-3, inexact=0.03),
     )
     reference = (
         "C. Canudas de Wit, H. Olsson, K. J. Åström and P. Lischinsky, A new model for control of "
