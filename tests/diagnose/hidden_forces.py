@@ -54,7 +54,9 @@ def chain(joints: int) -> str:
     )
 
 
-def record(xml: str, hidden: Hidden | None, seconds: float, seed: int) -> Recording:
+def record(
+    xml: str, hidden: Hidden | None, seconds: float, seed: int, swing: float = 0.3
+) -> Recording:
     """Follow a multisine with a hidden force; position and velocity noise added."""
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
@@ -62,7 +64,7 @@ def record(xml: str, hidden: Hidden | None, seconds: float, seed: int) -> Record
     n, nv = int(seconds * RATE), model.nv
     t = np.arange(n) / RATE
     f, phase = rng.uniform(0.1, 0.8, (4, nv)), rng.uniform(0.0, 6.28, (4, nv))
-    u = 0.4 + 0.3 * np.sin(2 * np.pi * t[:, None, None] * f + phase).sum(axis=1)
+    u = 0.4 + swing * np.sin(2 * np.pi * t[:, None, None] * f + phase).sum(axis=1)
     q, v = np.empty((n, nv)), np.empty((n, nv))
     # settle under the first command
     for k in range(-RATE, n):

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tests.diagnose.hidden_forces import NOISE, STEP, chain, record
-from wt.diagnose.crossfit import WORTH, left_in_turn
+from wt.diagnose.crossfit import WORTH, left_in_turn, where_mute
 from wt.diagnose.objective import Objective
-from wt.diagnose.proof import Gain, gain_of
+from wt.diagnose.proof import Gain, Held, gain_of, gains, hold
 from wt.diagnose.samples import Part
 from wt.diagnose.screen import Screen
 from wt.diagnose.smooth import smooth
@@ -24,12 +24,14 @@ ROTOR = Planted(effects()["joint.armature"], Location("joint", "j1"), np.array([
 RUBS = Planted(effects()["joint.friction_coulomb"], Location("joint", "j2"), np.array([0.01]))
 
 
+MADE_BY = chain(2).replace('name="j1"', 'name="j1" armature=".05"')
+
+
 def objective(folder: Path, recordings: int) -> Objective:
     """A chain of two with a rotor of .05 kg·m² in its first joint, and nothing else."""
     path = folder / "chain.xml"
     path.write_text(chain(2))
-    made_by = chain(2).replace('name="j1"', 'name="j1" armature=".05"')
-    parts = [Part(record(made_by, None, 8.0 / recordings, i), i) for i in range(recordings)]
+    parts = [Part(record(MADE_BY, None, 8.0 / recordings, i), i) for i in range(recordings)]
     fit = smooth(Scene(path), parts)
     screen = Screen(fit, 0)
     return Objective(fit, stretches_of(fit, True), screen.velocity_noise, STEP, True)
@@ -49,6 +51,28 @@ def test_a_single_effect_is_compared_with_none(tmp_path: Path) -> None:
     some = objective(tmp_path, 2)
     now = some.reference((ROTOR,))
     assert left_in_turn(some, now.hypothesis, 0).p_value < 1e-3
+
+
+def held_out(some: Objective, swing: float) -> Held:
+    """Another recording of the same chain."""
+    parts = [Part(record(MADE_BY, None, 16.0, 7, swing), 0)]
+    return hold(smooth(some.scene, parts), True, step=STEP)
+
+
+@pytest.mark.parametrize("swing", [0.0, 0.3])
+def test_corrections_that_differ_do_not_speak_for_mute_data(tmp_path: Path, swing: float) -> None:
+    some = objective(tmp_path, 2)
+    now, held = some.reference((ROTOR,)), held_out(some, swing)
+    # what stands in for the rotor in the fitted recordings moves all replays of the others
+    load = Planted(
+        effects()["body.payload_fixed"], Location("body", "link1"), np.array([0.05, 0.0, 0.0, -0.1])
+    )
+    (found,) = gains(held, now.hypothesis, [(load,)], STEP)
+    found = Gain(-0.01, 0.5, found.potential)
+    assert not found.undecided
+    (settled,) = where_mute(some, held, now.hypothesis, now.hypothesis, [found], STEP)
+    assert settled.in_turn == (swing == 0.0)
+    assert (settled.p_value < 1e-3) == (swing == 0.0)
 
 
 def test_the_rest_is_not_looked_at(tmp_path: Path) -> None:

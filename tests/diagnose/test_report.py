@@ -187,7 +187,7 @@ def test_without_the_model_file_it_is_drawn_from_the_text() -> None:
 @pytest.mark.parametrize(
     ("value", "said"),
     [(0.0, "0"), (1.288, "1.29"), (-0.0123, "−0.0123"), (28.0, "28.0"), (12345.6, "12300"),
-     (3.2e-5, "3.20·10⁻⁵"), (float("nan"), "–"), (9.999, "10.0")],
+     (3.2e-5, "3.20·10⁻⁵"), (-3.2e-5, "−3.20·10⁻⁵"), (float("nan"), "–"), (9.999, "10.0")],
 )  # fmt: skip
 def test_numbers_are_written_for_people(value: float, said: str) -> None:
     assert words.number(value) == said
@@ -200,6 +200,8 @@ def test_a_value_has_the_digits_that_its_interval_allows() -> None:
     assert coarse == [("1.29", "1.10 … 1.50")]
     assert fine == [("1.28934", "1.28900 … 1.28970")]
     assert vector == [("0.100", "0.080 … 0.120"), ("−0.200", "−0.300 … −0.100")]
+    tiny = words.values_and_intervals(Estimate((1e-17, -0.2), "m", ((-1e-16, -0.3), (2e-5, -0.1))))
+    assert tiny[0] == ("1.00·10⁻¹⁷", "−1.00·10⁻¹⁶ … 2.00·10⁻⁵")
 
 
 def test_a_vector_has_a_row_a_component_and_one_warning(diagnosis: Diagnosis) -> None:

@@ -33,6 +33,8 @@ USUAL = (
     "actuator.delay",
 )
 """What hardly a real joint is without: replayed wherever replays err."""
+LOADS = ("body.payload_fixed", "body.mass", "body.com")
+"""… and what is often mounted on a machine: the likeliest is replayed where several joints err."""
 EACH, LEAST = 2, 10.0
 """… and so many at each joint, from so many nats on: another joint may just be worse."""
 FLOATING_SHARE = 0.05
@@ -70,7 +72,9 @@ def candidates(
         Effects with their starting parameters, and the shape of their signature if they have one.
     """
     floating = bool(screen.motion.scene.free)
-    strong = _strong(screen, ranked)
+    strong, erring = _strong(screen, ranked), erring_joints(objective, now)
+    if not floating and len(erring) > 1:
+        strong += [s for s in ranked if s.planted.effect.id in LOADS and s not in strong][:1]
     wanted = {
         (name, place)
         for s in strong
@@ -80,7 +84,6 @@ def candidates(
     # where replays err and forces show nothing, every effect of that joint gets its chance
     excess = now.mse / objective.floor**2
     worst = [int(d) for d in np.argsort(-excess)[:WORST] if excess[d] > 2.0]
-    erring = erring_joints(objective, now)
     if floating:  # all joints err where one does: the force residual knows which
         places = [dof_of(screen, s.planted.at) for s in strong]
         worst, erring = [d for d in dict.fromkeys(places) if d >= 0][:WORST], []

@@ -17,7 +17,7 @@ from wt.diagnose import proof
 from wt.diagnose.addition import Accepted
 from wt.diagnose.assessed import Hypothesis, without
 from wt.diagnose.calibrate import calibration, comments
-from wt.diagnose.crossfit import WORTH, left_in_turn
+from wt.diagnose.crossfit import where_mute
 from wt.diagnose.estimate import Estimated, estimate, least_certain
 from wt.diagnose.lookalikes import Lookalikes
 from wt.diagnose.objective import Objective
@@ -159,13 +159,7 @@ class Court:
             (*s.hypothesis, *(objective.calibration(s) if known else ())) for s in sides
         ]
         gains = proof.gains(self.held, full, lesser, self.step)
-        mute = [i for i, g in enumerate(gains) if g.undecided]
-        for i in mute:
-            fitted = left_in_turn(objective, whole.hypothesis, i)
-            proven = fitted.share >= WORTH
-            p_value = min(1.0, fitted.p_value * len(mute)) if proven else 1.0
-            gains[i] = replace(gains[i], p_value=p_value, in_turn=True)
-        return gains
+        return where_mute(objective, self.held, whole.hypothesis, full, gains, self.step)
 
     def clean(self, judged: Judged) -> bool:
         """Whether nothing but noise is left of the fitted recordings."""

@@ -147,12 +147,12 @@ def number(value: float, digits: int = 3) -> str:
         return "–"
     if value == 0:
         return "0"
-    mantissa, _, exponent = f"{value:.{digits - 1}e}".replace("-", "−", value < 0).partition("e")
+    mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
     power = int(exponent)
     if -4 < power < 6:
         said = f"{round(value, digits - 1 - power):.{max(digits - 1 - power, 0)}f}"
         return said.replace("-", "−")
-    return f"{mantissa}·10{str(power).translate(_SUPERSCRIPT)}"
+    return f"{mantissa}·10{str(power).translate(_SUPERSCRIPT)}".replace("-", "−")
 
 
 def error(rms: float, noise: float) -> str:
