@@ -27,7 +27,7 @@ CONF = Path("conf") / "finetune_go2.yaml"
         ("variants=[none,translatoin]", "did you mean 'translation'?"),
         ("variants=[]", "at least one"),
         ("seeds=[1,1]", "different values"),
-        ("variants=[diagnosed]", "needs diagnosed.mjcf"),
+        ("diagnosed.mjcf=null", "needs diagnosed.mjcf"),
         ("alignment=both", "alignment"),
         ("share=1.5", "share is 1.5; it must be at most 1, all of the robots"),
         ("share=0", "share is 0.0; it must be above zero"),
@@ -81,8 +81,10 @@ def test_training_is_in_s_and_goes_on_as_the_base_policy_was_trained(setting: Se
 
 def test_the_shipped_file_asks_for_what_the_paper_did() -> None:
     config = load(CONF)
-    assert config.variants == list(VARIANTS[:3]) and len(config.seeds) == 3
-    assert Setting.of(config).training("translation", 0).ppo.iterations == 1000
+    assert config.variants == list(VARIANTS) and len(config.seeds) == 3
+    setting = Setting.of(config)
+    assert setting.options.concealed, "R has what S knows nothing of"
+    assert setting.training("translation", 0).ppo.iterations == 1000
     assert config.evaluation.episodes == 20
     assert config.randomization.base_mass == [-1.0, 3.0]
 

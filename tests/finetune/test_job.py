@@ -87,7 +87,7 @@ def test_a_model_that_is_not_there_is_refused(
     nowhere = ["tracking.uri=sqlite:///none.db", *out]
     refused(capsys, [*WORDS, *nowhere], "no model store at", "wt fit")
     _, store = registered()
-    refused(capsys, [*WORDS, store, *out], "no model 'wt-go2-payload-20min'")
+    refused(capsys, [*WORDS, store, *out], "no model 'wt-go2-concealed-20min'")
     assert not (tmp_path / "run" / "config.yaml").exists()
 
 

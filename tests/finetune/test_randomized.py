@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from wt.finetune.config import Randomization
@@ -9,6 +11,7 @@ from wt.finetune.randomized import Randomized
 from wt.finetune.setting import Setting
 from wt.finetune.training import environment
 from wt.locomotion.env import Walking
+from wt.worlds.legged import Herd
 
 
 def test_physics_are_drawn_within_their_ranges(setting: Setting) -> None:
@@ -44,6 +47,14 @@ def test_robots_move_by_their_own_physics(setting: Setting) -> None:
             env.herd.step(np.zeros((4, 12)))
     np.testing.assert_allclose(plain.herd.qpos, raw.herd.qpos, atol=1e-9)
     assert (laden.herd.qpos[:, 2] < raw.herd.qpos[:, 2] - 1e-3).all()
+
+
+def test_its_physics_step_is_the_task_s(setting: Setting) -> None:
+    finer = replace(setting, options=replace(setting.options, timestep=0.002))
+    training = finer.training("randomization", 0)
+    herd = environment(finer, "randomization", None)(training, "cpu").herd
+    assert isinstance(herd, Herd)
+    assert {m.opt.timestep for m in herd.batch.models} == {herd.model.opt.timestep} == {0.002}
 
 
 def test_noise_is_on_what_the_actor_sees_alone(setting: Setting) -> None:

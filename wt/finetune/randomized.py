@@ -9,7 +9,7 @@ import numpy as np
 from wt.finetune.config import Randomization
 from wt.locomotion.config import Policy
 from wt.locomotion.env import Walking, make_model
-from wt.worlds.legged import Herd
+from wt.worlds.legged import TIMESTEP, Herd
 from wt.worlds.legged_model import LeggedPhysics
 
 Array = np.ndarray
@@ -18,15 +18,18 @@ Array = np.ndarray
 class Randomized(Walking):
     """Velocity tracking with random physics and noise on observations; see :class:`Walking`."""
 
-    def __init__(self, config: Policy, device: str, ranges: Randomization) -> None:
+    def __init__(
+        self, config: Policy, device: str, ranges: Randomization, timestep: float = TIMESTEP
+    ) -> None:
         """Draw every robot's physics and start all.
 
         Args:
             config: what is trained.
             device: of the tensors.
             ranges: what is drawn.
+            timestep: physics step [s].
         """
-        self._ranges = ranges
+        self._ranges, self._timestep = ranges, timestep
         self._noise_rng = np.random.default_rng([config.seed, 1])
         n = len(config.body().joints)
         self._width = np.repeat(
@@ -37,11 +40,14 @@ class Randomized(Walking):
 
     def _make_herd(self) -> Herd:
         config, rng = self.cfg, np.random.default_rng([self.cfg.seed, 2])
-        herd = super()._make_herd()
+        model = make_model(config, timestep=self._timestep)
+        herd = Herd(config.body(), model, config.robots, config.scene, config.threads)
         physics = config.physics or herd.robot.physics
         trunk = float(herd.model.body(herd.robot.trunk).mass[0])
         drawn = (draw(physics, self._ranges, trunk, rng) for _ in range(herd.size))
-        herd.batch.set_models([make_model(replace(config, physics=one)) for one in drawn])
+        herd.batch.set_models(
+            [make_model(replace(config, physics=one), timestep=self._timestep) for one in drawn]
+        )
         return herd
 
     def _observe(self) -> Array:

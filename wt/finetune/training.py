@@ -31,7 +31,8 @@ def environment(setting: Setting, variant: Variant, model: Path | None) -> Make:
         model: folder of the model of a variant that translates.
     """
     if variant == "randomization":
-        return functools.partial(Randomized, ranges=setting.config.randomization)
+        ranges, timestep = setting.config.randomization, setting.options.timestep
+        return functools.partial(Randomized, ranges=ranges, timestep=timestep)
     if model is None:
         raise ModelError(f"variant {variant} has nothing to translate with")
     world, alignment = setting.world(variant), setting.config.alignment

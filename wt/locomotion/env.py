@@ -39,16 +39,19 @@ def make_herd(config: Policy, robots: int, threads: int | None = None) -> Herd:
     return Herd(config.body(), make_model(config), robots, config.scene, threads)
 
 
-def make_model(config: Policy, spec: mujoco.MjSpec | None = None) -> mujoco.MjModel:
+def make_model(
+    config: Policy, spec: mujoco.MjSpec | None = None, timestep: float = TIMESTEP
+) -> mujoco.MjModel:
     """The model that a configuration describes, with sensors at the feet.
 
     Args:
         config: says robot, physics and scene.
         spec: another description of the robot; sensors are added to it.
+        timestep: physics step [s]; a description has its own.
     """
     robot = config.body()
     if spec is None:
-        spec = robot.describe(config.physics or robot.physics, TIMESTEP, config.scene)
+        spec = robot.describe(config.physics or robot.physics, timestep, config.scene)
     feet.add_sensors(spec, robot)
     return spec.compile()
 
