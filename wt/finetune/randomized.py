@@ -8,7 +8,7 @@ import numpy as np
 
 from wt.finetune.config import Randomization
 from wt.locomotion.config import Policy
-from wt.locomotion.env import Walking, make_model
+from wt.locomotion.env import Walking, make_herd, make_model
 from wt.worlds.legged import TIMESTEP, Herd
 from wt.worlds.legged_model import LeggedPhysics
 
@@ -41,7 +41,7 @@ class Randomized(Walking):
     def _make_herd(self) -> Herd:
         config, rng = self.cfg, np.random.default_rng([self.cfg.seed, 2])
         model = make_model(config, timestep=self._timestep)
-        herd = Herd(config.body(), model, config.robots, config.scene, config.threads)
+        herd = make_herd(config, config.robots, model=model)
         physics = config.physics or herd.robot.physics
         trunk = float(herd.model.body(herd.robot.trunk).mass[0])
         drawn = (draw(physics, self._ranges, trunk, rng) for _ in range(herd.size))

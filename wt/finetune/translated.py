@@ -24,7 +24,7 @@ from registry.card import MODEL_FILE, Card
 from wt.config import Alignment
 from wt.evaluate.correction import correct
 from wt.locomotion.config import Policy
-from wt.locomotion.env import Walking, make_model
+from wt.locomotion.env import Walking, make_herd, make_model
 from wt.registered import Registered
 from wt.types import TransitionSpec
 from wt.worlds.legged import Herd
@@ -76,9 +76,8 @@ class Translated(Walking):
     def _make_herd(self) -> Herd:
         if self._mjcf is None:
             return super()._make_herd()
-        config = self.cfg
-        model = make_model(config, mujoco.MjSpec.from_string(self._mjcf))
-        return Herd(config.body(), model, config.robots, config.scene, config.threads)
+        model = make_model(self.cfg, mujoco.MjSpec.from_string(self._mjcf))
+        return make_herd(self.cfg, self.cfg.robots, model=model)
 
     def _move(self, action: Array) -> None:
         """One control step as R would do it."""

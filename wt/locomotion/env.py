@@ -27,16 +27,19 @@ _SOFT = 0.9  # share of a joint's range within its soft limits
 _CLIP = 20.0  # of actions: what a net that went astray may ask for
 
 
-def make_herd(config: Policy, robots: int, threads: int | None = None) -> Herd:
+def make_herd(
+    config: Policy, robots: int, threads: int | None = None, model: mujoco.MjModel | None = None
+) -> Herd:
     """A herd with sensors at the feet, as the configuration describes it.
 
     Args:
         config: what is trained.
         robots: how many.
         threads: physics threads instead of the configuration's.
+        model: of :func:`make_model`, instead of the configuration's own.
     """
     threads = config.threads if threads is None else threads
-    return Herd(config.body(), make_model(config), robots, config.scene, threads)
+    return Herd(config.body(), model or make_model(config), robots, config.scene, threads)
 
 
 def make_model(
