@@ -76,6 +76,23 @@ def test_an_interruption_leaves_the_earlier_diagnosis(
     assert {p.name: p.read_bytes() for p in out.iterdir()} == earlier
 
 
+def test_a_picture_that_fails_costs_no_answer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, out = str(synthetic.write_model(tmp_path)), tmp_path / "out"
+    write(synthetic.unexplained(model), out)
+
+    def failing(_: object) -> bytes:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("wt.diagnose.write.playback", failing)
+    with pytest.raises(ZeroDivisionError):
+        write(synthetic.diagnosis(model), out)
+    # and no earlier report stands beside the new numbers
+    assert listing(out) == ["diagnosis.json", "model.xml"]
+    assert json.loads((out / "diagnosis.json").read_text())["verdict"] == "explained"
+
+
 def test_a_file_is_not_a_folder(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("mine")
     with pytest.raises(UserError, match="name a folder"):

@@ -109,7 +109,9 @@ def test_signatures_fit_the_motion(name: str, arm: Scene, recorded: Run) -> None
             assert not effect.signed or len(effect.signed) == columns.shape[2]
             theta = effect.theta(np.full(columns.shape[2], 0.1), shape)
             assert np.shape(theta) == (effect.n_theta,)
-        larger = effect.beyond(moved, at, "joint.friction_coulomb", np.array([0.2]))
+        dry = effect.beyond(moved, at, "joint.friction_coulomb", np.array([0.2]))
+        fixed = effect.beyond(moved, at, "body.payload_fixed", np.array([0.2, 0.0, 0.0, 0.0]))
+        larger = [theta for _, theta in (*dry, *fixed)]
         for start in (*effect.starts(moved, at), *larger):
             lower, upper = effect.bounds()
             assert ((lower <= start) & (start <= upper)).all()

@@ -46,8 +46,9 @@ def moved(folder: Path, run: arm.Run) -> Motion:
 def test_the_table_is_seen_where_it_is(run: arm.Run, tmp_path: Path) -> None:
     found = face(moved(tmp_path, run))
     assert found is not None
-    assert found.normal == pytest.approx((0.0, 0.0, 1.0), abs=0.06)
-    assert np.dot(found.position, found.normal) == pytest.approx(LEVEL, abs=0.012)
+    assert found.normal == pytest.approx((0.0, 0.0, 1.0), abs=0.03)
+    # the link that touches it is not the hand that is fixed to it, on which forces fit as well
+    assert found.position[2] == pytest.approx(LEVEL, abs=0.002)
 
 
 def test_nothing_is_seen_where_nothing_is(tmp_path: Path) -> None:

@@ -10,9 +10,11 @@ import pytest
 
 from tests.physics import arm
 from tests.physics.laws import G2, sliding
+from wt.physics.effect import effects
 from wt.physics.loose import Law, paths
-from wt.physics.loose_search import laws_that_fit
+from wt.physics.loose_search import laws_that_fit, likeliest_laws
 from wt.physics.motion import Motion
+from wt.types import Location
 
 AT = (0.1, 0.04, 0.05)
 RAILS = sliding(G2, "0.1 0.04 0.05", 0.05, 2.0, 0.0)
@@ -48,3 +50,21 @@ def test_the_law_is_read_off_the_residual(tmp_path: Path) -> None:
     assert law.damping == pytest.approx(4.0, rel=0.2)
     assert centre == pytest.approx(AT, abs=0.005)
     assert laws_that_fit(motion, "b0") == []
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_forces_too_noisy_to_place_a_load_still_say_how_it_moves(tmp_path: Path, seed: int) -> None:
+    run = arm.simulate(RAILS, seconds=6.0)
+    noise = 60.0 * np.random.default_rng(seed).normal(size=run.a.shape)
+    noisy = arm.Run(run.t, run.held, run.q, run.v, run.a + noise)
+    motion = arm.motion(arm.scene(tmp_path), noisy)
+    first, *others = likeliest_laws(motion, "b2", AT)
+    assert first.travel == (0.1, 0.0, 0.0)
+    assert len(others) == 7
+    # replays start where another effect has it
+    moving, fixed = effects()["body.payload_moving"], np.array([0.4, *AT])
+    starts = moving.beyond(motion, Location("body", "b2"), "body.payload_fixed", fixed)
+    assert [theta[0] for _, theta in starts] == [0.4] * 8
+    assert all(theta[2:] == pytest.approx(AT) for _, theta in starts)
+    assert moving.shaped(starts[0][0]).observed()["shares"][1] == (1.0, 0.0, 0.0)
+    assert moving.beyond(motion, Location("body", "b2"), "body.mass", np.array([1.1])) == []

@@ -73,7 +73,7 @@ class Lookalikes:
             ahead, best = max(options, key=lambda option: option[0])
             law = best[i]
             if ahead > _EVIDENT:
-                now = Accepted(law, next(shape for p, shape in starts if p.key == law.key), ())
+                now = Accepted(law, _shape(starts, law), ())
                 parts = (*present.hypothesis[:i], law, *present.hypothesis[i + 1 :])
                 (present,) = refine(self.objective, [parts], [range(len(parts))], 1)
             close = [h[i] for x, h in options if x > ahead - EQUIVALENT_NATS]
@@ -95,23 +95,27 @@ class Lookalikes:
         known = [(p, a.shape) for p, a in zip(hypothesis, accepted, strict=True) if p is not found]
         ranked = [s for s in self.screen.rank(known, wanted) if np.isfinite(s.gain)]
         shapes: dict[Key, Shape | None] = {s.planted.key: s.shape for s in ranked}
-        starts = [*(s.planted for s in ranked), *rivals]
+        plain = [*(s.planted for s in ranked), *rivals]
+        larger: list[Start] = []
         for name, at in sorted(wanted, key=str):
             effect = effects()[name]
             if at in effect.places(motion.scene):
                 here = [] if effect.shapes(motion, at) else effect.starts(motion, at)
-                more = effect.beyond(motion, at, found.effect.id, found.theta)
-                starts += [Planted(effect, at, theta) for theta in (*here, *more)]
+                plain += [Planted(effect, at, theta) for theta in here]
+                if at == found.at:
+                    beyond = effect.beyond(motion, at, found.effect.id, found.theta)
+                    larger += [(Planted(effect.shaped(s), at, theta), s) for s, theta in beyond]
+        starts = [*((p, shapes.get(p.key)) for p in plain), *larger]
         possible = [
-            p
-            for p in starts
+            (p, shape)
+            for p, shape in starts
             if p.key != found.key and not any(p.key == r.key or excluded(p, r) for r in rest)
         ]
         # no fit is better than one that leaves nothing but noise: a larger law may not earn its due
         left, paid = room(self.objective, now), price(self.objective, (found,))
         return [
-            (p, shapes.get(p.key))
-            for p in possible
+            (p, shape)
+            for p, shape in possible
             if not (due := _due((p,), (found,))) or price(self.objective, (p,)) - paid + due < left
         ]
 
@@ -139,6 +143,11 @@ class Lookalikes:
             (0.0, hypothesis),
             *((x, f.hypothesis) for x, f in zip(ahead, others, strict=True)),
         ]
+
+
+def _shape(starts: Sequence[Start], law: Planted) -> Shape | None:
+    """The shape of the start that a law was refined from."""
+    return next(s for p, s in starts if p.key == law.key and p.effect is law.effect)
 
 
 def _best_of_each(fits: Iterable[Assessed], index: int, most: int) -> list[Assessed]:

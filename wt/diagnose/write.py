@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 from wt.diagnose.playback import playback
@@ -12,6 +13,7 @@ from wt.errors import UserError
 from wt.show.files import write_together
 
 RESIDUAL = "residual.onnx"
+REPORT, PLAYBACK = "report.html", "diagnosis.rrd"
 
 
 def write(diagnosis: Diagnosis, out: Path) -> None:
@@ -19,7 +21,8 @@ def write(diagnosis: Diagnosis, out: Path) -> None:
 
     ``residual.onnx`` is written if there is a learned remainder; an earlier one goes otherwise.
     All contents are made before the first byte is written, and renamed when all are whole, so an
-    interruption leaves an earlier diagnosis as it was.
+    interruption leaves an earlier diagnosis as it was. If the pictures fail, the rest is written:
+    what took minutes to find is not lost for them.
 
     Args:
         diagnosis: what was found.
@@ -29,19 +32,26 @@ def write(diagnosis: Diagnosis, out: Path) -> None:
         UserError: ``out`` is a file.
         OSError: the folder cannot be written.
     """
-    # JSON has no NaN; a value that is not finite would be a mistake of ours
-    said = json.dumps(diagnosis.to_json(), indent=2, ensure_ascii=False, allow_nan=False)
-    contents: dict[str, str | bytes] = {
-        "model.xml": diagnosis.patched_xml,
-        "report.html": report(diagnosis),
-        "diagnosis.rrd": playback(diagnosis),
-    }
-    if diagnosis.residual_onnx:
-        contents[RESIDUAL] = diagnosis.residual_onnx
-    contents["diagnosis.json"] = said + "\n"  # last: where it is, the rest is
     if out.exists() and not out.is_dir():
         raise UserError(f"--out {out} is a file; name a folder")
+    # JSON has no NaN; a value that is not finite would be a mistake of ours
+    said = json.dumps(diagnosis.to_json(), indent=2, ensure_ascii=False, allow_nan=False)
+    found: dict[str, str | bytes] = {"model.xml": diagnosis.patched_xml}
+    if diagnosis.residual_onnx:
+        found[RESIDUAL] = diagnosis.residual_onnx
+    last = {"diagnosis.json": said + "\n"}  # where it is, the rest is
+    try:
+        html, film = report(diagnosis), playback(diagnosis)
+    except Exception:
+        _replace(out, {**found, **last})
+        raise
+    _replace(out, {**found, REPORT: html, PLAYBACK: film, **last})
+
+
+def _replace(out: Path, contents: Mapping[str, str | bytes]) -> None:
+    """Write these, and remove what an earlier diagnosis left beside them."""
     out.mkdir(parents=True, exist_ok=True)
     write_together(out, contents)
-    if RESIDUAL not in contents:
-        (out / RESIDUAL).unlink(missing_ok=True)
+    for name in (RESIDUAL, REPORT, PLAYBACK):
+        if name not in contents:
+            (out / name).unlink(missing_ok=True)

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 Shape = tuple[float, ...]
+Beyond = tuple[Shape, Array]  # a shape, and parameters under it
 """Values of the nonlinear parameters that a signature needs before it is linear."""
 
 
@@ -153,8 +154,8 @@ class Effect(abc.ABC):
         """Parameters to start the replay's refinement from where no signature tells."""
         return []
 
-    def beyond(self, motion: Motion, at: Location, law: str, theta: Array) -> Sequence[Array]:
-        """Parameters to start from where a law that this one contains was found."""
+    def beyond(self, motion: Motion, at: Location, law: str, theta: Array) -> Sequence[Beyond]:
+        """Where to start from if a law that this one contains was found there."""
         return []
 
     def shaped(self, shape: Shape) -> Effect:

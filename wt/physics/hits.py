@@ -26,8 +26,11 @@ _EXPLAINED, _ONE_SIDED = 0.5, 0.7
 """Share of these residuals that one force on a link explains; … that all of them push one way."""
 _LOOKED_AT, _BESIDE = 80, 240  # samples of hits, and of all others
 _MILLIMETRE = 1e-3
-_WAYS, _SPARSE, _TRIED = 60, 4, 3
-"""So many ways that a face may look are tried on every so many samples, and so many refined."""
+_WAYS, _TRIED = 120, 4
+"""So many ways that a face may look are tried, and so many of them refined."""
+_NEAR, _TOUCHING = 20.0, 3.0
+"""[mm] A hit so far from a face that looks about right, and from one in place, is another's: what
+else moves the machine suddenly must not pull at the face."""
 _AWAY, _FACE = 50.0, "a face in the way"  # m: nothing is behind a plane so far off
 
 
@@ -94,14 +97,13 @@ def _pushed(motion: Motion, rows: Array, residual: Array, scale: Array) -> tuple
 def _placed(motion: Motion, body: str, push: Array, on: Array, off: Array) -> Face | None:
     """The face that the outer links touch in hits and never pass else.
 
-    Forces only say on which side it is: where on a link it touches decides their direction as much.
+    Forces hardly say which way it looks: where on a link it touches decides as much.
     """
     fits = _Misfits(_Probe(motion.scene, body), motion.q[on], motion.q[off])
-    few = _Misfits(fits.probe, fits.on[::_SPARSE], fits.off[::_SPARSE])
-    ways = np.array([push, *(way for way in _around() if way @ push > 0.0)])
-    rough = np.array([few.roughly(way) for way in ways])
-    first = np.argsort(rough)[:_TRIED]
-    placed = [fits.placed(way) for way in ways[first[np.isfinite(rough[first])]]]
+    ways = [push, *_around()]
+    rough = [(*fits.roughly(way), way) for way in ways]
+    first = sorted((one for one in rough if np.isfinite(one[0])), key=lambda one: one[0])[:_TRIED]
+    placed = [fits.placed(way, height) for _, height, way in first]
     if not placed:
         return None
     _, normal, height = min(placed, key=lambda one: one[0])
@@ -128,22 +130,27 @@ class _Misfits:
     on: Array
     off: Array
 
-    def of(self, normal: Array, height: float, on: Array | None = None) -> Array:
-        """The misfits of a face [mm]; heights in hits (n,) need not be computed again."""
-        touching = (self.probe.heights(normal, self.on) if on is None else on) - height
+    def of(self, normal: Array, height: float) -> Array:
+        """The misfits of a face [mm]."""
+        touching = self.probe.heights(normal, self.on) - height
         free = np.minimum(self.probe.heights(normal, self.off) - height, 0.0)
         share = np.sqrt(len(self.on) / len(self.off))
         return np.nan_to_num(np.concatenate([touching, share * free])) / _MILLIMETRE
 
-    def roughly(self, normal: Array) -> float:
-        """The misfit of a face as high as hits usually are; endless where nothing touches."""
-        on = self.probe.heights(normal, self.on)
-        height = float(np.median(on))
-        if not np.isfinite(height):
-            return np.inf
-        return float(np.sqrt(1.0 + self.of(normal, height, on) ** 2).sum())
+    def roughly(self, normal: Array) -> tuple[float, float]:
+        """(misfit, height) of the best face that looks that way; endless where nothing touches."""
+        on, off = self.probe.heights(normal, self.on), self.probe.heights(normal, self.off)
+        heights = on[np.isfinite(on)]
+        if not len(heights):
+            return np.inf, np.nan
+        near = _NEAR * _MILLIMETRE
+        missed = np.minimum(np.abs(heights[:, None] - heights) / near, 1.0).mean(axis=1)
+        passed = np.clip((heights[:, None] - off[np.isfinite(off)]) / near, 0.0, 1.0).mean(axis=1)
+        misfits = missed + passed
+        best = int(np.argmin(misfits))
+        return float(misfits[best]), float(heights[best])
 
-    def placed(self, way: Array) -> tuple[float, Array, float]:
+    def placed(self, way: Array, height: float) -> tuple[float, Array, float]:
         """(misfit, normal, height) of the best face that looks about that way."""
         side = np.linalg.svd(way[None])[2][1:]
 
@@ -151,16 +158,15 @@ class _Misfits:
             n = way + x[:2] @ side
             return np.asarray(n / np.linalg.norm(n))
 
-        start = float(np.median(self.probe.heights(way, self.on)))
         found = least_squares(
-            lambda x: self.of(turned(x), x[2]), [0.0, 0.0, start], loss="soft_l1",
-            x_scale=[0.1, 0.1, 0.01], diff_step=[1e-3, 1e-3, 1e-4], max_nfev=30,
+            lambda x: self.of(turned(x), x[2]), [0.0, 0.0, height], loss="cauchy",
+            f_scale=_TOUCHING, x_scale=[0.1, 0.1, 0.01], diff_step=[1e-3, 1e-3, 1e-4], max_nfev=30,
         )  # fmt: skip
         return float(found.cost), turned(found.x), float(found.x[2])
 
 
 class _Probe:
-    """Heights of a body and what it carries over planes through the origin."""
+    """Heights of a link and what it carries over planes through the origin."""
 
     def __init__(self, scene: Scene, body: str) -> None:
         spec = scene.spec()
@@ -168,7 +174,9 @@ class _Probe:
             name=_FACE, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1.0, 1.0, 0.1], gap=2.0 * _AWAY
         )
         self._m = m = spec.compile()
-        outer = np.array([_carries(m, m.body(body).id, b) for b in range(m.nbody)], dtype=int)
+        # what is fixed to a body is touched as it is, on whichever of both the force seems to act
+        root = int(m.body(body).weldid[0])
+        outer = np.array([_carries(m, root, b) for b in range(m.nbody)], dtype=int)
         # MuJoCo asks bodies first, and geoms then
         m.body_conaffinity[:], m.geom_conaffinity[:] = outer, outer[m.geom_bodyid]
         m.body_contype[:], m.geom_contype[:] = 0, 0

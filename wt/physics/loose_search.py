@@ -30,6 +30,7 @@ _ROLLING = 0.4
 _ROUNDS = (1.5, 1.5, 1.4, 1.25, 1.15)
 """Factors by which the best laws are varied, round after round."""
 _VARIED, _GIVEN, _FURTHEST = 3, 2, 1.5
+_LIKELIEST = 8  # of the coarse laws: where forces are noisy the best is among the first ten or so
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +71,12 @@ def laws_that_fit(motion: Motion, body: str) -> list[tuple[Law, Centre, float]]:
     return [
         (fit.law, fit.centre, fit.mass) for fit in best[:_GIVEN] if fit.law and fit.left < _MOVED
     ]
+
+
+def likeliest_laws(motion: Motion, body: str, centre: Centre) -> list[Law]:
+    """Laws of a load around a place known from elsewhere, best first, little as they explain."""
+    fits = _distinct(_Search(motion, body).tried([(law, centre) for law in _coarse()]))
+    return [fit.law for fit in fits[:_LIKELIEST] if fit.law]
 
 
 def _distinct(fits: Sequence[_Fit]) -> list[_Fit]:

@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Beyond, Effect, Parameter, Shape, register
 from wt.physics.effects._tools import place_of_load, point_load, within_reach
 from wt.physics.loose import Centre, Law, columns, path_of
-from wt.physics.loose_search import laws_that_fit
+from wt.physics.loose_search import laws_that_fit, likeliest_laws
 from wt.physics.motion import Motion
 from wt.physics.replay import Hidden, Stretch
 from wt.types import Location
@@ -89,6 +89,23 @@ class BodyPayloadMoving(Effect):
         if not self.shape:
             return []
         return [np.array([self.shape[9], max(self.shape[:3]), *_centre(self.shape)])]
+
+    def beyond(self, motion: Motion, at: Location, law: str, theta: Array) -> Sequence[Beyond]:
+        """The load that seems fixed, under the laws that forces are least against.
+
+        Forces may be too noisy for a law to be read off, and replays still tell.
+        """
+        if law != "body.payload_fixed":
+            return []
+        mass, *centre = (float(x) for x in theta)
+        x, y, z = centre
+        return [
+            (
+                (*law.travel, law.damping, law.spring, law.rolling, x, y, z, mass),
+                np.array([mass, max(law.travel), x, y, z]),
+            )
+            for law in likeliest_laws(motion, at.name, (x, y, z))
+        ]
 
     def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
         """Put a point mass on slides between stops."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from wt.physics.effect import Effect, Intervals, Parameter, Shape, register
+from wt.physics.effect import Beyond, Effect, Intervals, Parameter, Shape, register
 from wt.physics.effects._tools import (
     Bristle,
     compiled,
@@ -79,11 +79,12 @@ class FrictionStribeck(Effect):
         """Friction by an elastic bristle that slips."""
         return _Sticking(scene, at.name, theta)
 
-    def beyond(self, motion: Motion, at: Location, law: str, theta: Array) -> Sequence[Array]:
+    def beyond(self, motion: Motion, at: Location, law: str, theta: Array) -> Sequence[Beyond]:
         """Coulomb's friction with half as much more at rest: the screen leaves slow rows out."""
         if law != "joint.friction_coulomb":
             return []
-        return [np.array([theta[0], 1.5 * theta[0], v]) for (v,) in self.shapes(motion, at)]
+        velocities = self.shapes(motion, at)
+        return [((v,), np.array([theta[0], 1.5 * theta[0], v])) for (v,) in velocities]
 
     def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
         """Without a rise of a tenth towards rest it is plain dry friction."""
