@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import pytest
 from wt.errors import ConfigError, DataError, WorkError
 from wt.prove import bench, blind, folder, results
 from wt.prove.bring import seal_all
-from wt.prove.cases import Case, Truth
+from wt.prove.cases import Case, Truth, cases
 from wt.prove.folder import Folder, Plan
 from wt.prove.seal import new_key, read_key
 from wt.prove.sensing import Sensing
@@ -65,6 +66,26 @@ def trial(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Fo
     monkeypatch.setattr(folder, "code", lambda: "this code")
     shutil.copytree(finished, tmp_path / "copy")
     return Folder.resume(tmp_path / "copy")
+
+
+def test_a_robot_that_cannot_stand_is_left_out_and_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    crushed = next(c for c in cases("legged", 0) if c.truth[0].effect == "body.payload_fixed")
+    (load,) = crushed.truth
+    load = replace(load, parameters={**load.parameters, "mass": 200.0})
+    falls = replace(crushed, name="058-falls", truth=(load,), seconds=2.0)
+    monkeypatch.setattr(bench, "cases", lambda set, seed: [falls, short()[1]])
+    monkeypatch.setattr(folder, "code", lambda: "this code")
+    trial = Folder.begin(tmp_path / "trial", plan())
+    bench.make(trial, 1, silent)
+    assert trial.left_out == ["058-falls"]
+    assert sorted(trial.manifest) == sorted(path.name for path in trial.cases.iterdir())
+    assert len(trial.manifest) == 1
+    # where none can, there is nothing to prove
+    monkeypatch.setattr(bench, "cases", lambda set, seed: [falls])
+    with pytest.raises(WorkError, match=r"058-falls.*choose another seed"):
+        bench.make(Folder.begin(tmp_path / "none", plan()), 1, silent)
 
 
 def test_what_can_be_seen_says_nothing(trial: Folder) -> None:

@@ -168,4 +168,7 @@ def _run(folder: Folder, jobs: int, key: str | None) -> None:
         console.print("", real, sep="\n")
     for line in results.lines(found):
         console.print(line, highlight=False, soft_wrap=True)
+    if folder.left_out:
+        named = ", ".join(folder.left_out)
+        console.print(f"Left out, since the robot falls whatever it does: {named}")
     console.print(f"\n{folder.path / REPORT}", highlight=False, soft_wrap=True)

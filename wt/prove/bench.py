@@ -13,7 +13,7 @@ import json
 import multiprocessing
 import shutil
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import replace
@@ -30,7 +30,7 @@ from wt.prove.cases import cases
 from wt.prove.folder import SEALED, Folder, write_json
 from wt.prove.seal import new_key, seal, sha256, unseal
 from wt.prove.visibility import visibilities
-from wt.prove.world import build
+from wt.prove.world import FallsError, build
 
 Report = Callable[[str, float], None]
 """Called with (what is being done, share of the whole 0…1)."""
@@ -56,7 +56,12 @@ def chosen(set: str, only: str, seed: int) -> list[Case]:
 
 
 def make(folder: Folder, jobs: int, say: Report) -> None:
-    """Build the cases that are not there yet, seal their answers, and publish the manifest."""
+    """Build the cases that are not there yet, seal their answers, and publish the manifest.
+
+    Raises:
+        FallsError: no robot can stand with what is hidden in it; if some can, the others' cases
+            are left out, and the manifest names them.
+    """
     if folder.plan.brought or (folder.path / "manifest.json").exists():
         return
     key = folder.kept_key
@@ -65,14 +70,20 @@ def make(folder: Folder, jobs: int, say: Report) -> None:
         folder.keep_key(key)
     every = chosen(folder.plan.set, folder.plan.only, folder.plan.seed)
     left = [case for case in every if not (folder.cases / alias(case.name, key)).exists()]
-    done = len(every) - len(left)
+    done, fallen = len(every) - len(left), []
     with workers(min(jobs, len(left))) as pool:
-        for future in as_completed(pool.submit(make_one, c, folder.cases, key) for c in left):
-            future.result()
+        made = {pool.submit(make_one, c, folder.cases, key): c.name for c in left}
+        for future in as_completed(made):
+            try:
+                future.result()
+            except FallsError:
+                fallen.append(made[future])
+                if len(fallen) == len(every):
+                    raise
             done += 1
             say(f"made {done} of {len(every)} cases", _BUILT * done / len(every))
     _take_in(folder, key)
-    publish(folder.path)
+    publish(folder.path, sorted(fallen))
 
 
 def _take_in(folder: Folder, key: bytes) -> None:
@@ -86,8 +97,13 @@ def _take_in(folder: Folder, key: bytes) -> None:
             part.rename(folder.cases / name)
 
 
-def publish(home: Path) -> None:
-    """Write the manifest of the cases in a folder; each has its commitment beside its seal."""
+def publish(home: Path, left_out: Sequence[str] = ()) -> None:
+    """Write the manifest of the cases in a folder; each has its commitment beside its seal.
+
+    Args:
+        home: the folder.
+        left_out: names of cases that cannot be made.
+    """
     entries = {}
     for case in sorted(path for path in (home / "cases").iterdir() if path.name[0] != "."):
         files = [file for file in sorted(case.iterdir()) if file.name != "commitment"]
@@ -95,7 +111,8 @@ def publish(home: Path) -> None:
             "files": {file.name: sha256(file) for file in files},
             "commitment": (case / "commitment").read_text().strip(),
         }
-    write_json(home / "manifest.json", {"schema": 1, "cases": entries})
+    said = {"left_out": list(left_out)} if left_out else {}
+    write_json(home / "manifest.json", {"schema": 1, "cases": entries, **said})
 
 
 def alias(name: str, key: bytes) -> str:
@@ -104,12 +121,20 @@ def alias(name: str, key: bytes) -> str:
 
 
 def make_one(case: Case, folder: Path, key: bytes) -> None:
-    """Simulate a case and write what may be seen of it, with its answer sealed."""
+    """Simulate a case and write what may be seen of it, with its answer sealed.
+
+    Raises:
+        FallsError: the robot falls whatever it does.
+    """
     name = alias(case.name, key)
     part = folder / f".{name}.part"
     shutil.rmtree(part, ignore_errors=True)
     part.mkdir(parents=True)
-    write_sealed(part, name, write_files(case, part), key)
+    try:
+        write_sealed(part, name, write_files(case, part), key)
+    except FallsError:
+        part.rmdir()  # nothing is written before the robot stands
+        raise
     part.rename(folder / name)
 
 

@@ -128,6 +128,12 @@ class Folder:
             ) from error
         return entries
 
+    @property
+    def left_out(self) -> list[str]:
+        """Names of the set's cases that could not be made."""
+        said = json.loads((self.home / "manifest.json").read_text())
+        return [str(name) for name in said.get("left_out", ())]
+
     def write_ledger(self) -> None:
         """Record what everybody said, and with which code; afterwards the key may be read."""
         write_json(self.path / "ledger.json", {"code": code(), **self._recorded()})

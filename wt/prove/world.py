@@ -27,6 +27,10 @@ OUTER_KP = 0.4
 """Stiffness of the controller outside the model, as a share of the servo's."""
 
 
+class FallsError(WorkError):
+    """A robot cannot even stand with what is hidden in it."""
+
+
 @dataclass(frozen=True)
 class World:
     """One trial, ready to be diagnosed.
@@ -86,13 +90,13 @@ def _steady(case: Case, plant: Plant, index: int) -> tuple[Trace, Array, float]:
     """Record as much of a motion as what is hidden lets the robot do without falling.
 
     Raises:
-        WorkError: it cannot even stand.
+        FallsError: it cannot even stand.
     """
     for size in CALM:
         trace, steps = record(case, plant, index, size)
         if not isinstance(plant.rig, Legged) or upright(trace, plant.rig):
             return trace, steps, size
-    raise WorkError(f"case '{case.name}': the robot falls whatever it does; choose another seed")
+    raise FallsError(f"case '{case.name}': the robot falls whatever it does; choose another seed")
 
 
 def hidden_plant(case: Case, hidden: Sequence[Truth] | None = None) -> Plant:
