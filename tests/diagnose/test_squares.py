@@ -7,6 +7,8 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from wt.diagnose.adapt import Adaptable
+from wt.diagnose.squares import Squares
+from wt.physics.effect import effects
 
 SAMPLES, JOINTS, NUISANCES, FREE = 200, 3, 4, 2
 
@@ -56,3 +58,26 @@ def test_a_step_is_that_of_the_samples(made: tuple[Adaptable, np.ndarray, np.nda
     found = around.squares_beside(error, jacobian).step(weight, -high, high, prior)
     np.testing.assert_allclose(found, best, rtol=1e-5, atol=1e-8)
     assert np.abs(best[[0, 3]]) == pytest.approx(high[[0, 3]]), "bounds have to matter"
+
+
+def test_what_data_do_not_tell_stays_where_it_is_held() -> None:
+    """Free it goes where noise leads it, held it does not; what data tell moves the same."""
+    rng = np.random.default_rng(3)
+    changes = rng.standard_normal((500, 2)) * [1.0, 1e-4]
+    error = 2.0 * changes[:, 0] + 0.1 * rng.standard_normal(500)
+    products = changes.T @ changes, changes.T @ error, error @ error
+    squares, ends = Squares(*(np.array([x]) for x in products)), np.array([5.0, 5.0])
+    free, held = (
+        squares.step(np.array([100.0]), -ends, ends, np.full(2, 1.0 / hold**2))
+        for hold in (np.inf, 0.1)
+    )
+    assert abs(free[1]) > 1.0
+    assert abs(held[1]) < 0.05
+    np.testing.assert_allclose(held[0], free[0], rtol=0.01)
+
+
+@pytest.mark.parametrize("name", ["body.payload_fixed", "body.payload_moving"])
+def test_positions_of_loads_are_held(name: str) -> None:
+    """Along a body's only axis nothing tells where a load sits."""
+    (position,) = [p for p in effects()[name].parameters if p.name == "position"]
+    assert position.hold < 1.0

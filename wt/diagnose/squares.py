@@ -40,7 +40,7 @@ class Squares:
         return np.maximum(self.total + (2.0 * self.right + self.gram @ x) @ x, 0.0)
 
     def step(
-        self, weight: Array, low: Array, high: Array, prior: Array, damping: float = 0.0
+        self, weight: Array, low: Array, high: Array, prior: Array, damping: Array | float = 0.0
     ) -> Array:
         """The x within bounds that makes the weighted squares of e + C x least.
 
@@ -48,8 +48,8 @@ class Squares:
             weight: of each channel's squares, (c,).
             low: smallest step, (n,).
             high: largest step, (n,).
-            prior: weight of each parameter's own square, (n,); 1 for nuisances, 0 for others.
-            damping: Levenberg-Marquardt, relative to the diagonal, where the prior is 0.
+            prior: weight of each parameter's own square, (n,); 1 for nuisances.
+            damping: Levenberg-Marquardt, relative to the diagonal, of each, (n,), or of all.
 
         Returns:
             The step, (n,).
@@ -58,7 +58,7 @@ class Squares:
         if n == 0:
             return np.zeros(0)
         gram = (weight @ self.gram.reshape(len(weight), -1)).reshape(n, n)
-        gram[range(n), range(n)] *= np.where(prior > 0.0, 1.0, 1.0 + damping)
+        gram[range(n), range(n)] *= 1.0 + damping
         gram[range(n), range(n)] += prior
         scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         # what changes nothing within its bounds stays as it is

@@ -45,8 +45,8 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 Shape = tuple[float, ...]
-Beyond = tuple[Shape, Array]  # a shape, and parameters under it
 """Values of the nonlinear parameters that a signature needs before it is linear."""
+Beyond = tuple[Shape, Array]  # a shape, and parameters under it
 
 
 @dataclass(frozen=True)
@@ -56,13 +56,13 @@ class Parameter:
     Attributes:
         name: as in the table of effects.
         unit: e.g. ``"N·m"``; ``"-"`` for none.
-        lower: smallest admissible value, of every component.
-        upper: largest admissible value.
+        lower, upper: smallest and largest admissible value, of every component.
         step: smallest change that matters, the unit of finite differences.
         axes: names of a vector's components, e.g. ``("x", "y", "z")``; empty for a scalar.
         neutral: of every component, where the effect is nothing; None if it takes more than that.
         public: whether it is one of the table of effects, and reported; else it is only fitted.
         inexact: share of its size by which machines differ from the law at least; None: as usual.
+        hold: how far a step goes where data hardly tell it, see ``refine``; infinite for any.
     """
 
     name: str
@@ -74,6 +74,7 @@ class Parameter:
     neutral: float | None = None
     public: bool = True
     inexact: float | None = None
+    hold: float = np.inf
 
     @property
     def size(self) -> int:
@@ -283,10 +284,8 @@ def register(effect: type[Effect]) -> type[Effect]:
         ValueError: two files claim the same id (a mistake of ours, not of a user).
     """
     if effect.id in _EFFECTS:
-        raise ValueError(
-            f"effect {effect.id!r} is defined by both {type(_EFFECTS[effect.id]).__module__} "
-            f"and {effect.__module__}; rename one"
-        )
+        both = f"{type(_EFFECTS[effect.id]).__module__} and {effect.__module__}"
+        raise ValueError(f"effect {effect.id!r} is defined by both {both}; rename one")
     _EFFECTS[effect.id] = effect()
     return effect
 
