@@ -5,10 +5,12 @@ from __future__ import annotations
 from wt.evaluate import paper
 from wt.reproduce.bench import FULL, Bench, Variant
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
-from wt.reproduce.words import mean, order, spread
+from wt.reproduce.words import gain, mean, order, spread
 
 NO_CYCLE = Variant("w/o cycle", changes=("translation.cycle=0",))
 NO_IDENTITY = Variant("w/o identity", changes=("translation.identity=0",))
+NEITHER = Variant("w/o both", changes=(*NO_CYCLE.changes, *NO_IDENTITY.changes))
+"""As an experiment on what each is worth where the other does not do its work as well."""
 HEAVY = ("translation.cycle=10", "translation.identity=5")
 """The weights of CycleGAN on images, as an experiment on why the table may come out otherwise."""
 AT_HEAVY = (
@@ -31,7 +33,7 @@ class TranslationLosses(Exhibit):
     def measure(self, bench: Bench) -> Numbers:
         """Train each variant and look at its errors."""
         study = bench.study("r5_force")
-        sets = {"ours": (FULL, NO_CYCLE, NO_IDENTITY), "heavy": AT_HEAVY}
+        sets = {"ours": (FULL, NO_CYCLE, NO_IDENTITY, NEITHER), "heavy": AT_HEAVY}
         bench.train(study, [variant for variants in sets.values() for variant in variants])
         found: Numbers = {}
         for weights, variants in sets.items():
@@ -67,12 +69,13 @@ _HEAD = ["variant", *COLUMNS, "/ full", *(f"paper's {c}" for c in COLUMNS), "/ f
 
 def _rows(table: Numbers) -> list[list[str]]:
     rows = []
-    for name, theirs in paper.ABLATION.items():
-        values = table[name]
+    for name, values in table.items():
         ratio = mean(values["prediction"]) / mean(table["full"]["prediction"])
-        papers = theirs[2] / paper.ABLATION["full"][2]
+        papers = ["–"] * (len(COLUMNS) + 1)
+        if theirs := paper.ABLATION.get(name):
+            papers = [*map(str, theirs), f"{theirs[2] / paper.ABLATION['full'][2]:.2f}"]
         cells = [spread(values[column]) for column in COLUMNS]
-        rows.append([name, *cells, f"{ratio:.2f}", *map(str, theirs), f"{papers:.2f}"])
+        rows.append([name, *cells, f"{ratio:.2f}", *papers])
     return rows
 
 
@@ -81,6 +84,14 @@ def _differences(found: Numbers) -> list[str]:
     for i, column in enumerate(COLUMNS):
         papers = {name: row[i] for name, row in paper.ABLATION.items()}
         for weights, said in (("ours", "at our weights"), ("heavy", "at CycleGAN's")):
-            ours = {name: mean(values[column]) for name, values in found[weights].items()}
+            ours = {name: mean(found[weights][name][column]) for name in papers}
             lines.append(order(ours, papers, f"{column.capitalize()} error {said}"))
+    errors = {name: values["prediction"] for name, values in found["ours"].items()}
+    worth = {name: gain(errors[name], errors["full"]) for name in errors}
+    lines.append(
+        f"With both losses the error is {worth[NO_CYCLE.name]} than without cycle, "
+        f"{worth[NO_IDENTITY.name]} than without identity, {worth[NEITHER.name]} than without "
+        f"either; identity alone makes it {gain(errors[NEITHER.name], errors[NO_CYCLE.name])} than "
+        f"neither, cycle alone {gain(errors[NEITHER.name], errors[NO_IDENTITY.name])}."
+    )
     return lines
