@@ -61,7 +61,7 @@ def refine(
     Returns:
         The improved hypotheses, in the order given.
     """
-    evaluated = zip(free, objective.evaluate(starts), strict=True)
+    evaluated = zip(free, _settled(objective, starts, None), strict=True)
     climbs = [_Climb(tuple(f), a, done=not len(f)) for f, a in evaluated]
     for _ in range(iterations):
         active = [i for i, c in enumerate(climbs) if not c.done and np.isfinite(c.now.loglik)]
@@ -101,6 +101,21 @@ def jacobian(
     return result
 
 
+def _settled(
+    objective: Objective, hypotheses: Sequence[Hypothesis], centres: Sequence[Array] | None
+) -> list[Assessed]:
+    """Assess hypotheses, where the base floats again with the nuisances that each then has.
+
+    There are many links there and they move far from the reference's: what is linear around it
+    falls so short that a step away from it seems to lose what it gains.
+    """
+    found = objective.evaluate(hypotheses, centres)
+    if not objective.scene.free:
+        return found
+    again = objective.evaluate(hypotheses, [a.nuisance for a in found])
+    return [max(pair, key=lambda a: a.loglik) for pair in zip(found, again, strict=True)]
+
+
 def _step(objective: Objective, climbs: Sequence[_Climb]) -> list[_Climb]:
     jacobians = jacobian(objective, [c.now for c in climbs], [c.free for c in climbs])
     trials: list[Hypothesis] = []
@@ -120,7 +135,7 @@ def _step(objective: Objective, climbs: Sequence[_Climb]) -> list[_Climb]:
             ]
             trials.append(unpack(climb.now.hypothesis, climb.free, np.concatenate(moved)))
             centres.append(nuisance)
-    assessed = objective.evaluate(trials, centres)
+    assessed = _settled(objective, trials, centres)
     result = []
     for i, climb in enumerate(climbs):
         options = assessed[i * len(_TRIALS) : (i + 1) * len(_TRIALS)]

@@ -7,7 +7,7 @@ its box, and a hypothesis' coefficients are solved for together with both.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -52,6 +52,12 @@ class Block:
     def usable(self) -> bool:
         """Whether there is anything to score."""
         return bool(self.columns.size and np.isfinite(self.columns).all() and self.columns.any())
+
+    @property
+    def alone(self) -> Block:
+        """Only its first column: what has no size stays nothing."""
+        first = np.arange(self.columns.shape[2]) == 0
+        return replace(self, columns=self.columns * first)
 
     @property
     def signs(self) -> Array:

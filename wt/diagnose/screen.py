@@ -31,6 +31,9 @@ SLOW = 0.05
 """Below this speed [rad/s] presliding decides friction, and a row is left out."""
 REFINED = 20
 """So many of the best hypotheses get their shapes polished."""
+RELINEARISED = 12
+"""… and so many steps are taken where a signature is linear around its shape only."""
+_SHORTER, _CONVERGED = (1.0, 0.5, 0.25, 0.1), 0.1  # of a step; nats that it gains
 _PASSED_ON = 0.03  # of a signature's largest part: what is smaller is left out
 _EDGE = 3  # windows left out at either end of a segment, where a spline is loose
 
@@ -183,8 +186,10 @@ class Screen:
         return self._block(planted.effect, planted.at, shape).on(range(self.motion.q.shape[1]))
 
     def _polished(self, base: Base, scored: Scored) -> Scored:
-        """A hypothesis with its shape improved by Nelder-Mead."""
+        """A hypothesis with its shape improved: by Nelder-Mead, or where it is linear only."""
         effect, at = scored.planted.effect, scored.planted.at
+        if effect.around(scored.planted.theta) is not None:
+            return self._relinearised(base, scored)
         fitted = max(len(scored.shape) - effect.read_off, 0)
         shape = np.array(scored.shape[:fitted])
         if not shape.size or not (shape > 0.0).all():
@@ -202,6 +207,25 @@ class Screen:
             options={"maxfev": 18 * shape.size, "initial_simplex": spread, "fatol": 0.3},
         )
         return max(scored, trial(found.x), key=lambda s: s.gain)
+
+    def _relinearised(self, base: Base, scored: Scored) -> Scored:
+        """A hypothesis that is linear around its shape only, with the force it has around the best.
+
+        Gauss-Newton, each step as long as the force gains that the shape alone stands for: what is
+        linear around a shape too far away is the force of no such thing.
+        """
+        effect, at, shape = scored.planted.effect, scored.planted.at, scored.shape
+        best = _scored(base, self._block(effect, at, shape).alone)
+        for _ in range(RELINEARISED):
+            nearby = _scored(base, self._block(effect, at, best.shape))
+            here, there = np.array(best.shape), effect.around(nearby.planted.theta)
+            shapes = [tuple((here + share * (there - here)).tolist()) for share in _SHORTER]
+            trials = [_scored(base, self._block(effect, at, s).alone) for s in shapes]
+            step = max(trials, key=lambda s: s.gain)
+            if step.gain <= best.gain + _CONVERGED:
+                break
+            best = step
+        return best
 
 
 def _scored(base: Base, block: Block) -> Scored:

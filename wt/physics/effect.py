@@ -44,8 +44,7 @@ if TYPE_CHECKING:
     from wt.physics.scene import Scene
 
 Array = np.ndarray
-Shape = tuple[float, ...]
-"""Values of the nonlinear parameters that a signature needs before it is linear."""
+Shape = tuple[float, ...]  # the nonlinear parameters that a signature needs to be linear
 Beyond = tuple[Shape, Array]  # a shape, and parameters under it
 
 
@@ -82,8 +81,8 @@ class Parameter:
         return max(1, len(self.axes))
 
 
+# lower and upper end of what each parameter may be
 Intervals = Mapping[str, tuple[float | tuple[float, ...], float | tuple[float, ...]]]
-"""Lower and upper end of what each parameter may be."""
 
 
 class Effect(abc.ABC):
@@ -121,12 +120,10 @@ class Effect(abc.ABC):
 
     def places(self, scene: Scene) -> Sequence[Location]:
         """Where in a model it can stand; by default everywhere of its kind."""
+        drives = [d.name for d in scene.drives]
         names: Mapping[str, Sequence[str]] = {
-            "joint": scene.own_joints,
-            "actuator": [d.name for d in scene.drives],
-            "body": scene.moving,
-            "world": ["world"],
-        }
+            "joint": scene.own_joints, "actuator": drives, "body": scene.moving, "world": ["world"]
+        }  # fmt: skip
         return [Location(self.kind, name) for name in names.get(self.kind, ())]
 
     # -- screening ---------------------------------------------------------------------------
@@ -150,6 +147,10 @@ class Effect(abc.ABC):
     @abc.abstractmethod
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """Parameters for given coefficients and shape, (n_theta,); not yet clipped to bounds."""
+
+    def around(self, theta: Array) -> Shape | None:
+        """The shape whose first column is all of the force at ``theta``; None if there is none."""
+        return None
 
     def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
         """Parameters to start the replay's refinement from where no signature tells."""
@@ -234,13 +235,13 @@ class Effect(abc.ABC):
 
     def bounds(self) -> tuple[Array, Array]:
         """Smallest and largest admissible ``theta``."""
-        lower = np.concatenate([np.full(p.size, p.lower) for p in self.parameters])
-        upper = np.concatenate([np.full(p.size, p.upper) for p in self.parameters])
-        return lower, upper
+        ends = ((p.lower, p.upper, p.size) for p in self.parameters)
+        lower, upper, sizes = zip(*ends, strict=True)
+        return np.repeat(lower, sizes), np.repeat(upper, sizes)
 
     def steps(self) -> Array:
         """Finite-difference steps of ``theta``."""
-        return np.concatenate([np.full(p.size, p.step) for p in self.parameters])
+        return np.repeat([p.step for p in self.parameters], [p.size for p in self.parameters])
 
     def reach(self, theta: Array) -> tuple[Array, Array]:
         """Smallest and largest step to ask :meth:`moved` for."""
@@ -267,10 +268,9 @@ class Effect(abc.ABC):
     def named(self, theta: Array) -> dict[str, float | list[float]]:
         """``theta`` by parameter names: floats, and lists for vectors."""
         values: dict[str, float | list[float]] = {}
-        start = 0
-        for p in self.parameters:
-            part = theta[start : (start := start + p.size)].tolist()
-            values[p.name] = part if p.axes else part[0]
+        ends = np.cumsum([p.size for p in self.parameters])
+        for p, part in zip(self.parameters, np.split(theta, ends[:-1]), strict=True):
+            values[p.name] = part.tolist() if p.axes else float(part[0])
         return values
 
 

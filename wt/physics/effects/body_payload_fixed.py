@@ -23,8 +23,9 @@ class BodyPayloadFixed(Effect):
     """A point mass at a position in the body's frame.
 
     Its force is m·(f₀ + f₁·p + pᵀ·f₂·p). The signature is linear in m and m·(p − shape): the
-    derivative at the position that the shape names, the body's centre of mass at first. Computing
-    it again at the estimated position is a Gauss-Newton step.
+    derivative at the position that the shape names, the body's centre of mass at first. Seen from
+    there a load that sits elsewhere has the wrong inertia, which its mass makes up for: the screen
+    goes on to the position that it finds.
     """
 
     id = "body.payload_fixed"
@@ -57,6 +58,11 @@ class BodyPayloadFixed(Effect):
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """Mass, and position from the first moments."""
         return np.array([coefficients[0], *place_of_load(coefficients, shape)])
+
+    def around(self, theta: Array) -> Shape:
+        """Where the load sits."""
+        x, y, z = theta[1:]
+        return (float(x), float(y), float(z))
 
     def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
         """Whether the body can carry it there."""
