@@ -28,6 +28,7 @@ BLOCK_S = 2.0
 """Length of a block [s]: longer than a servo's or a gravity-loaded joint's memory."""
 _NEAR = 0.02
 """Nuisances linearised within this share of the parameters are not linearised again."""
+_HOLDING = ("body.mass", "actuator.gain")
 LAW = 0.01
 """Share of a strength to which a machine follows a law at best: half of the interval."""
 
@@ -104,8 +105,10 @@ def _spread(objective: Objective, now: Assessed, slope: Array) -> Array:
     settled = np.concatenate([np.zeros(p, bool), boxes(objective.some, now.hypothesis) == 0.0])
     if objective.scene.free:  # rough derivatives tell them from an effect, and nothing else can
         alike = {(q.effect.id, q.at) for q in now.hypothesis}
-        alike |= {("body.mass", q.at) for q in now.hypothesis if q.effect.weighs}
         settled[p:] |= [(n.planted.effect.id, n.planted.at) in alike for n in objective.some]
+        # nothing but soft drives holds all bodies: what pulls at one may be the weight of another
+        if any(q.at.kind == "body" for q in now.hypothesis):
+            settled[p:] |= [n.planted.effect.id in _HOLDING for n in objective.some]
     scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     scaled, free = hessian / scale / scale[:, None], np.flatnonzero(~settled)
     inverse = np.zeros((n, n))

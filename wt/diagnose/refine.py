@@ -61,8 +61,8 @@ def refine(
     Returns:
         The improved hypotheses, in the order given.
     """
-    evaluated = zip(free, _settled(objective, starts, None), strict=True)
-    climbs = [_Climb(tuple(f), a, done=not len(f)) for f, a in evaluated]
+    evaluated = _settled(objective, objective.evaluate(starts))
+    climbs = [_Climb(tuple(f), a, done=not len(f)) for f, a in zip(free, evaluated, strict=True)]
     for _ in range(iterations):
         active = [i for i, c in enumerate(climbs) if not c.done and np.isfinite(c.now.loglik)]
         if not active:
@@ -101,18 +101,15 @@ def jacobian(
     return result
 
 
-def _settled(
-    objective: Objective, hypotheses: Sequence[Hypothesis], centres: Sequence[Array] | None
-) -> list[Assessed]:
-    """Assess hypotheses, where the base floats again with the nuisances that each then has.
+def _settled(objective: Objective, found: Sequence[Assessed]) -> list[Assessed]:
+    """What was assessed, where the base floats again with the nuisances that each then has.
 
     There are many links there and they move far from the reference's: what is linear around it
     falls so short that a step away from it seems to lose what it gains.
     """
-    found = objective.evaluate(hypotheses, centres)
     if not objective.scene.free:
-        return found
-    again = objective.evaluate(hypotheses, [a.nuisance for a in found])
+        return list(found)
+    again = objective.evaluate([a.hypothesis for a in found], [a.nuisance for a in found])
     return [max(pair, key=lambda a: a.loglik) for pair in zip(found, again, strict=True)]
 
 
@@ -135,18 +132,21 @@ def _step(objective: Objective, climbs: Sequence[_Climb]) -> list[_Climb]:
             ]
             trials.append(unpack(climb.now.hypothesis, climb.free, np.concatenate(moved)))
             centres.append(nuisance)
-    assessed = _settled(objective, trials, centres)
+    assessed = objective.evaluate(trials, centres)
+    likeliest = [
+        max(range(i, i + len(_TRIALS)), key=lambda k: assessed[k].loglik)
+        for i in range(0, len(trials), len(_TRIALS))
+    ]
+    settled = _settled(objective, [assessed[k] for k in likeliest])
     result = []
-    for i, climb in enumerate(climbs):
-        options = assessed[i * len(_TRIALS) : (i + 1) * len(_TRIALS)]
-        best = max(options, key=lambda a: a.loglik)
+    for climb, k, best in zip(climbs, likeliest, settled, strict=True):
         gained = best.loglik - climb.now.loglik
         if gained <= 0.0:
             # even the damped step failed: damp more, give up once that is hopeless
             damping = climb.damping * 1e3
             result.append(replace(climb, damping=damping, done=damping > 1e4))
         else:
-            damping = climb.damping * (0.1 if best is options[0] else 10.0)
+            damping = climb.damping * (10.0 if k % len(_TRIALS) else 0.1)
             result.append(replace(climb, now=best, damping=damping, done=gained < _CONVERGED))
     return result
 

@@ -100,7 +100,6 @@ class Effect(abc.ABC):
         signed: for each coefficient of the signature the sign it must have: +1, -1 or 0 for any.
         read_off: how many of a shape's last values come from the recordings and are not fitted.
         weighted: whether the force is linear in the first parameter and its products with others.
-        weighs: whether it adds weight to its body.
         settles: ids of small errors of the same place that are nothing beside it.
     """
 
@@ -115,7 +114,6 @@ class Effect(abc.ABC):
     signed: ClassVar[tuple[int, ...]] = ()
     read_off: ClassVar[int] = 0
     weighted: ClassVar[bool] = False
-    weighs: ClassVar[bool] = False
     settles: ClassVar[tuple[str, ...]] = ()
 
     def places(self, scene: Scene) -> Sequence[Location]:

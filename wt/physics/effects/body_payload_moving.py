@@ -51,7 +51,6 @@ class BodyPayloadMoving(Effect):
     signed = (1, 0, 0, 0)
     read_off = 10
     odds_against = 8.0
-    weighs = True
     settles = ("body.mass",)
 
     def __init__(self, shape: Shape = ()) -> None:
