@@ -11,13 +11,17 @@ import numpy as np
 import pytest
 
 from tests.physics import stool
+from wt.diagnose.estimate import estimate
+from wt.diagnose.objective import Objective
 from wt.diagnose.pipeline import diagnose
 from wt.diagnose.samples import Part
 from wt.diagnose.screen import Scored, Screen
 from wt.diagnose.smooth import smooth
 from wt.diagnose.stretches import FLOATING_S, forgets, stretches_of
-from wt.physics.replay import Stretch
+from wt.physics.effect import effects
+from wt.physics.replay import Planted, Stretch
 from wt.physics.scene import Scene
+from wt.types import Location
 
 
 @pytest.fixture(scope="module")
@@ -100,6 +104,37 @@ def test_a_push_that_is_fainter_than_the_residual_is_seen_by_its_direction(machi
         for which, start, end in np.array(best.shape).reshape(-1, 3):
             said |= (which == recording) & (start <= t) & (t < end)
         assert (said == true).mean() > 0.92
+
+
+PULL = (1.5, -1.0, 2.0)
+
+
+def heavier_and_stronger(spec: mujoco.MjSpec) -> None:
+    """A trunk of 3 % more mass, drives of 1 % more gain: no more than any rig is off by."""
+    trunk = next(g for g in spec.geoms if g.name == "trunk")
+    trunk.mass *= 1.03
+    for drive in spec.actuators:
+        drive.gainprm[0] *= 1.01
+        drive.biasprm[1] *= 1.01
+
+
+def test_a_pull_upwards_is_told_no_better_than_weights_and_drives_are_known(
+    machine: Scene,
+) -> None:
+    recorded = [
+        stool.recording(seed, heavier_and_stronger, seconds=5.0, push=lambda t: PULL)
+        for seed in (1, 2)
+    ]
+    fit = smooth(machine, [Part(r, seed) for seed, r in enumerate(recorded)])
+    screen = Screen(fit, 0)
+    objective = Objective(fit, stretches_of(fit, False), screen.velocity_noise, 2e-3, False)
+    start = Planted(effects()["body.force"], Location("body", "trunk"), np.array(PULL))
+    (found,) = estimate(objective, (start,)).estimates
+    low, high = (np.array(end) for end in found["force"].ci95)
+    assert ((low < PULL) & (high > PULL)).all()
+    half = 0.5 * (high - low)
+    assert half[2] > 0.2, "0.07 N is what noise alone would make of it"
+    assert (half[:2] < 0.7 * half[2]).all()
 
 
 def test_moments_of_a_blow_are_not_calm(machine: Scene) -> None:

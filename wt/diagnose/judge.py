@@ -7,11 +7,10 @@ is learned, is said to be unknown.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
 
 from wt.diagnose import proof
 from wt.diagnose.addition import Accepted
@@ -26,15 +25,13 @@ from wt.diagnose.result import Confusable, Finding, Verdict
 from wt.diagnose.rivals import DOUBTFUL, rivals_nonparametric
 from wt.diagnose.screen import Screen
 from wt.diagnose.simplify import simplified
-from wt.diagnose.worth import CLEAN, erring_joints
+from wt.diagnose.unforeseen import erring
+from wt.diagnose.worth import erring_joints
 from wt.physics.replay import Key, Planted
-from wt.types import Location
 
 Array = np.ndarray
 
 MOST_UNKNOWN = 2
-MISMATCH = 0.01
-"""Share of a joint's motion that replays must err by before it is called unexplained."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +51,12 @@ class Judged:
     gains: tuple[proof.Gain, ...]
     unknown: tuple[Unknown, ...]
     corrections: Hypothesis = ()
+
+    def unexplained(self, objective: Objective) -> dict[str, float]:
+        """Where nothing was found and still replays err by much: joint → share of it."""
+        if self.accepted or self.unknown:
+            return {}
+        return erring(self.estimated.assessed, objective)
 
     @property
     def patch(self) -> Hypothesis:
@@ -203,23 +206,11 @@ def verdict(judged: Judged, objective: Objective, others: Sequence[Finding] = ()
     if judged.unknown:
         return "partly_explained" if judged.accepted else "unexplained"
     if not judged.accepted:
-        if unexplained(judged, objective):
+        if judged.unexplained(objective):
             return "unexplained"
         return "explained" if others else "no_mismatch"
     left = erring_joints(objective, judged.estimated.assessed)
     return "partly_explained" if left else "explained"
-
-
-def unexplained(judged: Judged, objective: Objective) -> dict[str, float]:
-    """Where nothing was found and still replays err by much: joint → share of it."""
-    if judged.accepted or judged.unknown:
-        return {}
-    # a very quiet sensor sees what any rig is off by: that alone is no mismatch
-    left, moved = np.sqrt(judged.estimated.assessed.mse), np.nanstd(objective.measured, axis=0)
-    large = (left > CLEAN * objective.floor) & (left > MISMATCH * moved)
-    size = np.where(large, (left / objective.noise) ** 2, 0.0)
-    names = objective.scene.joints
-    return {names[j]: float(size[j] / size.sum()) for j in np.flatnonzero(large)}
 
 
 def findings(judged: Judged) -> tuple[Finding, ...]:
@@ -257,31 +248,6 @@ def findings(judged: Judged) -> tuple[Finding, ...]:
         for u in judged.unknown
     ]
     return tuple(sorted(found, key=lambda f: -f.holdout_gain))
-
-
-def unforeseen(judged: Judged, objective: Objective, where: Iterable[str]) -> tuple[Finding, ...]:
-    """At the joints that :func:`unexplained` names: something unknown, without a law."""
-    found: dict[Location, Finding] = {}
-    for joint in where:
-        dof, at = objective.scene.dof(joint), objective.scene.place(joint)
-        excess = float(judged.estimated.assessed.mse[dof] / objective.noise[dof] ** 2)
-        count = float(objective.count[dof])
-        found.setdefault(
-            at,
-            Finding(
-                effect="unknown",
-                at=at,
-                parameters={},
-                statement=(
-                    f"{at.kind.capitalize()} {at.name} is moved by something unknown that "
-                    "nothing recorded predicts."
-                ),
-                holdout_gain=0.0,
-                # of noise alone being as large
-                p_value=float(chi2.sf(excess * count, count)),
-            ),
-        )
-    return tuple(found.values())
 
 
 def suggestions(found: Sequence[Finding]) -> tuple[str, ...]:

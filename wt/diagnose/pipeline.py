@@ -14,7 +14,7 @@ import numpy as np
 from wt.diagnose import proof
 from wt.diagnose.decide import Report, search
 from wt.diagnose.grid import coarse_steps, located
-from wt.diagnose.judge import Court, Judged, findings, suggestions, unexplained, unforeseen, verdict
+from wt.diagnose.judge import Court, Judged, findings, suggestions, verdict
 from wt.diagnose.locate import locate
 from wt.diagnose.measured import measured
 from wt.diagnose.objective import Objective
@@ -27,6 +27,7 @@ from wt.diagnose.standalone import standalone
 from wt.diagnose.stretches import forgets, stretches_of
 from wt.diagnose.traces import traces
 from wt.diagnose.translated import Translation, sentences, timed, translated
+from wt.diagnose.unforeseen import unforeseen
 from wt.physics.replay import Key
 from wt.physics.scene import Scene
 
@@ -131,8 +132,9 @@ def _told(
     held = court.held
     coarse = _too_coarse(scene, held, judged)
     coarsely = coarse_steps(prepared.fit, prepared.held, scene.joints)
-    where = unexplained(judged, court.objective)
-    found = (*findings(judged), *unforeseen(judged, court.objective, where), *coarsely)
+    where = judged.unexplained(court.objective)
+    missed = unforeseen(judged.estimated.assessed, court.objective, where)
+    found = (*findings(judged), *missed, *coarsely)
     seen = measured(prepared, court.screen, held, judged.complete, court.step)
     return Diagnosis(
         model_path=str(scene.path),
