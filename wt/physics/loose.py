@@ -95,23 +95,35 @@ def _integrated(
         for x in (moved.spin, moved.turning, moved.lifting)
     )
     around = _cross(spin)
-    bend = -(_cross(turning) + around @ around)
-    coriolis, centres = -2.0 * around, np.array([centre for _, centre in loads])
-    reach = 0.5 * np.array([law.travel for law, _ in loads])
+    # of where a load is, how fast, and one: its acceleration but for spring and damping
+    pulls = np.concatenate(
+        [-(_cross(turning) + around @ around), -2.0 * around, -lifting[:, :, None]], axis=2
+    ).swapaxes(1, 2)
+    centres = np.array([centre for _, centre in loads])
+    reach_ = 0.5 * np.array([law.travel for law, _ in loads])
     figures = np.array([[law.damping, law.spring, law.rolling] for law, _ in loads])
     damping, spring, rolling = figures.T[..., None]
     gain = h / (1.0 + rolling)
-    s, v = np.zeros((2, len(loads), 3))
+    # what brakes is implicit: stable however strong it is
+    kept = 1.0 / (1.0 + gain * damping)
+    pushed = gain * kept
+    sprung = pushed * spring
+    low, high = centres - reach_, centres + reach_
+    state = np.ones((len(loads), 7))
+    there, v = state[:, :3], state[:, 3:6]
+    there[:], v[:] = centres, 0.0
     found = np.zeros((2, n, len(loads), 3))
     for k in range(len(fine)):
-        pull = (centres + s) @ bend[k].T - lifting[k] + v @ coriolis[k].T - spring * s
-        # what brakes is implicit: stable however strong it is
-        v = (v + gain * pull) / (1.0 + gain * damping)
-        there = s + h * v
-        s = np.minimum(np.maximum(there, -reach), reach)
-        v[s != there] = 0.0
+        pull = state @ pulls[k]
+        pull *= pushed
+        pull -= sprung * (there - centres)
+        v *= kept
+        v += pull
+        free = there + h * v
+        np.minimum(np.maximum(free, low), high, out=there)
+        v[there != free] = 0.0
         if (k + 1) % parts == 0:
-            found[:, (k + 1) // parts] = s, v
+            found[0, (k + 1) // parts], found[1, (k + 1) // parts] = there - centres, v
     return found[0], found[1]
 
 
@@ -120,23 +132,37 @@ def columns(motion: Motion, body: str, centre: Centre, path: Path) -> Array:
 
     The latter are the derivatives in the centre, the path staying as it is.
     """
-    moved = kinematics(motion.recorded)[body]
-    bend = _cross(moved.turning) + _cross(moved.spin) @ _cross(moved.spin)
+    return np.asarray(reach(motion.recorded, body) @ wrenches(motion, body, centre, path))
+
+
+def wrenches(motion: Motion, body: str, centre: Centre, path: Path) -> Array:
+    """Force and torque at the origin of the body, in its frame, of each column, (T, 6, 4)."""
+    moved, bend = kinematics(motion.recorded)[body], _bend(motion.recorded, body)
     arm = np.array(centre) + path.s
     relative = path.a + 2.0 * np.cross(moved.spin, path.v)
-    force = -(moved.lifting + np.einsum("tij,tj->ti", bend, arm) + relative)
-    torque = np.cross(arm, force)
-    found = [_on(moved, force, torque)]
+    force = -(moved.lifting + (bend @ arm[:, :, None])[:, :, 0] + relative)
+    found = np.empty((len(arm), 6, 4))
+    found[:, :3, 0], found[:, 3:, 0] = force, np.cross(arm, force)
     for k, axis in enumerate(np.eye(3)):
         change = -bend[:, :, k]
-        found.append(_on(moved, change, np.cross(axis, force) + np.cross(arm, change)))
-    return np.stack(found, axis=2)
+        found[:, :3, k + 1] = change
+        found[:, 3:, k + 1] = np.cross(axis, force) + np.cross(arm, change)
+    return found
 
 
-def _on(moved: Moved, force: Array, torque: Array) -> Array:
-    """Generalised force of a force and a torque at the body's origin, in its frame, (T, nv)."""
-    along = np.einsum("tij,ti->tj", moved.slide, force)
-    return np.asarray(along + np.einsum("tij,ti->tj", moved.turn, torque))
+@lru_cache(maxsize=8)
+def reach(motion: Motion, body: str) -> Array:
+    """Generalised force per unit of each force and torque at a body's origin, (T, nv, 6)."""
+    moved = kinematics(motion)[body]
+    return np.ascontiguousarray(np.concatenate([moved.slide, moved.turn], axis=1).swapaxes(1, 2))
+
+
+@lru_cache(maxsize=8)
+def _bend(motion: Motion, body: str) -> Array:
+    """What turning makes of an arm, as an acceleration, (T, 3, 3) [1/s²]."""
+    moved = kinematics(motion)[body]
+    spin = _cross(moved.spin)
+    return np.asarray(_cross(moved.turning) + spin @ spin)
 
 
 def _cross(vectors: Array) -> Array:

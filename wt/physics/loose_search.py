@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from wt.physics.loose import Centre, Law, Path, columns, paths
+from wt.physics.loose import Centre, Law, Path, paths, reach, wrenches
 from wt.physics.motion import Motion
 
 Array = np.ndarray
@@ -137,6 +137,7 @@ class _Search:
     def __init__(self, motion: Motion, body: str) -> None:
         self._motion, self._body = motion, body
         self._blocks = _blocks(motion)
+        self._free = motion.touching.free(reach(motion.recorded, body))
         self._residual = self._mean(motion.unexplained)
         self._scale = np.std(self._residual, axis=0) + 1e-12
         centre = motion.scene.model.body(body).ipos
@@ -157,8 +158,7 @@ class _Search:
 
     def _fitted(self, law: Law | None, centre: Centre, path: Path) -> tuple[_Fit, Array]:
         """The best load on a path, and what it leaves of the residual, (B, nv)."""
-        free = self._motion.touching.free(columns(self._motion, self._body, centre, path))
-        design = self._mean(free)
+        design = self._mean(self._free @ wrenches(self._motion, self._body, centre, path))
         flat = (design / self._scale[:, None]).reshape(-1, 4)
         size = np.linalg.norm(flat, axis=0) + 1e-12
         x, *_ = np.linalg.lstsq(flat / size, (self._residual / self._scale).reshape(-1), rcond=1e-6)
