@@ -7,7 +7,7 @@ from unittest.mock import Mock
 import numpy as np
 
 from wt.diagnose.assessed import Assessed
-from wt.diagnose.estimate import LAW, Estimated, least_certain, least_spread
+from wt.diagnose.estimate import LAW, Estimated, _named, least_certain, least_spread
 from wt.diagnose.result import Estimate
 from wt.physics.effect import effects
 from wt.physics.replay import Planted
@@ -91,3 +91,11 @@ def test_laws_that_stand_for_another_are_known_less_well() -> None:
     normal = effects()["contact.obstacle"].parameters[1]
     assert normal.inexact is not None  # of all components: they are one direction
     np.testing.assert_allclose(found[8:11], normal.inexact, rtol=1e-3)
+
+
+def test_a_vector_is_unknown_as_a_whole_and_not_for_one_component_that_may_be_nothing() -> None:
+    force = Planted(effects()["body.force"], J, np.array([4.8, 2.0, -0.3]))
+    wide = np.array([0.4, 0.6, 2.6])
+    assert not _named(force, force.theta - wide, force.theta + wide)["force"].warning
+    wider = 3.0 * wide
+    assert _named(force, force.theta - wider, force.theta + wider)["force"].warning

@@ -187,7 +187,8 @@ def _named(planted: Planted, low: Array, high: Array) -> dict[str, Estimate]:
             continue
         value, ends = planted.theta[rows], (low[rows], high[rows])
         warning = ""
-        if (ends[1] - ends[0] > 2.0 * np.maximum(np.abs(value), p.step)).any():
+        # a vector as a whole: one of its components may well be nothing
+        if np.linalg.norm(ends[1] - ends[0]) > 2.0 * max(float(np.linalg.norm(value)), p.step):
             warning = "not identifiable from these recordings: the interval is wider than the value"
         span = upper[rows] - lower[rows]
         if ((value - lower[rows] < 1e-3 * span) | (upper[rows] - value < 1e-3 * span)).any():

@@ -245,8 +245,10 @@ def print_summary(diagnosis: Diagnosis, console: Console) -> None:
         for effect, at, name, value, unit, interval, _ in rows:
             table.add_row(*(Text(x) for x in (effect, at, name, f"{value} {unit}", interval)))
         console.print(table)
-    said = [f"{at}, {name}: {warning}" for _, at, name, *_, warning in rows if warning]
+    said = []
     for finding in diagnosis.findings:
+        known = finding.parameters.items()
+        said += [f"{finding.at}, {name}: {e.warning}" for name, e in known if e.warning]
         said += [
             f"not told apart from {c.effect} at {c.at}; would tell: {c.separating_experiment}"
             for c in finding.confusable_with
