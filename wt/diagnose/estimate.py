@@ -29,6 +29,7 @@ BLOCK_S = 2.0
 _NEAR = 0.02
 """Nuisances linearised within this share of the parameters are not linearised again."""
 _HOLDING = ("body.mass", "actuator.gain")
+"""Errors of any rig that say how high a machine on soft legs stands."""
 LAW = 0.01
 """Share of a strength to which a machine follows a law at best: half of the interval."""
 

@@ -100,7 +100,7 @@ def _integrated(
         [-(_cross(turning) + around @ around), -2.0 * around, -lifting[:, :, None]], axis=2
     ).swapaxes(1, 2)
     centres = np.array([centre for _, centre in loads])
-    reach_ = 0.5 * np.array([law.travel for law, _ in loads])
+    half = 0.5 * np.array([law.travel for law, _ in loads])
     figures = np.array([[law.damping, law.spring, law.rolling] for law, _ in loads])
     damping, spring, rolling = figures.T[..., None]
     gain = h / (1.0 + rolling)
@@ -108,7 +108,7 @@ def _integrated(
     kept = 1.0 / (1.0 + gain * damping)
     pushed = gain * kept
     sprung = pushed * spring
-    low, high = centres - reach_, centres + reach_
+    low, high = centres - half, centres + half
     state = np.ones((len(loads), 7))
     there, v = state[:, :3], state[:, 3:6]
     there[:], v[:] = centres, 0.0
