@@ -107,7 +107,7 @@ def _spread(objective: Objective, now: Assessed, slope: Array) -> Array:
     if objective.scene.free:  # rough derivatives tell them from an effect, and nothing else can
         alike = {(q.effect.id, q.at) for q in now.hypothesis}
         settled[p:] |= [(n.planted.effect.id, n.planted.at) in alike for n in objective.some]
-        # nothing but soft drives holds all bodies: what pulls at one may be the weight of another
+        # soft drives hold all bodies: what pulls at one may be the weight of another
         if any(q.at.kind == "body" for q in now.hypothesis):
             settled[p:] |= [n.planted.effect.id in _HOLDING for n in objective.some]
     scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))

@@ -46,7 +46,7 @@ def own(scene: Scene, body: str) -> tuple[float, Array, Array]:
 @lru_cache(maxsize=64)
 def demand(motion: Motion, body: str) -> Array:
     """Generalised force demanded per unit of each inertial parameter, (T, nv, 10)."""
-    spin, turning, lifting, slide, turn = kinematics(motion)[body]
+    spin, turning, lifting, *_ = kinematics(motion)[body]
     axes = np.eye(3)
     moved = [np.cross(turning, e) + np.cross(spin, np.cross(spin, e)) for e in axes]
     forces = [lifting, *moved, *[np.zeros_like(spin)] * 6]
@@ -55,11 +55,15 @@ def demand(motion: Motion, body: str) -> Array:
         unit = np.zeros((3, 3))
         unit[i, j] = unit[j, i] = 1.0
         torques.append(turning @ unit + np.cross(spin, spin @ unit))
-    columns = [
-        np.einsum("tij,ti->tj", slide, f) + np.einsum("tij,ti->tj", turn, t)
-        for f, t in zip(forces, torques, strict=True)
-    ]
-    return np.stack(columns, axis=2)
+    wrenches = np.concatenate([np.stack(x, axis=2) for x in (forces, torques)], axis=1)
+    return np.asarray(reach(motion, body) @ wrenches)
+
+
+@lru_cache(maxsize=8)
+def reach(motion: Motion, body: str) -> Array:
+    """Generalised force per unit of each force and torque at a body's origin, (T, nv, 6)."""
+    moved = kinematics(motion)[body]
+    return np.ascontiguousarray(np.concatenate([moved.slide, moved.turn], axis=1).swapaxes(1, 2))
 
 
 class Moved(NamedTuple):

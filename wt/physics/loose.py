@@ -19,7 +19,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from wt.physics.inertia import Moved, kinematics
+from wt.physics.inertia import Moved, kinematics, reach
 from wt.physics.motion import Motion, Segment
 
 Array = np.ndarray
@@ -148,13 +148,6 @@ def wrenches(motion: Motion, body: str, centre: Centre, path: Path) -> Array:
         found[:, :3, k + 1] = change
         found[:, 3:, k + 1] = np.cross(axis, force) + np.cross(arm, change)
     return found
-
-
-@lru_cache(maxsize=8)
-def reach(motion: Motion, body: str) -> Array:
-    """Generalised force per unit of each force and torque at a body's origin, (T, nv, 6)."""
-    moved = kinematics(motion)[body]
-    return np.ascontiguousarray(np.concatenate([moved.slide, moved.turn], axis=1).swapaxes(1, 2))
 
 
 @lru_cache(maxsize=8)

@@ -13,7 +13,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from wt.physics.loose import Centre, Law, Path, paths, reach, wrenches
+from wt.physics.inertia import reach
+from wt.physics.loose import Centre, Law, Path, paths, wrenches
 from wt.physics.motion import Motion
 
 Array = np.ndarray
