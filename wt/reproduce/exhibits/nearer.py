@@ -1,0 +1,113 @@
+"""Figure 3, an experiment: how far S is from R decides on which side of RawSim a method stands."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+
+from wt.config import Fit, parse
+from wt.evaluate import paper
+from wt.evaluate.single_step import errors
+from wt.reproduce.bench import Bench
+from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
+from wt.reproduce.tasks import TASKS
+from wt.reproduce.words import mean, order
+from wt.show.text import short
+from wt.study import Study
+from wt.worlds.legged_model import LeggedPhysics
+from wt.worlds.robots import robot_of
+from wt.worlds.walking import WalkingWorld
+from wt.worlds.walking_options import WalkingOptions
+
+WAYS = (0.0, 0.5, 0.75, 0.9)
+"""Shares of the way from S to R; nothing but RawSim depends on them."""
+BLIND = ("DirectPred", "RSSM")
+"""What never sees S: its errors are those of figure 3, wherever S is."""
+
+
+@register
+class Nearer(Exhibit):
+    """RawSim's error with simulators nearer to R, beside the methods that use none."""
+
+    name = "nearer"
+    order = 17
+    title = "Figure 3, an experiment: simulators nearer to reality"
+    tasks = tuple(task.name for task in TASKS if task.name.startswith(("g1", "go2")))
+    any_task = True
+
+    def measure(self, bench: Bench) -> Numbers:
+        """Step such simulators from each test pair; the others are those of the runs."""
+        found: Numbers = {}
+        for task in (task.name for task in bench.tasks if task.name in self.tasks):
+            study = bench.study(task)
+            bench.train(study, [], BLIND)
+            test, scales = study.data.test, study.scales
+            found[task] = {
+                **{_row(way): _raw(study, way) for way in WAYS},
+                **{
+                    name: mean(
+                        [
+                            errors(study.prediction(seed, name), test, scales).mse
+                            for seed in study.config.seeds
+                        ]
+                    )
+                    for name in BLIND
+                },
+            }
+        return found
+
+    def present(self, found: Numbers) -> Section:
+        """One row a simulator, and the order of each."""
+        rows = [[name, *(short(mse[name]) for mse in found.values())] for name in _names()]
+        lines = []
+        for task, mse in found.items():
+            for way in WAYS:
+                ours = {"RawSim": mse[_row(way)], **{name: mse[name] for name in BLIND}}
+                lines.append(order(ours, paper.SINGLE_STEP[task], f"{task}, {_row(way)}"))
+        return Section(
+            "Drives, friction and masses of S moved some of the way to those of R. What never sees "
+            "S makes the same error wherever it is, so that its place beside RawSim says how "
+            "far S is from R.",
+            [Grid(["MSE", *found], rows)],
+            {},
+            lines,
+        )
+
+
+def between(sim: LeggedPhysics, real: LeggedPhysics, way: float) -> LeggedPhysics:
+    """Physics that share of the way from S to R."""
+    values = {}
+    for key in (item.name for item in fields(LeggedPhysics)):
+        a, b = np.asarray(getattr(sim, key)), np.asarray(getattr(real, key))
+        values[key] = (a + way * (b - a)).tolist()
+    return parse(LeggedPhysics, values, "")
+
+
+def world(config: Fit, way: float) -> WalkingWorld:
+    """A task's world with a simulator that share of the way from S to R."""
+    section = {key: value for key, value in config.world.items() if key != "name"}
+    options = parse(WalkingOptions, section, "world.")
+    physics = between(options.sim, options.real, way)
+    spec = robot_of(options.robot).describe(physics, options.timestep, options.scene("sim"))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.xml"
+        spec.compile()
+        path.write_text(spec.to_xml(), encoding="utf-8")
+        return WalkingWorld(replace(options, model=str(path)))
+
+
+def _raw(study: Study, way: float) -> float:
+    real = study.data.test.real
+    answer = world(study.config, way).sim_step(real.o, real.a, real.hidden)
+    return errors(answer, study.data.test, study.scales).mse
+
+
+def _row(way: float) -> str:
+    return f"RawSim, {way:.0%} of the way to R" if way else "RawSim"
+
+
+def _names() -> list[str]:
+    return [*map(_row, WAYS), *BLIND]
