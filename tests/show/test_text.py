@@ -30,3 +30,11 @@ def test_a_narrow_terminal_wraps_cells_and_breaks_no_number() -> None:
 def test_a_wide_terminal_keeps_each_row_in_one_line() -> None:
     (line,) = [line for line in printed(160).splitlines() if ROW[0] in line]
     assert all(cell in line for cell in ROW)
+
+
+def test_markup_takes_no_room() -> None:
+    out = io.StringIO()
+    table = terminal_table(["method", *HEAD[1:]], [["a", "[bold]0.0069[/bold]", *ROW[2:]]])
+    Console(file=out, width=70).print(table)
+    assert "…" not in out.getvalue()
+    assert all(word in out.getvalue() for word in ("0.0069", "1.44", "0.04"))

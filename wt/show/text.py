@@ -8,6 +8,7 @@ from typing import Literal
 
 from rich import box
 from rich.table import Table
+from rich.text import Text
 
 
 def short(value: float) -> str:
@@ -26,7 +27,8 @@ def terminal_table(head: Sequence[str], rows: Sequence[Sequence[str]], title: st
     table = Table(title=title or None, box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), pad_edge=False)
     for i, name in enumerate(head):
         justify: Literal["left", "right"] = "right" if i else "left"
-        words = [word for cell in (name, *(row[i] for row in rows)) for word in cell.split()]
+        cells = (Text.from_markup(cell).plain for cell in (name, *(row[i] for row in rows)))
+        words = (word for cell in cells for word in cell.split())
         longest = max(map(len, words), default=0)  # a number is never broken
         table.add_column(name, justify=justify, no_wrap=not i, min_width=longest)
     for row in rows:
