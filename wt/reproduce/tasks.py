@@ -36,6 +36,9 @@ TASKS = (
 )
 """In the order of the paper's figure 3: of each robot what is hidden little, then much."""
 
+WALKING = tuple(task.name for task in TASKS if task.config.startswith(("g1", "go2")))
+"""Names of those with a robot on legs."""
+
 FULL = ("seeds=[0,1,2]",)
 """What the configurations do not say: the spread needs several seeds."""
 
