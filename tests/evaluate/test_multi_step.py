@@ -155,3 +155,18 @@ def test_what_is_hidden_follows_standing_feet_where_that_is_asked_for() -> None:
     plain, stance = (roll_out(LOOP, TRUTH, moved, ONES, x) for x in ("state", "stance"))
     assert stance.mse[0] == plain.mse[0]  # it is the next step that starts elsewhere
     assert np.all(stance.mse[1:] != plain.mse[1:])
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_who_is_told_has_the_true_hidden_state_at_every_step(told: bool) -> None:
+    """A translation far off drags hidden state along, unless that is R's own."""
+    asked = []
+
+    def step(now: Now) -> Array:
+        truly = LOOP.advance("sim", now.o[:, -1], now.a[:, -1], TRUTH.hidden[:, PAST])[0]
+        asked.append(np.allclose(now.sim_next, truly, atol=1e-5))
+        return now.sim_next + 0.1
+
+    roll_out(LOOP, TRUTH, step, ONES, "stance", told)
+    assert asked[0]
+    assert all(asked[1:]) if told else not any(asked[1:])

@@ -62,7 +62,12 @@ class Rolled:
 
 
 def roll_out(
-    world: ClosedLoop, truth: Truth, step: Step, scale: Array, alignment: Alignment = "state"
+    world: ClosedLoop,
+    truth: Truth,
+    step: Step,
+    scale: Array,
+    alignment: Alignment = "state",
+    told: bool = False,
 ) -> Rolled:
     """Run a method on its own predictions and compare with what R did.
 
@@ -73,6 +78,7 @@ def roll_out(
         scale: what errors are measured in, (n_state,).
         alignment: whether the simulator's state is overwritten, without or with what is hidden
             following its standing feet, or its action corrected.
+        told: the simulator's hidden state is R's own at every step, not at the start alone.
     """
     n, past = world.spec.n_state, truth.past
     o, hidden = truth.o[:, : past + 1], truth.hidden[:, past]
@@ -82,7 +88,7 @@ def roll_out(
     for k in range(truth.horizon):
         action = world.act(o[:, -1], truth.context[:, past + k]).astype(np.float32)
         a = np.concatenate([a, action[:, None]], axis=1)
-        before = hidden
+        before = truth.hidden[:, past + k] if told else hidden
         sim_next, hidden = world.advance("sim", o[:, -1], action, before)
         with np.errstate(over="ignore", invalid="ignore"):
             state = step(Now(o, a, sim_next))
