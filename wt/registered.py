@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from registry import parity
 from registry.card import MODEL_FILE, Card
 from registry.pull import pull
+from registry.store import Store
 from wt.config import Fit
 from wt.diagnose.translated import Translation
 from wt.errors import ConfigError, ModelError
@@ -93,6 +94,33 @@ class Registered:
             return self.predict(now.o[:, -1], now.a[:, -1], now.sim_next)
 
         return step
+
+
+def champion(config: Fit) -> tuple[str, str]:
+    """The registered model of a task: its reference, e.g. ``"wt-r5/3"``, and its graph's sha256.
+
+    Raises:
+        RegistryError: the task has none.
+    """
+    version = Store(config.tracking.uri).resolve(f"{config.registry_name}@champion")
+    return str(version), version.sha256
+
+
+def load(reference: str, spec: TransitionSpec, uri: str | None = None) -> Registered:
+    """A registered model of a task, its bytes verified.
+
+    Args:
+        reference: ``"wt-r5@champion"`` or ``"wt-r5/3"``.
+        spec: layout of the task's transitions.
+        uri: the store; None for the default one.
+
+    Raises:
+        RegistryError: no such version, or its bytes are not those that were registered.
+        ModelError: it is of another task.
+    """
+    with tempfile.TemporaryDirectory(prefix="wt-pull-") as name:
+        _, card = pull(reference, Path(name) / "model", uri=uri)
+        return Registered(Path(name) / "model" / MODEL_FILE, card, spec)
 
 
 def translation(reference: str, uri: str | None = None) -> Translation:

@@ -8,6 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from registry.push import push
+from registry.store import Store
+from tests.toy_models import shifted
+from wt import track
 from wt.cli.main import main
 from wt.config import load, to_yaml
 from wt.errors import ConfigError, WorkError
@@ -17,6 +21,7 @@ from wt.reproduce import bench
 from wt.reproduce.exhibit import Exhibit, exhibits, register
 from wt.reproduce.exhibits import figure_4, latent_space, online
 from wt.reproduce.tasks import QUICK, TASKS
+from wt.worlds.base import make
 
 CONF = Path(__file__).resolve().parents[2] / "conf"
 SMALL = [
@@ -28,6 +33,7 @@ SMALL = [
     )),
 ]  # fmt: skip
 NAMED = ("r5_force", "go2_payload")
+OFF = 1e-5
 
 
 WORLDS = {
@@ -36,12 +42,29 @@ WORLDS = {
 }
 
 
+def store(out: Path) -> str:
+    """The registry of a report's folder."""
+    return f"sqlite:///{out}/mlflow.db"
+
+
+def champion(out: Path, shift: float) -> None:
+    """Register a model of a walking Go2: S's answer, moved by a constant."""
+    config, uri = load(out / "conf" / "go2_payload.yaml"), store(out)
+    spec = make(config.world).spec
+    folder = shifted(out / f"model-{shift}", spec, shift, config.registry_name)
+    with track.run("test", spec.task, uri=uri) as run:
+        version = push(config.registry_name, folder, 0.5, run.id, uri=uri)
+    Store(uri).set_alias(version, "champion")
+
+
 def words(out: Path, *more: str) -> list[str]:
     tasks = [word for name in NAMED for word in ("--task", name)]
     conf = out / "conf"
     conf.mkdir(exist_ok=True)
     for name, world in WORLDS.items():
-        (conf / name).write_text(f"base: {CONF / name}\nworld: {world}\n")
+        (conf / name).write_text(
+            f"base: {CONF / name}\nworld: {world}\ntracking: {{uri: '{store(out)}'}}\n"
+        )
     return ["reproduce", "--quick", *tasks, "--conf", str(conf), "--out", str(out), *SMALL,
             f"data.dir={out / 'data'}", *more]  # fmt: skip
 
@@ -72,6 +95,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.setattr(online, "PART_QUICK", 60)
         patch.setattr(online, "PAIRS_QUICK", 60)
         patch.setattr(online, "ADAPTING", ("online.iterations=3",))
+        champion(folder, OFF)
         assert main(words(folder)) == 0
         yield folder
 
@@ -115,6 +139,24 @@ def test_rollouts_have_every_method_and_horizon(out: Path) -> None:
     assert set(methods) > {"RawSim", "DirectPred", "ResDyn", "RSSM", "WorldTranslation"}
     for values in methods.values():
         assert [len(row) for row in values["mse"]] == [6]  # type: ignore[index]
+
+
+def test_a_registered_model_is_run_by_itself(out: Path) -> None:
+    report = found(out, "registered")
+    assert set(report["models"]) == {"go2_payload"}  # type: ignore[call-overload]
+    one = report["models"]["go2_payload"]  # type: ignore[index]
+    assert one["model"] == "wt-go2-payload/1"
+    assert 0 < abs(one["mse"] - one["raw"]) < 0.1 * one["raw"]  # moved by next to nothing
+    assert one["card"] is None  # measured on other pairs
+    assert set(one["rollouts"]) == {"RawSim", "wt-go2-payload/1"}
+    assert "no model 'wt-r5'" in (out / "report.md").read_text()
+
+
+def test_without_a_registered_model_it_says_how_to_get_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words(tmp_path, "--only", "registered")) == 1
+    assert "'wt fit' makes one" in capsys.readouterr().err
 
 
 def test_what_is_measured_is_not_measured_again(

@@ -89,6 +89,10 @@ class Exhibit(ABC):
     def present(self, found: Numbers) -> Section:
         """What the report says of what :meth:`measure` returned."""
 
+    def depends_on(self, bench: Bench) -> str:
+        """What else than the tasks' configurations decides its numbers; they are kept for it."""
+        return ""
+
     def can_run(self, tasks: Sequence[str]) -> bool:
         """Whether these tasks are enough."""
         there = [task in tasks for task in self.tasks]

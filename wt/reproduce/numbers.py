@@ -20,7 +20,7 @@ def obtain(exhibit: Exhibit, bench: Bench) -> Numbers:
     if found is None:
         found = exhibit.measure(bench)
         content = {"schema": SCHEMA, "exhibit": exhibit.name, "found": found}
-        content["of"] = bench.identity(exhibit.tasks)
+        content["of"] = _identity(exhibit, bench)
         path = _path(exhibit, bench)
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, json.dumps(content, ensure_ascii=False) + "\n")
@@ -40,7 +40,7 @@ def kept(exhibit: Exhibit, bench: Bench) -> Numbers | None:
         return None
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        if content["schema"] != SCHEMA or content["of"] != bench.identity(exhibit.tasks):
+        if content["schema"] != SCHEMA or content["of"] != _identity(exhibit, bench):
             return None
         found: Numbers = content["found"]
     except (ValueError, KeyError, TypeError) as error:
@@ -48,6 +48,11 @@ def kept(exhibit: Exhibit, bench: Bench) -> Numbers | None:
             f"{path} is no result of this command ({error!r}); delete it and run again"
         ) from error
     return found
+
+
+def _identity(exhibit: Exhibit, bench: Bench) -> str:
+    """What decides an exhibit's numbers."""
+    return " ".join([bench.identity(exhibit.tasks), exhibit.depends_on(bench)]).strip()
 
 
 def _path(exhibit: Exhibit, bench: Bench) -> Path:
