@@ -6,12 +6,14 @@ import ipaddress
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
+
+FromShared = Callable[[str], Path]
 
 _outward: list[str] = []
 
@@ -43,12 +45,32 @@ def root() -> Path:
 
 
 @pytest.fixture(scope="session")
-def shared() -> Path:
-    """The folder of real recordings and published models beside the checkout, if it is there."""
-    folder = ROOT.parent / "shared"
-    if not folder.is_dir():
-        pytest.skip("no folder 'shared' with recordings beside the checkout")
-    return folder
+def from_shared() -> FromShared:
+    """A path below the folder of real recordings and published models beside the checkout.
+
+    Skips the test that asks for one which is not there.
+    """
+
+    def find(name: str) -> Path:
+        path = ROOT.parent / "shared" / name
+        if not path.exists():
+            pytest.skip(f"no ../shared/{name} beside the checkout")
+        return path
+
+    return find
+
+
+@pytest.fixture(scope="session")
+def shared(from_shared: FromShared) -> Path:
+    """That folder itself."""
+    return from_shared("")
+
+
+@pytest.fixture(scope="session")
+def proc() -> None:
+    """For tests that look for processes."""
+    if not Path("/proc/self/stat").exists():
+        pytest.skip("no /proc/self/stat on this system")
 
 
 def _watch_network(event: str, args: tuple[object, ...]) -> None:

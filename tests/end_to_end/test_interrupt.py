@@ -27,11 +27,7 @@ TRAINED = ("WorldTranslation", "WorldTranslationPlus")
 
 Start = Callable[..., Started]
 
-
-@pytest.fixture(autouse=True)
-def linux() -> None:
-    if not Path("/proc/self/stat").exists():
-        pytest.skip("no /proc here to see processes in")
+pytestmark = pytest.mark.usefixtures("proc")
 
 
 def in_training(folder: Path, since: float = 0.0) -> Callable[[], bool]:

@@ -10,12 +10,11 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from tests.conftest import FromShared
 from wt.errors import DataError
 from wt.evaluate import paper
 from wt.evaluate.results import Results, Score
 from wt.types import Channel
-
-SHARED = Path(__file__).parents[2] / ".." / "shared"
 
 
 def results(**changed: object) -> Results:
@@ -141,10 +140,8 @@ def test_errors_of_another_number_of_channels_are_refused() -> None:
         results(rmse={"RSSM": (0.1,)})
 
 
-def test_the_papers_numbers_are_those_of_its_figure() -> None:
-    source = SHARED / "paper.tex"
-    if not source.exists():
-        pytest.skip("the paper's source is not here")
+def test_the_papers_numbers_are_those_of_its_figure(from_shared: FromShared) -> None:
+    source = from_shared("paper.tex")
     pattern = r"coordinates \{\((\w+), ([\d.]+)\) \((\w+), ([\d.]+)\)\}"
     found = re.findall(pattern, source.read_text())
     methods = ("RawSim", "DirectPred", "RSSM", "ResDyn", "WorldTranslation")

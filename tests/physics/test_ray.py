@@ -116,7 +116,7 @@ def test_what_a_worker_raises_is_raised_here(tmp_path: Path) -> None:
     assert re.search(r"'mujoco': '1\.50'.*install the same", said)
 
 
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
+@pytest.mark.usefixtures("proc")
 def test_ctrl_c_ends_the_workers(tmp_path: Path) -> None:
     with started(_IMPORTS + _LONG, str(tmp_path)) as child:
         assert child.stdout is not None

@@ -8,16 +8,12 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-import pytest
 
 from wt.worlds.legged_model import STAND
 
 
-def published(shared: Path, name: str) -> mujoco.MjModel:
-    """A published model below ``shared/models`` without its meshes; skips where it is absent."""
-    file = shared / "models" / name
-    if not file.is_file():
-        pytest.skip(f"no models/{name} beside the checkout")
+def published(file: Path) -> mujoco.MjModel:
+    """A published model without its meshes."""
     root = ET.parse(file).getroot()
     for parent in list(root.iter()):
         for child in list(parent):

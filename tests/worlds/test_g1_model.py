@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
+from tests.conftest import FromShared
 from tests.worlds.legged_checks import (
     hinges,
     published,
@@ -104,9 +104,9 @@ def test_published_masses_limits_torques_and_drives(model: mujoco.MjModel) -> No
 
 @pytest.mark.parametrize("file", FILES)
 def test_inertias_and_frames_of_the_published_files(
-    model: mujoco.MjModel, shared: Path, file: str
+    model: mujoco.MjModel, from_shared: FromShared, file: str
 ) -> None:
-    theirs = published(shared, file)
+    theirs = published(from_shared(f"models/{file}"))
     names = [model.body(b).name for b in range(1, model.nbody)]
     assert names == [theirs.body(b).name for b in range(1, theirs.nbody)]
     same_inertials(model, theirs, {name: name for name in names})
@@ -114,8 +114,10 @@ def test_inertias_and_frames_of_the_published_files(
     same_dynamics(model, theirs, {f"{side}_ankle_roll_link": sole for side in SIDES}, seed=5)
 
 
-def test_soles_lie_where_the_published_ones_do(model: mujoco.MjModel, shared: Path) -> None:
-    theirs = published(shared, "g1/unitree_rl_gym_g1_29dof_rev_1_0.xml")
+def test_soles_lie_where_the_published_ones_do(
+    model: mujoco.MjModel, from_shared: FromShared
+) -> None:
+    theirs = published(from_shared("models/g1/unitree_rl_gym_g1_29dof_rev_1_0.xml"))
     body = theirs.body("left_ankle_roll_link").id
     spheres = theirs.geom_pos[theirs.geom_bodyid == body]
     ends = []

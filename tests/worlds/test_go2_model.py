@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
+from tests.conftest import FromShared
 from tests.worlds.legged_checks import (
     hinges,
     published,
@@ -84,17 +84,17 @@ def test_published_masses_limits_and_torques(model: mujoco.MjModel) -> None:
 
 @pytest.mark.parametrize("file", FILES)
 def test_inertias_and_frames_of_the_published_files(
-    model: mujoco.MjModel, shared: Path, file: str
+    model: mujoco.MjModel, from_shared: FromShared, file: str
 ) -> None:
-    theirs = published(shared, file)
+    theirs = published(from_shared(f"models/{file}"))
     parts = [f"{leg}_{part}" for leg in LEGS for part in TABLE]
     same_inertials(model, theirs, {TRUNK: FILES[file], **{name: name for name in parts}})
     foot = model.geom("FL_foot").pos
     same_dynamics(model, theirs, {f"{leg}_calf": foot for leg in LEGS}, seed=3)
 
 
-def test_feet_are_those_of_menagerie(model: mujoco.MjModel, shared: Path) -> None:
-    theirs = published(shared, "go2/menagerie_go2.xml")
+def test_feet_are_those_of_menagerie(model: mujoco.MjModel, from_shared: FromShared) -> None:
+    theirs = published(from_shared("models/go2/menagerie_go2.xml"))
     for leg, foot in zip(LEGS, FEET, strict=True):
         np.testing.assert_allclose(model.geom(foot).pos, theirs.geom(leg).pos)
         assert model.geom(foot).size[0] == theirs.geom(leg).size[0]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import xml.etree.ElementTree as ET
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.conftest import FromShared
 from wt.errors import ConfigError
 from wt.worlds.r5_model import ArmPhysics, build
 
@@ -171,15 +171,8 @@ def test_refuses_impossible_arms(name: str, values: tuple[float, ...]) -> None:
         physics(**{name: values})
 
 
-def published(shared: Path, name: str) -> Path:
-    file = shared / "models" / "arx" / name
-    if not file.is_file():
-        pytest.skip(f"no {name} beside the checkout")
-    return file
-
-
-def test_agrees_with_the_published_mjcf(model: mujoco.MjModel, shared: Path) -> None:
-    file = published(shared, "menagerie_arx_l5_trimmed.xml")
+def test_agrees_with_the_published_mjcf(model: mujoco.MjModel, from_shared: FromShared) -> None:
+    file = from_shared("models/arx/menagerie_arx_l5_trimmed.xml")
     theirs = mujoco.MjModel.from_xml_path(str(file))
     link5 = theirs.body("link5").id
     assert theirs.body_pos[link5, 0] == pytest.approx(0.073914)
@@ -207,8 +200,8 @@ def test_agrees_with_the_published_mjcf(model: mujoco.MjModel, shared: Path) -> 
     np.testing.assert_allclose(model.actuator_biasprm[:, 2], theirs.actuator_biasprm[:6, 2])
 
 
-def test_agrees_with_the_makers_description(model: mujoco.MjModel, shared: Path) -> None:
-    robot = ET.parse(published(shared, "R5a.urdf")).getroot()
+def test_agrees_with_the_makers_description(model: mujoco.MjModel, from_shared: FromShared) -> None:
+    robot = ET.parse(from_shared("models/arx/R5a.urdf")).getroot()
     for i in range(1, 7):
         joint = robot.find(f"joint[@name='joint{i}']")
         link = robot.find(f"link[@name='link{i}']/inertial")

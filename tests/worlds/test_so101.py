@@ -9,12 +9,12 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.conftest import FromShared
 from wt.errors import ConfigError, DataError
 from wt.worlds import base
 from wt.worlds.so101 import RATE_HZ, SO101, SO101Options
 from wt.worlds.so101_motions import TEST, TRAIN, VALIDATION
 
-SHARED = Path(__file__).parents[3] / "shared" / "recordings" / "so101"
 ROWS = 150
 SPLITS: dict[str, Any] = {"train": ("a", "repeats/a"), "validation": ("b",), "test": ("c",)}
 
@@ -208,10 +208,10 @@ def test_default_splits_keep_repeats_together() -> None:
     assert len(set().union(*sides)) == 12
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared/recordings/so101")
-def test_real_pairs_of_the_held_out_motions() -> None:
+def test_real_pairs_of_the_held_out_motions(from_shared: FromShared) -> None:
     """S must know more than that nothing moves, and be off by what was published for it."""
-    pairs = SO101(SO101Options(str(SHARED), threads=1)).pairs("test", 4000, 0)
+    folder = from_shared("recordings/so101")
+    pairs = SO101(SO101Options(str(folder), threads=1)).pairs("test", 4000, 0)
     change = (pairs.real.s_next - pairs.real.o[:, :10]).astype(float)
     error = (pairs.real.s_next - pairs.sim_next).astype(float)
     raw, persistence = (np.sqrt((x[:, :5] ** 2).mean(axis=0)) for x in (error, change))

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import mujoco
 import numpy as np
 import pytest
 
+from tests.conftest import FromShared
 from wt.data.importers import sage_so101
 from wt.worlds import so101_model
 from wt.worlds.so101_model import JOINTS, LIMITS, ServoPhysics
-
-PUBLISHED = Path(__file__).parents[3] / "shared" / "models" / "so101" / "so101_trimmed.xml"
 
 
 @pytest.fixture(scope="module")
@@ -57,9 +54,9 @@ def test_published_frames(
     np.testing.assert_allclose(data.subtree_com[0], com, atol=2e-6)
 
 
-@pytest.mark.skipif(not PUBLISHED.is_file(), reason="needs ../shared/models/so101")
-def test_inertias_of_the_published_file(model: mujoco.MjModel) -> None:
-    published = mujoco.MjModel.from_xml_path(str(PUBLISHED))
+def test_inertias_of_the_published_file(model: mujoco.MjModel, from_shared: FromShared) -> None:
+    file = from_shared("models/so101/so101_trimmed.xml")
+    published = mujoco.MjModel.from_xml_path(str(file))
     rng = np.random.default_rng(0)
     for _ in range(3):
         matrices, biases = [], []

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.conftest import FromShared
 from wt.data import recording as recordings
 from wt.data.importers import base
 from wt.errors import DataError
 
-SHARED = Path(__file__).parents[4] / "shared" / "recordings" / "so101"
 COUNT = 0.0015339807878856412  # rad, as it stands in the published files
 ROWS = 200
 
@@ -101,11 +101,10 @@ def test_broken_folders(folder: Path) -> None:
         base.read(folder)
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared/recordings/so101")
 @pytest.mark.parametrize("motion", ["fast_transitions", "repeats/fast_transitions"])
-def test_real_motions(motion: str, tmp_path: Path) -> None:
+def test_real_motions(motion: str, tmp_path: Path, from_shared: FromShared) -> None:
     """Published: 49.85 Hz; velocity must be the slope of position, jaw included."""
-    r = base.read(SHARED / motion)
+    r = base.read(from_shared("recordings/so101") / motion)
     recordings.write(r, tmp_path / "r.parquet")
     r = recordings.read(tmp_path / "r.parquet")
     assert r.rate_hz == pytest.approx(49.85, abs=0.01)
