@@ -15,7 +15,7 @@ import queue
 import signal
 import threading
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, wait
+from concurrent.futures import Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from pathlib import Path
@@ -86,13 +86,23 @@ def run_jobs(study: Study, jobs: Sequence[Job]) -> None:
     arguments = (to_yaml(study.config), str(study.folder), messages)
     with ProcessPoolExecutor(workers, context, _open, arguments) as pool, _killed_on_error():
         with _deaf_to_interrupts():
-            pending = {pool.submit(_train, job) for job in todo}
+            pending = {_submit(pool, job) for job in todo}
         while pending:
             _hand_on(messages, study)
             ended, pending = wait(pending, timeout=0)
             for future in ended:
                 future.result()  # raises what the job raised
         _hand_on(messages, study)
+
+
+def _submit(pool: ProcessPoolExecutor, job: Job) -> Future[None]:
+    """Give a job to the pool, which starts a worker for it where one is missing."""
+    try:
+        return pool.submit(_train, job)
+    except OSError:
+        # perhaps another worker has died, and the pool closed the pipes this one was to inherit
+        pool.submit(_train, job)  # then it says so now: BrokenProcessPool
+        raise
 
 
 def train(study: Study, job: Job) -> None:

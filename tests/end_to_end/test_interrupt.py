@@ -9,6 +9,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -143,5 +144,25 @@ def test_a_worker_that_is_killed_ends_the_run(place: Place, finished: Path, tmp_
     config = load(place.words[1], [*place.words[2:], "workers=2"])
     study = Study.open(config, tmp_path, Silent())
     with pytest.raises(WorkError, match=r"was killed .* --resume"), killer():
+        run_jobs(study, [Job(0, method) for method in TRAINED])
+    assert multiprocessing.active_children() == []
+
+
+def test_a_worker_that_is_killed_while_the_next_one_starts_ends_the_run(
+    place: Place, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The pool closes the pipes that the next one is to inherit."""
+    start = ProcessPoolExecutor._spawn_process
+
+    def start_late(pool: ProcessPoolExecutor) -> None:
+        for worker in multiprocessing.active_children():
+            worker.kill()
+            time.sleep(2.0)
+        start(pool)
+
+    monkeypatch.setattr(ProcessPoolExecutor, "_spawn_process", start_late)
+    config = load(place.words[1], [*place.words[2:], "workers=2"])
+    study = Study.open(config, tmp_path, Silent())
+    with pytest.raises(WorkError, match=r"was killed .* --resume"):
         run_jobs(study, [Job(0, method) for method in TRAINED])
     assert multiprocessing.active_children() == []
