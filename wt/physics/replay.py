@@ -50,6 +50,15 @@ class Planted:
         return (self.effect.id, self.at.kind, self.at.name)
 
 
+Hypothesis = tuple[Planted, ...]
+"""Effects that act together."""
+
+
+def without(hypothesis: Hypothesis, index: int) -> Hypothesis:
+    """All effects but one."""
+    return hypothesis[:index] + hypothesis[index + 1 :]
+
+
 class Hidden(NamedTuple):
     """State of a joint that a patch adds, where a stretch begins.
 
