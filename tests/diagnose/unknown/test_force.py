@@ -8,7 +8,8 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from tests.diagnose.hidden_forces import STEP, World, on_joint, world
-from wt.diagnose.selection.naming import DOUBTFUL, rivals_nonparametric
+from wt.diagnose.selection.naming import rivals_nonparametric
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.choice import choose
 from wt.diagnose.unknown.fit import Data
 from wt.diagnose.unknown.force import find
@@ -183,7 +184,7 @@ def test_a_true_name_is_kept(worlds: Callable[[str], World]) -> None:
     hypothesis = (planted("joint.friction_coulomb", [0.5]),)
     rivalry = rivals_nonparametric(worlds("dry").screen, hypothesis, 0)
     assert rivalry is not None
-    assert rivalry.ratio > DOUBTFUL
+    assert rivalry.ratio > THRESHOLDS.doubtful
     assert rivalry.r2 > 0.95
 
 
@@ -199,7 +200,7 @@ def test_a_wrong_name_is_given_up(
 ) -> None:
     rivalry = rivals_nonparametric(worlds(name).screen, (planted(effect, theta),), 0)
     assert rivalry is not None
-    assert rivalry.ratio < 0.5 * DOUBTFUL
+    assert rivalry.ratio < 0.5 * THRESHOLDS.doubtful
     assert rivalry.nats > 50.0
     assert "qpos/j2" in rivalry.depends_on
 

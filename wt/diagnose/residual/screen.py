@@ -20,6 +20,7 @@ from wt.diagnose.likelihood.tolerances import forces, nuisances
 from wt.diagnose.recordings.smooth import Smoothed, resmooth
 from wt.diagnose.residual.scoring import STRIDE, WINDOW, Base, Block, bounded, boxed
 from wt.diagnose.residual.signature import reduced, signature
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Effect, Shape, effects
 from wt.physics.motion import Motion
 from wt.physics.replay import Hypothesis, Planted
@@ -27,8 +28,6 @@ from wt.types import Location
 
 Array = np.ndarray
 
-SLOW = 0.05
-"""Below this speed [rad/s] presliding decides friction, and a row is left out."""
 REFINED = 20
 """So many of the best hypotheses get their shapes polished."""
 RELINEARISED = 12
@@ -246,7 +245,7 @@ def _centres(motion: Motion) -> Array:
 
 def _fast_enough(motion: Motion, rows: Array) -> Array:
     """Rows that count for each degree of freedom, (R, nv): moving, unless that drops most; calm."""
-    keep = np.abs(motion.v[rows]) > SLOW
+    keep = np.abs(motion.v[rows]) > THRESHOLDS.slow
     keep[:, keep.mean(axis=0) < 0.5] = True
     return np.asarray(keep & motion.calm[rows, None])
 
