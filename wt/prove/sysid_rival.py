@@ -27,7 +27,7 @@ from wt.diagnose.recordings.prepare import Source, prepare
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import forgets, stretches_of
 from wt.diagnose.result import Proof
-from wt.diagnose.selection.holdout import hold, prove
+from wt.diagnose.selection.holdout import prepare_holdout, prove
 from wt.errors import WorkError
 from wt.mjcf.edit import patched_xml
 from wt.physics.effect import effects
@@ -218,7 +218,7 @@ class Rival:
             RecordingError: a recording cannot be used.
         """
         prepared = prepare(self.scene, holdout, holdout)
-        held = hold(smooth(self.scene, prepared.held), self._forgets)
+        held = prepare_holdout(smooth(self.scene, prepared.held), self._forgets)
         return prove(held, fitted.hypothesis, STEP_S, prepared.split, seed)
 
     def _measured(self, pairs: Sequence[tuple[Stretch, Array]]) -> list[Theirs]:

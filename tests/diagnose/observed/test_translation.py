@@ -11,9 +11,10 @@ import pytest
 
 from tests.worlds.test_concealed import QUICK, to_xml
 from tests.worlds.test_walking import world
+from wt.diagnose.evidence import Interval
 from wt.diagnose.observed.translation import Observer, Translation, sentences, timed, translated
 from wt.diagnose.recordings.prepare import prepare
-from wt.diagnose.result import Interval, Located
+from wt.diagnose.result import Located
 from wt.errors import ModelError, RecordingError
 from wt.physics.scene import Scene
 from wt.types import Array, Channel, Location, Recording

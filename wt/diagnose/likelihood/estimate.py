@@ -72,19 +72,18 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     return Estimated(now, tuple(estimates))
 
 
-def least_certain(estimated: Estimated) -> int | None:
-    """The effect that may as well be nothing; None if all are certainly something.
+def distances_from_nothing(estimated: Estimated) -> dict[int, float]:
+    """Effects that may as well be nothing, by index: their distance from it [interval widths].
 
-    That is one whose intervals hold all of its neutral values (A. Wald, 1943). Of several it is
-    the one nearest to them, in interval widths: the others may be certain without it.
+    Those are the effects whose intervals hold all of their neutral values (A. Wald, 1943).
     """
-    away: dict[int, float] = {}
+    distances: dict[int, float] = {}
     for i, planted in enumerate(estimated.hypothesis):
         known = [p for p in planted.effect.parameters if p.neutral is not None]
         widths = [_from_neutral(p, estimated.estimates[i][p.name]) for p in known]
         if widths and np.isfinite(widths).all():
-            away[i] = max(widths)
-    return min(away, key=away.__getitem__, default=None)
+            distances[i] = max(widths)
+    return distances
 
 
 def _from_neutral(parameter: Parameter, estimate: Estimate) -> float:

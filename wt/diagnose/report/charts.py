@@ -10,10 +10,11 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from wt.diagnose.evidence import Trace
 from wt.diagnose.report.drawing import draw, joint_of
 from wt.diagnose.report.text import error as said_error
 from wt.diagnose.report.text import name_of, number, scaled, short_name, tied
-from wt.diagnose.result import Diagnosis, Finding, Trace
+from wt.diagnose.result import Diagnosis, Finding
 from wt.physics import base
 from wt.physics.scene import drives
 from wt.show.charts import Axes, Series, chart

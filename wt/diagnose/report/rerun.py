@@ -25,9 +25,10 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from wt.diagnose.evidence import Trace
 from wt.diagnose.report import text
 from wt.diagnose.report.charts import filled, full_pose, joint_order, model_of
-from wt.diagnose.result import Diagnosis, Trace
+from wt.diagnose.result import Diagnosis
 from wt.show import colors
 from wt.show.robot_view import Motion, log_robot, motion_of, send_columns
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from wt.diagnose.evidence import Trace
 from wt.diagnose.recordings.prepare import Prepared
 from wt.diagnose.recordings.smooth import Smoothed
 from wt.diagnose.recordings.stretches import cut
 from wt.diagnose.residual.signature import elsewhere, reduced
-from wt.diagnose.result import Trace
 from wt.physics.replay import Hypothesis
 from wt.physics.rollout import Replayer
 

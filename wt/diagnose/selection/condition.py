@@ -9,8 +9,8 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.stats import ttest_ind
 
+from wt.diagnose.evidence import Interval
 from wt.diagnose.residual.screen import Screen
-from wt.diagnose.result import Interval
 from wt.diagnose.thresholds import THRESHOLDS
 
 Array = np.ndarray
