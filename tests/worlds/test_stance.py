@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.worlds.test_walking import world
+from tests.worlds.walking.test_world import world
 from wt.worlds.stance import HEADING, HEIGHT, LOADED, VELOCITY, Feet
-from wt.worlds.walking import WalkingWorld
+from wt.worlds.walking.world import WalkingWorld
 
 Array = np.ndarray
 

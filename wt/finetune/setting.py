@@ -17,8 +17,8 @@ from wt.types import Domain
 from wt.worlds.legged import Herd, Robot
 from wt.worlds.policy import Policy
 from wt.worlds.robots import robot_of
-from wt.worlds.walking import WalkingWorld
-from wt.worlds.walking_options import WalkingOptions
+from wt.worlds.walking.options import WalkingOptions
+from wt.worlds.walking.world import WalkingWorld
 
 
 @dataclass(frozen=True)

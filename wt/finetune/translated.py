@@ -28,8 +28,8 @@ from wt.locomotion.env import Walking, make_herd, make_model
 from wt.registered import Registered
 from wt.types import TransitionSpec
 from wt.worlds.legged import Herd
-from wt.worlds.walking_rollout import astray
-from wt.worlds.walking_state import WalkingState
+from wt.worlds.walking.rollout import astray
+from wt.worlds.walking.state import WalkingState
 
 Array = np.ndarray
 

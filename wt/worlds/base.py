@@ -3,7 +3,7 @@
 Adding a world is one new file in this package (and its test): define a dataclass of options and
 a class with the methods of :class:`World` and the attribute ``options``, decorate the class with
 ``@register("name")``, and write ``conf/name.yaml`` with ``world.name: name``. The file is found
-by itself; a name used twice is refused.
+by itself, in a package of its own too (``wt.worlds.walking``); a name used twice is refused.
 """
 
 from __future__ import annotations
@@ -126,8 +126,8 @@ def kind_of(section: Mapping[str, Any]) -> type[Any]:
     Raises:
         ConfigError: no world has that name.
     """
-    for module in pkgutil.iter_modules(wt.worlds.__path__):
-        importlib.import_module(f"wt.worlds.{module.name}")
+    for module in pkgutil.walk_packages(wt.worlds.__path__, "wt.worlds."):
+        importlib.import_module(module.name)
     name = str(section.get("name", ""))
     if name not in _WORLDS:
         raise ConfigError(f"world.name {name!r} is not known: {suggest(name, _WORLDS)}")

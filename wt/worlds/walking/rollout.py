@@ -11,7 +11,7 @@ from wt.worlds.closed_loop import Truth
 from wt.worlds.legged import Herd, Robot, Start
 from wt.worlds.policy import Policy
 from wt.worlds.stance import HEIGHT, VELOCITY
-from wt.worlds.walking_state import TRUNK
+from wt.worlds.walking.state import TRUNK
 
 Array = np.ndarray
 

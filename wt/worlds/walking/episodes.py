@@ -9,7 +9,7 @@ import numpy as np
 from wt.types import TransitionSpec
 from wt.worlds.legged import Herd
 from wt.worlds.policy import Policy
-from wt.worlds.walking_options import WalkingOptions
+from wt.worlds.walking.options import WalkingOptions
 
 Array = np.ndarray
 

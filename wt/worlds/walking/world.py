@@ -36,11 +36,11 @@ from wt.worlds.legged import RATE_HZ, Herd
 from wt.worlds.policy import Policy
 from wt.worlds.robots import robot_of
 from wt.worlds.terrain import Ground
-from wt.worlds.walking_episodes import episodes
-from wt.worlds.walking_options import WalkingOptions
-from wt.worlds.walking_recording import Recorder
-from wt.worlds.walking_rollout import astray, walk
-from wt.worlds.walking_state import TRUNK, WalkingState
+from wt.worlds.walking.episodes import episodes
+from wt.worlds.walking.options import WalkingOptions
+from wt.worlds.walking.recording import Recorder
+from wt.worlds.walking.rollout import astray, walk
+from wt.worlds.walking.state import TRUNK, WalkingState
 
 Array = np.ndarray
 

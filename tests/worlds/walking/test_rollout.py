@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.worlds.test_walking import world
+from tests.worlds.walking.test_world import world
 from wt.worlds.closed_loop import ClosedLoop, Truth
-from wt.worlds.walking import WalkingWorld
+from wt.worlds.walking.world import WalkingWorld
 
 
 @pytest.fixture(scope="module", params=["go2_payload", "g1_uneven"])
