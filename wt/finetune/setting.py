@@ -10,11 +10,11 @@ import mujoco
 from wt.config import load as load_task
 from wt.errors import ConfigError
 from wt.finetune.config import Finetune, Variant
-from wt.locomotion.config import Policy as Training
+from wt.locomotion.config import PolicyConfig as Training
 from wt.locomotion.config import checked
 from wt.schema import merge, parse
 from wt.types import Domain
-from wt.worlds.legged import Herd, Robot
+from wt.worlds.legged import Herd, LeggedRobot
 from wt.worlds.policy import Policy
 from wt.worlds.robots import robot_of
 from wt.worlds.walking.options import WalkingOptions
@@ -34,7 +34,7 @@ class Setting:
 
     config: Finetune
     options: WalkingOptions
-    robot: Robot
+    robot: LeggedRobot
     base: Policy
 
     @classmethod

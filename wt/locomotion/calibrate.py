@@ -15,7 +15,7 @@ import numpy as np
 import onnx
 from onnx import numpy_helper
 
-from wt.locomotion.evaluate import Evaluation
+from wt.locomotion.evaluate import PolicyEvaluation
 from wt.show.files import write_together
 from wt.worlds.policy import CARD, COMMAND, GRAPH, PolicyCard
 
@@ -27,7 +27,7 @@ _ALIKE = 1.1  # largest ratio of what is reached of two opposite commands
 _WORTH = 0.02  # smallest change
 
 
-def factors(figures: Evaluation) -> Array:
+def factors(figures: PolicyEvaluation) -> Array:
     """Command over what is reached of it, by axis of the command, (3,).
 
     It is 1 where robots fell, where both directions differ, and where it would be beyond

@@ -12,8 +12,8 @@ import omegaconf
 
 from wt.errors import ConfigError, suggest
 from wt.schema import check_numbers, parse, read
-from wt.worlds.gait import Clock, Gait
-from wt.worlds.legged import Robot, Scene, Start
+from wt.worlds.gait import Gait, GaitClock
+from wt.worlds.legged import LeggedRobot, LeggedScene, Start
 from wt.worlds.legged_model import LeggedPhysics
 from wt.worlds.robots import robot_of
 
@@ -104,7 +104,7 @@ class Ppo:
 
 
 @dataclass
-class Policy:
+class PolicyConfig:
     """Everything ``wt-train-policy`` reads."""
 
     name: str = omegaconf.MISSING
@@ -116,7 +116,7 @@ class Policy:
     device: Device = "auto"
     save_every: int = 50
     physics: LeggedPhysics | None = None
-    scene: Scene = field(default_factory=Scene)
+    scene: LeggedScene = field(default_factory=LeggedScene)
     gait: Gait | None = None
     joints: list[str] = field(default_factory=lambda: ["*"])  # patterns of those that it moves
     commands: Commands = field(default_factory=Commands)
@@ -124,13 +124,17 @@ class Policy:
     rewards: Rewards = field(default_factory=Rewards)
     ppo: Ppo = field(default_factory=Ppo)
 
-    def body(self) -> Robot:
+    def body(self) -> LeggedRobot:
         """The robot that is to walk."""
         return robot_of(self.robot)
 
-    def clock(self, size: int) -> Clock:
+    def clock(self, size: int) -> GaitClock:
         """The clocks that so many robots walk to."""
-        return Clock(self.gait.period, size, self.gait.rests) if self.gait else Clock(None, size)
+        return (
+            GaitClock(self.gait.period, size, self.gait.rests)
+            if self.gait
+            else GaitClock(None, size)
+        )
 
     def moved(self) -> tuple[str, ...]:
         """The joints that the policy moves, in the robot's order; others keep the default pose.
@@ -160,7 +164,7 @@ def fitting(key: str, pattern: str, joints: Sequence[str]) -> list[bool]:
     return fits
 
 
-def load(path: str | Path, overrides: Sequence[str] = ()) -> Policy:
+def load(path: str | Path, overrides: Sequence[str] = ()) -> PolicyConfig:
     """Read a configuration, apply overrides, check it.
 
     Args:
@@ -173,13 +177,13 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Policy:
     return checked(read(Path(path), overrides))
 
 
-def checked(tree: Mapping[str, Any]) -> Policy:
+def checked(tree: Mapping[str, Any]) -> PolicyConfig:
     """A configuration from nested plain values.
 
     Raises:
         ConfigError: as :func:`load`.
     """
-    config = parse(Policy, tree, "")
+    config = parse(PolicyConfig, tree, "")
     check_numbers(config, _ABOVE_ZERO)
     if not config.moved():
         raise ConfigError("joints is empty; ['*'] moves all joints of the robot")

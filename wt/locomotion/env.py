@@ -16,7 +16,7 @@ from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
 from wt.locomotion import feet
-from wt.locomotion.config import Commands, Policy
+from wt.locomotion.config import Commands, PolicyConfig
 from wt.locomotion.mirror import Mirror
 from wt.locomotion.rewards import Judge, Step
 from wt.worlds.legged import TIMESTEP, Herd
@@ -28,7 +28,10 @@ _CLIP = 20.0  # of actions: what a net that went astray may ask for
 
 
 def make_herd(
-    config: Policy, robots: int, threads: int | None = None, model: mujoco.MjModel | None = None
+    config: PolicyConfig,
+    robots: int,
+    threads: int | None = None,
+    model: mujoco.MjModel | None = None,
 ) -> Herd:
     """A herd with sensors at the feet, as the configuration describes it.
 
@@ -43,7 +46,7 @@ def make_herd(
 
 
 def make_model(
-    config: Policy, spec: mujoco.MjSpec | None = None, timestep: float = TIMESTEP
+    config: PolicyConfig, spec: mujoco.MjSpec | None = None, timestep: float = TIMESTEP
 ) -> mujoco.MjModel:
     """The model that a configuration describes, with sensors at the feet.
 
@@ -69,7 +72,7 @@ class Walking(VecEnv):
         sums: running sums of what is logged, since :meth:`report`.
     """
 
-    def __init__(self, config: Policy, device: str) -> None:
+    def __init__(self, config: PolicyConfig, device: str) -> None:
         """Start all robots.
 
         Args:
@@ -87,7 +90,7 @@ class Walking(VecEnv):
         self.mirror = Mirror(herd.robot, model, device, moved, config.gait is not None)
         self._rng = np.random.default_rng(config.seed)
         self._judge = Judge(config.rewards, herd.robot.joints)
-        self._feet, self._clock = feet.Feet(herd), config.clock(herd.size)
+        self._feet, self._clock = feet.FootSensors(herd), config.clock(herd.size)
         self._torque = herd.batch.bind("actuator_force")[:, :n]
         joints = [model.joint(name).id for name in herd.robot.joints]
         low, high = model.jnt_range[joints].T

@@ -10,9 +10,9 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from wt.locomotion.config import Policy as Config
+from wt.locomotion.config import PolicyConfig
 from wt.locomotion.env import make_herd, sample_commands
-from wt.locomotion.feet import Feet
+from wt.locomotion.feet import FootSensors
 from wt.worlds.legged import COMMAND, Herd, Start
 
 Array = np.ndarray
@@ -28,7 +28,7 @@ _LIFTED = 0.01  # m: a foot that rose less was not lifted
 
 
 @dataclass(frozen=True)
-class Tracking:
+class CommandTracking:
     """One command, held.
 
     Attributes:
@@ -49,7 +49,7 @@ class Tracking:
 
 
 @dataclass(frozen=True)
-class Walk:
+class WalkFigures:
     """Changing commands for a minute.
 
     Attributes:
@@ -76,11 +76,11 @@ class Walk:
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class PolicyEvaluation:
     """All figures of a policy."""
 
-    tracking: tuple[Tracking, ...]
-    walk: Walk
+    tracking: tuple[CommandTracking, ...]
+    walk: WalkFigures
 
     def plain(self) -> dict[str, object]:
         """As JSON would have it."""
@@ -93,14 +93,14 @@ class Evaluation:
 
 
 def evaluate(
-    config: Config,
+    config: PolicyConfig,
     act: Act,
     *,
     threads: int = 0,
     robots: int = 16,
     walkers: int = 64,
     seed: int = 1,
-) -> Evaluation:
+) -> PolicyEvaluation:
     """Let a policy walk in the scene that it was trained in.
 
     Args:
@@ -111,12 +111,14 @@ def evaluate(
         walkers: robots that walk for a minute.
         seed: of starts and commands.
     """
-    return Evaluation(
+    return PolicyEvaluation(
         _track(config, act, threads, robots, seed), _walk(config, act, threads, walkers, seed)
     )
 
 
-def _track(config: Config, act: Act, threads: int, robots: int, seed: int) -> tuple[Tracking, ...]:
+def _track(
+    config: PolicyConfig, act: Act, threads: int, robots: int, seed: int
+) -> tuple[CommandTracking, ...]:
     largest = np.array(config.commands.largest, np.float32)
     axes = [(a, sign) for a in range(3) for sign in (1, -1) if largest[a] > 0]
     command = np.zeros((len(axes) * robots, 3), np.float32)
@@ -143,7 +145,7 @@ def _track(config: Config, act: Act, threads: int, robots: int, seed: int) -> tu
         off = np.abs(averages[:, these] - command[these]).mean((0, 1))
         others = [off[b] / largest[b] for b in range(3) if b != a and largest[b] > 0]
         out.append(
-            Tracking(
+            CommandTracking(
                 axis=COMMAND[a],
                 command=float(sign * largest[a]),
                 mean=float(settled[:, these, a].mean()),
@@ -155,9 +157,9 @@ def _track(config: Config, act: Act, threads: int, robots: int, seed: int) -> tu
     return tuple(out)
 
 
-def _walk(config: Config, act: Act, threads: int, robots: int, seed: int) -> Walk:
+def _walk(config: PolicyConfig, act: Act, threads: int, robots: int, seed: int) -> WalkFigures:
     herd = make_herd(config, robots, threads)
-    feet, gait, clock = Feet(herd), _Gait(herd), config.clock(robots)
+    feet, gait, clock = FootSensors(herd), _GaitAccumulator(herd), config.clock(robots)
     rng = np.random.default_rng(seed + 1)
     herd.reset(np.arange(robots), rng, Start(joints=0.05, area=config.episodes.start.area))
     feet.forget(np.arange(robots))
@@ -169,10 +171,12 @@ def _walk(config: Config, act: Act, threads: int, robots: int, seed: int) -> Wal
         feet.update()
         fallen |= herd.fallen()
         gait.add(feet, ~fallen, np.hypot(command[:, 0], command[:, 1]) > 0.3)
-    return Walk(robots=robots, seconds=WALK_SECONDS, fallen=float(fallen.mean()), **gait.figures())
+    return WalkFigures(
+        robots=robots, seconds=WALK_SECONDS, fallen=float(fallen.mean()), **gait.figures()
+    )
 
 
-class _Gait:
+class _GaitAccumulator:
     """Sums up what the feet and drives of a herd do."""
 
     def __init__(self, herd: Herd) -> None:
@@ -185,7 +189,7 @@ class _Gait:
         self._duty: list[tuple[float, int]] = []
         self._swings: list[Array] = []  # clearance and time of each swing, (K, 2)
 
-    def add(self, feet: Feet, upright: Array, walking: Array) -> None:
+    def add(self, feet: FootSensors, upright: Array, walking: Array) -> None:
         """Take in one control step of robots that are upright, and of those told to walk."""
         herd, walking = self._herd, walking & upright
         power = (np.abs(self._torque) * np.abs(herd.joint_vel)).sum(1)
@@ -202,7 +206,7 @@ class _Gait:
         self._highest[feet.contact] = 0.0
 
     def figures(self) -> dict[str, float]:
-        """The gait's part of :class:`Walk`."""
+        """The gait's part of :class:`WalkFigures`."""
         costs, duty = np.array(self._costs or [(0, 1)]), np.array(self._duty or [(0, 1)])
         swings = np.concatenate(self._swings)
         clearance, seconds = np.median(swings, axis=0) if len(swings) else (0.0, 0.0)
@@ -217,7 +221,7 @@ class _Gait:
         }
 
 
-def table(evaluation: Evaluation) -> str:
+def table(evaluation: PolicyEvaluation) -> str:
     """The figures as lines of text."""
     lines = [f"{'command':<18}{'reached':>9}{'error':>8}{'drift':>8}{'fallen':>8}"]
     for t in evaluation.tracking:

@@ -21,8 +21,8 @@ from omegaconf import OmegaConf
 
 from wt.errors import WorkError
 from wt.export.graph import graph
-from wt.locomotion.config import Policy as Config
-from wt.locomotion.evaluate import Evaluation
+from wt.locomotion.config import PolicyConfig
+from wt.locomotion.evaluate import PolicyEvaluation
 from wt.locomotion.train import Trained
 from wt.show.files import write_together, write_whole
 from wt.worlds.legged import RATE_HZ
@@ -44,7 +44,7 @@ class Actor(torch.nn.Module):
     seen: torch.Tensor
     spread: torch.Tensor
 
-    def __init__(self, model: Any, config: Config) -> None:  # noqa: ANN401 – rsl_rl's MLPModel
+    def __init__(self, model: Any, config: PolicyConfig) -> None:  # noqa: ANN401 – rsl_rl's MLPModel
         """Copy the parts of rsl_rl's ``MLPModel``, trained with a configuration."""
         super().__init__()
         self.normalizer = copy.deepcopy(model.obs_normalizer)
@@ -65,7 +65,7 @@ class Actor(torch.nn.Module):
 
 def write(
     trained: Trained,
-    config: Config,
+    config: PolicyConfig,
     folder: Path,
     made_by: str,
 ) -> PolicyCard:
@@ -118,7 +118,7 @@ def write(
     return card
 
 
-def judged(folder: Path, figures: Evaluation) -> None:
+def judged(folder: Path, figures: PolicyEvaluation) -> None:
     """Write what was measured of a policy into the card in its folder."""
     card = PolicyCard.read(folder / CARD)
     write_whole(folder / CARD, replace(card, evaluation=figures.plain()).text())

@@ -9,7 +9,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from wt.worlds.legged import Herd, Robot
+from wt.worlds.legged import Herd, LeggedRobot
 
 Array = np.ndarray
 
@@ -20,7 +20,7 @@ _NET = 3  # its reduction "netforce"
 _WIDTH = 10  # numbers a foot: position, velocity, contacts, force
 
 
-def add_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
+def add_sensors(spec: mujoco.MjSpec, robot: LeggedRobot) -> None:
     """Add position, velocity and contacts of each foot, and all contacts with the ground."""
     body, geom = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_GEOM
     sole = body if robot.sole_bodies else geom
@@ -41,7 +41,7 @@ def add_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
     )  # fmt: skip
 
 
-class Feet:
+class FootSensors:
     """The feet of a herd; F of each robot.
 
     Attributes:

@@ -8,7 +8,7 @@ import torch
 from tensordict import TensorDict
 
 from wt.errors import ConfigError
-from wt.worlds.legged import Robot
+from wt.worlds.legged import LeggedRobot
 
 Array = np.ndarray
 
@@ -24,7 +24,7 @@ class Mirror:
 
     def __init__(
         self,
-        robot: Robot,
+        robot: LeggedRobot,
         model: mujoco.MjModel,
         device: str | torch.device,
         moved: tuple[str, ...] | None = None,

@@ -22,7 +22,7 @@ from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
 from wt.errors import WorkError
-from wt.locomotion.config import Policy
+from wt.locomotion.config import PolicyConfig
 from wt.locomotion.env import Walking
 from wt.locomotion.mirror import ACTOR_AND_CRITIC
 
@@ -35,11 +35,11 @@ _STEP, _REPORT = b"step", b"report"
 _SINGLE = {"reward": "f4", "done": "?", "time_out": "?", "length": "i8"}  # values per robot
 
 
-Make = Callable[[Policy, str], Walking]
+Make = Callable[[PolicyConfig, str], Walking]
 """Makes an environment for a device; it can be pickled."""
 
 
-def environment(config: Policy, device: str, make: Make = Walking) -> Walking | Parts:
+def environment(config: PolicyConfig, device: str, make: Make = Walking) -> Walking | Parts:
     """An environment in as many processes as the configuration says.
 
     Args:
@@ -57,7 +57,7 @@ class Parts(VecEnv):
         mirror: for the symmetry extension.
     """
 
-    def __init__(self, config: Policy, device: str, make: Make = Walking) -> None:
+    def __init__(self, config: PolicyConfig, device: str, make: Make = Walking) -> None:
         """Start all processes and robots.
 
         Args:
@@ -127,7 +127,7 @@ class Parts(VecEnv):
             ) from error
 
 
-def _shares(config: Policy) -> Iterator[slice]:
+def _shares(config: PolicyConfig) -> Iterator[slice]:
     size = config.robots // config.processes
     return (slice(k * size, (k + 1) * size) for k in range(config.processes))
 
@@ -154,7 +154,7 @@ def _publish(shared: Mapping[str, Array], observations: TensorDict) -> None:
         shared[name][:] = observations[name].numpy()
 
 
-def _serve(make: Make, config: Policy, link: Connection, raw: Raw, rows: slice) -> None:
+def _serve(make: Make, config: PolicyConfig, link: Connection, raw: Raw, rows: slice) -> None:
     """What a process does until the trainer is gone: a part of the robots, its rows of the arrays.
 
     It answers every message: None when what is shared is up to date, else the report.

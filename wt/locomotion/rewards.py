@@ -40,7 +40,7 @@ class Step:
         torque: of the drives, (N, n) [N·m].
         action: (N, n).
         last_action: the one before, (N, n).
-        contact, landed: (N, F) bool, as in :class:`wt.locomotion.feet.Feet`.
+        contact, landed: (N, F) bool, as in :class:`wt.locomotion.feet.FootSensors`.
         others: contacts of other parts than feet, (N,).
         force: of contact, in units of the robot's weight, (N, F).
         clearance: (N, F) [m].

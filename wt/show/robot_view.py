@@ -18,7 +18,7 @@ _FIRST_HIDDEN_GROUP = 3  # MuJoCo's viewers draw geom groups 0–2 unless told o
 
 
 @dataclass(frozen=True)
-class Motion:
+class BodyPoses:
     """Where the B bodies of one robot are, in its own world.
 
     Attributes:
@@ -37,10 +37,10 @@ class Motion:
         return float(np.linalg.norm(self.pos[:, 1:] - self.pos[:, 1:2], axis=-1).max())
 
 
-def motion_of(model: mujoco.MjModel, qpos: Array) -> Motion:
+def body_poses(model: mujoco.MjModel, qpos: Array) -> BodyPoses:
     """Where the bodies are for generalised positions ``qpos``, (T, nq)."""
     data = mujoco.MjData(model)
-    motion = Motion(
+    motion = BodyPoses(
         pos=np.empty((len(qpos), model.nbody, 3)),
         quat=np.empty((len(qpos), model.nbody, 4)),
         com=np.empty((len(qpos), model.nbody, 3)),
@@ -57,7 +57,7 @@ def log_robot(
     model: mujoco.MjModel,
     time: rr.TimeColumn,
     name: str,
-    motion: Motion,
+    motion: BodyPoses,
     color: Color,
 ) -> None:
     """Log a robot below ``world/<name>``: label and geoms static, bodies' poses over ``time``.

@@ -19,7 +19,7 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True)
-class Truth:
+class ReferenceRollouts:
     """N robots of R under the policy: what rollouts start from and are compared with.
 
     Attributes:
@@ -60,7 +60,7 @@ class ClosedLoop(Protocol):
         """S's answer, also with nothing hidden; see :class:`wt.worlds.base.World`."""
         ...
 
-    def truth(self, count: int, past: int, horizon: int, seed: int) -> Truth:
+    def truth(self, count: int, past: int, horizon: int, seed: int) -> ReferenceRollouts:
         """R under its policy, without exploration noise; at most ``count`` robots.
 
         Robots that leave the bounds of :meth:`astray` in R itself are left out.

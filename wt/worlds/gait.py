@@ -65,7 +65,7 @@ class Gait:
         return np.where(phase < self.stance, -1.0, swing).astype(np.float32)
 
 
-class Clock:
+class GaitClock:
     """The clocks of N robots.
 
     Attributes:

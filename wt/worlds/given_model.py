@@ -9,11 +9,11 @@ import mujoco
 
 from wt.errors import ModelError
 from wt.worlds.go2_model import BALL
-from wt.worlds.legged import RATE_HZ, Robot
+from wt.worlds.legged import RATE_HZ, LeggedRobot
 from wt.worlds.legged_model import BASE, STAND
 
 
-def load(path: Path | str, robot: Robot) -> mujoco.MjModel:
+def load(path: Path | str, robot: LeggedRobot) -> mujoco.MjModel:
     """Compile an MJCF and check that it is one of this robot.
 
     Names decide: joints, their drives, the trunk's free joint, feet and the keyframe in which it
@@ -45,7 +45,7 @@ def load(path: Path | str, robot: Robot) -> mujoco.MjModel:
     return model
 
 
-def _differences(model: mujoco.MjModel, robot: Robot) -> Iterator[str]:
+def _differences(model: mujoco.MjModel, robot: LeggedRobot) -> Iterator[str]:
     """What keeps a model from being one of a robot, the plainest first."""
     kinds = mujoco.mjtObj
     needed = (

@@ -1,10 +1,10 @@
 """Legged robots in motion: what training, collection and evaluation of policies share.
 
-A :class:`Robot` says what a policy may rely on. A :class:`Herd` is many simulations of one robot,
-stepped together at the control rate. The observation is proprioceptive and the same everywhere
-(:meth:`Robot.channels`): angular velocity of the trunk and direction of gravity in the trunk's
-frame, joint positions (absolute, as an encoder reports them) and velocities, and the last action.
-The command (forward and sideways velocity, turning rate) is known but no observation.
+A :class:`LeggedRobot` says what a policy may rely on. A :class:`Herd` is many simulations of one
+robot, stepped together at the control rate. The observation is proprioceptive and the same
+everywhere (:meth:`LeggedRobot.channels`): angular velocity of the trunk and direction of gravity in
+the trunk's frame, joint positions (absolute, as an encoder reports them) and velocities, and the
+last action. The command (forward and sideways velocity, turning rate) is known but no observation.
 
 An action ``a`` is in units of the robot's ``action_scale``: drives get ``default + scale · a``.
 """
@@ -20,9 +20,9 @@ from mujoco.batch import Batch
 
 from wt.errors import ConfigError
 from wt.types import Channel
-from wt.worlds.go2_model import Payload
+from wt.worlds.go2_model import BallPayload
 from wt.worlds.legged_model import STAND, LeggedPhysics
-from wt.worlds.terrain import Blocks, Ground
+from wt.worlds.terrain import Blocks, GroundHeights
 
 Array = np.ndarray
 
@@ -33,7 +33,7 @@ COMMAND = ("forward", "sideways", "turn")
 
 
 @dataclass(frozen=True)
-class Scene:
+class LeggedScene:
     """What surrounds a robot.
 
     Attributes:
@@ -41,15 +41,15 @@ class Scene:
         blocks: irregular terrain; None for a flat floor.
     """
 
-    payload: Payload | None = None
+    payload: BallPayload | None = None
     blocks: Blocks | None = None
 
 
-FLAT = Scene()
+FLAT = LeggedScene()
 
 
 @dataclass(frozen=True)
-class Robot:
+class LeggedRobot:
     """What a walking policy may rely on.
 
     Attributes:
@@ -86,7 +86,7 @@ class Robot:
     fall_tilt: float
     fall_height: float
     physics: LeggedPhysics
-    describe: Callable[[LeggedPhysics, float, Scene], mujoco.MjSpec]
+    describe: Callable[[LeggedPhysics, float, LeggedScene], mujoco.MjSpec]
 
     def channels(self) -> tuple[Channel, ...]:
         """Names and units of the observation, in order; the command is not among them."""
@@ -150,7 +150,12 @@ class Herd:
     """
 
     def __init__(
-        self, robot: Robot, model: mujoco.MjModel, size: int, scene: Scene = FLAT, threads: int = 0
+        self,
+        robot: LeggedRobot,
+        model: mujoco.MjModel,
+        size: int,
+        scene: LeggedScene = FLAT,
+        threads: int = 0,
     ) -> None:
         """Make the simulations; all stand in the default pose at the origin.
 
@@ -169,7 +174,7 @@ class Herd:
             )
         self.robot, self.model, self.size = robot, model, size
         self.batch = Batch(model, size, threads)
-        self.ground = Ground(scene.blocks)
+        self.ground = GroundHeights(scene.blocks)
         self.dt = 1.0 / RATE_HZ
         self._substeps = round(substeps)
         self._n = len(robot.joints)
@@ -252,7 +257,7 @@ class Herd:
         self.steps += 1
 
     def observe(self) -> Array:
-        """What the robots' own sensors say, (N, 6 + 3n), float32: :meth:`Robot.channels`."""
+        """What the robots' own sensors say, (N, 6 + 3n), float32: :meth:`LeggedRobot.channels`."""
         n = self._n
         out = np.empty((self.size, 6 + 3 * n), np.float32)
         out[:, :3] = self.qvel[:, 3:6]  # MuJoCo's free joint: angular velocity in the body's frame

@@ -1,7 +1,7 @@
 """What the models of legged robots share: the physics that may differ, and how a tree is built.
 
-A robot is a table of :class:`Link`, built with MjSpec below a free joint. Only its feet and the
-few parts that carry a fallen robot touch anything, and only the ground: every geom of the robot
+A robot is a table of :class:`LeggedLink`, built with MjSpec below a free joint. Only its feet and
+the few parts that carry a fallen robot touch anything, and only the ground: every geom of the robot
 has ``contype`` 0 and listens to :data:`GROUND`, the bit of the floor and, by MuJoCo's default, of
 any terrain put beside it. Friction belongs to the robot's geoms (``priority`` 1), so that a floor
 and blocks of terrain feel the same.
@@ -105,7 +105,7 @@ class Joint:
 
 
 @dataclass(frozen=True)
-class Link:
+class LeggedLink:
     """One body.
 
     Attributes:
@@ -133,7 +133,7 @@ class Link:
     trunk: bool = False
 
 
-def mirrored(left: Link, rename: tuple[str, str]) -> Link:
+def mirrored(left: LeggedLink, rename: tuple[str, str]) -> LeggedLink:
     """The link's reflection across the robot's plane y = 0.
 
     Args:
@@ -192,7 +192,7 @@ def start(name: str, timestep: float, floor: bool) -> mujoco.MjSpec:
 
 
 def add_robot(
-    spec: mujoco.MjSpec, links: Sequence[Link], physics: LeggedPhysics, height: float
+    spec: mujoco.MjSpec, links: Sequence[LeggedLink], physics: LeggedPhysics, height: float
 ) -> dict[str, mujoco.MjsBody]:
     """Add a tree of links below a free joint, and a position actuator for each hinge.
 

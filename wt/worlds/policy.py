@@ -1,9 +1,10 @@
 """A trained walking policy: an ONNX graph and the card that says what it may be used for.
 
 The folder of a policy holds ``policy.onnx`` and ``card.json``. The graph has one input
-``observation``, (batch, n_in): :meth:`wt.worlds.legged.Robot.channels` in order, then the command,
-then the clock of :mod:`wt.worlds.gait` if the policy walks to one; and one output ``action``,
-(batch, n), in units of the robot's ``action_scale``. The observation normaliser is part of it.
+``observation``, (batch, n_in): :meth:`wt.worlds.legged.LeggedRobot.channels` in order, then the
+command, then the clock of :mod:`wt.worlds.gait` if the policy walks to one; and one output
+``action``, (batch, n), in units of the robot's ``action_scale``. The observation normaliser is part
+of it.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt.errors import ModelError
-from wt.worlds.gait import CLOCK, Clock
-from wt.worlds.legged import COMMAND, RATE_HZ, Robot
+from wt.worlds.gait import CLOCK, GaitClock
+from wt.worlds.legged import COMMAND, RATE_HZ, LeggedRobot
 from wt.worlds.legged_model import LeggedPhysics
 
 if TYPE_CHECKING:
@@ -54,8 +55,8 @@ class PolicyCard:
         made_by: the command that made it.
         training: iterations, seconds, samples.
         config: the resolved configuration.
-        clock_period: T of the clock's channels [s], as :class:`wt.worlds.gait.Clock` reads it; None
-            without a clock.
+        clock_period: T of the clock's channels [s], as :class:`wt.worlds.gait.GaitClock` reads it;
+            None without a clock.
         clock_rests: whether the clock rests while the robot is told to stand.
         evaluation: figures of ``wt.locomotion.evaluate``.
         created: UTC, ISO 8601.
@@ -115,14 +116,14 @@ class PolicyCard:
             raise ModelError(f"{path}: {error}; export the policy again") from error
 
 
-def gains(robot: Robot, physics: LeggedPhysics) -> tuple[list[float], list[float]]:
+def gains(robot: LeggedRobot, physics: LeggedPhysics) -> tuple[list[float], list[float]]:
     """Position and velocity gain of each joint's drive."""
     n = len(robot.joints)
     stiffness, speed = (physics.per_joint(x, n) for x in ("stiffness", "velocity_gain"))
     return list(stiffness), list(speed)
 
 
-def observation_names(robot: Robot, has_clock: bool) -> list[str]:
+def observation_names(robot: LeggedRobot, has_clock: bool) -> list[str]:
     """Channels of a policy's input, in order."""
     names = [channel.name for channel in robot.channels()] + [f"command/{c}" for c in COMMAND]
     return names + [f"clock/{c}" for c in CLOCK] if has_clock else names
@@ -141,7 +142,11 @@ class Policy:
 
     @classmethod
     def load(
-        cls, path: Path | str, robot: Robot, physics: LeggedPhysics | None = None, threads: int = 1
+        cls,
+        path: Path | str,
+        robot: LeggedRobot,
+        physics: LeggedPhysics | None = None,
+        threads: int = 1,
     ) -> Policy:
         """Load a policy and check that it fits.
 
@@ -176,9 +181,9 @@ class Policy:
         session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
         return cls(card, session)
 
-    def clock(self, size: int) -> Clock:
+    def clock(self, size: int) -> GaitClock:
         """Clocks for so many robots, whose reading :meth:`act` takes."""
-        return Clock(self.card.clock_period, size, self.card.clock_rests)
+        return GaitClock(self.card.clock_period, size, self.card.clock_rests)
 
     def act(self, observation: Array, command: Array, clock: Array) -> Array:
         """Actions for N robots.
@@ -215,7 +220,7 @@ def folder_of(path: Path) -> Path:
     return path
 
 
-def _check(card: PolicyCard, robot: Robot, physics: LeggedPhysics, folder: Path) -> None:
+def _check(card: PolicyCard, robot: LeggedRobot, physics: LeggedPhysics, folder: Path) -> None:
     """Compare a card with what is to be walked, the plainest first."""
     stiffness, velocity_gain = gains(robot, physics)
     expected: Mapping[str, object] = {

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wt.worlds.legged import Robot
+from wt.worlds.legged import LeggedRobot
 
 Array = np.ndarray
 
@@ -24,10 +24,10 @@ HEIGHT, HEADING, VELOCITY = 2, 3, slice(4, 7)
 """Where they are in hidden variables."""
 
 
-class Feet:
+class FootKinematics:
     """Where the feet of one robot are, and how they move, from what it observes of itself."""
 
-    def __init__(self, robot: Robot, model: mujoco.MjModel) -> None:
+    def __init__(self, robot: LeggedRobot, model: mujoco.MjModel) -> None:
         """Prepare for one model.
 
         Args:

@@ -92,7 +92,7 @@ def add_blocks(spec: mujoco.MjSpec, blocks: Blocks) -> None:
             geom.contype, geom.conaffinity = GROUND, 0
 
 
-class Ground:
+class GroundHeights:
     """How high the ground is: for rewards, critics and starts, never for an actor."""
 
     def __init__(self, blocks: Blocks | None) -> None:

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 from wt.errors import ConfigError
 from wt.types import Domain
-from wt.worlds.go2_model import Payload
-from wt.worlds.legged import TIMESTEP, Scene, Start
+from wt.worlds.go2_model import BallPayload
+from wt.worlds.legged import TIMESTEP, LeggedScene, Start
 from wt.worlds.legged_model import LeggedPhysics
 from wt.worlds.terrain import Blocks
 
@@ -52,7 +52,7 @@ class WalkingOptions:
     policy: str
     sim: LeggedPhysics
     real: LeggedPhysics
-    payload: Payload | None = None
+    payload: BallPayload | None = None
     concealed: bool = False
     blocks: Blocks | None = None
     model: str | None = None
@@ -90,7 +90,7 @@ class WalkingOptions:
             return GIVEN_MODEL
         return CONCEALED if self.concealed else None
 
-    def scene(self, domain: Domain) -> Scene:
+    def scene(self, domain: Domain) -> LeggedScene:
         """What surrounds the robot in a domain."""
         carries = domain == "real" or not self.concealed
-        return Scene(self.payload if carries else None, self.blocks)
+        return LeggedScene(self.payload if carries else None, self.blocks)

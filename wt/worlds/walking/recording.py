@@ -21,7 +21,7 @@ ENCODER, SPEED = 2e-4, 1e-2
 """… of joint positions [rad] and velocities [rad/s]."""
 
 
-class Recorder:
+class HerdRecorder:
     """Watches the first robots of a herd; see ``watch`` of :meth:`Herd.step`."""
 
     def __init__(self, herd: Herd, robots: int) -> None:

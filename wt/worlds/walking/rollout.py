@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from wt.errors import WorkError
-from wt.worlds.closed_loop import Truth
-from wt.worlds.legged import Herd, Robot, Start
+from wt.worlds.closed_loop import ReferenceRollouts
+from wt.worlds.legged import Herd, LeggedRobot, Start
 from wt.worlds.policy import Policy
 from wt.worlds.stance import HEIGHT, VELOCITY
 from wt.worlds.walking.state import TRUNK
@@ -25,7 +25,7 @@ MOST_HEIGHT = 2.0
 """Height of the trunk that it does not jump to, in units of its standing height [-]."""
 
 
-def astray(robot: Robot, s: Array, hidden: Array, ground: Array | float) -> Array:
+def astray(robot: LeggedRobot, s: Array, hidden: Array, ground: Array | float) -> Array:
     """Which robots are where none can be: base height, tilt or velocity out of bounds, (N,) bool.
 
     Args:
@@ -55,7 +55,7 @@ def walk(
     past: int,
     horizon: int,
     rng: np.random.Generator,
-) -> Truth:
+) -> ReferenceRollouts:
     """A herd under its policy, without exploration noise, under changing commands.
 
     Args:
@@ -95,4 +95,6 @@ def walk(
     if lost.all():
         raise WorkError("all robots fell in R: the policy does not walk there; train one that does")
     whole = {name: np.stack(values, axis=1)[~lost] for name, values in rows.items()}
-    return Truth(whole["o"], whole["a"][:, :-1], whole["hidden"], whole["context"][:, :-1], past)
+    return ReferenceRollouts(
+        whole["o"], whole["a"][:, :-1], whole["hidden"], whole["context"][:, :-1], past
+    )

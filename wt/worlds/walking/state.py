@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from wt.types import Channel
 from wt.worlds.go2_model import BALL
-from wt.worlds.legged import Herd, Robot
+from wt.worlds.legged import Herd, LeggedRobot
 from wt.worlds.legged_model import BASE, STAND
-from wt.worlds.stance import HEADING, VELOCITY, Feet, upright
+from wt.worlds.stance import HEADING, VELOCITY, FootKinematics, upright
 
 Array = np.ndarray
 
@@ -46,14 +46,14 @@ class WalkingState:
             the middle of its box, all else as it does where the robot stands.
     """
 
-    def __init__(self, robot: Robot, model: mujoco.MjModel) -> None:
+    def __init__(self, robot: LeggedRobot, model: mujoco.MjModel) -> None:
         """Prepare for one model.
 
         Args:
             robot: whose joints are observed.
             model: everything that moves in it.
         """
-        self._robot, self._ball, self.feet = robot, False, Feet(robot, model)
+        self._robot, self._ball, self.feet = robot, False, FootKinematics(robot, model)
         stand = model.key(STAND).qpos
         joints = [model.joint(i) for i in range(model.njnt)]
         others = [joint for joint in joints if joint.name not in (BASE, BALL, *robot.joints)]

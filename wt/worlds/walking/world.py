@@ -31,14 +31,14 @@ from wt.errors import WorkError
 from wt.types import Channel, Domain, Pairs, Recording, Transitions, TransitionSpec
 from wt.worlds import given_model
 from wt.worlds.base import Progress, register
-from wt.worlds.closed_loop import Truth
+from wt.worlds.closed_loop import ReferenceRollouts
 from wt.worlds.legged import RATE_HZ, Herd
 from wt.worlds.policy import Policy
 from wt.worlds.robots import robot_of
-from wt.worlds.terrain import Ground
+from wt.worlds.terrain import GroundHeights
 from wt.worlds.walking.episodes import episodes
 from wt.worlds.walking.options import WalkingOptions
-from wt.worlds.walking.recording import Recorder
+from wt.worlds.walking.recording import HerdRecorder
 from wt.worlds.walking.rollout import astray, walk
 from wt.worlds.walking.state import TRUNK, WalkingState
 
@@ -73,7 +73,7 @@ class WalkingWorld:
         else:
             self._models["sim"] = given_model.load(options.model, self._robot)
         self._state = {d: WalkingState(self._robot, model) for d, model in self._models.items()}
-        self._ground = Ground(options.blocks)
+        self._ground = GroundHeights(options.blocks)
         self.shard = options.robots * options.episode_steps
         joints, condition = self._robot.joints, "flat"
         if options.payload or options.blocks:
@@ -157,7 +157,7 @@ class WalkingWorld:
         size = min(options.robots, -(-count // options.episode_steps))
         (first,) = np.random.SeedSequence(seed).spawn(1)
         herd, rng = self._herd("real", size), np.random.default_rng(first)
-        recorder = Recorder(herd, size)
+        recorder = HerdRecorder(herd, size)
         part, _ = episodes(
             herd, self._policy, self._read("real"), self.spec, options, rng, recorder
         )
@@ -191,7 +191,7 @@ class WalkingWorld:
         """One control step, and the hidden variables after it; see :class:`ClosedLoop`."""
         return self._stepped(domain, o, a, hidden)
 
-    def truth(self, count: int, past: int, horizon: int, seed: int) -> Truth:
+    def truth(self, count: int, past: int, horizon: int, seed: int) -> ReferenceRollouts:
         """R under its policy; see :class:`ClosedLoop`."""
         options = self._options
         truth = walk(
