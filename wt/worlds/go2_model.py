@@ -108,7 +108,7 @@ class BallPayload:
 
     @property
     def ball_rest(self) -> Triple:
-        """Where the ball lies in the middle of the box, in the trunk's frame [m]."""
+        """The ball's place at rest in the middle of the box, in the trunk's frame [m]."""
         return (0.0, 0.0, self.floor_height + self.ball_radius)
 
 

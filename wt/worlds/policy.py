@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from jaxtyping import Float, Float32
 
 from wt.errors import ModelError
 from wt.worlds.gait import CLOCK, GaitClock
@@ -26,18 +27,16 @@ from wt.worlds.legged_model import LeggedPhysics
 if TYPE_CHECKING:
     import onnxruntime
 
-Array = np.ndarray
-
 GRAPH = "policy.onnx"
 CARD = "card.json"
 SCHEMA = 1
 SHIPPED = Path(__file__).with_name("policies")
-"""Where the policies of the package are, one folder each."""
+"""Folder of the package's policies, one folder each."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyCard:
-    """What one must know to use a policy and to trust it.
+    """The facts that are needed to use a policy and to trust it.
 
     Attributes:
         name: of the policy.
@@ -182,22 +181,24 @@ class Policy:
         return cls(card, session)
 
     def clock(self, size: int) -> GaitClock:
-        """Clocks for so many robots, whose reading :meth:`act` takes."""
+        """Clocks for ``size`` robots, whose reading :meth:`act` takes."""
         return GaitClock(self.card.clock_period, size, self.card.clock_rests)
 
-    def act(self, observation: Array, command: Array, clock: Array) -> Array:
-        """Actions for N robots.
+    def act(
+        self,
+        observation: Float[np.ndarray, "robot obs"],
+        command: Float[np.ndarray, "robot command=3"],
+        clock: Float[np.ndarray, "robot clock"],
+    ) -> Float32[np.ndarray, "robot joint"]:
+        """Actions in units of the action scale.
 
         Args:
-            observation: of :meth:`wt.worlds.legged.Herd.observe`, (N, n_obs).
-            command: (N, 3) [m/s, m/s, rad/s].
-            clock: what those of :meth:`clock` say, (N, 2); (N, 0) without a rhythm.
-
-        Returns:
-            Actions, (N, n), float32, in units of the action scale.
+            observation: of :meth:`wt.worlds.legged.Herd.observe`.
+            command: velocities [m/s, m/s, rad/s].
+            clock: reading of :meth:`clock`: two numbers a robot, none without a rhythm.
         """
-        whole = np.concatenate([observation, command, clock], axis=1, dtype=np.float32)
-        action: Array = self._session.run(["action"], {"observation": whole})[0]
+        inputs = np.concatenate([observation, command, clock], axis=1, dtype=np.float32)
+        action: np.ndarray = self._session.run(["action"], {"observation": inputs})[0]
         return action
 
 

@@ -65,7 +65,7 @@ _FINGER_MASS = 0.064798
 _FINGER_OPENING = 0.022  # m, half of the published travel
 _FINGER_SIZE = (0.03, 0.004, 0.012)  # m, half sizes of the drawing
 
-# What each link looks like: capsules from → to [m, link frame] with a radius [m].
+# Drawing of each link: capsules from → to [m, link frame] with a radius [m].
 _SHAPES = (
     ((0.0, 0.0, -0.02), (0.01, 0.0, 0.04), 0.035),
     ((0.0, 0.0, 0.0), (-0.264, 0.0, 0.0), 0.030),
@@ -78,7 +78,7 @@ _SHAPES = (
 
 @dataclass(frozen=True)
 class ArmPhysics:
-    """What may differ between two R5 arms; six values each, base to wrist.
+    """The physics that may differ between two R5 arms; six values each, base to wrist.
 
     Attributes:
         stiffness: position gain [N·m/rad].
