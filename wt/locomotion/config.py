@@ -1,4 +1,4 @@
-"""What ``conf/policy_*.yaml`` may say."""
+"""The schema of ``conf/policy_*.yaml``."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ Device = Literal["auto", "cpu", "cuda"]
 
 @dataclass
 class Commands:
-    """Which commands are practised (``commands:``)."""
+    """The commands that are practised (``commands:``)."""
 
     forward: float = 1.0  # largest, either way [m/s]
     sideways: float = 0.5  # [m/s]
     turn: float = 1.0  # [rad/s]
-    seconds: float = 5.0  # a command holds so long on average
+    seconds: float = 5.0  # mean time that a command holds
     standing: float = 0.1  # share of zero commands
     single: float = 0.3  # share of commands of one axis alone
 
@@ -39,7 +39,7 @@ class Commands:
 
 @dataclass
 class Episodes:
-    """How robots are started and disturbed (``episodes:``); none of it alters their dynamics."""
+    """Starts and disturbances of robots (``episodes:``); none of them alters their dynamics."""
 
     seconds: float = 20.0
     start: Start = field(default_factory=lambda: Start(joints=0.1, speed=0.3))
@@ -105,7 +105,7 @@ class Ppo:
 
 @dataclass
 class PolicyConfig:
-    """Everything ``wt-train-policy`` reads."""
+    """The configuration that ``wt-train-policy`` reads."""
 
     name: str = omegaconf.MISSING
     robot: str = omegaconf.MISSING
@@ -129,7 +129,7 @@ class PolicyConfig:
         return robot_of(self.robot)
 
     def clock(self, size: int) -> GaitClock:
-        """The clocks that so many robots walk to."""
+        """The clocks of ``size`` robots."""
         return (
             GaitClock(self.gait.period, size, self.gait.rests)
             if self.gait
@@ -144,11 +144,11 @@ class PolicyConfig:
         """
         names = self.body().joints
         fits = [fitting("joints", pattern, names) for pattern in self.joints]
-        return tuple(name for name, *some in zip(names, *fits, strict=True) if any(some))
+        return tuple(name for name, *fit in zip(names, *fits, strict=True) if any(fit))
 
 
 def fitting(key: str, pattern: str, joints: Sequence[str]) -> list[bool]:
-    """Which joints a pattern of their names fits.
+    """One boolean a joint: true where a pattern fits its name.
 
     Args:
         key: where the configuration has it, for the message.

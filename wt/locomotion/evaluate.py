@@ -1,4 +1,4 @@
-"""How well a policy walks: tracking, falls, power and gait, on the exported graph.
+"""Figures of a policy that walks: tracking, falls, power and gait, on the exported graph.
 
 Nothing is pushed and nobody restarts: a robot that fell counts as fallen from there on.
 """
@@ -9,15 +9,14 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
 import numpy as np
+from jaxtyping import Bool
 
 from wt.locomotion.config import PolicyConfig
 from wt.locomotion.env import make_herd, sample_commands
 from wt.locomotion.feet import FootSensors
 from wt.worlds.legged import COMMAND, Herd, Start
 
-Array = np.ndarray
-
-Act = Callable[[Array, Array, Array], Array]
+Act = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """From observation, command and clock to action, as :meth:`wt.worlds.policy.Policy.act`."""
 
 SETTLE_SECONDS = 2.0
@@ -29,10 +28,10 @@ _LIFTED = 0.01  # m: a foot that rose less was not lifted
 
 @dataclass(frozen=True)
 class CommandTracking:
-    """One command, held.
+    """Tracking of one constant command.
 
     Attributes:
-        axis: which of :data:`wt.worlds.legged.COMMAND`.
+        axis: one of :data:`wt.worlds.legged.COMMAND`.
         command: [m/s] or [rad/s].
         mean: velocity reached, over time and robots.
         error: mean of |1 s averages of the velocity − command| over |command|, robots and time.
@@ -50,16 +49,16 @@ class CommandTracking:
 
 @dataclass(frozen=True)
 class WalkFigures:
-    """Changing commands for a minute.
+    """Figures of a minute of changing commands.
 
     Attributes:
-        robots: how many.
-        seconds: how long each [s].
+        robots: their number.
+        seconds: duration of each walk [s].
         fallen: share that fell.
         power: mean Σ|τ q̇| [W].
-        cost_of_transport: power over weight and mean speed, while told to walk at over 0.3 m/s.
+        cost_of_transport: power over weight and mean speed, where the command is over 0.3 m/s.
         duty_factor: share of time that a foot is on the ground while walking.
-        clearance: median of how high feet are lifted in a swing [m].
+        clearance: median height to which feet are lifted in a swing [m].
         step_seconds: median time of a swing [s].
         strides_hz: landings of a foot per second while walking.
     """
@@ -83,7 +82,7 @@ class PolicyEvaluation:
     walk: WalkFigures
 
     def plain(self) -> dict[str, object]:
-        """As JSON would have it."""
+        """The figures as nested plain values, for JSON."""
         return asdict(self)
 
     @property
@@ -107,7 +106,7 @@ def evaluate(
         config: says robot, physics, scene and commands.
         act: the policy.
         threads: physics threads; 0 for one per core.
-        robots: for each of the six held commands.
+        robots: for each of the six constant commands.
         walkers: robots that walk for a minute.
         seed: of starts and commands.
     """
@@ -187,10 +186,21 @@ class _GaitAccumulator:
         self._powers: list[float] = []
         self._costs: list[tuple[float, float]] = []  # power and speed while walking
         self._duty: list[tuple[float, int]] = []
-        self._swings: list[Array] = []  # clearance and time of each swing, (K, 2)
+        self._swings: list[np.ndarray] = []  # clearance and time of each swing, (K, 2)
 
-    def add(self, feet: FootSensors, upright: Array, walking: Array) -> None:
-        """Take in one control step of robots that are upright, and of those told to walk."""
+    def add(
+        self,
+        feet: FootSensors,
+        upright: Bool[np.ndarray, " robot"],
+        walking: Bool[np.ndarray, " robot"],
+    ) -> None:
+        """Take in one control step.
+
+        Args:
+            feet: of all robots.
+            upright: true where a robot has not fallen.
+            walking: true where the command is to walk.
+        """
         herd, walking = self._herd, walking & upright
         power = (np.abs(self._torque) * np.abs(herd.joint_vel)).sum(1)
         velocity = herd.velocity()

@@ -36,7 +36,7 @@ class Actor(torch.nn.Module):
     """The mean action of an actor as a function of one tensor: normaliser, then net.
 
     Joints that it does not move get the action 0. It never saw another last action of theirs, so
-    what a user's exploration asks of them is kept from it.
+    an exploration that moves them is hidden from it.
     """
 
     normalizer: torch.nn.Module
@@ -51,8 +51,8 @@ class Actor(torch.nn.Module):
         self.mlp = copy.deepcopy(model.mlp)
         joints, moved = config.body().joints, config.moved()
         names = observation_names(config.body(), config.gait is not None)
-        held = {f"last_action/{joint}" for joint in joints if joint not in moved}
-        self.register_buffer("seen", torch.tensor([float(name not in held) for name in names]))
+        unmoved = {f"last_action/{joint}" for joint in joints if joint not in moved}
+        self.register_buffer("seen", torch.tensor([float(name not in unmoved) for name in names]))
         rows = [[float(joint == name) for joint in joints] for name in moved]
         self.register_buffer("spread", torch.tensor(rows))
         self.eval()
@@ -74,9 +74,9 @@ def write(
     The card has no evaluation yet: :func:`judged` adds it.
 
     Args:
-        trained: what came out of the training.
-        config: what it was trained with.
-        folder: where to; it is made.
+        trained: result of the training.
+        config: its configuration.
+        folder: of the policy; it is made.
         made_by: the command line.
 
     Raises:

@@ -1,4 +1,4 @@
-"""What ``wt-train-policy`` does, step by step: train, export, evaluate, calibrate, put in place."""
+"""The steps of ``wt-train-policy``: train, export, evaluate, calibrate, put in place."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def run(
         config: what is trained.
         folder: of the training.
         made_by: the command line, for the card.
-        show: told what is being done and which share is behind.
+        show: called with the present step and the share of the training that is done.
         resume: continue from the folder's checkpoint.
         start_from: a checkpoint of another training.
         seconds: wall clock of the training [s].

@@ -37,7 +37,7 @@ Begin = Callable[[OnPolicyRunner], None]
 
 @dataclass(frozen=True)
 class Trained:
-    """What came out of a training.
+    """Result of a training.
 
     Attributes:
         actor: rsl_rl's net with its normaliser inside, on the processor, in evaluation mode.
@@ -70,7 +70,7 @@ def train(
         resume: continue from the folder's checkpoint.
         start_from: a checkpoint of another training, whose nets are taken over, or what fills them.
         seconds: wall clock after which no further iteration begins [s].
-        progress: told about every iteration.
+        progress: called after every iteration.
         make: the environment.
 
     Raises:
@@ -164,7 +164,7 @@ def make_runner(env: Walking | Parts, ppo: Ppo, device: str) -> OnPolicyRunner:
 
 
 def figures(runner: OnPolicyRunner, seconds: float) -> dict[str, float]:
-    """What is worth knowing about the last iteration, which took so long [s]."""
+    """Figures of the last iteration, which took ``seconds`` [s]."""
     env: Any = runner.env
     steps = env.num_envs * runner.cfg["num_steps_per_env"]
     return {
