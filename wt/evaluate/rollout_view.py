@@ -27,8 +27,8 @@ import rerun.blueprint as rrb
 from wt.errors import DataError
 from wt.show import colors
 from wt.show.files import write_whole
-from wt.show.robot_view import Array, BodyPoses, body_poses, log_robot, send_columns
-from wt.types import Channel
+from wt.show.robot_view import BodyPoses, body_poses, log_robot, send_columns
+from wt.types import Array, Channel
 
 ARM_COLORS = (colors.S, colors.TRANSLATED, colors.R)
 FORCE_COLOR: colors.Color = (213, 94, 0)
