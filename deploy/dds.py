@@ -25,7 +25,7 @@ _CONFIG = """<CycloneDDS><Domain Id="any"><General><Interfaces>
 _domains: dict[int, tuple[str, Domain]] = {}
 
 
-class Line:
+class DdsParticipant:
     """A member of one DDS domain on one network interface."""
 
     def __init__(self, interface: str, domain: int = 0) -> None:

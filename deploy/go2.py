@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from deploy.dds import Line
+from deploy.dds import DdsParticipant
 from deploy.idl import LowCmd_, LowState_
 from deploy.messages import Packed
 from deploy.remote import Remote
@@ -41,7 +41,7 @@ class Go2:
         drives: what they can take.
     """
 
-    def __init__(self, line: Line, joints: Sequence[str]) -> None:
+    def __init__(self, line: DdsParticipant, joints: Sequence[str]) -> None:
         """Listen for its state; nothing is sent yet.
 
         Args:

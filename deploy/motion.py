@@ -16,7 +16,7 @@ DAMPING = 4.0
 _PATIENCE = 0.001  # s that a tick waits for an action; later ones look again
 
 
-class Motion:
+class MotionController:
     """Standing up, and walking as the policy says.
 
     Attributes:

@@ -76,7 +76,7 @@ class Keyboard:
         return wish
 
 
-class Operator:
+class HumanOperator:
     """Everything that an operator can use, as one."""
 
     def __init__(self, largest: Sequence[float]) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 
 from deploy import safety
 from deploy.clock import Clock, Monotonic
-from deploy.motion import Motion
+from deploy.motion import MotionController
 from deploy.pilot import Pilot
 from deploy.record import Recorder, state_columns, state_values
 from deploy.remote import Remote
@@ -45,7 +45,7 @@ _EXTRA = (
 
 @runtime_checkable
 class Operator(Protocol):
-    """Who decides: :class:`deploy.operator.Operator`, or a test."""
+    """Who decides: :class:`deploy.operator.HumanOperator`, or a test."""
 
     def poll(self, remote: Remote) -> tuple[Wish | None, np.ndarray]:
         """Wish and velocity command (3,) [m/s, m/s, rad/s]."""
@@ -55,7 +55,7 @@ class Operator(Protocol):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RunOutcome:
     """How a run ended.
 
     Attributes:
@@ -95,7 +95,7 @@ class Runner:
         self._robot, self._operator = robot, operator
         self._clock, self._say = clock or Monotonic(), say or teller()
         self._watch = Watch(robot, limits)
-        self._motion = Motion(pilot, robot.drives, limits, 1 / RATE_HZ)
+        self._motion = MotionController(pilot, robot.drives, limits, 1 / RATE_HZ)
         self._seconds = pilot.seconds
         self.recorder = Recorder(state_columns(robot.joints), robot.joints, _EXTRA)
         self.status = Status()
@@ -103,7 +103,7 @@ class Runner:
         self._ages: list[float] = []
         self._began = 0.0
 
-    def run(self, seconds: float = math.inf, brake: float = END_SECONDS) -> Outcome:
+    def run(self, seconds: float = math.inf, brake: float = END_SECONDS) -> RunOutcome:
         """Run until the operator ends it; damping is the last that the drives are told.
 
         Args:
@@ -131,7 +131,7 @@ class Runner:
         finally:
             gc.enable()
         timing = Timing.of(np.array(ticks), 1 / RATE_HZ, self._seconds, np.array(self._ages))
-        return Outcome(self.status.fault, timing, begin)
+        return RunOutcome(self.status.fault, timing, begin)
 
     def _await_robot(self) -> None:
         """Wait for a first state, then listen for a while; send nothing."""

@@ -11,7 +11,7 @@ from wt.config import Baselines
 from wt.evaluate.correction import corrected_action
 from wt.evaluate.multi_step import Now, of_baseline, roll_out, simulator
 from wt.types import Domain
-from wt.worlds.closed_loop import ClosedLoop, Truth
+from wt.worlds.closed_loop import ClosedLoop, ReferenceRollouts
 
 PAST, HORIZON, N = 3, 12, 5
 Array = np.ndarray
@@ -39,7 +39,7 @@ class Loop:
     def astray(self, s: Array, hidden: Array) -> Array:
         return ~(np.abs(s) < 50.0).all(axis=1)
 
-    def truth(self, count: int, past: int, horizon: int, seed: int) -> Truth:
+    def truth(self, count: int, past: int, horizon: int, seed: int) -> ReferenceRollouts:
         rng = np.random.default_rng(seed)
         o = rng.normal(size=(count, 6)).astype(np.float32)
         force = rng.normal(size=(count, 2)).astype(np.float32)
@@ -52,7 +52,7 @@ class Loop:
             seen.append(o)
             acted.append(a)
         hidden = np.repeat(force[:, None], past + horizon + 1, axis=1)
-        return Truth(np.stack(seen, 1), np.stack(acted, 1), hidden, context, past)
+        return ReferenceRollouts(np.stack(seen, 1), np.stack(acted, 1), hidden, context, past)
 
 
 LOOP = Loop()
@@ -120,7 +120,7 @@ def test_a_baseline_sees_its_own_rollout_as_history(name: str) -> None:
     assert len(answers) == HORIZON
     other = TRUTH.o.copy()
     other[:, PAST - 1] += 1.0
-    changed = Truth(other, TRUTH.a, TRUTH.hidden, TRUTH.context, PAST)
+    changed = ReferenceRollouts(other, TRUTH.a, TRUTH.hidden, TRUTH.context, PAST)
     first = answers[0]
     answers.clear()
     roll_out(LOOP, changed, watched, ONES)

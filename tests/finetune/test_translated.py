@@ -15,7 +15,7 @@ from wt.finetune.setting import Setting
 from wt.finetune.training import environment
 from wt.finetune.translated import Translate, Translated, translated
 from wt.locomotion.env import Walking
-from wt.worlds.walking_state import WalkingState
+from wt.worlds.walking.state import WalkingState
 
 Array = np.ndarray
 

@@ -22,7 +22,7 @@ from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.nets.world_model import WorldModel
 from wt.translate import translate_state
 from wt.types import Pairs, Transitions
-from wt.worlds.closed_loop import ClosedLoop, Truth
+from wt.worlds.closed_loop import ClosedLoop, ReferenceRollouts
 
 Array = np.ndarray
 
@@ -63,7 +63,7 @@ class Rolled:
 
 def roll_out(
     world: ClosedLoop,
-    truth: Truth,
+    truth: ReferenceRollouts,
     step: Step,
     scale: Array,
     alignment: Alignment = "state",

@@ -27,8 +27,8 @@ import rerun.blueprint as rrb
 from wt.errors import DataError
 from wt.show import colors
 from wt.show.files import write_whole
-from wt.show.robot_view import Array, Motion, log_robot, motion_of, send_columns
-from wt.types import Channel
+from wt.show.robot_view import BodyPoses, body_poses, log_robot, send_columns
+from wt.types import Array, Channel
 
 ARM_COLORS = (colors.S, colors.TRANSLATED, colors.R)
 FORCE_COLOR: colors.Color = (213, 94, 0)
@@ -68,7 +68,7 @@ def write_rollout(
         OSError: the file cannot be written.
     """
     _check(model, t, qpos, predicted, real, channels, force, force_body)
-    motions = {arm: motion_of(model, positions) for arm, positions in qpos.items()}
+    motions = {arm: body_poses(model, positions) for arm, positions in qpos.items()}
     reach = max(*(motion.reach for motion in motions.values()), 0.1 * model.stat.extent)
     recording = rr.RecordingStream("World Translation", send_properties=False)
     memory = recording.memory_recording()
@@ -173,7 +173,7 @@ def _send_series(
 
 
 def _blueprint(
-    motions: Mapping[str, Motion], reach: float, channels: tuple[Channel, ...]
+    motions: Mapping[str, BodyPoses], reach: float, channels: tuple[Channel, ...]
 ) -> rrb.Blueprint:
     """The 3D scene on the left; on the right one tab a joint, values and errors below each other.
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from wt.finetune.config import Randomization
-from wt.locomotion.config import Policy
+from wt.locomotion.config import PolicyConfig
 from wt.locomotion.env import Walking, make_herd, make_model
 from wt.worlds.legged import TIMESTEP, Herd
 from wt.worlds.legged_model import LeggedPhysics
@@ -19,7 +19,7 @@ class Randomized(Walking):
     """Velocity tracking with random physics and noise on observations; see :class:`Walking`."""
 
     def __init__(
-        self, config: Policy, device: str, ranges: Randomization, timestep: float = TIMESTEP
+        self, config: PolicyConfig, device: str, ranges: Randomization, timestep: float = TIMESTEP
     ) -> None:
         """Draw every robot's physics and start all.
 

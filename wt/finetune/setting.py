@@ -10,15 +10,15 @@ import mujoco
 from wt.config import load as load_task
 from wt.errors import ConfigError
 from wt.finetune.config import Finetune, Variant
-from wt.locomotion.config import Policy as Training
+from wt.locomotion.config import PolicyConfig as Training
 from wt.locomotion.config import checked
 from wt.schema import merge, parse
 from wt.types import Domain
-from wt.worlds.legged import Herd, Robot
+from wt.worlds.legged import Herd, LeggedRobot
 from wt.worlds.policy import Policy
 from wt.worlds.robots import robot_of
-from wt.worlds.walking import WalkingWorld
-from wt.worlds.walking_options import WalkingOptions
+from wt.worlds.walking.options import WalkingOptions
+from wt.worlds.walking.world import WalkingWorld
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Setting:
 
     config: Finetune
     options: WalkingOptions
-    robot: Robot
+    robot: LeggedRobot
     base: Policy
 
     @classmethod

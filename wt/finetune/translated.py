@@ -23,13 +23,13 @@ import numpy as np
 from registry.card import MODEL_FILE, Card
 from wt.config import Alignment
 from wt.evaluate.correction import correct
-from wt.locomotion.config import Policy
+from wt.locomotion.config import PolicyConfig
 from wt.locomotion.env import Walking, make_herd, make_model
 from wt.registered import Registered
 from wt.types import TransitionSpec
 from wt.worlds.legged import Herd
-from wt.worlds.walking_rollout import astray
-from wt.worlds.walking_state import WalkingState
+from wt.worlds.walking.rollout import astray
+from wt.worlds.walking.state import WalkingState
 
 Array = np.ndarray
 
@@ -46,7 +46,7 @@ class Translated(Walking):
 
     def __init__(
         self,
-        config: Policy,
+        config: PolicyConfig,
         device: str,
         translate: Translate,
         alignment: Alignment = "state",
@@ -123,7 +123,7 @@ class Translated(Walking):
 
 
 def translated(
-    config: Policy,
+    config: PolicyConfig,
     device: str,
     *,
     folder: Path,

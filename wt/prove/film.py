@@ -27,7 +27,7 @@ from wt.prove.blind import inputs
 from wt.prove.folder import Folder
 from wt.prove.marks import Row
 from wt.show import colors
-from wt.show.robot_view import log_robot, motion_of, send_columns
+from wt.show.robot_view import body_poses, log_robot, send_columns
 
 Array = np.ndarray
 
@@ -142,7 +142,7 @@ def _log_case(
         q = _poses(given, measured, path)[shown][::step]
         at = rr.Transform3D(translation=[apart * x, y, 0.0])
         recording.log(rr.new_entity_path(["world", name]), at, static=True, strict=True)
-        log_robot(recording, given, time, name, motion_of(given, q), COLORS[robot])
+        log_robot(recording, given, time, name, body_poses(given, q), COLORS[robot])
         if robot != "recorded":
             squares = (path - measured.q)[shown][::step] ** 2
             led = np.isnan(squares).all(axis=1)

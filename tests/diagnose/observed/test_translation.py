@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from tests.worlds.test_concealed import QUICK, to_xml
-from tests.worlds.test_walking import world
+from tests.worlds.walking.test_concealed import QUICK, to_xml
+from tests.worlds.walking.test_world import world
 from wt.diagnose.evidence import Interval
 from wt.diagnose.observed.translation import Observer, Translation, sentences, timed, translated
 from wt.diagnose.recordings.prepare import prepare

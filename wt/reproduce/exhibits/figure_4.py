@@ -21,7 +21,7 @@ from wt.reproduce.bench import FULL, PLUS, Bench
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
 from wt.reproduce.words import gain, mean, spread
 from wt.run.study import Study
-from wt.worlds.closed_loop import ClosedLoop, Truth
+from wt.worlds.closed_loop import ClosedLoop, ReferenceRollouts
 
 TASK = "go2_payload"
 HORIZON = 50
@@ -34,7 +34,7 @@ START_SEED = 1000
 """Of the starts of rollouts; the same for every method."""
 
 
-def truth_of(study: Study, quick: bool, seed: int) -> tuple[ClosedLoop, Truth]:
+def truth_of(study: Study, quick: bool, seed: int) -> tuple[ClosedLoop, ReferenceRollouts]:
     """A task's closed loop, and what R does in it from one set of starts."""
     world = study.world
     if not isinstance(world, ClosedLoop):

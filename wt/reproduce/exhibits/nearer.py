@@ -20,8 +20,8 @@ from wt.run.study import Study
 from wt.show.text import short
 from wt.worlds.legged_model import LeggedPhysics
 from wt.worlds.robots import robot_of
-from wt.worlds.walking import WalkingWorld
-from wt.worlds.walking_options import WalkingOptions
+from wt.worlds.walking.options import WalkingOptions
+from wt.worlds.walking.world import WalkingWorld
 
 WAYS = (0.0, 0.5, 0.75, 0.9)
 """Shares of the way from S to R; nothing but RawSim depends on them."""
