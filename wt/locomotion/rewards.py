@@ -75,11 +75,13 @@ class Step:
     dt: float
 
 
-PerRobot = Float[np.ndarray, "robot"]
+# Not annotated with a shape: two dozen terms are computed in every control step, and checking each
+# would cost a third of it. They work on the fields of Step, and their sum is checked.
+PerRobot = np.ndarray
 """A term: one number per robot."""
 
 
-def _squares(x: Float[np.ndarray, "robot channel"]) -> PerRobot:
+def _squares(x: np.ndarray) -> PerRobot:
     out: np.ndarray = np.einsum("ij,ij->i", x, x)
     return out
 
