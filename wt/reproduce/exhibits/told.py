@@ -37,11 +37,11 @@ class Told(Exhibit):
             }
             runs = [(name, step, False) for name, step in (blind | reading).items()]
             runs += [(name, step, True) for name, step in reading.items()]
-            for i, (name, step, told) in enumerate(runs):
+            for i, (name, step, true_hidden) in enumerate(runs):
                 bench.listener.progress(f"rollouts, seed {seed}", i, len(runs))
                 alignment = alignment_of(study.config, name)
-                rolled = roll_out(world, truth, step, study.scales.state, alignment, told)
-                keep(found, name + SUFFIX * told, rolled)
+                rolled = roll_out(world, truth, step, study.scales.state, alignment, true_hidden)
+                keep(found, name + SUFFIX * true_hidden, rolled)
         return found
 
     def present(self, found: Numbers) -> Section:
