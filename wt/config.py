@@ -30,8 +30,8 @@ MeanKind = Literal["none", "average", "mode"]
 for hidden variables that are often absent.
 """
 
-SimulatorUse = Literal["base", "read", "mean", "blend", "ignored"]
-"""How the mean field uses the simulator's own answer.
+SimulatorUseName = Literal["base", "read", "mean", "blend", "ignored"]
+"""The mean field's use of the simulator's own answer; a class each in ``wt.nets.simulator_use``.
 
 ``base``: it is added to; ``read``: it is added to and is also an input of the correction;
 ``mean``: the same, but with S's own average answer to (o, a) instead of its answer with nothing
@@ -71,7 +71,7 @@ class Mean:
     """The regressors in front of the translation (``mean:``); unused when kind is ``none``."""
 
     kind: MeanKind = "none"
-    simulator: SimulatorUse = "base"
+    simulator: SimulatorUseName = "base"
     members: int = 1
     input_noise: float = 0.0
     mode_width: float = 0.05
@@ -80,11 +80,6 @@ class Mean:
     steps: int = 8000
     batch: int = 512
     learning_rate: float = 4e-3
-
-    @property
-    def averages(self) -> bool:
-        """Whether S's average answer stands for its answer with nothing hidden."""
-        return self.simulator in ("mean", "blend")
 
 
 @dataclass
