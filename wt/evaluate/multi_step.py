@@ -17,7 +17,7 @@ import torch
 from jaxtyping import Float
 
 from wt.baselines.base import Baseline
-from wt.config import Alignment, Fit
+from wt.config import Alignment, FitConfig
 from wt.evaluate.alignment import align
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.nets.world_model import WorldModel
@@ -142,7 +142,7 @@ class _Taken:
         self.state, self.hidden = self._advance(action)
 
 
-def alignment_of(config: Fit, method: str) -> Alignment:
+def alignment_of(config: FitConfig, method: str) -> Alignment:
     """The alignment of a method of a run: as its settings say, and ``state`` for a baseline."""
     settings = {PAPERS_OWN: config.paper, OURS: config.plus}.get(method)
     return settings.translation.alignment if settings else "state"

@@ -91,7 +91,7 @@ def _joined(parts: tuple[Tensor, ...]) -> Array:
     return torch.cat(parts).numpy()
 
 
-def some(data: Transitions, count: int) -> Transitions:
+def whole_episodes(data: Transitions, count: int) -> Transitions:
     """At most ``count`` transitions, in whole episodes from the first on."""
     if len(data) <= count:
         return data

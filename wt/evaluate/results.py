@@ -33,7 +33,7 @@ ASSUMPTION = (
 
 
 @dataclass(frozen=True)
-class Score:
+class MethodScore:
     """One method's single-step error; NaN where it did not converge.
 
     Attributes:
@@ -47,13 +47,16 @@ class Score:
     mse_change: float
 
     @classmethod
-    def of_seeds(cls, mse: Sequence[float], mse_change: Sequence[float]) -> Score:
+    def of_seeds(cls, mse: Sequence[float], mse_change: Sequence[float]) -> MethodScore:
         """Mean and spread of one value a seed."""
         return cls(
             mse=statistics.fmean(mse),
             std=statistics.stdev(mse) if len(mse) > 1 else 0.0,
             mse_change=statistics.fmean(mse_change),
         )
+
+
+Score = MethodScore  # as wt.publish says still; to go when it moves to wt.run
 
 
 @dataclass(frozen=True)
@@ -73,7 +76,7 @@ class Results:
 
     task: str
     seeds: tuple[int, ...]
-    single_step: Mapping[str, Score]
+    single_step: Mapping[str, MethodScore]
     model: str | None = None
     version: int | None = None
     channels: tuple[Channel, ...] = ()
@@ -187,7 +190,7 @@ class Results:
             task=content["task"],
             seeds=tuple(content["seeds"]),
             single_step={
-                method: Score(**{key: _nan_if_null(value) for key, value in score.items()})
+                method: MethodScore(**{key: _nan_if_null(value) for key, value in score.items()})
                 for method, score in content["single_step"].items()
             },
             model=content["model"],

@@ -13,7 +13,7 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True)
-class Scales:
+class ErrorScales:
     """What errors are measured in: R's spread in the training data.
 
     Attributes:
@@ -25,10 +25,13 @@ class Scales:
     change: Array
 
     @classmethod
-    def of(cls, real: Transitions, spec: TransitionSpec) -> Scales:
-        """Scales of R's training transitions."""
+    def of(cls, real: Transitions, spec: TransitionSpec) -> ErrorScales:
+        """ErrorScales of R's training transitions."""
         change = real.s_next - real.o[:, : spec.n_state]
         return cls(real.s_next.std(axis=0), change.std(axis=0))
+
+
+Scales = ErrorScales  # as wt.study says still; to go when it moves to wt.run
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,7 @@ class Errors:
     rmse: Array
 
 
-def errors(predicted: Array, pairs: Pairs, scales: Scales) -> Errors:
+def errors(predicted: Array, pairs: Pairs, scales: ErrorScales) -> Errors:
     """Error of predicted next states, (N, n_state) in physical units."""
     error = predicted.astype(np.float64) - pairs.real.s_next
     return Errors(

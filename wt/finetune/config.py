@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 
 import omegaconf
 
-from wt.config import Alignment, Tracking
+from wt.config import Alignment, TrackingConfig
 from wt.errors import ConfigError, suggest
 from wt.schema import check_numbers, parse, read
 
@@ -47,7 +47,7 @@ class Diagnosed:
 
 
 @dataclass
-class Evaluation:
+class EvaluationConfig:
     """How policies are judged in R (``evaluation:``)."""
 
     episodes: int = 20
@@ -70,8 +70,8 @@ class Finetune:
     training: dict[str, Any] = field(default_factory=dict)
     randomization: Randomization = field(default_factory=Randomization)
     diagnosed: Diagnosed = field(default_factory=Diagnosed)
-    evaluation: Evaluation = omegaconf.MISSING
-    tracking: Tracking = field(default_factory=Tracking)
+    evaluation: EvaluationConfig = omegaconf.MISSING
+    tracking: TrackingConfig = field(default_factory=TrackingConfig)
 
 
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Finetune:

@@ -13,16 +13,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wt.baselines.base import Baseline
-from wt.config import Fit, load, to_yaml
+from wt.config import FitConfig, load, to_yaml
 from wt.data.transitions import digest
 from wt.errors import WorkError
-from wt.evaluate.representation import Features, features, some
+from wt.evaluate.representation import Features, features, whole_episodes
 from wt.evaluate.results import OURS, PAPERS_OWN, Results
 from wt.evaluate.single_step import Errors, errors
 from wt.fit import fit, open_folder
 from wt.jobs import Job, run_jobs
 from wt.nets.world_model import WorldModel
-from wt.reproduce.tasks import Task
+from wt.reproduce.tasks import PaperTask
 from wt.run_folder import CONFIG
 from wt.study import Listener, Study
 from wt.types import Transitions
@@ -74,18 +74,18 @@ class Bench:
 
     conf: Path
     out: Path
-    tasks: Sequence[Task]
+    tasks: Sequence[PaperTask]
     overrides: Sequence[str]
     quick: bool
     listener: Listener
     _open: dict[str, Study] = field(default_factory=dict)
-    _read: dict[tuple[str, ...], Fit] = field(default_factory=dict)
+    _read: dict[tuple[str, ...], FitConfig] = field(default_factory=dict)
 
-    def task(self, name: str) -> Task:
+    def task(self, name: str) -> PaperTask:
         """The task of that name, which can be run."""
         return next(task for task in self.tasks if task.name == name)
 
-    def config(self, name: str, extra: Sequence[str] = ()) -> Fit:
+    def config(self, name: str, extra: Sequence[str] = ()) -> FitConfig:
         """A task's configuration."""
         key = (name, *extra)
         if key not in self._read:
@@ -99,7 +99,7 @@ class Bench:
         configs = {name: to_yaml(self.config(name)) for name in there}
         return digest({"tasks": configs, "quick": self.quick})
 
-    def results(self, task: Task) -> Results:
+    def results(self, task: PaperTask) -> Results:
         """What ``wt fit`` finds on a task: those that lie in its folder, or of its run."""
         folder = self.out / task.name
         begun = (folder / CONFIG).is_file()
@@ -161,7 +161,7 @@ class Bench:
     def looked_at(self, study: Study) -> tuple[Transitions, Transitions]:
         """The transitions of S and of R that representations are looked at on."""
         count = FEATURES_QUICK if self.quick else FEATURES
-        return some(study.data.sim, count), some(study.data.real, count)
+        return whole_episodes(study.data.sim, count), whole_episodes(study.data.real, count)
 
     def features(self, study: Study, variant: Variant, seed: int) -> tuple[Features, Features]:
         """What a trained model makes of them."""

@@ -12,7 +12,7 @@ from wt.reproduce.bench import Bench
 from wt.reproduce.exhibit import Exhibit, exhibits
 from wt.reproduce.numbers import kept, obtain
 from wt.reproduce.report import Entry, write
-from wt.reproduce.tasks import FULL, QUICK, Task, chosen
+from wt.reproduce.tasks import FULL, QUICK, PaperTask, chosen
 from wt.study import Listener
 
 Bars = Callable[[], AbstractContextManager[Listener]]
@@ -92,7 +92,7 @@ def _known(exhibit: Exhibit, bench: Bench, names: Sequence[str]) -> Entry:
 
 
 def _about(
-    tasks: Sequence[Task], left_out: Sequence[Task], words: Sequence[str], quick: bool
+    tasks: Sequence[PaperTask], left_out: Sequence[PaperTask], words: Sequence[str], quick: bool
 ) -> str:
     size = "Small models and little data: shows that it runs, not how well. " if quick else ""
     seeds = next((word.partition("=")[2] for word in reversed(words) if "seeds=" in word), "[0]")

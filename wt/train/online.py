@@ -51,7 +51,7 @@ class OnlineAdaptation:
             [m.encoder, m.decoder, m.classifier],
             [m.blind],
             [m.to_real, m.to_sim],
-            [m.judge_real, m.judge_sim],
+            [m.discriminator_real, m.discriminator_sim],
         ]
         parameters = [[p for net in group for p in net.parameters()] for group in groups]
         for group in parameters:
@@ -89,14 +89,15 @@ class OnlineAdaptation:
 
     def _iterate(self, batch: StepBatch) -> None:
         """One iteration of Algorithm 1."""
-        vae, blind, makers, judges = self._optimizers
+        vae, blind, generators, discriminators = self._optimizers
         loss, _, z = phases.extraction(self.model, batch)
         _update(vae, loss)
         _update(blind, phases.blind(self.model, batch, z)[0])
         z_sim, z_real = phases.encode(self.model, batch)
         loss, _, fakes = phases.generators(self.model, batch.gan, z_sim, z_real)
-        _update(makers, loss)
-        _update(judges, phases.judges(self.model, batch.gan, z_sim, z_real, fakes)[0])
+        _update(generators, loss)
+        loss, _ = phases.discriminators(self.model, batch.gan, z_sim, z_real, fakes)
+        _update(discriminators, loss)
 
     def _follow_shift(self, optimizer: torch.optim.Optimizer) -> None:
         """Let δ follow: it carries what nothing hidden decides, wherever there is a mean field."""

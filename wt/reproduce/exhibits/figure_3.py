@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from wt.evaluate.results import ASSUMPTION, OURS, PAPERS_OWN, Results
 from wt.reproduce.bench import Bench
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
-from wt.reproduce.tasks import TASKS, Task
+from wt.reproduce.tasks import TASKS, PaperTask
 from wt.reproduce.words import order
 from wt.show import colors
 from wt.show.text import short
@@ -23,7 +23,7 @@ METHODS = (
 PAPER = "paper's"
 _DARK = "#222222"
 
-Found = Mapping[Task, Results]
+Found = Mapping[PaperTask, Results]
 
 
 @register
@@ -54,7 +54,7 @@ class SingleStep(Exhibit):
         )
 
 
-def _difference(task: Task, results: Results) -> str:
+def _difference(task: PaperTask, results: Results) -> str:
     ours = {m: results.relative(m) for m in results.single_step if m != OURS}
     papers = {m: _papers(results, m) for m in results.paper}
     best = f" {OURS} makes {short(results.ratio_to_best_baseline)} of the best baseline's error."

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wt.config import Fit, parse
+from wt.config import FitConfig, parse
 from wt.evaluate import paper
 from wt.evaluate.single_step import errors
 from wt.reproduce.bench import Bench
@@ -82,7 +82,7 @@ def between(sim: LeggedPhysics, real: LeggedPhysics, way: float) -> LeggedPhysic
     return parse(LeggedPhysics, values, "")
 
 
-def world(config: Fit, way: float) -> WalkingWorld:
+def world(config: FitConfig, way: float) -> WalkingWorld:
     """A task's world with a simulator that share of the way from S to R."""
     section = {key: value for key, value in config.world.items() if key != "name"}
     options = parse(WalkingOptions, section, "world.")
