@@ -22,7 +22,7 @@ _BEHIND = 0.05  # s that are made up for; a machine that was busy for longer lea
 
 @dataclass(frozen=True)
 class Walk:
-    """Where the robot got, in the heading that it had when it was first heard of.
+    """Distance that the robot walked, along the heading that it began with.
 
     Attributes:
         forward: [m].
@@ -89,7 +89,7 @@ class Sim:
             time.sleep(max(0.0, due - time.monotonic()))
 
     def walk(self) -> Walk:
-        """Where the robot got so far."""
+        """The robot's walk so far."""
         ticks = self.recorder.ticks()
         x, y, height, *quaternion = (ticks[f"qpos/base/{k}"] for k in range(7))
         heading = _heading(*quaternion)

@@ -95,7 +95,7 @@ class Golden:
 
 @dataclass(frozen=True, config=_STRICT, kw_only=True)
 class Card:
-    """What travels beside a model.
+    """All that travels beside a model.
 
     Attributes:
         schema: version of this layout.

@@ -1,4 +1,4 @@
-"""Does the ONNX graph compute what the model computed, and is a model's folder whole?
+"""Parity of an ONNX graph with the model that it came from, and integrity of a model's folder.
 
 Differences are |ONNX - eager| / max(1, |eager|): absolute for small values, relative for large
 ones, since outputs are physical (rad, rad/s, …) and float32 carries seven digits of either.
@@ -112,10 +112,10 @@ def verify(folder: Path) -> Card:
     path = folder / MODEL_FILE
     if not path.is_file():
         raise RegistryError(f"{folder} has {CARD_FILE} but no {MODEL_FILE}; pull the model again")
-    found = sha256(path)
-    if found != card.sha256:
+    actual = sha256(path)
+    if actual != card.sha256:
         raise RegistryError(
-            f"{path} has sha256 {found[:12]}…, its card says {card.sha256[:12]}…: the bytes were "
+            f"{path} has sha256 {actual[:12]}…, its card says {card.sha256[:12]}…: the bytes were "
             "changed; do not run it, pull the model again or export it anew"
         )
     o, a, o_next_sim, o_next_real = card.golden.arrays()

@@ -52,12 +52,12 @@ def bar_table(results: Results) -> Figure:
         )
         figure.legend(loc="outside lower right", frameon=False)
     # numbers stand in a column of their own, where no bar or diamond can hide them
-    beside = axes.get_yaxis_transform()
+    margin = axes.get_yaxis_transform()
     for row, method in enumerate(methods):
         score = scores[method]
         spread = f" ± {score.std:.1g}" if len(results.seeds) > 1 else ""
         value = f"{score.mse:.2g}{spread}" if math.isfinite(score.mse) else "diverged"
-        axes.text(1.02, row, value, transform=beside, va="center", fontsize=9, color=_DARK)
+        axes.text(1.02, row, value, transform=margin, va="center", fontsize=9, color=_DARK)
     axes.set_yticks(rows, methods)
     axes.invert_yaxis()
     name = "MSE of the normalised next state"
@@ -196,23 +196,23 @@ def curves(
 
 
 def _upper(lines: Mapping[str, tuple[Array, Array]]) -> float:
-    """Where an axis may end, so that one line far above the others does not flatten them."""
+    """Upper end of an axis on which one line far above the others does not flatten them."""
     tops = sorted(float(np.nanmax(y)) for _, y in lines.values() if np.isfinite(y).any())
     return 2.0 * tops[len(tops) // 2] if tops else math.inf
 
 
 def _line_styles(names: Sequence[str]) -> dict[str, dict[str, Any]]:
     """A method's own colour, solid for its first line and dashed for its next ("method, how")."""
-    found: dict[str, dict[str, Any]] = {}
+    styles: dict[str, dict[str, Any]] = {}
     free = iter(colors.SERIES * len(names))
     seen: set[str] = set()
     for name in names:
         method = name.partition(", ")[0]
         known = colors.of_method(method) != colors.of_method("")
         color = _rgb(method) if known else tuple(c / 255 for c in next(free))
-        found[name] = {"color": color, "linestyle": "--" if known and method in seen else "-"}
+        styles[name] = {"color": color, "linestyle": "--" if known and method in seen else "-"}
         seen.add(method)
-    return found
+    return styles
 
 
 def _figure(width: float, height: float) -> tuple[Figure, Axes]:

@@ -1,4 +1,4 @@
-"""What can be read off a representation: the hidden variable, and the domain (tables I and II).
+"""Probes of a representation: the hidden variable and the domain, read off it (tables I and II).
 
 A probe is a small network of scikit-learn. It learns on one half of the episodes and is judged on
 the other: transitions of one episode resemble each other too much to stand on both sides.
@@ -31,7 +31,7 @@ BATCH = 256
 
 @dataclass(frozen=True)
 class Split:
-    """Which rows a probe learns from and which judge it.
+    """Rows that a probe learns from, and rows that test it.
 
     Attributes:
         train: rows, (N,) bool.
@@ -69,24 +69,24 @@ def hidden_r2(representation: Array, hidden: Array, split: Split, seed: int) -> 
 
 def hidden_table(sim: Features, real: Features, seed: int) -> dict[str, float]:
     """R² of the hidden variable from (o, a, z) of each kind (table I, "Combined")."""
-    found = {}
+    scores = {}
     for own, other, data in (("S", "R", sim), ("R", "S", real)):
         split = Split.of(data.episode)
         for name, z in _views(own, other, data).items():
             inputs = np.hstack([data.condition, z])
-            found[f"(o, a){own}, {name}"] = hidden_r2(inputs, data.hidden, split, seed)
-    return found
+            scores[f"(o, a){own}, {name}"] = hidden_r2(inputs, data.hidden, split, seed)
+    return scores
 
 
 def hidden_baseline(sim: Features, real: Features, seed: int) -> dict[str, float]:
     """R² of the hidden variable from (o, a) and from (o, a, o′) (table I, "Baseline")."""
-    found = {}
+    scores = {}
     for own, data in (("S", sim), ("R", real)):
         split = Split.of(data.episode)
-        whole = np.hstack([data.condition, data.outcome])
-        found[f"(o, a){own}"] = hidden_r2(data.condition, data.hidden, split, seed)
-        found[f"(o, a, o′){own}"] = hidden_r2(whole, data.hidden, split, seed)
-    return found
+        transition = np.hstack([data.condition, data.outcome])
+        scores[f"(o, a){own}"] = hidden_r2(data.condition, data.hidden, split, seed)
+        scores[f"(o, a, o′){own}"] = hidden_r2(transition, data.hidden, split, seed)
+    return scores
 
 
 def domain_table(sim: Features, real: Features, seed: int) -> dict[str, float]:
@@ -100,19 +100,19 @@ def domain_table(sim: Features, real: Features, seed: int) -> dict[str, float]:
     """
     splits = {"S": Split.of(sim.episode), "R": Split.of(real.episode)}
     data = {"S": sim, "R": real}
-    found: dict[str, float] = {}
+    accuracies: dict[str, float] = {}
 
-    def judge(of: Mapping[str, Array], shown: Mapping[str, tuple[str, str, Array]]) -> None:
+    def probe_domain(of: Mapping[str, Array], shown: Mapping[str, tuple[str, str, Array]]) -> None:
         probe = _probe(MLPClassifier, seed)
         rows = np.concatenate([of[d][splits[d].train] for d in "SR"])
         labels = np.repeat([0, 1], [int(splits[d].train.sum()) for d in "SR"])
         _fit(probe, rows, labels)
         for name, (origin, target, inputs) in shown.items():
             said = probe.predict(inputs[splits[origin].test])
-            found[name] = float(np.mean(said == "SR".index(target)))
+            accuracies[name] = float(np.mean(said == "SR".index(target)))
 
     pairs = {d: f.condition for d, f in data.items()}
-    judge(pairs, {f"(o, a){d}": (d, d, x) for d, x in pairs.items()})
+    probe_domain(pairs, {f"(o, a){d}": (d, d, x) for d, x in pairs.items()})
     kinds = [
         (own, target, name, z)
         for own, other in (("S", "R"), ("R", "S"))
@@ -122,16 +122,16 @@ def domain_table(sim: Features, real: Features, seed: int) -> dict[str, float]:
     ]
     # the paper lists both domains' own features first, then both translated, then both cycled
     kinds = [kinds[i] for i in (0, 3, 1, 4, 2, 5)]
-    judge({d: f.z for d, f in data.items()}, {n: (o, t, z) for o, t, n, z in kinds})
-    judge(
+    probe_domain({d: f.z for d, f in data.items()}, {n: (o, t, z) for o, t, n, z in kinds})
+    probe_domain(
         {d: np.hstack([f.condition, f.z]) for d, f in data.items()},
         {f"(o, a){o}, {n}": (o, t, np.hstack([data[o].condition, z])) for o, t, n, z in kinds},
     )
-    return found
+    return accuracies
 
 
 def condition_accuracy(frame: Frame, sim: Transitions, real: Transitions, seed: int) -> float:
-    """How often a probe tells the domain from (o, a) alone, mean over both domains.
+    """Share of (o, a) whose domain a probe tells from them alone, mean over both domains.
 
     Args:
         frame: gives (o, a) as networks see them, actions as offsets from where the joints are.

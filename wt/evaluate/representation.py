@@ -1,4 +1,4 @@
-"""What a trained model makes of transitions of both domains: features before and after translation.
+"""Features that a trained model makes of both domains' transitions, before and after translation.
 
 Probes (tables I and II), the latent-space picture and the errors of table III all look at these.
 Features are posterior means, as they are when a model is deployed.

@@ -61,7 +61,7 @@ Score = MethodScore  # as wt.publish says still; to go when it moves to wt.run
 
 @dataclass(frozen=True)
 class Results:
-    """What an evaluation found.
+    """Outcome of an evaluation.
 
     Attributes:
         task: name of the task, e.g. ``"r5_force"``.

@@ -14,7 +14,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class ErrorScales:
-    """What errors are measured in: R's spread in the training data.
+    """Units of errors: R's spread in the training data.
 
     Attributes:
         state: standard deviation of the next state, (n_state,), physical units.

@@ -64,8 +64,8 @@ def evaluate(herd: Herd, policy: Policy, rows: Sequence[Sequence[float]], seed: 
     clock, up = policy.clock(episodes), np.ones(episodes, bool)
     error, power, tilt, counts, drift = [], [], [], [], []
     for command in commands(rows, herd.dt):
-        told = np.tile(command, (episodes, 1))
-        herd.step(policy.act(herd.observe(), told, clock.read(herd.time, told)))
+        robot_commands = np.tile(command, (episodes, 1))
+        herd.step(policy.act(herd.observe(), robot_commands, clock.read(herd.time, robot_commands)))
         up &= ~herd.fallen()
         counts.append(up.copy())
         off = herd.velocity()[:, :3] - command

@@ -65,16 +65,16 @@ def _weights(
     """Factors of the inputs, the normaliser's mean and divisor, each layer's weight and bias."""
     graph = onnx.load(path).graph
     arrays = {x.name: numpy_helper.to_array(x) for x in graph.initializer}
-    found: dict[str, list[list[np.ndarray]]] = {"Mul": [], "Sub": [], "Div": [], "Gemm": []}
+    constants: dict[str, list[list[np.ndarray]]] = {"Mul": [], "Sub": [], "Div": [], "Gemm": []}
     for node in graph.node:
-        if node.op_type in found:
-            found[node.op_type].append([arrays[name] for name in node.input if name in arrays])
-    first = [found[kind] for kind in ("Mul", "Sub", "Div")]
+        if node.op_type in constants:
+            constants[node.op_type].append([arrays[name] for name in node.input if name in arrays])
+    first = [constants[kind] for kind in ("Mul", "Sub", "Div")]
     one_each = all(len(nodes) == 1 == len(nodes[0]) for nodes in first)
-    if not one_each or any(len(layer) != 2 for layer in found["Gemm"]):
+    if not one_each or any(len(layer) != 2 for layer in constants["Gemm"]):
         raise ModelError(f"{path} is no normaliser and MLP as wt-train-policy exports them")
     scale, mean, spread = (nodes[0][0] for nodes in first)
-    return scale, mean, spread, [(w, b) for w, b in found["Gemm"]]
+    return scale, mean, spread, [(w, b) for w, b in constants["Gemm"]]
 
 
 def _compare(runner: OnPolicyRunner, policy: Policy, path: str) -> None:

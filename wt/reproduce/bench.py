@@ -1,4 +1,4 @@
-"""What exhibits work with: runs of the paper's tasks, and models that are trained at most once.
+"""The workbench of exhibits: runs of the paper's tasks, and models trained at most once.
 
 Everything lies below the output folder, one run of ``wt fit`` per task. A variant of a method is
 one more model of that run, kept under the hash of what was changed; whatever is finished is found
@@ -61,7 +61,7 @@ PLUS = Variant(OURS, OURS)
 
 @dataclass
 class Bench:
-    """Where exhibits find data and models.
+    """Data and models for exhibits.
 
     Attributes:
         conf: folder of the configurations.
@@ -100,7 +100,7 @@ class Bench:
         return digest({"tasks": configs, "quick": self.quick})
 
     def results(self, task: PaperTask) -> Results:
-        """What ``wt fit`` finds on a task: those that lie in its folder, or of its run."""
+        """Results of ``wt fit`` on a task: those that lie in its folder, or of its run."""
         folder = self.out / task.name
         begun = (folder / CONFIG).is_file()
         config = open_folder(self.config(task.name), folder, resume=begun)
@@ -164,5 +164,5 @@ class Bench:
         return whole_episodes(study.data.sim, count), whole_episodes(study.data.real, count)
 
     def features(self, study: Study, variant: Variant, seed: int) -> tuple[Features, Features]:
-        """What a trained model makes of them."""
+        """Features that a trained model makes of these transitions."""
         return features(self.model(study, variant, seed), *self.looked_at(study))

@@ -65,12 +65,12 @@ def reproduce(
             continue
         try:
             with bars() as listener:
-                found = obtain(exhibit, replace(bench, listener=listener))
+                numbers = obtain(exhibit, replace(bench, listener=listener))
         except WorkError as error:  # the others do not depend on it
             failed.append(f"{exhibit.name}: {error}")
             entries.append(Entry(exhibit, None, str(error)))
             continue
-        entries.append(Entry(exhibit, exhibit.present(found)))
+        entries.append(Entry(exhibit, exhibit.present(numbers)))
         say(entries[-1])
     page = write(out, entries, _about(there, left_out, words, quick))
     if failed:
@@ -81,14 +81,14 @@ def reproduce(
 
 
 def _known(exhibit: Exhibit, bench: Bench, names: Sequence[str]) -> Entry:
-    """What an earlier command measured, or why there is nothing."""
+    """Entry of an exhibit that was not asked for: earlier numbers, or why there are none."""
     if not exhibit.can_run(names):
         missing = ", ".join(task for task in exhibit.tasks if task not in names)
         return Entry(exhibit, None, f"it needs {missing}, not chosen or without a configuration")
-    found = kept(exhibit, bench)
-    if found is None:
+    numbers = kept(exhibit, bench)
+    if numbers is None:
         return Entry(exhibit, None, f"wt reproduce --only {exhibit.name} does it")
-    return Entry(exhibit, exhibit.present(found))
+    return Entry(exhibit, exhibit.present(numbers))
 
 
 def _about(

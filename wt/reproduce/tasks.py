@@ -40,7 +40,7 @@ WALKING = tuple(task.name for task in TASKS if task.config.startswith(("g1", "go
 """Names of those with a robot on legs."""
 
 FULL = ("seeds=[0,1,2]",)
-"""What the configurations do not say: the spread needs several seeds."""
+"""Overrides of a full run: the spread needs several seeds."""
 
 QUICK = (
     "seeds=[0]",

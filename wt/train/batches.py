@@ -1,4 +1,4 @@
-"""What each training step sees: a pure function of the seed and the step.
+"""The data of each training step: a pure function of the seed and the step.
 
 Step k draws its rows and its noise from a generator seeded with (seed, k) alone. A run that is
 killed and resumed therefore sees exactly what an uninterrupted one sees, with no random state to

@@ -48,9 +48,9 @@ class Segments:
         last = np.arange(len(real)) + length - 1
         inside = last < len(real)
         last = np.minimum(last, len(real) - 1)
-        whole = inside & (real.episode[last] == real.episode)
-        whole &= real.step[last] == real.step + length - 1
-        self._starts = torch.tensor(np.flatnonzero(whole))
+        complete = inside & (real.episode[last] == real.episode)
+        complete &= real.step[last] == real.step + length - 1
+        self._starts = torch.tensor(np.flatnonzero(complete))
 
     def draw(self, generator: torch.Generator) -> TrajectorySegment | None:
         """Some segments; None if no episode is so long."""

@@ -95,14 +95,14 @@ def matching(
         DataError: it matches none.
     """
     expression = re.compile("[^/]*".join(re.escape(part) for part in pattern.split("*")))
-    found = [name for name in columns if expression.fullmatch(name)]
-    if not found and spread:
+    matches = [name for name in columns if expression.fullmatch(name)]
+    if not matches and spread:
         raise DataError(f"map {key}: {pattern!r} is no column; {suggest(pattern, columns)}")
-    return found
+    return matches
 
 
 def says(mapping: Map, key: str, *columns: str) -> bool:
-    """Whether the map settles ``key`` (units, signs) of one of these columns by itself."""
+    """True if the map settles ``key`` (units, signs) of one of these columns by itself."""
     entries = _entries(mapping, key)
     named = {c: np.empty(0) for c in columns}
     return any(matching(p, named, key, spread=False) for p in entries)

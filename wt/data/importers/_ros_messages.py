@@ -1,4 +1,4 @@
-"""What ROS 2 messages of the known types say, as streams of recording columns.
+"""ROS 2 messages of the known types as streams of recording columns.
 
 Stamps are given from outside, nanoseconds, one a message.
 """

@@ -35,7 +35,7 @@ class CsvTable:
     general: ClassVar[bool] = True
 
     def recognises(self, path: Path) -> bool:
-        """Whether ``path`` is a CSV file."""
+        """True if ``path`` is a CSV file."""
         return path.is_file() and path.suffix.lower() == ".csv"
 
     def read(self, path: Path, mapping: Map) -> Recording:

@@ -38,7 +38,7 @@ _KINDS = {
     "observation.effort": "force",
 }
 _ENDINGS = {".pos": None, ".vel": "qvel", ".effort": "force", ".torque": "force"}
-"""What an ending says of an element of the state; ``.pos`` says nothing new."""
+"""Kind of an element of the state by the ending of its name; ``.pos`` changes nothing."""
 
 
 @register
@@ -51,7 +51,7 @@ class LeRobot:
     general: ClassVar[bool] = False
 
     def recognises(self, path: Path) -> bool:
-        """Whether ``path`` is such a folder, or a Parquet file with an action."""
+        """True if ``path`` is such a folder, or a Parquet file with an action."""
         if path.is_dir():
             return (path / _INFO).is_file()
         if path.suffix != ".parquet" or not path.is_file():
@@ -108,23 +108,25 @@ def _episode(path: Path, files: list[Path], wanted: object) -> pa.Table:
     """The rows of one episode in time's order, over all files that hold some of it."""
     try:
         tables = [_known_columns(file) for file in files]
-        found = sorted({e for table in tables for e in table["episode_index"].to_pylist()})
+        episodes = sorted({e for table in tables for e in table["episode_index"].to_pylist()})
     except KeyError as error:
         raise DataError(f"'{path}' is no LeRobot dataset: it has no column {error}") from error
     except (pa.ArrowException, OSError, ValueError) as error:
         raise DataError(
             f"'{path}' is not whole Parquet (cut off, or only a pointer to it?): {error}"
         ) from error
-    if not found:
+    if not episodes:
         raise DataError(f"'{path}' holds no episode; download its data folder too")
-    if wanted is None and len(found) > 1:
+    if wanted is None and len(episodes) > 1:
         raise DataError(
-            f"'{path}' holds {len(found)} episodes, {found[0]} to {found[-1]}; choose one in the "
-            "map with 'episode: N', or give one episode's file"
+            f"'{path}' holds {len(episodes)} episodes, {episodes[0]} to {episodes[-1]}; choose one "
+            "in the map with 'episode: N', or give one episode's file"
         )
-    episode = found[0] if wanted is None else wanted
-    if episode not in found:
-        raise DataError(f"map episode: {episode!r} is not there; there are {found[0]}…{found[-1]}")
+    episode = episodes[0] if wanted is None else wanted
+    if episode not in episodes:
+        raise DataError(
+            f"map episode: {episode!r} is not there; there are {episodes[0]}…{episodes[-1]}"
+        )
     parts = [t.filter(pa.compute.equal(t["episode_index"], episode)) for t in tables]
     table = pa.concat_tables(part for part in parts if len(part))
     return table.sort_by("frame_index") if "frame_index" in table.column_names else table

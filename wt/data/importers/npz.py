@@ -43,7 +43,7 @@ class Npz:
     general: ClassVar[bool] = True
 
     def recognises(self, path: Path) -> bool:
-        """Whether ``path`` is an archive by its name."""
+        """True if ``path`` is an archive by its name."""
         return path.is_file() and path.suffix.lower() == ".npz"
 
     def read(self, path: Path, mapping: Map) -> Recording:
@@ -60,8 +60,8 @@ class Npz:
                 f"'{path}' is not a whole archive of plain arrays (cut off, or with Python "
                 f"objects inside?): {error}"
             ) from error
-        found = [name for name in _TIMES if name in arrays]
-        time = mapping.get("time", found[0] if found else None)
+        time_names = [name for name in _TIMES if name in arrays]
+        time = mapping.get("time", time_names[0] if time_names else None)
         if time is None:
             raise DataError(
                 f"'{path}' has no array {', '.join(_TIMES)} but {', '.join(arrays)}; name one in "

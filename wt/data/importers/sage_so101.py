@@ -51,7 +51,7 @@ class SageSO101:
     general: ClassVar[bool] = False
 
     def recognises(self, path: Path) -> bool:
-        """Whether ``path`` is such a folder."""
+        """True if ``path`` is such a folder."""
         return (path / _CONTROL).is_file() and (path / _STATE).is_file()
 
     def read(self, path: Path, mapping: Map) -> Recording:
@@ -119,7 +119,7 @@ def _table(path: Path, lists: list[str], width: int) -> dict[str, Array]:
 
 
 def _is_register(velocity: Array, torque: Array) -> bool:
-    """Whether these are the servo's whole-numbered registers rather than SI values."""
+    """True for the servo's whole-numbered registers, False for SI values."""
     return all((x == np.round(x)).all() for x in (velocity, torque))
 
 
