@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from jaxtyping import Bool, Float, Int, Shaped
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.metrics import r2_score
 from sklearn.neural_network import MLPClassifier, MLPRegressor
@@ -21,8 +22,6 @@ from sklearn.preprocessing import StandardScaler
 from wt.evaluate.representation import Features
 from wt.nets.frame import Frame
 from wt.types import Transitions
-
-Array = np.ndarray
 
 LAYERS = (64, 64)
 EPOCHS = 40
@@ -34,15 +33,15 @@ class Split:
     """Rows that a probe learns from, and rows that test it.
 
     Attributes:
-        train: rows, (N,) bool.
+        train: rows to learn from.
         test: the others.
     """
 
-    train: Array
-    test: Array
+    train: Bool[np.ndarray, " row"]
+    test: Bool[np.ndarray, " row"]
 
     @classmethod
-    def of(cls, episode: Array) -> Split:
+    def of(cls, episode: Int[np.ndarray, " row"]) -> Split:
         """Every other episode is for the test; a single one is cut in the middle."""
         _, order = np.unique(episode, return_inverse=True)
         test = order % 2 == 1
@@ -51,13 +50,18 @@ class Split:
         return cls(~test, test)
 
 
-def hidden_r2(representation: Array, hidden: Array, split: Split, seed: int) -> float:
+def hidden_r2(
+    representation: Float[np.ndarray, "row channel"],
+    hidden: Float[np.ndarray, "row hidden"],
+    split: Split,
+    seed: int,
+) -> float:
     """R² of the magnitude of the hidden variable, as a probe predicts it.
 
     Args:
-        representation: input of the probe, (N, channels).
-        hidden: the hidden variable, (N, n_hidden), e.g. a force [N].
-        split: of the N rows.
+        representation: input of the probe.
+        hidden: the hidden variable, e.g. a force [N].
+        split: of the rows.
         seed: of the probe.
     """
     size = np.linalg.norm(hidden.astype(np.float64), axis=1)
@@ -102,7 +106,10 @@ def domain_table(sim: Features, real: Features, seed: int) -> dict[str, float]:
     data = {"S": sim, "R": real}
     accuracies: dict[str, float] = {}
 
-    def probe_domain(of: Mapping[str, Array], shown: Mapping[str, tuple[str, str, Array]]) -> None:
+    def probe_domain(
+        of: Mapping[str, Float[np.ndarray, "_ channel"]],
+        shown: Mapping[str, tuple[str, str, Float[np.ndarray, "_ channel"]]],
+    ) -> None:
         probe = _probe(MLPClassifier, seed)
         rows = np.concatenate([of[d][splits[d].train] for d in "SR"])
         labels = np.repeat([0, 1], [int(splits[d].train.sum()) for d in "SR"])
@@ -152,7 +159,7 @@ def condition_accuracy(frame: Frame, sim: Transitions, real: Transitions, seed: 
     return float(np.mean([one.mean() for one in right]))
 
 
-def _views(own: str, other: str, data: Features) -> dict[str, Array]:
+def _views(own: str, other: str, data: Features) -> dict[str, Float[np.ndarray, "row latent"]]:
     """A domain's features by the paper's names: own, translated, translated and back."""
     return {
         f"z{own}": data.z,
@@ -166,7 +173,9 @@ def _probe(kind: type[MLPClassifier] | type[MLPRegressor], seed: int) -> Pipelin
     return make_pipeline(StandardScaler(), net)
 
 
-def _fit(probe: Pipeline, inputs: Array, targets: Array) -> None:
+def _fit(
+    probe: Pipeline, inputs: Float[np.ndarray, "row channel"], targets: Shaped[np.ndarray, " row"]
+) -> None:
     with warnings.catch_warnings():
         # so many epochs are the budget, the same for every representation
         warnings.simplefilter("ignore", ConvergenceWarning)

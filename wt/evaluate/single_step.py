@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from jaxtyping import Float, Int
 
 from wt.types import Pairs, Transitions, TransitionSpec
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)
@@ -17,12 +16,12 @@ class ErrorScales:
     """Units of errors: R's spread in the training data.
 
     Attributes:
-        state: standard deviation of the next state, (n_state,), physical units.
-        change: standard deviation of the one-step change, (n_state,), physical units.
+        state: standard deviation of the next state, physical units.
+        change: standard deviation of the one-step change, physical units.
     """
 
-    state: Array
-    change: Array
+    state: Float[np.ndarray, " state"]
+    change: Float[np.ndarray, " state"]
 
     @classmethod
     def of(cls, real: Transitions, spec: TransitionSpec) -> ErrorScales:
@@ -41,16 +40,16 @@ class Errors:
     Attributes:
         mse: mean squared error of the normalised next state.
         mse_change: mean squared error in units of the change's standard deviation.
-        rmse: per channel in physical units, (n_state,).
+        rmse: per channel in physical units.
     """
 
     mse: float
     mse_change: float
-    rmse: Array
+    rmse: Float[np.ndarray, " state"]
 
 
-def errors(predicted: Array, pairs: Pairs, scales: ErrorScales) -> Errors:
-    """Error of predicted next states, (N, n_state) in physical units."""
+def errors(predicted: Float[np.ndarray, "pair state"], pairs: Pairs, scales: ErrorScales) -> Errors:
+    """Error of predicted next states, physical units."""
     error = predicted.astype(np.float64) - pairs.real.s_next
     return Errors(
         mse=float(np.mean((error / scales.state) ** 2)),
@@ -59,7 +58,7 @@ def errors(predicted: Array, pairs: Pairs, scales: ErrorScales) -> Errors:
     )
 
 
-def first_episode(pairs: Pairs, longest: int) -> Array:
+def first_episode(pairs: Pairs, longest: int) -> Int[np.ndarray, " row"]:
     """Rows of the first unbroken episode, at most ``longest``."""
     real = pairs.real
     unbroken = (real.episode == real.episode[0]) & (
@@ -69,13 +68,15 @@ def first_episode(pairs: Pairs, longest: int) -> Array:
     return np.arange(min(length, longest))
 
 
-def poses(model: mujoco.MjModel, spec: TransitionSpec, states: Array) -> Array:
-    """Joint positions of the whole model for drawing, (N, nq); joints not in the task rest.
+def poses(
+    model: mujoco.MjModel, spec: TransitionSpec, states: Float[np.ndarray, "time state"]
+) -> Float[np.ndarray, "time qpos"]:
+    """Joint positions of the whole model for drawing; joints not in the task rest.
 
     Args:
         model: the MJCF that is drawn.
         spec: layout of the task.
-        states: state channels, (N, n_state).
+        states: state channels.
     """
     qpos = np.tile(model.qpos0, (len(states), 1))
     for joint, channel in zip(spec.joints, spec.pose, strict=True):

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import onnx
 import torch
+from jaxtyping import Float
 from onnx import numpy_helper
 from rsl_rl.runners import OnPolicyRunner
 
@@ -18,6 +19,10 @@ from wt.errors import ModelError
 from wt.worlds.policy import GRAPH, Policy, folder_of
 
 _PARITY = 1e-4  # largest difference of an action, in units of the scale
+
+
+_Inputs = Float[np.ndarray, "*_ input"]
+_Layer = tuple[Float[np.ndarray, "_ _"], Float[np.ndarray, " _"]]
 
 
 def take_over(runner: OnPolicyRunner, policy: Policy, path: str, warm_up: int) -> None:
@@ -61,7 +66,7 @@ def take_over(runner: OnPolicyRunner, policy: Policy, path: str, warm_up: int) -
 
 def _weights(
     path: Path,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
+) -> tuple[_Inputs, _Inputs, _Inputs, list[_Layer]]:
     """Factors of the inputs, the normaliser's mean and divisor, each layer's weight and bias."""
     graph = onnx.load(path).graph
     arrays = {x.name: numpy_helper.to_array(x) for x in graph.initializer}

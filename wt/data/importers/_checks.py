@@ -9,13 +9,12 @@ Both name the column and the map's key that mends it; naming the column in the m
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.data.importers import _mapping
 from wt.data.importers._mapping import Map
 from wt.errors import DataError
 from wt.types import Recording
-
-Array = np.ndarray
 
 DEGREE = np.pi / 180.0
 _ALIKE = 0.8  # correlation from which two signals are the same quantity
@@ -174,7 +173,9 @@ def _lag(recording: Recording, command: str, answer: str) -> float | None:
     return float((k + 0.5 * (r[k - 1] - r[k + 1]) / bend) * step)
 
 
-def _on_a_clock(recording: Recording, *names: str) -> tuple[float, list[Array]] | None:
+def _on_a_clock(
+    recording: Recording, *names: str
+) -> tuple[float, list[Float[np.ndarray, " time"]]] | None:
     """Median step [s] and two columns at even times; NaN stays. None if they cannot be compared."""
     step = float(np.median(np.diff(recording.t)))
     clock = np.arange(recording.t[0], recording.t[-1], step)
@@ -187,7 +188,9 @@ def _on_a_clock(recording: Recording, *names: str) -> tuple[float, list[Array]] 
     return (step, resampled) if all(moving) else None
 
 
-def _lagged_correlation(u: Array, x: Array, longest: int) -> Array:
+def _lagged_correlation(
+    u: Float[np.ndarray, " time"], x: Float[np.ndarray, " time"], longest: int
+) -> Float[np.ndarray, " lag"]:
     """Correlation of u with x delayed by 0…longest samples, over the pairs without NaN."""
     r = np.zeros(longest + 1)
     for k in range(longest + 1):

@@ -23,12 +23,11 @@ from typing import Any, ClassVar
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from jaxtyping import Float64
 
 from wt.data.importers.base import Map, register
 from wt.errors import DataError
 from wt.types import Recording
-
-Array = np.ndarray
 
 _INFO = Path("meta") / "info.json"
 _KINDS = {
@@ -77,7 +76,7 @@ class LeRobot:
             t = np.arange(len(table)) / info["fps"]
         else:
             raise DataError(f"'{path}' has neither a column 'timestamp' nor fps in {_INFO}")
-        columns: dict[str, Array] = {}
+        columns: dict[str, Float64[np.ndarray, " row"]] = {}
         for feature, kind in _KINDS.items():
             if feature in table.column_names:
                 values = _lists(path, table, feature)
@@ -140,8 +139,8 @@ def _known_columns(file: Path) -> pa.Table:
     return table
 
 
-def _lists(path: Path, table: pa.Table, feature: str) -> Array:
-    """A feature's rows, (N, k)."""
+def _lists(path: Path, table: pa.Table, feature: str) -> Float64[np.ndarray, "row element"]:
+    """A feature's rows."""
     try:
         rows = np.array(table[feature].to_pylist(), dtype=np.float64)
     except (ValueError, TypeError) as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from wt.evaluate import paper
@@ -15,8 +16,6 @@ from wt.reproduce.tasks import WALKING
 from wt.reproduce.words import mean, order, spread
 from wt.show import colors
 from wt.types import Pairs
-
-Array = np.ndarray
 
 BASELINES = ("RawSim", "DirectPred", "RSSM", "ResDyn")
 """Those of the paper."""
@@ -67,17 +66,17 @@ class Influence(Exhibit):
         )
 
 
-def influence(pairs: Pairs, scale: Array) -> Array:
+def influence(pairs: Pairs, scale: Float[np.ndarray, " state"]) -> Float[np.ndarray, " pair"]:
     """Influence of h on each step: mean squared difference of S's answers with and without it.
 
     Args:
         pairs: R's transitions and S's answers.
-        scale: standard deviations of the state, (n_state,).
+        scale: standard deviations of the state.
 
     Returns:
-        One number a pair, (N,), in units of R's variance.
+        One number a pair, in units of R's variance.
     """
-    shift: Array = (pairs.sim_next - pairs.real.nominal) / scale
+    shift: Float[np.ndarray, "pair state"] = (pairs.sim_next - pairs.real.nominal) / scale
     return np.mean(np.square(shift, dtype=np.float64), axis=1)
 
 
