@@ -22,7 +22,7 @@ _BEHIND = 0.05  # s that are made up for; a machine that was busy for longer lea
 
 @dataclass(frozen=True)
 class Walk:
-    """Distance that the robot walked, along the heading that it began with.
+    """Summary of a walk, along the heading that the robot had when it was first heard of.
 
     Attributes:
         forward: [m].

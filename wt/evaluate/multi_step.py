@@ -86,7 +86,7 @@ def roll_out(
         action = world.act(o[:, -1], truth.context[:, past + k]).astype(np.float32)
         a = np.concatenate([a, action[:, None]], axis=1)
         before = truth.hidden[:, past + k] if true_hidden else hidden
-        taken = _Taken(world, o[:, -1], action, before)
+        taken = _WorldStep(world, o[:, -1], action, before)
         with np.errstate(over="ignore", invalid="ignore"):
             target = step(Now(o, a, taken.state))
         align(taken, target, alignment, scale)
@@ -103,7 +103,7 @@ def roll_out(
     return Rolled(mse, diverged)
 
 
-class _Taken:
+class _WorldStep:
     """One step of a functional world, as :func:`align` changes it.
 
     Attributes:

@@ -1,6 +1,6 @@
 """Probes of a representation: the hidden variable and the domain, read off it (tables I and II).
 
-A probe is a small network of scikit-learn. It learns on one half of the episodes and is judged on
+A probe is a small network of scikit-learn. It learns on one half of the episodes and is tested on
 the other: transitions of one episode resemble each other too much to stand on both sides.
 """
 

@@ -83,7 +83,7 @@ class TranslatedWalking(Walking):
         herd, robot = self.herd, self.herd.robot
         n = 6 + 2 * len(robot.joints)
         o = np.hstack([herd.observe()[:, :n], robot.targets(herd.action)]).astype(np.float32)
-        taken = _Taken(herd, self._state, self._probe, action)
+        taken = _HerdStep(herd, self._state, self._probe, action)
         # translate
         k, target = self._count, taken.answer.copy()
         target[:k] = self._translate(o[:k], taken.action[:k], taken.answer[:k])
@@ -96,7 +96,7 @@ class TranslatedWalking(Walking):
         align(taken, target, self._alignment, self._scale)
 
 
-class _Taken:
+class _HerdStep:
     """One step of a herd, as :func:`wt.evaluate.alignment.align` changes it, in place.
 
     Attributes:

@@ -20,10 +20,10 @@ from torch import Tensor
 from wt.config import Mean, SimulatorUseName
 
 ALL = (1.0,)
-"""The whole of it; nothing else is tried."""
+"""Shares where nothing but the whole is tried."""
 
 
-class Samples(NamedTuple):
+class DomainSamples(NamedTuple):
     """Transitions of one domain as regressors see them, normalised.
 
     Attributes:
@@ -38,21 +38,21 @@ class Samples(NamedTuple):
 
 
 class Examples(NamedTuple):
-    """Inputs of a regressor, and its answers as they should be."""
+    """Inputs of a regressor, and the answers that it is to give."""
 
     inputs: Float[Tensor, "row input"]
     target: Float[Tensor, "row state"]
 
 
 class SimulatorUse:
-    """``base``: δ is added to the simulator's answer, and what others differ from.
+    """``base``: δ is added to the simulator's answer. The others say where they differ from it.
 
     Attributes:
         has_shift: there is a mean field at all.
         has_nominal: n imitates the simulator.
         has_reader: a second correction reads S's answer, and has a share of each channel.
         shift_reads_simulator: S's answer is an input of δ.
-        scored_alone: validation pairs judge each regressor by itself, not the whole translation.
+        scored_alone: validation pairs score each regressor by itself, not the whole translation.
         shift_shares: of δ, tried on the validation pairs.
         outcome_shares: of what S does beyond n, likewise.
     """
@@ -65,12 +65,12 @@ class SimulatorUse:
     shift_shares: ClassVar[tuple[float, ...]] = ALL
     outcome_shares: ClassVar[tuple[float, ...]] = ALL
 
-    def nominal_examples(self, sim: Samples, real: Samples) -> Examples:
+    def nominal_examples(self, sim: DomainSamples, real: DomainSamples) -> Examples:
         """Lessons of n: S's answer with nothing hidden, which is known for both domains."""
         return Examples(torch.cat([sim.x, real.x]), torch.cat([sim.nominal, real.nominal]))
 
     def reference(
-        self, nominal: Callable[[Tensor], Tensor], real: Samples
+        self, nominal: Callable[[Tensor], Tensor], real: DomainSamples
     ) -> Float[Tensor, "row state"]:
         """The change that δ is added to.
 
@@ -80,12 +80,14 @@ class SimulatorUse:
         """
         return real.nominal
 
-    def shift_examples(self, real: Samples, reference: Float[Tensor, "row state"]) -> Examples:
+    def shift_examples(
+        self, real: DomainSamples, reference: Float[Tensor, "row state"]
+    ) -> Examples:
         """Lessons of δ: R's difference from the reference."""
         reads = [real.x, reference] if self.shift_reads_simulator else [real.x]
         return Examples(torch.cat(reads, dim=1), real.change - reference)
 
-    def reader_examples(self, real: Samples) -> Examples:
+    def reader_examples(self, real: DomainSamples) -> Examples:
         """Lessons of the reader: R's difference from S's answer, which it sees."""
         return Examples(torch.cat([real.x, real.nominal], dim=1), real.change - real.nominal)
 
@@ -112,12 +114,12 @@ class Average(SimulatorUse):
     shift_shares = (1.0, 0.75, 0.5, 0.25, 0.0)
     outcome_shares = tuple(k / 10 for k in range(11))
 
-    def nominal_examples(self, sim: Samples, real: Samples) -> Examples:
+    def nominal_examples(self, sim: DomainSamples, real: DomainSamples) -> Examples:
         """Lessons of n: S's answer as it came out, whatever was hidden."""
         return Examples(sim.x, sim.change)
 
     def reference(
-        self, nominal: Callable[[Tensor], Tensor], real: Samples
+        self, nominal: Callable[[Tensor], Tensor], real: DomainSamples
     ) -> Float[Tensor, "row state"]:
         """The answer of n itself, since there is no answer with nothing hidden."""
         return nominal(real.x)
@@ -135,7 +137,7 @@ class Ignored(SimulatorUse):
     has_nominal = False
 
     def reference(
-        self, nominal: Callable[[Tensor], Tensor], real: Samples
+        self, nominal: Callable[[Tensor], Tensor], real: DomainSamples
     ) -> Float[Tensor, "row state"]:
         """Zero."""
         return torch.zeros_like(real.nominal)

@@ -21,7 +21,7 @@ from wt.config import Mean
 from wt.losses.robust import cauchy
 from wt.nets.frame import Frame
 from wt.nets.mlp import Ensemble
-from wt.nets.simulator_use import Examples, Samples, use_of
+from wt.nets.simulator_use import DomainSamples, Examples, use_of
 from wt.train.device import seeded
 from wt.train.regression import Loss, Progress, Regression, Score, mean_square, regress
 from wt.types import Transitions
@@ -113,12 +113,12 @@ def shift_loss(settings: Mean) -> Loss:
 
 
 @torch.no_grad()
-def samples(frame: Frame, data: Transitions) -> Samples:
+def samples(frame: Frame, data: Transitions) -> DomainSamples:
     """Transitions in a frame, as its regressors see them."""
     o = torch.tensor(data.o)
     x = frame.conditions(o, torch.tensor(data.a))
     nominal = frame.changes(o, torch.tensor(data.nominal))
-    return Samples(x, nominal, frame.changes(o, torch.tensor(data.s_next)))
+    return DomainSamples(x, nominal, frame.changes(o, torch.tensor(data.s_next)))
 
 
 def _fit_ensemble(

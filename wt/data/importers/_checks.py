@@ -20,7 +20,7 @@ DEGREE = np.pi / 180.0
 _ALIKE = 0.8  # correlation from which two signals are the same quantity
 _TURNS = 4.0 * np.pi  # rad, more than a joint of a limb sweeps
 _MAX_DELAY = 0.4  # s, longest delay looked for
-_SHORT_DELAY = 0.06  # s, longest that an answer's sign is judged at
+_SHORT_DELAY = 0.06  # s, longest at which an answer's sign is checked
 
 
 def refuse_contradictions(recording: Recording, mapping: Map) -> None:

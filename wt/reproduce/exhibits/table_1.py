@@ -46,7 +46,7 @@ class HiddenProbes(Exhibit):
             rows.append([row, *ours, *theirs])
         return Section(
             "R² with which a small network tells the magnitude of the external force from a "
-            "representation; it learns on one half of the episodes and is judged on the other. "
+            "representation; it learns on one half of the episodes and is tested on the other. "
             '"w/o" is the basic VAE without domain classifier and FiLM.',
             [Grid(["input", "w/o", "full", "paper w/o", "paper full"], rows)],
             differences=_differences(numbers),
