@@ -1,4 +1,4 @@
-"""What the commands do, from words to files."""
+"""The work of the commands, from words to files."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ class Pilot:
         return action
 
     def targets(self, action: np.ndarray) -> Joints:
-        """What an action asks the joints for [rad]; it becomes the last action."""
+        """Joint targets of an action [rad]; it becomes the last action."""
         self.action = action
         return self._default + self._scale * action.astype(np.float64)
 

@@ -1,4 +1,4 @@
-"""The control loop: 500 times a second, listen, judge, decide, tell the drives.
+"""The control loop: 500 times a second, listen, check, decide, command the drives.
 
 Each tick does all four, whatever happened before; what goes wrong is a :class:`Fault`, and what
 follows a fault is damping, in the same tick and in every one until the program ends.
@@ -32,7 +32,7 @@ from wt.errors import WorkError
 
 RATE_HZ = 500.0
 END_SECONDS = 1.0
-"""How long damping is told before the program ends."""
+"""Duration of damping before the program ends [s]."""
 
 _FIRST_STATE = 10.0  # s, to wait for the robot
 _LISTEN = 0.5  # s, before the first command: is the robot free, and its clock of use?
@@ -45,18 +45,18 @@ _EXTRA = (
 
 @runtime_checkable
 class Operator(Protocol):
-    """Who decides: :class:`deploy.operator.HumanOperator`, or a test."""
+    """The source of wishes and commands: :class:`deploy.operator.HumanOperator`, or a test."""
 
     def poll(self, remote: Remote) -> tuple[Wish | None, np.ndarray]:
         """Wish and velocity command (3,) [m/s, m/s, rad/s]."""
 
     def ended(self) -> bool:
-        """Whether a signal asked the program to end."""
+        """True once a signal has asked the program to end."""
 
 
 @dataclass(frozen=True)
 class RunOutcome:
-    """How a run ended.
+    """End of a run.
 
     Attributes:
         fault: what ended the motion, if anything did.
@@ -176,7 +176,7 @@ class Runner:
 
     def _decide(self, now: float, wish: Wish | None, told: np.ndarray) -> Command:
         state = self._watch.known()
-        self._move_on(now, wish, self._watch.judge())
+        self._move_on(now, wish, self._watch.first_fault())
         if self.status.stage is Stage.POLICY:
             self._move_on(now, None, self._motion.think(now, state, told))
         return self._motion.command(self.status.stage, now, state)

@@ -22,7 +22,7 @@ _BEHIND = 0.05  # s that are made up for; a machine that was busy for longer lea
 
 @dataclass(frozen=True)
 class WalkSummary:
-    """Where the robot got, in the heading that it had when it was first heard of.
+    """Summary of a walk, along the heading that it had when it was first heard of.
 
     Attributes:
         forward: [m].
@@ -91,7 +91,7 @@ class Sim:
             time.sleep(max(0.0, due - time.monotonic()))
 
     def walk(self) -> WalkSummary:
-        """Where the robot got so far."""
+        """The robot's walk so far."""
         ticks = self.recorder.ticks()
         x, y, height, *quaternion = (ticks[f"qpos/base/{k}"] for k in range(7))
         heading = _heading(*quaternion)

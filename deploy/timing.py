@@ -1,4 +1,4 @@
-"""How regular the control loop was, and how long inference took."""
+"""Regularity of the control loop, and duration of inference."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a configuration means: the task's two domains, the base policy, and how each is trained."""
+"""A configuration made concrete: the task's two domains, the base policy, each training."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Setting:
         return WalkingWorld(self._options(variant))
 
     def training(self, variant: Variant, seed: int) -> Training:
-        """How a variant is trained: as the base policy was, with what the configuration changes.
+        """Training of a variant: as the base policy's, with what the configuration changes.
 
         Raises:
             ConfigError: the configuration's ``training`` holds what a trainer does not know.
@@ -73,7 +73,7 @@ class Setting:
         return self._trained_in("real", self.base.card.name, 0)
 
     def reality(self, robots: int) -> Herd:
-        """R, where policies are judged.
+        """R, in which policies are evaluated.
 
         Args:
             robots: how many.

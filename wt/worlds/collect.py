@@ -9,7 +9,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from wt.config import Data
+from wt.config import DataConfig
 from wt.data.transitions import Shard, digest, obtain, plan
 from wt.errors import DataError
 from wt.types import Domain, Pairs, Recording, Transitions
@@ -37,7 +37,7 @@ class Collected:
     test: Pairs
 
 
-def collect(world: World, settings: Data, report: Report | None = None) -> Collected:
+def collect(world: World, settings: DataConfig, report: Report | None = None) -> Collected:
     """Collect or reuse the four collections of a task.
 
     Args:
@@ -64,7 +64,7 @@ def collect(world: World, settings: Data, report: Report | None = None) -> Colle
     )
 
 
-def recorded(world: Recorded, settings: Data, robots: int) -> list[Recording]:
+def recorded(world: Recorded, settings: DataConfig, robots: int) -> list[Recording]:
     """Recordings of the very walks that R's unpaired transitions are from, the first of them.
 
     Args:
@@ -80,7 +80,7 @@ def recorded(world: Recorded, settings: Data, robots: int) -> list[Recording]:
     return world.record(first.count, first.seed, robots)
 
 
-def _parts(settings: Data) -> Iterator[tuple[str, int, int]]:
+def _parts(settings: DataConfig) -> Iterator[tuple[str, int, int]]:
     """(name, size, seed) of each collection."""
     counts = {
         "sim": settings.transitions,
