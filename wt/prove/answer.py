@@ -10,13 +10,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from wt.errors import DataError
-from wt.prove.cases import Case, Truth
+from wt.prove.cases import Case, HiddenEffect
 
 KINDS = {0: "null", 1: "single", 2: "pair", 3: "triple"}
 UNKNOWN = "unknown"
-
-Answers = Mapping[str, Any]
-"""An answer as JSON."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +36,7 @@ class Answer:
 
     name: str
     kind: str
-    truth: tuple[Truth, ...]
+    truth: tuple[HiddenEffect, ...]
     visibility: tuple[float, ...]
     excused: tuple[tuple[str, str, str], ...] = ()
     rig: str = ""
@@ -124,10 +121,10 @@ def _read(said: Any, name: str) -> Answer:  # noqa: ANN401 – JSON of others
     )
 
 
-def _truth(said: Mapping[str, Any]) -> Truth:
+def _truth(said: Mapping[str, Any]) -> HiddenEffect:
     kind, name = _place(said["at"])
     effect = str(said["effect"])
-    return Truth(
+    return HiddenEffect(
         effect=effect,
         kind=kind,
         name=name,

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.prove.legged_rigs import BASE
-from wt.prove.trace import Trace
-
-Array = np.ndarray
+from wt.prove.trajectory import HiddenTrajectory
 
 
 @dataclass(frozen=True)
@@ -34,8 +33,8 @@ class BaseSensing:
 
 
 def measure_base(
-    sensing: BaseSensing, trace: Trace, velocities: bool, rng: np.random.Generator
-) -> dict[str, Array]:
+    sensing: BaseSensing, trace: HiddenTrajectory, velocities: bool, rng: np.random.Generator
+) -> dict[str, Float[np.ndarray, " sample"]]:
     """The columns of the trunk.
 
     Args:
@@ -64,7 +63,9 @@ def measure_base(
     return found
 
 
-def _turned(quaternion: Array, by: Array) -> Array:
+def _turned(
+    quaternion: Float[np.ndarray, "sample 4"], by: Float[np.ndarray, "sample 3"]
+) -> Float[np.ndarray, "sample 4"]:
     """Quaternions wxyz, (n, 4), turned in the body by small rotation vectors (n, 3) [rad]."""
     w, v = quaternion[:, :1], quaternion[:, 1:]
     half = 0.5 * by

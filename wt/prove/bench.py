@@ -24,7 +24,7 @@ from wt.data import recording as recordings
 from wt.errors import ConfigError
 from wt.prove import blind, contenders, real
 from wt.prove.answer import Answer, from_json, of_case
-from wt.prove.blind import Job
+from wt.prove.blind import DiagnosisJob
 from wt.prove.case import Case
 from wt.prove.cases import cases
 from wt.prove.folder import SEALED, Folder, write_json
@@ -177,11 +177,11 @@ def diagnose(folder: Folder, jobs: int, say: Report) -> None:
     folder.write_ledger()
 
 
-def _job(folder: Folder, who: str, name: str) -> Job:
+def _job(folder: Folder, who: str, name: str) -> DiagnosisJob:
     budget = contenders.LIMIT_S
     if who != contenders.OURS and contenders.OURS in folder.plan.who:
         budget = ran(folder, contenders.OURS, name)["seconds"]
-    return Job(
+    return DiagnosisJob(
         case=folder.cases / name,
         out=folder.said(who, name),
         program=contenders.program(who, budget),

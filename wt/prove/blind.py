@@ -33,7 +33,7 @@ _POLL_S = 0.05
 
 
 @dataclass(frozen=True)
-class Job:
+class DiagnosisJob:
     """One diagnosis that is to be made.
 
     Attributes:
@@ -65,7 +65,7 @@ class Ran:
     error: str
 
 
-def run(jobs: Sequence[Job], processes: int) -> Iterator[tuple[Job, Ran]]:
+def run(jobs: Sequence[DiagnosisJob], processes: int) -> Iterator[tuple[DiagnosisJob, Ran]]:
     """Make diagnoses side by side; each job with its outcome as it ends.
 
     However this generator ends, no process of it is left.
@@ -113,7 +113,7 @@ def inputs(case: Path) -> tuple[list[Path], list[Path]]:
 class _Process:
     """A running diagnosis."""
 
-    def __init__(self, job: Job) -> None:
+    def __init__(self, job: DiagnosisJob) -> None:
         self.job, self._began = job, time.monotonic()
         self._home = Path(tempfile.mkdtemp(prefix="blind-")).resolve()
         fit, holdout = inputs(job.case)

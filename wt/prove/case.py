@@ -10,7 +10,7 @@ from wt.prove.sensing import Sensing
 
 
 @dataclass(frozen=True)
-class Truth:
+class HiddenEffect:
     """One hidden effect.
 
     Attributes:
@@ -54,7 +54,7 @@ class Case:
     rig: str
     seed: int
     kind: Kind
-    truth: tuple[Truth, ...]
+    truth: tuple[HiddenEffect, ...]
     sensing: Sensing
     motions: tuple[str, ...]
     seconds: float

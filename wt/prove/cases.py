@@ -8,7 +8,7 @@ import numpy as np
 
 from wt.prove import legged_cases, moving_laws
 from wt.prove.case import Case as Case
-from wt.prove.case import Truth as Truth
+from wt.prove.case import HiddenEffect as HiddenEffect
 from wt.prove.catalog import parameters
 from wt.prove.hidden import Parameters
 from wt.prove.legged_rigs import LEGGED
@@ -45,7 +45,7 @@ def _case(index: int, row: Row, seed: int) -> Case:
     motor = RIGS[rig].motor
     quiet = any(effect.startswith(("body.", "world.", "contact.")) for effect in effects)
     sensing = _sensing(rng, motor, decoy, quiet)
-    truth: list[Truth] = []
+    truth: list[HiddenEffect] = []
     for effect in effects:
         taken = {_joint(rig, t) for t in truth}
         free = [j for j in places(effect, rig) if j not in taken]
@@ -90,37 +90,39 @@ def _two(rng: np.random.Generator) -> tuple[str, str]:
     return first, second
 
 
-def _joint(rig: str, truth: Truth) -> int:
+def _joint(rig: str, truth: HiddenEffect) -> int:
     robot = RIGS[rig]
     name = truth.name.removesuffix("_drive")
     return robot.joints.index(name) if name in robot.joints else robot.bodies.index(name)
 
 
-def _truth(effect: str, rig: str, joint: int, found: Parameters, rng: np.random.Generator) -> Truth:
+def _truth(
+    effect: str, rig: str, joint: int, found: Parameters, rng: np.random.Generator
+) -> HiddenEffect:
     robot = RIGS[rig]
     name, body = robot.joints[joint], robot.bodies[joint]
     group = effect.partition(".")[0]
     if effect == "body.payload_moving":
         law, found = moving_laws.variant(found, rng)
-        return Truth(effect, "body", body, found, law)
+        return HiddenEffect(effect, "body", body, found, law)
     if group == "body":
-        return Truth(effect, "body", body, found, effect)
+        return HiddenEffect(effect, "body", body, found, effect)
     if group == "actuator":
-        return Truth(effect, "actuator", f"{name}_drive", found, effect)
+        return HiddenEffect(effect, "actuator", f"{name}_drive", found, effect)
     if group in ("world", "contact"):
-        return Truth(effect, "world", "world", found, effect)
+        return HiddenEffect(effect, "world", "world", found, effect)
     if effect == "sensor.delay" and rng.random() < 0.5:
-        return Truth(effect, "sensor", "all", found, effect)
+        return HiddenEffect(effect, "sensor", "all", found, effect)
     if effect == "outsider.flywheel":
         moved = tuple(("joint", j) for j in robot.joints[: joint + 1])
-        return Truth("unknown", "body", body, found, effect, accept=moved)
+        return HiddenEffect("unknown", "body", body, found, effect, accept=moved)
     if effect == "outsider.cable":
         other = robot.joints[joint - 1]
         either = (("joint", other), ("joint", name), ("pair", f"{name}+{other}"))
-        return Truth("unknown", "pair", f"{other}+{name}", found, effect, accept=either)
+        return HiddenEffect("unknown", "pair", f"{other}+{name}", found, effect, accept=either)
     if group == "outsider":
-        return Truth("unknown", "joint", name, found, effect)
-    return Truth(effect, "joint", name, found, effect)
+        return HiddenEffect("unknown", "joint", name, found, effect)
+    return HiddenEffect(effect, "joint", name, found, effect)
 
 
 def _sensing(rng: np.random.Generator, motor: bool, decoy: str, quiet: bool) -> Sensing:

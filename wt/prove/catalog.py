@@ -16,7 +16,7 @@ import numpy as np
 
 from wt.prove.hidden import Parameters
 from wt.prove.rigs import RIGS, Rig
-from wt.prove.scales import Scales, scales
+from wt.prove.scales import RigScales, scales
 
 SHARE = {"obvious": 0.35, "clear": 0.14, "faint": 0.06}
 """Level → torque of an effect, as a fraction of the joint's rms torque."""
@@ -44,7 +44,7 @@ class Draw:
     rng: np.random.Generator
 
     @property
-    def scale(self) -> Scales:
+    def scale(self) -> RigScales:
         """Of the rig."""
         return scales(self.rig.name)
 

@@ -20,6 +20,7 @@ import mujoco
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from jaxtyping import Float
 
 from wt.physics.quiet import quiet
 from wt.prove import replay
@@ -28,8 +29,6 @@ from wt.prove.folder import Folder
 from wt.prove.marks import Row
 from wt.show import colors
 from wt.show.robot_view import log_robot, motion_of, send_columns
-
-Array = np.ndarray
 
 COLORS: Mapping[str, colors.Color] = {
     "recorded": colors.R,
@@ -154,7 +153,11 @@ def _log_case(
             send_columns(recording, where, times, rr.Scalars.columns(scalars=error))
 
 
-def _poses(model: mujoco.MjModel, measured: replay.Measured, path: Array) -> Array:
+def _poses(
+    model: mujoco.MjModel,
+    measured: replay.HeldOutRecording,
+    path: Float[np.ndarray, "sample joint"],
+) -> Float[np.ndarray, "sample nq"]:
     """Generalised positions for joint positions (N, joints), a trunk where it was measured."""
     found = np.tile(model.qpos0, (len(path), 1))
     for joint, column in zip(measured.joints, path.T, strict=True):
@@ -165,7 +168,9 @@ def _poses(model: mujoco.MjModel, measured: replay.Measured, path: Array) -> Arr
     return found
 
 
-def _filled(t: Array, x: Array) -> Array:
+def _filled(
+    t: Float[np.ndarray, " sample"], x: Float[np.ndarray, " sample"]
+) -> Float[np.ndarray, " sample"]:
     """Missing samples between their neighbours; a robot of which nothing is known stands at 0."""
     known = np.isfinite(x)
     return np.interp(t, t[known], x[known]) if known.any() else np.zeros_like(t)

@@ -6,17 +6,22 @@ Feet move in the trunk's frame, backwards while they stand and forwards through 
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.prove.motions import SHAPES
 
-Array = np.ndarray
 _TROT_PHASE = np.array([0.0, 0.5, 0.5, 0.0])
 _WALK_PHASE = np.array([0.75, 0.25, 0.0, 0.5])
 _PACE = (0.3, 0.12, 0.5)
 """Of a trot: forward, sideways [m/s], turning [rad/s]; a walk goes at a third of that."""
 
 
-def trot(t: Array, stand: Array, grown: Array, rng: np.random.Generator) -> Array:
+def trot(
+    t: Float[np.ndarray, " sample"],
+    stand: Float[np.ndarray, "foot 3"],
+    grown: Float[np.ndarray, "sample 1"],
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "sample foot 3"]:
     """Where the feet are beside where they stand, (n, 4, 3) [m].
 
     Args:
@@ -32,8 +37,12 @@ def trot(t: Array, stand: Array, grown: Array, rng: np.random.Generator) -> Arra
 
 
 def walk(
-    t: Array, stand: Array, grown: Array, rng: np.random.Generator, on_the_spot: bool
-) -> Array:
+    t: Float[np.ndarray, " sample"],
+    stand: Float[np.ndarray, "foot 3"],
+    grown: Float[np.ndarray, "sample 1"],
+    rng: np.random.Generator,
+    on_the_spot: bool,
+) -> Float[np.ndarray, "sample foot 3"]:
     """The same with one foot in the air at a time.
 
     So short a time that the trunk hardly tips: leaning it over three feet first, with drives as
@@ -62,7 +71,13 @@ def walk(
     return feet
 
 
-def _way(t: Array, stand: Array, grown: Array, pace: Array, rng: np.random.Generator) -> Array:
+def _way(
+    t: Float[np.ndarray, " sample"],
+    stand: Float[np.ndarray, "foot 3"],
+    grown: Float[np.ndarray, "sample 1"],
+    pace: Float[np.ndarray, " 3"],
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "sample foot 3"]:
     """Velocity of the ground under each foot, turned round: (n, 4, 3) [m/s]."""
     vx, vy, turn = (size * SHAPES["holds"](t, rng) for size in pace)
     found = np.zeros((len(t), 4, 3))
@@ -71,12 +86,19 @@ def _way(t: Array, stand: Array, grown: Array, pace: Array, rng: np.random.Gener
     return found * grown[:, :, None]
 
 
-def _flight(phase: Array, duty: float) -> Array:
+def _flight(
+    phase: Float[np.ndarray, "sample foot"], duty: float
+) -> Float[np.ndarray, "sample foot"]:
     """Share of the way through the air, 0 while the foot stands."""
     return np.clip((phase - duty) / (1.0 - duty), 0.0, 1.0)
 
 
-def _feet(phase: Array, duty: float, way: Array, lift: Array) -> Array:
+def _feet(
+    phase: Float[np.ndarray, "sample foot"],
+    duty: float,
+    way: Float[np.ndarray, "sample foot 3"],
+    lift: Float[np.ndarray, "sample 1"],
+) -> Float[np.ndarray, "sample foot 3"]:
     """Half the way in front to half the way behind while standing, and back through the air."""
     flight = _flight(phase, duty)
     # a cycloid, so that feet land and leave at rest

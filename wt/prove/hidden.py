@@ -12,16 +12,21 @@ from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float, Int
 
 from wt.prove.legged_rigs import Legged
 from wt.prove.rigs import Rig, nominal_xml
-from wt.prove.trace import Trace as Trace
+from wt.prove.trajectory import HiddenTrajectory as HiddenTrajectory
 
-Array = np.ndarray
 Parameters = dict[str, object]
+"""Parameters of an effect by the names of the interface, SI units."""
+Controller = Callable[
+    [int, Float[np.ndarray, " joint"], Float[np.ndarray, " joint"]], Float[np.ndarray, " joint"]
+]
+"""(sample, q, q̇) → command, held until the next sample."""
 
 
-class Law:
+class HiddenLaw:
     """One effect at one place. A law overrides the hooks of the stage at which it acts.
 
     Attributes:
@@ -44,7 +49,7 @@ class Law:
         """A scalar parameter."""
         return float(self.parameters[name])  # type: ignore[arg-type]
 
-    def vector(self, name: str) -> Array:
+    def vector(self, name: str) -> Float[np.ndarray, " ..."]:
         """A parameter of several numbers."""
         return np.array(self.parameters[name], dtype=float)
 
@@ -61,7 +66,7 @@ class Law:
         """The recording's first sample: the motor is cold."""
 
 
-class CommandLaw(Law):
+class CommandLaw(HiddenLaw):
     """Acts on the command before the servo."""
 
     def command(self, u: float) -> float:
@@ -69,7 +74,7 @@ class CommandLaw(Law):
         return u
 
 
-class TorqueLaw(Law):
+class TorqueLaw(HiddenLaw):
     """Acts on the actuator's torque."""
 
     def torque(self, tau: float, q: float, v: float) -> float:
@@ -77,7 +82,7 @@ class TorqueLaw(Law):
         return tau
 
 
-class GearLaw(Law):
+class GearLaw(HiddenLaw):
     """Stands between the motor, which it integrates, and the joint."""
 
     angle: float
@@ -88,7 +93,7 @@ class GearLaw(Law):
         return tau
 
 
-class JointLaw(Law):
+class JointLaw(HiddenLaw):
     """Acts at a joint."""
 
     def joint(self, q: float, v: float, drive: float) -> float:
@@ -96,7 +101,7 @@ class JointLaw(Law):
         return 0.0
 
 
-class WorldLaw(Law):
+class WorldLaw(HiddenLaw):
     """Acts on bodies, or on several joints."""
 
     def act(self, plant: Plant, t: float) -> None:
@@ -107,7 +112,12 @@ class Plant:
     """A rig with its hidden physics, stepped one fine step at a time."""
 
     def __init__(
-        self, rig: Rig, laws: Sequence[Law], gain: float, off: Array, step: float | None = None
+        self,
+        rig: Rig,
+        laws: Sequence[HiddenLaw],
+        gain: float,
+        off: Float[np.ndarray, "2 joint"],
+        step: float | None = None,
     ) -> None:
         """Build and compile.
 
@@ -141,7 +151,7 @@ class Plant:
         mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
         self._sort(laws)
 
-    def _servo(self, gain: float, off: Array) -> None:
+    def _servo(self, gain: float, off: Float[np.ndarray, "2 joint"]) -> None:
         links, model = self.rig.links, self.model
         for i, link in enumerate(links):
             body = self.body(link.body)
@@ -153,8 +163,8 @@ class Plant:
         self.kv = np.array([link.kv * gain**0.5 for link in links])
         self.limit = np.array([link.limit for link in links])
 
-    def _sort(self, laws: Sequence[Law]) -> None:
-        def of(kind: type) -> list[tuple[int, Law]]:
+    def _sort(self, laws: Sequence[HiddenLaw]) -> None:
+        def of(kind: type) -> list[tuple[int, HiddenLaw]]:
             return [(self.index(law.place), law) for law in laws if isinstance(law, kind)]
 
         self._command, self._torque, self._gear = of(CommandLaw), of(TorqueLaw), of(GearLaw)
@@ -184,7 +194,9 @@ class Plant:
         dof = self.v_at[joint]
         return float(full[dof, dof])
 
-    def gravity_torques(self, path: Array) -> Array:
+    def gravity_torques(
+        self, path: Float[np.ndarray, "sample joint"]
+    ) -> Float[np.ndarray, "sample joint"]:
         """Torques that hold the rig still [N·m], effects on joints left out.
 
         Args:
@@ -200,11 +212,11 @@ class Plant:
 
     def run(
         self,
-        q0: Array,
-        samples: Array,
-        controller: Callable[[int, Array, Array], Array],
+        q0: Float[np.ndarray, " joint"],
+        samples: Int[np.ndarray, " sample"],
+        controller: Controller,
         lead: int,
-    ) -> Trace:
+    ) -> HiddenTrajectory:
         """Step through a recording.
 
         Args:
@@ -220,7 +232,7 @@ class Plant:
         mujoco.mj_step1(self.model, self.data)
         u = before = controller(0, q0, np.zeros_like(q0))
         shape = len(samples), len(self.rig.links), int(samples[-1]) + 1
-        trace = Trace(*shape, self.h, self.model.nsensordata)
+        trace = HiddenTrajectory(*shape, self.h, self.model.nsensordata)
         row, every = 0, max(1, round(float(np.median(np.diff(samples)))))
         for k in range(-lead, int(samples[-1]) + 1):
             mujoco.mj_step1(self.model, self.data)
@@ -249,7 +261,7 @@ class Plant:
         """Whether the robot has a free joint, which is then the first one."""
         return isinstance(self.rig, Legged)
 
-    def _stand(self, q0: Array) -> None:
+    def _stand(self, q0: Float[np.ndarray, " joint"]) -> None:
         """Joints at q0 [rad], the lowest foot on the floor, and what is loose in its place."""
         self.data.qpos[self.q_at] = q0
         if isinstance(self.rig, Legged):
@@ -260,7 +272,13 @@ class Plant:
             mujoco.mj_kinematics(self.model, self.data)
             law.settle(self)
 
-    def _finish(self, q: Array, v: Array, u: Array, t: float) -> Array:
+    def _finish(
+        self,
+        q: Float[np.ndarray, " joint"],
+        v: Float[np.ndarray, " joint"],
+        u: Float[np.ndarray, " joint"],
+        t: float,
+    ) -> Float[np.ndarray, " joint"]:
         """Set the applied forces of one step; returns the drives' torques on the joints."""
         if self._command:
             u = u.copy()

@@ -6,7 +6,7 @@ import numpy as np
 
 from wt.prove import legged_motions, moving_laws
 from wt.prove.base_sensing import BaseSensing
-from wt.prove.case import Case, Truth
+from wt.prove.case import Case, HiddenEffect
 from wt.prove.hidden import Parameters
 from wt.prove.legged_catalog import MOTIONS, parameters, places
 from wt.prove.legged_rigs import LEGGED
@@ -27,7 +27,7 @@ def draw(index: int, row: Row, seed: int) -> Case:
     effects, rig, level, kind, decoy = row
     rng = np.random.default_rng([seed, index, len(effects), 6])
     sensing = _sensing(rng, decoy)
-    truth: list[Truth] = []
+    truth: list[HiddenEffect] = []
     for effect in effects:
         free = [place for place in places(effect, rig) if place not in {t.name for t in truth}]
         place = str(rng.choice(free))
@@ -62,27 +62,29 @@ def _motions(rng: np.random.Generator, rig: str, effect: str) -> tuple[str, str,
     return first, second, held
 
 
-def _truth(effect: str, rig: str, place: str, found: Parameters, rng: np.random.Generator) -> Truth:
+def _truth(
+    effect: str, rig: str, place: str, found: Parameters, rng: np.random.Generator
+) -> HiddenEffect:
     robot, group = LEGGED[rig], effect.partition(".")[0]
     if effect == "body.payload_moving":
         law, found = moving_laws.variant(found, rng)
-        return Truth(effect, "body", place, found, law)
+        return HiddenEffect(effect, "body", place, found, law)
     if group == "actuator":
-        return Truth(effect, "actuator", f"{place}_drive", found, effect)
+        return HiddenEffect(effect, "actuator", f"{place}_drive", found, effect)
     if group == "joint":
-        return Truth(effect, "joint", place, found, effect)
+        return HiddenEffect(effect, "joint", place, found, effect)
     if group == "body":
-        return Truth(effect, "body", place, found, effect)
+        return HiddenEffect(effect, "body", place, found, effect)
     if group == "contact":
-        return Truth(effect, "geom", place, found, effect)
+        return HiddenEffect(effect, "geom", place, found, effect)
     if place in robot.joints:
-        return Truth("unknown", "joint", place, found, effect)
+        return HiddenEffect("unknown", "joint", place, found, effect)
     if place in robot.bodies:
-        return Truth("unknown", "body", place, found, effect)
+        return HiddenEffect("unknown", "body", place, found, effect)
     # the foot, its link, or a joint of its leg are as right
     body = next(foot.body for foot in robot.feet if foot.name == place)
     accept = (("body", body), *(("joint", joint) for joint in robot.leg(place)))
-    return Truth("unknown", "geom", place, found, effect, accept=accept)
+    return HiddenEffect("unknown", "geom", place, found, effect, accept=accept)
 
 
 def _sensing(rng: np.random.Generator, decoy: str) -> Sensing:

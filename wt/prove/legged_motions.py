@@ -8,13 +8,13 @@ what is hidden. How wide they are keeps both robots upright with any hidden effe
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.prove import gaits, legs
 from wt.prove import legged_rigs as rigs
 from wt.prove.legged_rigs import Legged
 from wt.prove.motions import SHAPES
 
-Array = np.ndarray
 MOTIONS: dict[str, tuple[str, ...]] = {
     "quadruped": ("sway", "squat", "twist", "paw", "trot", "walk"),
     "humanoid": ("sway", "squat", "twist", "swing", "shift"),
@@ -61,7 +61,9 @@ _UPPER: dict[str, tuple[str, float]] = {
 """What waist and arms do beside it: shape, and share of their amplitude."""
 
 
-def reference(rig: Legged, kind: str, t: Array, calm: float, rng: np.random.Generator) -> Array:
+def reference(
+    rig: Legged, kind: str, t: Float[np.ndarray, " sample"], calm: float, rng: np.random.Generator
+) -> Float[np.ndarray, "sample joint"]:
     """Commands of one motion.
 
     Args:
@@ -86,7 +88,13 @@ def reference(rig: Legged, kind: str, t: Array, calm: float, rng: np.random.Gene
     return _humanoid(rig, kind, t, sway, calm * grown, rng)
 
 
-def _quadruped(kind: str, t: Array, sway: Array, grown: Array, rng: np.random.Generator) -> Array:
+def _quadruped(
+    kind: str,
+    t: Float[np.ndarray, " sample"],
+    sway: Float[np.ndarray, "sample 6"],
+    grown: Float[np.ndarray, "sample 1"],
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "sample joint"]:
     rig = rigs.QUADRUPED
     x, y = rigs.HIP_AT[0], rigs.HIP_AT[1] + rigs.HIP_ASIDE
     signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
@@ -104,8 +112,13 @@ def _quadruped(kind: str, t: Array, sway: Array, grown: Array, rng: np.random.Ge
 
 
 def _humanoid(
-    rig: Legged, kind: str, t: Array, sway: Array, grown: Array, rng: np.random.Generator
-) -> Array:
+    rig: Legged,
+    kind: str,
+    t: Float[np.ndarray, " sample"],
+    sway: Float[np.ndarray, "sample 6"],
+    grown: Float[np.ndarray, "sample 1"],
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "sample joint"]:
     turn = legs.rotation(sway[:, 3], sway[:, 4], sway[:, 5])
     back = turn.transpose(0, 2, 1)
     found = []
@@ -120,7 +133,9 @@ def _humanoid(
     return _within(rig, np.concatenate(found, axis=1))
 
 
-def _within(rig: Legged, path: Array) -> Array:
+def _within(
+    rig: Legged, path: Float[np.ndarray, "sample joint"]
+) -> Float[np.ndarray, "sample joint"]:
     """Clear of the ends of the joints' ranges, which are nobody's secret."""
     low, high = np.array([link.span for link in rig.links]).T
     return np.clip(path, low + 0.05, high - 0.05)

@@ -7,18 +7,21 @@ is level with the floor at height 0.
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.prove import legged_rigs as rigs
 
-Array = np.ndarray
 
-
-def rotation(roll: Array, pitch: Array, yaw: Array) -> Array:
+def rotation(
+    roll: Float[np.ndarray, " sample"],
+    pitch: Float[np.ndarray, " sample"],
+    yaw: Float[np.ndarray, " sample"],
+) -> Float[np.ndarray, "sample 3 3"]:
     """R_z(yaw)·R_y(pitch)·R_x(roll) from angles (n,) [rad], (n, 3, 3)."""
     return _about(2, yaw) @ _about(1, pitch) @ _about(0, roll)
 
 
-def _about(axis: int, angle: Array) -> Array:
+def _about(axis: int, angle: Float[np.ndarray, " sample"]) -> Float[np.ndarray, "sample 3 3"]:
     """Rotations about a coordinate axis, (n, 3, 3)."""
     c, s = np.cos(angle), np.sin(angle)
     found = np.zeros((len(c), 3, 3))
@@ -29,7 +32,7 @@ def _about(axis: int, angle: Array) -> Array:
     return found
 
 
-def paw(leg: str, foot: Array) -> Array:
+def paw(leg: str, foot: Float[np.ndarray, "sample 3"]) -> Float[np.ndarray, "sample 3"]:
     """Angles of a quadruped's leg: abduction, hip, knee.
 
     Args:
@@ -53,13 +56,17 @@ def paw(leg: str, foot: Array) -> Array:
     return np.stack([a, hip, knee], axis=1)
 
 
-def _triangle(far: Array, upper: float, lower: float) -> Array:
+def _triangle(
+    far: Float[np.ndarray, " sample"], upper: float, lower: float
+) -> Float[np.ndarray, " sample"]:
     """How far a knee is bent for a distance between the ends of the leg [rad]."""
     cosine = (far**2 - upper**2 - lower**2) / (2 * upper * lower)
     return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
-def leg(side: str, ankle: Array, turn: Array) -> Array:
+def leg(
+    side: str, ankle: Float[np.ndarray, "sample 3"], turn: Float[np.ndarray, "sample 3 3"]
+) -> Float[np.ndarray, "sample 6"]:
     """Angles of a humanoid's leg: hip yaw, roll, pitch, knee, ankle pitch, roll.
 
     Args:

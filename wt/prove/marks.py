@@ -60,7 +60,7 @@ def _entry(folder: Path, answer: Answer, names: machine.Machine) -> Row:
     }
 
 
-def _after(folder: Path, measured: Sequence[replay.Measured], before: float) -> float:
+def _after(folder: Path, measured: Sequence[replay.HeldOutRecording], before: float) -> float:
     """Error of the patched model; of the given one where there is none that compiles."""
     if not (folder / "model.xml").is_file():
         return before

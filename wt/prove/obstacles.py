@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.errors import WorkError
 from wt.prove.case import Case
@@ -11,7 +12,6 @@ from wt.prove.hidden import Parameters, Plant
 from wt.prove.rigs import RIGS
 from wt.prove.world import commands
 
-Array = np.ndarray
 DEPTH = {"obvious": 0.05, "clear": 0.032, "faint": 0.02}
 """Level → how far behind the face the servos would take a link [m]."""
 _EVERY = 0.02  # s, between the poses that are looked at
@@ -48,7 +48,7 @@ def obstacle(case: Case) -> Parameters:
     raise WorkError(f"case '{case.name}': no place for an obstacle; choose another seed")
 
 
-def _swept(plant: Plant, case: Case, index: int) -> Array:
+def _swept(plant: Plant, case: Case, index: int) -> Float[np.ndarray, "time link 3"]:
     """Ends of all links at times of one recording, where the servos give way to gravity.
 
     Returns:
@@ -69,7 +69,7 @@ def _swept(plant: Plant, case: Case, index: int) -> Array:
     return found
 
 
-def _fits(heights: list[Array], outer: int) -> bool:
+def _fits(heights: list[Float[np.ndarray, "_time link"]], outer: int) -> bool:
     """Whether only the outer links touch, now and then in each fit recording, never at first."""
     if any(h[:, :-outer].min() < _CLEAR or h[:5].min() < _CLEAR for h in heights):
         return False

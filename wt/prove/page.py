@@ -13,6 +13,7 @@ from string import Template
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.diagnose.page import section, table, text
 from wt.prove.page_tables import cases, confusion, first, machines
@@ -149,7 +150,9 @@ def _power(results: Results) -> str:
     return section("Power", said, figure + table(head, rows))
 
 
-def _rates(size: np.ndarray, hit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _rates(
+    size: Float[np.ndarray, " point"], hit: Float[np.ndarray, " point"]
+) -> tuple[Float[np.ndarray, " bin"], Float[np.ndarray, " bin"]]:
     """Middles of bins of size and the share of hits in each that is not empty."""
     which = np.digitize(np.clip(size, _LOW, _HIGH * 0.999), _BINS) - 1
     used = [i for i in range(len(_BINS) - 1) if (which == i).any()]

@@ -21,12 +21,11 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.data import recording as recordings
 from wt.prove.replay_base import QUICK, Floating, fitted, floating, smooth
 from wt.types import Recording
-
-Array = np.ndarray
 
 LEAD_S, WINDOW_S = 0.3, 0.5
 _BAD = (
@@ -39,7 +38,7 @@ RAN_AWAY = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class HeldOutRecording:
     """A held-out recording of a machine, N samples.
 
     Attributes:
@@ -49,21 +48,21 @@ class Measured:
         q: measured positions, (N, joints); NaN where missing.
         smooth: position and velocity of a smoothing spline, (2, N, joints), for starts.
         u: commands in force from each sample, (N, drives).
-        held: whether a position servo holds every joint, and none is free.
+        servoed: true if a position servo holds every joint, and none is free.
         base: the motion of the trunk, of a machine that floats.
     """
 
     joints: tuple[str, ...]
     drives: tuple[str, ...]
-    t: Array
-    q: Array
-    smooth: Array
-    u: Array
-    held: bool
+    t: Float[np.ndarray, " sample"]
+    q: Float[np.ndarray, "sample joint"]
+    smooth: Float[np.ndarray, "2 sample joint"]
+    u: Float[np.ndarray, "sample drive"]
+    servoed: bool
     base: Floating | None = None
 
 
-def measure(recording: Recording, model: mujoco.MjModel) -> Measured:
+def measure(recording: Recording, model: mujoco.MjModel) -> HeldOutRecording:
     """Prepare a recording.
 
     Args:
@@ -85,21 +84,21 @@ def measure(recording: Recording, model: mujoco.MjModel) -> Measured:
         if model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT
         and model.actuator_biasprm[i, 1] < 0.0
     }
-    held = servos >= set(range(model.njnt))
+    servoed = servos >= set(range(model.njnt))
     t = recording.t - recording.t[0]
     missing = np.full(len(t), np.nan)
     q = np.stack([recording.columns.get(f"qpos/{joint}", missing) for joint in joints], axis=1)
     base = floating(recording, model, t)
     # where a machine is held, only the start needs a smooth motion
-    rows = t <= (4.0 * LEAD_S if held else t[-1])
+    rows = t <= (4.0 * LEAD_S if servoed else t[-1])
     curve = smooth if base is None else lambda t, x: fitted(t, x, QUICK)
     curves = np.zeros((2, *q.shape))
     curves[:, rows] = np.stack([curve(t[rows], column[rows]) for column in q.T], axis=2)
-    u = np.stack([_held(recording.columns[f"ctrl/{drive}"]) for drive in drives], axis=1)
-    return Measured(joints, drives, t, q, curves, u, held, base)
+    u = np.stack([_filled_forward(recording.columns[f"ctrl/{drive}"]) for drive in drives], axis=1)
+    return HeldOutRecording(joints, drives, t, q, curves, u, servoed, base)
 
 
-def read(given: Path, held_out: Sequence[Path]) -> list[Measured]:
+def read(given: Path, held_out: Sequence[Path]) -> list[HeldOutRecording]:
     """Held-out recordings of a machine, prepared.
 
     Args:
@@ -111,7 +110,7 @@ def read(given: Path, held_out: Sequence[Path]) -> list[Measured]:
 
 
 def rmse(
-    model: Path, held_out: Sequence[Measured], findings: Sequence[Mapping[str, Any]] = ()
+    model: Path, held_out: Sequence[HeldOutRecording], findings: Sequence[Mapping[str, Any]] = ()
 ) -> float:
     """Root mean square error of a model's replays [rad or m].
 
@@ -130,8 +129,8 @@ def rmse(
 
 
 def replay(
-    model: mujoco.MjModel, measured: Measured, findings: Sequence[Mapping[str, Any]] = ()
-) -> Array:
+    model: mujoco.MjModel, measured: HeldOutRecording, findings: Sequence[Mapping[str, Any]] = ()
+) -> Float[np.ndarray, "sample joint"]:
     """Positions that a model's sensors would report, (N, joints); NaN while it is led.
 
     Args:
@@ -142,7 +141,7 @@ def replay(
     runner = _Runner(model, measured, findings)
     found = np.full_like(measured.q, np.nan)
     t = measured.t
-    length = np.inf if measured.held else WINDOW_S
+    length = np.inf if measured.servoed else WINDOW_S
     start = t[0]
     while start + LEAD_S < t[-1]:
         end = min(start + LEAD_S + length, t[-1])
@@ -157,7 +156,10 @@ class _Runner:
     """Steps a model along a recording."""
 
     def __init__(
-        self, model: mujoco.MjModel, measured: Measured, findings: Sequence[Mapping[str, Any]]
+        self,
+        model: mujoco.MjModel,
+        measured: HeldOutRecording,
+        findings: Sequence[Mapping[str, Any]],
     ) -> None:
         self._model, self._measured = model, measured
         self._data = mujoco.MjData(model)
@@ -167,8 +169,8 @@ class _Runner:
         self._free = _slices(model, measured.base)
         self._ctrl = np.array([model.actuator(name).id for name in measured.drives], dtype=int)
         self._tied = _tied(model, measured.joints)
-        self._t: Array = np.zeros(0)
-        self._path: Array = np.zeros((0, len(measured.joints)))
+        self._t: Float[np.ndarray, " step"] = np.zeros(0)
+        self._path: Float[np.ndarray, "step joint"] = np.zeros((0, len(measured.joints)))
 
     def run(self, start: float, end: float) -> None:
         """From ``start`` to ``end`` [s], led at first."""
@@ -199,7 +201,7 @@ class _Runner:
                 return
         self._path[steps] = data.qpos[self._q]
 
-    def positions(self, t: Array) -> Array:
+    def positions(self, t: Float[np.ndarray, " sample"]) -> Float[np.ndarray, "sample joint"]:
         """What the sensors report at times (n,), (n, joints)."""
         found = np.empty((len(t), len(self._measured.joints)))
         for j in range(found.shape[1]):
@@ -214,7 +216,9 @@ class _Runner:
                 found[:, j] = step * np.round(found[:, j] / step)
         return found
 
-    def _true(self, q: Array, v: Array) -> tuple[Array, Array]:
+    def _true(
+        self, q: Float[np.ndarray, "step joint"], v: Float[np.ndarray, "step joint"]
+    ) -> tuple[Float[np.ndarray, "step joint"], Float[np.ndarray, "step joint"]]:
         """Where the machine really is when its sensors say so; delays are left to the lead."""
         q, v = q.copy(), v.copy()
         for j in range(q.shape[1]):
@@ -235,7 +239,7 @@ class _Runner:
     def _number(finding: Mapping[str, Any], name: str) -> float:
         return float(finding["parameters"][name]["value"])
 
-    def _controls(self, start: float, steps: int, h: float) -> Array:
+    def _controls(self, start: float, steps: int, h: float) -> Float[np.ndarray, "step drive"]:
         """Commands of every step, (steps, drives): means of the held ones around its start.
 
         MuJoCo's semi-implicit step stands for half a step before its time until half a step after.
@@ -249,7 +253,9 @@ class _Runner:
         sums = np.stack([np.interp(edges, knots, column) for column in integral.T], axis=1)
         return np.asarray(np.diff(sums, axis=0) / h)
 
-    def _along(self, t: Array, curve: Array) -> Array:
+    def _along(
+        self, t: Float[np.ndarray, " step"], curve: Float[np.ndarray, "sample joint"]
+    ) -> Float[np.ndarray, "step joint"]:
         return np.stack([np.interp(t, self._measured.t, column) for column in curve.T], axis=1)
 
 
@@ -282,7 +288,7 @@ def _tied(model: mujoco.MjModel, joints: Sequence[str]) -> dict[int, tuple[int, 
     return found
 
 
-def _held(u: Array) -> Array:
+def _filled_forward(u: Float[np.ndarray, " sample"]) -> Float[np.ndarray, " sample"]:
     """Commands with the last known one where one is missing."""
     known = np.isfinite(u)
     last = np.maximum.accumulate(np.where(known, np.arange(len(u)), 0))

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 from scipy.interpolate import make_lsq_spline, make_smoothing_spline
 
 from wt.types import Recording
 
-Array = np.ndarray
 QUICK, _SLOW = 0.02, 0.08
 """Between the knots of a joint's curve and of a trunk's [s]."""
 
@@ -27,11 +27,13 @@ class Floating:
     """
 
     joint: str
-    t: Array
-    pose: Array
-    speed: Array
+    t: Float[np.ndarray, " sample"]
+    pose: Float[np.ndarray, "sample 7"]
+    speed: Float[np.ndarray, "sample 6"]
 
-    def at(self, t: Array) -> tuple[Array, Array]:
+    def at(
+        self, t: Float[np.ndarray, " time"]
+    ) -> tuple[Float[np.ndarray, "time 7"], Float[np.ndarray, "time 6"]]:
         """Pose and speed at times (n,), (n, 7) and (n, 6)."""
         pose, speed = (
             np.stack([np.interp(t, self.t, column) for column in curve.T], axis=1)
@@ -41,7 +43,9 @@ class Floating:
         return pose, speed
 
 
-def floating(recording: Recording, model: mujoco.MjModel, t: Array) -> Floating | None:
+def floating(
+    recording: Recording, model: mujoco.MjModel, t: Float[np.ndarray, " sample"]
+) -> Floating | None:
     """The motion of a model's free joint; None if it has none, or it was not recorded."""
     free = mujoco.mjtJoint.mjJNT_FREE
     names = [model.joint(i).name for i in range(model.njnt) if model.jnt_type[i] == free]
@@ -62,7 +66,9 @@ def floating(recording: Recording, model: mujoco.MjModel, t: Array) -> Floating 
     )
 
 
-def smooth(t: Array, x: Array) -> Array:
+def smooth(
+    t: Float[np.ndarray, " sample"], x: Float[np.ndarray, " sample"]
+) -> Float[np.ndarray, "2 sample"]:
     """Position and velocity of a smoothing spline through what was measured, (2, N).
 
     How smooth is chosen by generalised cross-validation (P. Craven and G. Wahba, 1979).
@@ -74,7 +80,9 @@ def smooth(t: Array, x: Array) -> Array:
     return np.stack([spline(t), spline.derivative()(t)])
 
 
-def fitted(t: Array, x: Array, spacing: float) -> Array:
+def fitted(
+    t: Float[np.ndarray, " sample"], x: Float[np.ndarray, " sample"], spacing: float
+) -> Float[np.ndarray, "2 sample"]:
     """The same by least squares with a knot every ``spacing`` [s]: quick for long recordings."""
     known = np.isfinite(x)
     if known.sum() < 5:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Link:
+class RigLink:
     """One body of the chain with the joint that carries it.
 
     Attributes:
@@ -67,7 +67,7 @@ class Rig:
     """
 
     name: str
-    links: tuple[Link, ...]
+    links: tuple[RigLink, ...]
     motor: bool
     step: float
     tempo: float
@@ -114,7 +114,7 @@ class Rig:
         )
 
     @staticmethod
-    def shape(link: Link) -> str:
+    def shape(link: RigLink) -> str:
         """One link's body, which is left open."""
         return (
             f'<body name="{link.body}" pos="{text(link.pos)}">'
@@ -124,7 +124,7 @@ class Rig:
             f'fromto="0 0 0 {text(link.to)}" mass="{link.mass}"/>'
         )
 
-    def drive(self, link: Link, gain: float) -> str:
+    def drive(self, link: RigLink, gain: float) -> str:
         """One actuator."""
         common = f'name="{link.joint}_drive" joint="{link.joint}"'
         if self.motor:

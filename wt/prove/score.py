@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.prove import machine
-from wt.prove.cases import Case, Truth
+from wt.prove.cases import Case, HiddenEffect
 from wt.prove.machine import Machine
 from wt.prove.rigs import RIGS
 
@@ -66,7 +67,7 @@ _END = 1.959964
 
 
 @dataclass(frozen=True)
-class Score:
+class CaseScore:
     """Marks of one case.
 
     Attributes:
@@ -94,7 +95,7 @@ class Score:
     off: Mapping[str, float] = field(default_factory=dict)
 
 
-def score(diagnosis: Mapping[str, Any], case: Case) -> Score:
+def score(diagnosis: Mapping[str, Any], case: Case) -> CaseScore:
     """Mark a diagnosis.
 
     As many findings as effects were hidden are looked at, from the first on, each against the
@@ -109,10 +110,10 @@ def score(diagnosis: Mapping[str, Any], case: Case) -> Score:
 
 def mark(
     diagnosis: Mapping[str, Any],
-    truth: Sequence[Truth],
+    truth: Sequence[HiddenEffect],
     names: Machine,
     excused: Sequence[tuple[str, str, str]] = (),
-) -> Score:
+) -> CaseScore:
     """Mark a diagnosis against what was hidden in a machine.
 
     Args:
@@ -128,7 +129,7 @@ def mark(
     ]
     after = _after(diagnosis)
     if not truth:
-        return Score(None, None, None, len(findings), after=after)
+        return CaseScore(None, None, None, len(findings), after=after)
     found = _match(truth, names, findings[: len(truth)])
     named = {i: f for i, f in found.items() if f["effect"] == truth[i].effect}
     errors: dict[str, float] = {}
@@ -137,7 +138,7 @@ def mark(
     for i, finding in named.items():
         _mark_parameters(truth[i], finding, errors, covered, off)
     every = range(len(truth))
-    return Score(
+    return CaseScore(
         location=len(found) == len(truth),
         effect=len(named) == len(truth),
         effect_top_or_confusable=all(
@@ -153,7 +154,7 @@ def mark(
 
 
 def _match(
-    truth: Sequence[Truth], names: Machine, findings: Sequence[Finding]
+    truth: Sequence[HiddenEffect], names: Machine, findings: Sequence[Finding]
 ) -> dict[int, Finding]:
     """Truth index → the finding at its place, those with the right effect first."""
     found: dict[int, Finding] = {}
@@ -169,7 +170,7 @@ def _match(
     return found
 
 
-def _same_place(truth: Truth, names: Machine, finding: Finding) -> bool:
+def _same_place(truth: HiddenEffect, names: Machine, finding: Finding) -> bool:
     """Whether a finding is where the truth is, or at a place that is as right."""
     right = [(truth.kind, truth.name), *truth.accept]
     at = finding["at"]
@@ -181,7 +182,7 @@ def _names(finding: Finding) -> list[str]:
 
 
 def _mark_parameters(
-    truth: Truth,
+    truth: HiddenEffect,
     finding: Finding,
     errors: dict[str, float],
     covered: dict[str, bool],
@@ -216,8 +217,11 @@ def _mark_parameters(
 
 
 def _along(
-    normal: np.ndarray, value: np.ndarray, right: np.ndarray, ends: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    normal: Float[np.ndarray, " 3"],
+    value: Float[np.ndarray, " 3"],
+    right: Float[np.ndarray, " 3"],
+    ends: Float[np.ndarray, "3 2"] | None,
+) -> tuple[Float[np.ndarray, " 1"], Float[np.ndarray, " 1"], Float[np.ndarray, "1 2"] | None]:
     """The same along a direction, (1,): where on a face somebody points is nobody's secret."""
     along = np.array([normal @ value]), np.array([normal @ right])
     if ends is None:
@@ -227,7 +231,7 @@ def _along(
     return *along, np.array([[along[0][0] - half[0], along[0][0] + half[1]]])
 
 
-def _ends(interval: object, size: int) -> np.ndarray | None:
+def _ends(interval: object, size: int) -> Float[np.ndarray, "element 2"] | None:
     """Lower and upper ends of a parameter's intervals, (size, 2); None where none was given.
 
     A vector's may be given as (lower ends, upper ends), or as one pair for each element.
@@ -240,7 +244,11 @@ def _ends(interval: object, size: int) -> np.ndarray | None:
     return ends if ends.shape == (size, 2) else None
 
 
-def _distances(value: np.ndarray, right: np.ndarray, ends: np.ndarray) -> list[float]:
+def _distances(
+    value: Float[np.ndarray, " element"],
+    right: Float[np.ndarray, " element"],
+    ends: Float[np.ndarray, "element 2"],
+) -> list[float]:
     """Truth less estimate, in standard deviations by the interval's end on the truth's side."""
     above = right >= value
     half = np.where(above, ends[:, 1] - value, value - ends[:, 0])

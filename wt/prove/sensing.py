@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from wt.prove.base_sensing import BaseSensing
 from wt.prove.hidden import Parameters
 from wt.prove.rigs import Rig
-from wt.prove.trace import Trace
+from wt.prove.trajectory import HiddenTrajectory
 
-Array = np.ndarray
 SensorEffect = tuple[str, str, Parameters]
 """Effect id, joint (or ``all``), parameters."""
 
@@ -69,7 +69,9 @@ class Sensing:
         return math.sqrt(self.noise**2 + self.encoder_step**2 / 12.0)
 
 
-def sample_steps(sensing: Sensing, seconds: float, h: float, rng: np.random.Generator) -> Array:
+def sample_steps(
+    sensing: Sensing, seconds: float, h: float, rng: np.random.Generator
+) -> Int[np.ndarray, " sample"]:
     """Steps of the hidden world at which the loop samples and sends, increasing, from 0."""
     count = int(seconds * sensing.rate)
     every = 1.0 / (sensing.rate * h)
@@ -84,7 +86,9 @@ def sample_steps(sensing: Sensing, seconds: float, h: float, rng: np.random.Gene
     return np.maximum.accumulate(np.rint(at[keep]).astype(int))
 
 
-def stamps(sensing: Sensing, steps: Array, h: float, rng: np.random.Generator) -> Array:
+def stamps(
+    sensing: Sensing, steps: Int[np.ndarray, " sample"], h: float, rng: np.random.Generator
+) -> Float[np.ndarray, " sample"]:
     """Time stamps of samples [s], increasing."""
     t = steps * h
     if sensing.clock == "stamps" and sensing.jitter:
@@ -97,11 +101,11 @@ def stamps(sensing: Sensing, steps: Array, h: float, rng: np.random.Generator) -
 def measure(
     rig: Rig,
     sensing: Sensing,
-    trace: Trace,
-    steps: Array,
+    trace: HiddenTrajectory,
+    steps: Int[np.ndarray, " sample"],
     effects: Sequence[SensorEffect],
     rng: np.random.Generator,
-) -> tuple[dict[str, Array], Array]:
+) -> tuple[dict[str, Float[np.ndarray, " sample"]], Float[np.ndarray, "sample joint"]]:
     """The measured columns of one recording, and the position error that is nobody's fault.
 
     Args:
@@ -141,8 +145,11 @@ def measure(
 
 
 def _transform(
-    rig: Rig, trace: Trace, steps: Array, effects: Sequence[SensorEffect]
-) -> tuple[Array, Array]:
+    rig: Rig,
+    trace: HiddenTrajectory,
+    steps: Int[np.ndarray, " sample"],
+    effects: Sequence[SensorEffect],
+) -> tuple[Float[np.ndarray, "sample joint"], Float[np.ndarray, "sample joint"]]:
     q, v = trace.q.copy(), trace.v.copy()
     for effect, place, parameters in effects:
         which = range(len(rig.links)) if place == "all" else [rig.joints.index(place)]
@@ -161,7 +168,9 @@ def _transform(
     return q, v
 
 
-def _noise(sensing: Sensing, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+def _noise(
+    sensing: Sensing, shape: tuple[int, int], rng: np.random.Generator
+) -> Float[np.ndarray, "sample joint"]:
     white = rng.normal(0, sensing.noise, shape)
     if not sensing.colour:
         return np.asarray(white)
@@ -174,8 +183,12 @@ def _noise(sensing: Sensing, shape: tuple[int, ...], rng: np.random.Generator) -
 
 
 def _velocity(
-    sensing: Sensing, measured: Array, v: Array, t: Array, rng: np.random.Generator
-) -> Array | None:
+    sensing: Sensing,
+    measured: Float[np.ndarray, "sample joint"],
+    v: Float[np.ndarray, "sample joint"],
+    t: Float[np.ndarray, " sample"],
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "sample joint"] | None:
     if sensing.qvel == "none":
         return None
     if sensing.qvel == "noisy":

@@ -12,14 +12,13 @@ from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.errors import ConfigError, suggest
 from wt.physics.effect import Effect, effects
 from wt.physics.motion import Motion
 from wt.physics.replay import Planted
 from wt.types import Location
-
-Array = np.ndarray
 
 Free = tuple[str, str]
 """What is to be fitted: id of an effect, and the name of the joint or actuator it stands at."""
@@ -39,17 +38,17 @@ class Freed:
 
     effect: Effect
     at: Location
-    lower: Array
-    upper: Array
-    nominal: Array
+    lower: Float[np.ndarray, " theta"]
+    upper: Float[np.ndarray, " theta"]
+    nominal: Float[np.ndarray, " theta"]
 
     @property
-    def share(self) -> Array:
+    def share(self) -> Float[np.ndarray, " theta"]:
         """The nominal parameters as shares of their ranges, (n_theta,)."""
         return np.asarray((self.nominal - self.lower) / (self.upper - self.lower))
 
 
-def planted(freed: Sequence[Freed], shares: Array) -> tuple[Planted, ...]:
+def planted(freed: Sequence[Freed], shares: Float[np.ndarray, " parameter"]) -> tuple[Planted, ...]:
     """The effects with their parameters, from shares of all ranges, (p,)."""
     left = iter(shares)
     return tuple(
@@ -135,5 +134,5 @@ def _effort(motion: Motion, dof: int) -> float:
     return max(float(np.abs(torques).max()), 1e-6)
 
 
-def _rms(signal: Array) -> float:
+def _rms(signal: Float[np.ndarray, " sample"]) -> float:
     return float(np.sqrt(np.mean(signal**2)))

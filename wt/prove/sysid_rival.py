@@ -21,6 +21,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from jaxtyping import Float, Int
 
 from wt.diagnose import proof
 from wt.diagnose.patch import patched_xml
@@ -36,7 +37,6 @@ from wt.physics.replay import Planted, Stretch
 from wt.physics.scene import Scene
 from wt.prove.sysid_ranges import Free, Freed, all_freed, planted
 
-Array = np.ndarray
 Theirs = Any  # of sysid's, which is imported late and has no types
 
 EVERY = ("joint.armature", "joint.friction_viscous", "joint.friction_coulomb", "actuator.gain")
@@ -70,12 +70,12 @@ class Fitted:
     hypothesis: tuple[Planted, ...]
     seconds: float
     xml: str
-    squares: Array
-    count: Array
-    jacobian: Array
+    squares: Float[np.ndarray, " dof"]
+    count: Int[np.ndarray, " dof"]
+    jacobian: Float[np.ndarray, "error parameter"]
 
     @property
-    def theta(self) -> dict[Free, Array]:
+    def theta(self) -> dict[Free, Float[np.ndarray, " _theta"]]:
         """Parameters of each effect, (n_theta,), as in the table of effects."""
         return {(p.effect.id, p.at.name): p.theta for p in self.hypothesis}
 
@@ -189,7 +189,7 @@ class Rival:
     @quiet()  # bad parameters explode
     def _optimum(
         self, knobs: Theirs, residual: Theirs, options: Mapping[str, float], until: float
-    ) -> tuple[Array, Array]:
+    ) -> tuple[Float[np.ndarray, " parameter"], Float[np.ndarray, "error parameter"]]:
         """Where sysid is at its end or at a time, as shares of ranges, and its last Jacobian."""
 
         def watch(steps: Sequence[Theirs]) -> None:
@@ -221,7 +221,9 @@ class Rival:
         held = proof.hold(smooth(self.scene, prepared.held), self._forgets)
         return proof.prove(held, fitted.hypothesis, STEP_S, prepared.split, seed)
 
-    def _measured(self, pairs: Sequence[tuple[Stretch, Array]]) -> list[Theirs]:
+    def _measured(
+        self, pairs: Sequence[tuple[Stretch, Float[np.ndarray, "_sample joint"]]]
+    ) -> list[Theirs]:
         """The stretches in sysid's words."""
         sysid, model = self._sysid, self._spec.compile()
         h, found = float(model.opt.timestep), []
@@ -269,8 +271,8 @@ class Rival:
         measured: Theirs,
         model: mujoco.MjModel,
         *_: object,
-        state: Array,
-    ) -> tuple[Array, Theirs, Theirs]:
+        state: Float[np.ndarray, "time state"],
+    ) -> tuple[Float[np.ndarray, "sample joint"], Theirs, Theirs]:
         """Errors in radians, which is what is judged; 0 where a sample is missing.
 
         sysid's own are shares of each signal's size in each stretch, so that a joint that rests

@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 
-from wt.prove.case import Case, Truth
+from wt.prove.case import Case, HiddenEffect
 from wt.prove.rigs import RIGS
 from wt.prove.sensing import measure
-from wt.prove.trace import Trace
+from wt.prove.trajectory import HiddenTrajectory
 from wt.prove.world import OUTER_KP, hidden_plant, record, sensor_effects
-
-Array = np.ndarray
 
 
 def visibility(case: Case, calm: Sequence[float] = ()) -> float:
@@ -42,7 +41,7 @@ def visibilities(case: Case, calm: Sequence[float] = ()) -> tuple[float, ...]:
 
 
 def _change(
-    case: Case, some: Sequence[Truth], others: Sequence[Truth], calm: Sequence[float]
+    case: Case, some: Sequence[HiddenEffect], others: Sequence[HiddenEffect], calm: Sequence[float]
 ) -> float:
     rig = RIGS[case.rig]
     sharp = replace(case.sensing, noise=0.0, bits=30, drops=0.0)
@@ -71,7 +70,7 @@ def _change(
     return change
 
 
-def _lean(trace: Trace) -> Array:
+def _lean(trace: HiddenTrajectory) -> Float[np.ndarray, "sample 3"]:
     """Height [m], and the world's vertical in the trunk's x and y [rad], (n, 3)."""
     w, x, y, z = trace.base_q[:, 3:].T
     return np.stack([trace.base_q[:, 2], 2 * (x * z - w * y), 2 * (y * z + w * x)], axis=1)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.diagnose.patch import patched_xml
 from wt.diagnose.prepare import prepare
@@ -21,14 +22,12 @@ from wt.physics.replay import Planted
 from wt.physics.scene import Scene
 from wt.types import Location
 
-Array = np.ndarray
-
 SURE = 1.96
 """Standard deviations from the middle to the end of a 95 % interval."""
 
 
 @dataclass(frozen=True)
-class Task:
+class RivalTask:
     """What a rival is given.
 
     Attributes:
@@ -75,8 +74,8 @@ class Claim:
 
     effect: str
     at: Location
-    theta: Array
-    sigma: Array
+    theta: Float[np.ndarray, " theta"]
+    sigma: Float[np.ndarray, " _sigma"]
     formula: str | None = None
 
     def to_json(self) -> dict[str, Any]:
@@ -100,7 +99,7 @@ class Claim:
         }
 
 
-def write(task: Task, claims: Sequence[Claim], out: Path) -> None:
+def write(task: RivalTask, claims: Sequence[Claim], out: Path) -> None:
     """Write claims, most important first, as ``diagnosis.json`` and ``model.xml``."""
     known = effects()
     hypothesis = [Planted(known[c.effect], c.at, c.theta) for c in claims if c.theta.size]
@@ -111,5 +110,5 @@ def write(task: Task, claims: Sequence[Claim], out: Path) -> None:
     (out / "diagnosis.json").write_text(json.dumps(said, indent=2, allow_nan=False) + "\n")
 
 
-def _plain(values: Array) -> float | list[float]:
+def _plain(values: Float[np.ndarray, " element"]) -> float | list[float]:
     return float(values[0]) if values.size == 1 else [float(v) for v in values]

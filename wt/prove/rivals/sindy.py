@@ -12,13 +12,12 @@ import warnings
 from collections.abc import Iterator
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.errors import WorkError
 from wt.physics.motion import Motion
-from wt.prove.rivals.base import Claim, Task
+from wt.prove.rivals.base import Claim, RivalTask
 from wt.types import Location
-
-Array = np.ndarray
 
 _THRESHOLDS = np.geomspace(0.003, 0.5, 12)
 """Of coefficients, the residual and the terms being scaled to unit size."""
@@ -39,7 +38,7 @@ EFFECTS = {
 """Terms that are an effect by themselves; the spring and the bias need more than a name."""
 
 
-def claims(task: Task) -> list[Claim]:
+def claims(task: RivalTask) -> list[Claim]:
     """Claims of all joints, those first that explain most of their joint's residual."""
     try:
         import pysindy
@@ -57,7 +56,7 @@ def claims(task: Task) -> list[Claim]:
     return [claim for _, claim in sorted(found, key=lambda pair: -pair[0])]
 
 
-def library(motion: Motion, dof: int) -> tuple[list[str], Array]:
+def library(motion: Motion, dof: int) -> tuple[list[str], Float[np.ndarray, "sample term"]]:
     """Names and values of the terms at a joint, (T, k).
 
     The drive's force is not among them: with it and what the bodies demand, the residual would be
@@ -71,7 +70,9 @@ def library(motion: Motion, dof: int) -> tuple[list[str], Array]:
     return list(terms), np.stack(list(terms.values()), axis=1)
 
 
-def _sparse(pysindy: object, terms: Array, force: Array) -> Array:
+def _sparse(
+    pysindy: object, terms: Float[np.ndarray, "sample term"], force: Float[np.ndarray, " sample"]
+) -> Float[np.ndarray, " term"]:
     """Coefficients, (k,)."""
     cut = int(0.75 * len(force))
     fits = []
@@ -88,7 +89,12 @@ def _sparse(pysindy: object, terms: Array, force: Array) -> Array:
 
 
 def _said(
-    task: Task, joint: str, names: list[str], terms: Array, force: Array, coefficients: Array
+    task: RivalTask,
+    joint: str,
+    names: list[str],
+    terms: Float[np.ndarray, "sample term"],
+    force: Float[np.ndarray, " sample"],
+    coefficients: Float[np.ndarray, " term"],
 ) -> Iterator[tuple[float, Claim]]:
     """Each active term as a claim, with the share of the residual that it explains."""
     active = np.flatnonzero(coefficients)

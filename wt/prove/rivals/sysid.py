@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.effect import effects
-from wt.prove.rivals.base import SURE, Claim, Task
+from wt.prove.rivals.base import SURE, Claim, RivalTask
 from wt.prove.sysid_rival import Fitted, Free, Rival, every_parameter
 from wt.types import Location
-
-Array = np.ndarray
 
 THREADS = 1
 """Of each fit, as each of our diagnoses in a trial has one: cases run side by side."""
@@ -17,7 +16,7 @@ _AT_ONCE = 0.25
 """Share of the parameters that are dropped in one round of BIC, the weakest."""
 
 
-def every(task: Task) -> list[Claim]:
+def every(task: RivalTask) -> list[Claim]:
     """All parameters are fitted; said are those whose 95 % interval leaves the nominal out."""
     rival = Rival(task.model, task.fit, THREADS)
     fitted = rival.fit(every_parameter(rival.scene), seconds=task.left)
@@ -25,7 +24,7 @@ def every(task: Task) -> list[Claim]:
     return [claim for strength, claim in found if strength > SURE]
 
 
-def bic(task: Task) -> list[Claim]:
+def bic(task: RivalTask) -> list[Claim]:
     """The same, and parameters are dropped, weakest first, as long as BIC falls and time lasts."""
     rival = Rival(task.model, task.fit, THREADS)
     best = rival.fit(every_parameter(rival.scene), seconds=task.left)
@@ -59,7 +58,7 @@ def _claims(fitted: Fitted) -> list[tuple[float, Claim]]:
     return found
 
 
-def _deviations(fitted: Fitted) -> Array:
+def _deviations(fitted: Fitted) -> Float[np.ndarray, " parameter"]:
     """Standard deviations of the parameters, (p,): errors independent, each joint's its own."""
     variance = fitted.squares / np.maximum(fitted.count, 1)
     weight = np.tile(1.0 / np.maximum(variance, 1e-30), len(fitted.jacobian) // variance.size)

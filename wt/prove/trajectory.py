@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 
-Array = np.ndarray
 
-
-class Trace:
+class HiddenTrajectory:
     """What happened: at the samples, and at every fine step.
 
     Attributes:
@@ -30,6 +29,13 @@ class Trace:
         self.base_q, self.base_v = np.zeros((samples, 7)), np.zeros((samples, 6))
         self.fine_q, self.fine_v, self.fine_tau = (np.zeros((steps, joints)) for _ in range(3))
 
-    def put(self, row: int, q: Array, v: Array, u: Array, sensors: Array) -> None:
+    def put(
+        self,
+        row: int,
+        q: Float[np.ndarray, " joint"],
+        v: Float[np.ndarray, " joint"],
+        u: Float[np.ndarray, " joint"],
+        sensors: Float[np.ndarray, " sensor"],
+    ) -> None:
         """Store one sample."""
         self.q[row], self.v[row], self.u[row], self.sensors[row] = q, v, u, sensors
