@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from wt.prove.case_spec import Decoy, Kind
 from wt.prove.hidden import Parameters
-from wt.prove.row import Decoy, Kind
 from wt.prove.sensing import Sensing
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from wt.prove import legged_cases, moving_laws
 from wt.prove.case import Case as Case
 from wt.prove.case import HiddenEffect as HiddenEffect
+from wt.prove.case_spec import CaseSpec
 from wt.prove.catalog import parameters
 from wt.prove.hidden import Parameters
 from wt.prove.legged_rigs import LEGGED
@@ -16,10 +17,9 @@ from wt.prove.motions import MOTIONS as ALL_MOTIONS
 from wt.prove.obstacles import obstacle
 from wt.prove.places import MOTIONS, places
 from wt.prove.rigs import RIGS
-from wt.prove.row import Row, title
 from wt.prove.sensing import Sensing
 from wt.prove.sets import SetName as SetName
-from wt.prove.sets import rows
+from wt.prove.sets import specs
 
 
 def cases(set: str = "quick", seed: int = 0) -> list[Case]:
@@ -34,13 +34,13 @@ def cases(set: str = "quick", seed: int = 0) -> list[Case]:
         ConfigError: no such set.
     """
     return [
-        (legged_cases.draw if row[1] in LEGGED else _case)(i, row, seed)
-        for i, row in enumerate(rows(set))
+        (legged_cases.draw if spec.rig in LEGGED else _case)(i, spec, seed)
+        for i, spec in enumerate(specs(set))
     ]
 
 
-def _case(index: int, row: Row, seed: int) -> Case:
-    effects, rig, level, kind, decoy = row
+def _case(index: int, spec: CaseSpec, seed: int) -> Case:
+    effects, rig, level, decoy = spec.effects, spec.rig, spec.level, spec.decoy
     rng = np.random.default_rng([seed, index, len(effects)])
     motor = RIGS[rig].motor
     quiet = any(effect.startswith(("body.", "world.", "contact.")) for effect in effects)
@@ -58,10 +58,10 @@ def _case(index: int, row: Row, seed: int) -> Case:
     if effects and effects[0] in ("actuator.saturation", "actuator.speed_limit"):
         held = "jumps"
     case = Case(
-        name=title(index, row),
+        name=spec.title(index),
         rig=rig,
         seed=int(rng.integers(2**31)),
-        kind=kind,
+        kind=spec.kind,
         truth=tuple(truth),
         sensing=sensing,
         motions=(first, second, held),

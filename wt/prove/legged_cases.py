@@ -7,24 +7,24 @@ import numpy as np
 from wt.prove import legged_motions, moving_laws
 from wt.prove.base_sensing import BaseSensing
 from wt.prove.case import Case, HiddenEffect
+from wt.prove.case_spec import CaseSpec
 from wt.prove.hidden import Parameters
 from wt.prove.legged_catalog import MOTIONS, parameters, places
 from wt.prove.legged_rigs import LEGGED
-from wt.prove.row import Row, title
 from wt.prove.sensing import Sensing
 
 _STEPPING = ("trot", "walk", "paw")
 
 
-def draw(index: int, row: Row, seed: int) -> Case:
+def draw(index: int, spec: CaseSpec, seed: int) -> Case:
     """One case.
 
     Args:
-        index: of the row in its set.
-        row: what a case is drawn from.
+        index: of the specification in its set.
+        spec: the specification.
         seed: decides places, magnitudes, sensing and motions.
     """
-    effects, rig, level, kind, decoy = row
+    effects, rig, level, decoy = spec.effects, spec.rig, spec.level, spec.decoy
     rng = np.random.default_rng([seed, index, len(effects), 6])
     sensing = _sensing(rng, decoy)
     truth: list[HiddenEffect] = []
@@ -35,10 +35,10 @@ def draw(index: int, row: Row, seed: int) -> Case:
         found = parameters(effect, rig, place, level, noise, int(rng.integers(2**31)))
         truth.append(_truth(effect, rig, place, found, rng))
     return Case(
-        name=title(index, row),
+        name=spec.title(index),
         rig=rig,
         seed=int(rng.integers(2**31)),
-        kind=kind,
+        kind=spec.kind,
         truth=tuple(truth),
         sensing=sensing,
         motions=_motions(rng, rig, effects[0] if effects else ""),

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 from wt.diagnose.page import section, table, text
+from wt.prove.case_result import CaseResult
 from wt.prove.contenders import OURS
 from wt.prove.real import REAL
 from wt.prove.results import Results, title
+from wt.prove.score import Finding
 from wt.prove.tally import NOTHING
 
 
@@ -45,7 +46,7 @@ def _milli(error: float | None) -> str:
     return "–" if error is None else f"{1e3 * error:.1f}"
 
 
-def _listed(findings: list[Mapping[str, Any]]) -> str:
+def _listed(findings: Sequence[Finding]) -> str:
     return ", ".join(f"{f['effect']} at {f['at']['name']}" for f in findings) or NOTHING
 
 
@@ -86,33 +87,36 @@ def _heat(count: int, total: int, right: bool) -> str:
 def cases(results: Results) -> str:
     """All cases, with links to our reports."""
     who = first(results)
-    rows = []
-    for row in results["cases"]:
-        said = row["said"][who]
-        hidden = ", ".join(f"{t['law']} at {t['at']['name']}" for t in row["truth"]) or NOTHING
-        if row["kind"] == REAL:
-            hidden = "?"
-        link = f"diagnoses/{who}/{row['id']}/report.html"
-        name = html.escape(row["name"])
-        shown = f'<a href="{link}">{name}</a>' if who == OURS and not said["error"] else name
-        left = row["after_rmse"][who] / row["before_rmse"] if row["before_rmse"] else math.nan
-        css, word = _verdict(row, who)
-        rows.append(
-            f"<tr><td>{shown}</td><td>{text(hidden)}</td>"
-            f"<td>{text(said['error'] or _listed(said['findings']))}</td>"
-            f'<td class="{css}">{word}</td><td class="n">{100 * left:.0f} %</td></tr>'
-        )
+    rows = [_case(CaseResult.from_json(case), who) for case in results["cases"]]
     head = ("case", "hidden", "said", "", "#held-out error left")
     return f"<details><summary>All {len(rows)} cases</summary>{table(head, rows)}</details>"
 
 
-def _verdict(row: Mapping[str, Any], who: str) -> tuple[str, str]:
-    marks = row["said"][who]["marks"]
-    if row["kind"] == REAL:
+def _case(case: CaseResult, who: str) -> str:
+    """One case as a row of the table."""
+    result = case.contenders[who]
+    hidden = ", ".join(f"{effect.law} at {effect.name}" for effect in case.truth) or NOTHING
+    if case.kind == REAL:
+        hidden = "?"
+    name = html.escape(case.name)
+    if who == OURS and not result.error:
+        name = f'<a href="diagnoses/{who}/{case.id}/report.html">{name}</a>'
+    left = case.after_rmse[who] / case.before_rmse if case.before_rmse else math.nan
+    css, word = _verdict(case, who)
+    return (
+        f"<tr><td>{name}</td><td>{text(hidden)}</td>"
+        f"<td>{text(result.error or _listed(result.findings))}</td>"
+        f'<td class="{css}">{word}</td><td class="n">{100 * left:.0f} %</td></tr>'
+    )
+
+
+def _verdict(case: CaseResult, who: str) -> tuple[str, str]:
+    """CSS class and words for the marks of a case."""
+    marks = case.marks(who)
+    if case.kind == REAL:
         return "", ""
-    if not row["truth"]:
-        wrong = marks["false_claims"] > 0 or bool(row["said"][who]["error"])
-        return ("bad", "false alarm") if wrong else ("ok", "silent")
-    if marks["effect"]:
-        return ("ok", "right") if not marks["false_claims"] else ("", "right, and more")
-    return ("", "place only") if marks["location"] else ("bad", "missed")
+    if not case.truth:
+        return ("bad", "false alarm") if case.contenders[who].false_alarm else ("ok", "silent")
+    if marks.effect:
+        return ("ok", "right") if not marks.false_claims else ("", "right, and more")
+    return ("", "place only") if marks.location else ("bad", "missed")

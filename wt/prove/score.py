@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -93,6 +93,28 @@ class CaseScore:
     after: float = float("nan")
     said: tuple[str, ...] = ()
     off: Mapping[str, float] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """As in ``results.json``, but for numbers that are not finite."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> CaseScore:
+        """Read the marks of ``results.json``, where None stands for a number without end."""
+
+        def endless(values: Mapping[str, float | None]) -> dict[str, float]:
+            return {name: np.inf if v is None else float(v) for name, v in values.items()}
+
+        after = data["after"]
+        return cls(
+            **{key: data[key] for key in ("location", "effect", "effect_top_or_confusable")},
+            false_claims=data["false_claims"],
+            errors=endless(data["errors"]),
+            covered=data["covered"],
+            after=float("nan") if after is None else float(after),
+            said=tuple(data["said"]),
+            off=endless(data["off"]),
+        )
 
 
 def score(diagnosis: Mapping[str, Any], case: Case) -> CaseScore:
