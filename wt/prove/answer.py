@@ -1,4 +1,4 @@
-"""The answer of a case: what is hidden, as it is sealed, and as others may write it.
+"""The answer of a case: its hidden effects, as sealed and as others may write it.
 
 The format is JSON; ``docs/prove.md`` explains it. Only ``truth`` is required.
 """
@@ -19,18 +19,18 @@ UNKNOWN = "unknown"
 
 @dataclass(frozen=True)
 class Answer:
-    """What is hidden in a case.
+    """The hidden effects of a case, with what marking needs to know of it.
 
     Attributes:
-        name: what the case is called once it is open.
+        name: name of the case once it is open.
         kind: null, single, pair, triple, outsider (an effect outside every list) or real (a
             machine of which nobody knows the truth; only the held-out fit is scored).
         truth: the hidden effects.
         visibility: for each of them the rms change it makes in the recordings over their noise;
             NaN where that is not known.
-        excused: (effect, kind, name) that may be said though it is not looked for.
+        excused: (effect, kind, name) that may be claimed though it does not count as hidden.
         rig: kind of machine.
-        decoy: what a null tempts with.
+        decoy: feature of a null that tempts to a false claim.
         level: size in a word.
         noise_rms: joint → rms noise of recorded positions [rad], where it is known.
     """

@@ -1,4 +1,4 @@
-"""What acts on bodies, on the world and between joints; positions in metres, world frame."""
+"""Laws on bodies, on the world and between joints; positions in metres, world frame."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ class HiddenCable(WorldLaw):
 
 
 class HiddenUnbalance(WorldLaw):
-    """Outsider: something turns at its own pace: torque·sin(frequency·t + phase) on a joint."""
+    """Outsider: an unbalanced rotor at its own pace: torque·sin(frequency·t + phase) on a joint."""
 
     def bind(self, plant: Plant) -> None:
         """Look up the joint."""

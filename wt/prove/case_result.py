@@ -30,7 +30,7 @@ class ContenderResult:
 
     @property
     def false_alarm(self) -> bool:
-        """Whether it failed on a null: by a claim, or by an error, which is no silence."""
+        """True if it failed on a null: by a claim, or by an error, which is no silence."""
         return self.marks.false_claims > 0 or bool(self.error)
 
     def to_json(self) -> dict[str, Any]:

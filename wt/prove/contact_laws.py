@@ -1,4 +1,4 @@
-"""What is wrong with contacts: the ``contact.*`` effects. Feet decide, as in the nominal model."""
+"""Laws of contacts: the ``contact.*`` effects. Feet decide, as in the nominal model."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class _HiddenGround(WorldLaw):
         """MuJoCo's ids of the geoms."""
         assert isinstance(plant.rig, Legged)
         names = [foot.name for foot in plant.rig.feet]
-        some = names if self.place == FLOOR else [self.place]
-        return [int(plant.model.geom(name).id) for name in some]
+        touching = names if self.place == FLOOR else [self.place]
+        return [int(plant.model.geom(name).id) for name in touching]
 
 
 class HiddenContactFriction(_HiddenGround):

@@ -1,4 +1,4 @@
-"""What acts between the command and the joint: the ``actuator.*`` effects and the gear.
+"""Laws between the command and the joint: the ``actuator.*`` effects and the gear.
 
 Definitions of the parameters stand at each law. Limits have smooth knees of 2 %.
 """

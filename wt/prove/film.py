@@ -6,12 +6,13 @@ patched one, on the held-out recording; all rows move at once on the timeline ``
 ===============================  ==========================================================
 ``world/<case> <robot>/<body>``  pose of a body
 ``error/<case>/<robot>``         simulated − recorded, root mean square over the joints
-``summary``                      what was hidden in each case, and what was said
+``summary``                      hidden effects and claims of each case
 ===============================  ==========================================================
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -40,37 +41,43 @@ _APART = 1.3  # in sizes of the largest robot
 
 def telling(cases: Sequence[CaseResult], who: str) -> list[tuple[str, CaseResult]]:
     """The cases that say most, each with why: best, hardest, several, unknown, decoy, worst."""
-
-    def left(case: CaseResult) -> float:
-        return case.after_rmse[who] / case.before_rmse
-
-    def size(case: CaseResult) -> float:
-        return min(visibility or np.inf for visibility in case.visibility)
-
-    def unseen(case: CaseResult) -> float:
-        return -size(case)
-
-    def unexplained(case: CaseResult) -> float:
-        return -case.before_rmse
-
     visible = [case for case in cases if case.truth and case.before_rmse > 0]
     right = [case for case in visible if case.marks(who).effect]
+    outsiders = [case for case in right if case.kind == "outsider"]
     known = [case for case in right if case.kind != "outsider"]
+    several = [case for case in right if len(case.truth) > 1]
+    left = functools.partial(_left, who=who)
     groups: tuple[tuple[str, list[CaseResult], Callable[[CaseResult], float]], ...] = (
         ("explained best", known, left),
-        ("smallest effect that was named", known, size),
-        ("several at once", [case for case in right if len(case.truth) > 1], left),
-        ("outside the vocabulary", [case for case in right if case.kind == "outsider"], left),
-        ("decoy that was resisted", _resisted(cases, who), unexplained),
-        ("missed", [case for case in visible if not case.marks(who).location], unseen),
-        ("false alarm", _alarms(cases, who), unexplained),
+        ("smallest effect that was named", known, _size),
+        ("several at once", several, left),
+        ("outside the vocabulary", outsiders, left),
+        ("decoy that was resisted", _resisted(cases, who), lambda case: -case.before_rmse),
+        ("missed", _missed(visible, who), lambda case: -_size(case)),
+        ("false alarm", _alarms(cases, who), lambda case: -case.before_rmse),
     )
-    chosen: list[tuple[str, CaseResult]] = []
+    chosen: dict[str, tuple[str, CaseResult]] = {}
     for why, group, order in groups:
-        rest = [case for case in group if case.id not in {other.id for _, other in chosen}]
+        rest = [case for case in group if case.id not in chosen]
         if rest:
-            chosen.append((why, min(rest, key=order)))
-    return chosen
+            case = min(rest, key=order)
+            chosen[case.id] = why, case
+    return list(chosen.values())
+
+
+def _left(case: CaseResult, who: str) -> float:
+    """Share of the held-out error that a contender's model leaves."""
+    return case.after_rmse[who] / case.before_rmse
+
+
+def _size(case: CaseResult) -> float:
+    """Visibility of the smallest hidden effect."""
+    return min(visibility or np.inf for visibility in case.visibility)
+
+
+def _missed(cases: Sequence[CaseResult], who: str) -> list[CaseResult]:
+    """Cases without a claim at the hidden places."""
+    return [case for case in cases if not case.marks(who).location]
 
 
 def _resisted(cases: Sequence[CaseResult], who: str) -> list[CaseResult]:

@@ -30,7 +30,7 @@ class HiddenLaw:
     """One effect at one place. A law overrides the hooks of the stage at which it acts.
 
     Attributes:
-        fine: whether the law is stiff and asks for half the rig's step.
+        fine: true if the law is stiff and asks for half the rig's step.
     """
 
     fine = False
@@ -41,7 +41,7 @@ class HiddenLaw:
         Args:
             place: MJCF name, ``a+b`` or ``world``.
             parameters: by the names of the interface, SI units.
-            rng: decides what the parameters leave open (bristle stiffness, …).
+            rng: draws what the parameters leave open (bristle stiffness, …).
         """
         self.place, self.parameters, self.rng = place, parameters, rng
 
@@ -60,7 +60,7 @@ class HiddenLaw:
         """Change the compiled model; look up what the other hooks need."""
 
     def settle(self, plant: Plant) -> None:
-        """Put what is loose where it belongs, before the lead-in of a recording."""
+        """Put loose parts in their places, before the lead-in of a recording."""
 
     def start(self) -> None:
         """The recording's first sample: the motor is cold."""
@@ -123,9 +123,9 @@ class Plant:
 
         Args:
             rig: the robot.
-            laws: what is hidden.
+            laws: the hidden effects.
             gain: factor on servo stiffness, as in the nominal model.
-            off: factors on each link's mass (row 0) and damping (row 1), (2, joints).
+            off: factors on each link's mass (row 0) and damping (row 1).
             step: time step [s]; the rig's when None, halved for stiff laws.
         """
         spec = mujoco.MjSpec.from_string(nominal_xml(rig, gyro=True))
@@ -200,7 +200,7 @@ class Plant:
         """Torques that hold the rig still [N·m], effects on joints left out.
 
         Args:
-            path: positions, (n, joints) [rad].
+            path: positions [rad].
         """
         data, out = mujoco.MjData(self.model), np.empty_like(path)
         for row, q in enumerate(path):
@@ -220,8 +220,8 @@ class Plant:
         """Step through a recording.
 
         Args:
-            q0: initial positions (joints,) [rad].
-            samples: increasing step indices of samples, (n,); step 0 is time 0.
+            q0: initial positions [rad].
+            samples: increasing step indices of samples; step 0 is time 0.
             controller: (sample, q, q̇) → command, held until the next sample.
             lead: steps of lead-in before time 0, in which sample 0 is held.
         """
@@ -258,11 +258,11 @@ class Plant:
 
     @property
     def floats(self) -> bool:
-        """Whether the robot has a free joint, which is then the first one."""
+        """True if the robot has a free joint, which is then the first one."""
         return isinstance(self.rig, Legged)
 
     def _stand(self, q0: Float[np.ndarray, " joint"]) -> None:
-        """Joints at q0 [rad], the lowest foot on the floor, and what is loose in its place."""
+        """Joints at q0 [rad], the lowest foot on the floor, and loose parts in their places."""
         self.data.qpos[self.q_at] = q0
         if isinstance(self.rig, Legged):
             mujoco.mj_kinematics(self.model, self.data)

@@ -1,4 +1,4 @@
-"""What acts at a joint: the ``joint.*`` effects but for the gear, and outsiders of no list."""
+"""Laws at joints: the ``joint.*`` effects except for the gear, and outsiders of no list."""
 
 from __future__ import annotations
 

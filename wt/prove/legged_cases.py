@@ -1,4 +1,4 @@
-"""What is hidden where on robots with legs; :mod:`wt.prove.cases` for all others."""
+"""The cases of robots with legs; :mod:`wt.prove.cases` has those of all others."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def draw(index: int, spec: CaseSpec, seed: int) -> Case:
         free = [place for place in places(effect, rig) if place not in {t.name for t in truth}]
         place = str(rng.choice(free))
         noise = sensing.position_noise
-        found = parameters(effect, rig, place, level, noise, int(rng.integers(2**31)))
-        truth.append(_truth(effect, rig, place, found, rng))
+        drawn = parameters(effect, rig, place, level, noise, int(rng.integers(2**31)))
+        truth.append(_truth(effect, rig, place, drawn, rng))
     return Case(
         name=spec.title(index),
         rig=rig,
@@ -51,40 +51,40 @@ def draw(index: int, spec: CaseSpec, seed: int) -> Case:
 
 def _motions(rng: np.random.Generator, rig: str, effect: str) -> tuple[str, str, str]:
     """Two to fit on, of which a quadruped's second one has steps, and another held out."""
-    every = legged_motions.MOTIONS[rig]
-    on_the_spot = [kind for kind in every if kind not in _STEPPING]
+    kinds = legged_motions.MOTIONS[rig]
+    on_the_spot = [kind for kind in kinds if kind not in _STEPPING]
     first = str(rng.choice(on_the_spot))
-    others = [kind for kind in every if kind in _STEPPING] or on_the_spot
+    others = [kind for kind in kinds if kind in _STEPPING] or on_the_spot
     second = str(rng.choice([kind for kind in others if kind != first]))
     if effect in MOTIONS:
         first, second = MOTIONS[effect][rig]
-    held = str(rng.choice([kind for kind in every if kind not in (first, second)]))
-    return first, second, held
+    holdout = str(rng.choice([kind for kind in kinds if kind not in (first, second)]))
+    return first, second, holdout
 
 
 def _truth(
-    effect: str, rig: str, place: str, found: Parameters, rng: np.random.Generator
+    effect: str, rig: str, place: str, drawn: Parameters, rng: np.random.Generator
 ) -> HiddenEffect:
     robot, group = LEGGED[rig], effect.partition(".")[0]
     if effect == "body.payload_moving":
-        law, found = moving_laws.variant(found, rng)
-        return HiddenEffect(effect, "body", place, found, law)
+        law, drawn = moving_laws.variant(drawn, rng)
+        return HiddenEffect(effect, "body", place, drawn, law)
     if group == "actuator":
-        return HiddenEffect(effect, "actuator", f"{place}_drive", found, effect)
+        return HiddenEffect(effect, "actuator", f"{place}_drive", drawn, effect)
     if group == "joint":
-        return HiddenEffect(effect, "joint", place, found, effect)
+        return HiddenEffect(effect, "joint", place, drawn, effect)
     if group == "body":
-        return HiddenEffect(effect, "body", place, found, effect)
+        return HiddenEffect(effect, "body", place, drawn, effect)
     if group == "contact":
-        return HiddenEffect(effect, "geom", place, found, effect)
+        return HiddenEffect(effect, "geom", place, drawn, effect)
     if place in robot.joints:
-        return HiddenEffect("unknown", "joint", place, found, effect)
+        return HiddenEffect("unknown", "joint", place, drawn, effect)
     if place in robot.bodies:
-        return HiddenEffect("unknown", "body", place, found, effect)
+        return HiddenEffect("unknown", "body", place, drawn, effect)
     # the foot, its link, or a joint of its leg are as right
     body = next(foot.body for foot in robot.feet if foot.name == place)
     accept = (("body", body), *(("joint", joint) for joint in robot.leg(place)))
-    return HiddenEffect("unknown", "geom", place, found, effect, accept=accept)
+    return HiddenEffect("unknown", "geom", place, drawn, effect, accept=accept)
 
 
 def _sensing(rng: np.random.Generator, decoy: str) -> Sensing:

@@ -22,7 +22,7 @@ FRICTION, TIME_CONSTANT = 0.8, 0.02
 
 @dataclass(frozen=True)
 class Foot:
-    """What touches the floor.
+    """A foot, which touches the floor.
 
     Attributes:
         name: of the geom.
@@ -47,7 +47,7 @@ class Legged(Rig):
         box: half sizes of the trunk [m].
         centre: of that box in the trunk's frame [m].
         height: of the trunk's origin over the floor, the feet on it and joints at ``middle`` [m].
-        feet: what touches the floor.
+        feet: geoms that touch the floor.
     """
 
     trunk: str
@@ -64,21 +64,21 @@ class Legged(Rig):
 
     @property
     def middle(self) -> Float[np.ndarray, " joint"]:
-        """The standing pose, (joints,) [rad]."""
+        """The standing pose [rad]."""
         return np.array([link.middle for link in self.links])
 
     def leg(self, foot: str) -> tuple[str, ...]:
         """Joints of the leg that ends in a foot, from the foot upwards."""
         numbers = {link.body: i for i, link in enumerate(self.links)}
-        body, found = next(f.body for f in self.feet if f.name == foot), list[str]()
+        body, joints = next(f.body for f in self.feet if f.name == foot), list[str]()
         while body in numbers:
             link = self.links[numbers[body]]
-            found.append(link.joint)
+            joints.append(link.joint)
             body = link.parent or self.links[numbers[body] - 1].body
-        return tuple(found)
+        return tuple(joints)
 
     def xml(self, step: float, gain: float, gyro: bool) -> str:
-        """The MJCF; ``gyro`` is whether the IMU is read."""
+        """The MJCF; with ``gyro`` the IMU is read."""
         box = f'type="box" size="{text(self.box)}" pos="{text(self.centre)}" mass="{self.mass}"'
         sensors = '<gyro name="gyro" site="imu"/><accelerometer name="accelerometer" site="imu"/>'
         drives = "".join(self.drive(link, gain) for link in self.links)
@@ -98,12 +98,12 @@ class Legged(Rig):
 
     def _below(self, parent: str) -> str:
         """The bodies that hang on one."""
-        found = ""
+        bodies = ""
         for i, link in enumerate(self.links):
             if (link.parent or self.links[i - 1].body) == parent:
                 feet = "".join(_foot(foot) for foot in self.feet if foot.body == link.body)
-                found += f"{self.shape(link)}{feet}{self._below(link.body)}</body>\n"
-        return found
+                bodies += f"{self.shape(link)}{feet}{self._below(link.body)}</body>\n"
+        return bodies
 
 
 def _foot(foot: Foot) -> str:

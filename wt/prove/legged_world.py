@@ -1,4 +1,4 @@
-"""What the world of a robot on legs has besides that of an arm: a floor, a trunk, and a balance."""
+"""Parts of a legged robot's world that an arm's lacks: a floor, a trunk, and a balance."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LOW = 0.6  # of its height when standing
 
 
 def tolerances(case: Case, rig: Legged) -> list[HiddenLaw]:
-    """The few per cent by which every trunk and every floor is off."""
+    """Model tolerances of trunk and floor: a few per cent in every world."""
     rng = np.random.default_rng([case.seed, 6])
     trunk: Parameters = {"factor": 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(0.01, 0.03)}
     floor: Parameters = {
@@ -29,7 +29,7 @@ def tolerances(case: Case, rig: Legged) -> list[HiddenLaw]:
 
 
 def upright(trace: HiddenTrajectory, rig: Legged) -> bool:
-    """Whether the robot stayed on its feet throughout."""
+    """True if the robot stayed on its feet throughout."""
     _, x, y, _ = trace.base_q[:, 3:].T
     # the trunk's own z axis over the world's: 1 − 2(x² + y²)
     tilt = np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))

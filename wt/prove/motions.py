@@ -31,14 +31,14 @@ def reference(
 
     Args:
         kind: one of ``MOTIONS``.
-        t: times, (samples,) [s].
-        middle: what each joint moves around, (joints,) [rad].
-        amplitude: how far each goes, (joints,) [rad].
+        t: times [s].
+        middle: centre of each joint's motion [rad].
+        amplitude: largest excursion of each joint [rad].
         tempo: 1 for peak speeds of about 1.5 rad/s.
-        rng: decides all that is free.
+        rng: draws all that is free.
 
     Returns:
-        Positions, (samples, joints) [rad].
+        Positions [rad].
     """
     if kind == "mixture":
         return _mixture(t, middle, amplitude, tempo, rng)

@@ -71,7 +71,7 @@ class HiddenRails(WorldLaw):
             )  # fmt: skip
 
     def bind(self, plant: Plant) -> None:
-        """Where the slides are."""
+        """Look up the slides."""
         joints = [plant.model.joint(f"rail{i}") for i in range(len(self.axes))]
         self._q = np.array([int(joint.qposadr[0]) for joint in joints])
         self._v = np.array([int(joint.dofadr[0]) for joint in joints])

@@ -1,4 +1,4 @@
-"""Outsiders of robots on legs: what no list of effects has."""
+"""Laws outside every list of effects, on robots with legs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def push(
 
 
 class HiddenStickyFoot(WorldLaw):
-    """Outsider: a foot in glue, held down by ``pull`` [N] until it is off by more than ``reach``.
+    """Outsider: a foot in glue, held down by ``pull`` [N] until it is up by more than ``reach``.
 
     pull·exp(−(gap/reach)²), gap the foot's height over a level floor: at rest the floor carries it.
     """

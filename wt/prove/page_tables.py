@@ -16,7 +16,7 @@ from wt.prove.tally import NOTHING
 
 
 def first(results: Results) -> str:
-    """Who is shown: ours, if it competes."""
+    """The contender that is shown: ours, if it competes."""
     return OURS if OURS in results["scores"] else next(iter(results["scores"]))
 
 
@@ -36,8 +36,8 @@ def machines(results: Results) -> str:
         return ""
     head = ("", "#given", *(f"#{title(who)}" for who in everybody), "#floor", "said")
     words = (
-        "Errors on held-out motions [mrad], patched MJCF in plain MuJoCo. Floor: what one run is "
-        "off by from the mean of two with the same commands, where a motion was repeated."
+        "Errors on held-out motions [mrad], patched MJCF in plain MuJoCo. Floor: deviation of one "
+        "run from the mean of two with the same commands, where a motion was repeated."
     )
     return section("Real machines", words, table(head, rows))
 
@@ -51,26 +51,26 @@ def _listed(findings: Sequence[Finding]) -> str:
 
 
 def confusion(results: Results) -> str:
-    """What is hidden against what was said."""
-    found: Mapping[str, Mapping[str, int]] = results["confusion"][first(results)]
-    if not found:
+    """Hidden effects against claims."""
+    counts: Mapping[str, Mapping[str, int]] = results["confusion"][first(results)]
+    if not counts:
         return ""
-    hidden = sorted(found, key=lambda law: (law == NOTHING, law))
-    said = sorted({s for inner in found.values() for s in inner}, key=lambda s: (s == NOTHING, s))
+    hidden = sorted(counts, key=lambda law: (law == NOTHING, law))
+    said = sorted({s for inner in counts.values() for s in inner}, key=lambda s: (s == NOTHING, s))
     head = '<th scope="col"></th>' + "".join(
         f'<th scope="col" class="up">{html.escape(s)}</th>' for s in said
     )
     rows = []
     for law in hidden:
-        total = sum(found[law].values())
+        total = sum(counts[law].values())
         right = "unknown" if law.startswith("outsider.") else law
-        cells = "".join(_heat(found[law].get(s, 0), total, s == right) for s in said)
+        cells = "".join(_heat(counts[law].get(s, 0), total, s == right) for s in said)
         rows.append(f'<tr><td class="name"><code>{html.escape(law)}</code></td>{cells}</tr>')
     body = (
         f'<div class="scroll"><table class="heat"><thead><tr>{head}</tr></thead>'
         f"<tbody>{''.join(rows)}</tbody></table></div>"
     )
-    words = "Rows: what is hidden. Columns: what was said at that place. Outlined: right."
+    words = "Rows: hidden effects. Columns: claims at their places. Outlined: right."
     return section("Confusions", words, body)
 
 

@@ -1,4 +1,4 @@
-"""For every effect: where it can be told from its neighbours, and motions that show it."""
+"""For every effect: places that set it apart from its neighbours, and motions that show it."""
 
 from __future__ import annotations
 
@@ -64,6 +64,6 @@ MOTIONS: dict[str, tuple[str, str]] = {
 
 def places(effect: str, rig: str) -> tuple[int, ...]:
     """Joints of a rig (by its name) at which an effect is hidden; empty where it cannot be."""
-    found = PLACES.get(effect, _ALL).get(rig.removesuffix("_motor"), ())
+    joints = PLACES.get(effect, _ALL).get(rig.removesuffix("_motor"), ())
     driven = [link.driven for link in RIGS[rig].links]
-    return tuple(j for j in found if driven[j] or not effect.startswith("actuator."))
+    return tuple(j for j in joints if driven[j] or not effect.startswith("actuator."))

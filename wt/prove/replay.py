@@ -1,6 +1,6 @@
-"""A patched MJCF on held-out recordings, in plain MuJoCo: what a model is worth, whoever made it.
+"""A patched MJCF on held-out recordings, in plain MuJoCo: a measure for models of any origin.
 
-Nothing of what diagnoses is used here. The file is compiled and stepped as it is, with its own
+No code of the diagnosis is used here. The file is compiled and stepped as it is, with its own
 time step and integrator. A replay starts on the measured motion: for ``LEAD_S`` the machine's
 joints are led along the recording, so that everything else that has a state (filters, delays, a
 rotor behind a gear) finds it; then it runs open loop, commands held as recorded. A machine whose
@@ -39,15 +39,15 @@ RAN_AWAY = 1.0
 
 @dataclass(frozen=True, eq=False)
 class HeldOutRecording:
-    """A held-out recording of a machine, N samples.
+    """A held-out recording of a machine, prepared for replays.
 
     Attributes:
         joints: their names, as the given model has them.
         drives: names of the actuators whose commands were recorded.
-        t: time since the start, (N,) [s].
-        q: measured positions, (N, joints); NaN where missing.
-        smooth: position and velocity of a smoothing spline, (2, N, joints), for starts.
-        u: commands in force from each sample, (N, drives).
+        t: time since the start [s].
+        q: measured positions [rad or m]; NaN where missing.
+        smooth: position and velocity of a smoothing spline, for starts.
+        u: commands in force from each sample.
         servoed: true if a position servo holds every joint, and none is free.
         base: the motion of the trunk, of a machine that floats.
     """
@@ -114,7 +114,7 @@ def rmse(
 ) -> float:
     """Root mean square error of a model's replays [rad or m].
 
-    MuJoCo warns of replays that explode; whoever does not want to see that is quiet about it.
+    MuJoCo warns of replays that explode; :func:`wt.physics.quiet.quiet` keeps that from view.
 
     Args:
         model: the MJCF to replay.
@@ -131,15 +131,15 @@ def rmse(
 def replay(
     model: mujoco.MjModel, measured: HeldOutRecording, findings: Sequence[Mapping[str, Any]] = ()
 ) -> Float[np.ndarray, "sample joint"]:
-    """Positions that a model's sensors would report, (N, joints); NaN while it is led.
+    """Positions that a model's sensors would report; NaN while it is led.
 
     Args:
         model: compiled, with the machine's joints and actuators among its own.
-        measured: what to replay.
+        measured: the recording to replay.
         findings: sensor effects among them are applied.
     """
     runner = _Runner(model, measured, findings)
-    found = np.full_like(measured.q, np.nan)
+    positions = np.full_like(measured.q, np.nan)
     t = measured.t
     length = np.inf if measured.servoed else WINDOW_S
     start = t[0]
@@ -147,9 +147,9 @@ def replay(
         end = min(start + LEAD_S + length, t[-1])
         rows = np.flatnonzero((t > start + LEAD_S) & (t <= end))
         runner.run(start, end)
-        found[rows] = runner.positions(t[rows])
+        positions[rows] = runner.positions(t[rows])
         start = end - LEAD_S if end < t[-1] else t[-1]
-    return found
+    return positions
 
 
 class _Runner:
@@ -202,24 +202,27 @@ class _Runner:
         self._path[steps] = data.qpos[self._q]
 
     def positions(self, t: Float[np.ndarray, " sample"]) -> Float[np.ndarray, "sample joint"]:
-        """What the sensors report at times (n,), (n, joints)."""
-        found = np.empty((len(t), len(self._measured.joints)))
-        for j in range(found.shape[1]):
+        """Positions that the sensors report at given times [s]."""
+        reported = np.empty((len(t), len(self._measured.joints)))
+        for j in range(reported.shape[1]):
             late = sum(self._number(f, "delay") for f in self._of("sensor.delay", j))
-            found[:, j] = np.interp(t - late, self._t, self._path[:, j])
+            reported[:, j] = np.interp(t - late, self._t, self._path[:, j])
             for f in self._of("sensor.scale", j):
-                found[:, j] *= self._number(f, "factor")
+                reported[:, j] *= self._number(f, "factor")
             for f in self._of("sensor.offset", j):
-                found[:, j] += self._number(f, "offset")
+                reported[:, j] += self._number(f, "offset")
             for f in self._of("sensor.quantization", j):
                 step = self._number(f, "step")
-                found[:, j] = step * np.round(found[:, j] / step)
-        return found
+                reported[:, j] = step * np.round(reported[:, j] / step)
+        return reported
 
     def _true(
         self, q: Float[np.ndarray, "step joint"], v: Float[np.ndarray, "step joint"]
     ) -> tuple[Float[np.ndarray, "step joint"], Float[np.ndarray, "step joint"]]:
-        """Where the machine really is when its sensors say so; delays are left to the lead."""
+        """True positions and velocities for those that the sensors report.
+
+        Delays are left to the lead.
+        """
         q, v = q.copy(), v.copy()
         for j in range(q.shape[1]):
             for f in self._of("sensor.offset", j):
@@ -240,7 +243,7 @@ class _Runner:
         return float(finding["parameters"][name]["value"])
 
     def _controls(self, start: float, steps: int, h: float) -> Float[np.ndarray, "step drive"]:
-        """Commands of every step, (steps, drives): means of the held ones around its start.
+        """Commands of every step: means of the recorded ones, held, around its start.
 
         MuJoCo's semi-implicit step stands for half a step before its time until half a step after.
         """
@@ -260,7 +263,7 @@ class _Runner:
 
 
 def _slices(model: mujoco.MjModel, base: Floating | None) -> tuple[slice, slice]:
-    """Where a free joint's position and velocity are."""
+    """Slices of a free joint's position and velocity."""
     if base is None:
         return slice(0), slice(0)
     joint = model.joint(base.joint)
@@ -269,11 +272,11 @@ def _slices(model: mujoco.MjModel, base: Floating | None) -> tuple[slice, slice]
 
 
 def _tied(model: mujoco.MjModel, joints: Sequence[str]) -> dict[int, tuple[int, float]]:
-    """Position of each added joint that a fixed tendon ties to one of the machine's, and how.
+    """Position address of each added joint that a fixed tendon ties to a joint of the machine.
 
     Where the tendon has no length, the added joint is ratio times the machine's.
     """
-    found: dict[int, tuple[int, float]] = {}
+    ties: dict[int, tuple[int, float]] = {}
     own = {int(model.joint(name).id): i for i, name in enumerate(joints)}
     for tendon in range(model.ntendon):
         first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
@@ -284,8 +287,8 @@ def _tied(model: mujoco.MjModel, joints: Sequence[str]) -> dict[int, tuple[int, 
         added, ours = int(model.wrap_objid[a]), int(model.wrap_objid[b])
         if added not in own and ours in own:
             ratio = -float(model.wrap_prm[b]) / float(model.wrap_prm[a])
-            found[int(model.jnt_qposadr[added])] = (own[ours], ratio)
-    return found
+            ties[int(model.jnt_qposadr[added])] = (own[ours], ratio)
+    return ties
 
 
 def _filled_forward(u: Float[np.ndarray, " sample"]) -> Float[np.ndarray, " sample"]:

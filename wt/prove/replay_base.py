@@ -1,4 +1,4 @@
-"""Smooth curves through what was measured, and the motion of a trunk that replays are led along."""
+"""Smooth curves through measurements, and the motion of a trunk that replays are led along."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ QUICK, _SLOW = 0.02, 0.08
 
 @dataclass(frozen=True, eq=False)
 class Floating:
-    """A free joint's measured motion, N samples.
+    """A free joint's measured motion.
 
     Attributes:
         joint: its name.
-        t: times since the start, (N,) [s].
-        pose: position [m] and quaternion wxyz, (N, 7), smooth.
-        speed: velocity in the world [m/s] and angular velocity in the body [rad/s], (N, 6).
+        t: times since the start [s].
+        pose: position [m] and quaternion wxyz, smooth.
+        speed: velocity in the world [m/s] and angular velocity in the body [rad/s].
     """
 
     joint: str
@@ -34,7 +34,7 @@ class Floating:
     def at(
         self, t: Float[np.ndarray, " time"]
     ) -> tuple[Float[np.ndarray, "time 7"], Float[np.ndarray, "time 6"]]:
-        """Pose and speed at times (n,), (n, 7) and (n, 6)."""
+        """Pose and speed at given times [s]."""
         pose, speed = (
             np.stack([np.interp(t, self.t, column) for column in curve.T], axis=1)
             for curve in (self.pose, self.speed)
@@ -69,9 +69,9 @@ def floating(
 def smooth(
     t: Float[np.ndarray, " sample"], x: Float[np.ndarray, " sample"]
 ) -> Float[np.ndarray, "2 sample"]:
-    """Position and velocity of a smoothing spline through what was measured, (2, N).
+    """Position and velocity of a smoothing spline through measurements.
 
-    How smooth is chosen by generalised cross-validation (P. Craven and G. Wahba, 1979).
+    Its smoothness is chosen by generalised cross-validation (P. Craven and G. Wahba, 1979).
     """
     known = np.isfinite(x)
     if known.sum() < 5:
@@ -83,7 +83,10 @@ def smooth(
 def fitted(
     t: Float[np.ndarray, " sample"], x: Float[np.ndarray, " sample"], spacing: float
 ) -> Float[np.ndarray, "2 sample"]:
-    """The same by least squares with a knot every ``spacing`` [s]: quick for long recordings."""
+    """Position and velocity of a least-squares spline with a knot every ``spacing`` [s].
+
+    Quick for long recordings.
+    """
     known = np.isfinite(x)
     if known.sum() < 5:
         return np.zeros((2, len(t)))

@@ -1,4 +1,4 @@
-"""How much torque, speed and travel ordinary motions of a rig have, to scale effects by."""
+"""Torque, speed and travel of a rig's ordinary motions, by which effects are scaled."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _ON_LEGS = {
     "quadruped": {"multisine": "sway", "triangle": "twist", "jumps": "trot", "moves": "squat"},
     "humanoid": {"multisine": "sway", "triangle": "twist", "jumps": "swing", "moves": "squat"},
 }
-"""What a robot on legs does instead of an arm's motions."""
+"""Motions of robots on legs that stand for an arm's."""
 
 
 @dataclass(frozen=True)
 class RigScales:
-    """Per joint, all (joints,).
+    """Scales of the joints.
 
     Attributes:
         torque: rms torque of the drive [N·m].

@@ -1,4 +1,4 @@
-"""What a user records of a hidden world: encoders, clocks and noise.
+"""Recordings of a hidden world as a user makes them: encoders, clocks and noise.
 
 Order: true position, sensor effects (delay, scale, offset), noise, encoder step. The servo inside
 the robot uses the true position throughout.
@@ -25,7 +25,7 @@ SensorEffect = tuple[str, str, Parameters]
 
 @dataclass(frozen=True)
 class Sensing:
-    """How a robot is recorded.
+    """The sensors and clock of a robot.
 
     Attributes:
         rate: samples (and commands) per second [Hz].
@@ -42,7 +42,7 @@ class Sensing:
             positions, low-passed).
         qvel_noise: rms of the velocity sensor's noise [rad/s].
         gyro: whether ``sensor/encoder/0`` and ``sensor/gyro/0…2`` are recorded.
-        base: how the trunk of a robot on legs is recorded; None without one.
+        base: sensors of the trunk of a robot on legs; None without one.
     """
 
     rate: float
@@ -106,18 +106,18 @@ def measure(
     effects: Sequence[SensorEffect],
     rng: np.random.Generator,
 ) -> tuple[dict[str, Float[np.ndarray, " sample"]], Float[np.ndarray, "sample joint"]]:
-    """The measured columns of one recording, and the position error that is nobody's fault.
+    """The measured columns of one recording, and their error without hidden effects.
 
     Args:
         rig: the robot.
-        sensing: how it is recorded.
-        trace: what happened.
-        steps: at which steps, (n,).
-        effects: what is wrong with the sensors.
+        sensing: its sensors and clock.
+        trace: its trajectory.
+        steps: steps of the samples.
+        effects: hidden sensor effects.
         rng: decides the noise.
 
     Returns:
-        Columns by name, each (n,), and noise with quantization, (n, joints) [rad].
+        Columns by name, and noise with quantization [rad].
     """
     q, v = _transform(rig, trace, steps, effects)
     noise = _noise(sensing, q.shape, rng)

@@ -6,6 +6,7 @@ their names and seeds.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal, get_args
 
 from wt.errors import ConfigError
@@ -73,7 +74,7 @@ _BRIEF = (
     "arm3-body.payload_fixed+", "pendulum-outsider.detent", "pendulum-nothing",
     "arm3-coloured_noise",
 )  # fmt: skip
-"""What the cases of the shortest set begin with after their number, one each."""
+"""Labels of the cases of the shortest set, or their beginnings; one case each."""
 
 
 def specs(set: str) -> list[CaseSpec]:
@@ -84,18 +85,28 @@ def specs(set: str) -> list[CaseSpec]:
     """
     if set not in get_args(SetName):
         raise ConfigError(f"set of trials '{set}'; allowed: {', '.join(get_args(SetName))}")
-    if set == "legged":
-        return legged()
-    if set == "quick":
-        singles = [spec for spec in _singles() if spec.effects[0] not in _SLOW][::6]
-        return singles + _pairs()[::4] + _outsiders()[::3] + _nulls()[::7]
-    full = _singles() + _pairs() + _outsiders() + _nulls() + _more()
-    if set == "faintest":
-        return [spec for spec in full if spec.level == BELOW]
-    if set == "brief":
-        return [next(s for s in full if s.label.startswith(label)) for label in _BRIEF]
+    if set in _WHOLE_SETS:
+        return _WHOLE_SETS[set]()
     kind = set.removesuffix("s")
-    return full if set == "full" else [spec for spec in full if spec.kind == kind]
+    return [spec for spec in _full() if spec.kind == kind]
+
+
+def _full() -> list[CaseSpec]:
+    return _singles() + _pairs() + _outsiders() + _nulls() + _more()
+
+
+def _quick() -> list[CaseSpec]:
+    singles = [spec for spec in _singles() if spec.effects[0] not in _SLOW][::6]
+    return singles + _pairs()[::4] + _outsiders()[::3] + _nulls()[::7]
+
+
+def _brief() -> list[CaseSpec]:
+    full = _full()
+    return [next(s for s in full if s.label.startswith(label)) for label in _BRIEF]
+
+
+def _faintest() -> list[CaseSpec]:
+    return [spec for spec in _full() if spec.level == BELOW]
 
 
 def _singles() -> list[CaseSpec]:
@@ -140,7 +151,7 @@ def _nulls() -> list[CaseSpec]:
 
 
 def _more() -> list[CaseSpec]:
-    """What came later: three at once, a passive joint, below the noise, a mass that is wrong."""
+    """Later additions: three at once, a passive joint, below the noise, a mass that is wrong."""
     specs: list[CaseSpec] = [
         CaseSpec(triple, ("arm6", "arm3")[i % 2], LEVELS[i % 2], "triple")
         for i, triple in enumerate(_TRIPLED)
@@ -157,3 +168,13 @@ def _more() -> list[CaseSpec]:
         CaseSpec((), rig, "", "null", "coloured_noise") for rig in ("arm2_passive", "arm3_motor")
     ]
     return specs
+
+
+_WHOLE_SETS: dict[str, Callable[[], list[CaseSpec]]] = {
+    "brief": _brief,
+    "quick": _quick,
+    "full": _full,
+    "faintest": _faintest,
+    "legged": legged,
+}
+"""Sets that are not one kind of case of the full set."""

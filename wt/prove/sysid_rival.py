@@ -1,8 +1,8 @@
 """A rival: parameters that somebody else chose, fitted with ``mujoco.sysid``.
 
-It has what we have: the same smoothed initial states, commands averaged over the same fine physics
-steps, the same stretches of the same recordings, the same patches of the MJCF. What it returns is
-judged by the code that judges us. Where its defaults would spoil its result or its time it gets
+It gets what our diagnosis gets: the same smoothed initial states, commands averaged over the same
+fine physics steps, the same stretches of the same recordings, the same patches of the MJCF. Its
+results are proved by the same code. Where its defaults would spoil its result or its time it gets
 better ones, and comments say so. It has to be told *which* parameters are free;
 :func:`every_parameter` is what an engineer frees who does not know.
 """
@@ -40,7 +40,7 @@ from wt.prove.sysid_ranges import Free, Freed, all_freed, planted
 Theirs = Any  # of sysid's, which is imported late and has no types
 
 EVERY = ("joint.armature", "joint.friction_viscous", "joint.friction_coulomb", "actuator.gain")
-"""What :func:`every_parameter` frees everywhere."""
+"""Effects that :func:`every_parameter` frees everywhere."""
 TUNED = {
     # finite differences, in shares of a parameter's range, far above the constraint solver's noise
     "eps": 1e-4,
@@ -50,21 +50,21 @@ TUNED = {
 }
 """Options with which sysid comes to the same end in less time, mostly in much less."""
 _STRAY = 0.3
-"""How far from the first start others are drawn, in shares of a parameter's range."""
+"""Largest distance of other starts from the first, in shares of a parameter's range."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """What sysid made of recordings.
+    """The outcome of a fit with sysid.
 
     Attributes:
         hypothesis: the effects with their parameters, ready for replays; what adds to something
             of the model's own may be negative.
-        seconds: what the optimisation took, without smoothing [s].
+        seconds: duration of the optimisation, without smoothing [s].
         xml: the model with the parameters written into it.
-        squares: sum of squared open-loop errors of each joint over the fitted samples, (nv,).
-        count: fitted samples of each joint, (nv,).
-        jacobian: of all errors in the parameters, one row a sample and joint, (n, p).
+        squares: sum of squared open-loop errors of each joint over the fitted samples.
+        count: fitted samples of each joint.
+        jacobian: of all errors in the parameters, one row a sample and joint.
     """
 
     hypothesis: tuple[Planted, ...]
@@ -76,7 +76,7 @@ class Fitted:
 
     @property
     def theta(self) -> dict[Free, Float[np.ndarray, " _theta"]]:
-        """Parameters of each effect, (n_theta,), as in the table of effects."""
+        """Parameters of each effect, as in the table of effects."""
         return {(p.effect.id, p.at.name): p.theta for p in self.hypothesis}
 
     @property
@@ -190,7 +190,7 @@ class Rival:
     def _optimum(
         self, knobs: Theirs, residual: Theirs, options: Mapping[str, float], until: float
     ) -> tuple[Float[np.ndarray, " parameter"], Float[np.ndarray, "error parameter"]]:
-        """Where sysid is at its end or at a time, as shares of ranges, and its last Jacobian."""
+        """Parameters at sysid's end or at a time, as shares of ranges, and its last Jacobian."""
 
         def watch(steps: Sequence[Theirs]) -> None:
             if steps[-1].step is not None and time.perf_counter() > until:
@@ -200,17 +200,17 @@ class Rival:
             return np.zeros(0), np.zeros((0, 0))
         silent = {"verbose": False, "output": io.StringIO(), "iter_callback": watch}
         try:
-            _, found = self._sysid.optimize(knobs, residual, **silent, **options)
+            _, optimum = self._sysid.optimize(knobs, residual, **silent, **options)
         except TimeoutError as late:
             last = late.args[0]
             return np.ravel(last.candidate + last.step), last.jacobian
-        return found.x, found.jac
+        return optimum.x, optimum.jac
 
     def prove(self, fitted: Fitted, holdout: Sequence[Source], seed: int = 0) -> Proof:
-        """What a fit is worth on other recordings, by the code that proves a diagnosis.
+        """Proof of a fit on other recordings, by the code that proves a diagnosis.
 
         Args:
-            fitted: what came out.
+            fitted: the fit.
             holdout: recordings that it has not seen.
             seed: of the intervals' bootstrap.
 
@@ -218,21 +218,21 @@ class Rival:
             RecordingError: a recording cannot be used.
         """
         prepared = prepare(self.scene, holdout, holdout)
-        held = proof.hold(smooth(self.scene, prepared.held), self._forgets)
-        return proof.prove(held, fitted.hypothesis, STEP_S, prepared.split, seed)
+        holdout_motion = proof.hold(smooth(self.scene, prepared.held), self._forgets)
+        return proof.prove(holdout_motion, fitted.hypothesis, STEP_S, prepared.split, seed)
 
     def _measured(
         self, pairs: Sequence[tuple[Stretch, Float[np.ndarray, "_sample joint"]]]
     ) -> list[Theirs]:
         """The stretches in sysid's words."""
         sysid, model = self._sysid, self._spec.compile()
-        h, found = float(model.opt.timestep), []
+        h, sequences = float(model.opt.timestep), []
         for i, (stretch, q) in enumerate(pairs):
             t = stretch.t - stretch.t[0]
             steps = int(np.ceil(t[-1] / h - 1e-6))
             # sysid does not simulate the last command
             grid = h * np.arange(steps + 1)
-            found.append(
+            sequences.append(
                 sysid.ModelSequences(
                     name=self.scene.path.stem,
                     spec=self._spec,
@@ -242,7 +242,7 @@ class Rival:
                     sensordata=sysid.TimeSeries.from_names(t, q, model),
                 )
             )
-        return found
+        return sequences
 
     def _knobs(self, freed: Sequence[Freed]) -> Theirs:
         """The parameters in sysid's words, each component as a share of its range."""
@@ -273,7 +273,7 @@ class Rival:
         *_: object,
         state: Float[np.ndarray, "time state"],
     ) -> tuple[Float[np.ndarray, "sample joint"], Theirs, Theirs]:
-        """Errors in radians, which is what is judged; 0 where a sample is missing.
+        """Errors in radians, by which results are proved; 0 where a sample is missing.
 
         sysid's own are shares of each signal's size in each stretch, so that a joint that rests
         near zero would outweigh all others. Positions are the state's: those of MuJoCo's sensors
@@ -287,10 +287,10 @@ class Rival:
 
 
 def _sysid() -> Theirs:
-    """``mujoco.sysid``, which imports as an empty module where a package of its is missing.
+    """``mujoco.sysid``, which imports as an empty module where a package that it needs is missing.
 
     Raises:
-        WorkError: so it does.
+        WorkError: a package is missing.
     """
     sysid = importlib.import_module("mujoco.sysid")
     if not hasattr(sysid, "TimeSeries"):

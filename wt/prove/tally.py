@@ -37,7 +37,7 @@ BETTER: dict[str, int] = {
 
 @dataclass(frozen=True)
 class _Claimed:
-    """A hidden effect and what a contender said at its place.
+    """A hidden effect and a contender's claim at its place.
 
     Attributes:
         effect: the hidden effect.
@@ -51,22 +51,22 @@ class _Claimed:
 
     @property
     def located(self) -> bool:
-        """Whether anything was said at its place."""
+        """True if anything was said at its place."""
         return self.claim != ""
 
     @property
     def named(self) -> bool:
-        """Whether the right effect was."""
+        """True if the right effect was said there."""
         return self.claim == self.effect.effect
 
     @property
     def visible(self) -> bool:
-        """Sizes that nobody knows are taken to be visible."""
+        """True if it shows in the recordings, or its size is not known."""
         return self.visibility is None or self.visibility > SEEN
 
     @property
     def outsider(self) -> bool:
-        """Whether it is in no vocabulary."""
+        """True if it is outside every vocabulary."""
         return self.effect.effect == UNKNOWN
 
 
@@ -147,7 +147,7 @@ def _of_runs(results: Sequence[CaseResult], who: str) -> Scores:
 
 
 def _is_expressible(result: CaseResult) -> bool:
-    """Whether MJCF has elements for the hidden effects, and one of them is visible."""
+    """True if MJCF has elements for the hidden effects, and one of them is visible."""
     visible = any(size is None or size > SEEN for size in result.visibility)
     return result.kind != "outsider" and visible
 

@@ -1,4 +1,4 @@
-"""What happened in a hidden world, before anybody measured it."""
+"""The true trajectory of a hidden world, before any sensor."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 
 class HiddenTrajectory:
-    """What happened: at the samples, and at every fine step.
+    """True motion and torques, at the samples and at every fine step.
 
     Attributes:
         q: positions at the samples, (samples, joints) [rad].

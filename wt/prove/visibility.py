@@ -1,4 +1,4 @@
-"""How much of what is hidden can be seen in recordings at all, over their noise."""
+"""The change that hidden effects make in recordings, over their noise."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from wt.prove.world import OUTER_KP, hidden_plant, record, sensor_effects
 
 
 def visibility(case: Case, calm: Sequence[float] = ()) -> float:
-    """Rms change of recordings by what is hidden, over their noise; see :func:`visibilities`."""
+    """Rms change of recordings by all hidden effects over their noise; see :func:`visibilities`."""
     return _change(case, case.truth, (), calm)
 
 
@@ -28,11 +28,11 @@ def visibilities(case: Case, calm: Sequence[float] = ()) -> tuple[float, ...]:
     other hidden effects acting in both worlds; sensor effects are counted too. The controller of
     a torque-controlled rig is outside the model and hides in its commands what a servo shows in
     positions: there, the change of its torque over its stiffness counts as well. Of a trunk its
-    height, roll and pitch count, not where it has got to, which any difference adds up in.
+    height, roll and pitch count, not its place, in which any difference adds up.
 
     Args:
         case: the trial.
-        calm: of its world.
+        calm: shares of the motions' usual sizes, of its world.
     """
     return tuple(
         _change(case, case.truth, tuple(o for o in case.truth if o is not truth), calm)
@@ -41,7 +41,10 @@ def visibilities(case: Case, calm: Sequence[float] = ()) -> tuple[float, ...]:
 
 
 def _change(
-    case: Case, some: Sequence[HiddenEffect], others: Sequence[HiddenEffect], calm: Sequence[float]
+    case: Case,
+    acting: Sequence[HiddenEffect],
+    others: Sequence[HiddenEffect],
+    calm: Sequence[float],
 ) -> float:
     rig = RIGS[case.rig]
     sharp = replace(case.sensing, noise=0.0, bits=30, drops=0.0)
@@ -49,13 +52,13 @@ def _change(
     change = 0.0
     for index in range(len(case.motions) - 1):
         seen, sent, traces = [], [], []
-        for hidden in (some, others):
+        for hidden in (acting, others):
             size = calm[index] if calm else 1.0
             trace, steps = record(case, hidden_plant(case, hidden), index, size)
-            found = measure(
+            columns = measure(
                 rig, sharp, trace, steps, sensor_effects(case, hidden), np.random.default_rng(0)
             )[0]
-            seen.append(np.stack([found[f"qpos/{joint}"] for joint in rig.joints]))
+            seen.append(np.stack([columns[f"qpos/{joint}"] for joint in rig.joints]))
             sent.append(trace.u.T)
             traces.append(trace)
         apart = ((seen[0] - seen[1]) ** 2).mean(axis=1)
@@ -71,6 +74,6 @@ def _change(
 
 
 def _lean(trace: HiddenTrajectory) -> Float[np.ndarray, "sample 3"]:
-    """Height [m], and the world's vertical in the trunk's x and y [rad], (n, 3)."""
+    """Height [m], and the world's vertical in the trunk's x and y [rad]."""
     w, x, y, z = trace.base_q[:, 3:].T
     return np.stack([trace.base_q[:, 2], 2 * (x * z - w * y), 2 * (y * z + w * x)], axis=1)

@@ -1,4 +1,4 @@
-"""``build(case)``: what a user of the hidden robot would have, MJCF and recordings."""
+"""``build(case)``: MJCF and recordings as a user of the hidden robot would have them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ OUTER_KP = 0.4
 
 
 class FallsError(WorkError):
-    """A robot cannot even stand with what is hidden in it."""
+    """The robot cannot even stand with the effects hidden in it."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class HiddenWorld:
         noise_rms: joint → rms error of recorded positions from noise and quantization [rad]. Time
             stamps that err are not in it, nor are hidden sensor effects other than quantization.
         clean: for each recording, fit then held out: joint → true positions at its rows [rad].
-        calm: for each recording, what share of a motion's usual size keeps the robot upright.
+        calm: for each recording, the share of a motion's usual size that keeps the robot upright.
     """
 
     nominal_xml: str
@@ -89,7 +89,7 @@ def _reads_imu(case: Case) -> bool:
 def _steady(
     case: Case, plant: Plant, index: int
 ) -> tuple[HiddenTrajectory, Int[np.ndarray, " sample"], float]:
-    """Record as much of a motion as what is hidden lets the robot do without falling.
+    """Record a motion at the largest size at which the robot does not fall.
 
     Raises:
         FallsError: it cannot even stand.
@@ -102,7 +102,7 @@ def _steady(
 
 
 def hidden_plant(case: Case, hidden: Sequence[HiddenEffect] | None = None) -> Plant:
-    """The hidden world of a case, with all that is hidden in it or with a part of that."""
+    """The hidden world of a case, with all of its effects or those among ``hidden``."""
     rig = RIGS[case.rig]
     acting = [truth for truth in case.truth if not truth.law.startswith("sensor.")]
     laws = [
@@ -116,13 +116,13 @@ def hidden_plant(case: Case, hidden: Sequence[HiddenEffect] | None = None) -> Pl
     if case.decoy == "wrong_mass":
         wrong = rig.bodies.index(case.excused[0][2])
         off[0, wrong] = 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(0.06, 0.1)
-    # what is off comes first, so that a hidden friction is the one that acts
+    # tolerances come first, so that a hidden friction is the one that acts
     usual = tolerances(case, rig) if isinstance(rig, Legged) else []
     return Plant(rig, [*usual, *laws], case.gain, off)
 
 
 def sensor_effects(case: Case, hidden: Sequence[HiddenEffect] | None = None) -> list[SensorEffect]:
-    """What is wrong with the sensors of a case, or a part of that."""
+    """The hidden sensor effects of a case, or those among ``hidden``."""
     return [
         (truth.law, truth.name, truth.parameters)
         for truth in case.truth
@@ -133,13 +133,13 @@ def sensor_effects(case: Case, hidden: Sequence[HiddenEffect] | None = None) -> 
 def record(
     case: Case, plant: Plant, index: int, calm: float = 1.0
 ) -> tuple[HiddenTrajectory, Int[np.ndarray, " sample"]]:
-    """Run one recording; what happened, and at which steps the loop sampled.
+    """Run one recording; its trajectory, and the steps at which the loop sampled.
 
     Args:
         case: the trial.
         plant: its world.
         index: of the recording.
-        calm: how much of a motion's usual size a robot on legs dares.
+        calm: share of a motion's usual size.
     """
     rig = plant.rig
     path, steps = commands(case, plant, index, calm)
@@ -151,7 +151,7 @@ def record(
 def commands(
     case: Case, plant: Plant, index: int, calm: float = 1.0
 ) -> tuple[Float[np.ndarray, "sample joint"], Int[np.ndarray, " sample"]]:
-    """Positions that a recording's motion is to take, (n, joints) [rad], and the n steps of it."""
+    """Positions commanded in a recording [rad], and the steps at which they are sent."""
     rng = np.random.default_rng([case.seed, 4, index])
     steps = sample_steps(case.sensing, case.seconds, plant.h, rng)
     return _path(case, plant.rig, case.motions[index], steps * plant.h, calm, rng), steps

@@ -1,4 +1,4 @@
-"""What a rival is given and what it says."""
+"""The interface of a rival: its task and its claims."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ SURE = 1.96
 
 @dataclass(frozen=True)
 class RivalTask:
-    """What a rival is given.
+    """The task of a rival.
 
     Attributes:
         model: the MJCF.
         fit: recordings to learn from.
         holdout: recordings that nothing may be fitted to.
-        seconds: how long it may take; what is begun then may be finished [s].
-        began: when it was given this.
+        seconds: time budget; a step begun within it may be finished [s].
+        began: start of the task, by the monotonic clock [s].
     """
 
     model: Path
@@ -66,9 +66,9 @@ class Claim:
 
     Attributes:
         effect: its id.
-        at: where.
-        theta: its parameters, (n,); empty for ``unknown``.
-        sigma: their standard deviations, (n,).
+        at: its place.
+        theta: its parameters; empty for ``unknown``.
+        sigma: their standard deviations.
         formula: an unknown force, in words.
     """
 
