@@ -37,7 +37,7 @@ STARTS = ("os.system", "os.exec", "os.posix_spawn", "os.spawn", "os.fork", "os.f
 
 
 class Ruleset(ctypes.Structure):
-    """Landlock's ``landlock_ruleset_attr``: what nobody may do unless a rule grants it."""
+    """Landlock's ``landlock_ruleset_attr``: rights that only a rule can grant."""
 
     _fields_ = [("files", ctypes.c_uint64), ("network", ctypes.c_uint64)]
 

@@ -116,7 +116,7 @@ class Plant:
         rig: Rig,
         laws: Sequence[HiddenLaw],
         gain: float,
-        off: Float[np.ndarray, "2 joint"],
+        tolerances: Float[np.ndarray, "2 joint"],
         step: float | None = None,
     ) -> None:
         """Build and compile.
@@ -125,7 +125,7 @@ class Plant:
             rig: the robot.
             laws: the hidden effects.
             gain: factor on servo stiffness, as in the nominal model.
-            off: factors on each link's mass (row 0) and damping (row 1).
+            tolerances: model tolerances: factors on each link's mass (row 0) and damping (row 1).
             step: time step [s]; the rig's when None, halved for stiff laws.
         """
         spec = mujoco.MjSpec.from_string(nominal_xml(rig, gyro=True))
@@ -141,7 +141,7 @@ class Plant:
         hinges = [self.model.joint(name) for name in rig.joints]
         self.q_at = np.array([int(hinge.qposadr[0]) for hinge in hinges])
         self.v_at = np.array([int(hinge.dofadr[0]) for hinge in hinges])
-        self._servo(gain, off)
+        self._servo(gain, tolerances)
         mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
         self.data = mujoco.MjData(self.model)
         self.total = np.zeros(len(rig.links))
@@ -151,13 +151,13 @@ class Plant:
         mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
         self._sort(laws)
 
-    def _servo(self, gain: float, off: Float[np.ndarray, "2 joint"]) -> None:
+    def _servo(self, gain: float, tolerances: Float[np.ndarray, "2 joint"]) -> None:
         links, model = self.rig.links, self.model
         for i, link in enumerate(links):
             body = self.body(link.body)
-            model.body_mass[body] *= off[0, i]
-            model.body_inertia[body] *= off[0, i]
-        self.damping = np.array([link.damping for link in links]) * off[1]
+            model.body_mass[body] *= tolerances[0, i]
+            model.body_inertia[body] *= tolerances[0, i]
+        self.damping = np.array([link.damping for link in links]) * tolerances[1]
         model.dof_damping[:] = 0.0
         self.kp = np.array([link.kp * gain for link in links])
         self.kv = np.array([link.kv * gain**0.5 for link in links])

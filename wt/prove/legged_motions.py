@@ -136,6 +136,6 @@ def _humanoid(
 def _within(
     rig: Legged, path: Float[np.ndarray, "sample joint"]
 ) -> Float[np.ndarray, "sample joint"]:
-    """Clear of the ends of the joints' ranges, which are nobody's secret."""
+    """Positions kept clear of the ends of the joints' ranges."""
     low, high = np.array([link.span for link in rig.links]).T
     return np.clip(path, low + 0.05, high - 0.05)

@@ -79,11 +79,11 @@ def _opening(results: Results) -> str:
 
 
 def _scores(results: Results) -> str:
-    everybody = list(results["scores"])
+    contenders = list(results["scores"])
     wanted = {t["score"]: t for t in results["targets"]}
     rows = []
     for name, label in LABELS.items():
-        scores = [results["scores"][who].get(name) for who in everybody]
+        scores = [results["scores"][who].get(name) for who in contenders]
         cells = [cell(name, score) for score in scores]
         if all(c == "–" for c in cells):
             continue
@@ -99,7 +99,7 @@ def _scores(results: Results) -> str:
             )
             + f'<td class="n">{text(goal)}</td></tr>'
         )
-    head = ("", "#of", *(f"#{title(who)}" for who in everybody), "#wanted")
+    head = ("", "#of", *(f"#{title(who)}" for who in contenders), "#wanted")
     said = (
         f"Places and effects count where the effect changes the recordings by more than {SEEN:g} "
         "times their noise. Held-out errors are those of the patched MJCF in plain MuJoCo."

@@ -22,19 +22,19 @@ def first(results: Results) -> str:
 
 def machines(results: Results) -> str:
     """Held-out errors on real machines."""
-    everybody = list(results["scores"])
+    contenders = list(results["scores"])
     rows = []
-    for one in results["machines"]:
-        errors = [one["before_rmse"], *(one["after_rmse"][who] for who in everybody)]
+    for machine in results["machines"]:
+        errors = [machine["before_rmse"], *(machine["after_rmse"][who] for who in contenders)]
         cells = "".join(
-            f'<td class="n">{_milli(error)}</td>' for error in (*errors, one["repeat_rmse"])
+            f'<td class="n">{_milli(error)}</td>' for error in (*errors, machine["repeat_rmse"])
         )
-        said = _listed(one["findings"][everybody[0]])
-        name = text(one["name"])
-        rows.append(f'<tr><td class="name">{name}</td>{cells}<td>{text(said)}</td></tr>')
+        claims = _listed(machine["findings"][contenders[0]])
+        name = text(machine["name"])
+        rows.append(f'<tr><td class="name">{name}</td>{cells}<td>{text(claims)}</td></tr>')
     if not rows:
         return ""
-    head = ("", "#given", *(f"#{title(who)}" for who in everybody), "#floor", "said")
+    head = ("", "#given", *(f"#{title(who)}" for who in contenders), "#floor", "said")
     words = (
         "Errors on held-out motions [mrad], patched MJCF in plain MuJoCo. Floor: deviation of one "
         "run from the mean of two with the same commands, where a motion was repeated."

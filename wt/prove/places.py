@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from wt.prove.rigs import RIGS
 
-# Joints (indices, per rig family) where an effect can be told from its neighbours. Nothing that a
+# Joints (indices, per rig family) where an effect stands apart from its neighbours. Nothing that a
 # vertical first axis cannot feel: offsets and biases there shift a position that nothing else
 # depends on, and mass there is armature. Gears need a link much heavier than the encoder's step.
 _ALL = {"pendulum": (0,), "arm3": (0, 1, 2), "arm6": (0, 1, 2, 3, 4, 5), "arm2_passive": (0, 1)}

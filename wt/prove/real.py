@@ -1,4 +1,4 @@
-"""Real machines as cases: nobody knows what is hidden in them, so only held-out motions count.
+"""Real machines as cases: their true effects are not known, so only held-out motions count.
 
 Motions are fitted or held out, never both. Where the same commands were run again, the spread of
 the runs is the floor: the error of a model that knew everything but chance.
@@ -75,7 +75,7 @@ def present(home: Path) -> list[RealMachine]:
 
 
 def write_case(machine: RealMachine, home: Path, case: Path) -> Answer:
-    """Write a machine's model and recordings as a case; its answer, which is that nobody knows.
+    """Write a machine's model and recordings as a case; returns its answer, which is empty.
 
     Raises:
         DataError: a motion is missing or cannot be read.

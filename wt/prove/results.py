@@ -161,9 +161,9 @@ def machines(results: Results) -> Table | None:
     shown.add_column("held-out error, mrad", no_wrap=True)
     for head in ("given", *(map(title, results["scores"])), "floor"):
         shown.add_column(head, justify="right", no_wrap=True)
-    for one in results["machines"]:
-        errors = (one["before_rmse"], *one["after_rmse"].values(), one["repeat_rmse"])
-        shown.add_row(one["name"], *("–" if e is None else f"{1e3 * e:.1f}" for e in errors))
+    for machine in results["machines"]:
+        errors = (machine["before_rmse"], *machine["after_rmse"].values(), machine["repeat_rmse"])
+        shown.add_row(machine["name"], *("–" if e is None else f"{1e3 * e:.1f}" for e in errors))
     return shown
 
 

@@ -3,7 +3,7 @@
 It gets what our diagnosis gets: the same smoothed initial states, commands averaged over the same
 fine physics steps, the same stretches of the same recordings, the same patches of the MJCF. Its
 results are proved by the same code. Where its defaults would spoil its result or its time it gets
-better ones, and comments say so. It has to be told *which* parameters are free;
+better ones, and comments say so. The caller says *which* parameters are free;
 :func:`every_parameter` is what an engineer frees who does not know.
 """
 

@@ -112,13 +112,13 @@ def hidden_plant(case: Case, hidden: Sequence[HiddenEffect] | None = None) -> Pl
     ]
     rng = np.random.default_rng([case.seed, 3])
     shape = (2, len(rig.links))
-    off = 1.0 + rng.choice([-1.0, 1.0], shape) * rng.uniform(0.01, 0.03, shape)
+    factors = 1.0 + rng.choice([-1.0, 1.0], shape) * rng.uniform(0.01, 0.03, shape)
     if case.decoy == "wrong_mass":
         wrong = rig.bodies.index(case.excused[0][2])
-        off[0, wrong] = 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(0.06, 0.1)
+        factors[0, wrong] = 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(0.06, 0.1)
     # tolerances come first, so that a hidden friction is the one that acts
     usual = tolerances(case, rig) if isinstance(rig, Legged) else []
-    return Plant(rig, [*usual, *laws], case.gain, off)
+    return Plant(rig, [*usual, *laws], case.gain, factors)
 
 
 def sensor_effects(case: Case, hidden: Sequence[HiddenEffect] | None = None) -> list[SensorEffect]:

@@ -8,7 +8,7 @@ from wt.prove.rivals.base import Claim, RivalTask
 from wt.types import Location
 
 _STANDS = 0.02
-"""Below this speed nobody knows which way friction acts [rad/s]."""
+"""Speed below which the direction of friction is not known [rad/s]."""
 
 
 def claims(task: RivalTask) -> list[Claim]:
