@@ -233,7 +233,7 @@ class Plant:
         u = before = controller(0, q0, np.zeros_like(q0))
         shape = len(samples), len(self.rig.links), int(samples[-1]) + 1
         trace = HiddenTrajectory(*shape, self.h, self.model.nsensordata)
-        row, every = 0, max(1, round(float(np.median(np.diff(samples)))))
+        row, stride = 0, max(1, round(float(np.median(np.diff(samples)))))
         for k in range(-lead, int(samples[-1]) + 1):
             mujoco.mj_step1(self.model, self.data)
             speed = self.data.qvel + 0.5 * self.h * self.data.qacc
@@ -247,7 +247,7 @@ class Plant:
                 if self.floats:
                     trace.base_q[row], trace.base_v[row] = self.data.qpos[:7], speed[:6]
                 row += 1
-            elif k < 0 and k % every == 0:
+            elif k < 0 and k % stride == 0:
                 u = controller(0, q, v)
             tau = self._finish(q, v, 0.5 * (before + u), k * self.h)
             before = u

@@ -74,7 +74,7 @@ def _fits(heights: list[Float[np.ndarray, "_time link"]], outer: int) -> bool:
     if any(h[:, :-outer].min() < _CLEAR or h[:5].min() < _CLEAR for h in heights):
         return False
     inside = [h[:, -outer:].min(axis=1) < 0 for h in heights]
-    touches = [int((np.diff(one.astype(int)) == 1).sum()) for one in inside[:-1]]
+    touches = [int((np.diff(touching.astype(int)) == 1).sum()) for touching in inside[:-1]]
     if min(touches) < 1 or sum(touches) < 4 or not all(0.01 < i.mean() < 0.35 for i in inside[:-1]):
         return False
     # held out, the servos must not press harder than in what was seen

@@ -122,9 +122,9 @@ def rmse(
         findings: of the diagnosis that the model belongs to, for sensors that err.
     """
     compiled = mujoco.MjModel.from_xml_path(str(model))
-    errors = [replay(compiled, one, findings) - one.q for one in held_out]
-    every = np.concatenate([error.ravel() for error in errors])
-    known = every[~np.isnan(every)]
+    errors = [replay(compiled, recording, findings) - recording.q for recording in held_out]
+    pooled = np.concatenate([error.ravel() for error in errors])
+    known = pooled[~np.isnan(pooled)]
     return float(np.sqrt(np.mean(np.clip(known, -RAN_AWAY, RAN_AWAY) ** 2)))
 
 

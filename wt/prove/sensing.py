@@ -74,10 +74,10 @@ def sample_steps(
 ) -> Int[np.ndarray, " sample"]:
     """Steps of the hidden world at which the loop samples and sends, increasing, from 0."""
     count = int(seconds * sensing.rate)
-    every = 1.0 / (sensing.rate * h)
-    at = np.arange(count) * every
+    interval = 1.0 / (sensing.rate * h)
+    at = np.arange(count) * interval
     if sensing.clock == "loop":
-        at += np.clip(rng.normal(0, sensing.jitter, count), -0.45, 0.45) * every
+        at += np.clip(rng.normal(0, sensing.jitter, count), -0.45, 0.45) * interval
     at[0] = 0.0
     keep = np.ones(count, dtype=bool)
     if sensing.missing == "rows":

@@ -247,15 +247,17 @@ class Rival:
     def _knobs(self, freed: Sequence[Freed]) -> Theirs:
         """The parameters in sysid's words, each component as a share of its range."""
         knobs = self._sysid.ParameterDict()
-        for one in freed:
-            low, high = np.zeros_like(one.share), np.ones_like(one.share)
-            knobs.add(self._sysid.Parameter(f"{one.effect.id} at {one.at}", one.share, low, high))
+        for part in freed:
+            low, high = np.zeros_like(part.share), np.ones_like(part.share)
+            knobs.add(
+                self._sysid.Parameter(f"{part.effect.id} at {part.at}", part.share, low, high)
+            )
         return knobs.move_off_bounds()
 
     def _builder(self, freed: Sequence[Freed]) -> Callable[..., mujoco.MjModel]:
         """Compiles a model; the same one for all stretches, which sysid would compile anew."""
 
-        @functools.lru_cache(maxsize=sum(one.effect.n_theta for one in freed) + 2)
+        @functools.lru_cache(maxsize=sum(part.effect.n_theta for part in freed) + 2)
         def compiled(shares: bytes) -> mujoco.MjModel:
             spec = self._spec.copy()
             for part in planted(freed, np.frombuffer(shares)):
