@@ -176,7 +176,7 @@ def _poses(
     measured: replay.HeldOutRecording,
     path: Float[np.ndarray, "sample joint"],
 ) -> Float[np.ndarray, "sample nq"]:
-    """Generalised positions for joint positions (N, joints), a trunk where it was measured."""
+    """Generalised positions for joint positions, a trunk where it was measured."""
     poses = np.tile(model.qpos0, (len(path), 1))
     for joint, column in zip(measured.joints, path.T, strict=True):
         poses[:, model.joint(joint).qposadr[0]] = _filled(measured.t, column)

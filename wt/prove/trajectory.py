@@ -10,16 +10,26 @@ class HiddenTrajectory:
     """True motion and torques, at the samples and at every fine step.
 
     Attributes:
-        q: positions at the samples, (samples, joints) [rad].
+        q: positions at the samples [rad].
         v: velocities [rad/s].
         u: commands in force from each sample.
         sensors: MuJoCo's sensordata: encoder [rad] and gyro [rad/s] of an arm, gyro and
             accelerometer [m/s²] of a robot on legs.
-        base_q: of a robot on legs the trunk's position [m] and quaternion wxyz, (samples, 7).
-        base_v: its velocity in the world [m/s] and angular velocity in the body [rad/s], (·, 6).
-        fine_q: positions at every step, (steps, joints); ``fine_v`` and ``fine_tau`` likewise
+        base_q: of a robot on legs the trunk's position [m] and quaternion wxyz.
+        base_v: its velocity in the world [m/s] and angular velocity in the body [rad/s].
+        fine_q: positions at every step [rad]; ``fine_v`` and ``fine_tau`` likewise
             velocities and drive torques.
     """
+
+    q: Float[np.ndarray, "sample joint"]
+    v: Float[np.ndarray, "sample joint"]
+    u: Float[np.ndarray, "sample joint"]
+    sensors: Float[np.ndarray, "sample sensor"]
+    base_q: Float[np.ndarray, "sample 7"]
+    base_v: Float[np.ndarray, "sample 6"]
+    fine_q: Float[np.ndarray, "step joint"]
+    fine_v: Float[np.ndarray, "step joint"]
+    fine_tau: Float[np.ndarray, "step joint"]
 
     def __init__(self, samples: int, joints: int, steps: int, h: float, sensors: int = 4) -> None:
         """Empty arrays."""
