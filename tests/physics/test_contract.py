@@ -11,6 +11,8 @@ import pytest
 from tests.physics.arm import ARM, Run, motion, scene, simulate
 from tests.physics.truths import TRUTHS, Truth
 from wt.physics.effect import Effect, effects
+from wt.physics.hooks import Linearised
+from wt.physics.planted import Planted
 from wt.physics.scene import Scene
 from wt.types import Location
 
@@ -109,9 +111,9 @@ def test_signatures_fit_the_motion(name: str, arm: Scene, recorded: Run) -> None
             assert not effect.signed or len(effect.signed) == columns.shape[2]
             theta = effect.theta(np.full(columns.shape[2], 0.1), shape)
             assert np.shape(theta) == (effect.n_theta,)
-        dry = effect.beyond(moved, at, "joint.friction_coulomb", np.array([0.2]))
-        fixed = effect.beyond(moved, at, "body.payload_fixed", np.array([0.2, 0.0, 0.0, 0.0]))
-        larger = [theta for _, theta in (*dry, *fixed)]
+        smaller = {"joint.friction_coulomb": [0.2], "body.payload_fixed": [0.2, 0.0, 0.0, 0.0]}
+        found = [Planted(effects()[law], at, np.array(x)) for law, x in smaller.items()]
+        larger = [theta for one in found for _, theta in one.beyond(effect, moved)]
         for start in (*effect.starts(moved, at), *larger):
             lower, upper = effect.bounds()
             assert ((lower <= start) & (start <= upper)).all()
@@ -139,7 +141,7 @@ def test_neutral_parameters_change_nothing(name: str, arm: Scene) -> None:
         assert acceleration(spec.compile()) == pytest.approx(before, rel=1e-12, abs=1e-12)
 
 
-@pytest.mark.parametrize("name", [e.id for e in effects().values() if e.weighted])
+@pytest.mark.parametrize("name", [e.id for e in effects().values() if isinstance(e, Linearised)])
 def test_where_products_count_it_is_products_that_move(name: str) -> None:
     effect, rng = effects()[name], np.random.default_rng(0)
     theta, step = rng.uniform(0.5, 1.5, (2, effect.n_theta))
@@ -147,6 +149,7 @@ def test_where_products_count_it_is_products_that_move(name: str) -> None:
     # the first parameter's own step, and that of each product by the product rule
     first, others = theta[0] + step[0], theta[0] * theta[1:]
     others = others + theta[0] * step[1:] + step[0] * theta[1:]
+    assert isinstance(effect, Linearised)
     moved = effect.moved(theta, step)
     assert moved[0] == pytest.approx(first)
     assert moved[0] * moved[1:] == pytest.approx(others)

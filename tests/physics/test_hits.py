@@ -12,7 +12,8 @@ from tests.physics import arm
 from wt.physics.effect import effects
 from wt.physics.hits import face
 from wt.physics.motion import Motion
-from wt.physics.replay import Planted, Stretch
+from wt.physics.planted import Planted
+from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.types import Location
 

@@ -10,7 +10,8 @@ from wt.diagnose.samples import Part
 from wt.diagnose.smooth import smooth
 from wt.diagnose.stretches import stretches_of
 from wt.physics.effect import effects
-from wt.physics.replay import Planted, Stretch
+from wt.physics.planted import Planted
+from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
 from wt.types import Location

@@ -20,9 +20,11 @@ from wt.diagnose.remainder_law import Atom, Law
 from wt.errors import UserError
 from wt.physics import cluster
 from wt.physics.effect import effects
-from wt.physics.replay import Planted, Stretch
+from wt.physics.planted import Planted
+from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer, Replays
-from wt.physics.spread import Threads, chosen, over
+from wt.physics.runner import Threads, chosen
+from wt.physics.spread import over
 from wt.types import Location
 
 Array = np.ndarray

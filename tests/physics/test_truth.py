@@ -10,7 +10,9 @@ import pytest
 from tests.physics.arm import ARM, Run, coefficients, motion, scene, simulate
 from tests.physics.truths import TRUTHS, Truth
 from wt.physics.effect import effects
-from wt.physics.replay import Planted, Stretch
+from wt.physics.hooks import shaped
+from wt.physics.planted import Planted
+from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 
 KNOWN = pytest.mark.parametrize("truth", TRUTHS, ids=lambda t: f"{t.id}-{t.at.name}")
@@ -52,7 +54,7 @@ def test_signature_recovers_the_parameters(truth: Truth, tmp_path: Path) -> None
 def test_replay_follows_the_machine(truth: Truth, nominal: Run, tmp_path: Path) -> None:
     run = run_of(truth)
     stretch = Stretch(0, run.t, run.held, run.q[0], run.v[0])
-    effect = effects()[truth.id].shaped(truth.shape)
+    effect = shaped(effects()[truth.id], truth.shape)
     planted = Planted(effect, truth.at, np.array(truth.theta))
     replay = Replayer(scene(tmp_path), [stretch]).run([[planted]])
     influence = np.sqrt(np.mean((run.q - nominal.q) ** 2))

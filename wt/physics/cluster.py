@@ -24,13 +24,14 @@ import numpy as np
 
 import wt
 from wt.errors import UserError, WorkError
-from wt.physics.replay import Planted, Stretch
+from wt.physics.planted import Planted
+from wt.physics.replay import Stretch
+from wt.physics.rollout import Replayer
+from wt.physics.runner import Divisible
 from wt.physics.scene import Scene
 
 if TYPE_CHECKING:
     from ray import ObjectRef
-
-    from wt.physics.rollout import Replayer
 
 Array = np.ndarray
 
@@ -146,10 +147,10 @@ class Cluster:
 
         self._task = ray.remote(_replay)
         self._models: WeakKeyDictionary[Scene, ObjectRef] = WeakKeyDictionary()
-        self._prepared: WeakKeyDictionary[Replayer, ObjectRef] = WeakKeyDictionary()
+        self._prepared: WeakKeyDictionary[Divisible, ObjectRef] = WeakKeyDictionary()
 
-    def replay(self, replayer: Replayer, hypotheses: Sequence[Sequence[Planted]]) -> Array:
-        """See :class:`wt.physics.spread.Spread`."""
+    def replay(self, replayer: Divisible, hypotheses: Sequence[Sequence[Planted]]) -> Array:
+        """See :class:`wt.physics.runner.Runner`."""
         import ray
 
         ends = np.cumsum([0, *(len(s.t) for s in replayer.stretches)])
@@ -166,7 +167,7 @@ class Cluster:
             path[:, h, ends[s.start] : ends[s.stop]] = part
         return path
 
-    def _put(self, replayer: Replayer) -> ObjectRef:
+    def _put(self, replayer: Divisible) -> ObjectRef:
         import ray
 
         if replayer not in self._prepared:
@@ -258,8 +259,6 @@ def _replay(
 @functools.lru_cache(_KEPT)
 def _replayer(source: ObjectRef) -> Replayer:
     import ray
-
-    from wt.physics.rollout import Replayer
 
     prepared = ray.get(source)
     return Replayer(_scene(prepared.model), prepared.stretches, prepared.step)

@@ -1,53 +1,16 @@
-"""The nouns of a replay: what is planted in a model, what drives it, and what its sensors say."""
+"""The nouns of a replay: the piece of a recording, its inputs, and what its sensors say."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from wt.physics.effect import Effect
 from wt.physics.motion import Motion, Segment
-from wt.types import Location
 
 Array = np.ndarray
-Key = tuple[str, str, str]
-"""An effect at a place: its id, the place's kind and name."""
-
-
-@dataclass(frozen=True, eq=False)
-class Planted:
-    """An effect at a place with parameters: one part of a hypothesis.
-
-    Attributes:
-        effect: what.
-        at: where.
-        theta: its parameters, (n_theta,).
-    """
-
-    effect: Effect
-    at: Location
-    theta: Array
-
-    def __str__(self) -> str:
-        """As in messages."""
-        return f"{self.effect.id} at {self.at}"
-
-    @property
-    def statement(self) -> str:
-        """One plain sentence with figures."""
-        return self.effect.statement(self.at, self.theta)
-
-    def elsewhere(self, motion: Motion) -> Planted:
-        """The same effect in other recordings: what happens at times happens at theirs."""
-        return replace(self, effect=self.effect.elsewhere(motion, self.at, self.theta))
-
-    @property
-    def key(self) -> Key:
-        """Identity without the parameters."""
-        return (self.effect.id, self.at.kind, self.at.name)
 
 
 class Hidden(NamedTuple):

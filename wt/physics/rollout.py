@@ -12,10 +12,11 @@ from mujoco.batch import Batch
 
 from wt.physics.acting import Acting, acting, is_live
 from wt.physics.live import StepState
+from wt.physics.planted import Planted
 from wt.physics.quiet import quiet
-from wt.physics.replay import Inputs, Outputs, Planted, Stretch
+from wt.physics.replay import Inputs, Outputs, Stretch
+from wt.physics.runner import chosen
 from wt.physics.scene import Scene
-from wt.physics.spread import chosen
 
 Array = np.ndarray
 
@@ -103,7 +104,7 @@ class Replayer:
         spec = self._spec.copy()
         spec.option.timestep = self.step
         for planted in hypothesis:
-            planted.effect.model(spec, planted.at, planted.theta)
+            planted.model(spec)
         return spec.compile()
 
 
@@ -129,7 +130,7 @@ class _Job:
             stretch.recording, stretch.t[0] + h * np.arange(steps), h, stretch.commands(h, steps)
         )
         for p in hypothesis:
-            p.effect.drive(self.inputs, self.scene, p.at, p.theta)
+            p.drive(self.inputs, self.scene)
         self.live = any(is_live(p.effect) for p in hypothesis)
         self.layout = (*_sizes(self.model), steps, bool(self.inputs.force), self.live)
 
@@ -140,7 +141,7 @@ class _Job:
         )
         sensed = Outputs(start.recording, start.t, start.q.copy(), start.v.copy())
         for p in self.hypothesis:
-            p.effect.sense(sensed, self.scene, p.at, p.theta)
+            p.sense(sensed, self.scene)
         # what was measured is what the sensors made of it: undo an offset or a scale
         q, v = 2.0 * start.q[0] - sensed.q[0], 2.0 * start.v[0] - sensed.v[0]
         known = {
@@ -149,9 +150,8 @@ class _Job:
         }
         begun = replace(self.stretch, q0=q, v0=v)
         for p in self.hypothesis:
-            followers = p.effect.followers(p.at).items()
-            known |= {name: known[leader] for name, leader in followers}
-            for name, hidden in p.effect.started(p.at, p.theta, begun).items():
+            known |= {name: known[leader] for name, leader in p.followers().items()}
+            for name, hidden in p.started(begun).items():
                 dq, dv = self.stretch.shifts.get(name, (0.0, 0.0))
                 known[name] = (hidden.position + dq, hidden.velocity + dv)
         states = np.array([known[self.model.joint(i).name] for i in range(self.model.njnt)])
@@ -204,7 +204,7 @@ def _simulate(jobs: Sequence[_Job], threads: int) -> list[Outputs]:
         if exploded[row]:
             results[row].q[:], results[row].v[:] = np.nan, np.nan
         for p in job.hypothesis:
-            p.effect.sense(results[row], job.scene, p.at, p.theta)
+            p.sense(results[row], job.scene)
     return results
 
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
+from wt.physics.hooks import Stateful
 from wt.physics.replay import Hidden, Stretch
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
@@ -59,7 +60,7 @@ def rotor(joint: str) -> str:
     return f"{joint}_rotor"
 
 
-class GearEffect(ReplayOnly):
+class GearEffect(Stateful, ReplayOnly):
     """Base of effects between motor and link, which only a replay with a rotor can tell."""
 
     kind = "joint"

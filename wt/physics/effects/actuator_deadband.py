@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import mujoco
 import numpy as np
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import DriveLaw
+from wt.physics.hooks import OnSteps
 from wt.physics.live import Live
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene, between
@@ -18,7 +18,7 @@ Array = np.ndarray
 
 
 @register
-class ActuatorDeadband(Effect):
+class ActuatorDeadband(OnSteps):
     """force → force − clip(force, −width, width): nothing inside ±width, that much less outside."""
 
     id = "actuator.deadband"
@@ -42,9 +42,6 @@ class ActuatorDeadband(Effect):
     def theta(self, coefficients: Array, shape: Shape) -> Array:
         """For forces beyond both, c times what width w swallows is what width c · w swallows."""
         return coefficients * shape[0]
-
-    def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
-        """Nothing: the replay computes the force at every step."""
 
     def live(self, scene: Scene, at: Location, theta: Array) -> Live:
         """Take the swallowed force off."""

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.hooks import OnInputs
 from wt.physics.motion import Motion
+from wt.physics.replay import Inputs
 from wt.physics.scene import Scene
 from wt.types import Location
-
-if TYPE_CHECKING:
-    from wt.physics.replay import Inputs
 
 Array = np.ndarray
 
 
 @register
-class ActuatorDelay(Effect):
+class ActuatorDelay(OnInputs):
     """u(t) → u(t − delay)."""
 
     id = "actuator.delay"
@@ -48,9 +46,6 @@ class ActuatorDelay(Effect):
         actuator = spec.actuator(at.name)
         actuator.delay += theta[0]
         actuator.nsample = max(1, int(np.ceil(actuator.delay / spec.option.timestep)) + 1)
-
-    def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
-        """Nothing: MuJoCo's buffer starts at zero, so a replay shifts the command itself."""
 
     def drive(self, inputs: Inputs, scene: Scene, at: Location, theta: Array) -> None:
         """Shift the command."""

@@ -10,8 +10,9 @@ import mujoco
 import numpy as np
 from scipy.signal import lfilter
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import DriveLaw
+from wt.physics.hooks import FromRecordings, OnSteps
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
@@ -24,7 +25,7 @@ _SMALLER = (0.85, 0.7, 0.5)  # shares of the load in the recordings
 
 
 @register
-class ActuatorFade(Effect):
+class ActuatorFade(FromRecordings, OnSteps):
     """τ → τ · (1 − loss · x) with heat x: time_constant · ẋ = (τ/τ₀)² − x, cold at the start.
 
     τ₀ is the root mean square of the drive's force in the recordings, read off them, so that the
@@ -83,9 +84,6 @@ class ActuatorFade(Effect):
         actuator = spec.actuator(at.name)
         actuator.gainprm = np.array(actuator.gainprm) * (1.0 - theta[0])
         actuator.biasprm = np.array(actuator.biasprm) * (1.0 - theta[0])
-
-    def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
-        """Nothing: the replay computes the force at every step."""
 
     def live(self, scene: Scene, at: Location, theta: Array) -> Live:
         """Take the lost force off."""

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 from scipy.signal import lfilter
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.hooks import OnInputs
 from wt.physics.motion import Motion
+from wt.physics.replay import Inputs
 from wt.physics.scene import Scene
 from wt.types import Location
-
-if TYPE_CHECKING:
-    from wt.physics.replay import Inputs
 
 Array = np.ndarray
 
 
 @register
-class ActuatorLag(Effect):
+class ActuatorLag(OnInputs):
     """time_constant · dx/dt = u − x, and the drive acts on x."""
 
     id = "actuator.lag"
@@ -67,9 +65,6 @@ class ActuatorLag(Effect):
         if theta[0] > 0.0 and actuator.dyntype == mujoco.mjtDyn.mjDYN_NONE:
             actuator.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
             actuator.dynprm[0] = theta[0]
-
-    def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
-        """Nothing: MuJoCo's filter starts at zero, so a replay filters the command itself."""
 
     def drive(self, inputs: Inputs, scene: Scene, at: Location, theta: Array) -> None:
         """Filter the command, starting in balance with the first."""

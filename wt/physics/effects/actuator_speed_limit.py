@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import DriveLaw
 from wt.physics.effects.actuator_saturation import narrow
+from wt.physics.hooks import OnSteps
 from wt.physics.live import Live
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene, between
@@ -19,7 +20,7 @@ Array = np.ndarray
 
 
 @register
-class ActuatorSpeedLimit(Effect):
+class ActuatorSpeedLimit(OnSteps):
     """force → clip(force, −stall · (1 + v/speed), stall · (1 − v/speed))."""
 
     id = "actuator.speed_limit"
@@ -54,9 +55,6 @@ class ActuatorSpeedLimit(Effect):
     def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
         """Stand-in: ``forcerange`` of the stall torque, right at standstill."""
         narrow(spec, at.name, float(theta[0]))
-
-    def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
-        """Nothing: the replay computes the force at every step."""
 
     def live(self, scene: Scene, at: Location, theta: Array) -> Live:
         """Clip the force at every step."""

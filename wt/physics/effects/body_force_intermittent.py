@@ -5,17 +5,15 @@ from __future__ import annotations
 import copy
 import sys
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.hooks import FromRecordings, OnInputs
 from wt.physics.motion import Motion, Segment
+from wt.physics.replay import Inputs
 from wt.physics.scene import Scene
 from wt.types import Location
-
-if TYPE_CHECKING:
-    from wt.physics.replay import Inputs
 
 Array = np.ndarray
 
@@ -27,7 +25,7 @@ _BURST_S, _BURSTS = 0.25, 2
 
 
 @register
-class BodyForceIntermittent(Effect):
+class BodyForceIntermittent(FromRecordings, OnInputs):
     """A force constant in the world's frame on the centre of mass, inside windows of time.
 
     The windows are no part of ``theta``: they stand in the signature's shape, flattened

@@ -8,8 +8,9 @@ import mujoco
 import numpy as np
 
 from wt.physics import inertia
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import place_of_load, point_load, within_reach
+from wt.physics.hooks import Linearised
 from wt.physics.motion import Motion
 from wt.types import Location
 
@@ -19,7 +20,7 @@ _APART = 0.1  # m; the moments are quadratic in the position, so any central dif
 
 
 @register
-class BodyPayloadFixed(Effect):
+class BodyPayloadFixed(Linearised):
     """A point mass at a position in the body's frame.
 
     Its force is m·(f₀ + f₁·p + pᵀ·f₂·p). The signature is linear in m and m·(p − shape): the
@@ -36,7 +37,6 @@ class BodyPayloadFixed(Effect):
     )
     reference = "C. H. An, C. G. Atkeson and J. M. Hollerbach, Model-Based Control of a Robot, 1988"
     signed = (1, 0, 0, 0)
-    weighted = True
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """The centre of mass: at the frame's origin a body that turns about it shows no mass."""

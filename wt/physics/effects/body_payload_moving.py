@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
-from wt.physics.effect import Beyond, Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import place_of_load, point_load, within_reach
+from wt.physics.hooks import Beyond, FromRecordings, Nested, Stateful
 from wt.physics.loose import Centre, Law, columns, path_of
 from wt.physics.loose_search import laws_that_fit, likeliest_laws
 from wt.physics.motion import Motion
@@ -27,7 +28,7 @@ _UNSURE, _UNSURE_V = 0.15, 0.15
 
 
 @register
-class BodyPayloadMoving(Effect):
+class BodyPayloadMoving(FromRecordings, Nested, Stateful):
     """A point mass on slides along the body's axes, damped, between stops.
 
     Along which axes, how far along each against the longest, damping, spring and whether it rolls

@@ -5,7 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.hooks import Linearised
 from wt.physics.motion import Motion
 from wt.types import Location
 
@@ -17,7 +18,7 @@ _FAR = 4.0
 
 
 @register
-class BodyTether(Effect):
+class BodyTether(Linearised):
     """F = stiffness · (anchor − x) on the origin x of the body's frame."""
 
     id = "body.tether"
@@ -28,7 +29,6 @@ class BodyTether(Effect):
     )
     reference = "R. Hooke, De potentia restitutiva, 1678"
     signed = (1, 0, 0, 0)
-    weighted = True
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """Per unit of k, and of k times each coordinate of the anchor."""

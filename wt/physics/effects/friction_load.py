@@ -5,8 +5,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from wt.physics.effect import Effect, Intervals, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import Bristle, compiled
+from wt.physics.hooks import Intervals, Nested, OnSteps
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
@@ -18,7 +19,7 @@ _NEGLIGIBLE = 0.05  # share of the constant part that the load must add to count
 
 
 @register
-class FrictionLoad(Effect):
+class FrictionLoad(Nested, OnSteps):
     """τ = −sign(v) · (coulomb + fraction · |drive force|), with the force before friction."""
 
     id = "joint.friction_load"
@@ -45,9 +46,6 @@ class FrictionLoad(Effect):
         """Stand-in: ``frictionloss`` of the friction under the mean weight over one turn."""
         load = _mean_weight(compiled(spec), at.name)
         spec.joint(at.name).frictionloss += theta[0] + theta[1] * load
-
-    def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
-        """Nothing: the replay computes the force at every step."""
 
     def live(self, scene: Scene, at: Location, theta: Array) -> Live:
         """Friction by an elastic bristle that slips."""

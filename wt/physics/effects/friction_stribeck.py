@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from wt.physics.effect import Beyond, Effect, Intervals, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import (
     Bristle,
     compiled,
@@ -15,6 +15,7 @@ from wt.physics.effects._tools import (
     passive,
     physics_step,
 )
+from wt.physics.hooks import Beyond, Intervals, Nested, OnSteps
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
@@ -26,7 +27,7 @@ _STIFFNESS, _DAMPING = 0.4, 0.5  # bristle: frequency · time step, damping rati
 
 
 @register
-class FrictionStribeck(Effect):
+class FrictionStribeck(Nested, OnSteps):
     """τ = −sign(v) · (coulomb + (static − coulomb) · exp(−(v / velocity)²))."""
 
     id = "joint.friction_stribeck"
@@ -71,9 +72,6 @@ class FrictionStribeck(Effect):
         stiffness, damping = inertia * frequency**2, 2.0 * _DAMPING * inertia * frequency
         lugre = [stiffness, damping, max(coulomb, 1e-6 * static), static, float(theta[2])]
         passive(spec, f"{at.name}_friction", at.name, lugre=lugre)
-
-    def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
-        """Nothing: a replay's own bristle creeps less than LuGre's at the same step."""
 
     def live(self, scene: Scene, at: Location, theta: Array) -> Live:
         """Friction by an elastic bristle that slips."""

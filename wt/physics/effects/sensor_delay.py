@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.hooks import OnOutputs
 from wt.physics.motion import Motion
+from wt.physics.replay import Outputs
 from wt.physics.scene import Scene
 from wt.types import Location
-
-if TYPE_CHECKING:
-    from wt.physics.replay import Outputs
 
 Array = np.ndarray
 
 
 @register
-class SensorDelay(Effect):
+class SensorDelay(OnOutputs):
     """Recorded position at t = true position at t − delay."""
 
     id = "sensor.delay"

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.hooks import OnOutputs
 from wt.physics.motion import Motion
+from wt.physics.replay import Outputs
 from wt.physics.scene import Scene
 from wt.types import Location
-
-if TYPE_CHECKING:
-    from wt.physics.replay import Outputs
 
 Array = np.ndarray
 
 
 @register
-class SensorOffset(Effect):
+class SensorOffset(OnOutputs):
     """Recorded position = true position + offset."""
 
     id = "sensor.offset"

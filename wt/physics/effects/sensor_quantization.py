@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from wt.physics.effect import Parameter, register
+from wt.physics.hooks import OnOutputs
+from wt.physics.replay import Outputs
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
 from wt.types import Location
-
-if TYPE_CHECKING:
-    from wt.physics.replay import Outputs
 
 Array = np.ndarray
 
 
 @register
-class SensorQuantization(ReplayOnly):
+class SensorQuantization(OnOutputs, ReplayOnly):
     """Recorded position = step · round(true position / step)."""
 
     id = "sensor.quantization"

@@ -5,8 +5,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import per_radian
+from wt.physics.hooks import Linearised
 from wt.physics.motion import Motion
 from wt.types import Location
 
@@ -14,7 +15,7 @@ Array = np.ndarray
 
 
 @register
-class Stiffness(Effect):
+class Stiffness(Linearised):
     """τ = −stiffness · (q − reference)."""
 
     id = "joint.stiffness"
@@ -25,7 +26,6 @@ class Stiffness(Effect):
     )
     reference = "R. Hooke, De potentia restitutiva, 1678"
     signed = (1, 0)
-    weighted = True
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """−q and 1 on the joint's row."""

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import per_radian
+from wt.physics.hooks import FromRecordings
 from wt.physics.motion import Motion
 from wt.types import Location
 
@@ -16,7 +17,7 @@ Array = np.ndarray
 
 
 @register
-class Stop(Effect):
+class Stop(FromRecordings):
     """side · q ≤ side · position, by a stiff one-sided force."""
 
     id = "joint.stop"
