@@ -10,7 +10,7 @@ from wt.diagnose.assessed import Assessed
 from wt.diagnose.estimate import LAW, Estimated, _named, least_certain, least_spread
 from wt.diagnose.result import Estimate
 from wt.physics.effect import effects
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.types import Location
 
 J = Location("joint", "j")

@@ -19,7 +19,8 @@ from wt.diagnose.screen import Scored, Screen
 from wt.diagnose.smooth import smooth
 from wt.diagnose.stretches import FLOATING_S, forgets, stretches_of
 from wt.physics.effect import effects
-from wt.physics.replay import Planted, Stretch
+from wt.physics.planted import Planted
+from wt.physics.replay import Stretch
 from wt.physics.scene import Scene
 from wt.types import Location
 

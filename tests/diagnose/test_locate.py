@@ -13,7 +13,7 @@ from wt.diagnose.samples import Part
 from wt.diagnose.screen import Screen
 from wt.diagnose.smooth import smooth
 from wt.physics.effect import effects
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.physics.scene import Scene
 from wt.types import Location, Recording
 

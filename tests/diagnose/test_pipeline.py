@@ -20,7 +20,7 @@ from wt.diagnose.pipeline import diagnose
 from wt.diagnose.result import Diagnosis
 from wt.diagnose.screen import Screen
 from wt.errors import RecordingError, UserError
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.prove.cases import Case, cases
 from wt.prove.score import score
 from wt.prove.world import World, build

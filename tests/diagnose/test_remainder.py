@@ -15,7 +15,7 @@ from wt.diagnose.remainder_law import Atom, Law
 from wt.diagnose.remainder_onnx import to_onnx
 from wt.diagnose.rivals import DOUBTFUL, rivals_nonparametric
 from wt.physics.effect import effects
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.types import Location
 
 J2, J1 = Location("joint", "j2"), Location("joint", "j1")

@@ -10,7 +10,7 @@ from wt.diagnose.addition import Accepted
 from wt.diagnose.estimate import estimate
 from wt.diagnose.simplify import simplified
 from wt.physics.effect import effects
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.types import Location
 
 J2 = Location("joint", "j2")

@@ -12,7 +12,7 @@ from wt.diagnose.prepare import prepare
 from wt.diagnose.smooth import smooth
 from wt.diagnose.traces import traces
 from wt.physics.effect import effects
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.physics.scene import Scene
 from wt.types import Location, Recording
 

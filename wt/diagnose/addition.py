@@ -19,7 +19,7 @@ from wt.diagnose.result import Considered
 from wt.diagnose.screen import Scored, Screen
 from wt.diagnose.worth import MIN_NATS, earns, erring_joints, simplest, worth
 from wt.physics.effect import Shape
-from wt.physics.replay import Key, Planted
+from wt.physics.planted import Key, Planted
 
 EQUIVALENT_NATS = 4.0
 """Hypotheses closer than this cannot be told apart."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 
 Array = np.ndarray
 

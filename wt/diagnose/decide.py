@@ -15,7 +15,7 @@ from wt.diagnose.refine import refine
 from wt.diagnose.result import Considered
 from wt.diagnose.screen import Screen
 from wt.diagnose.worth import MIN_NATS, earns, exhausted, worth
-from wt.physics.replay import Key
+from wt.physics.planted import Key
 
 Report = Callable[[str, float], None]
 """Called with (what is being done, share of the whole 0…1)."""

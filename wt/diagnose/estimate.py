@@ -20,7 +20,7 @@ from wt.diagnose.objective import Objective
 from wt.diagnose.refine import bounds, jacobian, pack, refine, steps
 from wt.diagnose.result import Estimate
 from wt.physics.effect import Parameter
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 
 Array = np.ndarray
 
@@ -202,7 +202,7 @@ def _named(planted: Planted, low: Array, high: Array) -> dict[str, Estimate]:
             (_plain(ends[0], bool(p.axes)), _plain(ends[1], bool(p.axes))),
             warning,
         )
-    for name, (unit, values) in planted.effect.observed().items():
+    for name, (unit, values) in planted.observed().items():
         found[name] = Estimate(values, unit, (values, values))
     return found
 

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wt.physics.replay import Planted, Stretch
+from wt.physics.planted import Planted
+from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
 

@@ -14,7 +14,7 @@ from wt.diagnose.screen import Scored, Screen
 from wt.diagnose.worth import erring_joints, improvable
 from wt.physics.acting import is_live
 from wt.physics.effect import Shape, effects
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.types import Location
 
 Array = np.ndarray

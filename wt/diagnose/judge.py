@@ -27,7 +27,7 @@ from wt.diagnose.screen import Screen
 from wt.diagnose.simplify import simplified
 from wt.diagnose.unforeseen import erring
 from wt.diagnose.worth import erring_joints
-from wt.physics.replay import Key, Planted
+from wt.physics.planted import Key, Planted
 
 Array = np.ndarray
 

@@ -12,7 +12,7 @@ from wt.diagnose.leftover import Leftover, leftover
 from wt.diagnose.result import Located
 from wt.diagnose.screen import Screen
 from wt.diagnose.structure import places
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.physics.scene import Scene
 from wt.types import Location
 

@@ -24,7 +24,8 @@ from wt.diagnose.refine import refine
 from wt.diagnose.screen import Screen
 from wt.diagnose.worth import MIN_NATS, price, room, size, worth
 from wt.physics.effect import Shape, effects
-from wt.physics.replay import Key, Planted
+from wt.physics.hooks import shaped
+from wt.physics.planted import Key, Planted
 
 Start = tuple[Planted, Shape | None]
 """Parameters to start from, and the shape of the signature if there is one."""
@@ -103,8 +104,8 @@ class Lookalikes:
                 here = [] if effect.shapes(motion, at) else effect.starts(motion, at)
                 plain += [Planted(effect, at, theta) for theta in here]
                 if at == found.at:
-                    beyond = effect.beyond(motion, at, found.effect.id, found.theta)
-                    larger += [(Planted(effect.shaped(s), at, theta), s) for s, theta in beyond]
+                    further = found.beyond(effect, motion)
+                    larger += [(Planted(shaped(effect, s), at, theta), s) for s, theta in further]
         starts = [*((p, shapes.get(p.key)) for p in plain), *larger]
         possible = [
             (p, shape)
@@ -133,7 +134,7 @@ class Lookalikes:
         going = [f.hypothesis for f in begun if worth(self.some, f, present) > -_HOPELESS]
         if not going:
             return [(0.0, hypothesis)]
-        events = any(p.effect.observed() for p in hypothesis)  # at other times in other recordings
+        events = any(p.observed() for p in hypothesis)  # at other times in other recordings
         judge = self.objective if events else self.whole()
         judge.reference(hypothesis)
         everything = [range(len(hypothesis))] * (len(going) + 1)

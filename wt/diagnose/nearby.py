@@ -10,7 +10,7 @@ import numpy as np
 from wt.diagnose.adapt import responses
 from wt.diagnose.extrapolate import Extrapolated
 from wt.diagnose.nuisance import Nuisance
-from wt.physics.replay import Key, Planted
+from wt.physics.planted import Key, Planted
 
 Array = np.ndarray
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from wt.physics.effect import Effect, effects
 from wt.physics.motion import Motion
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.physics.scene import Scene
 from wt.types import Location
 

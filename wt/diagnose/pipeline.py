@@ -28,7 +28,7 @@ from wt.diagnose.stretches import forgets, stretches_of
 from wt.diagnose.traces import traces
 from wt.diagnose.translated import Translation, sentences, timed, translated
 from wt.diagnose.unforeseen import unforeseen
-from wt.physics.replay import Key
+from wt.physics.planted import Key
 from wt.physics.scene import Scene
 
 Array = np.ndarray

@@ -25,10 +25,11 @@ from wt.diagnose.remainder_law import Law
 from wt.diagnose.remainder_onnx import to_onnx
 from wt.diagnose.screen import Screen
 from wt.diagnose.worth import CLEAN
-from wt.physics.effect import Effect, Parameter, Shape
+from wt.physics.effect import Parameter, Shape
+from wt.physics.hooks import OnSteps
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.physics.scene import Scene
 from wt.types import Location
 
@@ -46,7 +47,7 @@ _LEAST_R2 = 0.2
 _PEAK = 2.5
 
 
-class UnknownForce(Effect):
+class UnknownForce(OnSteps):
     """amplitude · force(columns): a learned law that acts on one joint.
 
     Not registered: a search cannot try it before it is learned.

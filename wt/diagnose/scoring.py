@@ -15,7 +15,8 @@ from scipy.optimize import lsq_linear
 
 from wt.diagnose.nuisance import BOX, boxes
 from wt.physics.effect import Effect, Shape
-from wt.physics.replay import Planted
+from wt.physics.hooks import shaped
+from wt.physics.planted import Planted
 from wt.types import Location
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ class Block:
 
     def planted(self, coefficients: Array) -> Planted:
         """The effect with the parameters that belong to coefficients."""
-        effect = self.effect.shaped(self.shape)
+        effect = shaped(self.effect, self.shape)
         theta = np.nan_to_num(effect.theta(coefficients, self.shape))
         return Planted(effect, self.at, np.clip(theta, *effect.bounds()))
 

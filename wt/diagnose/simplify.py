@@ -12,7 +12,7 @@ from wt.diagnose.estimate import Estimated, estimate
 from wt.diagnose.objective import Objective
 from wt.diagnose.worth import erring_joints
 from wt.physics.effect import effects
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 
 
 def simplified(
@@ -27,7 +27,7 @@ def simplified(
     """
     for i, planted in enumerate(estimated.hypothesis):
         intervals = {name: e.ci95 for name, e in estimated.estimates[i].items()}
-        found = planted.effect.simpler(objective.motion, planted.at, planted.theta, intervals)
+        found = planted.simpler(objective.motion, intervals)
         if found is None:
             continue
         law = Planted(effects()[found[0]], planted.at, found[1])
