@@ -18,12 +18,12 @@ Adding an effect
 2. Its class says all that others need to know of it: ``looks_like`` which effects it is easily
    taken for, ``common`` how often machines have it, ``plotted_over`` what its force depends on.
    No list of ids anywhere else has to be touched.
-3. What the contract above cannot say is a base class of :mod:`wt.physics.hooks`, of which it is
-   given as many as it needs: what MuJoCo has no element for acts in the replay instead, on its
-   inputs (``OnInputs``), its outputs (``OnOutputs``) or at every step (``OnSteps``); joints that
-   a patch adds have a state (``Stateful``); part of it may be read off the recordings
-   (``FromRecordings``), be linear in products only (``Linearised``), contain a smaller law
-   (``Nested``), or be an error that any model makes (``Tolerated``).
+3. What the contract above cannot say is said by base classes of :mod:`wt.physics.hooks`, as many
+   as it needs: what MuJoCo has no element for acts in the replay instead, on its inputs
+   (``OnInputs``), its outputs (``OnOutputs``) or at every step (``OnSteps``); joints that a patch
+   adds have a state (``Stateful``); part of it may be read off the recordings
+   (``FromRecordings``); its force may be linear in products only (``Linearised``); it may contain
+   a smaller law (``Nested``), or be, where it is small, an error of any model (``Tolerated``).
 4. One row of truth in ``tests/physics/truths.py``: a machine that has it, by MJCF written by hand
    or a law in closed form, never by the effect's own code.
 
@@ -43,7 +43,7 @@ import importlib
 import pkgutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import mujoco
 import numpy as np
@@ -54,6 +54,11 @@ from wt.physics.scene import Scene
 from wt.types import Kind, Location
 
 Shape = tuple[float, ...]  # the nonlinear parameters that a signature needs to be linear
+Common = Literal["seldom", "often", "always"]
+"""How often machines have an effect: ``"often"`` is what may be mounted on one, ``"always"`` what
+hardly a machine is without."""
+Variable = Literal["position", "velocity", "acceleration", "drive", "time"]
+"""What a force may be drawn over; ``"drive"`` is the force of the joint's drive."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +107,10 @@ class Effect(abc.ABC):
         odds_against: log odds against it beside a more common effect that fits as well [nats].
         signed: for each coefficient of the signature the sign it must have: +1, -1 or 0 for any.
         settles: ids of small errors of the same place that are nothing beside it.
+        looks_like: names of groups; it is easily taken for any other of a group, see
+            :func:`alternatives`.
+        common: how often real machines have it although their models do not.
+        plotted_over: the variable that its force is best seen over.
     """
 
     id: ClassVar[str]
@@ -113,6 +122,9 @@ class Effect(abc.ABC):
     odds_against: ClassVar[float] = 0.0
     signed: ClassVar[tuple[int, ...]] = ()
     settles: ClassVar[tuple[str, ...]] = ()
+    looks_like: ClassVar[tuple[str, ...]] = ()
+    common: ClassVar[Common] = "seldom"
+    plotted_over: ClassVar[Variable] = "position"
 
     def places(self, scene: Scene) -> Sequence[Location]:
         """Places of a model at which it can stand; by default all of its kind."""
@@ -225,3 +237,15 @@ def effects() -> Mapping[str, Effect]:
     for module in pkgutil.iter_modules(wt.physics.effects.__path__):
         importlib.import_module(f"wt.physics.effects.{module.name}")
     return dict(sorted(_EFFECTS.items()))
+
+
+def alternatives(effect: str) -> frozenset[str]:
+    """Ids of the effects that one is easily taken for; it is one of theirs, too.
+
+    Args:
+        effect: id of an effect; one that is not registered, such as a learned law, has none.
+    """
+    known = effects()
+    mine = set(known[effect].looks_like) if effect in known else set()
+    others = (e.id for e in known.values() if mine.intersection(e.looks_like))
+    return frozenset(others) - {effect}

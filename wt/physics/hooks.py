@@ -12,6 +12,7 @@ Stateful       its patch adds joints, which have a state when a replay begins
 OnInputs       a replay's commands or external forces are changed
 OnOutputs      what a replay's sensors report is changed
 OnSteps        it acts at every physics step of a replay
+Tolerated      a little of it is an error that any model makes
 ============== ==================================================================================
 """
 
@@ -19,6 +20,7 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -193,3 +195,36 @@ class OnSteps(InReplay):
         self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
     ) -> Live:
         """The law that acts in replays, each of which has its own ``theta``."""
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far any model is off.
+
+    Attributes:
+        size: one standard deviation of the parameter from neutral, in its unit.
+        lowest: smallest parameter that a model can hold.
+    """
+
+    size: float
+    lowest: float = -np.inf
+
+
+class Tolerated(Effect):
+    """An effect, of one parameter, of which any model is off by a little.
+
+    Attributes:
+        correctable: whether a model can be corrected by it; nothing can come early, say.
+        at_rest: whether it acts on a machine that stands still.
+    """
+
+    correctable: ClassVar[bool] = True
+    at_rest: ClassVar[bool] = False
+
+    @abc.abstractmethod
+    def tolerances(self, scene: Scene) -> Mapping[Location, Tolerance]:
+        """Sizes of the error at the places of a machine that have it."""
+
+    def small(self, motion: Motion, at: Location, size: float) -> Float[np.ndarray, "sample dof"]:
+        """Generalised force of an error of that size from neutral [N·m]."""
+        return size * self.columns(motion, at, ())[:, :, 0]

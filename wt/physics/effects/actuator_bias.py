@@ -22,6 +22,8 @@ class ActuatorBias(Effect):
     parameters = (Parameter("torque", "N·m", -1e3, 1e3, 1e-3, neutral=0.0),)
     reference = "MuJoCo XML reference, actuator/general/biasprm"
     signed = (0,)
+    looks_like = ("spring", "offset")
+    common = "always"
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """1, except where the drive is at its limit."""

@@ -28,6 +28,8 @@ class ActuatorDeadband(OnSteps):
     reference += "Nonlinearities, 1996"
     native = False
     signed = (1,)
+    looks_like = ("weak drive", "offset")
+    plotted_over = "drive"
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Widths that cover 5 to 60 % of the drive's forces."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
 
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.hooks import OnInputs
+from wt.physics.hooks import OnInputs, Tolerance, Tolerated
 from wt.physics.motion import Motion
 from wt.physics.replay import Inputs
 from wt.physics.scene import Scene
@@ -16,9 +16,11 @@ from wt.types import Location
 
 Array = np.ndarray
 
+_OFF = 4e-4  # s, standard deviation of when commands arrive
+
 
 @register
-class ActuatorDelay(OnInputs):
+class ActuatorDelay(OnInputs, Tolerated):
     """u(t) → u(t − delay)."""
 
     id = "actuator.delay"
@@ -26,6 +28,10 @@ class ActuatorDelay(OnInputs):
     parameters = (Parameter("delay", "s", 0.0, 0.3, 1e-4, neutral=0.0),)
     reference = "MuJoCo XML reference, actuator/general/delay"
     signed = (1,)
+    looks_like = ("delay",)
+    common = "always"
+    plotted_over = "velocity"
+    correctable = False
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Delays from half a sample up."""
@@ -51,6 +57,14 @@ class ActuatorDelay(OnInputs):
         """Shift the command."""
         i = scene.drive(at.name).index
         inputs.u[:, i] = inputs.delayed(inputs.u[:, i], float(theta[0]))
+
+    def tolerances(self, scene: Scene) -> Mapping[Location, Tolerance]:
+        """Every drive's."""
+        return {Location("actuator", drive.name): Tolerance(_OFF) for drive in scene.drives}
+
+    def small(self, motion: Motion, at: Location, size: float) -> Array:
+        """Force of a delay of that size: it is the shape, with coefficient one."""
+        return np.asarray(self.columns(motion, at, (size,))[:, :, 0])
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""

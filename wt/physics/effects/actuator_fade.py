@@ -43,6 +43,8 @@ class ActuatorFade(FromRecordings, OnSteps):
     native = False
     signed = (1,)
     read_off = 1
+    looks_like = ("weak drive",)
+    plotted_over = "time"
 
     def __init__(self, usual: float = 0.0) -> None:
         """Bind τ₀ [N·m]; zero where it is not known, and then the load is taken as the usual."""

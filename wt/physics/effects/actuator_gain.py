@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import mujoco
 import numpy as np
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import free_of_limits, settle
+from wt.physics.hooks import Tolerance, Tolerated
 from wt.physics.motion import Motion
+from wt.physics.scene import Scene
 from wt.types import Location
 
 Array = np.ndarray
 
+_OFF = 0.01  # standard deviation of a drive's strength
+
 
 @register
-class ActuatorGain(Effect):
+class ActuatorGain(Tolerated):
     """force → factor · force, inside the model's force range."""
 
     id = "actuator.gain"
@@ -22,6 +28,10 @@ class ActuatorGain(Effect):
     parameters = (Parameter("factor", "-", 0.0, 5.0, 1e-3, neutral=1.0),)
     reference = "MuJoCo XML reference, actuator/general/gainprm and biasprm"
     signed = (0,)
+    looks_like = ("weak drive",)
+    common = "always"
+    plotted_over = "drive"
+    at_rest = True
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """The drive's force, except where it is at its limit."""
@@ -39,6 +49,10 @@ class ActuatorGain(Effect):
         actuator = spec.actuator(at.name)
         actuator.gainprm[:3] *= theta[0]
         actuator.biasprm[:3] *= theta[0]
+
+    def tolerances(self, scene: Scene) -> Mapping[Location, Tolerance]:
+        """Every drive's."""
+        return {Location("actuator", drive.name): Tolerance(_OFF) for drive in scene.drives}
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""

@@ -27,6 +27,8 @@ class ActuatorLag(OnInputs):
     parameters = (Parameter("time_constant", "s", 0.0, 2.0, 1e-4, neutral=0.0),)
     reference = "MuJoCo XML reference, actuator/general/dyntype (filterexact)"
     signed = (1,)
+    looks_like = ("delay",)
+    plotted_over = "velocity"
 
     def places(self, scene: Scene) -> Sequence[Location]:
         """Drives that the model gives no dynamics yet."""

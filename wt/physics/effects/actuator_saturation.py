@@ -23,6 +23,8 @@ class ActuatorSaturation(Effect):
     parameters = (Parameter("torque", "N·m", 1e-4, 1e4, 1e-3, inexact=0.03),)
     reference = "MuJoCo XML reference, actuator/general/forcerange"
     signed = (1,)
+    looks_like = ("weak drive",)
+    plotted_over = "drive"
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Torques that the model's drive passes for 2 to 60 % of the time."""

@@ -32,6 +32,7 @@ class ActuatorSpeedLimit(OnSteps):
     reference = "A. Hughes and B. Drury, Electric Motors and Drives, 2019, chapter 3"
     native = False
     signed = (1,)
+    plotted_over = "velocity"
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Stall torques around the largest force, no-load speeds around the fastest motion."""

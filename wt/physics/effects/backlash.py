@@ -26,6 +26,7 @@ class Backlash(GearEffect):
     excludes = ("joint.elasticity",)
     parameters = (Parameter("gap", "rad", 1e-4, 1.0, 2e-4, neutral=0.0),)
     reference = "M. Nordin and P.-O. Gutman, Controlling mechanical systems with backlash, 2002"
+    looks_like = ("offset",)
 
     def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
         """From 0.2° to 4°."""

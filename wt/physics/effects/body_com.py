@@ -25,6 +25,8 @@ class BodyCom(Effect):
     parameters = (Parameter("shift", "m", -2.0, 2.0, 5e-4, ("x", "y", "z"), neutral=0.0),)
     reference = "C. H. An, C. G. Atkeson and J. M. Hollerbach, Model-Based Control of a Robot, 1988"
     signed = (0, 0, 0)
+    looks_like = ("weight",)
+    common = "often"
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """Force per metre of shift along x, y and z."""

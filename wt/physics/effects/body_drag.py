@@ -27,6 +27,7 @@ class BodyDrag(Effect):
     parameters = (Parameter("coefficient", "N·s²/m²", 0.0, 1e3, 1e-3, neutral=0.0),)
     reference = "MuJoCo documentation, computation/fluid (ellipsoid model, blunt drag)"
     signed = (1,)
+    plotted_over = "velocity"
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """−|v|·v at the centre of mass."""

@@ -22,6 +22,7 @@ class BodyForce(Effect):
     parameters = (Parameter("force", "N", -1e4, 1e4, 1e-2, ("x", "y", "z"), neutral=0.0),)
     reference = "MuJoCo documentation, computation, transmission by a site with a reference site"
     signed = (0, 0, 0)
+    looks_like = ("pull",)
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """Generalised force per newton along the world's x, y and z."""

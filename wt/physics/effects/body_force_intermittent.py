@@ -40,6 +40,7 @@ class BodyForceIntermittent(FromRecordings, OnInputs):
     reads_residual = True
     read_off = sys.maxsize
     signed = (0, 0, 0)
+    plotted_over = "time"
 
     def __init__(self, windows: Shape = ()) -> None:
         """Bind windows, flattened (recording, start [s], end [s], …)."""

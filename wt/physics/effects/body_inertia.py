@@ -24,6 +24,8 @@ class BodyInertia(Effect):
     parameters = (Parameter("factor", "-", 0.01, 20.0, 1e-3, neutral=1.0),)
     reference = "C. H. An, C. G. Atkeson and J. M. Hollerbach, Model-Based Control of a Robot, 1988"
     signed = (0,)
+    looks_like = ("inertia",)
+    plotted_over = "acceleration"
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """Force of doubling the moments."""

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import mujoco
 import numpy as np
 
 from wt.physics import inertia
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import weighed
+from wt.physics.hooks import Tolerance, Tolerated
 from wt.physics.motion import Motion
+from wt.physics.scene import Scene
 from wt.types import Location
 
 Array = np.ndarray
 
+_OFF = 0.02  # standard deviation of a data sheet's mass
+
 
 @register
-class BodyMass(Effect):
+class BodyMass(Tolerated):
     """Mass and inertia → factor · mass and inertia."""
 
     id = "body.mass"
@@ -23,6 +29,9 @@ class BodyMass(Effect):
     parameters = (Parameter("factor", "-", 0.01, 10.0, 1e-3, neutral=1.0),)
     reference = "C. H. An, C. G. Atkeson and J. M. Hollerbach, Model-Based Control of a Robot, 1988"
     signed = (0,)
+    looks_like = ("weight",)
+    common = "often"
+    at_rest = True
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """Force of doubling the body."""
@@ -38,6 +47,10 @@ class BodyMass(Effect):
         body = weighed(spec, at.name)
         body.mass *= theta[0]
         body.inertia *= theta[0]
+
+    def tolerances(self, scene: Scene) -> Mapping[Location, Tolerance]:
+        """Every body's."""
+        return {Location("body", body): Tolerance(_OFF) for body in scene.moving}
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""

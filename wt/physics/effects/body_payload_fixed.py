@@ -37,6 +37,8 @@ class BodyPayloadFixed(Linearised):
     )
     reference = "C. H. An, C. G. Atkeson and J. M. Hollerbach, Model-Based Control of a Robot, 1988"
     signed = (1, 0, 0, 0)
+    looks_like = ("weight",)
+    common = "often"
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """The centre of mass: at the frame's origin a body that turns about it shows no mass."""

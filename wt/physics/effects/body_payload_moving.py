@@ -53,6 +53,8 @@ class BodyPayloadMoving(FromRecordings, Nested, Stateful):
     read_off = 10
     odds_against = 8.0
     settles = ("body.mass",)
+    looks_like = ("weight",)
+    plotted_over = "time"
 
     def __init__(self, shape: Shape = ()) -> None:
         """Bind travel x, y, z; damping, spring, rolling; centre x, y, z; mass."""

@@ -29,6 +29,7 @@ class BodyTether(Linearised):
     )
     reference = "R. Hooke, De potentia restitutiva, 1678"
     signed = (1, 0, 0, 0)
+    looks_like = ("pull",)
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """Per unit of k, and of k times each coordinate of the anchor."""

@@ -36,6 +36,7 @@ class ContactFriction(ReplayOnly):
     kind = "geom"
     parameters = (Parameter("friction", "-", 0.01, 3.0, 1e-3),)
     reference = "C. A. de Coulomb, Théorie des machines simples, 1785"
+    plotted_over = "velocity"
 
     def places(self, scene: Scene) -> Sequence[Location]:
         """Named geoms that may touch: of the machine, and fixed ones."""

@@ -22,6 +22,9 @@ class FrictionCoulomb(Effect):
     parameters = (Parameter("coulomb", "N·m", 0.0, 1e3, 1e-3, neutral=0.0),)
     reference = "C. A. Coulomb, Théorie des machines simples, 1785"
     signed = (1,)
+    looks_like = ("dry friction",)
+    common = "always"
+    plotted_over = "velocity"
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """−sign(v) on the joint's row."""

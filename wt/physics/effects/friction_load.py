@@ -31,6 +31,8 @@ class FrictionLoad(Nested, OnSteps):
     reference = "M. Duclusaud et al., Extended friction models for servo actuators, ICRA 2025"
     native = False
     signed = (1, 1)
+    looks_like = ("dry friction",)
+    plotted_over = "velocity"
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """−sign(v) and −sign(v)·|drive force|."""

@@ -21,6 +21,8 @@ class FrictionQuadratic(Effect):
     parameters = (Parameter("coefficient", "N·m·s²/rad²", 0.0, 1e3, 1e-4, neutral=0.0),)
     reference = "MuJoCo XML reference, body/joint/damping (polynomial)"
     signed = (1,)
+    looks_like = ("friction by speed",)
+    plotted_over = "velocity"
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """−v·|v| on the joint's row."""

@@ -42,6 +42,8 @@ class FrictionStribeck(Nested, OnSteps):
         "systems with friction, IEEE Transactions on Automatic Control 40(3), 1995"
     )
     signed = (1, 1)
+    looks_like = ("dry friction", "friction by speed")
+    plotted_over = "velocity"
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Velocities over which friction falls, up to a third of the joint's fastest."""

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import mujoco
 import numpy as np
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.hooks import Tolerance, Tolerated
 from wt.physics.motion import Motion
+from wt.physics.scene import Scene
 from wt.types import Location
 
 Array = np.ndarray
 
+_OFF = 0.1  # standard deviation of a model's damping, as a share
+
 
 @register
-class FrictionViscous(Effect):
+class FrictionViscous(Tolerated):
     """τ = −coefficient · v."""
 
     id = "joint.friction_viscous"
@@ -21,6 +27,9 @@ class FrictionViscous(Effect):
     parameters = (Parameter("coefficient", "N·m·s/rad", 0.0, 1e3, 1e-4, neutral=0.0),)
     reference = "G. G. Stokes, Transactions of the Cambridge Philosophical Society 9, 1851"
     signed = (1,)
+    looks_like = ("friction by speed",)
+    common = "always"
+    plotted_over = "velocity"
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """−v on the joint's row."""
@@ -34,6 +43,11 @@ class FrictionViscous(Effect):
     def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
         """Add to the joint's ``damping``, its linear part."""
         spec.joint(at.name).damping[0] += theta[0]
+
+    def tolerances(self, scene: Scene) -> Mapping[Location, Tolerance]:
+        """A share of the damping that the model has, where it has any."""
+        damping = {j: float(scene.model.dof_damping[scene.dof(j)]) for j in scene.own_joints}
+        return {Location("joint", j): Tolerance(_OFF * d) for j, d in damping.items() if d > 0.0}
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.hooks import OnOutputs
+from wt.physics.hooks import OnOutputs, Tolerance, Tolerated
 from wt.physics.motion import Motion
 from wt.physics.replay import Outputs
 from wt.physics.scene import Scene
@@ -15,9 +15,11 @@ from wt.types import Location
 
 Array = np.ndarray
 
+_OFF = 1e-3  # s: encoders and what tracks a base are two systems with two clocks
+
 
 @register
-class SensorDelay(OnOutputs):
+class SensorDelay(OnOutputs, Tolerated):
     """Recorded position at t = true position at t − delay."""
 
     id = "sensor.delay"
@@ -26,6 +28,9 @@ class SensorDelay(OnOutputs):
     parameters = (Parameter("delay", "s", 0.0, 0.3, 1e-4, neutral=0.0),)
     reference = "J. Olsson et al., Collecting and synchronizing robot data, 2019"
     native = False
+    looks_like = ("delay",)
+    plotted_over = "velocity"
+    correctable = False
 
     def places(self, scene: Scene) -> Sequence[Location]:
         """All channels together, or one joint's."""
@@ -59,6 +64,14 @@ class SensorDelay(OnOutputs):
             q, v = outputs.q[:, dof].copy(), outputs.v[:, dof].copy()
             outputs.q[:, dof] = np.interp(late, outputs.t, q)
             outputs.v[:, dof] = np.interp(late, outputs.t, v)
+
+    def tolerances(self, scene: Scene) -> Mapping[Location, Tolerance]:
+        """All channels together, against what tracks a floating base."""
+        return {Location("sensor", "all"): Tolerance(_OFF)} if scene.free else {}
+
+    def small(self, motion: Motion, at: Location, size: float) -> Array:
+        """Force of a delay of that size: it is the shape, with coefficient one."""
+        return np.asarray(self.columns(motion, at, (size,))[:, :, 0])
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""

@@ -24,6 +24,7 @@ class SensorOffset(OnOutputs):
     parameters = (Parameter("offset", "rad", -3.2, 3.2, 1e-4, neutral=0.0),)
     reference = "B. Mooring, Z. Roth and M. Driels, Fundamentals of Manipulator Calibration, 1991"
     native = False
+    looks_like = ("offset",)
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """How the force residual changes when the sensor errs so."""

@@ -26,6 +26,7 @@ class Stiffness(Linearised):
     )
     reference = "R. Hooke, De potentia restitutiva, 1678"
     signed = (1, 0)
+    looks_like = ("spring",)
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """−q and 1 on the joint's row."""
