@@ -52,15 +52,23 @@ TABLE = {
     "sensor.delay": [("delay", "s")],
     "sensor.quantization": [("step", "rad")],
     "world.gravity": [("angle", "rad"), ("direction", "rad")],
+    "contact.compliance": [("time_constant", "s")],
+    "contact.friction": [("friction", "-")],
+    "contact.obstacle": [("position", "m"), ("normal", "-"), ("friction", "-")],
+    "contact.slope": [("angle", "rad"), ("direction", "rad"), ("height", "m")],
 }
 # Nothing of these, and what they would be without it, are one model with more parts.
 WITHOUT = ("joint.backlash",)
 # Nothing of these is more than any machine has.
 ENDLESS = (
     "actuator.saturation", "actuator.speed_limit", "body.payload_fixed", "body.payload_moving",
-    "body.tether", "joint.elasticity", "joint.stop",
+    "body.tether", "contact.compliance", "contact.friction", "contact.obstacle",
+    "joint.elasticity", "joint.stop",
 )  # fmt: skip
-IDS = pytest.mark.parametrize("name", sorted(TABLE))
+IDS = pytest.mark.parametrize("name", effects())
+PUBLISHED = pytest.mark.parametrize("name", TABLE)
+# Far below the arm, so that every effect has a place to stand at.
+FLOOR = '<worldbody><geom name="floor" type="plane" size="3 3 0.1" pos="0 0 -2"/>'
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +78,7 @@ def recorded() -> Run:
 
 @pytest.fixture
 def arm(tmp_path: Path) -> Scene:
-    return scene(tmp_path)
+    return scene(tmp_path, ARM.replace("<worldbody>", FLOOR))
 
 
 def acceleration(model: mujoco.MjModel) -> np.ndarray:
@@ -84,14 +92,18 @@ def acceleration(model: mujoco.MjModel) -> np.ndarray:
     return np.array([data.qacc[joint.dofadr[0]] for joint in joints])
 
 
-def test_the_table_is_complete() -> None:
+def test_what_is_published_is_there() -> None:
     assert set(TABLE) <= set(effects())
 
 
-@IDS
+@PUBLISHED
 def test_names_and_units_are_those_of_the_table(name: str) -> None:
+    assert [(p.name, p.unit) for p in effects()[name].parameters] == TABLE[name]
+
+
+@IDS
+def test_parameters_have_bounds_and_steps(name: str) -> None:
     effect = effects()[name]
-    assert [(p.name, p.unit) for p in effect.parameters] == TABLE[name]
     lower, upper = effect.bounds()
     assert len(lower) == len(upper) == len(effect.steps()) == effect.n_theta
     assert (lower < upper).all()
@@ -124,12 +136,11 @@ def declared(name: str) -> list[float | None]:
 
 
 def test_every_effect_says_where_it_is_nothing_if_it_ever_is() -> None:
-    assert {name for name in TABLE if not any(n is not None for n in declared(name))} == set(
-        ENDLESS
-    )
+    endless = {name for name in effects() if not any(n is not None for n in declared(name))}
+    assert endless == set(ENDLESS)
 
 
-@pytest.mark.parametrize("name", sorted(set(TABLE) - set(WITHOUT) - set(ENDLESS)))
+@pytest.mark.parametrize("name", sorted(set(effects()) - set(WITHOUT) - set(ENDLESS)))
 def test_neutral_parameters_change_nothing(name: str, arm: Scene) -> None:
     effect = effects()[name]
     given = next((t.theta for t in TRUTHS if t.id == name), np.ones(effect.n_theta))
@@ -159,8 +170,8 @@ def test_where_products_count_it_is_products_that_move(name: str) -> None:
 
 
 @pytest.mark.parametrize("truth", TRUTHS, ids=lambda t: f"{t.id}-{t.at.name}")
-def test_patched_files_load_in_plain_mujoco(truth: Truth, arm: Scene) -> None:
-    effect, spec = effects()[truth.id], arm.spec()
+def test_patched_files_load_in_plain_mujoco(truth: Truth, tmp_path: Path) -> None:
+    effect, spec = effects()[truth.id], scene(tmp_path, truth.model).spec()
     effect.patch(spec, truth.at, np.array(truth.theta))
     model = spec.compile()
     again = mujoco.MjModel.from_xml_string(spec.to_xml())

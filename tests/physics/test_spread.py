@@ -47,7 +47,8 @@ def learned(terms: int) -> Planted:
 
 def hypotheses() -> list[Hypothesis]:
     """Every effect; laws that act at every step, also together; and what MuJoCo cannot replay."""
-    known = [(Planted(effects()[t.id], t.at, np.array(t.theta)),) for t in TRUTHS]
+    here = [t for t in TRUTHS if t.model == ARM]
+    known = [(Planted(effects()[t.id], t.at, np.array(t.theta)),) for t in here]
     together = permutations(
         [
             planted("joint.friction_stribeck", "joint", "j1", 0.3, 0.5, 0.1),
