@@ -21,6 +21,7 @@ from weakref import WeakKeyDictionary
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 import wt
 from wt.errors import UserError, WorkError
@@ -33,7 +34,6 @@ from wt.physics.scene import Scene
 if TYPE_CHECKING:
     from ray import ObjectRef
 
-Array = np.ndarray
 
 _ANSWER_S = 5.0
 """A cluster's address has so long to answer [s]; Ray itself would try for many minutes."""
@@ -149,7 +149,9 @@ class Cluster:
         self._models: WeakKeyDictionary[Scene, ObjectRef] = WeakKeyDictionary()
         self._prepared: WeakKeyDictionary[Divisible, ObjectRef] = WeakKeyDictionary()
 
-    def replay(self, replayer: Divisible, hypotheses: Sequence[Sequence[Planted]]) -> Array:
+    def replay(
+        self, replayer: Divisible, hypotheses: Sequence[Sequence[Planted]]
+    ) -> Float[np.ndarray, "2 hypothesis sample dof"]:
         """See :class:`wt.physics.runner.Runner`."""
         import ray
 
@@ -198,7 +200,7 @@ def split(hypotheses: int, stretches: int, cores: int) -> list[tuple[slice, rang
 _MOMENT_S = 1.0
 
 
-def _gather(pending: Sequence[ObjectRef]) -> list[Array]:
+def _gather(pending: Sequence[ObjectRef]) -> list[Float[np.ndarray, "2 _ _ dof"]]:
     """The results in order; if one fails or the user interrupts, the others are called off."""
     import ray
 
@@ -246,7 +248,7 @@ def _replay(
     source: Sequence[ObjectRef],
     hypotheses: Sequence[Sequence[Planted]],
     stretches: Sequence[int],
-) -> Array:
+) -> Float[np.ndarray, "2 hypothesis sample dof"]:
     """One part of :meth:`Cluster.replay`, (2, H, N, nv)."""
     if versions != _versions():
         raise UserError(

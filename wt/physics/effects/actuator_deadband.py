@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import DriveLaw
@@ -13,8 +14,6 @@ from wt.physics.live import Live
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene, between
 from wt.types import Location
-
-Array = np.ndarray
 
 
 @register
@@ -36,21 +35,27 @@ class ActuatorDeadband(OnSteps):
         force = np.abs(motion.force(motion.scene.drive(at.name)))
         return [(float(w),) for w in np.quantile(force, [0.05, 0.15, 0.3, 0.6]) if w > 1e-4]
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """What the drive swallows."""
         drive = motion.scene.drive(at.name)
         return motion.on(drive.dof, -np.clip(motion.force(drive), -shape[0], shape[0]))
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """For forces beyond both, c times what width w swallows is what width c · w swallows."""
         return coefficients * shape[0]
 
-    def live(self, scene: Scene, at: Location, theta: Array) -> Live:
+    def live(
+        self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
+    ) -> Live:
         """Take the swallowed force off."""
         width = theta[:, 0]
         return DriveLaw(scene, at.name, lambda force, v, t: force - between(force, -width, width))
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return f"Actuator {at.name} swallows the first {theta[0]:.3g} N·m of its force."
 

@@ -6,14 +6,13 @@ from collections.abc import Mapping
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.hooks import Tolerance, Tolerated
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.types import Location
-
-Array = np.ndarray
 
 _OFF = 0.03  # of the whole inertia: half the rotor's is rarely published
 
@@ -30,16 +29,22 @@ class Armature(Tolerated):
     looks_like = ("inertia",)
     plotted_over = "acceleration"
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """−a on the joint's row."""
         dof = motion.scene.dof(at.name)
         return motion.on(dof, -motion.a[:, dof])
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """See :meth:`Effect.theta`."""
         return coefficients
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Add to the joint's ``armature``."""
         spec.joint(at.name).armature += theta[0]
 
@@ -53,7 +58,7 @@ class Armature(Tolerated):
             for joint, dof in ((joint, scene.dof(joint)) for joint in scene.own_joints)
         }
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return f"Joint {at.name} has {theta[0]:.3g} kg·m² more rotor inertia than the model."
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.hooks import OnOutputs, Tolerance, Tolerated
@@ -12,8 +13,6 @@ from wt.physics.motion import Motion
 from wt.physics.replay import Outputs
 from wt.physics.scene import Scene
 from wt.types import Location
-
-Array = np.ndarray
 
 _OFF = 1e-3  # s: encoders and what tracks a base are two systems with two clocks
 
@@ -44,7 +43,9 @@ class SensorDelay(OnOutputs, Tolerated):
         """From a quarter of a sample up."""
         return [(f * motion.dt,) for f in (0.25, 0.5, 1.0, 2.0, 4.0)]
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """How the force residual changes when the sensor errs so."""
         lead = np.zeros_like(motion.q)
         lead[:, self._dofs(motion.scene, at)] = shape[0]
@@ -53,11 +54,15 @@ class SensorDelay(OnOutputs, Tolerated):
         dv, da = motion.later(motion.v, lead), motion.later(motion.a, lead)
         return (motion.residual - motion.shifted(dq, dv, da).residual)[:, :, None]
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """See :meth:`Effect.theta`."""
         return coefficients * shape[0]
 
-    def sense(self, outputs: Outputs, scene: Scene, at: Location, theta: Array) -> None:
+    def sense(
+        self, outputs: Outputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """What the encoder reports."""
         late = outputs.t - theta[0]
         for dof in self._dofs(scene, at):
@@ -69,11 +74,11 @@ class SensorDelay(OnOutputs, Tolerated):
         """All channels together, against what tracks a floating base."""
         return {Location("sensor", "all"): Tolerance(_OFF)} if scene.free else {}
 
-    def small(self, motion: Motion, at: Location, size: float) -> Array:
+    def small(self, motion: Motion, at: Location, size: float) -> Float[np.ndarray, "sample dof"]:
         """Force of a delay of that size: it is the shape, with coefficient one."""
         return np.asarray(self.columns(motion, at, (size,))[:, :, 0])
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         whose = "all joints" if at.name == "all" else f"joint {at.name}"
         return f"The measurements of {whose} arrive {1e3 * theta[0]:.3g} ms late."

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.hooks import OnOutputs
@@ -10,8 +11,6 @@ from wt.physics.motion import Motion
 from wt.physics.replay import Outputs
 from wt.physics.scene import Scene
 from wt.types import Location
-
-Array = np.ndarray
 
 
 @register
@@ -26,7 +25,9 @@ class SensorOffset(OnOutputs):
     native = False
     looks_like = ("offset",)
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """How the force residual changes when the sensor errs so."""
         dof = motion.scene.dof(at.name)
         size = 1e-3
@@ -34,15 +35,19 @@ class SensorOffset(OnOutputs):
         moved[:, dof] = -size
         return (motion.residual - motion.shifted(moved).residual)[:, :, None] / size
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """See :meth:`Effect.theta`."""
         return coefficients
 
-    def sense(self, outputs: Outputs, scene: Scene, at: Location, theta: Array) -> None:
+    def sense(
+        self, outputs: Outputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """What the encoder reports."""
         outputs.q[:, scene.dof(at.name)] += theta[0]
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return f"The encoder of joint {at.name} reads {np.degrees(theta[0]):.3g}° too much."
 

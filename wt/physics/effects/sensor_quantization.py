@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.effect import Parameter, register
 from wt.physics.hooks import OnOutputs
@@ -10,8 +11,6 @@ from wt.physics.replay import Outputs
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
 from wt.types import Location
-
-Array = np.ndarray
 
 
 @register
@@ -24,12 +23,14 @@ class SensorQuantization(OnOutputs, ReplayOnly):
     reference = "B. Widrow and I. Kollár, Quantization Noise, 2008"
     native = False
 
-    def sense(self, outputs: Outputs, scene: Scene, at: Location, theta: Array) -> None:
+    def sense(
+        self, outputs: Outputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """What the encoder reports."""
         dof = scene.dof(at.name)
         outputs.q[:, dof] = theta[0] * np.round(outputs.q[:, dof] / theta[0])
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return (
             f"The encoder of joint {at.name} has steps of {1e3 * theta[0]:.3g} mrad "
