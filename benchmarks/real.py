@@ -25,11 +25,11 @@ from pathlib import Path
 
 import numpy as np
 
-from wt.diagnose import proof
 from wt.diagnose.pipeline import STEP_S, diagnose
-from wt.diagnose.prepare import prepare
+from wt.diagnose.recordings.prepare import prepare
+from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.result import Diagnosis
-from wt.diagnose.smooth import smooth
+from wt.diagnose.selection.holdout import Holdout, errors, hold
 from wt.errors import UserError, WorkError
 from wt.physics.effect import effects
 from wt.physics.replay import Planted
@@ -198,9 +198,9 @@ def errors_table(
 ) -> str:
     """Held-out RMSE per joint; the last column is the findings' over the published parameters'."""
     scene = Scene(model)
-    kept = hold(scene, held)
+    kept = prepared_holdout(scene, held)
     others = [published(known), *([rival.hypothesis] if rival else [])]
-    squares = np.nanmean(proof.errors(kept, others, STEP_S) ** 2, axis=1)
+    squares = np.nanmean(errors(kept, others, STEP_S) ** 2, axis=1)
     stock = dict(zip(scene.joints, np.sqrt(squares).T, strict=True))
     what = "long stretches" if kept.forgets else "restarted every 0.5 s"
     beside = f"{'published':>11}" + (f"{'sysid':>11}" if rival else "")
@@ -223,12 +223,12 @@ def errors_table(
     return "\n".join(lines)
 
 
-def hold(scene: Scene, recordings: Sequence[Recording]) -> proof.Held:
+def prepared_holdout(scene: Scene, recordings: Sequence[Recording]) -> Holdout:
     """Recordings ready for replays as the proof does them."""
-    from wt.diagnose.stretches import forgets
+    from wt.diagnose.recordings.stretches import forgets
 
     smoothed = smooth(scene, prepare(scene, recordings, recordings).held)
-    return proof.hold(smoothed, forgets(smoothed, STEP_S))
+    return hold(smoothed, forgets(smoothed, STEP_S))
 
 
 def transfer_line(
@@ -238,11 +238,11 @@ def transfer_line(
     path = model.with_name("elsewhere.xml")
     write_mjcf(spec_for(recording.meta), path)
     scene = Scene(path)
-    kept = hold(scene, [recording])
+    kept = prepared_holdout(scene, [recording])
     some = {"": (), "published": published(known), "findings": planted(found)}
     some |= {"sysid": rival.hypothesis} if rival else {}
-    errors = np.nanmean(np.abs(proof.errors(kept, list(some.values()), STEP_S)), axis=(1, 2))
-    said = ", ".join(f"{who} {e:.4f}".strip() for who, e in zip(some, errors, strict=True))
+    mae = np.nanmean(np.abs(errors(kept, list(some.values()), STEP_S)), axis=(1, 2))
+    said = ", ".join(f"{who} {e:.4f}".strip() for who, e in zip(some, mae, strict=True))
     return f"{recording.meta['source']:<28} MAE {said} rad"
 
 

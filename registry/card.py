@@ -198,7 +198,7 @@ def describe(
         name: registered name.
         data_hash: of the training data.
         config_hash: of the resolved configuration.
-        commit: of the code that trained it (``wt.track.source``).
+        commit: of the code that trained it (``wt.run.track.source``).
         metrics: any further metrics by name.
         heldout: the metric that decides about ``champion``.
         parity: what ``registry.parity.check`` returned; None if it was not called.

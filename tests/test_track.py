@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from wt import track
 from wt.errors import ConfigError, WorkError
+from wt.run import track
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -199,7 +199,7 @@ def test_logging_a_metric_costs_training_little(uri: str) -> None:
 
 
 def test_mlflow_is_imported_only_when_a_run_begins() -> None:
-    code = "import sys, wt.track; print([m for m in ('mlflow', 'torch') if m in sys.modules])"
+    code = "import sys, wt.run.track; print([m for m in ('mlflow', 'torch') if m in sys.modules])"
     done = subprocess.run(
         [sys.executable, "-c", code],
         capture_output=True,

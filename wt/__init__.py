@@ -18,7 +18,7 @@ Map of the package (each concept has one home):
 ``wt.show``            what reports share: colours, charts as SVG, robots in Rerun, whole files
 ``wt.evaluate``        single-step errors, rollouts, probes, result tables, figures, recordings
 ``wt.export``          the ONNX graph with its normaliser inside
-``wt.track``           a run in MLflow
+``wt.run.track``           a run in MLflow
 ``wt.fit``             the main job; ``study`` is what its steps share, ``jobs`` trains side by
                        side, ``publish`` writes, exports and registers what came out
 ``wt.joined``          translation, diagnosis, and translation on the patched simulator

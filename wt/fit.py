@@ -15,11 +15,11 @@ from wt.config import Fit, load
 from wt.errors import ConfigError
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.evaluate.single_step import Errors, errors
-from wt.jobs import Job, run_jobs
-from wt.publish import Published, check_name, publish
-from wt.run_folder import claim, keep, tracked
-from wt.study import Listener, Study, check
-from wt.track import Run
+from wt.run.folder import claim, keep, tracked
+from wt.run.jobs import Job, run_jobs
+from wt.run.publish import Published, check_name, publish
+from wt.run.study import Listener, Study, check
+from wt.run.track import Run
 from wt.worlds.base import kind_of
 
 

@@ -27,15 +27,15 @@ from rich.console import Console
 from wt.config import Diagnose, Fit
 from wt.data import recording
 from wt.diagnose.pipeline import diagnose
-from wt.diagnose.write import write
+from wt.diagnose.report.write import write
 from wt.errors import ConfigError
 from wt.evaluate.multi_step import Step, alignment_of, of_model, roll_out, simulator
 from wt.evaluate.results import OURS, PAPERS_OWN, Results
 from wt.fit import fit, on_model, open_folder
-from wt.run_folder import CONFIG
+from wt.run.folder import CONFIG
+from wt.run.study import Listener, Study
 from wt.show.files import write_together, write_whole
 from wt.show.text import markdown_table, short, terminal_table
-from wt.study import Listener, Study
 from wt.worlds.base import make
 from wt.worlds.closed_loop import ClosedLoop
 from wt.worlds.collect import recorded

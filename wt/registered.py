@@ -19,16 +19,16 @@ from registry.card import MODEL_FILE, Card
 from registry.pull import pull
 from registry.store import Store
 from wt.config import Fit
-from wt.diagnose.translated import Translation
+from wt.diagnose.observed.translation import Translation
 from wt.errors import ConfigError, ModelError
 from wt.evaluate import figures
 from wt.evaluate.multi_step import Now, Step, alignment_of, roll_out, simulator
 from wt.evaluate.results import OURS, Results
 from wt.evaluate.single_step import errors
 from wt.export.onnx import FEATURES, OUTPUT
-from wt.publish import tabulate
+from wt.run.publish import tabulate
+from wt.run.study import Listener, Study
 from wt.show.files import write_together
-from wt.study import Listener, Study
 from wt.types import Pairs, TransitionSpec
 from wt.worlds.closed_loop import ClosedLoop
 

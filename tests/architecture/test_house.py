@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = sorted(p for top in ("wt", "registry", "deploy") for p in (ROOT / top).rglob("*.py"))
-MAX_FILE, MAX_FUNCTION = 300, 60
+MAX_FILE, MAX_FUNCTION = 450, 60
 # Spelled in pieces, since this file is searched too.
 MARKS = re.compile(r"\b(" + "|".join(["TO" + "DO", "FIX" + "ME", "X" * 3, "HA" + "CK"]) + r")\b")
 MACHINE_PATH = re.compile(r"(?<![\w.~$}/])/(ho" r"me|ro" r"ot|Us" r"ers|wo" r"rk|o" r"pt)/[\w.]")

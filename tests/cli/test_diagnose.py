@@ -178,9 +178,9 @@ def test_a_suggested_experiment_is_a_recording(
         assert (diagnosis.verdict, str(path)) == ("explained", model)
         return Recording(np.arange(300) / 100, {"ctrl/a1": np.zeros(300), "ctrl/a2": np.ones(300)})
 
-    excite = ModuleType("wt.diagnose.excite")
+    excite = ModuleType("wt.diagnose.experiment.excite")
     excite.suggest = suggest  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "wt.diagnose.excite", excite)
+    monkeypatch.setitem(sys.modules, "wt.diagnose.experiment.excite", excite)
     path = tmp_path / "next" / "next.parquet"
     tail = ["--out", str(tmp_path / "out"), "--suggest-experiment", str(path)]
     assert main(["diagnose", model, "a", *tail]) == 0

@@ -9,9 +9,10 @@ import pytest
 
 from registry.push import push
 from tests.toy_models import shifted
-from wt import registered, track
+from wt import registered
 from wt.cli.main import main
 from wt.config import load
+from wt.run import track
 from wt.worlds.base import make
 
 CONF = Path(__file__).resolve().parents[2] / "conf"

@@ -13,7 +13,7 @@ from deploy.record import LOG, RECORDING, Recorder, Table, state_columns, state_
 from deploy.robot import Command
 from tests.deploy.conftest import standing
 from wt.data.recording import check_against, read
-from wt.diagnose.odometry import located
+from wt.diagnose.recordings.odometry import located
 from wt.physics.scene import Scene
 from wt.worlds import go2_model
 from wt.worlds.robots import GO2

@@ -9,12 +9,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from wt.diagnose import proof
-from wt.diagnose.objective import Objective
-from wt.diagnose.samples import Part
-from wt.diagnose.screen import Screen
-from wt.diagnose.smooth import smooth
-from wt.diagnose.stretches import stretches_of
+from wt.diagnose.likelihood.objective import Objective
+from wt.diagnose.recordings.samples import Part
+from wt.diagnose.recordings.smooth import smooth
+from wt.diagnose.recordings.stretches import stretches_of
+from wt.diagnose.residual.screen import Screen
+from wt.diagnose.selection.holdout import Holdout, hold
 from wt.physics.scene import Scene
 from wt.types import Recording
 
@@ -33,7 +33,7 @@ class World:
     scene: Scene
     screen: Screen
     objective: Objective
-    held: proof.Held
+    held: Holdout
 
 
 def chain(joints: int) -> str:
@@ -97,7 +97,7 @@ def world(
     fit, held = smooth(scene, parts[:-1]), smooth(scene, parts[-1:])
     screen = Screen(fit, 0)
     objective = Objective(fit, stretches_of(fit, True), screen.velocity_noise, STEP, True)
-    return World(scene, screen, objective, proof.hold(held, True))
+    return World(scene, screen, objective, hold(held, True))
 
 
 def on_joint(dof: int, law: Callable[[float, float], float]) -> Hidden:

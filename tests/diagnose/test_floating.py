@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from tests.physics import stool
-from wt.diagnose.estimate import estimate
-from wt.diagnose.objective import Objective
+from wt.diagnose.likelihood.estimate import estimate
+from wt.diagnose.likelihood.objective import Objective
 from wt.diagnose.pipeline import diagnose
-from wt.diagnose.samples import Part
-from wt.diagnose.screen import Scored, Screen
-from wt.diagnose.smooth import smooth
-from wt.diagnose.stretches import FLOATING_S, forgets, stretches_of
+from wt.diagnose.recordings.samples import Part
+from wt.diagnose.recordings.smooth import smooth
+from wt.diagnose.recordings.stretches import FLOATING_S, forgets, stretches_of
+from wt.diagnose.residual.screen import Scored, Screen
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
 from wt.physics.replay import Stretch

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from tests.physics import stool
-from wt.diagnose.adapt import hidden, responses
-from wt.diagnose.nuisance import boxes, nuisances
-from wt.diagnose.samples import Part
-from wt.diagnose.screen import Scored, Screen
-from wt.diagnose.smooth import Smoothed, smooth
-from wt.diagnose.stretches import stretches_of
+from wt.diagnose.likelihood.adapt import hidden, responses
+from wt.diagnose.likelihood.tolerances import boxes, nuisances
+from wt.diagnose.recordings.samples import Part
+from wt.diagnose.recordings.smooth import Smoothed, smooth
+from wt.diagnose.recordings.stretches import stretches_of
+from wt.diagnose.residual.screen import Scored, Screen
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
 from wt.physics.rollout import Replayer

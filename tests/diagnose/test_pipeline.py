@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 
 from wt.diagnose import pipeline
-from wt.diagnose.addition import Accepted
-from wt.diagnose.decide import Outcome
-from wt.diagnose.judge import Court, Judged
-from wt.diagnose.objective import Objective
+from wt.diagnose.likelihood.objective import Objective
 from wt.diagnose.pipeline import diagnose
+from wt.diagnose.residual.screen import Screen
 from wt.diagnose.result import Diagnosis
-from wt.diagnose.screen import Screen
+from wt.diagnose.selection.naming import Court, Judged
+from wt.diagnose.selection.search import Accepted, Outcome
 from wt.errors import RecordingError, UserError
 from wt.physics.planted import Planted
 from wt.prove.cases import Case, cases

@@ -12,8 +12,8 @@ import pytest
 
 from tests.end_to_end.conftest import Place, Silent, Wt
 from wt.config import load
-from wt.jobs import Job, run_jobs
-from wt.study import Study
+from wt.run.jobs import Job, run_jobs
+from wt.run.study import Study
 
 
 def hashes(folder: Path) -> dict[str, str]:

@@ -21,8 +21,8 @@ import torch
 from tests.end_to_end.conftest import METHODS, Place, Silent, Started, Wt
 from wt.config import load
 from wt.errors import WorkError
-from wt.jobs import Job, run_jobs
-from wt.study import Study
+from wt.run.jobs import Job, run_jobs
+from wt.run.study import Study
 
 TRAINED = ("WorldTranslation", "WorldTranslationPlus")
 

@@ -21,8 +21,8 @@ from tests.diagnose import synthetic
 from tests.end_to_end.conftest import METHODS, STEPS, Place, Wt
 from wt.config import load, to_yaml
 from wt.diagnose import pipeline
+from wt.diagnose.observed.translation import Translation
 from wt.diagnose.result import Diagnosis
-from wt.diagnose.translated import Translation
 from wt.nets.world_model import WorldModel
 from wt.translate import translate_state
 from wt.types import Array

@@ -10,9 +10,9 @@ import pytest
 
 from registry.push import push
 from tests.toy_models import shifted
-from wt import track
 from wt.finetune.config import Finetune, load
 from wt.finetune.setting import Setting
+from wt.run import track
 
 MakeModel = Callable[..., Path]
 

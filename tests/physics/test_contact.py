@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tests.physics import arm, stool
-from wt.diagnose.samples import Part
-from wt.diagnose.smooth import smooth
+from wt.diagnose.recordings.samples import Part
+from wt.diagnose.recordings.smooth import smooth
 from wt.physics.contact import loads, touching
 from wt.physics.effect import effects
 from wt.physics.motion import Motion

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tests.diagnose.hidden_forces import World, world
-from wt.diagnose.estimate import estimate
-from wt.diagnose.signature import signature
+from wt.diagnose.likelihood.estimate import estimate
+from wt.diagnose.residual.signature import signature
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
 from wt.types import Location

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tests.physics import stool
-from wt.diagnose.samples import Part
-from wt.diagnose.smooth import Smoothed, smooth
-from wt.diagnose.stretches import stretches_of
+from wt.diagnose.recordings.samples import Part
+from wt.diagnose.recordings.smooth import Smoothed, smooth
+from wt.diagnose.recordings.stretches import stretches_of
 from wt.physics.contact import touching
 from wt.physics.effect import effects
 from wt.physics.ground import Floor

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tests.diagnose.hidden_forces import chain, record
-from wt.diagnose.samples import Part
-from wt.diagnose.smooth import smooth
-from wt.diagnose.stretches import stretches_of
+from wt.diagnose.recordings.samples import Part
+from wt.diagnose.recordings.smooth import smooth
+from wt.diagnose.recordings.stretches import stretches_of
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
 from wt.physics.replay import Stretch

@@ -15,8 +15,8 @@ from tests.physics.arm import ARM, commands, scene
 from tests.physics.truths import TRUTHS
 from wt.cli.main import main
 from wt.diagnose import pipeline
-from wt.diagnose.remainder import UnknownForce
-from wt.diagnose.remainder_law import Atom, Law
+from wt.diagnose.unknown.force import UnknownForce
+from wt.diagnose.unknown.law import Atom, Law
 from wt.errors import UserError
 from wt.physics import cluster
 from wt.physics.effect import effects

@@ -98,7 +98,7 @@ def store_uri(tmp_path: Path, _empty_store: Path) -> str:
 
 @pytest.fixture
 def run_id(store_uri: str) -> str:
-    from wt import track
+    from wt.run import track
 
     with track.run("toy", "a run", uri=store_uri) as run:
         return run.id

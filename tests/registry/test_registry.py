@@ -15,8 +15,8 @@ from registry.card import HeldOut
 from registry.pull import pull, read_card
 from registry.push import compare, push
 from registry.store import Store, Version
-from wt import track
 from wt.errors import RegistryError, WorkError
+from wt.run import track
 
 MakeFolder = Callable[..., Path]
 

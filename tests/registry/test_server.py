@@ -16,8 +16,8 @@ import requests
 
 from registry.pull import pull
 from registry.push import push
-from wt import track
 from wt.errors import RegistryError
+from wt.run import track
 
 START_SECONDS = 90
 

@@ -11,7 +11,6 @@ import pytest
 from registry.push import push
 from registry.store import Store
 from tests.toy_models import shifted
-from wt import track
 from wt.cli.main import main
 from wt.config import load, to_yaml
 from wt.errors import ConfigError, WorkError
@@ -21,6 +20,7 @@ from wt.reproduce import bench
 from wt.reproduce.exhibit import Exhibit, exhibits, register
 from wt.reproduce.exhibits import figure_4, latent_space, online
 from wt.reproduce.tasks import QUICK, TASKS
+from wt.run import track
 from wt.worlds.base import make
 
 CONF = Path(__file__).resolve().parents[2] / "conf"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-    from wt.study import Listener
+    from wt.run.study import Listener
 
 
 @contextmanager

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from rich.console import Console
     from typer._click.core import Context  # typer.Context is a subclass
 
+    from wt.diagnose.observed.translation import Translation
     from wt.diagnose.result import Diagnosis
-    from wt.diagnose.translated import Translation
 
 EXPERIMENT = "diagnose"
 """Name of the experiment in MLflow."""
@@ -100,8 +100,8 @@ def command(
 
     from wt.cli._progress import bar
     from wt.diagnose.pipeline import diagnose
-    from wt.diagnose.words import print_summary
-    from wt.diagnose.write import write
+    from wt.diagnose.report.text import print_summary
+    from wt.diagnose.report.write import write
     from wt.physics.spread import over
 
     if out.exists() and not out.is_dir():
@@ -130,7 +130,7 @@ def _registered(reference: str) -> Translation:
 
 def _suggest(found: Diagnosis, model: Path, path: Path, console: Console) -> None:
     from wt.data import recording
-    from wt.diagnose.excite import suggest
+    from wt.diagnose.experiment.excite import suggest
 
     recording.write(suggest(found, model), path)
     console.print(f"{path}: commands to record next", highlight=False, soft_wrap=True)
@@ -138,7 +138,7 @@ def _suggest(found: Diagnosis, model: Path, path: Path, console: Console) -> Non
 
 def _track(found: Diagnosis, out: Path, seed: int, console: Console) -> None:
     """One run in MLflow: what was given, how well it fits, and every file that was written."""
-    from wt import track
+    from wt.run import track
 
     h = found.proof.holdout
     with track.run(EXPERIMENT, Path(found.model_path).stem) as run:

@@ -45,7 +45,7 @@ def command(
     find_rsl_rl()
     from wt.finetune.job import run
     from wt.finetune.results import table
-    from wt.run_folder import CONFIG, claim
+    from wt.run.folder import CONFIG, claim
 
     if resume and out is None:
         raise ConfigError("--resume needs --out: the folder of the run to continue")

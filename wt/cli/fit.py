@@ -46,7 +46,7 @@ def command(
     from wt.errors import ConfigError, WorkError
     from wt.fit import fit, on_model, open_folder
     from wt.joined import join
-    from wt.run_folder import CONFIG
+    from wt.run.folder import CONFIG
 
     if resume and out is None:
         raise ConfigError("--resume needs --out: the folder of the run to continue")

@@ -107,7 +107,7 @@ def push(
         wt registry push runs/policy-go2
     """
     from registry.policies import push as push_policy
-    from wt import track
+    from wt.run import track
     from wt.worlds.policy import folder_of
 
     with _busy(f"registering {folder}"):

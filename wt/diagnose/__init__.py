@@ -19,7 +19,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from wt.diagnose.result import Diagnosis
+    from wt.diagnose.report.report import Report
     from wt.types import Recording
 
 
@@ -31,7 +31,7 @@ def diagnose(
     seed: int = 0,
     jobs: int | str | None = None,
     progress: Callable[[str, float], None] | None = None,
-) -> Diagnosis:
+) -> Report:
     """Find what a model leaves out, from recordings of the real machine.
 
     In a notebook the result shows itself; ``.show()`` prints it, ``.write(folder)`` writes the
@@ -53,10 +53,11 @@ def diagnose(
         UserError: ``jobs`` is none of these, or there is no Ray or no cluster.
     """
     from wt.diagnose.pipeline import diagnose as run
+    from wt.diagnose.report.report import Report
     from wt.physics.spread import over
 
     with over(jobs):
-        return run(model, recordings, holdout, seed=seed, progress=progress)
+        return Report.of(run(model, recordings, holdout, seed=seed, progress=progress))
 
 
 class _Callable(ModuleType):

@@ -11,23 +11,23 @@ from pathlib import Path
 
 import numpy as np
 
-from wt.diagnose import proof
-from wt.diagnose.decide import Report, search
-from wt.diagnose.grid import coarse_steps, located
-from wt.diagnose.judge import Court, Judged, findings, suggestions, verdict
-from wt.diagnose.locate import locate
-from wt.diagnose.measured import measured
-from wt.diagnose.objective import Objective
-from wt.diagnose.patch import patched_xml
-from wt.diagnose.prepare import Prepared, Source, prepare
+from wt.diagnose.likelihood.objective import Objective
+from wt.diagnose.observed.forces import measured
+from wt.diagnose.observed.translation import Translation, sentences, timed, translated
+from wt.diagnose.recordings.grid import coarse_steps, located
+from wt.diagnose.recordings.prepare import Prepared, Source, prepare
+from wt.diagnose.recordings.smooth import Smoothed, smooth
+from wt.diagnose.recordings.stretches import forgets, stretches_of
+from wt.diagnose.report.traces import traces
+from wt.diagnose.residual.screen import Screen
 from wt.diagnose.result import Considered, Diagnosis
-from wt.diagnose.screen import Screen
-from wt.diagnose.smooth import Smoothed, smooth
-from wt.diagnose.standalone import standalone
-from wt.diagnose.stretches import forgets, stretches_of
-from wt.diagnose.traces import traces
-from wt.diagnose.translated import Translation, sentences, timed, translated
-from wt.diagnose.unforeseen import unforeseen
+from wt.diagnose.selection.holdout import Holdout, errors, hold, prove
+from wt.diagnose.selection.locate import locate
+from wt.diagnose.selection.naming import Court, Judged
+from wt.diagnose.selection.search import Report, search
+from wt.diagnose.selection.verdict import findings, suggestions, unforeseen, verdict
+from wt.mjcf.edit import patched_xml
+from wt.mjcf.standalone import standalone
 from wt.physics.planted import Key
 from wt.physics.scene import Scene
 
@@ -108,7 +108,7 @@ def diagnose(
     whole = functools.cache(
         lambda: _objective([fitted, held_out], screen, forgetting, effort.doubt_s, quick)
     )
-    held = proof.hold(held_out, forgetting, effort.proof_s, step)
+    held = hold(held_out, forgetting, effort.proof_s, step)
     court = Court(screen, some, everything, whole, held, step, seed)
     proven, considered = _found(court, say)
     say("judging", 0.8)
@@ -153,7 +153,7 @@ def _told(
             *located(coarsely, alone=not judged.hypothesis),
         ),
         findings=found,
-        proof=proof.prove(held, judged.complete, court.step, prepared.split, court.seed),
+        proof=prove(held, judged.complete, court.step, prepared.split, court.seed),
         given_xml=standalone(scene.path),
         patched_xml=patched_xml(
             scene, judged.patch, judged.comments, timestep=STEP_S if coarse else None
@@ -201,13 +201,13 @@ def _objective(
     return Objective(sets[0], pairs, screen.velocity_noise, step, forgetting)
 
 
-def _too_coarse(scene: Scene, held: proof.Held, judged: Judged) -> bool:
+def _too_coarse(scene: Scene, held: Holdout, judged: Judged) -> bool:
     """Whether the model's own time step adds more to the error than measurement noise does."""
     own = float(scene.model.opt.timestep)
     if own <= STEP_S:
         return False
-    coarse = proof.errors(held, [judged.hypothesis], own)[0]
-    fine = proof.errors(held, [judged.hypothesis], STEP_S)[0]
+    coarse = errors(held, [judged.hypothesis], own)[0]
+    fine = errors(held, [judged.hypothesis], STEP_S)[0]
     added = np.sqrt(np.nanmean((coarse - fine) ** 2, axis=0))
     return bool((added > held.smoothed.noise).any())
 

@@ -1,16 +1,246 @@
-"""What a diagnosis says: frozen, and written as the public ``diagnosis.json``."""
+"""Diagnosis as data: findings, places, proof, and the replays to draw.
+
+Frozen, with the public ``diagnosis.json`` as :meth:`Diagnosis.to_json`. Nothing here writes or
+draws; :mod:`wt.diagnose.report` does.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Literal
 
-from wt.diagnose.evidence import Considered, Measured, Proof, Role, Trace, Translated
-from wt.diagnose.evidence import Error as Error
-from wt.diagnose.evidence import Interval as Interval
+import numpy as np
+
 from wt.types import Location
+
+Array = np.ndarray
+
+Role = Literal["fit", "holdout"]
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A stretch of time of one recording.
+
+    Attributes:
+        recording: its name.
+        start: since the recording's start [s].
+        end: likewise [s].
+    """
+
+    recording: str
+    start: float
+    end: float
+
+
+@dataclass(frozen=True)
+class Error:
+    """Root mean square errors of replays against recordings [rad or m].
+
+    Attributes:
+        before: of the model as it was given.
+        after: of the patched model.
+        noise_floor: what measurement noise alone would give.
+        ratio: after / before.
+        ratio_ci95: its 95 % interval, from blocks longer than the errors' memory.
+    """
+
+    before: float
+    after: float
+    noise_floor: float
+    ratio: float
+    ratio_ci95: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Proof:
+    """The fit on recordings, or parts of them, that nothing was fitted to.
+
+    Attributes:
+        holdout: over all joints, open loop.
+        joints: per joint, open loop.
+        horizons: seconds ahead → (before, after) RMSE of replays restarted that often.
+        one_step: RMSE one sample ahead, before and after.
+        left_over: tests on the patched model's residual, one sentence each; empty if clean.
+        split: how the held-out data was chosen, in words.
+    """
+
+    holdout: Error
+    joints: Mapping[str, Error]
+    horizons: Mapping[float, tuple[float, float]]
+    one_step: tuple[float, float]
+    left_over: tuple[str, ...] = ()
+    split: str = ""
+
+
+@dataclass(frozen=True)
+class Considered:
+    """One hypothesis of the search, for the report.
+
+    Attributes:
+        effect: its id.
+        at: where.
+        gain: log-likelihood gained over the model without it [nats].
+        stage: ``"screened"`` (force residual only) or ``"replayed"``.
+        verdict: in words: "accepted", "beaten by …", "gains too little".
+    """
+
+    effect: str
+    at: Location
+    gain: float
+    stage: Literal["screened", "replayed"]
+    verdict: str
+
+
+Side = Literal["drive", "behind", "both", "measurement", "neither"]
+"""Where a measured force says that physics is missing: in the drive, that is before the measurement
+(or the recorded position is not the one that the drive works with); behind it, in joint or bodies;
+in both; in the measurement itself, which then agrees with nothing; in neither."""
+
+
+@dataclass(frozen=True)
+class MeasuredForce:
+    """A measured actuator force beside the model's and beside what the motion demands.
+
+    Root mean squares of the joint's force over the fitted recordings [N·m or N].
+
+    Attributes:
+        actuator: its name.
+        joint: the joint that it drives.
+        moves: the bodies that this joint moves.
+        off_law: measured force less the model's law at the recorded command and motion.
+        off_motion: force that the motion demands of the model, less the measured one.
+        lacking: force that the motion demands, less the model's law: the sum of the two.
+        unit: of these.
+        side: where something is missing.
+    """
+
+    actuator: str
+    joint: str
+    moves: tuple[str, ...]
+    off_law: float
+    off_motion: float
+    lacking: float
+    unit: str
+    side: Side
+
+
+@dataclass(frozen=True)
+class SensorError:
+    """Root mean square error of what replays of held-out recordings say that a sensor reports.
+
+    Attributes:
+        name: of the MJCF sensor, or ``force/<actuator>`` of a measured actuator force.
+        unit: of the errors.
+        before: of the model as it was given.
+        after: of the patched model; None where the replay does not tell.
+    """
+
+    name: str
+    unit: str
+    before: float
+    after: float | None
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What the robot reports besides its joints' motion.
+
+    Attributes:
+        forces: measured actuator forces.
+        sensors: further sensors, and the forces again, in replays.
+        notes: one sentence on each force that says where something is missing, and on sensors
+            that were not compared.
+    """
+
+    forces: tuple[MeasuredForce, ...] = ()
+    sensors: tuple[SensorError, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ChannelLeft:
+    """Root mean square error one control step ahead, from the recorded state.
+
+    Attributes:
+        name: channel of the translation's state.
+        unit: of the errors.
+        before: of the model's own answer.
+        after: of the translated one: what no translation of this model recovers.
+    """
+
+    name: str
+    unit: str
+    before: float
+    after: float
+
+
+@dataclass(frozen=True, eq=False)
+class Distance:
+    """How far features of one recording are from those that a translation expects.
+
+    Attributes:
+        name: of the recording.
+        t: beginnings of control steps, (K,) [s].
+        size: in units of the usual distance, (K,).
+    """
+
+    name: str
+    t: Array
+    size: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Translated:
+    """What a trained translation says of the recordings; :mod:`wt.diagnose.observed.translation`.
+
+    Attributes:
+        name: of the translation.
+        channels: errors before and after translation.
+        distances: one a recording.
+        events: when something hidden acted in the fitted recordings.
+    """
+
+    name: str
+    channels: tuple[ChannelLeft, ...]
+    distances: tuple[Distance, ...]
+    events: tuple[Interval, ...]
+
+    @property
+    def left(self) -> float:
+        """Share of the squared error that translation leaves, mean over channels."""
+        return float(np.mean([(c.after / max(c.before, 1e-30)) ** 2 for c in self.channels]))
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """One recording and its replays, for pictures. Arrays are (T, n_joints) unless said.
+
+    Attributes:
+        name: the recording's file name.
+        role: whether it was fitted or held out.
+        t: time, (T,) [s].
+        recorded: measured positions, NaN where missing [rad or m].
+        before: positions replayed on the model as given.
+        after: positions replayed on the patched model.
+        velocity: smoothed velocities.
+        force_before: generalised force that the given model lacks [N·m].
+        force_after: what the patched model still lacks.
+        command: commands by actuator name, (T,) each.
+    """
+
+    name: str
+    role: Role
+    t: Array
+    recorded: Array
+    before: Array
+    after: Array
+    velocity: Array
+    force_before: Array
+    force_after: Array
+    command: Mapping[str, Array]
+
 
 Verdict = Literal["no_mismatch", "explained", "partly_explained", "unexplained"]
 
@@ -217,32 +447,6 @@ class Diagnosis:
                 "residual": "residual.onnx" if self.residual_onnx else None,
             },
         }
-
-    def write(self, out: str | Path) -> None:
-        """Write the report, the patched model and the rest into a folder."""
-        from wt.diagnose.write import write
-
-        write(self, Path(out))
-
-    def show(self) -> None:
-        """Print the findings, on a terminal or in a notebook."""
-        from rich.console import Console
-
-        from wt.diagnose.words import print_summary
-
-        print_summary(self, Console())
-
-    def __repr__(self) -> str:
-        """The findings in plain sentences."""
-        from wt.diagnose.words import fit, sentences
-
-        return "\n".join([f"Diagnosis: {self.verdict}", *sentences(self), fit(self)])
-
-    def _repr_html_(self) -> str:
-        """A short summary, which a notebook shows by itself."""
-        from wt.diagnose.words import to_html
-
-        return to_html(self)
 
 
 def _place(at: Location) -> dict[str, str]:

@@ -20,8 +20,8 @@ from wt.finetune.results import plain, save
 from wt.finetune.setting import Setting
 from wt.finetune.training import adapt
 from wt.registered import Registered
-from wt.run_folder import CONFIG, keep, tracked
-from wt.track import Run
+from wt.run.folder import CONFIG, keep, tracked
+from wt.run.track import Run
 
 Show = Callable[[str, float], None]
 """Told what is being done and which share of it is behind."""

@@ -124,3 +124,12 @@ class Planted:
         """Change what a replay's sensors report, in place."""
         if isinstance(self.effect, OnOutputs):
             self.effect.sense(outputs, scene, self.at, self.theta)
+
+
+Hypothesis = tuple[Planted, ...]
+"""Effects that act together."""
+
+
+def without(hypothesis: Hypothesis, index: int) -> Hypothesis:
+    """All effects but one."""
+    return hypothesis[:index] + hypothesis[index + 1 :]

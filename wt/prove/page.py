@@ -8,17 +8,15 @@ from __future__ import annotations
 import html
 import math
 from collections.abc import Callable, Mapping, Sequence
-from importlib import resources
-from string import Template
 from typing import Any
 
 import numpy as np
 
-from wt.diagnose.page import section, table, text
 from wt.prove.page_tables import cases, confusion, first, machines
 from wt.prove.results import LABELS, Results, cell, title
 from wt.prove.tally import SEEN
 from wt.show.charts import Axes, Series, chart
+from wt.show.page import escaped, section, table, template
 
 STYLE = """<style>
 table.heat { width: auto; font-size: 12.5px }
@@ -41,12 +39,11 @@ _BINS = np.array([0.1, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e4])
 
 def page(results: Results) -> str:
     """The page, for ``results.json``."""
-    template = resources.files("wt.diagnose").joinpath("report.html").read_text(encoding="utf-8")
     parts: tuple[Callable[[Results], str], ...] = (
         _opening, _scores, machines, _power, confusion, _calibration, cases, _sealed,
     )  # fmt: skip
     body = "\n".join(part(results) for part in parts)
-    return Template(template).substitute(title="Trial of wt diagnose", shades="", body=STYLE + body)
+    return template().substitute(title="Trial of wt diagnose", shades="", body=STYLE + body)
 
 
 def _opening(results: Results) -> str:
@@ -64,15 +61,15 @@ def _opening(results: Results) -> str:
             f"Accused {alarms['right']} of {alarms['of']} machines in which nothing is hidden."
         )
     tiles = "".join(
-        f"<div><b>{text(cell(name, scores[name]))}</b><span>{text(LABELS[name])}</span></div>"
+        f"<div><b>{escaped(cell(name, scores[name]))}</b><span>{escaped(LABELS[name])}</span></div>"
         for name in ("location", "effect", "false_alarms", "coverage", "unknown", "error_left")
         if cell(name, scores[name]) != "–"
     )
     what = f"set {results['set']}, seed {results['seed']}" if results["set"] else "cases of others"
     return (
-        f"<header><h1>Trial of <strong>{text(title(who))}</strong> on {len(results['cases'])} "
-        f'concealed cases, {text(what)}</h1><ul class="lead">'
-        f"{''.join(f'<li>{text(s)}</li>' for s in said)}</ul>"
+        f"<header><h1>Trial of <strong>{escaped(title(who))}</strong> on {len(results['cases'])} "
+        f'concealed cases, {escaped(what)}</h1><ul class="lead">'
+        f"{''.join(f'<li>{escaped(s)}</li>' for s in said)}</ul>"
         f'<div class="figures">{tiles}</div></header>'
     )
 
@@ -92,11 +89,12 @@ def _scores(results: Results) -> str:
             goal = f"{100 * target['from']:.0f} to {100 * target['to']:.0f} %"
             css = {True: " ok", False: " bad", None: ""}[target["met"]]
         rows.append(
-            f'<tr><td class="name">{text(label)}</td><td class="n">{_of(scores[0])}</td>'
+            f'<tr><td class="name">{escaped(label)}</td><td class="n">{_of(scores[0])}</td>'
             + "".join(
-                f'<td class="n{css if i == 0 else ""}">{text(c)}</td>' for i, c in enumerate(cells)
+                f'<td class="n{css if i == 0 else ""}">{escaped(c)}</td>'
+                for i, c in enumerate(cells)
             )
-            + f'<td class="n">{text(goal)}</td></tr>'
+            + f'<td class="n">{escaped(goal)}</td></tr>'
         )
     head = ("", "#of", *(f"#{title(who)}" for who in everybody), "#wanted")
     said = (

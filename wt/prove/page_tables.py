@@ -7,11 +7,11 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from wt.diagnose.page import section, table, text
 from wt.prove.contenders import OURS
 from wt.prove.real import REAL
 from wt.prove.results import Results, title
 from wt.prove.tally import NOTHING
+from wt.show.page import escaped, section, table
 
 
 def first(results: Results) -> str:
@@ -29,8 +29,8 @@ def machines(results: Results) -> str:
             f'<td class="n">{_milli(error)}</td>' for error in (*errors, one["repeat_rmse"])
         )
         said = _listed(one["findings"][everybody[0]])
-        name = text(one["name"])
-        rows.append(f'<tr><td class="name">{name}</td>{cells}<td>{text(said)}</td></tr>')
+        name = escaped(one["name"])
+        rows.append(f'<tr><td class="name">{name}</td>{cells}<td>{escaped(said)}</td></tr>')
     if not rows:
         return ""
     head = ("", "#given", *(f"#{title(who)}" for who in everybody), "#floor", "said")
@@ -98,8 +98,8 @@ def cases(results: Results) -> str:
         left = row["after_rmse"][who] / row["before_rmse"] if row["before_rmse"] else math.nan
         css, word = _verdict(row, who)
         rows.append(
-            f"<tr><td>{shown}</td><td>{text(hidden)}</td>"
-            f"<td>{text(said['error'] or _listed(said['findings']))}</td>"
+            f"<tr><td>{shown}</td><td>{escaped(hidden)}</td>"
+            f"<td>{escaped(said['error'] or _listed(said['findings']))}</td>"
             f'<td class="{css}">{word}</td><td class="n">{100 * left:.0f} %</td></tr>'
         )
     head = ("case", "hidden", "said", "", "#held-out error left")

@@ -22,14 +22,14 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from wt.diagnose import proof
-from wt.diagnose.patch import patched_xml
 from wt.diagnose.pipeline import STEP_S
-from wt.diagnose.prepare import Source, prepare
+from wt.diagnose.recordings.prepare import Source, prepare
+from wt.diagnose.recordings.smooth import smooth
+from wt.diagnose.recordings.stretches import forgets, stretches_of
 from wt.diagnose.result import Proof
-from wt.diagnose.smooth import smooth
-from wt.diagnose.stretches import forgets, stretches_of
+from wt.diagnose.selection.holdout import hold, prove
 from wt.errors import WorkError
+from wt.mjcf.edit import patched_xml
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
 from wt.physics.quiet import quiet
@@ -219,8 +219,8 @@ class Rival:
             RecordingError: a recording cannot be used.
         """
         prepared = prepare(self.scene, holdout, holdout)
-        held = proof.hold(smooth(self.scene, prepared.held), self._forgets)
-        return proof.prove(held, fitted.hypothesis, STEP_S, prepared.split, seed)
+        held = hold(smooth(self.scene, prepared.held), self._forgets)
+        return prove(held, fitted.hypothesis, STEP_S, prepared.split, seed)
 
     def _measured(self, pairs: Sequence[tuple[Stretch, Array]]) -> list[Theirs]:
         """The stretches in sysid's words."""

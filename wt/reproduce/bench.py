@@ -20,11 +20,11 @@ from wt.evaluate.representation import Features, features, some
 from wt.evaluate.results import OURS, PAPERS_OWN, Results
 from wt.evaluate.single_step import Errors, errors
 from wt.fit import fit, open_folder
-from wt.jobs import Job, run_jobs
 from wt.nets.world_model import WorldModel
 from wt.reproduce.tasks import Task
-from wt.run_folder import CONFIG
-from wt.study import Listener, Study
+from wt.run.folder import CONFIG
+from wt.run.jobs import Job, run_jobs
+from wt.run.study import Listener, Study
 from wt.types import Transitions
 
 FEATURES, FEATURES_QUICK = 20_000, 3000

@@ -8,14 +8,12 @@ from __future__ import annotations
 import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib import resources
 from io import BytesIO
 from pathlib import Path
-from string import Template
 
-from wt.diagnose.page import items, section, table, text
 from wt.reproduce.exhibit import Exhibit, Grid, Section
 from wt.show.files import write_together
+from wt.show.page import escaped, items, section, table, template
 from wt.show.text import markdown_table
 
 REPORT, PAGE = "report.md", "report.html"
@@ -87,8 +85,9 @@ def _markdown(entries: Sequence[Entry], about: str) -> str:
 
 
 def _page(entries: Sequence[Entry], about: str, pictures: Mapping[str, bytes]) -> str:
-    template = resources.files("wt.diagnose").joinpath("report.html").read_text(encoding="utf-8")
-    parts = [f'<header><h1>{text(about)}</h1><ul class="lead"><li>{text(TITLE)}</li></ul></header>']
+    parts = [
+        f'<header><h1>{escaped(about)}</h1><ul class="lead"><li>{escaped(TITLE)}</li></ul></header>'
+    ]
     for entry in entries:
         if entry.section is None:
             parts.append(section(entry.exhibit.title, f"Not run: {entry.why_not}.", ""))
@@ -101,21 +100,21 @@ def _page(entries: Sequence[Entry], about: str, pictures: Mapping[str, bytes]) -
             body += items(entry.section.differences)
         parts.append(section(entry.exhibit.title, entry.section.text, body))
     body = _STYLE + "\n".join(parts)
-    return Template(template).substitute(title=TITLE, shades="", body=body)
+    return template().substitute(title=TITLE, shades="", body=body)
 
 
 def _grid(grid: Grid) -> str:
     head = [grid.head[0], *(f"#{name}" for name in grid.head[1:])]
     rows = [
         "<tr>" + "".join(
-            f'<td class="{"n" if i else "name"}">{text(cell)}</td>' for i, cell in enumerate(row)
+            f'<td class="{"n" if i else "name"}">{escaped(cell)}</td>' for i, cell in enumerate(row)
         ) + "</tr>"
         for row in grid.rows
     ]  # fmt: skip
-    note = f'<p class="note">{text(grid.caption)}</p>' if grid.caption else ""
+    note = f'<p class="note">{escaped(grid.caption)}</p>' if grid.caption else ""
     return table(head, rows) + note
 
 
 def _picture(title: str, png: bytes) -> str:
     data = base64.b64encode(png).decode()
-    return f'<figure><img alt="{text(title)}" src="data:image/png;base64,{data}"></figure>'
+    return f'<figure><img alt="{escaped(title)}" src="data:image/png;base64,{data}"></figure>'

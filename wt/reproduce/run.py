@@ -13,7 +13,7 @@ from wt.reproduce.exhibit import Exhibit, exhibits
 from wt.reproduce.numbers import kept, obtain
 from wt.reproduce.report import Entry, write
 from wt.reproduce.tasks import FULL, QUICK, Task, chosen
-from wt.study import Listener
+from wt.run.study import Listener
 
 Bars = Callable[[], AbstractContextManager[Listener]]
 Say = Callable[[Entry], None]

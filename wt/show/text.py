@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Literal
 
 from rich import box
 from rich.table import Table
 from rich.text import Text
+
+NBSP = "\N{NO-BREAK SPACE}"
+_BEFORE_UNIT = re.compile(
+    r"(?<=[0-9⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:%|°|[mµ]?rad|[mµ]?m|[mµ]?s|N|kg|Hz|nats)(?!\w))"
+)
+
+
+def tied(text: str) -> str:
+    """The text with no-break spaces between figures and their units."""
+    return _BEFORE_UNIT.sub(NBSP, text)
 
 
 def short(value: float) -> str:

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from wt.diagnose.patch import patched_xml
-from wt.diagnose.prepare import prepare
-from wt.diagnose.smooth import smooth
+from wt.diagnose.recordings.prepare import prepare
+from wt.diagnose.recordings.smooth import smooth
+from wt.mjcf.edit import patched_xml
 from wt.physics.effect import effects
 from wt.physics.motion import Motion
 from wt.physics.planted import Planted

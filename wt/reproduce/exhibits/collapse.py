@@ -15,7 +15,7 @@ from wt.nets.frame import Frame
 from wt.reproduce.bench import FULL, Bench
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
 from wt.reproduce.words import mean, spread
-from wt.study import Study
+from wt.run.study import Study
 from wt.train.batches import DomainData, in_frame
 from wt.train.device import on
 from wt.train.mean_field import fit_normalizers

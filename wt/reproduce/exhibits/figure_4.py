@@ -20,7 +20,7 @@ from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.reproduce.bench import FULL, PLUS, Bench
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
 from wt.reproduce.words import gain, mean, spread
-from wt.study import Study
+from wt.run.study import Study
 from wt.worlds.closed_loop import ClosedLoop, Truth
 
 TASK = "go2_payload"

@@ -16,8 +16,8 @@ from wt.reproduce.bench import Bench
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
 from wt.reproduce.tasks import WALKING
 from wt.reproduce.words import mean
+from wt.run.study import Study
 from wt.show.text import short
-from wt.study import Study
 from wt.worlds.legged_model import LeggedPhysics
 from wt.worlds.robots import robot_of
 from wt.worlds.walking import WalkingWorld

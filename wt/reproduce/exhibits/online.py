@@ -13,7 +13,7 @@ from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.reproduce.bench import FULL, PLUS, Bench, Variant
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
 from wt.reproduce.words import gain, mean, spread
-from wt.study import Study
+from wt.run.study import Study
 from wt.train.online import OnlineAdaptation
 from wt.train.score import PairTensors, errors
 from wt.types import Pairs, Transitions

@@ -1,0 +1,105 @@
+"""Which of several effects may as well be nothing, and how well any of them can be known."""
+
+from __future__ import annotations
+
+from unittest.mock import Mock
+
+import numpy as np
+
+from wt.diagnose.likelihood.estimate import Estimated, _named, least_certain, least_spread
+from wt.diagnose.likelihood.objective import Assessed
+from wt.diagnose.result import Estimate
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.effect import effects
+from wt.physics.planted import Planted
+from wt.types import Location
+
+J = Location("joint", "j")
+
+
+def estimated(*found: tuple[str, dict[str, tuple[float, float, float]]]) -> Estimated:
+    """Effects with (lower end, value, upper end) of each parameter."""
+    hypothesis = tuple(
+        Planted(effects()[name], J, np.array([v for _, v, _ in values.values()]))
+        for name, values in found
+    )
+    estimates = tuple(
+        {name: Estimate(v, "-", (low, high)) for name, (low, v, high) in values.items()}
+        for _, values in found
+    )
+    return Estimated(Mock(spec=Assessed, hypothesis=hypothesis), estimates)
+
+
+def test_an_interval_that_holds_the_neutral_value_is_nothing_certain() -> None:
+    friction = ("joint.friction_coulomb", {"coulomb": (0.0, 0.001, 0.002)})
+    gain = ("actuator.gain", {"factor": (1.01, 1.1, 1.2)})
+    assert least_certain(estimated(gain, friction)) == 1
+    assert least_certain(estimated(gain)) is None
+    assert least_certain(estimated(("actuator.gain", {"factor": (0.9, 1.1, 1.2)}))) == 0
+
+
+def test_the_nearest_to_nothing_goes_first() -> None:
+    nearer = ("joint.friction_coulomb", {"coulomb": (0.0, 0.001, 0.4)})
+    farther = ("joint.friction_viscous", {"coefficient": (-0.01, 0.19, 0.4)})
+    assert least_certain(estimated(farther, nearer)) == 1
+
+
+def test_all_that_could_be_nothing_must_be() -> None:
+    """Friction that only load makes has no constant part."""
+    parts = {"coulomb": (0.0, 0.01, 0.03), "fraction": (0.1, 0.2, 0.3)}
+    assert least_certain(estimated(("joint.friction_load", parts))) is None
+
+
+def test_an_effect_without_a_neutral_value_is_something() -> None:
+    parts = {"stiffness": (0.01, 5.0, 10.0), "damping": (0.0, 0.0, 0.1)}
+    assert least_certain(estimated(("joint.elasticity", parts))) is None
+
+
+def test_a_vector_is_nothing_where_all_of_it_may_be() -> None:
+    force = Planted(effects()["body.force"], J, np.array([0.1, 0.0, 2.0]))
+    ends = ((-0.1, -0.1, 1.0), (0.3, 0.1, 3.0))
+    known = Estimated(
+        Mock(spec=Assessed, hypothesis=(force,)),
+        ({"force": Estimate((0.1, 0.0, 2.0), "N", ends)},),
+    )
+    assert least_certain(known) is None
+    ends = ((-0.1, -0.1, -1.0), (0.3, 0.1, 3.0))
+    known = Estimated(known.assessed, ({"force": Estimate((0.1, 0.0, 2.0), "N", ends)},))
+    assert least_certain(known) == 0
+
+
+def planted(name: str, *theta: float) -> Planted:
+    """An effect with its parameters."""
+    return Planted(effects()[name], J, np.array(theta))
+
+
+def test_no_interval_is_narrower_than_machines_follow_the_law() -> None:
+    strength, share = (
+        least_spread((planted("joint.friction_coulomb", 10.0),)),
+        THRESHOLDS.law_strength * 10.0,
+    )
+    assert share < strength[0] < 1.01 * share
+    gain = least_spread((planted("actuator.gain", 0.5),))  # a factor is measured from one
+    assert gain == effects()["actuator.gain"].parameters[0].step
+
+
+def test_laws_that_stand_for_another_are_known_less_well() -> None:
+    both = (
+        planted("body.payload_moving", 2.0, 0.1, 0.0, 0.0, 0.0),
+        planted("contact.obstacle", 0.5, 0.0, 0.0, 0.0, 0.6, 0.8, 1.0),
+    )
+    found = least_spread(both)
+    mass, travel = effects()["body.payload_moving"].parameters[:2]
+    assert mass.inexact is not None and travel.inexact is not None
+    np.testing.assert_allclose(found[:2], [2.0 * mass.inexact, 0.1 * travel.inexact], rtol=1e-3)
+    normal = effects()["contact.obstacle"].parameters[1]
+    assert normal.inexact is not None  # of all components: they are one direction
+    np.testing.assert_allclose(found[8:11], normal.inexact, rtol=1e-3)
+
+
+def test_a_vector_is_unknown_as_a_whole_and_not_for_one_component_that_may_be_nothing() -> None:
+    force = Planted(effects()["body.force"], J, np.array([4.8, 2.0, -0.3]))
+    wide = np.array([0.4, 0.6, 2.6])
+    assert not _named(force, force.theta - wide, force.theta + wide)["force"].warning
+    wider = 3.0 * wide
+    assert _named(force, force.theta - wider, force.theta + wider)["force"].warning

@@ -1,0 +1,77 @@
+"""What may adapt beside a hypothesis: what any rig is off by, and how each stretch began."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.diagnose.hidden_forces import NOISE, RATE, STEP, chain, record
+from wt.diagnose.likelihood.bic import erring_joints, exhausted
+from wt.diagnose.likelihood.objective import Objective
+from wt.diagnose.recordings.samples import Part
+from wt.diagnose.recordings.smooth import Smoothed, smooth
+from wt.diagnose.recordings.stretches import stretches_of
+from wt.diagnose.residual.screen import Screen
+from wt.physics.scene import Scene
+from wt.types import Recording
+
+
+def smoothed(folder: Path, made_by: str, believed: str, seconds: float = 6.0) -> Smoothed:
+    path = folder / "chain.xml"
+    path.write_text(believed)
+    return smooth(Scene(path), [Part(record(made_by, None, seconds, 0), 0)])
+
+
+def objective(fit: Smoothed, forgets: bool) -> Objective:
+    stretches = stretches_of(fit, forgets)
+    return Objective(fit, stretches, Screen(fit, 0).velocity_noise, STEP, forgets)
+
+
+@pytest.mark.parametrize("forgets", [True, False])
+def test_a_rig_that_is_off_by_much_leaves_nothing_but_noise(tmp_path: Path, forgets: bool) -> None:
+    """4 % of a mass move a replay by hundreds of times the noise: one linear step is too few."""
+    made_by = chain(2).replace('mass="1.2"', f'mass="{1.2 * 1.04}"')
+    made_by = made_by.replace('mass="1.05"', f'mass="{1.05 * 0.96}"')
+    some = objective(smoothed(tmp_path, made_by, chain(2)), forgets)
+    now = some.reference(())
+    assert not erring_joints(some, now)
+    (raw,) = some._raw([()])
+    assert np.abs(raw).max() > 30 * NOISE
+    found = {
+        n.planted.at.name: x
+        for n, x in zip(some.some, now.nuisance, strict=True)
+        if n.planted.effect.id == "body.mass"
+    }
+    assert found["link1"] > 1.0
+    assert found["link2"] < -1.0
+
+
+def test_where_nothing_but_noise_is_left_nothing_can_be_gained(tmp_path: Path) -> None:
+    same = objective(smoothed(tmp_path, chain(2), chain(2)), True)
+    assert exhausted(same, same.reference(()))
+    rubbing = chain(2).replace('damping=".3"', 'damping=".3" frictionloss=".2"')
+    other = objective(smoothed(tmp_path, rubbing, chain(2)), True)
+    assert not exhausted(other, other.reference(()))
+
+
+def starts(path: Path, made: Recording) -> np.ndarray:
+    """When stretches begin [s]."""
+    return np.array([s.t[0] for s, _ in stretches_of(smooth(Scene(path), [Part(made, 0)]), False)])
+
+
+def test_no_stretch_begins_in_a_jolt(tmp_path: Path) -> None:
+    """Another hand shoves the joint where a stretch would begin."""
+    path = tmp_path / "chain.xml"
+    path.write_text(chain(1))
+    made = record(chain(1), None, 4.0, 0)
+    calm = starts(path, made)
+    since = made.t - calm[3]
+    shoved = made.columns["qpos/j1"] + np.where(since >= 0.0, 0.05 * np.exp(-20.0 * since), 0.0)
+    columns = {"qpos/j1": shoved, "ctrl/a1": made.columns["ctrl/a1"]}
+    found = starts(path, Recording(made.t, columns))
+    others = np.arange(len(calm)) != 3
+    others[0] = False  # as late as its curve's first knots, which are others
+    np.testing.assert_array_equal(found[others], calm[others])
+    assert calm[3] + 3 / RATE < found[3] < calm[3] + 0.25

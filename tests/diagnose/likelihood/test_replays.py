@@ -1,0 +1,50 @@
+"""Replays at coarse steps, corrected by finer ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from tests.diagnose.hidden_forces import STEP, chain, record
+from wt.diagnose.likelihood.replays import COARSE, Extrapolated
+from wt.diagnose.recordings.samples import Part
+from wt.diagnose.recordings.smooth import smooth
+from wt.diagnose.recordings.stretches import stretches_of
+from wt.physics.replay import Stretch
+from wt.physics.rollout import Replayer
+from wt.physics.scene import Scene
+
+
+def prepared(folder: Path, xml: str) -> tuple[Scene, list[Stretch]]:
+    path = folder / "chain.xml"
+    path.write_text(xml)
+    scene = Scene(path)
+    fit = smooth(scene, [Part(record(chain(2), None, 4.0, 0), 0)])
+    return scene, [s for s, _ in stretches_of(fit, True)]
+
+
+def test_two_step_lengths_tell_what_steps_of_no_length_say(tmp_path: Path) -> None:
+    scene, stretches = prepared(tmp_path, chain(2))
+    step = 4 * STEP
+    exact = Replayer(scene, stretches, step / 32).run([()]).q[0]
+    made = Extrapolated(scene, stretches, step)
+    assert made.coarse.step == COARSE * step
+
+    def off(q: np.ndarray) -> float:
+        return float(np.sqrt(np.mean((q - exact) ** 2)))
+
+    plain = off(made.run([()])[0])
+    q, changes = made.around((), [(), ()])
+    assert off(q) < 0.2 * plain
+    assert off(made.run([()])[0]) == off(q)
+    assert changes.shape == (2, *q.shape) and not changes.any()
+
+
+def test_a_machine_too_stiff_for_coarse_steps_gets_fine_ones(tmp_path: Path) -> None:
+    """An explicit integrator, and a servo that damps more than it bears at the coarse step."""
+    stiff = chain(2).replace("implicitfast", "Euler")
+    scene, stretches = prepared(tmp_path, stiff)
+    made = Extrapolated(scene, stretches, STEP)
+    assert made.coarse.step == made.slopes.step == STEP
+    assert np.isfinite(made.around((), [()])[0]).all()

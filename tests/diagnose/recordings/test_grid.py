@@ -1,0 +1,44 @@
+"""Coarse encoders are read off the recorded values; fine ones are no finding."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wt.diagnose.recordings.grid import coarse_steps, located
+from wt.diagnose.recordings.samples import Part
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.types import Recording
+
+
+def swing(step: float, seed: int, offset: float = 0.0) -> Part:
+    """A swinging joint whose encoder has steps; no steps if ``step`` is 0."""
+    t = np.arange(0.0, 6.0, 0.01)
+    q = 0.6 * np.sin(2.0 * t + seed) + 2e-4 * np.random.default_rng(seed).standard_normal(len(t))
+    if step:
+        q = step * np.round((q - offset) / step) + offset
+    q[7] = np.nan
+    columns = {"ctrl/a": q, "qpos/j": q}
+    return Part(Recording(t, columns, {}), 0)
+
+
+@pytest.mark.parametrize(("step", "offset"), [(0.004, 0.0), (0.012, 0.0), (0.04, 0.013)])
+def test_steps_are_read_off(step: float, offset: float) -> None:
+    (found,) = coarse_steps([swing(step, 0, offset)], [swing(step, 1, offset)], ["j"])
+    estimate = found.parameters["step"]
+    assert found.effect == "sensor.quantization" and found.at.name == "j"
+    assert estimate.value == pytest.approx(step, rel=1e-3)
+    assert estimate.ci95[0] <= step <= estimate.ci95[1]
+    assert found.p_value < 1e-6
+    (place,) = located([found], alone=True)
+    assert place.at == found.at and place.share == 1.0
+
+
+@pytest.mark.parametrize("step", [0.0, 2.0 * np.pi / 4096, 0.99 * THRESHOLDS.encoder_step])
+def test_what_any_encoder_has_is_no_finding(step: float) -> None:
+    assert coarse_steps([swing(step, 0)], [swing(step, 1)], ["j"]) == ()
+
+
+def test_a_grid_that_held_out_data_do_not_have_is_none() -> None:
+    assert coarse_steps([swing(0.01, 0)], [swing(0.0, 1)], ["j"]) == ()
+    assert coarse_steps([swing(0.01, 0)], [swing(0.013, 1)], ["j"]) == ()

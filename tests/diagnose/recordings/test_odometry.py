@@ -1,0 +1,101 @@
+"""Where a base was of which only an IMU was recorded, against where it was."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.physics import stool
+from wt.diagnose.observed.translation import Observer
+from wt.diagnose.recordings.odometry import located
+from wt.diagnose.recordings.prepare import prepare
+from wt.diagnose.recordings.smooth import smooth
+from wt.diagnose.residual.screen import Screen
+from wt.errors import RecordingError
+from wt.physics import base
+from wt.physics.scene import Scene
+from wt.types import Channel, Recording
+
+SENSORS = ("gyro", "accelerometer", "orientation")
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    return stool.scene(tmp_path_factory.mktemp("stool"))
+
+
+@pytest.fixture(scope="module")
+def whole() -> Recording:
+    return stool.recording(5, seconds=5.0, imu=SENSORS)
+
+
+def without_base(recording: Recording, *sensors: str) -> Recording:
+    """Only an IMU and the joints."""
+    columns = {
+        name: x
+        for name, x in recording.columns.items()
+        if "/root/" not in name and (name[:7] != "sensor/" or name.split("/")[1] in sensors)
+    }
+    return replace(recording, columns=columns)
+
+
+@pytest.mark.parametrize("sensors", [("gyro", "accelerometer"), ("gyro", "orientation"), SENSORS])
+def test_base_is_where_it_was(machine: Scene, whole: Recording, sensors: tuple[str, ...]) -> None:
+    known = without_base(whole, *sensors)
+    found = located(machine, "root", whole.t, known.columns)
+    now, true = (base.coordinates("root", c) for c in (found, whole.columns))
+
+    def off(name: str) -> np.ndarray:
+        return np.asarray(now[name] - true[name])[50:]  # it drops onto its feet at first
+
+    assert np.ptp(true["qpos/root/z"][50:]) > 0.005  # it does move
+    assert np.sqrt(np.mean(off("qpos/root/z") ** 2)) < 0.002
+    limit = 0.001 if "orientation" in sensors else 0.004
+    for angle in ("pitch", "roll"):
+        assert np.std(off(f"qpos/root/{angle}")) < limit < 0.5 * np.std(true[f"qpos/root/{angle}"])
+    assert np.ptp(off("qpos/root/yaw")) < 0.01
+    speed = np.stack([off(f"qvel/root/{axis}") for axis in "xyz"])
+    true_speed = np.stack([true[f"qvel/root/{axis}"][50:] for axis in "xyz"])
+    assert np.sqrt(np.mean(speed**2)) < 0.25 * np.sqrt(np.mean(true_speed**2))
+    assert np.abs(off("qpos/root/x")).max() < 0.25 * np.ptp(true["qpos/root/x"][50:])
+
+
+def test_a_recorded_base_is_not_computed(machine: Scene, whole: Recording) -> None:
+    assert located(machine, "root", whole.t, whole.columns) == {}
+
+
+@pytest.mark.parametrize("sensors", [(), ("gyro",), ("accelerometer", "orientation")])
+def test_too_little_is_said_to_be(
+    machine: Scene, whole: Recording, sensors: tuple[str, ...]
+) -> None:
+    known = without_base(whole, *sensors)
+    with pytest.raises(RecordingError, match=r"qpos/root/0…6, or a gyro and an accelerometer"):
+        prepare(machine, [known], [])
+
+
+def test_a_load_is_seen_by_an_imu(machine: Scene) -> None:
+    edit = stool.loaded(1.0, (0.08, -0.03, 0.06))
+    recorded = [stool.recording(seed, edit, seconds=5.0, imu=SENSORS) for seed in (3, 4)]
+    first, second = (without_base(r, "gyro", "accelerometer") for r in recorded)
+    prepared = prepare(machine, [first], [second])
+    best = Screen(smooth(machine, [*prepared.fit, *prepared.held])).rank([])[0]
+    assert (best.planted.effect.id, best.planted.at.name) == ("body.payload_fixed", "trunk")
+    assert best.planted.theta[0] == pytest.approx(1.0, abs=0.4)
+
+
+def test_a_translation_sees_the_base_move(machine: Scene, whole: Recording) -> None:
+    """The second half, while it shuffles about: turning as the gyro says, up as it was."""
+    channels = [Channel(f"{kind}/{axis}", "1") for kind in ("gyro", "gravity") for axis in "xyz"]
+    action = [Channel(f"ctrl/{stool.JOINTS[0]}", "rad")]
+    observer = Observer(machine, channels, action, 50.0)
+
+    def seen(recording: Recording) -> np.ndarray:
+        part, *_ = prepare(machine, [recording], []).fit
+        state = observer.states(part.recording)
+        return observer.seen(channels, state, state.ctrl)[len(state.t) // 2 :]
+
+    true, found = seen(whole), seen(without_base(whole, "gyro", "orientation"))
+    assert (np.std(true, axis=0)[[0, 1, 3, 4]] > 0.005).all()
+    assert np.std(found - true, axis=0) == pytest.approx(np.zeros(6), abs=0.003)

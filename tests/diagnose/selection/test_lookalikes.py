@@ -1,0 +1,102 @@
+"""Laws that look alike are told apart by everything that was recorded."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from unittest.mock import Mock
+
+import numpy as np
+import pytest
+
+from tests.diagnose.hidden_forces import World, chain, on_joint, world
+from wt.diagnose.likelihood.estimate import estimate
+from wt.diagnose.residual.screen import Screen
+from wt.diagnose.selection.alternatives import Lookalikes
+from wt.diagnose.selection.candidates import ALIKE, alike, near
+from wt.diagnose.selection.search import Accepted
+from wt.physics.effect import effects
+from wt.physics.motion import Motion
+from wt.physics.planted import Planted
+from wt.physics.scene import Scene
+from wt.types import Location
+
+JOINT, DRIVE = Location("joint", "j1"), Location("actuator", "a1")
+PUSH = 0.5
+
+
+@pytest.fixture(scope="module")
+def pushed(tmp_path_factory: pytest.TempPathFactory) -> World:
+    """A pendulum that is pushed by a constant torque."""
+    return world(tmp_path_factory.mktemp("pushed"), 1, on_joint(0, lambda q, v: PUSH), 3.0)
+
+
+@pytest.fixture(scope="module")
+def sticky(tmp_path_factory: pytest.TempPathFactory) -> World:
+    """A pendulum with dry friction that is larger near standstill."""
+    law = on_joint(
+        0, lambda q, v: -float(np.tanh(v / 2e-3)) * (0.3 + 0.3 * float(np.exp(-((v / 0.05) ** 2))))
+    )
+    return world(tmp_path_factory.mktemp("sticky"), 1, law, 3.0)
+
+
+def lookalikes(some: World) -> Lookalikes:
+    return Lookalikes(some.screen, some.objective, some.objective, lambda: some.objective)
+
+
+def settled(some: World, effect: str, at: Location, *theta: float) -> Accepted:
+    planted = Planted(effects()[effect], at, np.array(theta))
+    shape = next(iter(planted.effect.shapes(some.screen.motion, at)), None)
+    given = (Accepted(planted, shape, ()),)
+    (found,), estimated = lookalikes(some).settled(given, estimate(some.objective, (planted,)))
+    assert estimated.hypothesis[0].key == found.planted.key
+    return found
+
+
+def test_groups_name_effects_and_likeness_is_mutual() -> None:
+    assert {name for group in ALIKE for name in group} <= set(effects())
+    for name in effects():
+        assert name not in alike(name)
+        assert all(name in alike(other) for other in alike(name))
+
+
+def test_a_law_that_only_looks_like_the_right_one_gives_way_to_it(pushed: World) -> None:
+    found = settled(pushed, "sensor.offset", JOINT, 0.01)
+    assert found.planted.effect.id == "actuator.bias" and found.planted.at == DRIVE
+    assert found.planted.theta == pytest.approx([PUSH], rel=0.02)
+
+
+def test_the_right_law_stays(pushed: World) -> None:
+    found = settled(pushed, "actuator.bias", DRIVE, PUSH)
+    assert found.planted.effect.id == "actuator.bias"
+    assert "sensor.offset" not in {r.effect.id for r in found.rivals}
+
+
+def test_a_larger_law_starts_from_the_one_it_contains(sticky: World) -> None:
+    found = settled(sticky, "joint.friction_coulomb", JOINT, 0.35)
+    assert found.planted.effect.id == "joint.friction_stribeck"
+    assert found.planted.theta[:2] == pytest.approx([0.3, 0.6], rel=0.15)
+    assert found.shape is not None
+
+
+def test_a_larger_law_is_not_tried_where_nothing_is_left_for_it(pushed: World) -> None:
+    bias = Planted(effects()["actuator.bias"], DRIVE, np.array([PUSH]))
+    now = estimate(pushed.objective, (bias,)).assessed
+    perfect = -float(pushed.objective.count @ np.log(pushed.objective.floor))
+    for left, sizes in ((1.0, {1}), (100.0, {1, 2})):
+        errs = replace(now, loglik=perfect - left)
+        starts = lookalikes(pushed)._starts([Accepted(bias, (), ())], errs, 0)
+        assert {p.effect.n_free for p, _ in starts} == sizes
+
+
+def test_places_close_to_one_another_are_near(tmp_path: Path) -> None:
+    (tmp_path / "chain.xml").write_text(chain(3))
+    scene = Scene(tmp_path / "chain.xml")
+    screen = Mock(spec=Screen, motion=Mock(spec=Motion, scene=scene))
+    link, joint = Location("body", "link2"), Location("joint", "j2")
+    drive, anywhere = Location("actuator", "a2"), Location("world", "world")
+    assert {link, joint, drive} <= set(near(screen, joint))
+    assert {link, joint} <= set(near(screen, drive))
+    assert {x.name for x in near(screen, link) if x.kind == "body"} == {"link1", "link2", "link3"}
+    assert joint in near(screen, link)
+    assert near(screen, anywhere) == [anywhere, Location("sensor", "all")]

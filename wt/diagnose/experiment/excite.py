@@ -1,0 +1,288 @@
+"""A motion to record next: it separates what the recordings so far could not tell apart.
+
+Joints of findings with rivals are moved one after another: slow reversals at three speeds (dry
+friction against viscous, Stribeck), steps (delay against lag), a multisine (inertia, delay against
+damping) and rests at several angles (friction under load, springs, gains). With no rivals, all
+joints move together by a mild multisine. Joints with torque motors, which no command can hold
+still, get a mild multisine around the pose where gravity leaves them. The motion stays inside the
+model's limits and at speeds that were recorded, starts and ends at rest, and is simulated on the
+model as given; it is made smaller until nothing touches and no limit is met.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from wt.diagnose.experiment import signals
+from wt.diagnose.experiment.trial import Trial, command, settled, trial
+from wt.diagnose.result import Diagnosis
+from wt.errors import RecordingError, WorkError
+from wt.physics.scene import Scene
+from wt.types import Location, Recording
+
+Array = np.ndarray
+
+SHORTEST_S = 10.0
+_RAMP_S = 1.5
+_MILD = 0.3  # rad, rad/s (m, m/s): of joints that were never seen moving
+_EDGE = 0.05  # share of a joint's range that is left out at either end
+_SHRINK = 0.8
+_TRIES = 20
+# shares of a joint's time
+_SLOW, _STEPS, _SINES = (0.18, 0.13, 0.13), 0.14, 0.24
+_SPEEDS = (0.06, 0.2, 0.6)  # of reversals, as shares of the fastest recorded
+_CREEP = 0.03  # rad/s: slow enough for Stribeck's curve
+_TORQUE_BAND = (0.2, 2.0)
+
+
+def suggest(
+    diagnosis: Diagnosis,
+    model: str | Path,
+    *,
+    seconds: float = 30.0,
+    rate_hz: float | None = None,
+    seed: int = 0,
+) -> Recording:
+    """Commands that separate a diagnosis's findings from their rivals, and the motion to expect.
+
+    Args:
+        diagnosis: what was found, with its recordings' traces.
+        model: the MJCF as given.
+        seconds: length.
+        rate_hz: of the commands; by default that of the recordings.
+        seed: of the steps.
+
+    Returns:
+        ``ctrl/<actuator>`` to send and the predicted ``qpos/<joint>``.
+
+    Raises:
+        ModelError: the MJCF cannot be used.
+        RecordingError: it is to be shorter than 10 s.
+        WorkError: no motion was found that keeps the limits.
+    """
+    if seconds < SHORTEST_S:
+        raise RecordingError(
+            f"an experiment of {seconds:g} s is too short to separate anything; ask for at least "
+            f"{SHORTEST_S:g} s"
+        )
+    scene = Scene(model)
+    rates = [r.rate_hz for r in diagnosis.recordings]
+    rate = rate_hz or (float(np.round(np.median(rates))) if rates else 200.0)
+    n = round(seconds * rate) + 1
+    reach = _reach(scene, diagnosis)
+    focus = _focus(scene, diagnosis)
+    wanted = _motion(scene, reach, focus, n, 1.0 / rate, np.random.default_rng(seed))
+    size = np.ones(len(scene.joints))
+    for _ in range(_TRIES):
+        tried = trial(scene, reach.rest + size * (wanted - reach.rest), rate)
+        wrong = _wrong(scene, reach, tried, rate)
+        if not wrong.any():
+            return _recording(scene, tried, rate, focus)
+        size[wrong] *= _SHRINK
+    if len(tried.touched):
+        bodies = " and ".join(scene.model.body(int(i)).name for i in tried.touched[0])
+        why = f"bodies {bodies} touch"
+    else:
+        why = f"joint {scene.joints[int(np.argmax(wrong))]} leaves its limits"
+    raise WorkError(
+        f"no safe motion was found from the pose {np.round(reach.rest, 2).tolist()}: {why}; "
+        "record from a pose with more room"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Reach:
+    """Where and how fast joints may move; all (nv,) [rad, rad/s].
+
+    Attributes:
+        rest: the pose at the start and the end.
+        low: smallest position.
+        high: largest.
+        speed: greatest speed.
+    """
+
+    rest: Array
+    low: Array
+    high: Array
+    speed: Array
+
+
+def _reach(scene: Scene, diagnosis: Diagnosis) -> _Reach:
+    """From what was recorded, inside what the model allows."""
+    count = len(scene.joints)
+    rest = scene.model.qpos0.copy()
+    seen_low, seen_high = np.full(count, np.inf), np.full(count, -np.inf)
+    speed = np.full(count, _MILD)
+    for trace in diagnosis.traces:
+        recorded = np.where(np.isfinite(trace.recorded), trace.recorded, trace.before)
+        seen_low = np.fmin(seen_low, np.nanmin(recorded, axis=0))
+        seen_high = np.fmax(seen_high, np.nanmax(recorded, axis=0))
+        speed = np.fmax(speed, np.nanquantile(np.abs(trace.velocity), 0.995, axis=0))
+    if diagnosis.traces:
+        first = diagnosis.traces[0].recorded[0]
+        rest = np.where(np.isfinite(first), first, rest)
+    rest = settled(scene, rest)
+    low, high = _allowed(scene)
+    rest = np.clip(rest, low, high)
+    room = np.maximum(0.1 * (seen_high - seen_low), 0.0)
+    low = np.maximum(low, np.minimum(seen_low - room, rest - _MILD))
+    high = np.minimum(high, np.maximum(seen_high + room, rest + _MILD))
+    return _Reach(rest, low, high, speed)
+
+
+def _allowed(scene: Scene) -> tuple[Array, Array]:
+    """Positions that the joints' ranges and the servos' commands allow, each (nv,)."""
+    m = scene.model
+    low, high = np.full(m.njnt, -np.inf), np.full(m.njnt, np.inf)
+    limited = m.jnt_limited.astype(bool)
+    margin = _EDGE * np.ptp(m.jnt_range, axis=1)
+    low[limited] = (m.jnt_range[:, 0] + margin)[limited]
+    high[limited] = (m.jnt_range[:, 1] - margin)[limited]
+    for drive in scene.drives:
+        if drive.servo and drive.gain and m.actuator_ctrllimited[drive.index]:
+            zero, slope = command(drive, 0.0, 0.0, 0.0), command(drive, 1.0, 0.0, 0.0)
+            ends = np.sort((m.actuator_ctrlrange[drive.index] - zero) / (slope - zero))
+            low[drive.dof] = max(low[drive.dof], ends[0])
+            high[drive.dof] = min(high[drive.dof], ends[1])
+    return low, high
+
+
+def _focus(scene: Scene, diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Joints to move so that findings and their rivals come apart, most important first."""
+    places = []
+    for finding in diagnosis.findings:
+        for rival in finding.confusable_with:
+            places += [finding.at, rival.at]
+    driven = {drive.joint for drive in scene.drives}
+    joints = [joint for at in places for joint in _joints(scene, at) if joint in driven]
+    return tuple(dict.fromkeys(joints))
+
+
+def _joints(scene: Scene, at: Location) -> Sequence[str]:
+    """The joints that tell most about a place."""
+    m = scene.model
+    if at.name in scene.joints and at.kind in ("joint", "sensor"):
+        return [at.name]
+    if at.kind == "actuator":
+        return [drive.joint for drive in scene.drives if drive.name == at.name]
+    if at.kind == "pair":
+        return [name for name in at.name.split("+") if name in scene.joints]
+    if at.kind == "body" and mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_BODY, at.name) > 0:
+        # what acts on a body is felt most at the joints next to it
+        return [j for j in scene.joints if scene.carries(m.body(at.name).id)[scene.dof(j)]][-2:]
+    return scene.joints
+
+
+def _motion(
+    scene: Scene, reach: _Reach, focus: Sequence[str], n: int, dt: float, rng: np.random.Generator
+) -> Array:
+    """Joint positions, (n, nv): focused joints in turn, or all together if there are none."""
+    q = np.tile(reach.rest, (n, 1))
+    if not focus:
+        driven = dict.fromkeys(drive.joint for drive in scene.drives)
+        for turn, joint in enumerate(driven):
+            q[:, scene.dof(joint)] = _mild(scene, reach, joint, n, dt, turn)
+        return q
+    # a programme needs some ten seconds; what is less important waits for another recording
+    focus = focus[: max(1, int(n * dt / SHORTEST_S))]
+    for i, joint in enumerate(focus):
+        part = slice(i * n // len(focus), (i + 1) * n // len(focus))
+        count, dof = part.stop - part.start, scene.dof(joint)
+        if any(d.servo for d in scene.drives if d.joint == joint):
+            q[part, dof] = _programme(reach, dof, count, dt, rng)
+        else:
+            q[part, dof] = _mild(scene, reach, joint, count, dt, 0)
+    return q
+
+
+def _programme(reach: _Reach, dof: int, n: int, dt: float, rng: np.random.Generator) -> Array:
+    """Reversals, steps, sines and rests of one joint in the middle of its reach, (n,)."""
+    rest, speed = float(reach.rest[dof]), float(reach.speed[dof])
+    centre = 0.5 * float(reach.low[dof] + reach.high[dof])
+    half = 0.5 * float(reach.high[dof] - reach.low[dof])
+    ramp = _ramp(rest, centre, speed, dt)
+    left = n - 2 * ramp
+    speeds = [speed * share for share in _SPEEDS]
+    speeds[0] = min(speeds[0], _CREEP)
+    parts = [
+        signals.reversals(round(share * left), dt, v, 0.8 * half)
+        for share, v in zip(_SLOW, speeds, strict=True)
+    ]
+    parts.append(signals.steps(round(_STEPS * left), dt, speed, 0.5 * half, rng))
+    band = (0.1, min(8.0, 0.1 / dt))
+    parts.append(signals.multisine(round(_SINES * left), dt, 0.8 * speed, 0.8 * half, band))
+    last = left - sum(map(len, parts))
+    parts.append(signals.holds(last, dt, speed, half))
+    there = signals.move(rest, centre, ramp)
+    return np.concatenate([there, centre + np.concatenate(parts), there[::-1]])
+
+
+def _mild(scene: Scene, reach: _Reach, joint: str, n: int, dt: float, turn: int) -> Array:
+    """A small multisine of one joint around its rest, (n,)."""
+    dof = scene.dof(joint)
+    servo = any(d.servo for d in scene.drives if d.joint == joint)
+    half = 0.5 * float(reach.high[dof] - reach.low[dof])
+    size = min(0.3 * half, _MILD)
+    rest, speed = float(reach.rest[dof]), float(reach.speed[dof])
+    # a torque motor cannot leave the pose where gravity left it
+    centre = float(np.clip(rest, reach.low[dof] + size, reach.high[dof] - size)) if servo else rest
+    ramp = _ramp(rest, centre, speed, dt)
+    band = (0.1, min(5.0, 0.1 / dt)) if servo else _TORQUE_BAND
+    wave = signals.multisine(n - 2 * ramp, dt, 0.5 * speed, size, band, turn)
+    there = signals.move(rest, centre, ramp)
+    return np.concatenate([there, centre + wave, there[::-1]])
+
+
+def _ramp(start: float, end: float, speed: float, dt: float) -> int:
+    """Samples of a minimum-jerk move, which peaks at 1.875 times its mean speed."""
+    return round(max(_RAMP_S, 1.875 * abs(end - start) / speed) / dt)
+
+
+def _wrong(scene: Scene, reach: _Reach, tried: Trial, rate: float) -> Array:
+    """Joints whose motion has to become smaller, (nv,) bool."""
+    m = scene.model
+    if not np.isfinite(tried.q).all() or len(tried.touched):
+        return np.ones(len(scene.joints), bool)
+    room = 0.1 * (reach.high - reach.low)
+    low, high = reach.low - room, reach.high + room
+    limited = m.jnt_limited.astype(bool)
+    low[limited] = np.maximum(low, m.jnt_range[:, 0])[limited]
+    high[limited] = np.minimum(high, m.jnt_range[:, 1])[limited]
+    wrong: Array = np.any((tried.q < low) | (tried.q > high), axis=0)
+    # between samples, since a stiff servo jumps after every held command
+    speed = np.abs(np.diff(tried.q, axis=0)) * rate
+    wrong |= np.any(speed > 1.3 * reach.speed, axis=0)
+    for drive in scene.drives:
+        i = drive.index
+        for limits, values, known in (
+            (m.actuator_forcerange[i], tried.force[:, i], m.actuator_forcelimited[i]),
+            (m.actuator_ctrlrange[i], tried.ctrl[:, i], m.actuator_ctrllimited[i]),
+        ):
+            margin = 0.02 * float(np.ptp(limits))
+            if known and (values.min() < limits[0] + margin or values.max() > limits[1] - margin):
+                wrong[drive.dof] = True
+    return wrong
+
+
+def _recording(scene: Scene, tried: Trial, rate: float, focus: Sequence[str]) -> Recording:
+    columns = {
+        f"ctrl/{scene.model.actuator(i).name}": tried.ctrl[:, i]
+        for i in range(scene.model.nactuator)
+    }
+    columns |= {f"qpos/{joint}": tried.q[:, scene.dof(joint)] for joint in scene.joints}
+    what = f"moves {', '.join(focus)} in turn" if focus else "moves all joints together"
+    return Recording(
+        np.arange(len(tried.q)) / rate,
+        columns,
+        {
+            "source": "wt diagnose --suggest-experiment",
+            "rate": rate,
+            "notes": f"Commands to send; {what}. Positions are predicted by the model as given, "
+            "not measured. Start from the first of them.",
+        },
+    )

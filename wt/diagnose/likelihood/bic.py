@@ -1,0 +1,85 @@
+"""What an effect must earn: log-likelihood beyond its price, and a share of some joint's error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wt.diagnose.likelihood.objective import Assessed, Objective
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.planted import Hypothesis
+
+Array = np.ndarray
+
+
+def erring_joints(objective: Objective, assessed: Assessed) -> list[int]:
+    """Degrees of freedom whose replays err by more than noise and imperfect laws."""
+    return [
+        int(d) for d in np.flatnonzero(np.sqrt(assessed.mse) > THRESHOLDS.clean * objective.floor)
+    ]
+
+
+def erring(assessed: Assessed, objective: Objective) -> dict[str, float]:
+    """Joints whose replays err by much, with their shares of it."""
+    # a very quiet sensor sees what any rig is off by: that alone is no mismatch
+    left, moved = np.sqrt(assessed.mse), np.nanstd(objective.measured, axis=0)
+    large = (left > THRESHOLDS.clean * objective.floor) & (left > THRESHOLDS.mismatch * moved)
+    size = np.where(large, (left / objective.noise) ** 2, 0.0)
+    names = objective.scene.joints
+    return {names[j]: float(size[j] / size.sum()) for j in np.flatnonzero(large)}
+
+
+def room(objective: Objective, now: Assessed) -> float:
+    """Nats by which a hypothesis that leaves the smallest error would be ahead."""
+    return -float(objective.count @ np.log(objective.floor)) - now.loglik
+
+
+def improvable(objective: Objective, now: Assessed) -> list[int]:
+    """Degrees of freedom of whose error an addition could remove the share that it must."""
+    drop = 1.0 - objective.floor**2 / now.mse
+    return [int(d) for d in np.flatnonzero(drop > THRESHOLDS.min_drop)]
+
+
+def exhausted(objective: Objective, now: Assessed) -> bool:
+    """Whether no addition could earn its place: even one that leaves the smallest error."""
+    return room(objective, now) < THRESHOLDS.min_nats or not improvable(objective, now)
+
+
+def simplest(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> Assessed:
+    """The best fit, or one as good as it with fewer parameters.
+
+    A law that contains another (load-dependent friction and Coulomb's) always fits a little
+    better; it has to earn its further parameters as any effect has.
+    """
+    top = worth(objective, fits[0], now)
+    close = [f for f in fits if worth(objective, f, now) > top - THRESHOLDS.min_nats]
+    # none is close where even the best exploded
+    return min(close, key=lambda fit: size(fit.hypothesis)) if close else fits[0]
+
+
+def size(hypothesis: Hypothesis) -> int:
+    """How many figures were chosen for it."""
+    return sum(p.effect.n_free for p in hypothesis)
+
+
+def price(objective: Objective, hypothesis: Hypothesis) -> float:
+    """Half a log of the sample count for each parameter (Schwarz, 1978), and prior odds."""
+    odds = sum(p.effect.odds_against for p in hypothesis)
+    return odds + 0.5 * size(hypothesis) * float(np.log(max(objective.count.sum(), 2.0)))
+
+
+def worth(objective: Objective, fit: Assessed, now: Assessed) -> float:
+    """Nats gained by a hypothesis over the present one, after the price of its parameters."""
+    if not all(p.effect.plausible(objective.motion, p.at, p.theta) for p in fit.hypothesis):
+        return -np.inf
+    added = price(objective, fit.hypothesis) - price(objective, now.hypothesis)
+    return fit.loglik - now.loglik - added
+
+
+def earns(objective: Objective, fit: Assessed, now: Assessed) -> bool:
+    """Whether a hypothesis earns its place in place of the present one."""
+    drop = 1.0 - fit.mse / now.mse
+    return worth(objective, fit, now) > THRESHOLDS.min_nats and bool(
+        (drop > THRESHOLDS.min_drop).any()
+    )

@@ -1,0 +1,209 @@
+"""Parameters with honest intervals: all fitted data, all effects together, nuisances beside them.
+
+The covariance is a sandwich over blocks longer than the errors' memory (H. White, 1982; D. W. K.
+Andrews, 1991): it holds although neighbouring errors resemble each other and the model is not
+exact. The nuisances enter with their prior spread, so that what they could explain widens the
+intervals of what they are confused with. What no data of one kind of motion can show is that a
+machine follows a law of a library only roughly: ``thresholds.law_strength`` is added for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import t as student
+
+from wt.diagnose.likelihood.objective import Assessed, Objective
+from wt.diagnose.likelihood.refine import bounds, jacobian, pack, refine, steps
+from wt.diagnose.likelihood.tolerances import boxes
+from wt.diagnose.result import Estimate
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.effect import Parameter
+from wt.physics.planted import Hypothesis, Planted
+
+Array = np.ndarray
+
+BLOCK_S = 2.0
+"""Length of a block [s]: longer than a servo's or a gravity-loaded joint's memory."""
+_NEAR = 0.02
+"""Nuisances linearised within this share of the parameters are not linearised again."""
+_HOLDING = ("body.mass", "actuator.gain")
+"""Errors of any rig that say how high a machine on soft legs stands."""
+
+
+@dataclass(frozen=True, eq=False)
+class Estimated:
+    """Effects with their final parameters.
+
+    Attributes:
+        assessed: the hypothesis on all fitted data.
+        estimates: for each part, its parameters by name.
+    """
+
+    assessed: Assessed
+    estimates: tuple[dict[str, Estimate], ...]
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        """The effects with their final parameters."""
+        return self.assessed.hypothesis
+
+
+def estimate(objective: Objective, start: Hypothesis) -> Estimated:
+    """Fit all effects together and estimate how well they are known."""
+    now = objective.reference(start)
+    if not start:
+        return Estimated(now, ())
+    parts = range(len(start))
+    (now,) = refine(objective, [start], [parts], iterations=3)
+    theta = pack(now.hypothesis, parts)
+    if (np.abs(theta - pack(start, parts)) > _NEAR * np.abs(theta) + steps(start, parts)).any():
+        now = objective.reference(now.hypothesis, now.nuisance)
+    (slope,) = jacobian(objective, [now], [parts])
+    spread = np.hypot(_spread(objective, now, slope), least_spread(now.hypothesis))
+    lower, upper = bounds(now.hypothesis, parts)
+    low, high = np.maximum(theta - spread, lower), np.minimum(theta + spread, upper)
+    estimates, offset = [], 0
+    for planted in now.hypothesis:
+        rows = slice(offset, offset + planted.effect.n_theta)
+        offset = rows.stop
+        estimates.append(_named(planted, low[rows], high[rows]))
+    return Estimated(now, tuple(estimates))
+
+
+def least_certain(estimated: Estimated) -> int | None:
+    """The effect that may as well be nothing; None if all are certainly something.
+
+    That is one whose intervals hold all of its neutral values (A. Wald, 1943). Of several it is
+    the one nearest to them, in interval widths: the others may be certain without it.
+    """
+    away: dict[int, float] = {}
+    for i, planted in enumerate(estimated.hypothesis):
+        known = [p for p in planted.effect.parameters if p.neutral is not None]
+        widths = [_from_neutral(p, estimated.estimates[i][p.name]) for p in known]
+        if widths and np.isfinite(widths).all():
+            away[i] = max(widths)
+    return min(away, key=away.__getitem__, default=None)
+
+
+def _from_neutral(parameter: Parameter, estimate: Estimate) -> float:
+    """Distance from its neutral value in widths of the interval; infinite if that is outside."""
+    assert parameter.neutral is not None
+    neutral = max(parameter.neutral, parameter.lower)
+    low, high = (np.atleast_1d(end) for end in estimate.ci95)
+    if ((neutral < low) | (neutral > high)).any():
+        return np.inf
+    return float((np.abs(np.atleast_1d(estimate.value) - neutral) / (high - low)).max())
+
+
+def _spread(objective: Objective, now: Assessed, slope: Array) -> Array:
+    """Half width of the 95 % intervals of the parameters, (p,)."""
+    hessian, scores, blocks = _curvature(objective, now, slope)
+    p, n = slope.shape[2], len(hessian)
+    settled = np.concatenate([np.zeros(p, bool), boxes(objective.some, now.hypothesis) == 0.0])
+    if objective.scene.free:  # rough derivatives tell them from an effect, and nothing else can
+        alike = {(q.effect.id, q.at) for q in now.hypothesis}
+        settled[p:] |= [(n.planted.effect.id, n.planted.at) in alike for n in objective.some]
+        # soft drives hold all bodies: what pulls at one may be the weight of another
+        if any(q.at.kind == "body" for q in now.hypothesis):
+            settled[p:] |= [n.planted.effect.id in _HOLDING for n in objective.some]
+    scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    scaled, free = hessian / scale / scale[:, None], np.flatnonzero(~settled)
+    inverse = np.zeros((n, n))
+    inverse[np.ix_(free, free)] = np.linalg.pinv(scaled[np.ix_(free, free)], rcond=1e-10)
+    meat = scores.T @ scores / scale / scale[:, None]
+    # the nuisances' true values scatter around zero by one standard deviation each
+    meat[range(p, n), range(p, n)] += 1.0 / scale[p:] ** 2
+    covariance = (inverse @ meat @ inverse) / scale / scale[:, None]
+    freedom = max(blocks - p, 2)
+    # those that were taken to be nothing do so too, and go into the parameters as they are
+    blamed = inverse @ (scaled[:, settled] * scale[settled]) / scale[:, None]
+    variance = np.diag(covariance) + (blamed**2).sum(axis=1)
+    deviation = np.sqrt(np.maximum(variance[:p], 0.0))
+    # what the replays' steps may still be wrong by, seen through the same estimator
+    numerical = inverse @ (_numerical_score(objective, now, slope) / scale) / scale
+    return np.asarray(np.hypot(student.ppf(0.975, freedom) * deviation, 2.0 * numerical[:p]))
+
+
+def least_spread(hypothesis: Hypothesis) -> Array:
+    """Half width below which no interval makes sense, however much data there is, (p,).
+
+    The smallest change that matters; and for what is measured from nothing, a share of it.
+    """
+    found: list[float] = []
+    for planted in hypothesis:
+        offset = 0
+        for p in planted.effect.parameters:
+            size = float(np.linalg.norm(planted.theta[offset : offset + p.size]))
+            offset += p.size
+            usual = THRESHOLDS.law_strength if p.lower >= 0.0 and p.unit != "-" else 0.0
+            found += [float(np.hypot(p.step, (p.inexact or usual) * size))] * p.size
+    return np.array(found)
+
+
+def _curvature(objective: Objective, now: Assessed, slope: Array) -> tuple[Array, Array, int]:
+    """What intervals are made of.
+
+    Args:
+        objective: the replays.
+        now: the fitted hypothesis.
+        slope: Jacobian of its error in the parameters, (N, nv, p).
+
+    Returns:
+        (Hessian of parameters and nuisances, the nuisances' prior included; score of each block;
+        number of blocks).
+    """
+    both = np.concatenate([slope, objective.columns], axis=2)
+    p, n = slope.shape[2], both.shape[2]
+    weighted = both * objective.channels.precision(now.variance)[:, :, None]
+    hessian = weighted.reshape(-1, n).T @ both.reshape(-1, n)
+    hessian[range(p, n), range(p, n)] += 1.0
+    left = objective.left(now)
+    labels = np.stack([objective.recording, (objective.t / BLOCK_S).astype(int)], axis=1)
+    _, block = np.unique(labels, axis=0, return_inverse=True)
+    count = int(block.max()) + 1
+    scores = np.zeros((count, n))
+    np.add.at(scores, block.ravel(), np.einsum("ijk,ij->ik", weighted, left))
+    return hessian, scores, count
+
+
+def _numerical_score(objective: Objective, now: Assessed, slope: Array) -> Array:
+    """Score that half of the steps' known error would have, (p + nuisances,)."""
+    both = np.concatenate([slope, objective.columns], axis=2)
+    error = objective.channels.precision(now.variance) * objective.numerical_error
+    return np.asarray(np.einsum("ijk,ij->k", both, error))
+
+
+def _named(planted: Planted, low: Array, high: Array) -> dict[str, Estimate]:
+    lower, upper = planted.effect.bounds()
+    found: dict[str, Estimate] = {}
+    start = 0
+    for p in planted.effect.parameters:
+        rows = slice(start, start + p.size)
+        start = rows.stop
+        if not p.public:
+            continue
+        value, ends = planted.theta[rows], (low[rows], high[rows])
+        warning = ""
+        # a vector as a whole: one of its components may well be nothing
+        if np.linalg.norm(ends[1] - ends[0]) > 2.0 * max(float(np.linalg.norm(value)), p.step):
+            warning = "not identifiable from these recordings: the interval is wider than the value"
+        span = upper[rows] - lower[rows]
+        if ((value - lower[rows] < 1e-3 * span) | (upper[rows] - value < 1e-3 * span)).any():
+            near_zero = (np.abs(value) <= 1e-3 * span).all()
+            if not near_zero:
+                warning = "at the bound of what is admissible: the law may be another one"
+        found[p.name] = Estimate(
+            _plain(value, bool(p.axes)),
+            p.unit,
+            (_plain(ends[0], bool(p.axes)), _plain(ends[1], bool(p.axes))),
+            warning,
+        )
+    for name, (unit, values) in planted.observed().items():
+        found[name] = Estimate(values, unit, (values, values))
+    return found
+
+
+def _plain(value: Array, vector: bool) -> float | tuple[float, ...]:
+    return tuple(float(x) for x in value) if vector else float(value[0])

@@ -1,0 +1,155 @@
+"""Replays at coarse steps that do for fine ones, and their finite differences.
+
+:class:`Extrapolated` replays at coarse steps and corrects them by what fine ones change at a
+reference. :class:`Nearby` is linear around a hypothesis: the changes of its replays by the model's
+tolerances and by other initial states.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+
+import numpy as np
+
+from wt.diagnose.likelihood.adapt import responses
+from wt.diagnose.likelihood.tolerances import Nuisance
+from wt.physics.planted import Key, Planted
+from wt.physics.replay import Stretch
+from wt.physics.rollout import Replayer
+from wt.physics.scene import Scene
+
+Array = np.ndarray
+
+COARSE = 2.0
+"""Physics step of most replays, in fine ones; the extrapolation needs two."""
+_SLOPE_STEP_S = 2e-3
+"""Physics step for small differences between replays, unless coarse ones are longer [s]."""
+_BOUNDED = 0.02
+"""What coarse steps may change, as a share of how far a joint moves; fine ones are taken beyond."""
+
+
+class Extrapolated:
+    """Replays of stretches at coarse steps, plus what finer ones change at a reference.
+
+    The steps' error is of first order, so that two step lengths tell what is left at none
+    (Richardson's extrapolation). It hardly changes between hypotheses that are close.
+
+    Attributes:
+        coarse: takes the long steps.
+        slopes: takes steps that do for differences between hypotheses.
+        correction: what is added to the positions it says, (N, nv).
+    """
+
+    def __init__(self, scene: Scene, stretches: Sequence[Stretch], step: float) -> None:
+        """Prepare.
+
+        Args:
+            scene: the machine.
+            stretches: what to replay.
+            step: the fine step [s].
+        """
+        self._fine = Replayer(scene, stretches, step)
+        short = self._fine.run([()]).q[0]
+        bound = _BOUNDED * np.std(short, axis=0)
+
+        def bounded(longer: float, otherwise: Replayer) -> Replayer:
+            replayer = Replayer(scene, stretches, longer)
+            apart = np.sqrt(np.mean((replayer.run([()]).q[0] - short) ** 2, axis=0))
+            return replayer if (apart <= bound).all() else otherwise  # NaN is none
+
+        self.coarse = bounded(COARSE * step, self._fine)
+        self.slopes = self.coarse
+        if self.coarse.step < _SLOPE_STEP_S:
+            self.slopes = bounded(_SLOPE_STEP_S, self.coarse)
+        self.correction = np.zeros_like(short)
+
+    def run(self, hypotheses: Sequence[Sequence[Planted]]) -> Array:
+        """Positions, (H, N, nv); NaN where a replay exploded."""
+        return self.coarse.run(hypotheses).q + self.correction
+
+    def around(
+        self, reference: Sequence[Planted], near: Sequence[Sequence[Planted]]
+    ) -> tuple[Array, Array]:
+        """Replay a reference and what is near it; the reference's correction is everybody's now.
+
+        Returns:
+            (positions of the reference, (N, nv); what is different near it, (H, N, nv)).
+        """
+        base, *others = self.slopes.run([reference, *near]).q
+        q = base if self.slopes is self.coarse else self.coarse.run([reference]).q[0]
+        if self.coarse is not self._fine:
+            self.correction = np.nan_to_num(2.0 * (self._fine.run([reference]).q[0] - q))
+        return q + self.correction, np.array(others).reshape(-1, *base.shape) - base
+
+
+_STEP = 0.1
+"""Change of an error for its derivative [deviations]: long valleys need good ones."""
+ROUGH = 10.0
+"""So many times as large are differences on legs: a foot lands a physics step earlier or later
+after the smallest change, and what that does must not pass for a slope."""
+
+
+class Nearby:
+    """Finite differences of replays, by which they are linear around a hypothesis.
+
+    A floating base has many links and as many unknown initial speeds; what they change is computed
+    once there for hypotheses of the same effects, whatever their parameters.
+
+    Attributes:
+        nudge: differences are so many times as large as where replays are smooth.
+        some: errors of the rig.
+        able: which of them a model can hold, (n,) bool.
+    """
+
+    def __init__(
+        self, replays: Extrapolated, some: Sequence[Nuisance], deviations: Array, once: bool
+    ) -> None:
+        """Prepare.
+
+        Args:
+            replays: of the stretches.
+            some: errors of the rig.
+            deviations: of initial positions and velocities, (2nv,); empty if they are forgotten.
+            once: whether to compute what changes once for the same effects.
+        """
+        self._replays, self._deviations, self._once = replays, deviations, once
+        self.nudge = ROUGH if once else 1.0
+        self._step = _STEP * self.nudge
+        self.some = tuple(some)
+        self.able = np.array([n.correctable for n in some], dtype=bool)
+        self._known: tuple[tuple[Key, ...], Array, Array] | None = None
+
+    def on(self, replays: Extrapolated) -> Nearby:
+        """The same differences of other replays of the same stretches."""
+        other = copy.copy(self)
+        other._replays = replays
+        return other
+
+    def rig(self, sizes: Array) -> tuple[Planted, ...]:
+        """Errors of so many deviations, those that a model can hold."""
+        pairs = zip(self.some, sizes, strict=True)
+        return tuple(n.scaled(float(x)) for n, x in pairs if n.correctable and x)
+
+    def around(self, hypothesis: Sequence[Planted], centre: Array) -> tuple[Array, Array, Array]:
+        """Replay a hypothesis with the rig's errors at ``centre`` [deviations].
+
+        Returns:
+            (positions, (N, nv); what changes per deviation of each error, (n, N, nv); what changes
+            per deviation of each initial state, (N, nv, 2nv), of no width if it is forgotten).
+        """
+        here = (*hypothesis, *self.rig(centre))
+        keys = tuple(p.key for p in hypothesis)
+        if self._known is not None and self._known[0] == keys:
+            return self._replays.around(here, [])[0], *self._known[1:]
+        moved = [
+            (*hypothesis, *self.rig(centre + one)) if n.correctable else (*here, n.planted)
+            for n, one in zip(self.some, self._step * np.eye(len(self.some)), strict=True)
+        ]
+        q, changes = self._replays.around(here, moved)
+        changes = np.nan_to_num(changes) / np.where(self.able, self._step, 1.0)[:, None, None]
+        response = np.zeros((*q.shape, 0))
+        if self._deviations.size:
+            response = responses(self._replays.slopes, here, self._deviations)
+        self._known = (keys, changes, response) if self._once else None
+        return q, changes, response

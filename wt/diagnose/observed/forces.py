@@ -1,0 +1,195 @@
+"""What the robot reports besides its joints' motion, as evidence: forces, and further sensors.
+
+A measured actuator force splits the missing force in two: what the drive gives beyond the model's
+law, and what the motion demands beyond what the drive gives. Where the first is large the fault is
+in front of the measurement, where the second is, behind it. Neither changes the verdict.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wt.diagnose.observed.sensors import sensed
+from wt.diagnose.recordings.prepare import Prepared
+from wt.diagnose.recordings.samples import Part, stamps
+from wt.diagnose.residual.screen import Screen, leftover
+from wt.diagnose.result import Measured, MeasuredForce, Side
+from wt.diagnose.selection.holdout import Holdout
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.motion import Motion
+from wt.physics.planted import Hypothesis
+from wt.physics.scene import Drive
+
+Array = np.ndarray
+
+_LEAST_ROWS = 50
+
+
+def measured(
+    prepared: Prepared, screen: Screen, held: Holdout, hypothesis: Hypothesis, step: float
+) -> Measured:
+    """Compare what was measured besides the joints with model and replays.
+
+    Args:
+        prepared: the recordings.
+        screen: the force residual of the fitted ones.
+        held: the held-out ones.
+        hypothesis: the findings.
+        step: physics step of replays [s].
+    """
+    forces = _forces(prepared.fit, screen)
+    sensors, left_out = sensed(prepared.held, held, hypothesis, step)
+    notes = [said for f in forces if (said := sentence(f))]
+    if left_out:
+        names = ", ".join(left_out)
+        notes.append(f"Not compared, since the joints' motion alone does not decide it: {names}.")
+    return Measured(forces, sensors, tuple(notes))
+
+
+def sentence(force: MeasuredForce) -> str:
+    """What a measured force says, in a sentence; "" where nothing is missing."""
+    law, motion = (f"{x:.2g} {force.unit}" for x in (force.off_law, force.off_motion))
+    who = f"The measured force of actuator {force.actuator}"
+    where = f"what is missing at joint {force.joint} lies"
+    if force.side == "drive":
+        return (
+            f"{who} is {law} (RMS) off the model's and within {motion} of what the motion "
+            f"demands: {where} in the drive, or in the position that the drive works with."
+        )
+    if force.side == "behind":
+        return (
+            f"{who} is within {law} (RMS) of the model's and {motion} off what the motion "
+            f"demands: {where} behind the drive, in the joint or in what it moves."
+        )
+    if force.side == "both":
+        return (
+            f"{who} is {law} (RMS) off the model's and {motion} off what the motion demands: "
+            f"{where} in the drive as well as behind it, or the force is measured wrongly."
+        )
+    if force.side == "measurement":
+        return (
+            f"{who} is {law} (RMS) off the model's, which is what the motion demands: check its "
+            "unit, sign and scale."
+        )
+    return ""
+
+
+def _forces(parts: Sequence[Part], screen: Screen) -> tuple[MeasuredForce, ...]:
+    motion = screen.motion
+    found = []
+    left = leftover(screen, ()).left
+    for drive in motion.scene.drives:
+        force = drive.gear * _on_grid(parts, motion, f"force/{drive.name}")
+        known = np.isfinite(screen.weak(force)) & screen.keep[:, drive.dof].astype(bool)
+        if known.sum() >= _LEAST_ROWS:
+            found.append(_compared(screen, drive, force, known, left))
+    return tuple(found)
+
+
+def _on_grid(parts: Sequence[Part], motion: Motion, name: str) -> Array:
+    """A column of recordings at the samples of their smooth motion, (T,); NaN where missing."""
+    found = np.full(len(motion), np.nan)
+    for part in parts:
+        column = part.recording.columns.get(name)
+        if column is None:
+            continue
+        clock, fine = stamps(part.recording), np.isfinite(column)
+        for s in motion.segments:
+            if s.recording == part.index and fine.any():
+                t = motion.t[s.rows]
+                near = clock[fine][np.clip(np.searchsorted(clock[fine], t), 0, fine.sum() - 1)]
+                value = np.interp(t, clock[fine], column[fine], left=np.nan, right=np.nan)
+                # what lies in a gap of the column is not known
+                found[s.rows] = np.where(np.abs(near - t) < 3.0 * s.dt, value, np.nan)
+    return found
+
+
+def _compared(
+    screen: Screen, drive: Drive, force: Array, known: Array, left: Array
+) -> MeasuredForce:
+    """One measured force (T,) on its joint, in the weak rows (R,) in which it is known."""
+    motion, dof = screen.motion, drive.dof
+    off = force - motion.force(drive)
+    off_law, lacking = screen.weak(off), np.where(known, screen.residual[:, dof], np.nan)
+    off_law -= _read(screen, drive, np.where(known, off_law, np.nan), lacking - off_law)
+    scatter = off[1:-1] - 0.5 * (off[2:] + off[:-2])
+    noise = 1.4826 * float(np.nanmedian(np.abs(scatter))) / np.sqrt(1.5) * _averaging(screen)
+    sizes = [_rms(x[known]) for x in (off_law, lacking - off_law, lacking)]
+    floor = THRESHOLDS.measured_noise * float(screen.floor[dof])
+    allowed = [
+        THRESHOLDS.measured_noise * noise
+        + THRESHOLDS.measured_law * _rms(screen.weak(motion.force(drive))[known]),
+        floor + THRESHOLDS.measured_demand * _rms(screen.weak(motion.demand[:, dof])[known]),
+    ]
+    missing = _rms(left[known, dof]) > floor
+    scene, m = motion.scene, motion.scene.model
+    return MeasuredForce(
+        actuator=drive.name,
+        joint=drive.joint,
+        moves=tuple(b for b in scene.moving if scene.carries(m.body(b).id)[dof]),
+        off_law=sizes[0],
+        off_motion=sizes[1],
+        lacking=sizes[2],
+        unit="N·m" if int(m.jnt_type[dof]) == 3 else "N",
+        side=_side(sizes, allowed, missing),
+    )
+
+
+def _read(screen: Screen, drive: Drive, off_law: Array, off_motion: Array) -> Array:
+    """What the moment of reading adds to a measured force in weak rows, (R,).
+
+    A sample is read before its command acts, or after, or is an average: half an interval early
+    to half an interval late. The moment is taken at which the force agrees best with the model's
+    law, or with the motion, whichever it agrees with better.
+
+    Args:
+        screen: the recordings.
+        drive: what the force is of.
+        off_law: measured force less the law, (R,); NaN where not measured.
+        off_motion: what the motion demands less the measured force, (R,); likewise.
+    """
+    half = 0.5 * screen.motion.dt
+    early, late = (
+        screen.motion.force(drive, screen.motion.delayed(drive.index, delay))
+        for delay in (-half, half)
+    )
+    change, known = screen.weak(early - late), np.isfinite(off_law)
+    size = max(float(change[known] @ change[known]), 1e-12)
+    options = []
+    for off in (off_law, -off_motion):
+        share = float(np.clip(off[known] @ change[known] / size, -0.5, 0.5))
+        options.append((_rms(off[known] - share * change[known]), share))
+    return np.asarray(min(options)[1] * change)
+
+
+def _side(sizes: Sequence[float], allowed: Sequence[float], missing: bool) -> Side:
+    """Where something is missing.
+
+    Args:
+        sizes: measured less law, demanded less measured, demanded less law.
+        allowed: what the first two may be for no reason.
+        missing: whether the third is more than any rig is off by.
+    """
+    off_law, off_motion = (x > most for x, most in zip(sizes[:2], allowed, strict=True))
+    little = [x < THRESHOLDS.measured_small * max(sizes) for x in sizes]
+    if off_law and off_motion and (little[2] or not missing):
+        return "measurement"
+    if not missing or not (off_law or off_motion):
+        return "neither"
+    if off_law and (little[1] or not off_motion):
+        return "drive"
+    if off_motion and (little[0] or not off_law):
+        return "behind"
+    return "both"
+
+
+def _averaging(screen: Screen) -> float:
+    """Standard deviation of white noise of one in the weak form."""
+    white = np.random.default_rng(0).standard_normal(len(screen.motion))
+    return float(np.std(screen.weak(white)))
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))

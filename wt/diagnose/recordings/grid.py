@@ -1,0 +1,99 @@
+"""Coarse encoders: read off the recorded values, which lie on a grid.
+
+Every encoder has steps. Those finer than ``thresholds.encoder_step`` are what any robot has,
+and no finding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wt.diagnose.recordings.samples import Part
+from wt.diagnose.result import Estimate, Finding, Located
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.effect import effects
+from wt.types import Location
+
+Array = np.ndarray
+
+_FEWEST = 8  # values on the grid, or nothing moved enough to tell
+_OFF = 0.02  # of a step: what rounding in a file may move a value by
+
+
+def coarse_steps(
+    fitted: Sequence[Part], held: Sequence[Part], joints: Sequence[str]
+) -> tuple[Finding, ...]:
+    """Joints whose positions were recorded in coarse steps, in the fitted and held-out parts.
+
+    Args:
+        fitted: the steps are read off these.
+        held: … and have to be found again in these.
+        joints: of the model.
+    """
+    found = []
+    for joint in joints:
+        values = [_values(parts, joint) for parts in (fitted, held)]
+        step = _step(values[0])
+        if (
+            step is None
+            or step < THRESHOLDS.encoder_step
+            or len(values[1]) < _FEWEST
+            or _off(values[1], step)
+        ):
+            continue
+        # by chance, a value lies so near to a grid line with this probability
+        chance = min(1.0, (2.0 * _OFF) ** (len(np.unique(values[1])) - 2))
+        found.append(_finding(joint, step, values[0], chance))
+    return tuple(found)
+
+
+def located(found: Sequence[Finding], alone: bool) -> tuple[Located, ...]:
+    """The places of coarse encoders; they share the mismatch if there is no other."""
+    share = 1.0 / len(found) if found and alone else 0.0
+    return tuple(Located(f.at, share, condition="whenever it moves, in steps") for f in found)
+
+
+def _values(parts: Sequence[Part], joint: str) -> Array:
+    found = [np.zeros(0)]
+    for p in parts:
+        since = p.recording.t - p.recording.t[0]
+        inside = (since >= p.span[0]) & (since < p.span[1])
+        column = p.recording.columns.get(f"qpos/{joint}")
+        if column is not None:
+            found.append(column[inside & np.isfinite(column)])
+    return np.concatenate(found)
+
+
+def _step(values: Array) -> float | None:
+    """Spacing of the grid that all values lie on; None if there is none."""
+    levels = np.unique(values)
+    if len(levels) < _FEWEST or len(levels) > 0.5 * len(values):
+        return None
+    gaps = np.diff(levels)
+    smallest = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
+    count = np.round((levels - levels[0]) / smallest)
+    step = float(np.polyfit(count, levels, 1)[0])
+    return None if _off(values, step) else step
+
+
+def _off(values: Array, step: float) -> bool:
+    """Whether values lie beside the grid."""
+    phase = (values - values[0]) / step
+    return bool(np.abs(phase - np.round(phase)).max() > _OFF)
+
+
+def _finding(joint: str, step: float, values: Array, chance: float) -> Finding:
+    effect, at = effects()["sensor.quantization"], Location("joint", joint)
+    # any step within this of the estimate keeps all values on the grid
+    spread = step * _OFF / max(float(np.ptp(values)) / step, 1.0)
+    return Finding(
+        effect=effect.id,
+        at=at,
+        parameters={"step": Estimate(step, "rad", (step - spread, step + spread))},
+        statement=effect.statement(at, np.array([step])),
+        holdout_gain=0.0,
+        p_value=chance,
+        reference=effect.reference,
+    )

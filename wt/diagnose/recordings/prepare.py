@@ -1,0 +1,160 @@
+"""Recordings are read, checked against the model, completed, and split.
+
+Completed: with where a floating base was, if only its IMU was recorded. Split: into fitted and
+held-out parts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from wt.data import recording as recordings
+from wt.diagnose.recordings.odometry import located
+from wt.diagnose.recordings.samples import Part, stamps
+from wt.diagnose.result import Role, Used
+from wt.errors import RecordingError
+from wt.physics.scene import Scene
+from wt.types import Recording
+
+Array = np.ndarray
+
+Source = str | Path | Recording
+
+_HELD_SHARE = 0.25
+_STILL = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Checked and completed recordings, split.
+
+    Attributes:
+        fit: parts that may be fitted.
+        held: parts that only the proof sees.
+        used: what the user gave, and for what it is used.
+        names: name of each recording, by index.
+        split: in words.
+    """
+
+    fit: tuple[Part, ...]
+    held: tuple[Part, ...]
+    used: tuple[Used, ...]
+    names: tuple[str, ...]
+    split: str
+
+
+def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) -> Prepared:
+    """Read, check, complete and split recordings.
+
+    Args:
+        scene: the machine.
+        given: recordings to fit; some of them are held out if ``holdout`` is empty.
+        holdout: recordings for the proof only.
+
+    Raises:
+        RecordingError: one of them cannot be used, or where its base was cannot be known; the
+            message names it.
+    """
+    if not given:
+        raise RecordingError("no recording was given; give at least one .parquet file")
+    named = _told_apart([_read(scene, source, i) for i, source in enumerate([*given, *holdout])])
+    parts = [Part(r, i) for i, (_, r) in enumerate(named)]
+    fit, held = parts[: len(given)], parts[len(given) :]
+    split = "recordings given with --holdout"
+    if not held and len(fit) > 1:
+        total = sum(p.recording.seconds for p in fit)
+        while len(fit) > 1 and sum(p.recording.seconds for p in held) < 0.8 * _HELD_SHARE * total:
+            held.insert(0, fit.pop())
+        split = "the last of the recordings"
+    elif not held:
+        (whole,) = fit
+        fit, held = _cut(whole)
+        split = "the last quarter of the recording"
+    used = [
+        Used(named[p.index][0], role, p.seconds, p.recording.rate_hz)
+        for role, some in _roles(fit, held)
+        for p in some
+    ]
+    return Prepared(tuple(fit), tuple(held), tuple(used), tuple(n for n, _ in named), split)
+
+
+def _roles(fit: list[Part], held: list[Part]) -> tuple[tuple[Role, list[Part]], ...]:
+    return ("fit", fit), ("holdout", held)
+
+
+def _read(scene: Scene, source: Source, index: int) -> tuple[str, Recording]:
+    if isinstance(source, Recording):
+        name = str(source.meta.get("source", f"recording {index + 1}"))
+        recording = source
+    else:
+        name, recording = str(source), recordings.read(source)
+    try:
+        recordings.check_against(recording, scene.given)
+        _check_contents(scene, recording)
+        return name, _completed(scene, recording)
+    except RecordingError as error:
+        raise RecordingError(f"'{name}': {error}") from error
+
+
+def _told_apart(named: list[tuple[str, Recording]]) -> list[tuple[str, Recording]]:
+    """Recordings of one name with a number behind it."""
+    found: list[tuple[str, Recording]] = []
+    for name, recording in named:
+        same = sum(other == name for other, _ in named[: len(found)])
+        found.append((f"{name} ({same + 1})" if same else name, recording))
+    return found
+
+
+def _check_contents(scene: Scene, recording: Recording) -> None:
+    for name, column in recording.columns.items():
+        if not np.isfinite(column).any():
+            raise RecordingError(f"column '{name}' has no finite value; leave it out")
+    missing = [d.name for d in scene.drives if f"ctrl/{d.name}" not in recording.columns]
+    if missing:
+        raise RecordingError(
+            f"column 'ctrl/{missing[0]}' is missing: the command of every actuator is needed"
+        )
+    moves = [
+        np.nanstd(column) > _STILL
+        for name, column in recording.columns.items()
+        if name.startswith(("ctrl/", "qpos/"))
+    ]
+    commands = [
+        np.nanstd(recording.columns[f"ctrl/{d.name}"]) > _STILL
+        for d in scene.drives
+        if f"ctrl/{d.name}" in recording.columns
+    ]
+    if not any(moves) or (commands and not any(commands) and not _swings(scene, recording)):
+        raise RecordingError(
+            "every command is constant and nothing moves: nothing is excited, so nothing can be "
+            "learned; record a motion, for example the one of --suggest-experiment"
+        )
+
+
+def _completed(scene: Scene, recording: Recording) -> Recording:
+    """A recording with the pose of every base that floats."""
+    columns = dict(recording.columns)
+    for joint in scene.free:
+        columns |= located(scene, joint, stamps(recording), columns)
+    return replace(recording, columns=columns)
+
+
+def _swings(scene: Scene, recording: Recording) -> bool:
+    """Whether some joint moves although no command does, as a released pendulum."""
+    return any(
+        np.nanstd(recording.columns.get(f"qpos/{joint}", np.zeros(1))) > 0.02
+        for joint in scene.joints
+    )
+
+
+def _cut(whole: Part) -> tuple[list[Part], list[Part]]:
+    """The first three quarters and the last of one recording."""
+    cut = (1.0 - _HELD_SHARE) * whole.recording.seconds
+    return (
+        [Part(whole.recording, whole.index, (0.0, cut))],
+        [Part(whole.recording, whole.index, (cut, np.inf))],
+    )

@@ -1,0 +1,193 @@
+"""Recordings become smooth motions: noise, uneven stamps, gaps and a missing velocity handled.
+
+A quintic spline is fitted by least squares to positions and velocities at their own time stamps,
+so that position, velocity and acceleration come from one curve. How fine its knots are is chosen
+by generalised cross-validation (P. Craven and G. Wahba, 1979), joint by joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.interpolate import BSpline
+from scipy.sparse.linalg import splu
+
+from wt.diagnose.recordings.samples import Part, Samples, samples_of
+from wt.physics.motion import Motion, Segment
+from wt.physics.scene import Scene
+
+Array = np.ndarray
+
+DEGREE = 5
+_KNOTS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0)  # samples between knots that are tried
+_COARSEST = 0.05  # s between knots: slower than any motion that matters
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """Recordings, smoothed.
+
+    Attributes:
+        samples: the measured segments.
+        motion: the smooth motion on an even grid, segment by segment.
+        at_samples: per segment, smooth (q, v, a) at the measured time stamps, (K, nv) each.
+        noise: standard deviation of a position sample, (nv,) [rad or m].
+        noise_v: of a velocity sample, (nv,); NaN where none was recorded.
+        smoother: per segment and joint the spacing of knots, in samples.
+    """
+
+    samples: tuple[Samples, ...]
+    motion: Motion
+    at_samples: tuple[tuple[Array, Array, Array], ...]
+    noise: Array
+    noise_v: Array
+    spacing: tuple[tuple[float, ...], ...]
+
+
+def smooth(scene: Scene, parts: Sequence[Part]) -> Smoothed:
+    """Smooth recordings of one machine.
+
+    Raises:
+        RecordingError: nothing usable is in them.
+    """
+    samples = samples_of(scene, parts)
+    nv = scene.model.nv
+    chosen = [[_choose(s, joint) for joint in range(nv)] for s in samples]
+    noise = np.array([_pooled([c[j].sigma for c in chosen]) for j in range(nv)])
+    noise_v = np.array([_pooled([c[j].sigma_v for c in chosen]) for j in range(nv)])
+    return _assemble(scene, samples, chosen, noise, noise_v)
+
+
+def resmooth(smoothed: Smoothed, rng: np.random.Generator) -> Motion:
+    """The smooth motion as it would come out of another draw of the measurement noise."""
+    renewed = []
+    for s, (q, v, _) in zip(smoothed.samples, smoothed.at_samples, strict=True):
+        noisy_q = q + smoothed.noise * rng.standard_normal(q.shape)
+        noisy_v = v + np.nan_to_num(smoothed.noise_v) * rng.standard_normal(v.shape)
+        noisy_q[np.isnan(s.q)], noisy_v[np.isnan(s.v)] = np.nan, np.nan
+        renewed.append(Samples(s.recording, s.t, noisy_q, noisy_v, s.held))
+    nv = smoothed.noise.size
+    chosen = [
+        [_fit(s, j, spacing[j], smoothed.noise[j], smoothed.noise_v[j]) for j in range(nv)]
+        for s, spacing in zip(renewed, smoothed.spacing, strict=True)
+    ]
+    scene = smoothed.motion.scene
+    return _assemble(scene, tuple(renewed), chosen, smoothed.noise, smoothed.noise_v).motion
+
+
+@dataclass(frozen=True, eq=False)
+class _Curve:
+    """A fitted spline of one joint in one segment."""
+
+    spline: BSpline
+    spacing: float
+    sigma: float
+    sigma_v: float
+    score: float
+
+
+def _choose(s: Samples, joint: int) -> _Curve:
+    """The curve whose knots generalised cross-validation prefers."""
+    best: _Curve | None = None
+    for spacing in _KNOTS:
+        if best is not None and spacing * s.dt > _COARSEST:
+            break
+        curve = _fit(s, joint, spacing, 1.0, np.nan)
+        if best is None or curve.score < 0.995 * best.score:
+            best = curve
+    assert best is not None
+    if np.isfinite(s.v[:, joint]).mean() < 0.5:
+        return best
+    return _fit(s, joint, best.spacing, best.sigma, best.sigma_v)
+
+
+def _fit(s: Samples, joint: int, spacing: float, sigma: float, sigma_v: float) -> _Curve:
+    """Least squares spline through positions and, if ``sigma_v`` is finite, velocities."""
+    ok = np.isfinite(s.q[:, joint])
+    if ok.sum() < 4 * DEGREE:
+        return _Curve(_constant(s.t, 0.0), spacing, np.nan, np.nan, np.inf)
+    t, x = s.t[ok], s.q[ok, joint]
+    inner = np.linspace(s.t[0], s.t[-1], max(2, round((s.t[-1] - s.t[0]) / (spacing * s.dt)) + 1))
+    knots = np.concatenate([np.repeat(inner[0], DEGREE), inner, np.repeat(inner[-1], DEGREE)])
+    design = BSpline.design_matrix(t, knots, DEGREE)
+    normal = (design.T @ design) / sigma**2
+    right = design.T @ x / sigma**2
+    n = design.shape[1]
+    with_v = np.isfinite(s.v[:, joint])
+    if np.isfinite(sigma_v) and with_v.any():
+        slope = _derivative(knots, n)
+        design_v = BSpline.design_matrix(s.t[with_v], knots[1:-1], DEGREE - 1) @ slope
+        normal = normal + (design_v.T @ design_v) / sigma_v**2
+        right = right + design_v.T @ s.v[with_v, joint] / sigma_v**2
+    # third differences, as weak as can be: coefficients that no sample supports stay defined
+    third = sparse.diags([-1.0, 3.0, -3.0, 1.0], [0, 1, 2, 3], shape=(n - 3, n))
+    ridge = 1e-9 * normal.diagonal().max()
+    coefficients = splu((normal + ridge * (third.T @ third)).tocsc()).solve(right)
+    spline = BSpline(knots, coefficients, DEGREE)
+    left = x - design @ coefficients
+    free = max(len(t) - n, 1)
+    rms = _core_deviation(left) * float(np.sqrt(len(t) / free))
+    # GCV = N·RSS / (N − p)², with p the number of coefficients
+    score = float(len(t) * (left @ left) / free**2)
+    rate = np.nan
+    if with_v.any():
+        error = s.v[with_v, joint] - spline(s.t[with_v], 1)
+        rate = float(np.sqrt(np.mean(error**2)))
+    return _Curve(spline, spacing, max(rms, 1e-9), rate, score)
+
+
+def _core_deviation(left: Array) -> float:
+    """Standard deviation of the middle 80 %, as of a normal distribution.
+
+    Where a motion is faster than the knots, a few residuals are large that are no noise.
+    """
+    size = np.sort(np.abs(left))[: max(int(0.8 * len(left)), 1)]
+    # variance of a normal distribution cut off at its 80 % quantile: 0.4377
+    return float(np.sqrt(np.mean(size**2) / 0.4377))
+
+
+def _derivative(knots: Array, n: int) -> sparse.spmatrix:
+    """Coefficients of the derivative spline from those of the spline, (n − 1, n)."""
+    gap = knots[DEGREE + 1 : DEGREE + n] - knots[1:n]
+    factor = DEGREE / gap
+    return sparse.diags([-factor, factor], [0, 1], shape=(n - 1, n)).tocsc()
+
+
+def _constant(t: Array, value: float) -> BSpline:
+    knots = np.concatenate([np.repeat(t[0], DEGREE + 1), np.repeat(t[-1], DEGREE + 1)])
+    return BSpline(knots, np.full(DEGREE + 1, value), DEGREE)
+
+
+def _pooled(deviations: Sequence[float]) -> float:
+    finite = [d for d in deviations if np.isfinite(d)]
+    return float(np.median(finite)) if finite else np.nan
+
+
+def _assemble(
+    scene: Scene,
+    samples: tuple[Samples, ...],
+    chosen: Sequence[Sequence[_Curve]],
+    noise: Array,
+    noise_v: Array,
+) -> Smoothed:
+    """Evaluate the curves on even grids and at the stamps."""
+    parts, segments, at_samples, start = [], [], [], 0
+    for s, curves in zip(samples, chosen, strict=True):
+        splines = [c.spline for c in curves]
+        count = int((s.t[-1] - s.t[0]) / s.dt + 1e-6) + 1
+        grid = s.t[0] + s.dt * np.arange(count)
+        # the command in force at a grid point is the last one sent
+        last = np.clip(np.searchsorted(s.t, grid + 1e-6 * s.dt, side="right") - 1, 0, len(s.t) - 1)
+        on_grid = [np.stack([f(grid, d) for f in splines], axis=1) for d in range(3)]
+        parts.append((grid, *on_grid, s.held[last]))
+        segments.append(Segment(slice(start, start + count), s.recording, s.dt))
+        start += count
+        q, v, a = (np.stack([f(s.t, d) for f in splines], axis=1) for d in range(3))
+        at_samples.append((q, v, a))
+    t, q, v, a, held = (np.concatenate(x) for x in zip(*parts, strict=True))
+    motion = Motion(scene, tuple(segments), t, q, v, a, held)
+    spacing = tuple(tuple(c.spacing for c in curves) for curves in chosen)
+    return Smoothed(samples, motion, tuple(at_samples), noise, noise_v, spacing)

@@ -1,0 +1,130 @@
+"""Pieces of recordings that are replayed open loop: long where a machine forgets how it began."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from wt.diagnose.recordings.samples import Samples
+from wt.diagnose.recordings.smooth import Smoothed
+from wt.physics.replay import Stretch
+from wt.physics.rollout import Replayer
+
+Array = np.ndarray
+Block = tuple[int, int, int]
+"""A segment, its first sample, and the one after its last."""
+
+WINDOW_S, FLOATING_S = 0.5, 0.25
+"""Length of the stretches of a machine that does not forget its initial state [s], and of one on
+legs: what feet do to each other's forces soon makes two replays of the same walk two walks."""
+_TEST_S, _SHOVE, _FORGOTTEN = 1.5, 0.02, 0.3
+_AROUND, _MISFIT = 9, 2.0
+"""Samples around a start over which the curve may miss the measured positions by so much noise."""
+
+
+def forgets(smoothed: Smoothed, step: float) -> bool:
+    """Whether the model forgets its initial state, as a position servo does and a pendulum not.
+
+    Replays from two initial states, ``_SHOVE`` rad apart in every joint, must come to within
+    ``_FORGOTTEN`` of that. Nothing brings a floating base back to where it was.
+    """
+    if smoothed.motion.scene.free:
+        return False
+    t = smoothed.samples[0].t
+    first = cut(smoothed, 0, slice(0, int(np.searchsorted(t, t[0] + _TEST_S, side="right"))))
+    pair = [replace(first, q0=first.q0 + shove) for shove in (0.0, _SHOVE)]
+    q = Replayer(smoothed.motion.scene, pair, step).run([()]).q[0]
+    one, other = np.split(q, 2)
+    apart = np.abs(other[-1] - one[-1])
+    return bool(np.isfinite(apart).all() and (apart < _FORGOTTEN * _SHOVE).all())
+
+
+def cut(smoothed: Smoothed, index: int, rows: slice) -> Stretch:
+    """Some samples of a segment, to be replayed from the smooth state at the first of them."""
+    s, (q, v, _) = smoothed.samples[index], smoothed.at_samples[index]
+    first, segment = rows.start, smoothed.motion.segments[index]
+    known = (q[first], v[first], segment, smoothed.motion)
+    return Stretch(s.recording, s.t[rows], s.held[rows], *known)
+
+
+def stretches_of(
+    smoothed: Smoothed, forgets: bool, seconds: float = np.inf, telling: float = 0.0
+) -> list[tuple[Stretch, Array]]:
+    """Cut recordings into stretches to replay, with the positions measured in them.
+
+    Args:
+        smoothed: the recordings.
+        forgets: long stretches if so, else windows.
+        seconds: at most so much in all; blocks spread evenly over the recordings.
+        telling: share of them that is not, where windows are chosen from more than that: these are
+            where forces differ most from the usual. A stop is hit, and a foot slips, now and then.
+    """
+    total = sum(float(s.t[-1] - s.t[0]) for s in smoothed.samples)
+    keep = min(1.0, seconds / total)
+    telling = 0.0 if forgets or keep == 1.0 else telling
+    window = FLOATING_S if smoothed.motion.scene.free else WINDOW_S
+    blocks = [
+        (i, *block)
+        for i, s in enumerate(smoothed.samples)
+        for block in _blocks(s, keep * (1.0 - telling), forgets, window)
+    ]
+    blocks = sorted(blocks + _telling(smoothed, blocks, round(telling * keep * total / window)))
+    ready, found = [_ready(smoothed, i, forgets) for i in range(len(smoothed.samples))], []
+    for i, first, last in blocks:
+        later = ready[i][(ready[i] >= first) & (ready[i] <= (first + last) // 2)]
+        rows = slice(int(later[0]) if len(later) else first, last)
+        found.append((cut(smoothed, i, rows), smoothed.samples[i].q[rows]))
+    return found
+
+
+def _telling(smoothed: Smoothed, taken: list[Block], count: int) -> list[Block]:
+    """So many more windows, as long as those taken: where what is not explained is most unusual."""
+    if not count:
+        return []
+    m, scored = smoothed.motion, []
+    usual = 1.4826 * np.median(np.abs(m.unexplained), axis=0) + 1e-12
+    unusual = (m.unexplained / usual) ** 2 * m.calm[:, None]
+    for i, (s, segment) in enumerate(zip(smoothed.samples, m.segments, strict=True)):
+        mine = [(first, last) for j, first, last in taken if j == i]
+        size = mine[0][1] - mine[0][0]
+        for first in range(0, len(s.t) - size + 1, size):
+            if all(first + size <= f or first >= last for f, last in mine):
+                ends = np.searchsorted(m.t[segment.rows], s.t[[first, first + size - 1]])
+                here = unusual[segment.rows][ends[0] : ends[1] + 1]
+                scored.append((float(here.mean(axis=0).max()), (i, first, first + size)))
+    scored.sort(reverse=True)
+    return [block for _, block in scored[:count]]
+
+
+def _ready(smoothed: Smoothed, index: int, forgets: bool) -> Array:
+    """Samples of a segment that a stretch may begin with."""
+    s, (q, _, _) = smoothed.samples[index], smoothed.at_samples[index]
+    ready = np.flatnonzero(_known(s.q - q, smoothed.noise))
+    # at its very ends a curve's slope is loose
+    return ready if forgets else ready[ready >= max(smoothed.spacing[index])]
+
+
+def _known(misfit: Array, noise: Array) -> Array:
+    """Where the smooth curve is to be trusted as an initial state, (K,) bool.
+
+    Not where it misses the samples, as in a jolt that is faster than its knots.
+    """
+    square = np.nan_to_num(misfit / noise) ** 2
+    local = uniform_filter1d(square, _AROUND, axis=0, mode="nearest")
+    return np.asarray((local < _MISFIT**2).all(axis=1))
+
+
+def _blocks(s: Samples, keep: float, forgets: bool, window: float) -> list[tuple[int, int]]:
+    """Ranges of samples: windows [s], or blocks of about 10 s; the given share is kept."""
+    length = s.t[-1] - s.t[0]
+    if forgets:
+        if keep >= 0.999:
+            return [(0, len(s.t))]
+        count = max(1, int(np.ceil(keep * length / 10.0)))
+    else:
+        count = max(1, int(keep * length / window))
+    size = max(12, int(keep * len(s.t) / count))
+    starts = np.linspace(0, len(s.t) - size, count).astype(int)
+    return [(int(i), int(i + size)) for i in np.unique(starts)]

@@ -1,0 +1,294 @@
+"""The report's charts: errors over time, what a force depends on, and the horizon."""
+
+from __future__ import annotations
+
+import contextlib
+import html
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from wt.diagnose.report.drawing import draw, joint_of
+from wt.diagnose.report.text import error as said_error
+from wt.diagnose.report.text import name_of, number, scaled, short_name, tied
+from wt.diagnose.result import Diagnosis, Finding, Trace
+from wt.physics import base
+from wt.physics.scene import drives
+from wt.show.charts import Axes, Series, chart
+from wt.types import Location
+
+Array = np.ndarray
+
+_OVER_VELOCITY = ("friction", "speed_limit", "drag", "delay", "lag")
+_OVER_ACCELERATION = ("armature", "body.inertia")
+_OVER_DRIVE = ("gain", "deadband", "saturation")
+_OVER_TIME = ("fade", "force_intermittent", "payload_moving")
+_BINS, _LEAST = 36, 5
+_MOST_TRACES = 4
+_MOST_SHADED = 0.8  # of a trace, from which shading tells nothing
+_EXTREME = 0.005  # share of samples at either end that would squeeze all the rest
+BEFORE_AFTER = (
+    '<span class="key before">model as given</span> <span class="key after">patched model</span>'
+)
+
+
+def model_of(diagnosis: Diagnosis) -> mujoco.MjModel | None:
+    """The model as given, free joints taken apart; None if its file is gone and it needs others."""
+    # MuJoCo logs to a file of its own what is wrong with a path that does not exist
+    path = Path(diagnosis.model_path)
+    readers = [(mujoco.MjSpec.from_file, str(path))] if path.is_file() else []
+    for read, text in (*readers, (mujoco.MjSpec.from_string, diagnosis.given_xml)):
+        with contextlib.suppress(ValueError):
+            spec = read(text)
+            base.expand(spec)
+            return spec.compile()
+    return None
+
+
+def full_pose(model: mujoco.MjModel, joints: Sequence[str], positions: Array) -> Array:
+    """Generalised positions (T, nq) for those of the named joints (T, n); the rest at rest."""
+    qpos = np.tile(model.qpos0, (len(positions), 1))
+    for column, name in enumerate(joints):
+        qpos[:, int(model.joint(name).qposadr[0])] = positions[:, column]
+    return qpos
+
+
+def filled(t: Array, values: Array) -> Array:
+    """Values (T, n) with what is not finite interpolated over time; zero where nothing is known."""
+    out = np.array(values, float)
+    for column in out.T:
+        known = np.isfinite(column)
+        column[~known] = np.interp(t[~known], t[known], column[known]) if known.any() else 0.0
+    return out
+
+
+def robot(diagnosis: Diagnosis, model: mujoco.MjModel) -> str:
+    """The robot where its error is largest, with its culprits, as a figure."""
+    names: dict[Location, list[str]] = {}
+    for f in diagnosis.findings:
+        names.setdefault(f.at, []).append(name_of(f.effect))
+    marked = {at: ", ".join(some) for at, some in names.items()}
+    if not marked and diagnosis.verdict != "no_mismatch":
+        marked = {place.at: "unexplained" for place in diagnosis.locations[:1]}
+    poses, when = np.tile(model.qpos0, (1, 1)), ""
+    if diagnosis.traces:
+        trace = diagnosis.traces[0]
+        poses = full_pose(model, diagnosis.joints, filled(trace.t, trace.recorded))
+        error = np.nan_to_num(np.abs(trace.recorded - trace.before)).sum(axis=1)
+        row = int(error.argmax())
+        name = short_name(diagnosis, trace.name)
+        when = f", as recorded at {trace.t[row]:.1f} s of {name}, where the error is largest"
+        seen = poses[:: max(1, len(poses) // 40)]
+    else:
+        row, seen = 0, poses
+    what = "what was found" if diagnosis.findings else "the mismatch"
+    caption = f"The robot{when}." + (f" Marked: where {what} acts." if marked else "")
+    svg = draw(model, poses[row], marked, list(seen))
+    return _figure(svg, caption)
+
+
+def joint_order(diagnosis: Diagnosis) -> list[int]:
+    """Columns of the joints, the worst error before first."""
+    errors = diagnosis.proof.joints
+    size = [errors[j].before if j in errors else -1.0 for j in diagnosis.joints]
+    return sorted(range(len(size)), key=lambda j: -size[j])
+
+
+def over_time(diagnosis: Diagnosis, trace: Trace) -> Iterator[str]:
+    """Errors of the replays of one recording, a figure a joint."""
+    for j in joint_order(diagnosis):
+        name = diagnosis.joints[j]
+        before, after = (q[:, j] - trace.recorded[:, j] for q in (trace.before, trace.after))
+        if not np.isfinite(before).any():
+            continue
+        factor, unit = scaled(float(np.nanmax(np.abs(before))), diagnosis.unit)
+        error = diagnosis.proof.joints.get(name)
+        rms = [np.sqrt(np.nanmean(e**2)) * factor for e in (before, after)]
+        series = [Series("before", trace.t, before * factor)]
+        said = f"Joint {name}: error RMS {number(float(rms[0]))} {unit}"
+        if diagnosis.findings:
+            series.append(Series("after", trace.t, after * factor))
+            left = said_error(float(rms[1]), error.noise_floor * factor if error else 0.0)
+            said += f" with the model as given, {left} {unit} with the patched one"
+        axes = Axes(
+            x="time [s]",
+            y=f"error of {name} [{unit}]",
+            alt=f"{said}, over time in {trace.name}",
+            spans=spans(diagnosis, trace),
+            floor=2 * error.noise_floor * factor if error else None,
+        )
+        yield _figure(chart(series, axes), f"{said}.")
+
+
+def spans(diagnosis: Diagnosis, trace: Trace) -> tuple[tuple[float, float], ...]:
+    """When the largest mismatch shows in a trace; empty if it does throughout, or in another."""
+    first, last = float(trace.t[0]), float(trace.t[-1])
+    found = tuple(
+        (max(i.start, first), min(i.end, last))
+        for i in (diagnosis.locations[0].intervals if diagnosis.locations else ())
+        if i.recording == trace.name and i.end > first and i.start < last
+    )
+    covered = sum(end - start for start, end in found)
+    return found if covered < _MOST_SHADED * (last - first) else ()
+
+
+def shown_traces(diagnosis: Diagnosis) -> tuple[Trace, ...]:
+    """What fits into a report: held-out recordings first."""
+    order = sorted(diagnosis.traces, key=lambda t: t.role != "holdout")
+    return tuple(order[:_MOST_TRACES])
+
+
+def dependence(diagnosis: Diagnosis, finding: Finding, model: mujoco.MjModel | None) -> str:
+    """The missing force over what a finding's law depends on; empty without traces."""
+    column = _joint(diagnosis, finding.at, model)
+    if not diagnosis.traces or column is None:
+        return ""
+    name = diagnosis.joints[column]
+    variable, label, values = _variable(diagnosis, finding, column, model)
+    unit = _force_unit(model, name)
+    x = np.concatenate(values)
+    x = _usual(x)
+    series = []
+    forces = [
+        np.concatenate([f[:, column] for f in some])
+        for some in zip(*((t.force_before, t.force_after) for t in diagnosis.traces), strict=True)
+    ]
+    told = not np.allclose(forces[0], forces[1], equal_nan=True)
+    for css, force in zip(("before", "after"), (_usual(f) for f in forces), strict=True):
+        if css == "after" and not told:
+            continue
+        fine = np.isfinite(x) & np.isfinite(force)
+        order = np.flatnonzero(fine)[np.random.default_rng(0).permutation(int(fine.sum()))]
+        series.append(Series(css, x[order], force[order], "dots"))
+        series.append(Series(css, *_binned(x[fine], force[fine]), "beads"))
+    series.sort(key=lambda s: s.mark == "beads")  # means lie on the clouds
+    said = f"The force at joint {name} that the model leaves out, over {variable}"
+    axes = Axes(x=label, y=f"missing force [{unit}]", alt=said)
+    caption = f"{said}: dots are samples of all recordings, beads their means."
+    if not told:
+        caption += " What the finding takes of it shows in replays alone."
+    return _figure(chart(series, axes), caption)
+
+
+def horizon(diagnosis: Diagnosis) -> str:
+    """RMSE over how far ahead replays look; empty if that was not measured."""
+    h = diagnosis.proof.horizons
+    if len(h) < 2:
+        return ""
+    x = np.array(sorted(h))
+    both = np.array([h[s] for s in x.tolist()])
+    factor, unit = scaled(float(np.nanmax(both)), diagnosis.unit)
+    series = [Series("before", x, both[:, 0] * factor, "beads")]
+    if diagnosis.findings:
+        series.append(Series("after", x, both[:, 1] * factor, "beads"))
+    said = "Error of replays that are restarted from the recording, over how far they look ahead"
+    axes = Axes(x="seconds ahead", y=f"RMSE [{unit}]", alt=said, log=True)
+    return _figure(chart(series, axes), f"{said}.")
+
+
+def _figure(svg: str, caption: str) -> str:
+    return f"<figure>{svg}<figcaption>{html.escape(tied(caption))}</figcaption></figure>"
+
+
+def _usual(values: Array) -> Array:
+    """Values with the extreme ones left out, as NaN."""
+    low, high = np.nanquantile(values, [_EXTREME, 1.0 - _EXTREME])
+    return np.where((values >= low) & (values <= high), values, np.nan)
+
+
+def _joint(diagnosis: Diagnosis, at: Location, model: mujoco.MjModel | None) -> int | None:
+    """The column at which a finding shows: its own joint, or where it took most force away."""
+    name = at.name if at.kind == "joint" else None
+    if model is not None and at.kind in ("joint", "actuator", "sensor", "pair"):
+        name = joint_of(model, at)
+    if name in diagnosis.joints:
+        return diagnosis.joints.index(str(name))
+    if not diagnosis.traces:
+        return None
+    taken = [
+        np.nansum(t.force_before**2, axis=0) - np.nansum(t.force_after**2, axis=0)
+        for t in diagnosis.traces
+    ]
+    return int(np.sum(taken, axis=0).argmax())
+
+
+def _variable(
+    diagnosis: Diagnosis, finding: Finding, column: int, model: mujoco.MjModel | None
+) -> tuple[str, str, list[Array]]:
+    """Name, label with unit, and values, one array a trace, of what the effect depends on."""
+    traces, joint, unit = diagnosis.traces, diagnosis.joints[column], diagnosis.unit
+    kind = "position"
+    for kinds, said in (
+        (_OVER_VELOCITY, "velocity"),
+        (_OVER_ACCELERATION, "acceleration"),
+        (_OVER_DRIVE, "drive"),
+        (_OVER_TIME, "time"),
+    ):
+        if any(part in finding.effect for part in kinds):
+            kind = said
+    if finding.depends_on:
+        group, _, name = finding.depends_on[0].partition("/")
+        kind = {"qvel": "velocity", "ctrl": "command", "t": "time"}.get(group, "position")
+        if group in ("qpos", "qvel") and name in diagnosis.joints:
+            joint, column = name, diagnosis.joints.index(name)
+    command = _actuator(finding, joint, model)
+    known = all(command in t.command for t in traces)
+    if kind == "drive" and known and model is not None:
+        drive = next(d for d in drives(model) if d.name == command)
+        values = [
+            drive.force(t.command[command], t.recorded[:, column], t.velocity[:, column])
+            for t in traces
+        ]
+        force = f"force of {command} in the model"
+        return f"the {force}", f"{force} [{_force_unit(model, joint)}]", values
+    if kind in ("command", "drive") and known:
+        values = [t.command[command] for t in traces]
+        return f"the command of {command}", f"command of {command}", values
+    if kind == "time":
+        return "time", "time [s]", [t.t for t in traces]
+    if kind == "velocity":
+        values = [t.velocity[:, column] for t in traces]
+        return f"the velocity of {joint}", f"velocity of {joint} [{unit}/s]", values
+    if kind == "acceleration":
+        values = [np.gradient(t.velocity[:, column], t.t) for t in traces]
+        return f"the acceleration of {joint}", f"acceleration of {joint} [{unit}/s²]", values
+    values = [t.recorded[:, column] for t in traces]
+    return f"the position of {joint}", f"position of {joint} [{unit}]", values
+
+
+def _force_unit(model: mujoco.MjModel | None, joint: str) -> str:
+    slides = model is not None and model.joint(joint).type[0] == mujoco.mjtJoint.mjJNT_SLIDE
+    return "N" if slides else "N·m"
+
+
+def _actuator(finding: Finding, joint: str, model: mujoco.MjModel | None) -> str:
+    """The actuator whose command counts: the finding's own, or the one on its joint."""
+    for column in finding.depends_on:
+        if column.startswith("ctrl/"):
+            return column.removeprefix("ctrl/")
+    if finding.at.kind == "actuator":
+        return finding.at.name
+    if model is None:
+        return ""
+    for i in range(model.nactuator):
+        name = str(model.actuator(i).name)
+        if joint_of(model, Location("actuator", name)) == joint:
+            return name
+    return ""
+
+
+def _binned(x: Array, y: Array) -> tuple[Array, Array]:
+    """Means of y in equal bins of x, leaving out thin bins."""
+    if not x.size:
+        return x, y
+    edges = np.linspace(x.min(), x.max(), _BINS + 1)
+    bins = np.digitize(x, edges) - 1
+    means = [
+        (x[bins == b].mean(), y[bins == b].mean())
+        for b in range(_BINS)
+        if (bins == b).sum() >= _LEAST
+    ]
+    found = np.array(means).reshape(-1, 2)
+    return found[:, 0], found[:, 1]

@@ -1,0 +1,392 @@
+"""``report.html``: a diagnosis as one page that needs nothing but a browser.
+
+Everything is inside the file: styles, drawings and charts as SVG. It follows the reader's light or
+dark scheme, fits a phone, and prints.
+"""
+
+from __future__ import annotations
+
+import difflib
+import html
+from collections.abc import Callable
+from pathlib import PurePath
+
+import numpy as np
+
+from wt.diagnose.observed.translation import sentences
+from wt.diagnose.report import charts, text
+from wt.diagnose.report.drawing import SHADES
+from wt.diagnose.result import Diagnosis, Error, Finding, Translated
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.show.charts import Axes, Series, chart
+from wt.show.page import bar, escaped, items, section, table, template
+
+_MOST_DIFF = 400
+_MOST_CONSIDERED = 200
+
+
+def report(diagnosis: Diagnosis) -> str:
+    """The page."""
+    sections: tuple[Callable[[Diagnosis], str], ...] = (
+        _opening, _where, _parameters, _dependence, _errors, proof, translation, _confusable, _diff,
+        _considered, _sources,
+    )  # fmt: skip
+    title = f"Diagnosis of {PurePath(diagnosis.model_path).name}"
+    return template().substitute(
+        title=html.escape(title),
+        shades=_shades(),
+        body="\n".join(part(diagnosis) for part in sections),
+    )
+
+
+def _shades() -> str:
+    """Styles of the drawing's faces, from dark to light, plain and marked."""
+    rules = []
+    for i in range(SHADES):
+        dark = round(46 * (1 - i / (SHADES - 1)))
+        for css, base in ((f".s{i}", "robot"), (f".s{i}.hot", "before")):
+            color = f"color-mix(in oklab, var(--{base}), var(--dark) {dark}%)"
+            rules.append(f".robot {css} {{ fill: {color}; stroke: {color} }}")
+    return "\n".join(rules)
+
+
+def _opening(d: Diagnosis) -> str:
+    own = len(d.findings)
+    said = [
+        f'<li class="more">{escaped(s)}</li>' if 0 < own <= i else f"<li>{escaped(s)}</li>"
+        for i, s in enumerate(text.sentences(d))
+    ]
+    css = "good" if d.verdict in ("no_mismatch", "explained") else "part"
+    h = d.proof.holdout
+    factor, unit = text.scaled(max(h.before, h.after), d.unit)
+    noise = h.noise_floor * factor
+    if d.findings:
+        tiles = [
+            (f"{text.number(h.before * factor)} {unit}", "error before, on held-out data"),
+            (
+                f"{text.error(h.after * factor, noise)} {unit}",
+                "error after, with the patched model",
+            ),
+            (f"{text.percent(h.ratio)} %", "of the error is left"),
+        ]
+    else:
+        tiles = [(f"{text.number(h.before * factor)} {unit}", "error on held-out data")]
+    tiles.append((f"{text.number(noise, 2)} {unit}", "noise alone would give"))
+    total = sum(r.seconds for r in d.recordings)
+    count = len({r.path for r in d.recordings})
+    given = "1 recording" if count == 1 else f"{count}\N{NO-BREAK SPACE}recordings"
+    tiles.append((f"{text.number(total)} s", f"of motion, in {given}"))
+    figures_ = "".join(f"<div><b>{escaped(a)}</b><span>{escaped(b)}</span></div>" for a, b in tiles)
+    return (
+        f"<header><h1>Diagnosis of <strong>{escaped(PurePath(d.model_path).name)}</strong></h1>"
+        f'<ul class="lead">{"".join(said)}</ul>'
+        f'<p><span class="verdict {css}">{text.VERDICTS[d.verdict]}</span>'
+        f"{escaped(text.fit(d))}</p>"
+        f'<div class="figures">{figures_}</div></header>'
+    )
+
+
+def _where(d: Diagnosis) -> str:
+    model = charts.model_of(d)
+    parts = [charts.robot(d, model)] if model is not None else []
+    if d.locations:
+        rows = []
+        for place in d.locations:
+            more = [*filter(None, [place.condition]), *text.times(d, place.intervals)]
+            below = "".join(f"<br><span class=soft>{escaped(line)}</span>" for line in more)
+            rows.append(
+                f"<tr><td>{escaped(str(place.at))}{below}</td>"
+                f'<td class="n">{escaped(f"{text.percent(place.share)} %")}</td>'
+                f'<td class="bars">{bar("before", place.share)}</td></tr>'
+            )
+        shares = table(("place, and when it shows", "#share of the mismatch", ""), rows)
+        parts.append(f'<div class="where">{shares}</div>')
+    title = "Where" if d.locations or d.findings else "The robot"
+    return section(title, "", f'<div class="grid">{"".join(parts)}</div>') if parts else ""
+
+
+def _parameters(d: Diagnosis) -> str:
+    if not d.findings:
+        return ""
+    rows = []
+    for effect, at, name, value, unit, interval, warning in text.parameter_rows(d.findings):
+        warned = f'<br><span class="warn">{escaped(warning)}</span>' if warning else ""
+        rows.append(
+            f"<tr><td>{escaped(at)}</td><td><code>{escaped(effect)}</code></td>"
+            f'<td>{escaped(name)}{warned}</td><td class="n">{escaped(value)}</td>'
+            f"<td>{escaped(unit)}</td>"
+            f'<td class="n">{escaped(interval)}</td></tr>'
+        )
+    head = ("place", "effect", "parameter", "#value", "unit", "#95 % interval")
+    found = table(head, rows) if rows else ""
+    evidence = "".join(f"<li>{_evidence(d, f)}</li>" for f in d.findings)
+    said = "p is the chance of such a gain if the effect were not there."
+    body = f'{found}<ul class="next">{evidence}</ul><p class="soft">{said}</p>'
+    return section("How large, and how sure", "", body)
+
+
+def _evidence(d: Diagnosis, f: Finding) -> str:
+    """What speaks for a finding, and the law of an unknown one."""
+    p = text.p_value(f.p_value)
+    name = text.name_of(f.effect)
+    parts = [
+        escaped(
+            f"{name[:1].upper()}{name[1:]} at {f.at} removes {text.percent(f.holdout_gain)} % of "
+            f"the squared error on held-out data (p {p if p.startswith('<') else f'= {p}'})."
+        ),
+        escaped(text.borne_out(d, f)),
+    ]
+    said = " ".join(filter(None, parts))
+    if f.depends_on:
+        said += f"<br>Depends on {escaped(', '.join(f.depends_on))}."
+    return said + (f"<br>Force: <code>{html.escape(f.formula)}</code>" if f.formula else "")
+
+
+def _dependence(d: Diagnosis) -> str:
+    model = charts.model_of(d)
+    drawn = [c for f in d.findings if (c := charts.dependence(d, f, model))]
+    if not drawn:
+        return ""
+    keys = f"<p>{charts.BEFORE_AFTER}</p>"
+    said = (
+        "Force that the recorded motion demands, by inverse dynamics, less what the model supplies."
+    )
+    drawings = f'{keys}<div class="grid">{"".join(dict.fromkeys(drawn))}</div>'
+    return section("What the missing force depends on", said, drawings)
+
+
+def _errors(d: Diagnosis) -> str:
+    parts = []
+    for i, trace in enumerate(charts.shown_traces(d)):
+        role = "held out" if trace.role == "holdout" else "fitted"
+        grid = f'<div class="grid">{"".join(charts.over_time(d, trace))}</div>'
+        if charts.spans(d, trace):
+            at = escaped(f"Shaded: where the mismatch at {d.locations[0].at} is largest.")
+            grid = f'<p class="soft">{at}</p>{grid}'
+        name = f"{escaped(text.short_name(d, trace.name))}, {role}"
+        if i == 0:
+            parts.append(f"<h3>{name}</h3>{grid}")
+        else:
+            parts.append(f"<details><summary>{name}</summary>{grid}</details>")
+    if not parts:
+        return ""
+    said = (
+        "Simulated position minus the recorded one; the simulation runs open loop, from the "
+        "recorded commands alone. The grey band is twice the measurement noise."
+    )
+    title = "Error before and after" if d.findings else "Error over time"
+    keys = f"<p>{charts.BEFORE_AFTER}</p>" if d.findings else ""
+    return section(title, said, keys + "".join(parts))
+
+
+def _confusable(d: Diagnosis) -> str:
+    rows = [
+        f"<tr><td>{escaped(str(f.at))}<br><code>{escaped(f.effect)}</code></td>"
+        f"<td>{escaped(str(c.at))}<br><code>{escaped(c.effect)}</code></td>"
+        f"<td>{escaped(c.separating_experiment)}</td></tr>"
+        for f in d.findings
+        for c in f.confusable_with
+    ]
+    apart = table(("found", "could also be", "what would tell"), rows) if rows else ""
+    following = f"<h3>What to record next</h3>{items(d.suggestions)}" if d.suggestions else ""
+    if not apart and not following:
+        return ""
+    return section("What these recordings cannot tell apart", "", apart + following)
+
+
+def _diff(d: Diagnosis) -> str:
+    given, patched = d.given_xml.splitlines(), d.patched_xml.splitlines()
+    name = PurePath(d.model_path).name
+    lines = list(difflib.unified_diff(given, patched, name, "model.xml", lineterm="", n=2))
+    if not lines:
+        return section("Changes to the model", "None.", "") if not d.findings else ""
+    css = {"+": "add", "-": "del", "@": "at"}
+    shown = "".join(
+        f'<span class="{css.get(line[:1], "")}">{html.escape(line) or " "}</span>'
+        for line in lines[:_MOST_DIFF]
+    )
+    more = len(lines) - _MOST_DIFF
+    rest = f"<p class=note>{more} more lines differ; see model.xml.</p>" if more > 0 else ""
+    return section(
+        "Changes to the model",
+        "The patched model is model.xml; it loads in plain MuJoCo.",
+        f"<pre>{shown}</pre>{rest}",
+    )
+
+
+def _considered(d: Diagnosis) -> str:
+    if not d.considered:
+        return ""
+    by = {"screened": "forces", "replayed": "replays"}
+    rows = [
+        f"<tr{' class=best' if c.verdict == 'accepted' else ''}>"
+        f"<td><code>{escaped(c.effect)}</code></td>"
+        f'<td>{escaped(str(c.at))}</td><td class="n">{text.number(c.gain)}</td>'
+        f"<td>{by[c.stage]}</td><td>{escaped(c.verdict)}</td></tr>"
+        for c in d.considered[:_MOST_CONSIDERED]
+    ]
+    head = ("effect", "place", "#gain [nats]", "judged by", "outcome")
+    said = (
+        "Gain: of log-likelihood over the model without it, less the price of its parameters. "
+        "Judged first by the force that the motion demands, the best then by replays."
+    )
+    return (
+        f"<details><summary>{len(d.considered)} hypotheses were considered</summary>"
+        f'<p class="soft">{escaped(said)}</p>{table(head, rows)}</details>'
+    )
+
+
+def _sources(d: Diagnosis) -> str:
+    rows = [
+        f"<tr><td>{escaped(r.path)}</td><td>{'held out' if r.role == 'holdout' else 'fitted'}</td>"
+        f'<td class="n">{text.number(r.seconds)}</td>'
+        f'<td class="n">{text.number(r.rate_hz)}</td></tr>'
+        for r in d.recordings
+    ]
+    parts = [table(("recording", "used as", "#length [s]", "#rate [Hz]"), rows)]
+    works = tuple(dict.fromkeys(f.reference for f in d.findings if f.reference))
+    parts += [f"<h3>Notes</h3>{items(d.notes)}"] * bool(d.notes)
+    parts += [f"<h3>References</h3>{items(works)}"] * bool(works)
+    took = f" in {text.number(d.seconds)} s" if d.seconds else ""
+    footer = (
+        f"<footer>{escaped(f'Made by wt diagnose{took}. Model: {d.model_path}, SHA-256 ')}"
+        f"<code>{escaped(d.model_sha256)}</code>. Motion: diagnosis.rrd (wt view).</footer>"
+    )
+    return section("Recordings", "", "".join(parts)) + footer
+
+
+def proof(d: Diagnosis) -> str:
+    """The section."""
+    p = d.proof
+    largest = max([*(e.before for e in p.joints.values()), p.holdout.before, 1e-30])
+    rows = [_error_row(d, "all joints", p.holdout, largest, "best")]
+    rows += [_error_row(d, name, error, largest, "") for name, error in p.joints.items()]
+    _, unit = text.scaled(largest, d.unit)
+    errors = ("#before", "#after", "#noise") if d.findings else ("#error", "#noise")
+    left_head = ("#left",) if d.findings else ()
+    head = ("joint", *(f"{e} [{unit}]" for e in errors), *left_head, "")
+    split = f" Held out: {p.split}." if p.split else ""
+    said = (
+        f"Root mean square errors of open-loop replays on data that nothing was fitted to.{split}"
+    )
+    ahead = charts.horizon(d)
+    parts = [
+        f"<p>{charts.BEFORE_AFTER}</p>" if d.findings else "",
+        table(head, rows),
+        _measured(d),
+        f"<h3>Left over</h3>{items(p.left_over)}" if p.left_over else "",
+        f'<div class="grid">{ahead}</div>' if ahead else "",
+    ]
+    return section("Proof" if d.findings else "Errors", said, "".join(parts))
+
+
+def _error_row(d: Diagnosis, name: str, e: Error, largest: float, css: str) -> str:
+    factor, _ = text.scaled(largest, d.unit)
+    cells = [text.number(e.before * factor), text.number(e.noise_floor * factor, 2)]
+    bars = bar("before", e.before / largest)
+    if d.findings:
+        cells.insert(1, text.error(e.after * factor, e.noise_floor * factor))
+        cells.append(f"{text.percent(e.ratio)} %")
+        bars += bar("after", e.after / largest)
+    return (
+        f'<tr class="{css}"><td class="name">{escaped(name)}</td>'
+        + "".join(f'<td class="n">{escaped(c)}</td>' for c in cells)
+        + f'<td class="bars">{bars}</td></tr>'
+    )
+
+
+def _measured(d: Diagnosis) -> str:
+    """Errors at further sensors; empty if nothing else was recorded."""
+    rows = []
+    for s in d.measured.sensors:
+        largest = max(s.before, s.after or 0.0, 1e-30)
+        factor, unit = text.scaled(largest, s.unit)
+        cells = [f"{text.number(s.before * factor)} {unit}"]
+        bars = bar("before", s.before / largest)
+        if d.findings:
+            left = ["–", "–"]
+            if s.after is not None:
+                share = s.after / max(s.before, 1e-30)
+                left = [f"{text.number(s.after * factor)} {unit}", f"{text.percent(share)} %"]
+                bars += bar("after", s.after / largest)
+            cells += left
+        rows.append(
+            f'<tr><td class="name">{escaped(s.name)}</td>'
+            + "".join(f'<td class="n">{escaped(c)}</td>' for c in cells)
+            + f'<td class="bars">{bars}</td></tr>'
+        )
+    if not rows:
+        return ""
+    said = "The same replays, at the other sensors that were recorded; nothing was fitted to them."
+    if any(s.after is None for s in d.measured.sensors):
+        said += " –: forces that the replay of the patched model does not tell."
+    errors = ("#before", "#after", "#left") if d.findings else ("#error",)
+    shown = table(("sensor", *errors, ""), rows)
+    return f'<h3>What else the robot reports</h3><p class="soft">{escaped(said)}</p>{shown}'
+
+
+_MOST = 4
+"""Recordings that are drawn."""
+
+
+def translation(d: Diagnosis) -> str:
+    """The section; empty if no translation was given."""
+    found = d.translated
+    if found is None:
+        return ""
+    said = (
+        f"{found.name} saw every control step: the model's answer from the recorded state, "
+        "translated, beside what the machine did."
+    )
+    rows = [_row(found, kind) for kind in dict.fromkeys(_kind(c.name) for c in found.channels)]
+    errors = table(("channels", "#model's answer", "#translated", "#left", ""), rows)
+    drawings = "".join(_chart(d, found, i) for i in range(min(len(found.distances), _MOST)))
+    return section(
+        "What a trained translation says",
+        said,
+        f'{items(sentences(found))}{errors}<div class="grid">{drawings}</div>',
+    )
+
+
+def _kind(name: str) -> str:
+    return name.partition("/")[0]
+
+
+def _row(found: Translated, kind: str) -> str:
+    """Root mean squares over the channels of one kind."""
+    mine = [c for c in found.channels if _kind(c.name) == kind]
+    before, after = (
+        float(np.sqrt(np.mean([getattr(c, which) ** 2 for c in mine])))
+        for which in ("before", "after")
+    )
+    factor, unit = text.scaled(max(before, after), mine[0].unit)
+    largest = max(before, after, 1e-30)
+    share = (after / max(before, 1e-30)) ** 2
+    cells = [f"{text.number(x * factor)} {unit}" for x in (before, after)]
+    cells.append(f"{text.percent(share)} %")
+    return (
+        f'<tr><td class="name">{escaped(kind)}</td>'
+        + "".join(f'<td class="n">{escaped(cell)}</td>' for cell in cells)
+        + f'<td class="bars">{bar("before", before / largest)}{bar("after", after / largest)}</td>'
+        + "</tr>"
+    )
+
+
+def _chart(d: Diagnosis, found: Translated, index: int) -> str:
+    distance = found.distances[index]
+    name = text.short_name(d, distance.name)
+    spans = tuple((e.start, e.end) for e in found.events if e.recording == distance.name)
+    axes = Axes(
+        x="time [s]",
+        y="distance of features [usual ones]",
+        alt=f"How far features are from the expected ones, over time in {name}",
+        spans=spans,
+    )
+    shown = (
+        "; shaded where it stands out"
+        if spans
+        else f", below {THRESHOLDS.feature_stands_out:g} on average"
+    )
+    drawn = chart([Series("before", distance.t, distance.size)], axes)
+    caption = escaped(f"{name}: distance from the feature that translation expects{shown}.")
+    return f"<figure>{drawn}<figcaption>{caption}</figcaption></figure>"

@@ -1,0 +1,265 @@
+"""A diagnosis in sentences and figures, the same on the terminal and in the report."""
+
+from __future__ import annotations
+
+import html
+import math
+import textwrap
+from collections.abc import Sequence
+from pathlib import PurePath
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wt.diagnose.result import Diagnosis, Error, Estimate, Finding, Interval
+from wt.show.text import NBSP, tied
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_TINY_P = 1e-12
+_NOUNS = ("friction", "payload", "force")  # that an effect's id has before what qualifies them
+_PROPER = ("coulomb", "stribeck")
+_MOST_SPANS = 6
+
+
+def sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """What was found, one plain sentence each; also if that is nothing, or not understood."""
+    said = [f.statement for f in diagnosis.findings]
+    if diagnosis.verdict == "no_mismatch":
+        said.append(
+            "Nothing is missing: these recordings show no physics that the model leaves out."
+        )
+    elif not said:
+        said.append(
+            f"Something is missing{_where(diagnosis)}, and what it is could not be told: no known "
+            "effect explains it on data that it was not fitted to."
+        )
+    elif diagnosis.verdict == "unexplained":
+        said.append("The cause is not known: this names where it acts and what it depends on.")
+    elif diagnosis.verdict == "partly_explained":
+        said.append("That is not all: a part of the mismatch is left over.")
+    return tuple(said)
+
+
+def fit(diagnosis: Diagnosis) -> str:
+    """The held-out fit in one sentence or two."""
+    h = diagnosis.proof.holdout
+    factor, unit = scaled(max(h.before, h.after), diagnosis.unit)
+    noise = f"measurement noise alone would give {number(h.noise_floor * factor, 2)} {unit}"
+    if not diagnosis.findings:
+        return (
+            f"The replay's error on held-out data is {number(h.before * factor)} {unit}; {noise}."
+        )
+    return (
+        f"The replay's error on held-out data fell from {number(h.before * factor)} to "
+        f"{error(h.after * factor, h.noise_floor * factor)} {unit}, to {ratio(h)}; {noise}."
+    )
+
+
+def name_of(effect: str) -> str:
+    """An effect's id as people say it: ``joint.friction_viscous`` is viscous friction."""
+    words = (effect.partition(".")[2] or effect).split("_")
+    words = [word.capitalize() if word in _PROPER else word for word in words]
+    if words[0] in _NOUNS:
+        words = [*words[1:], words[0]]
+    return " ".join(words)
+
+
+def short_name(diagnosis: Diagnosis, path: str) -> str:
+    """A recording's file name, with as many folders as tell it from the other recordings."""
+    own, others = PurePath(path).parts, {r.path for r in diagnosis.recordings} - {path}
+    for length in range(1, len(own)):
+        if all(PurePath(other).parts[-length:] != own[-length:] for other in others):
+            return str(PurePath(*own[-length:]))
+    return path
+
+
+def times(diagnosis: Diagnosis, intervals: Sequence[Interval]) -> list[str]:
+    """When, one line a recording; without its name where there is only one."""
+    lengths = {r.path: r.seconds for r in diagnosis.recordings if r.role == "fit"}
+    lines = []
+    for path in dict.fromkeys(i.recording for i in intervals):
+        mine = [i for i in intervals if i.recording == path]
+        digits = 1 if all(i.end - i.start >= 0.5 for i in mine) else 2
+        spans = [f"{i.start:.{digits}f} to {i.end:.{digits}f} s".replace(" ", NBSP) for i in mine]
+        if len(spans) > _MOST_SPANS:
+            spans[_MOST_SPANS:] = [f"{len(spans) - _MOST_SPANS} more"]
+        if sum(i.end - i.start for i in mine) > 0.95 * lengths.get(path, math.inf):
+            spans = ["throughout"]
+        name = f"{short_name(diagnosis, path)}: " if len(lengths) > 1 else ""
+        lines.append(name + ", ".join(spans))
+    return lines
+
+
+def borne_out(diagnosis: Diagnosis, finding: Finding) -> str:
+    """Whether measured forces speak for or against a finding, in a sentence; "" for neither."""
+    group, at = finding.effect.partition(".")[0], finding.at.name
+    # play, elasticity and the rotor lie on either side of a force, as it is measured
+    if finding.effect in ("joint.backlash", "joint.elasticity", "joint.armature"):
+        return ""
+    near = {
+        "actuator": [f for f in diagnosis.measured.forces if f.actuator == at],
+        "joint": [f for f in diagnosis.measured.forces if f.joint == at],
+        "body": [f for f in diagnosis.measured.forces if at in f.moves],
+    }.get(group, [])
+    expected, other = ("drive", "behind") if group == "actuator" else ("behind", "drive")
+    agreeing = [f.actuator for f in near if f.side in (expected, "both")]
+    opposing = [f.actuator for f in near if f.side == other]
+    if bool(agreeing) == bool(opposing):
+        return ""
+    names = ", ".join(agreeing or opposing)
+    verb = "bears this out" if agreeing else "speaks against this"
+    return f"The measured force of {names} {verb}."
+
+
+def ratio(error: Error) -> str:
+    """After over before with its interval, e.g. ``"6 % (95 % interval 5 to 8 %)"``."""
+    low, high = error.ratio_ci95
+    return f"{percent(error.ratio)} % (95 % interval {percent(low)} to {percent(high)} %)"
+
+
+def _where(diagnosis: Diagnosis) -> str:
+    return f" at {diagnosis.locations[0].at}" if diagnosis.locations else ""
+
+
+VERDICTS = {
+    "no_mismatch": "no mismatch",
+    "explained": "explained",
+    "partly_explained": "partly explained",
+    "unexplained": "unexplained",
+}
+
+
+def number(value: float, digits: int = 3) -> str:
+    """A number with so many significant digits, a true minus and powers of ten as people write."""
+    if not math.isfinite(value):
+        return "–"
+    if value == 0:
+        return "0"
+    mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
+    power = int(exponent)
+    if -4 < power < 6:
+        said = f"{round(value, digits - 1 - power):.{max(digits - 1 - power, 0)}f}"
+        return said.replace("-", "−")
+    return f"{mantissa}·10{str(power).translate(_SUPERSCRIPT)}".replace("-", "−")
+
+
+def error(rms: float, noise: float) -> str:
+    """An error; what is near the noise is not told to the last digit."""
+    return number(rms, 2 if rms < 2.0 * noise else 3)
+
+
+def percent(share: float) -> str:
+    """A share in per cent, without the sign; what is not all of it does not read as 100."""
+    return number(100 * share, 3 if 0.99 <= share < 1.0 else 2)
+
+
+def p_value(value: float) -> str:
+    """A p-value, which is not believed below 10⁻¹²."""
+    return "< 10⁻¹²" if value < _TINY_P else number(value, 2)
+
+
+def scaled(largest: float, unit: str) -> tuple[float, str]:
+    """Factor and unit in which errors of positions up to ``largest`` [rad or m] read well."""
+    if unit not in ("rad", "m") or not math.isfinite(largest) or largest >= 0.1:
+        return 1.0, unit
+    return (1e3, f"m{unit}") if largest >= 1e-4 else (1e6, f"µ{unit}")
+
+
+def values_and_intervals(estimate: Estimate) -> list[tuple[str, str]]:
+    """An estimate's components and their intervals, to the digits that the intervals allow."""
+    values = np.atleast_1d(np.asarray(estimate.value, float))
+    low, high = (np.atleast_1d(np.asarray(end, float)) for end in estimate.ci95)
+    rows = [_to_precision(*x) for x in zip(values, low, high, strict=True)]
+    return [(value, f"{least} … {most}") for value, least, most in rows]
+
+
+def _to_precision(value: float, low: float, high: float) -> tuple[str, str, str]:
+    largest = max(abs(value), abs(low), abs(high))
+    width = high - low
+    if largest == 0 or not all(map(math.isfinite, (value, low, high))):
+        return number(value), number(low), number(high)
+    power = math.floor(math.log10(largest))
+    digits = 3 if width <= 0 else power - math.floor(math.log10(width)) + 2
+    digits = min(max(digits, 3), 6)
+    if not -4 < power < 6:
+        return number(value, digits), number(low, digits), number(high, digits)
+    decimals = max(digits - 1 - power, 0)
+    low_text, value_text, high_text = (
+        f"{x:.{decimals}f}".replace("-", "−") for x in (low, value, high)
+    )
+    return value_text, low_text, high_text
+
+
+def parameter_rows(findings: Sequence[Finding]) -> list[tuple[str, str, str, str, str, str, str]]:
+    """(effect, place, parameter, value, unit, interval, warning), one row a component."""
+    rows = []
+    for finding in findings:
+        for name, estimate in finding.parameters.items():
+            unit = "" if estimate.unit == "-" else estimate.unit
+            components = values_and_intervals(estimate)
+            axes = "xyz" if len(components) == 3 else range(1, len(components) + 1)
+            warning = estimate.warning
+            for axis, (value, interval) in zip(axes, components, strict=True):
+                said = name if len(components) == 1 else f"{name} {axis}"
+                row = (finding.effect, str(finding.at), said, value, unit, interval, warning)
+                rows.append(row)
+                warning = ""  # said once
+    return rows
+
+
+def print_summary(diagnosis: Diagnosis, console: Console) -> None:
+    """Print the sentences, the fit, a table of the parameters, and the notes."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    def say(sentence: str, style: str = "") -> None:
+        # rich would break lines at no-break spaces
+        lines = textwrap.wrap(tied(sentence), console.width, break_long_words=False)
+        text = Text("\n".join(lines).replace(NBSP, " "), style=style)
+        console.print(text, soft_wrap=True)
+
+    for sentence in sentences(diagnosis):
+        say(sentence, "bold")
+    say(f"{VERDICTS[diagnosis.verdict].capitalize()}. {fit(diagnosis)}")
+    rows = parameter_rows(diagnosis.findings)
+    if rows:
+        left = 1 if console.width > 90 else 0
+        table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, left), pad_edge=False)
+        for head in ("effect", "at", "parameter"):
+            table.add_column(head, overflow="fold")
+        for head in ("value", "95 % interval"):
+            table.add_column(head, justify="right", no_wrap=True)
+        for effect, at, name, value, unit, interval, _ in rows:
+            table.add_row(*(Text(x) for x in (effect, at, name, f"{value} {unit}", interval)))
+        console.print(table)
+    said = []
+    for finding in diagnosis.findings:
+        known = finding.parameters.items()
+        said += [f"{finding.at}, {name}: {e.warning}" for name, e in known if e.warning]
+        said += [
+            f"not told apart from {c.effect} at {c.at}; would tell: {c.separating_experiment}"
+            for c in finding.confusable_with
+        ]
+    for line in [*said, *diagnosis.proof.left_over, *diagnosis.notes]:
+        say(f"note: {line}", "dim")
+
+
+def to_html(diagnosis: Diagnosis) -> str:
+    """A short summary for a notebook."""
+    items = "".join(f"<li><b>{_e(s)}</b></li>" for s in sentences(diagnosis))
+    rows = "".join(
+        "<tr>" + "".join(f"<td>{_e(cell)}</td>" for cell in row) + "</tr>"
+        for row in parameter_rows(diagnosis.findings)
+    )
+    names = ("effect", "at", "parameter", "value", "unit", "95 % interval", "")
+    head = "".join(f"<th>{_e(name)}</th>" for name in names)
+    table = f"<table><tr>{head}</tr>{rows}</table>" if rows else ""
+    return f"<ul>{items}</ul><p>{_e(fit(diagnosis))}</p>{table}"
+
+
+def _e(text: str) -> str:
+    return html.escape(tied(text))

@@ -1,0 +1,68 @@
+"""Recordings beside their replays, for pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wt.diagnose.recordings.prepare import Prepared
+from wt.diagnose.recordings.smooth import Smoothed
+from wt.diagnose.recordings.stretches import cut
+from wt.diagnose.residual.signature import elsewhere, reduced
+from wt.diagnose.result import Trace
+from wt.physics.planted import Hypothesis
+from wt.physics.rollout import Replayer
+
+Array = np.ndarray
+
+
+def traces(
+    prepared: Prepared, smoothed: Sequence[Smoothed], hypothesis: Hypothesis, step: float
+) -> tuple[Trace, ...]:
+    """One trace for each segment, held-out ones first.
+
+    Args:
+        prepared: names of the recordings.
+        smoothed: the fitted and the held-out recordings, in this order.
+        hypothesis: the findings.
+        step: physics step of the replays [s].
+    """
+    found = []
+    for role, some in (("holdout", smoothed[1]), ("fit", smoothed[0])):
+        scene = some.motion.scene
+        stretches = [cut(some, i, slice(0, len(s.t))) for i, s in enumerate(some.samples)]
+        here = hypothesis
+        if role == "holdout":  # what happens at times happens at theirs
+            here = elsewhere(some.motion, hypothesis)
+        both = Replayer(scene, stretches, step).run([(), here]).q
+        after = reduced(some.motion, here).residual
+        start = 0
+        for s, state, segment in zip(
+            some.samples, some.at_samples, some.motion.segments, strict=True
+        ):
+            rows = slice(start, start + len(s.t))
+            start = rows.stop
+            grid = some.motion.t[segment.rows]
+            found.append(
+                Trace(
+                    name=prepared.names[s.recording],
+                    role="holdout" if role == "holdout" else "fit",
+                    t=s.t,
+                    recorded=s.q,
+                    before=both[0, rows],
+                    after=both[1, rows],
+                    velocity=state[1],
+                    force_before=_at(s.t, grid, some.motion.residual[segment.rows]),
+                    force_after=_at(s.t, grid, after[segment.rows]),
+                    command={
+                        scene.model.actuator(i).name: s.held[:, i] for i in range(s.held.shape[1])
+                    },
+                )
+            )
+    return tuple(found)
+
+
+def _at(t: Array, grid: Array, values: Array) -> Array:
+    columns = [np.interp(t, grid, values[:, j]) for j in range(values.shape[1])]
+    return np.stack(columns, axis=1)

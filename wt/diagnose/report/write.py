@@ -1,0 +1,57 @@
+"""A diagnosis as files: JSON, patched MJCF, report, Rerun recording, learned remainder."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+from wt.diagnose.report.page import report
+from wt.diagnose.report.rerun import playback
+from wt.diagnose.result import Diagnosis
+from wt.errors import UserError
+from wt.show.files import write_together
+
+RESIDUAL = "residual.onnx"
+REPORT, PLAYBACK = "report.html", "diagnosis.rrd"
+
+
+def write(diagnosis: Diagnosis, out: Path) -> None:
+    """Write ``diagnosis.json``, ``model.xml``, ``report.html`` and ``diagnosis.rrd`` into a folder.
+
+    ``residual.onnx`` is written if there is a learned remainder; an earlier one goes otherwise.
+    All contents are made before the first byte is written, and renamed when all are whole, so an
+    interruption leaves an earlier diagnosis as it was. If the pictures fail, the rest is written:
+    what took minutes to find is not lost for them.
+
+    Args:
+        diagnosis: what was found.
+        out: the folder; made if it is not there.
+
+    Raises:
+        UserError: ``out`` is a file.
+        OSError: the folder cannot be written.
+    """
+    if out.exists() and not out.is_dir():
+        raise UserError(f"--out {out} is a file; name a folder")
+    # JSON has no NaN; a value that is not finite would be a mistake of ours
+    said = json.dumps(diagnosis.to_json(), indent=2, ensure_ascii=False, allow_nan=False)
+    found: dict[str, str | bytes] = {"model.xml": diagnosis.patched_xml}
+    if diagnosis.residual_onnx:
+        found[RESIDUAL] = diagnosis.residual_onnx
+    last = {"diagnosis.json": said + "\n"}  # where it is, the rest is
+    try:
+        html, film = report(diagnosis), playback(diagnosis)
+    except Exception:
+        _replace(out, {**found, **last})
+        raise
+    _replace(out, {**found, REPORT: html, PLAYBACK: film, **last})
+
+
+def _replace(out: Path, contents: Mapping[str, str | bytes]) -> None:
+    """Write these, and remove what an earlier diagnosis left beside them."""
+    out.mkdir(parents=True, exist_ok=True)
+    write_together(out, contents)
+    for name in (RESIDUAL, REPORT, PLAYBACK):
+        if name not in contents:
+            (out / name).unlink(missing_ok=True)

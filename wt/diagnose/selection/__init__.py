@@ -1,0 +1,6 @@
+"""Which effects are claimed, and why.
+
+Map: ``candidates`` proposes; ``search`` adds and prunes; ``alternatives`` compares laws that look
+alike; ``holdout`` proves on recordings that nothing was fitted to; ``naming`` doubts what was
+found; ``verdict`` sums up; ``locate`` and ``condition`` say where and when.
+"""

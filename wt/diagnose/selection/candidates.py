@@ -1,0 +1,185 @@
+"""Which hypotheses are worth a replay: the screen's best, and what only replays can tell."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from wt.diagnose.likelihood.bic import erring_joints, improvable
+from wt.diagnose.likelihood.objective import Assessed, Objective
+from wt.diagnose.residual.screen import Scored, Screen
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.acting import is_live
+from wt.physics.effect import Shape, effects
+from wt.physics.planted import Planted
+from wt.types import Location
+
+Array = np.ndarray
+
+WORST = 2
+"""At so many joints, those whose replays err most, every effect of theirs is replayed."""
+KEPT = 10
+"""At most so many of the screen's hypotheses are replayed in a round."""
+USUAL = (
+    "joint.friction_coulomb",
+    "joint.friction_viscous",
+    "actuator.bias",
+    "actuator.gain",
+    "actuator.delay",
+)
+"""What hardly a real joint is without: replayed wherever replays err."""
+LOADS = ("body.payload_fixed", "body.mass", "body.com")
+"""… and what is often mounted on a machine: the likeliest is replayed where several joints err."""
+EACH = 2
+"""… and so many at each joint: another joint may just be worse."""
+ALIKE = (
+    ("joint.friction_coulomb", "joint.friction_stribeck", "joint.friction_load"),
+    ("joint.friction_viscous", "joint.friction_quadratic", "joint.friction_stribeck"),
+    ("actuator.delay", "actuator.lag", "sensor.delay"),
+    ("actuator.gain", "actuator.deadband", "actuator.fade", "actuator.saturation"),
+    ("joint.stiffness", "joint.hysteresis", "actuator.bias"),
+    ("actuator.bias", "actuator.deadband", "joint.backlash", "sensor.offset"),
+    ("joint.armature", "body.inertia"),
+    ("body.force", "body.tether"),
+    ("body.mass", "body.com", "body.payload_fixed", "body.payload_moving"),
+)
+"""Effects that look alike: where one of a group ranks, the others are replayed close to it."""
+
+
+def candidates(
+    screen: Screen,
+    ranked: Sequence[Scored],
+    objective: Objective,
+    now: Assessed,
+) -> list[tuple[Planted, Shape | None]]:
+    """Additions to the present hypothesis that a replay should judge.
+
+    Args:
+        screen: the force residual.
+        ranked: its hypotheses, best first.
+        objective: the replays.
+        now: the present hypothesis, assessed.
+
+    Returns:
+        Effects with their starting parameters, and the shape of their signature if they have one.
+    """
+    floating = bool(screen.motion.scene.free)
+    strong, erring = _strong(screen, ranked), erring_joints(objective, now)
+    if not floating and len(erring) > 1:
+        strong += [s for s in ranked if s.planted.effect.id in LOADS and s not in strong][:1]
+    wanted = {
+        (name, place)
+        for s in strong
+        for name in alike(s.planted.effect.id)
+        for place in near(screen, s.planted.at)
+    }
+    # where replays err and forces show nothing, every effect of that joint gets its chance
+    excess = now.mse / objective.floor**2
+    worst = [int(d) for d in np.argsort(-excess)[:WORST] if excess[d] > 2.0]
+    if floating:  # all joints err where one does: the force residual knows which
+        places = [dof_of(screen, s.planted.at) for s in strong]
+        worst, erring = [d for d in dict.fromkeys(places) if d >= 0][:WORST], []
+    chosen = {s.planted.key: s for s in strong}
+    for s in ranked:
+        at = s.planted.at
+        cheap, dof = not is_live(s.planted.effect), dof_of(screen, at)
+        usual = s.planted.effect.id in USUAL and dof in erring
+        if (s.planted.effect.id, at) in wanted or (cheap and dof in worst) or usual:
+            chosen.setdefault(s.planted.key, s)
+    found: list[tuple[Planted, Shape | None]] = [(s.planted, s.shape) for s in chosen.values()]
+    for s in chosen.values():
+        starts = s.planted.effect.starts(screen.motion, s.planted.at)
+        found += [(replace(s.planted, theta=theta), s.shape) for theta in starts]
+    found += [(p, None) for p in _replay_only(screen, worst)]
+    taken = {p.key for p in now.hypothesis}
+    somewhere = (-1, *improvable(objective, now))
+    return [
+        (p, shape)
+        for p, shape in found
+        if p.key not in taken
+        and dof_of(screen, p.at) in somewhere
+        and not any(excluded(p, other) for other in now.hypothesis)
+    ]
+
+
+def _strong(screen: Screen, ranked: Sequence[Scored]) -> list[Scored]:
+    """What gains much by the force residual, and the first at each joint."""
+    best = ranked[0].gain if ranked else 0.0
+    floating = bool(screen.motion.scene.free)
+    share, least = THRESHOLDS.replay_share, THRESHOLDS.replay_nats
+    if floating:
+        share = THRESHOLDS.replay_share_floating
+        least = max(least, share * best)
+    # what acts on one link of a floating base shows on all: not only the first effect counts
+    first = _first_of_each(ranked, lambda s: s.planted.effect.id) if floating else ranked
+    strong = [s for s in first[:KEPT] if s.gain >= share * best and s.gain > 0.0]
+    others = [s for s in ranked if s not in strong and s.gain > least]
+    alone = [s for s in others if dof_of(screen, s.planted.at) >= 0]
+    return strong + _first_of_each(alone, lambda s: dof_of(screen, s.planted.at))
+
+
+def _first_of_each(ranked: Sequence[Scored], label: Callable[[Scored], Hashable]) -> list[Scored]:
+    """The first few with each label, in the order of a ranking."""
+    count: Counter[Hashable] = Counter()
+    found = []
+    for s in ranked:
+        count[label(s)] += 1
+        if count[label(s)] <= EACH:
+            found.append(s)
+    return found
+
+
+def alike(effect: str) -> frozenset[str]:
+    """Ids of the effects that look like one."""
+    return frozenset(x for group in ALIKE if effect in group for x in group) - {effect}
+
+
+def near(screen: Screen, at: Location) -> list[Location]:
+    """Places that may be at fault instead: a joint, its drives and link; a link and the next."""
+    scene = screen.motion.scene
+    m = scene.model
+    if at.kind == "body":
+        body = m.body(at.name).id
+        ids = {name: m.body(name).id for name in scene.moving}
+        close = [n for n, i in ids.items() if body in (i, m.body_parentid[i])]
+        close += [n for n, i in ids.items() if i == m.body_parentid[body]]
+        joints = [name for name in scene.joints if m.joint(name).bodyid[0] == body]
+        return [Location("body", n) for n in close] + [Location("joint", n) for n in joints]
+    dof = dof_of(screen, at)
+    drives = [Location("actuator", d.name) for d in scene.drives if d.dof == dof]
+    joints = [name for name in scene.joints if scene.dof(name) == dof]
+    links = [Location("body", m.body(m.joint(n).bodyid[0]).name) for n in joints]
+    return [at, *drives, *(Location("joint", n) for n in joints), *links, Location("sensor", "all")]
+
+
+def excluded(one: Planted, other: Planted) -> bool:
+    """Whether two effects cannot stand beside each other."""
+    same = one.at == other.at
+    return same and (
+        one.effect.id in other.effect.excludes or other.effect.id in one.effect.excludes
+    )
+
+
+def _replay_only(screen: Screen, worst: Sequence[int]) -> list[Planted]:
+    """Effects without a signature: at the joints whose replay is worst, and of contacts."""
+    scene = screen.motion.scene
+    found = []
+    for effect in effects().values():
+        for at in effect.places(scene):
+            somewhere = at.kind in ("geom", "world") or dof_of(screen, at) in worst
+            if somewhere and not effect.shapes(screen.motion, at):
+                found += [Planted(effect, at, start) for start in effect.starts(screen.motion, at)]
+    return found
+
+
+def dof_of(screen: Screen, at: Location) -> int:
+    """Degree of freedom that a place acts on alone; −1 if several."""
+    scene = screen.motion.scene
+    if at.kind == "joint":
+        return scene.dof(at.name)
+    if at.kind == "actuator":
+        return scene.drive(at.name).dof
+    return -1

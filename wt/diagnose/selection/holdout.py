@@ -1,0 +1,380 @@
+"""Proof on recordings that nothing was fitted to: before, after, and how certain that is.
+
+A slow held-out motion says nothing of a rotor's inertia, however clearly fast ones showed it. Where
+the held-out recordings do not excite an effect, the fitted ones are left out in turn
+(:func:`where_mute`): everything is fitted again without a part of the data and judged on that part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.stats import bootstrap, wilcoxon
+
+from wt.diagnose.likelihood.adapt import (
+    REWEIGHTED,
+    hidden,
+    initial_deviations,
+    initial_states,
+    project,
+    responses,
+)
+from wt.diagnose.likelihood.objective import Objective
+from wt.diagnose.likelihood.refine import refine
+from wt.diagnose.recordings.samples import Samples
+from wt.diagnose.recordings.smooth import Smoothed, resmooth
+from wt.diagnose.recordings.stretches import cut, stretches_of
+from wt.diagnose.residual.signature import elsewhere
+from wt.diagnose.result import Error, Proof
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.planted import Hypothesis, without
+from wt.physics.replay import Stretch
+from wt.physics.rollout import Replayer
+
+Array = np.ndarray
+
+HORIZONS_S = (0.1, 0.25, 0.5, 1.0, 2.0)
+_BLOCK_S, _BLOCKS = (0.25, 1.0), 24
+"""Shortest and longest block [s], and how many there should be: errors remember for less."""
+_TOUCHED = 1e-3
+"""A block whose error changes by less than this share of the largest change is not touched."""
+_WHOLE, _SELDOM = 0.99, 0.25
+"""What makes up so much of a change in fewer than this share of the blocks shows seldom."""
+RAN_AWAY = 1.0
+"""Error that a replay counts with after it exploded [rad or m]."""
+_RESAMPLES = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class Holdout:
+    """Held-out recordings, ready to be replayed.
+
+    Attributes:
+        smoothed: the recordings.
+        stretches: what is replayed open loop.
+        measured: positions, (N, nv); NaN where missing.
+        block: index of the block of up to a second that each sample belongs to, (N,).
+        fine: the same with the shortest blocks.
+        forgets: whether stretches are long.
+        deviations: of the estimated initial positions and velocities, (2nv,).
+        known: what they change in replays, (N, nv, m), by the added joints of the hypothesis: what
+            else is in it is taken not to matter where a base floats.
+    """
+
+    smoothed: Smoothed
+    stretches: tuple[Stretch, ...]
+    measured: Array
+    block: Array
+    fine: Array
+    forgets: bool
+    deviations: Array
+    known: dict[frozenset[str], Array] = field(default_factory=dict)
+
+    def response(self, hypothesis: Hypothesis, replayer: Replayer) -> Array:
+        """What other initial states change in replays of a hypothesis, (N, nv, m)."""
+        if not self.smoothed.motion.scene.free:
+            return responses(replayer, hypothesis, self.deviations)
+        added = frozenset(hidden(hypothesis, self.stretches[0]))
+        if added not in self.known:
+            here = hypothesis if added else ()
+            self.known[added] = responses(replayer, here, self.deviations)
+        return self.known[added]
+
+    def here(self, hypothesis: Hypothesis) -> Hypothesis:
+        """A hypothesis as it shows in these recordings."""
+        return elsewhere(self.smoothed.motion, hypothesis)
+
+
+def hold(smoothed: Smoothed, forgets: bool, seconds: float = np.inf, step: float = 5e-4) -> Holdout:
+    """Prepare held-out recordings, at most so many seconds, for replays of so long steps [s]."""
+    pairs = stretches_of(smoothed, forgets, seconds)
+    stretches = tuple(s for s, _ in pairs)
+    label = np.concatenate([np.full(len(s.t), i) for i, s in enumerate(stretches)])
+    block, fine = blocks_of(label, np.concatenate([s.t for s in stretches]))
+    measured = np.concatenate([q for _, q in pairs])
+    nv = smoothed.motion.scene.model.nv
+    deviations = np.zeros(2 * nv)
+    if not forgets:
+        renewed = resmooth(smoothed, np.random.default_rng(0))
+        velocity_noise = np.std(renewed.v - smoothed.motion.v, axis=0)
+        deviations = initial_deviations(smoothed.noise, velocity_noise)
+    return Holdout(smoothed, stretches, measured, block, fine, forgets, deviations)
+
+
+def blocks_of(label: Array, t: Array) -> tuple[Array, Array]:
+    """Index of the block that each sample belongs to, (N,): about as many as wanted, and shortest.
+
+    Args:
+        label: what blocks must not reach across, (N,).
+        t: time, (N,) [s].
+    """
+    total = sum(float(np.ptp(t[label == x])) for x in np.unique(label))
+    lengths = (float(np.clip(total / _BLOCKS, _BLOCK_S[0], _BLOCK_S[1])), _BLOCK_S[0])
+    found = []
+    for length in lengths:
+        pairs = np.stack([label, (t / length).astype(int)], axis=1)
+        found.append(np.unique(pairs, axis=0, return_inverse=True)[1].ravel())
+    return found[0], found[1]
+
+
+def errors(held: Holdout, hypotheses: Sequence[Hypothesis], step: float) -> Array:
+    """Open-loop errors, (H, N, nv); NaN where nothing was measured.
+
+    Where a machine remembers how it began, each stretch's initial state, which was estimated and
+    not measured, adapts within its uncertainty.
+    """
+    here = [held.here(h) for h in hypotheses]
+    replayer = Replayer(held.smoothed.motion.scene, held.stretches, step)
+    q = replayer.run(here).q
+    found = np.where(np.isfinite(q), q, held.measured + RAN_AWAY) - held.measured
+    if held.forgets:
+        return found
+    measured = np.isfinite(held.measured)
+    first = here[:1] if not held.smoothed.motion.scene.free else here
+    response = [held.response(h, replayer) * measured[:, :, None] for h in first]
+    response *= len(here) // len(first)
+    return np.stack(
+        [
+            np.where(measured, _begun(held, e, r), np.nan)
+            for e, r in zip(found, response, strict=True)
+        ]
+    )
+
+
+def _begun(held: Holdout, error: Array, response: Array) -> Array:
+    """An error (N, nv) once the initial states have adapted."""
+    ends = np.cumsum([len(s.t) for s in held.stretches])
+    rows = [slice(int(e) - len(s.t), int(e)) for e, s in zip(ends, held.stretches, strict=True)]
+    left = error = np.nan_to_num(error)
+    for _ in range(REWEIGHTED):
+        mse = np.maximum(np.mean(left**2, axis=0), np.nan_to_num(held.smoothed.noise, nan=1.0) ** 2)
+        left = project(error, initial_states(rows, response, mse))
+    return left
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What one effect is worth on held-out data.
+
+    Attributes:
+        share: share of the squared error that it removes.
+        p_value: of that being chance. Held-out data had no part in the search, so what has to be
+            paid for is the number of effects that are tested, not that of all hypotheses.
+        potential: largest share that an effect which changes the replays so much could remove.
+        in_turn: whether the p-value is of fitted data left out in turn, held-out ones being mute.
+        least_p: the smallest p-value that so few blocks as it shows in could give.
+    """
+
+    share: float
+    p_value: float
+    potential: float = 1.0
+    in_turn: bool = False
+    least_p: float = 0.0
+
+    @property
+    def undecided(self) -> bool:
+        """Whether the data cannot say: they are mute, or too few of them show the gain."""
+        few = self.least_p > THRESHOLDS.significant and self.share > 0.0
+        return self.p_value > THRESHOLDS.significant and (few or self.potential < THRESHOLDS.mute)
+
+
+def gains(
+    held: Holdout, hypothesis: Hypothesis, without: Sequence[Hypothesis], step: float
+) -> list[Gain]:
+    """Held-out gain of a hypothesis over each of some lesser ones; p-values pay for all."""
+    full, *lesser = scaled(errors(held, [hypothesis, *without], step), held.smoothed.noise)
+    found = [gain_of(less, full, (held.block, held.fine)) for less in lesser]
+    n = len(found)
+    return [
+        replace(g, p_value=min(1.0, g.p_value * n), least_p=min(1.0, g.least_p * n)) for g in found
+    ]
+
+
+def gain(held: Holdout, hypothesis: Hypothesis, other: Hypothesis, step: float) -> Gain:
+    """Held-out gain of one hypothesis over another."""
+    (found,) = gains(held, hypothesis, [other], step)
+    return found
+
+
+def scaled(found: Array, noise: Array) -> Array:
+    """Errors (H, N, nv), joints in units of what the first hypothesis leaves of them.
+
+    So none drowns another: in units of noise alone, a quiet sensor behind a model that is not
+    exact would.
+    """
+    left = np.sqrt(np.nanmean(found[0] ** 2, axis=0))
+    return np.asarray(found / np.fmax(left, noise))
+
+
+def gain_of(less: Array, full: Array, blocks: tuple[Array, Array]) -> Gain:
+    """Gain in scaled errors (N, nv), tested over blocks (N,): those wanted, or the shortest."""
+    pairs = [(_block_sums(less**2, b), _block_sums(full**2, b)) for b in blocks]
+    for one, other in pairs:
+        difference = one - other
+        if not np.isfinite(difference).all() or len(difference) < 3 or not difference.any():
+            return Gain(0.0, 1.0, 0.0)
+        # what shows in few blocks only, such as a stop, is tested with the shortest ones
+        if np.sum(np.abs(difference) > _TOUCHED * np.abs(difference).max()) >= _BLOCKS // 2:
+            break
+    tested = _tested(difference)
+    # ranks: a block in which an error ran away counts no more than any other
+    test = wilcoxon(difference[tested], alternative="greater")
+    change, left = (np.nansum(x**2, axis=0) for x in (less - full, full))
+    potential = float(np.max(change / np.maximum(change + left, 1e-30)))
+    share, least_p = float(difference.sum() / one.sum()), float(0.5 ** tested.sum())
+    return Gain(share, float(test.pvalue), potential, least_p=least_p)
+
+
+def _tested(difference: Array) -> Array:
+    """The blocks (B,) that a change is tested over, bool: all, or the few that make it up.
+
+    Noise elsewhere would outvote a hit. Size alone decides, so that nothing still has either sign.
+    """
+    size = np.abs(difference)
+    order = np.argsort(-size)
+    count = int(np.searchsorted(np.cumsum(size[order]), _WHOLE * size.sum())) + 1
+    most = np.zeros(len(size), bool)
+    most[order[:count]] = True
+    return most if most.mean() < _SELDOM else np.ones(len(size), bool)
+
+
+def prove(held: Holdout, hypothesis: Hypothesis, step: float, split: str, seed: int = 0) -> Proof:
+    """Compare the given and the patched model on held-out recordings."""
+    before, after = errors(held, [(), hypothesis], step)
+    noise = np.nan_to_num(held.smoothed.noise)
+    joints = held.smoothed.motion.scene.joints
+    used = [j for j in range(len(joints)) if np.isfinite(held.measured[:, j]).any()]
+    overall = _error(before[:, used], after[:, used], noise[used], held.block, seed)
+    per_joint = {
+        joints[j]: _error(before[:, [j]], after[:, [j]], noise[[j]], held.block, seed) for j in used
+    }
+    horizons = {h: _ahead(held, hypothesis, step, h) for h in HORIZONS_S}
+    return Proof(overall, per_joint, horizons, _ahead(held, hypothesis, step, 0.0), split=split)
+
+
+def _error(before: Array, after: Array, noise: Array, block: Array, seed: int) -> Error:
+    a, b = _block_sums(before**2, block), _block_sums(after**2, block)
+    count = _block_sums(np.isfinite(before).astype(float), block)
+    rms = [float(np.sqrt(x.sum() / max(count.sum(), 1.0))) for x in (a, b)]
+    ratio = rms[1] / max(rms[0], 1e-12)
+    interval = (ratio, ratio)
+    if len(a) >= 4 and np.isfinite(b).all():
+        found = bootstrap(
+            (a, b),
+            lambda x, y, axis=-1: np.sqrt(y.sum(axis=axis) / np.maximum(x.sum(axis=axis), 1e-30)),
+            paired=True,
+            vectorized=True,
+            n_resamples=_RESAMPLES,
+            method="percentile",
+            rng=np.random.default_rng(seed),
+        ).confidence_interval
+        interval = (float(found.low), float(found.high))
+    floor = float(np.sqrt(np.mean(noise**2)))
+    return Error(rms[0], rms[1], floor, ratio, interval)
+
+
+def _block_sums(values: Array, block: Array) -> Array:
+    """Sum of (N, n) values, NaN left out, over each block, (B,)."""
+    sums = np.zeros(int(block.max()) + 1)
+    np.add.at(sums, block, np.nansum(values, axis=1))
+    return sums
+
+
+def _ahead(
+    held: Holdout, hypothesis: Hypothesis, step: float, horizon: float
+) -> tuple[float, float]:
+    """RMSE of replays restarted every ``horizon`` seconds (0: every sample), before and after."""
+    stretches, measured = [], []
+    for i, s in enumerate(held.smoothed.samples):
+        for first, last in _windows(s, horizon):
+            stretches.append(cut(held.smoothed, i, slice(first, last)))
+            measured.append(s.q[first:last])
+    q = Replayer(held.smoothed.motion.scene, stretches, step).run([(), held.here(hypothesis)]).q
+    late = np.concatenate([np.arange(len(m)) > 0 for m in measured])
+    error = (q - np.concatenate(measured))[:, late]
+    before, after = np.sqrt(np.nanmean(error**2, axis=(1, 2)))
+    return float(before), float(after)
+
+
+def _windows(s: Samples, horizon: float) -> list[tuple[int, int]]:
+    """Windows of a length, spread over a segment; about two over any moment, at most 60."""
+    size = max(2, round(horizon / s.dt) + 1)
+    count = int(np.clip(2 * len(s.t) // size, 1, 60))
+    starts = np.unique(np.linspace(0, max(len(s.t) - size, 0), count).astype(int))
+    return [(int(i), int(min(i + size, len(s.t)))) for i in starts]
+
+
+PARTS = 4
+"""A single recording is divided into so many parts."""
+
+
+def where_mute(
+    objective: Objective,
+    held: Holdout,
+    hypothesis: Hypothesis,
+    full: Hypothesis,
+    found: Sequence[Gain],
+    step: float,
+) -> list[Gain]:
+    """Gains on held-out data, but on fitted ones where those cannot say.
+
+    Args:
+        objective: replays of all fitted data, linear around the hypothesis.
+        held: held-out recordings.
+        hypothesis: the effects.
+        full: the same, and after them corrections of what any rig is off by.
+        found: gain of each effect over all others, with corrections of their own.
+        step: physics step of replays [s].
+    """
+    found = list(found)
+    unproven = [i for i, g in enumerate(found) if g.p_value > THRESHOLDS.significant]
+    # corrections make up for what is missing, and differ: an effect itself may change less
+    alone = gains(held, full, [without(full, i) for i in unproven], step) if unproven else []
+    for i, changed in zip(unproven, alone, strict=True):
+        found[i] = replace(found[i], potential=changed.potential)
+    asked = [
+        i for i in unproven if found[i].undecided or found[i].potential < THRESHOLDS.seldom_excited
+    ]
+    for i in asked:
+        fitted, here = left_in_turn(objective, hypothesis, i), found[i]
+        if here.undecided or here.potential < THRESHOLDS.seldom_excited * fitted.potential:
+            p_value = (
+                min(1.0, fitted.p_value * len(asked))
+                if fitted.share >= THRESHOLDS.in_turn_share
+                else 1.0
+            )
+            found[i] = replace(here, p_value=p_value, in_turn=True)
+    return found
+
+
+def left_in_turn(objective: Objective, hypothesis: Hypothesis, index: int) -> Gain:
+    """Gain of one effect on fitted data that had no part in the fit of its parameters.
+
+    Args:
+        objective: replays of all fitted data, linear around the hypothesis.
+        hypothesis: the effects.
+        index: of the effect in question.
+    """
+    pair = [hypothesis, without(hypothesis, index)]
+    free = [range(len(h)) for h in pair]
+    errors = np.full((2, *objective.measured.shape), np.nan)
+    for part in _parts(objective):
+        fits = refine(objective.only(~part), pair, free, iterations=2)
+        # what the rig is off by is said by the other data too
+        again = objective.evaluate([f.hypothesis for f in fits], [f.nuisance for f in fits])
+        for error, whole, fit in zip(errors, again, fits, strict=True):
+            error[part] = objective.adapted(whole.error, fit.nuisance)[part]
+    errors = np.where(objective.channels.valid, np.nan_to_num(errors, nan=RAN_AWAY), np.nan)
+    full, less = scaled(errors, objective.noise)
+    return gain_of(less, full, blocks_of(objective.recording, objective.t))
+
+
+def _parts(objective: Objective) -> list[Array]:
+    """Rows of each part, (N,) bool: recordings, or stretches of time of the only one."""
+    recordings = np.unique(objective.recording)
+    if len(recordings) > 1:
+        return [objective.recording == r for r in recordings]
+    part = PARTS * (objective.t - objective.t.min()) / (np.ptp(objective.t) + 1e-9)
+    return [part.astype(int) == k for k in range(PARTS)]

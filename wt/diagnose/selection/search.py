@@ -1,0 +1,388 @@
+"""Search for effects: they join while they earn it, and leave again if they stop doing so.
+
+In a round (:func:`addition`) the best addition of all joins first. The best at other joints then
+get their chance on top of it: a machine whose joints lack several things at once need not be
+screened anew for each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wt.diagnose.likelihood.bic import earns, erring_joints, exhausted, simplest, worth
+from wt.diagnose.likelihood.objective import Assessed, Objective
+from wt.diagnose.likelihood.refine import refine
+from wt.diagnose.residual.screen import Scored, Screen
+from wt.diagnose.result import Considered
+from wt.diagnose.selection.candidates import candidates, dof_of, excluded
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.effect import Shape
+from wt.physics.planted import Hypothesis, Key, Planted, without
+
+Report = Callable[[str, float], None]
+"""Called with (what is being done, share of the whole 0…1)."""
+
+FEW = 3
+"""So many effects that joined in one round are all looked for again."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What the search found.
+
+    Attributes:
+        accepted: effects in the order they were added.
+        considered: every hypothesis that was screened high or replayed.
+    """
+
+    accepted: tuple[Accepted, ...]
+    considered: tuple[Considered, ...]
+
+
+def search(
+    screen: Screen,
+    objective: Objective,
+    report: Report | None = None,
+    start: Sequence[Accepted] = (),
+    banned: Container[Key] = frozenset(),
+) -> Outcome:
+    """Add effects while they earn their place.
+
+    Args:
+        screen: the force residual.
+        objective: the replays.
+        report: called with (what is being done, share of the whole 0…1).
+        start: effects to start from.
+        banned: effects at places that have been found to predict nothing.
+    """
+    accepted = list(start)
+    considered: list[Considered] = []
+    now = objective.reference(tuple(a.planted for a in accepted))
+    while len(accepted) < THRESHOLDS.most_effects and not exhausted(objective, now):
+        if report:
+            what = f"looking for effect {len(accepted) + 1}"
+            report(what, 0.15 + 0.55 * len(accepted) / THRESHOLDS.most_effects)
+        room = THRESHOLDS.most_effects - len(accepted)
+        before = {a.planted.key for a in accepted}
+        found = addition(screen, objective, now, accepted, considered, room, banned)
+        if not found:
+            break
+        accepted += found
+        now = _fitted(objective, (*now.hypothesis, *(a.planted for a in found)))
+        accepted, now = _prune(objective, accepted, now)
+        accepted, now = _reconsidered(screen, objective, accepted, now, considered, banned, found)
+        if {a.planted.key for a in accepted} <= before:
+            break  # what was added lasted no longer than its round
+    final = [
+        replace(a, planted=planted) for a, planted in zip(accepted, now.hypothesis, strict=True)
+    ]
+    return Outcome(tuple(final), tuple(considered))
+
+
+def _fitted(objective: Objective, hypothesis: Hypothesis) -> Assessed:
+    """All effects of a hypothesis refined together, with the objective linear around them."""
+    now = objective.reference(hypothesis)
+    (now,) = refine(objective, [now.hypothesis], [range(len(hypothesis))], iterations=3)
+    return objective.reference(now.hypothesis, now.nuisance)
+
+
+def _reconsidered(
+    screen: Screen,
+    objective: Objective,
+    accepted: list[Accepted],
+    now: Assessed,
+    considered: list[Considered],
+    banned: Container[Key],
+    found: Sequence[Accepted],
+) -> tuple[list[Accepted], Assessed]:
+    """Each of some effects that joined together is looked for again beside the others.
+
+    Two at one joint were chosen by the force residual, and few others were replayed in their
+    place. Of many that joined only such pairs are looked for again: each costs a whole round.
+    """
+    dofs = [dof_of(screen, a.planted.at) for a in found]
+    again = [
+        a for a, dof in zip(found, dofs, strict=True) if len(found) <= FEW or dofs.count(dof) > 1
+    ]
+    for key in [a.planted.key for a in again] if len(found) > 1 else ():
+        index = next((i for i, a in enumerate(accepted) if a.planted.key == key), None)
+        if index is None:  # replaced or pruned already
+            continue
+        rest = [a for i, a in enumerate(accepted) if i != index]
+        base = _fitted(objective, without(now.hypothesis, index))
+        kept = [replace(a, planted=p) for a, p in zip(rest, base.hypothesis, strict=True)]
+        others = addition(screen, objective, base, kept, considered, 1, banned)
+        names = {a.planted.key for a in accepted}
+        if any(a.planted.key not in names for a in others):
+            other = _fitted(objective, (*base.hypothesis, others[0].planted))
+            if worth(objective, other, now) > THRESHOLDS.equivalent_nats:
+                accepted, now = [*rest, *others], other
+                continue
+        now = objective.reference(now.hypothesis, now.nuisance)
+    return accepted, now
+
+
+def _prune(
+    objective: Objective, accepted: list[Accepted], now: Assessed
+) -> tuple[list[Accepted], Assessed]:
+    """Drop effects that the later ones made superfluous."""
+    while len(accepted) > 1:
+        lesser = [without(now.hypothesis, i) for i in range(len(accepted))]
+        fits = refine(objective, lesser, [range(len(accepted) - 1)] * len(lesser), iterations=2)
+        losses = [worth(objective, now, fit) for fit in fits]
+        weakest = int(np.argmin(losses))
+        if losses[weakest] > THRESHOLDS.min_nats and earns(objective, now, fits[weakest]):
+            break
+        accepted = [a for i, a in enumerate(accepted) if i != weakest]
+        now = objective.reference(fits[weakest].hypothesis, fits[weakest].nuisance)
+    return accepted, now
+
+
+_STARTS, _PROMISING, _FINALISTS = 20, 8, 4
+"""How many hypotheses of a round get one step, two more steps, and all effects refined."""
+_EACH = 2
+"""… and so many at each joint get the two more steps, and their chance beside the best."""
+_STARTED = 5
+"""… and so many at each joint get a step at least."""
+_PAIRED, _PAIRS = 8, 3
+"""So many at a joint are also paired, and so many of the pairs replayed, …"""
+_FRICTION = ("joint.friction_coulomb", "joint.friction_viscous")
+"""… beside friction, which hardly a joint is without."""
+
+
+@dataclass(frozen=True, eq=False)
+class Accepted:
+    """An effect that earned its place.
+
+    Attributes:
+        planted: effect, place, parameters.
+        shape: of its signature, if it has one.
+        rivals: what was replayed in its place and came close.
+    """
+
+    planted: Planted
+    shape: Shape | None
+    rivals: tuple[Planted, ...]
+
+
+def addition(
+    screen: Screen,
+    objective: Objective,
+    now: Assessed,
+    accepted: Sequence[Accepted],
+    considered: list[Considered],
+    most: int,
+    banned: Container[Key] = frozenset(),
+) -> list[Accepted]:
+    """What to add to the present hypothesis, at most so many effects.
+
+    Args:
+        screen: the force residual.
+        objective: the replays, linearised around the present hypothesis.
+        now: the present hypothesis.
+        accepted: its effects.
+        considered: grows by everything that was looked at.
+        most: at most so many additions.
+        banned: what must not join.
+    """
+    known = [(a.planted, a.shape) for a in accepted]
+    ranked = [s for s in screen.rank(known) if s.planted.key not in banned]
+    tried = [c for c in candidates(screen, ranked, objective, now) if c[0].key not in banned]
+    replayed = {p.key for p, _ in tried}
+    considered += [
+        Considered(s.planted.effect.id, s.planted.at, s.gain, "screened", "not replayed")
+        for s in ranked
+        if s.planted.key not in replayed
+    ]
+    fits = _replayed(screen, objective, now, [p for p, _ in tried])
+    pairs = [(*now.hypothesis, *p) for p in _pairs(screen, objective, known, ranked, fits)]
+    fits += _refined(objective, pairs, now, 3)
+    fits = _finished(objective, fits, now)
+    if not fits:
+        return []
+    best = simplest(objective, fits, now)
+    ok = earns(objective, best, now)
+    considered += _reasons(objective, fits, now, best, ok)
+    if not ok:
+        return []
+    shapes = {s.planted.key: s.shape for s in ranked} | {p.key: shape for p, shape in tried}
+    found = _accepted(objective, best, fits, now, shapes)
+    for more in _beside(screen, objective, best, fits, now):
+        found += _accepted(objective, more.fit, more.fits, more.reference, shapes)
+    return found[:most]
+
+
+def _replayed(
+    screen: Screen, objective: Objective, now: Assessed, additions: Sequence[Planted]
+) -> list[Assessed]:
+    """The additions, refined the more the better they are."""
+    starts = _first_of_each(screen, objective, now, additions)
+    fits = _by_worth(objective, _refined(objective, starts, now, 1), now)
+    leading = _leading(screen, fits, _searched(objective, now), _PROMISING, _EACH)
+    rest = [f for f in fits if f not in leading]
+    return [*_refined(objective, [f.hypothesis for f in leading], now, 2), *rest]
+
+
+def _finished(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> list[Assessed]:
+    """By falling worth, all effects of the best ones refined."""
+    fits = _by_worth(objective, fits, now)
+    finalists = [f.hypothesis for f in fits[:_FINALISTS]]
+    everything = [range(len(h)) for h in finalists]
+    best = refine(objective, finalists, everything, iterations=4)
+    return _by_worth(objective, [*best, *fits[_FINALISTS:]], now)
+
+
+def _by_worth(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> list[Assessed]:
+    return sorted(fits, key=lambda f: -worth(objective, f, now))
+
+
+def _refined(
+    objective: Objective, hypotheses: Sequence[Hypothesis], now: Assessed, iterations: int
+) -> list[Assessed]:
+    """Only what was added to the present hypothesis is refined."""
+    free = [range(len(now.hypothesis), len(h)) for h in hypotheses]
+    return refine(objective, hypotheses, free, iterations)
+
+
+def _pairs(
+    screen: Screen,
+    objective: Objective,
+    known: Sequence[tuple[Planted, Shape | None]],
+    ranked: Sequence[Scored],
+    fits: Sequence[Assessed],
+) -> list[tuple[Planted, Planted]]:
+    """Two additions at a joint that no single one explains.
+
+    Real joints lack several things at once, each of which alone explains little: dry and viscous
+    friction, say. What wins alone may then be none of them. The force residual knows which two.
+    """
+    groups = []
+    for dof in range(len(objective.noise)):
+        tried = [f for f in fits if dof_of(screen, f.hypothesis[-1].at) == dof]
+        if not tried or any(dof not in erring_joints(objective, f) for f in tried):
+            continue
+        here = [s for s in ranked if dof_of(screen, s.planted.at) == dof]
+        usual = [s for s in here[_PAIRED:] if s.planted.effect.id in _FRICTION]
+        groups.append([*here[:_PAIRED], *usual])
+    found = []
+    for pairs in screen.pairs(known, groups):
+        allowed = [(p.first, p.second) for p in pairs if not excluded(p.first, p.second)]
+        friction = [p for p in allowed[_PAIRS:] if {x.effect.id for x in p} == set(_FRICTION)]
+        found += [*allowed[:_PAIRS], *friction]
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _More:
+    """An addition at another joint: the best, what it was compared with, and on top of what."""
+
+    fit: Assessed
+    fits: list[Assessed]
+    reference: Assessed
+
+
+def _beside(
+    screen: Screen,
+    objective: Objective,
+    best: Assessed,
+    fits: Sequence[Assessed],
+    now: Assessed,
+) -> list[_More]:
+    """What earns a place at other joints once the best addition is there, best first."""
+    taken = dof_of(screen, best.hypothesis[-1].at)
+    elsewhere = [
+        f
+        for f in fits
+        if dof_of(screen, f.hypothesis[-1].at) not in (taken, -1)
+        and worth(objective, f, now) > THRESHOLDS.min_nats
+    ]
+    chosen = _leading(screen, elsewhere, _searched(objective, now), 0, _EACH)
+    if not chosen:
+        return []
+    reference = objective.reference(best.hypothesis)
+    both = [(*best.hypothesis, *f.hypothesis[len(now.hypothesis) :]) for f in chosen]
+    trials = _by_worth(objective, _refined(objective, both, reference, 2), reference)
+    found = []
+    for dof in dict.fromkeys(dof_of(screen, f.hypothesis[-1].at) for f in trials):
+        here = [f for f in trials if dof_of(screen, f.hypothesis[-1].at) == dof]
+        winner = simplest(objective, here, reference)
+        if earns(objective, winner, reference):
+            found.append(_More(winner, here, reference))
+    return found
+
+
+def _accepted(
+    objective: Objective,
+    best: Assessed,
+    fits: Sequence[Assessed],
+    now: Assessed,
+    shapes: dict[Key, Shape | None],
+) -> list[Accepted]:
+    """What the best addition adds; what came close is remembered beside its last effect."""
+    gain = worth(objective, best, now)
+    new = best.hypothesis[len(now.hypothesis) :]
+    names = {p.key for p in new}
+    rivals = tuple(
+        f.hypothesis[-1]
+        for f in fits
+        if f.hypothesis[-1].key not in names
+        and worth(objective, f, now) > gain - THRESHOLDS.equivalent_nats
+    )
+    last = len(new) - 1
+    return [Accepted(p, shapes.get(p.key), rivals if i == last else ()) for i, p in enumerate(new)]
+
+
+def _first_of_each(
+    screen: Screen, objective: Objective, now: Assessed, additions: Sequence[Planted]
+) -> list[Hypothesis]:
+    """One start for each effect and place, the best of those that are given, and only the best."""
+    found: dict[Key, Assessed] = {}
+    for assessed in objective.evaluate([(*now.hypothesis, p) for p in additions]):
+        key = assessed.hypothesis[-1].key
+        if key not in found or assessed.loglik > found[key].loglik:
+            found[key] = assessed
+    # a start may be far off and its effect still right: a few that are worse than nothing stay
+    ordered = sorted(found.values(), key=lambda a: -a.loglik)
+    finite = [a for a in ordered if np.isfinite(a.loglik)]
+    return [
+        a.hypothesis for a in _leading(screen, finite, _searched(objective, now), _STARTS, _STARTED)
+    ]
+
+
+def _searched(objective: Objective, now: Assessed) -> list[int]:
+    """Joints that get starts of their own; where the base floats, all joints err together."""
+    return [] if objective.scene.free else erring_joints(objective, now)
+
+
+def _leading(
+    screen: Screen, ordered: Sequence[Assessed], erring: Container[int], overall: int, each: int
+) -> list[Assessed]:
+    """The first of a list, and the first of what acts on one erring joint alone."""
+    count: dict[int, int] = {}
+    found = []
+    for i, assessed in enumerate(ordered):
+        dof = dof_of(screen, assessed.hypothesis[-1].at)
+        count[dof] = count.get(dof, 0) + 1
+        if i < overall or (dof in erring and count[dof] <= each):
+            found.append(assessed)
+    return found
+
+
+def _reasons(
+    objective: Objective, fits: Sequence[Assessed], now: Assessed, best: Assessed, ok: bool
+) -> list[Considered]:
+    """What became of each hypothesis that was replayed."""
+    found = []
+    for fit in fits:
+        planted = fit.hypothesis[-1]
+        pair = len(fit.hypothesis) > len(now.hypothesis) + 1
+        beside = f" (beside {fit.hypothesis[-2]})" if pair else ""
+        verdict = "accepted" if fit is best else f"beaten by {best.hypothesis[-1]}"
+        if not ok:
+            verdict = "gains too little"
+        gain = worth(objective, fit, now)
+        found.append(Considered(planted.effect.id, planted.at, gain, "replayed", verdict + beside))
+    return found

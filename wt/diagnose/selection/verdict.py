@@ -1,0 +1,129 @@
+"""Verdict in one word, and the findings for people.
+
+Where nothing was found and replays still err by much, that is reported without a law.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.stats import chi2
+
+from wt.diagnose.likelihood.bic import erring_joints
+from wt.diagnose.likelihood.objective import Assessed, Objective
+from wt.diagnose.result import Confusable, Finding, Verdict
+from wt.diagnose.selection.naming import Judged
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.planted import Planted
+from wt.types import Location
+
+
+def unforeseen(
+    assessed: Assessed, objective: Objective, where: Mapping[str, float]
+) -> tuple[Finding, ...]:
+    """At joints that err: something unknown, without a law.
+
+    Args:
+        assessed: what was found.
+        objective: replays of all fitted data.
+        where: joint → share of the error. What one foot meets shows on all joints of a machine
+            that nothing holds: there, the fewest are named that bear most of it.
+    """
+    found: dict[Location, Finding] = {}
+    for joint in bearing(where, THRESHOLDS.bearing_share) if objective.scene.free else where:
+        dof, at = objective.scene.dof(joint), objective.scene.place(joint)
+        excess = float(assessed.mse[dof] / objective.noise[dof] ** 2)
+        count = float(objective.count[dof])
+        found.setdefault(
+            at,
+            Finding(
+                effect="unknown",
+                at=at,
+                parameters={},
+                statement=(
+                    f"{at.kind.capitalize()} {at.name} is moved by something unknown that "
+                    "nothing recorded predicts."
+                ),
+                holdout_gain=0.0,
+                # of noise alone being as large
+                p_value=float(chi2.sf(excess * count, count)),
+            ),
+        )
+    return tuple(found.values())
+
+
+def bearing(shares: Mapping[str, float], most: float) -> tuple[str, ...]:
+    """The fewest names whose shares come to ``most`` of all, the largest first."""
+    names = sorted(shares, key=lambda name: -shares[name])
+    before = np.cumsum([0.0, *(shares[name] for name in names)])
+    return tuple(name for name, sum_ in zip(names, before, strict=False) if sum_ < most)
+
+
+def verdict(judged: Judged, objective: Objective, others: Sequence[Finding] = ()) -> Verdict:
+    """In one word, by what the findings leave in replays, in units of noise.
+
+    Args:
+        judged: what stands.
+        objective: replays of all fitted data.
+        others: findings that replays do not show.
+    """
+    if judged.unknown:
+        return "partly_explained" if judged.accepted else "unexplained"
+    if not judged.accepted:
+        if judged.unexplained(objective):
+            return "unexplained"
+        return "explained" if others else "no_mismatch"
+    left = erring_joints(objective, judged.estimated.assessed)
+    return "partly_explained" if left else "explained"
+
+
+def findings(judged: Judged) -> tuple[Finding, ...]:
+    """For people, the most important first."""
+    found = [
+        Finding(
+            effect=planted.effect.id,
+            at=planted.at,
+            parameters=values,
+            statement=planted.statement,
+            holdout_gain=gain.share,
+            p_value=gain.p_value,
+            confusable_with=tuple(_confusable(planted, r) for r in a.rivals),
+            reference=planted.effect.reference,
+        )
+        for a, planted, values, gain in zip(
+            judged.accepted,
+            judged.estimated.hypothesis,
+            judged.estimated.estimates,
+            judged.gains,
+            strict=True,
+        )
+    ]
+    found += [
+        Finding(
+            effect="unknown",
+            at=u.planted.at,
+            parameters={},
+            statement=u.statement,
+            holdout_gain=u.gain.share,
+            p_value=u.gain.p_value,
+            depends_on=u.depends_on,
+            formula=u.formula,
+        )
+        for u in judged.unknown
+    ]
+    return tuple(sorted(found, key=lambda f: -f.holdout_gain))
+
+
+def suggestions(found: Sequence[Finding]) -> tuple[str, ...]:
+    """What to record next, so that what was confused can be told apart."""
+    experiments = [c.separating_experiment for f in found for c in f.confusable_with]
+    return tuple(dict.fromkeys(experiments))
+
+
+def _confusable(found: Planted, rival: Planted) -> Confusable:
+    return Confusable(rival.effect.id, rival.at, found.effect.separation(found.at))
+
+
+DOUBTFUL = 0.6
+"""Below this :attr:`Rivalry.ratio` a name is given up; the module's test holds how it was set."""

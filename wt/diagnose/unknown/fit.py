@@ -1,0 +1,205 @@
+"""Regressions of an unexplained force on columns, judged by blocks of time they have not seen.
+
+Features are computed along the motion and pass the same weak form as the force, so that windows
+that are wide beside a bump do not blur the law.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from wt.diagnose.residual.screen import Screen
+from wt.diagnose.unknown.law import Atom, Law, Term
+from wt.diagnose.unknown.memory import along
+
+Array = np.ndarray
+
+FOLDS, BLOCK_S, MOMENT_S = 6, 1.5, 0.5
+_RIDGES = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)  # relative to the number of rows
+_BUMPS = 14
+
+
+class Data:
+    """One joint's unexplained force beside the columns that it may depend on.
+
+    Attributes:
+        screen: the recordings.
+        joint: the joint.
+        dof: its degree of freedom.
+        force: weak force, (n,) [N·m], of the rows that count.
+        rows: which of the screen's rows count, (R,) bool.
+        block: index of the block of time each row belongs to, (n,).
+        fold: of the block, (n,).
+        moment: index of a shorter stretch, yet longer than the noise of a force remembers, (n,).
+        ease: speed over which a sign is rounded [rad/s]: a stiffer law would not be integrable.
+    """
+
+    def __init__(
+        self, screen: Screen, joint: str, force: Array, rows: Array, seed: int, step: float
+    ) -> None:
+        """Prepare.
+
+        Args:
+            screen: the recordings.
+            joint: the joint.
+            force: its unexplained weak force, (R,).
+            rows: rows that count, (R,) bool.
+            seed: assigns blocks to folds.
+            step: coarsest physics step of replays [s].
+        """
+        self.screen, self.joint, self.rows = screen, joint, rows
+        self.dof = screen.motion.scene.dof(joint)
+        self.force = force[rows]
+        motion = screen.motion
+        segment = np.zeros(len(motion), dtype=int)
+        for i, s in enumerate(motion.segments):
+            segment[s.rows] = i
+        at = screen.rows[rows]
+        self.block, self.moment = (
+            np.unique(
+                np.stack([segment[at], (motion.t[at] / seconds).astype(int)]),
+                axis=1,
+                return_inverse=True,
+            )[1].ravel()
+            for seconds in (BLOCK_S, MOMENT_S)
+        )
+        order = np.random.default_rng(seed).permutation(int(self.block.max()) + 1)
+        self.fold = (np.argsort(order) % FOLDS)[self.block]
+        inertia = float(motion.scene.model.dof_M0[self.dof])
+        strong = float(np.quantile(np.abs(self.force), 0.95))
+        self.ease = max(0.02, strong * step / inertia)
+        self._bumps = int(np.clip(len(self.force) / 25, 6, _BUMPS))
+
+    @lru_cache(maxsize=256)  # noqa: B019 – lives and dies with a diagnosis
+    def column(self, name: str) -> Array:
+        """Values along the motion, (T,)."""
+        return along(self.screen.motion, [name])[:, 0]
+
+    def span(self, name: str) -> tuple[float, float]:
+        """Smallest and largest value of a column."""
+        x = self.column(name)
+        return float(x.min()), float(x.max())
+
+    def state(self) -> list[str]:
+        """Positions and velocities that vary, the joint's own first, and time."""
+        joints = sorted(self.screen.motion.scene.joints, key=lambda j: j != self.joint)
+        return self._varying([*(f"{k}/{j}" for j in joints for k in ("qpos", "qvel")), "t"])
+
+    def drive(self) -> list[str]:
+        """Command and force of the joint's drives, if they vary."""
+        drives = [d.name for d in self.screen.motion.scene.drives if d.joint == self.joint]
+        return self._varying([f"{k}/{d}" for d in drives for k in ("ctrl", "force")])
+
+    def _varying(self, names: Sequence[str]) -> list[str]:
+        return [n for n in names if self.span(n)[1] - self.span(n)[0] > 1e-6]
+
+    def centres(self, name: str) -> Array:
+        """Evenly spaced centres of bumps over what a column covers."""
+        low, high = np.quantile(self.column(name), [0.005, 0.995])
+        # fine bumps in time would interpolate between blocks whatever drifts
+        return np.linspace(low, high, 3 if name == "t" else self._bumps)
+
+    def feature(self, names: Sequence[str], term: Term) -> Array:
+        """A term in the weak form, (n,)."""
+        value = np.ones(len(self.screen.motion))
+        for atom in term:
+            value = value * atom.value(self.column(names[atom.column]))
+        return np.asarray(self.screen.weak(value)[self.rows])
+
+    def features(self, names: Sequence[str], terms: Sequence[Term]) -> Array:
+        """Terms in the weak form, (n, len(terms))."""
+        found = [self.feature(names, t) for t in terms]
+        return np.stack(found, axis=1) if found else np.zeros((len(self.force), 0))
+
+    def law(
+        self, names: Sequence[str], terms: Sequence[Term], weights: Array, beyond: float = 0.0
+    ) -> Law:
+        """A law of terms over the range that was seen, of all but positions widened by a share.
+
+        What only turns with time goes on turning.
+        """
+        low, high = np.array([self.span(n) for n in names]).T
+        wider = beyond * (high - low) * [not n.startswith("qpos/") for n in names]
+        kinds = [{a.kind for t in terms for a in t if a.column == i} for i in range(len(names))]
+        turns = [n == "t" and k <= {"sin", "cos"} for n, k in zip(names, kinds, strict=True)]
+        wider = np.where(turns, np.inf, wider)
+        return Law(tuple(names), low - wider, high + wider, tuple(terms), weights)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A regression on some columns.
+
+    Attributes:
+        names: the columns.
+        terms: what it is linear in.
+        ridge: the penalty that predicts best.
+        left: error of predicting each row without having seen its block, (n,).
+        error: its square, summed over each block, (blocks,).
+        r2: predicted share of the force's square.
+    """
+
+    names: tuple[str, ...]
+    terms: tuple[Term, ...]
+    ridge: float
+    left: Array
+    error: Array
+    r2: float
+
+
+def smooth_terms(data: Data, names: Sequence[str]) -> list[Term]:
+    """Bumps along each column, alone and times simple functions of each other column."""
+    alone: list[list[Term]] = []
+    for i, name in enumerate(names):
+        centres = data.centres(name)
+        width = 1.2 * float(centres[1] - centres[0])
+        bumps: list[Term] = [(Atom(i, "bump", float(c), width),) for c in centres]
+        alone.append([*bumps, *((a,) for a in simple(data, i, name))])
+    found = [term for some in alone for term in some]
+    for i, j in itertools.permutations(range(len(names)), 2):
+        bumps = [t for t in alone[i] if t[0].kind == "bump"]
+        found += [(*t, a) for t in bumps for a in simple(data, j, names[j])]
+    return [(), *found]
+
+
+def simple(data: Data, index: int, name: str) -> list[Atom]:
+    """What multiplies another column's bumps: the value, and for velocities its sign."""
+    atoms = [Atom(index, "linear")]
+    if name.startswith("qvel/"):
+        atoms.append(Atom(index, "sign", 0.0, data.ease))
+    return atoms
+
+
+def crossval(data: Data, names: Sequence[str], terms: Sequence[Term], penalise: bool = True) -> Fit:
+    """Predict every block from the other folds; the best ridge."""
+    f, y = data.features(names, terms), data.force
+    size = np.sqrt(np.mean(f**2, axis=0)) + 1e-12
+    f = f / size
+    left = np.zeros((len(_RIDGES), len(y)))
+    ridges = np.array(_RIDGES if penalise else (1e-9,) * len(_RIDGES)) * len(y)
+    for k in range(FOLDS):
+        test = data.fold == k
+        train = ~test
+        values, vectors = np.linalg.eigh(f[train].T @ f[train])
+        seen = vectors.T @ (f[train].T @ y[train])
+        here = f[test] @ vectors
+        for i, ridge in enumerate(ridges):
+            left[i, test] = y[test] - here @ (seen / (np.maximum(values, 0.0) + ridge))
+    best = int(np.argmin((left**2).sum(axis=1)))
+    error = np.bincount(data.block, left[best] ** 2)
+    r2 = 1.0 - float(error.sum() / max((y**2).sum(), 1e-300))
+    return Fit(tuple(names), tuple(terms), float(ridges[best]), left[best], error, r2)
+
+
+def solve(data: Data, fit: Fit, beyond: float = 0.0) -> Law:
+    """The law of a regression, from all rows; ``beyond`` as in :meth:`Data.law`."""
+    f = data.features(fit.names, fit.terms)
+    size = np.sqrt(np.mean(f**2, axis=0)) + 1e-12
+    gram = (f / size).T @ (f / size) + fit.ridge * np.eye(len(size))
+    weights = np.linalg.solve(gram, (f / size).T @ data.force) / size
+    return data.law(fit.names, fit.terms, weights, beyond)

@@ -1,0 +1,293 @@
+"""A force that no known effect explains: what it depends on, its law, and whether it is real.
+
+Where replays stay worse than noise allows although the accepted effects are in, the unexplained
+force of a joint is regressed on what was recorded (:mod:`wt.diagnose.unknown.fit`). It becomes a
+finding only if replays of recordings that it was not fitted to improve.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import combine_pvalues, ttest_1samp, wilcoxon
+
+from wt.diagnose.likelihood.objective import Assessed, Objective
+from wt.diagnose.likelihood.replays import COARSE
+from wt.diagnose.residual.screen import Screen, leftover
+from wt.diagnose.selection.holdout import Gain, Holdout, errors
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.diagnose.unknown.choice import choose, remembers
+from wt.diagnose.unknown.fit import Data, Fit, solve
+from wt.diagnose.unknown.formula import reduced, sparse
+from wt.diagnose.unknown.law import Law
+from wt.diagnose.unknown.memory import Remembering, along, memory_of, recorded
+from wt.diagnose.unknown.onnx import to_onnx
+from wt.physics.effect import Parameter, Shape
+from wt.physics.hooks import OnSteps
+from wt.physics.live import Live, StepState
+from wt.physics.motion import Motion
+from wt.physics.planted import Hypothesis, Planted
+from wt.physics.scene import Scene
+from wt.types import Location
+
+Array = np.ndarray
+
+MOST_JOINTS = 3
+_ROUNDS = 2
+_WORSE = 0.1
+_BEYOND = 0.5  # a formula is trusted so much farther than what was seen, but for positions
+_PEAK = 2.5
+
+
+class UnknownForce(OnSteps):
+    """amplitude · force(columns): a learned law that acts on one joint.
+
+    Not registered: a search cannot try it before it is learned.
+
+    Attributes:
+        law: the force.
+        said: its sentence.
+    """
+
+    id = "unknown"
+    kind = "joint"
+    parameters = (Parameter("amplitude", "-", 0.0, 2.0, 0.02),)
+    reference = "learned from the recordings"
+    native = False
+
+    def __init__(self, law: Law, said: str) -> None:
+        """Wrap a law."""
+        self.law, self.said = law, said
+
+    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+        """The law along a motion."""
+        m = motion
+        return m.on(m.scene.dof(at.name), self.law.force(along(m, self.law.columns)))
+
+    def theta(self, coefficients: Array, shape: Shape) -> Array:
+        """The coefficient is the amplitude."""
+        return coefficients
+
+    def live(self, scene: Scene, at: Location, theta: Array) -> Live:
+        """Adds the force at every step."""
+        return _Pushing(self.law, scene, scene.dof(at.name), theta)
+
+    def statement(self, at: Location, theta: Array) -> str:
+        """See :meth:`Effect.statement`."""
+        return self.said
+
+    def separation(self, at: Location) -> str:
+        """See :meth:`Effect.separation`."""
+        others = ", ".join(recorded(self.law.columns))
+        return f"slow and fast sweeps of {at.name} over its whole range that vary {others} alone"
+
+
+class _Pushing(Live):
+    def __init__(self, law: Law, scene: Scene, dof: int, theta: Array) -> None:
+        self.law, self.dof, self.amplitude = law, dof, theta[:, 0]
+        self.columns = Remembering(scene, law.columns)
+
+    def act(self, state: StepState) -> None:
+        """See :meth:`Live.act`."""
+        force = self.law.force(self.columns.step(state))
+        state.applied[:, self.dof] += self.amplitude * force
+
+
+@dataclass(frozen=True, eq=False)
+class Unknown:
+    """Something that no known effect explains.
+
+    Attributes:
+        planted: acts in replays like any other effect; its parameter is a factor, 1 as learned.
+        depends_on: columns in the recording format's names.
+        formula: the force in them [N·m], of few terms.
+        onnx: the force that acts, as an ONNX graph; inputs are the columns of its law, float32
+            (batch, 1): ``depends_on``, or what remembers them (:mod:`wt.diagnose.unknown.memory`).
+        r2: share of the joint's unexplained force that is predicted in blocks of time not seen.
+        statement: one sentence.
+        gain: what it is worth on held-out recordings.
+    """
+
+    planted: Planted
+    depends_on: tuple[str, ...]
+    formula: str
+    onnx: bytes
+    r2: float
+    statement: str
+    gain: Gain
+
+
+def find(
+    screen: Screen,
+    objective: Objective,
+    assessed: Assessed,
+    held: Holdout,
+    *,
+    step: float,
+    seed: int = 0,
+) -> Unknown | None:
+    """Look for an unknown force where the accepted effects leave more than noise.
+
+    Args:
+        screen: the fitted recordings.
+        objective: replays of them.
+        assessed: the accepted effects.
+        held: recordings that nothing is fitted to; they decide.
+        step: physics step of replays [s].
+        seed: of the folds.
+
+    Returns:
+        The most useful unknown force, or None if none improves held-out replays.
+    """
+    excess = np.sqrt(assessed.mse) / objective.floor
+    rest = leftover(screen, assessed.hypothesis)
+    force = np.sqrt((rest.keep * rest.left**2).sum(axis=0) / rest.keep.sum(axis=0)) / screen.floor
+    force = np.where(excess > THRESHOLDS.clean, force, 0.0)
+    scene = screen.motion.scene
+    force[[scene.dof(j) for j in scene.joints if j not in scene.own_joints]] = 0.0
+    found: list[Unknown] = []
+    for dof in np.argsort(-force)[:MOST_JOINTS]:
+        if force[dof] < THRESHOLDS.unknown_force:
+            continue
+        joint = scene.joints[int(dof)]
+        every = np.ones(len(screen.rows), bool)
+        data = Data(screen, joint, rest.left[:, dof], every, seed, COARSE * step)
+        unknown = _learn(data, assessed, held, step)
+        if (
+            unknown
+            and unknown.gain.p_value <= THRESHOLDS.significant
+            and unknown.gain.share >= THRESHOLDS.unknown_share
+        ):
+            found.append(unknown)
+    return max(found, key=lambda u: u.gain.share, default=None)
+
+
+def _learn(data: Data, assessed: Assessed, held: Holdout, step: float) -> Unknown | None:
+    """The best law of one joint's force, judged on held-out replays."""
+    fit, tried = choose(data)
+    if fit.r2 < THRESHOLDS.unknown_r2:
+        return None
+    formula = fit if remembers(fit) else _formula(data, fit, assessed)
+    plain = formula.r2 >= THRESHOLDS.formula_share * fit.r2
+    used = formula if plain else fit
+    blank = float(min(1.0, tried * _chance(data, used)))
+    at = Location("joint", data.joint)
+    for _ in range(_ROUNDS):
+        law = solve(data, used, _BEYOND * plain)
+        planted = Planted(UnknownForce(law, statement(data, law)), at, np.ones(1))
+        # the accepted effects and nuisances had to bear what now has a law of its own
+        hypothesis = (*assessed.hypothesis, planted)
+        data.force = leftover(data.screen, hypothesis).without(-1)[data.rows, data.dof]
+    share, chance = _gain(held, hypothesis, data.dof, step)
+    # forces of blocks not seen and replays of recordings not seen: two proofs on other data
+    sure = share > 0.0 and chance < THRESHOLDS.unknown_chance
+    p_value = float(combine_pvalues([blank, chance]).pvalue) if sure else 1.0
+    return Unknown(
+        planted,
+        recorded(used.names),
+        solve(data, formula).text(),
+        to_onnx(law),
+        used.r2,
+        planted.effect.statement(at, planted.theta),
+        Gain(share, p_value),
+    )
+
+
+def _formula(data: Data, fit: Fit, assessed: Assessed) -> Fit:
+    """The formula of the force with the nuisances' share put back, unless that fits much worse.
+
+    What any rig is off by can hide a part of the force, and a remnant has no simple formula.
+    """
+    taken = data.force
+    rest = leftover(data.screen, assessed.hypothesis)
+    options = []
+    for force in ((rest.left + rest.adapted)[data.rows, data.dof], taken):
+        data.force = force
+        options.append(reduced(sparse(data, fit.names)))
+    data.force = taken
+    return options[options[1].r2 > options[0].r2 + _WORSE]
+
+
+def _gain(held: Holdout, hypothesis: Hypothesis, dof: int, step: float) -> tuple[float, float]:
+    """What the last effect removes of the held-out squared error of all joints, and its p-value.
+
+    The test reads the joint alone: others may have errors of their own that drown the change.
+    """
+    found = errors(held, [hypothesis[:-1], hypothesis], step) / held.smoothed.noise
+    if not np.isfinite(found[1]).any() or np.isinf(np.nanmax(np.abs(found[1]))):
+        return 0.0, 1.0
+    before, after = np.nansum(found**2, axis=(1, 2))
+    own = [np.sqrt(np.bincount(held.block, np.nan_to_num(e[:, dof]) ** 2)) for e in found]
+    return float(1.0 - after / before), _improves(own[0], own[1])
+
+
+def _chance(data: Data, fit: Fit) -> float:
+    """p-value of predicting moments of blocks not seen no better than by no force at all."""
+    sums = [np.sqrt(np.bincount(data.moment, x**2)) for x in (data.force, fit.left)]
+    return _improves(sums[0], sums[1])
+
+
+def _improves(before: Array, after: Array) -> float:
+    """p-value of blocks' errors being no smaller after than before.
+
+    Student's test sees a few large gains, Wilcoxon's many small ones; their lesser counts twice.
+    """
+    tests = (
+        wilcoxon(before - after, alternative="greater"),
+        ttest_1samp(before - after, 0.0, alternative="greater"),
+    )
+    return min(1.0, 2.0 * float(np.nanmin([1.0, *(test.pvalue for test in tests)])))
+
+
+def statement(data: Data, law: Law) -> str:
+    """One sentence on a force, from how it acts along the motion."""
+    m = data.screen.motion
+    force = law.force(along(m, law.columns))
+    power = force * m.v[:, m.scene.dof(data.joint)]
+    verb = "held back" if power.sum() < -0.5 * np.abs(power).sum() else "pushed"
+    words = list(dict.fromkeys(_words(name, data.joint) for name in law.columns))
+    depends = words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+    said = f"Joint {data.joint} is {verb} by something unknown that depends on {depends}"
+    near = _peak(data, law, force)
+    return f"{said}, strongest near {near}." if near else f"{said}."
+
+
+def _words(name: str, joint: str) -> str:
+    memory = memory_of(name)
+    if memory is not None:
+        return (
+            "how it moved before" if memory.joint == joint else f"how {memory.joint} moved before"
+        )
+    kind, _, place = name.partition("/")
+    if kind in ("qpos", "qvel"):
+        noun = "position" if kind == "qpos" else "speed"
+        return f"its {noun}" if place == joint else f"the {noun} of {place}"
+    return {"ctrl": "its command", "force": "its drive's force"}.get(kind, "time")
+
+
+def _peak(data: Data, law: Law, force: Array) -> str:
+    """Where along its own position the force is strongest, if it stands out there."""
+    name = f"qpos/{data.joint}"
+    if name not in law.columns:
+        return ""
+    q = data.column(name)
+    low, high = np.quantile(q, [0.005, 0.995])
+    edges = np.linspace(low, high, 21)
+    index = np.clip(np.searchsorted(edges, q) - 1, 0, 19)
+    count = np.bincount(index, minlength=20)
+    size = np.bincount(index, np.abs(force), minlength=20) / np.maximum(count, 1)
+    size = np.where(count >= 0.005 * len(q), size, 0.0)
+    best = int(np.argmax(size))
+    if size[best] < _PEAK * np.median(size):
+        return ""
+    # the middle of what is at least half as strong: a detent pulls on both of its sides
+    near = size >= 0.5 * size[best]
+    middle = 0.5 * (edges[:-1] + edges[1:])
+    unit = "rad" if _hinge(data) else "m"
+    return f"{float(np.sum(middle * near * size) / np.sum(size * near)):.2g} {unit}"
+
+
+def _hinge(data: Data) -> bool:
+    model = data.screen.motion.scene.model
+    return int(model.joint(data.joint).type[0]) == 3

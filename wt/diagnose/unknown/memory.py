@@ -1,0 +1,171 @@
+"""Hidden states that a joint's motion drives: what a force that remembers may depend on.
+
+A regression on what was recorded at one moment cannot see a strap that creeps or a liquid that
+swings along. Their forces are linear in a hidden state of their own, which follows from the
+recorded motion once its rate is known:
+
+``creep[τ s](qvel/j)``
+    z with ż = q̇ − z/τ: the stretch of a spring that yields (J. C. Maxwell, 1867).
+``swing[ω rad/s, ζ](qpos/j)``
+    p − q with p̈ = −ω²(p − q) − 2ζω(ṗ − q̇): how far a mass on a spring lags behind the joint that
+    drags it along. ``swing_rate[…](qpos/j)`` is its derivative.
+
+Columns of these names are computed along recorded motions (:func:`along`), and step by step in
+replays (:class:`Remembering`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal, cast
+
+import numpy as np
+from scipy.linalg import expm
+from scipy.signal import lfilter
+
+from wt.diagnose.unknown.law import table
+from wt.physics.live import StepState
+from wt.physics.motion import Motion
+from wt.physics.scene import Scene
+
+Array = np.ndarray
+Kind = Literal["creep", "swing", "swing_rate"]
+
+_NAME = re.compile(r"(creep|swing|swing_rate)\[(\S+) [^,]+?(?:, (\S+))?\]\(q(?:pos|vel)/(.+)\)")
+
+
+@dataclass(frozen=True)
+class Memory:
+    """One column that remembers.
+
+    Attributes:
+        kind: see the module.
+        joint: whose motion drives it.
+        rate: time constant of a creep [s]; natural frequency of a swing [rad/s].
+        damping: damping ratio of a swing [-].
+    """
+
+    kind: Kind
+    joint: str
+    rate: float
+    damping: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """As in the module; three digits, which are all there are."""
+        if self.kind == "creep":
+            return f"creep[{self.rate:.3g} s](qvel/{self.joint})"
+        return f"{self.kind}[{self.rate:.3g} rad/s, {self.damping:.3g}](qpos/{self.joint})"
+
+    @property
+    def base(self) -> tuple[str, ...]:
+        """The recorded columns that it is made of."""
+        velocity = f"qvel/{self.joint}"
+        return (velocity,) if self.kind == "creep" else (f"qpos/{self.joint}", velocity)
+
+    def begin(self, q: Array, v: Array) -> Array:
+        """State at rest beside the joint, (n, 2); q and v are (n,)."""
+        start = np.stack([q, v], axis=1)
+        return np.zeros_like(start) if self.kind == "creep" else start
+
+    def value(self, state: Array, q: Array, v: Array) -> Array:
+        """The column, (n,)."""
+        if self.kind == "creep":
+            return np.asarray(state[:, 0])
+        return np.asarray(state[:, 0] - q if self.kind == "swing" else state[:, 1] - v)
+
+    def advance(self, state: Array, q: Array, v: Array, h: float) -> Array:
+        """State one step of h seconds later; exact for a velocity that is held."""
+        moved = _transition(self.kind == "creep", self.rate, self.damping, h)
+        return np.asarray(np.column_stack([state, q, v]) @ moved.T)
+
+
+def memory_of(name: str) -> Memory | None:
+    """The memory with that name; None for what is recorded itself."""
+    found = _NAME.fullmatch(name)
+    if found is None:
+        return None
+    kind, rate, damping, joint = found.groups()
+    return Memory(cast(Kind, kind), joint, float(rate), float(damping or 0.0))
+
+
+def recorded(names: Sequence[str]) -> tuple[str, ...]:
+    """The recorded columns behind some columns, each once."""
+    found: list[str] = []
+    for name in names:
+        memory = memory_of(name)
+        found += memory.base if memory else (name,)
+    return tuple(dict.fromkeys(found))
+
+
+def along(motion: Motion, names: Sequence[str]) -> Array:
+    """Values of columns along a recorded motion, (T, len(names)); segments begin at rest."""
+    m = motion
+    found = []
+    for name in names:
+        memory = memory_of(name)
+        if memory is None:
+            found.append(table(m.scene, [name], m.t, m.q, m.v, m.u)[:, 0])
+            continue
+        dof = m.scene.dof(memory.joint)
+        values = np.empty(len(m))
+        for s in m.segments:
+            values[s.rows] = _path(memory, m.q[s.rows, dof], m.v[s.rows, dof], s.dt)
+        found.append(values)
+    return np.stack(found, axis=1)
+
+
+class Remembering:
+    """Columns in replays, step by step; holds the hidden states of n of them."""
+
+    def __init__(self, scene: Scene, names: Sequence[str]) -> None:
+        """Prepare for the columns with these names."""
+        self._scene, self._names = scene, names
+        self._memories = [memory_of(name) for name in names]
+        self._states: list[Array | None] = [None] * len(names)
+
+    def step(self, now: StepState) -> Array:
+        """Values of the columns, (n, len(names)); the hidden states move on by the step."""
+        found = []
+        for i, (name, memory) in enumerate(zip(self._names, self._memories, strict=True)):
+            if memory is None:
+                found.append(table(self._scene, [name], now.t, now.q, now.v, now.u)[:, 0])
+                continue
+            dof = self._scene.dof(memory.joint)
+            q, v = now.q[:, dof], now.v[:, dof]
+            state = self._states[i]
+            state = memory.begin(q, v) if state is None else state
+            found.append(memory.value(state, q, v))
+            self._states[i] = memory.advance(state, q, v, now.h)
+        return np.stack(found, axis=1)
+
+
+def _path(memory: Memory, q: Array, v: Array, dt: float) -> Array:
+    """A column along an evenly sampled path, (T,), from rest."""
+    moved = _transition(memory.kind == "creep", memory.rate, memory.damping, dt)
+    # held is the mean velocity of an interval, so that sampling coarsely delays nothing
+    mean = np.append(np.diff(q) / dt, v[-1])
+    begun = memory.begin(q[:1], v[:1])[0]
+    poles, modes = np.linalg.eig(moved[:, :2])
+    pushed = np.linalg.solve(modes, moved[:, 2:] @ np.stack([q, mean]))
+    pushed = np.column_stack([np.linalg.solve(modes, begun), pushed[:, :-1]])
+    path = np.stack([lfilter([1.0], [1.0, -p], x) for p, x in zip(poles, pushed, strict=True)])
+    return memory.value(np.real(modes @ path).T, q, v)
+
+
+@lru_cache(maxsize=512)
+def _transition(creeps: bool, rate: float, damping: float, h: float) -> Array:
+    """Two states h seconds later, from them, the joint's position and its held velocity, (2, 4)."""
+    system = np.zeros((4, 4))
+    if creeps:
+        system[0] = [-1.0 / rate, 0.0, 0.0, 1.0]
+    else:
+        pull, drag = rate**2, 2.0 * damping * rate
+        system[0] = [0.0, 1.0, 0.0, 0.0]
+        system[1] = [-pull, -drag, pull, drag]
+    system[2, 3] = 1.0  # the position moves with the velocity
+    found: Array = expm(system * h)[:2]
+    return found

@@ -1,0 +1,219 @@
+"""Training every method with every seed, side by side on the machine's cores.
+
+Networks of this size gain little from several threads, and on a busy machine threads that wait
+for one another lose much; so every job has one thread, and a process that it shares with no other.
+Workers read the collections from disk, report through a queue, and leave their results in the
+run's folder. They end with the run, however it ends: a worker that outlived it would write into
+the folder that the resumed run works in.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import queue
+import signal
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import torch
+import yaml
+
+from wt.baselines.base import find
+from wt.config import Fit, Method, parse, to_yaml, vary
+from wt.data.transitions import digest
+from wt.errors import WorkError
+from wt.evaluate.results import OURS, PAPERS_OWN
+from wt.run.study import Study
+from wt.train.device import on
+from wt.train.fit import fit_world_model
+from wt.train.score import PairTensors, predictions
+
+POLL_SECONDS = 0.2
+
+
+class Job(NamedTuple):
+    """One method with one seed.
+
+    Attributes:
+        seed: of training.
+        method: a baseline's name, the paper's method or ours.
+        changes: ``key=value`` words that make the last two a variant of themselves.
+    """
+
+    seed: int
+    method: str
+    changes: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        """As shown beside a progress bar."""
+        return f"{', '.join([self.method, *self.changes])}, seed {self.seed}"
+
+    @property
+    def key(self) -> str:
+        """Under what the run's folder keeps it: the method's name, and a variant's hash."""
+        return f"{self.method}-{digest(list(self.changes))}" if self.changes else self.method
+
+    def settings(self, config: Fit) -> Method:
+        """Of a World Translation model, the paper's, ours or a variant."""
+        return vary(config.plus if self.method == OURS else config.paper, self.changes)
+
+
+def run_jobs(study: Study, jobs: Sequence[Job]) -> None:
+    """Train every method that has not been, and keep what each predicts for the test pairs.
+
+    Args:
+        study: the run.
+        jobs: longest first, so that no core waits for a last long one.
+
+    Raises:
+        WorkError: a worker was killed from outside.
+    """
+    todo = [job for job in jobs if not study.finished(job.seed, job.key)]
+    workers = min(study.config.workers or os.cpu_count() or 1, len(todo))
+    if workers <= 1:
+        torch.set_num_threads(1)
+        for job in todo:
+            train(study, job)
+        return
+    context = multiprocessing.get_context("spawn")
+    messages = context.Queue()
+    arguments = (to_yaml(study.config), str(study.folder), messages)
+    with ProcessPoolExecutor(workers, context, _open, arguments) as pool, _killed_on_error():
+        with _deaf_to_interrupts():
+            pending = {_submit(pool, job) for job in todo}
+        while pending:
+            _hand_on(messages, study)
+            ended, pending = wait(pending, timeout=0)
+            for future in ended:
+                future.result()  # raises what the job raised
+        _hand_on(messages, study)
+
+
+def _submit(pool: ProcessPoolExecutor, job: Job) -> Future[None]:
+    """Give a job to the pool, which starts a worker for it where one is missing."""
+    try:
+        return pool.submit(_train, job)
+    except OSError:
+        # perhaps another worker has died, and the pool closed the pipes this one was to inherit
+        pool.submit(_train, job)  # then it says so now: BrokenProcessPool
+        raise
+
+
+def train(study: Study, job: Job) -> None:
+    """Train one method and keep its prediction."""
+    seed, method, _ = job
+    data, config = study.data, study.config
+    listener = study.listener
+    if method not in (OURS, PAPERS_OWN):
+        with on(config.device):
+            baseline = find(method)(study.world.spec, config.baselines, seed)
+            baseline.train(
+                data.sim, data.real, data.validation, lambda k, n: listener.progress(str(job), k, n)
+            )
+        baseline.nets.cpu()
+        study.keep_baseline(seed, baseline)
+        study.keep(seed, method, baseline.predict(data.test))
+        return
+    with on(config.device):
+        model = fit_world_model(
+            study.world.spec,
+            job.settings(config),
+            data.sim,
+            data.real,
+            data.validation,
+            seed,
+            study.home(seed, job.key),
+            sink=lambda values, step: listener.metrics(
+                {f"{job.key}/seed{seed}/{k}": v for k, v in values.items()}, step
+            ),
+            warn=lambda line: listener.warn(f"{job}: {line}"),
+            progress=lambda k, n: listener.progress(str(job), k, n),
+        ).cpu()
+    study.keep_model(seed, job.key, model)
+    tensors = PairTensors.of(data.test, model.frame.state.std, model.frame.change.std)
+    study.keep(seed, job.key, predictions(model, tensors).numpy())
+
+
+class _Sender:
+    """The listener inside a worker: everything goes through the queue."""
+
+    def __init__(self, messages: Any) -> None:  # noqa: ANN401 – a queue of a spawn context
+        self._messages = messages
+
+    def progress(self, what: str, done: int, total: int) -> None:
+        self._messages.put(("progress", (what, done, total)))
+
+    def metrics(self, values: Mapping[str, float], step: int) -> None:
+        self._messages.put(("metrics", (dict(values), step)))
+
+    def warn(self, line: str) -> None:
+        self._messages.put(("warn", (line,)))
+
+
+_opened: list[Study] = []
+"""The study of this worker process; filled once by ``_open``."""
+
+
+def _open(config: str, folder: str, messages: Any) -> None:  # noqa: ANN401 – see _Sender
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    torch.set_num_threads(1)
+    fit = parse(Fit, yaml.safe_load(config), "")
+    _opened.append(Study.open(fit, Path(folder), _Sender(messages)))
+
+
+def _end_with_parent() -> None:
+    """Do not train on for a run that was killed."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+    os._exit(1)
+
+
+@contextmanager
+def _killed_on_error() -> Iterator[None]:
+    """End all workers at once when something goes wrong; checkpoints are whole at any moment."""
+    try:
+        yield
+    except BaseException as error:
+        for worker in multiprocessing.active_children():
+            worker.kill()  # while it trains, Lightning would only take note of a SIGTERM
+        if isinstance(error, BrokenProcessPool):
+            raise WorkError(
+                "a training process was killed from outside, perhaps for want of memory; "
+                "continue with --resume, and with workers=1 if it happens again"
+            ) from error
+        raise
+
+
+@contextmanager
+def _deaf_to_interrupts() -> Iterator[None]:
+    """Processes started inside never see Ctrl-C: it is for the parent, which ends them.
+
+    Blocked here and inherited, since a process that only ignored it once it is up would die with
+    a traceback while it is still importing.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _train(job: Job) -> None:
+    train(_opened[0], Job(*job))
+
+
+def _hand_on(messages: Any, study: Study) -> None:  # noqa: ANN401 – see _Sender
+    """Pass on what workers said, waiting a moment for something to be said."""
+    try:
+        while True:
+            kind, arguments = messages.get(timeout=POLL_SECONDS)
+            getattr(study.listener, kind)(*arguments)
+    except queue.Empty:
+        return

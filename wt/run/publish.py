@@ -1,0 +1,205 @@
+"""What a run leaves for others: tables, figures, a recording, an exported and registered model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from io import BytesIO
+
+import numpy as np
+
+from registry import parity, store
+from registry.card import HeldOut, describe
+from registry.push import push
+from registry.store import Version
+from wt.config import Fit
+from wt.data.transitions import content_hash
+from wt.errors import ConfigError, RegistryError
+from wt.evaluate import figures
+from wt.evaluate.results import ASSUMPTION, OURS, PAPERS_OWN, Results, Score
+from wt.evaluate.rollout_view import write_rollout
+from wt.evaluate.single_step import Errors, first_episode, poses
+from wt.export.onnx import eager, export
+from wt.run.study import Study
+from wt.run.track import Run, source
+from wt.show.files import write_whole
+from wt.translate import Exported, SimToReal
+
+MODEL, RECORDING, FIGURES = "model.onnx", "rollout.rrd", "figures"
+SHOWN = ("RawSim", PAPERS_OWN, OURS)
+"""Methods whose predictions are drawn; more would hide one another."""
+
+LONGEST = 500
+"""Control steps in the recording, at most."""
+
+EXAMPLES = 512
+"""Rows on which the exported graph is compared with eager."""
+
+GOLDEN = 8
+"""Input and output rows that travel with the model."""
+
+
+@dataclass(frozen=True)
+class Published:
+    """What came out of a run.
+
+    Attributes:
+        results: the table.
+        version: the registered model.
+        seed: the seed whose model was registered.
+    """
+
+    results: Results
+    version: Version
+    seed: int
+
+
+def check_name(config: Fit) -> None:
+    """Refuse a name that the model could not be registered under in the end.
+
+    Raises:
+        ConfigError: it is none.
+    """
+    try:
+        store.check_name(config.registry_name)
+    except RegistryError as error:
+        raise ConfigError(f"registry_name: {error}") from error
+
+
+def publish(study: Study, by_seed: Mapping[int, Mapping[str, Errors]], tracked: Run) -> Published:
+    """Write everything into the run's folder, register the model, log it all.
+
+    Args:
+        study: the run.
+        by_seed: errors of every method for each seed.
+        tracked: the MLflow run.
+    """
+    config = study.config
+    seed = min(by_seed, key=lambda s: by_seed[s][OURS].mse)
+    _record(study, seed)
+    _export(study, seed, by_seed[seed])
+    version = push(
+        config.registry_name, study.folder, by_seed[seed][OURS].mse, tracked.id,
+        uri=config.tracking.uri,
+    )  # fmt: skip
+    results = tabulate(study, by_seed, version)
+    results.save(study.folder)
+    _figures(study, seed, results)
+    tracked.metrics({"ratio_to_best_baseline": results.ratio_to_best_baseline}, 0)
+    rows = [
+        {"method": name, "mse": s.mse, "std": s.std, "mse_change": s.mse_change}
+        for name, s in results.single_step.items()
+    ]
+    tracked.table("single_step", rows)
+    for name in ("results.json", "results.md", RECORDING):
+        tracked.artifact(study.folder / name)
+    for picture in sorted((study.folder / FIGURES).glob("*.png")):
+        tracked.artifact(picture, FIGURES)
+    return Published(results, version, seed)
+
+
+def tabulate(
+    study: Study, by_seed: Mapping[int, Mapping[str, Errors]], version: Version | None = None
+) -> Results:
+    """Mean and spread over seeds of every method."""
+    seeds, methods = tuple(by_seed), tuple(next(iter(by_seed.values())))
+    rmse = {
+        m: tuple(np.mean([by_seed[s][m].rmse for s in seeds], axis=0).tolist()) for m in methods
+    }
+    scores = {
+        m: Score.of_seeds(
+            [by_seed[s][m].mse for s in seeds], [by_seed[s][m].mse_change for s in seeds]
+        )
+        for m in methods
+    }
+    return Results(
+        task=study.config.task,
+        seeds=seeds,
+        single_step=scores,
+        model=version.name if version else None,
+        version=version.version if version else None,
+        channels=study.world.spec.state,
+        rmse=rmse,
+        note=study.world.note or ASSUMPTION,
+    )
+
+
+def _record(study: Study, seed: int) -> None:
+    """One episode of the test pairs: S, translated and R side by side."""
+    pairs, spec = study.data.test, study.world.spec
+    rows = first_episode(pairs, LONGEST)
+    model = study.world.model("sim")
+    shown = {m: study.prediction(seed, m)[rows] for m in SHOWN if _has(study, seed, m)}
+    real = pairs.real.s_next[rows]
+    states = {"S": pairs.sim_next[rows], "translated": shown[OURS], "R": real}
+    write_rollout(
+        study.folder / RECORDING,
+        model,
+        t=np.arange(len(rows)) / spec.rate_hz,
+        qpos={name: poses(model, spec, s) for name, s in states.items()},
+        predicted=shown,
+        real=real,
+        channels=spec.state,
+        force=pairs.real.hidden[rows] if study.world.force_body else None,
+        force_body=study.world.force_body,
+    )
+
+
+def _has(study: Study, seed: int, method: str) -> bool:
+    return method in (PAPERS_OWN, OURS, *study.config.baselines.names)
+
+
+def _export(study: Study, seed: int, by_method: Mapping[str, Errors]) -> None:
+    """The ONNX graph with its card; nothing is registered that does not match eager."""
+    config, spec, folder = study.config, study.world.spec, study.folder
+    trained = study.load_model(seed, OURS, config.plus)
+    module = SimToReal(trained).eval()
+    pairs = study.data.validation
+    known = pairs.real.o[:, spec.n_state :].copy()
+    known[:, : spec.n_action] = pairs.real.a  # the last action of o′ is this step's
+    n = EXAMPLES
+    example = pairs.real.o[:n], pairs.real.a[:n], np.hstack([pairs.sim_next, known])[:n]
+    export(Exported(trained), spec, folder / MODEL, example=example)
+    model = eager(module)
+    difference = parity.check(folder / MODEL, model, example)
+    o, a, o_next_sim = (x[:GOLDEN] for x in example)
+    card = describe(
+        folder / MODEL,
+        spec,
+        name=config.registry_name,
+        data_hash=content_hash(study.data.real),
+        config_hash=study.config_hash,
+        commit=source().commit,
+        metrics={f"{name}/mse": e.mse for name, e in by_method.items()},
+        heldout=HeldOut("test pairs", study.held_out, "mse", by_method[OURS].mse),
+        parity=difference,
+        golden=(o, a, o_next_sim, model(o, a, o_next_sim)),
+    )
+    card.save(folder)
+
+
+def _figures(study: Study, seed: int, results: Results) -> None:
+    """Tables as bars, errors per channel, and a trace of the channel with the largest gain."""
+    pairs, spec = study.data.test, study.world.spec
+    rows = first_episode(pairs, LONGEST // 2)
+    shown = {m: study.prediction(seed, m)[rows] for m in SHOWN if _has(study, seed, m)}
+    rmse = {method: np.asarray(error) for method, error in results.rmse.items()}
+    gain = rmse["RawSim"] - rmse[OURS] if "RawSim" in rmse else -rmse[OURS]
+    channel = int(np.argmax(gain / study.scales.state))
+    trace = figures.prediction_trace(
+        np.arange(len(rows)) / spec.rate_hz,
+        pairs.real.s_next[rows, channel],
+        {m: p[:, channel] for m, p in shown.items()},
+        spec.state[channel],
+    )
+    folder = study.folder / FIGURES
+    folder.mkdir(exist_ok=True)
+    drawn = {
+        "single_step": figures.bar_table(results),
+        "per_channel": figures.per_channel(rmse, spec.state),
+        "trace": trace,
+    }
+    for name, figure in drawn.items():
+        png = BytesIO()
+        figure.savefig(png, format="png", dpi=150)
+        write_whole(folder / f"{name}.png", png.getvalue())

@@ -1,0 +1,48 @@
+"""Pieces of the report's page: escaped text, sections, tables and bars."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+from importlib import resources
+from string import Template
+
+from wt.show.text import tied
+
+
+def template() -> Template:
+    """The page around a report: styles, and ``$name`` where its parts go."""
+    return Template(resources.files(__package__).joinpath("page.html").read_text(encoding="utf-8"))
+
+
+def escaped(said: str) -> str:
+    """Escaped, with figures tied to their units."""
+    return html.escape(tied(said))
+
+
+def section(title: str, said: str, body: str) -> str:
+    """A part of the page under a heading."""
+    intro = f'<p class="soft">{escaped(said)}</p>' if said else ""
+    return f"<section><h2>{escaped(title)}</h2>{intro}{body}</section>"
+
+
+def table(head: Sequence[str], rows: Sequence[str]) -> str:
+    """A table of rows in HTML; a heading that begins with # is of a column of numbers."""
+    cells = "".join(
+        f'<th scope="col" class="n">{escaped(h[1:])}</th>'
+        if h.startswith("#")
+        else f'<th scope="col">{escaped(h)}</th>'
+        for h in head
+    )
+    whole = f"<thead><tr>{cells}</tr></thead><tbody>{''.join(rows)}</tbody>"
+    return f'<div class="scroll"><table>{whole}</table></div>'
+
+
+def items(sentences: Sequence[str]) -> str:
+    """A list of sentences."""
+    return f'<ul class="next">{"".join(f"<li>{escaped(s)}</li>" for s in sentences)}</ul>'
+
+
+def bar(css: str, share: float) -> str:
+    """A bar as long as a share, 0…1."""
+    return f'<span class="bar {css}" style="width:{100 * min(max(share, 0.0), 1.0):.1f}%"></span>'
