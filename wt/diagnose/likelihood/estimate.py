@@ -28,8 +28,6 @@ BLOCK_S = 2.0
 """Length of a block [s]: longer than a servo's or a gravity-loaded joint's memory."""
 _NEAR = 0.02
 """Nuisances linearised within this share of the parameters are not linearised again."""
-_HOLDING = ("body.mass", "actuator.gain")
-"""Errors of any rig that say how high a machine on soft legs stands."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +105,7 @@ def _spread(objective: Objective, now: Assessed, slope: Array) -> Array:
         settled[p:] |= [(n.planted.effect.id, n.planted.at) in alike for n in objective.some]
         # soft drives hold all bodies: what pulls at one may be the weight of another
         if any(q.at.kind == "body" for q in now.hypothesis):
-            settled[p:] |= [n.planted.effect.id in _HOLDING for n in objective.some]
+            settled[p:] |= [n.effect.at_rest for n in objective.some]
     scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     scaled, free = hessian / scale / scale[:, None], np.flatnonzero(~settled)
     inverse = np.zeros((n, n))

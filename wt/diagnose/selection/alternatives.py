@@ -24,10 +24,10 @@ from wt.diagnose.likelihood.estimate import Estimated, estimate
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import refine
 from wt.diagnose.residual.screen import Screen
-from wt.diagnose.selection.candidates import alike, excluded, near
+from wt.diagnose.selection.candidates import excluded, near
 from wt.diagnose.selection.search import Accepted
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.physics.effect import Shape, effects
+from wt.physics.effect import Shape, alternatives, effects
 from wt.physics.hooks import shaped
 from wt.physics.planted import Hypothesis, Key, Planted, without
 
@@ -92,7 +92,9 @@ class Lookalikes:
         found, rest = hypothesis[index], without(hypothesis, index)
         motion = self.screen.motion
         wanted = {
-            (name, at) for name in alike(found.effect.id) for at in near(self.screen, found.at)
+            (name, at)
+            for name in alternatives(found.effect.id)
+            for at in near(self.screen, found.at)
         } | {(r.effect.id, r.at) for r in rivals}
         known = [(p, a.shape) for p, a in zip(hypothesis, accepted, strict=True) if p is not found]
         ranked = [s for s in self.screen.rank(known, wanted) if np.isfinite(s.gain)]
