@@ -55,10 +55,10 @@ from wt.types import Kind, Location
 
 Shape = tuple[float, ...]  # the nonlinear parameters that a signature needs to be linear
 Common = Literal["seldom", "often", "always"]
-"""How often machines have an effect: ``"often"`` is what may be mounted on one, ``"always"`` what
-hardly a machine is without."""
+"""Grades of how many machines have an effect: ``"often"`` is what may be mounted on one,
+``"always"`` what hardly a machine is without."""
 Variable = Literal["position", "velocity", "acceleration", "drive", "time"]
-"""What a force may be drawn over; ``"drive"`` is the force of the joint's drive."""
+"""Variables that a force may be drawn over; ``"drive"`` is the force of the joint's drive."""
 
 
 @dataclass(frozen=True)

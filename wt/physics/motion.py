@@ -1,4 +1,4 @@
-"""What a recording reveals at every sample: the smooth motion and what the model makes of it."""
+"""The motion of a recording at every sample, and the forces that a model makes of it."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ class Motion:
     def later(
         self, signal: Float[np.ndarray, "sample dof"], lead: Float[np.ndarray, "sample dof"]
     ) -> Float[np.ndarray, "sample dof"]:
-        """How a signal (T, nv) changes within ``lead`` [s], (T, nv)."""
+        """Change of a signal within ``lead`` [s]."""
         change = np.zeros_like(signal)
         for s in self.segments:
             t = self.t[s.rows]
@@ -159,7 +159,7 @@ class Motion:
 
     @cached_property
     def touching(self) -> Touching:
-        """Where contact may have acted: of a force residual, only the free part is evidence."""
+        """Contact that may have acted: of a force residual, only the free part is evidence."""
         return touching(self.scene, self.q, self.floors)
 
     @cached_property

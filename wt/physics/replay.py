@@ -75,7 +75,7 @@ class Stretch:
 
 @dataclass(eq=False)
 class Inputs:
-    """What drives one replay, at every physics step; effects change it in place.
+    """Inputs of one replay, at every physics step; effects change them in place.
 
     Attributes:
         recording: index of the recording.
@@ -107,7 +107,7 @@ class Inputs:
 
 @dataclass(eq=False)
 class Outputs:
-    """What one replay's sensors report, at every sample; effects change it in place.
+    """Reports of one replay's sensors, at every sample; effects change them in place.
 
     Attributes:
         recording: index of the recording.

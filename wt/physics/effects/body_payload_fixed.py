@@ -64,14 +64,14 @@ class BodyPayloadFixed(Linearised):
         return np.array([coefficients[0], *place_of_load(coefficients, shape)])
 
     def around(self, theta: Float[np.ndarray, " parameter"]) -> Shape:
-        """Where the load sits."""
+        """The position of the load."""
         x, y, z = theta[1:]
         return (float(x), float(y), float(z))
 
     def plausible(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> bool:
-        """Whether the body can carry it there."""
+        """Tell whether the body can carry it there."""
         return within_reach(motion.scene, at.name, theta[1:])
 
     def patch(
