@@ -218,10 +218,10 @@ def _near(s: Stretch, step: float) -> float:
 
 def _beside(s: Stretch, step: float) -> Stretch:
     """The same stretch, sampled just before and just after each sample too."""
-    near, before = _near(s, step), np.vstack([s.held[:1], s.held[:-1]])
+    near, before = _near(s, step), np.vstack([s.command[:1], s.command[:-1]])
     t = np.stack([s.t - near, s.t, s.t + near], axis=1).reshape(-1)
-    held = np.stack([before, s.held, s.held], axis=1).reshape(len(t), -1)
-    return replace(s, t=t[1:-1], held=held[1:-1])
+    held = np.stack([before, s.command, s.command], axis=1).reshape(len(t), -1)
+    return replace(s, t=t[1:-1], command=held[1:-1])
 
 
 def _apart(path: Array) -> tuple[Array, Array, Array]:

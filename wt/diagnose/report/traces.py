@@ -56,7 +56,8 @@ def traces(
                     force_before=_at(s.t, grid, some.motion.residual[segment.rows]),
                     force_after=_at(s.t, grid, after[segment.rows]),
                     command={
-                        scene.model.actuator(i).name: s.held[:, i] for i in range(s.held.shape[1])
+                        scene.model.actuator(i).name: s.command[:, i]
+                        for i in range(s.command.shape[1])
                     },
                 )
             )
