@@ -74,7 +74,7 @@ class Parameter:
         neutral: of every component, where the effect is nothing; None if it takes more than that.
         public: whether it is one of the table of effects, and reported; else it is only fitted.
         inexact: share of its size by which machines differ from the law at least; None: as usual.
-        hold: how far a step goes where data hardly tell it, see ``refine``; infinite for any.
+        prior_std: spread of a prior on each step, for where data hardly tell it, see ``refine``.
     """
 
     name: str
@@ -86,7 +86,7 @@ class Parameter:
     neutral: float | None = None
     public: bool = True
     inexact: float | None = None
-    hold: float = np.inf
+    prior_std: float = np.inf
 
     @property
     def size(self) -> int:

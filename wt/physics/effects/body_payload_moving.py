@@ -43,7 +43,7 @@ class BodyPayloadMoving(FromRecordings, Nested, Stateful):
     parameters = (
         Parameter("mass", "kg", 0.0, 1e3, 1e-3, inexact=0.15),
         Parameter("travel", "m", 1e-3, 2.0, 1e-3, inexact=0.25),
-        Parameter("position", "m", -5.0, 5.0, 1e-3, _AXES, hold=0.1),
+        Parameter("position", "m", -5.0, 5.0, 1e-3, _AXES, prior_std=0.1),
     )
     reference = "H. N. Abramson, The dynamic behavior of liquids, NASA SP-106, 1966, chapter 6"
     excludes = ("body.payload_fixed",)
