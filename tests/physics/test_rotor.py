@@ -10,7 +10,8 @@ from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import stretches_of
 from wt.physics.effect import effects
-from wt.physics.replay import Planted, Stretch
+from wt.physics.planted import Planted
+from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
 from wt.types import Location
@@ -32,7 +33,7 @@ def begun(tmp_path_factory: pytest.TempPathFactory) -> tuple[Scene, Stretch]:
 def ahead(scene: Scene, stretch: Stretch) -> float:
     """How far the drive would turn a free rotor [rad]."""
     (drive,) = scene.drives
-    force = drive.force(stretch.held[:1, 0], stretch.q0, stretch.v0)
+    force = drive.force(stretch.command[:1, 0], stretch.q0, stretch.v0)
     return float(force[0]) / (-drive.bias[1] * drive.gear**2)
 
 

@@ -7,7 +7,7 @@ in the metric of the inverse inertia (M. Mistry and L. Righetti, Operational spa
 constrained and underactuated systems, 2011). To take a foot for touching that does not only loses
 what it would have told.
 
-What the contacts do supply says who carries load, and how slippery it is (:class:`Load`).
+What the contacts do supply says who carries load, and how slippery it is (:class:`ContactLoad`).
 """
 
 from __future__ import annotations
@@ -17,13 +17,12 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from wt.physics.ground import Floor
 from wt.physics.reach import reaching
 from wt.physics.scene import Scene
 from wt.types import Location
-
-Array = np.ndarray
 
 NEAR = 0.02
 """Parts closer than this [m] may touch: tracked positions, slopes and soft ground are off by it."""
@@ -31,8 +30,8 @@ _RIDGE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Load:
-    """What the contacts of one sample carry, C of them.
+class ContactLoad:
+    """Loads that the contacts of one sample carry, C of them.
 
     Attributes:
         geoms: the two geoms of each, (C, 2).
@@ -41,14 +40,14 @@ class Load:
         slip: velocity of the second geom's point over the first's, (C, 2) [m/s], across the normal.
     """
 
-    geoms: Array
-    force: Array
-    slip: Array
+    geoms: Int[np.ndarray, "contact 2"]
+    force: Float[np.ndarray, "contact 3"]
+    slip: Float[np.ndarray, "contact 2"]
 
 
 @dataclass(frozen=True, eq=False)
 class Touching:
-    """Where contact may have acted on a machine.
+    """Samples and directions in which contact may have acted on a machine.
 
     Attributes:
         projector: takes a generalised force to its free part, (T, nv, nv); None if nothing ever
@@ -56,10 +55,12 @@ class Touching:
         near: how many contacts are possible at each sample, (T,).
     """
 
-    projector: Array | None
-    near: Array
+    projector: Float[np.ndarray, "sample dof dof"] | None
+    near: Int[np.ndarray, " sample"]
 
-    def free(self, force: Array) -> Array:
+    def free(
+        self, force: Float[np.ndarray, "sample dof *column"]
+    ) -> Float[np.ndarray, "sample dof *column"]:
         """The part of a generalised force that no contact supplies; (T, nv) or (T, nv, k)."""
         if self.projector is None:
             return force
@@ -68,14 +69,16 @@ class Touching:
         return np.asarray(self.projector @ force)
 
 
-def touching(scene: Scene, q: Array, floors: Sequence[Floor] = ()) -> Touching:
+def touching(
+    scene: Scene, q: Float[np.ndarray, "sample dof"], floors: Sequence[Floor] = ()
+) -> Touching:
     """Find where contact may act on a machine at positions ``q`` (T, nv), floors where they are.
 
     One with a fixed base is taken to touch nothing: its parts are close to much all the time.
     """
     if not scene.free:
         return Touching(None, np.zeros(len(q), dtype=int))
-    probe = _Probe(scene, floors)
+    probe = _ContactProbe(scene, floors)
     near, projector = np.zeros(len(q), dtype=int), np.zeros((len(q), *2 * (scene.model.nv,)))
     projector[:] = np.eye(scene.model.nv)
     for k, pose in enumerate(q):
@@ -87,9 +90,13 @@ def touching(scene: Scene, q: Array, floors: Sequence[Floor] = ()) -> Touching:
 
 
 def loads(
-    scene: Scene, q: Array, v: Array, residual: Array, floors: Sequence[Floor] = ()
-) -> list[Load]:
-    """What the possible contacts carry at some samples, one after another.
+    scene: Scene,
+    q: Float[np.ndarray, "sample dof"],
+    v: Float[np.ndarray, "sample dof"],
+    residual: Float[np.ndarray, "sample dof"],
+    floors: Sequence[Floor] = (),
+) -> list[ContactLoad]:
+    """Loads of the possible contacts at some samples, one after another.
 
     Args:
         scene: the machine.
@@ -98,17 +105,17 @@ def loads(
         residual: inverse dynamics minus the force of the drives, (n, nv).
         floors: planes that are elsewhere than the model says.
     """
-    probe, found = _Probe(scene, floors), []
+    probe, found = _ContactProbe(scene, floors), []
     for pose, speed, force in zip(q, v, residual, strict=True):
         geoms, jacobian = probe.contacts(pose)
         if len(geoms):
             carried = (probe.carried(jacobian) @ force).reshape(-1, 3)
-            found.append(Load(geoms, carried, (jacobian @ speed).reshape(-1, 3)[:, 1:]))
+            found.append(ContactLoad(geoms, carried, (jacobian @ speed).reshape(-1, 3)[:, 1:]))
     return found
 
 
-def fixed(model: mujoco.MjModel) -> Array:
-    """Which geoms never move, (ngeom,) bool."""
+def fixed(model: mujoco.MjModel) -> Bool[np.ndarray, " geom"]:
+    """Mask of the geoms that never move."""
     return np.asarray(model.body_weldid[model.geom_bodyid] == 0)
 
 
@@ -149,8 +156,8 @@ def deciding(model: mujoco.MjModel, geom: int) -> list[int]:
     return found
 
 
-def unlike(value: float, others: Array, share: float) -> bool:
-    """Whether a value is further, in logarithms, than ``share`` from all others."""
+def unlike(value: float, others: Float[np.ndarray, " other"], share: float) -> bool:
+    """Tell whether a value is further, in logarithms, than ``share`` from all others."""
     return bool((np.abs(np.log(value / np.maximum(others, 1e-6))) > share).all())
 
 
@@ -159,7 +166,7 @@ def outrank(geom: mujoco.MjsGeom, other: mujoco.MjsGeom) -> None:
     geom.priority, geom.condim = other.priority + 1, max(geom.condim, other.condim)
 
 
-class _Probe:
+class _ContactProbe:
     """Looks for contacts within reach."""
 
     def __init__(self, scene: Scene, floors: Sequence[Floor]) -> None:
@@ -169,7 +176,9 @@ class _Probe:
         self._data = mujoco.MjData(self._model)
         self._fixed = fixed(self._model)
 
-    def contacts(self, pose: Array) -> tuple[Array, Array]:
+    def contacts(
+        self, pose: Float[np.ndarray, " dof"]
+    ) -> tuple[Int[np.ndarray, "contact 2"], Float[np.ndarray, "row dof"]]:
         """The pairs of geoms that may touch, (C, 2), and Jacobians of their points, (3C, nv)."""
         m, d = self._model, self._data
         d.qpos[:] = pose
@@ -184,7 +193,7 @@ class _Probe:
         geoms = [c.geom for c in found]
         return np.array(geoms, dtype=int).reshape(-1, 2), rows.reshape(-1, m.nv)
 
-    def carried(self, jacobian: Array) -> Array:
+    def carried(self, jacobian: Float[np.ndarray, "row dof"]) -> Float[np.ndarray, "row dof"]:
         """Contact forces per generalised force, (3C, nv): (J M⁻¹ Jᵀ)⁺ J M⁻¹ at the last pose."""
         inertia = np.zeros(2 * (self._model.nv,))
         mujoco.mj_fullM(self._model, self._data, inertia)

@@ -18,11 +18,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.inertia import Moved, kinematics, reach
 from wt.physics.motion import Motion, Segment
 
-Array = np.ndarray
 Centre = tuple[float, float, float]
 """Middle of a load's travel in the body's frame [m]."""
 
@@ -31,8 +31,8 @@ _STEP_S = 0.0025
 
 
 @dataclass(frozen=True)
-class Law:
-    """How a load may move; hashable, so that a path is computed once.
+class LooseLaw:
+    """Law by which a load moves; hashable, so that a path is computed once.
 
     Attributes:
         travel: along x, y and z of the body, from stop to stop [m]; 0 where it cannot.
@@ -49,7 +49,7 @@ class Law:
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """Where a load was, in the body's frame, at all T samples of a motion.
+    """Path of a load in the body's frame, at all samples of a motion.
 
     Attributes:
         s: away from its centre, (T, 3) [m].
@@ -57,23 +57,23 @@ class Path:
         a: mean acceleration around the sample, (T, 3) [m/s²].
     """
 
-    s: Array
-    v: Array
-    a: Array
+    s: Float[np.ndarray, "sample 3"]
+    v: Float[np.ndarray, "sample 3"]
+    a: Float[np.ndarray, "sample 3"]
 
 
-def path_of(motion: Motion, body: str, centre: Centre, law: Law) -> Path:
-    """Where a load of one law was; the last few are kept, as replays ask for them again."""
+def path_of(motion: Motion, body: str, centre: Centre, law: LooseLaw) -> Path:
+    """Path of a load of one law; the last few are kept, as replays ask for them again."""
     return _path_of(motion.recorded, body, centre, law)
 
 
 @lru_cache(maxsize=32)
-def _path_of(motion: Motion, body: str, centre: Centre, law: Law) -> Path:
+def _path_of(motion: Motion, body: str, centre: Centre, law: LooseLaw) -> Path:
     return paths(motion, body, [(law, centre)])[0]
 
 
-def paths(motion: Motion, body: str, loads: Sequence[tuple[Law, Centre]]) -> list[Path]:
-    """Where loads of several laws were, each from rest in its middle at a segment's start."""
+def paths(motion: Motion, body: str, loads: Sequence[tuple[LooseLaw, Centre]]) -> list[Path]:
+    """Paths of loads of several laws, each from rest in its middle at a segment's start."""
     moved = kinematics(motion.recorded)[body]
     s, v, a = np.zeros((3, len(motion), len(loads), 3))
     for segment in motion.segments:
@@ -84,8 +84,8 @@ def paths(motion: Motion, body: str, loads: Sequence[tuple[Law, Centre]]) -> lis
 
 
 def _integrated(
-    moved: Moved, segment: Segment, loads: Sequence[tuple[Law, Centre]]
-) -> tuple[Array, Array]:
+    moved: Moved, segment: Segment, loads: Sequence[tuple[LooseLaw, Centre]]
+) -> tuple[Float[np.ndarray, "row load 3"], Float[np.ndarray, "row load 3"]]:
     """Positions and velocities of L loads at the samples of a segment, (n, L, 3) each."""
     parts = max(1, round(segment.dt / _STEP_S))
     h, n = segment.dt / parts, segment.rows.stop - segment.rows.start
@@ -127,7 +127,9 @@ def _integrated(
     return found[0], found[1]
 
 
-def columns(motion: Motion, body: str, centre: Centre, path: Path) -> Array:
+def columns(
+    motion: Motion, body: str, centre: Centre, path: Path
+) -> Float[np.ndarray, "sample dof 4"]:
     """Force of a load on the machine, (T, nv, 4): per kilogram, and per kg·m off its centre.
 
     The latter are the derivatives in the centre, the path staying as it is.
@@ -135,7 +137,9 @@ def columns(motion: Motion, body: str, centre: Centre, path: Path) -> Array:
     return np.asarray(reach(motion.recorded, body) @ wrenches(motion, body, centre, path))
 
 
-def wrenches(motion: Motion, body: str, centre: Centre, path: Path) -> Array:
+def wrenches(
+    motion: Motion, body: str, centre: Centre, path: Path
+) -> Float[np.ndarray, "sample 6 4"]:
     """Force and torque at the origin of the body, in its frame, of each column, (T, 6, 4)."""
     moved, bend = kinematics(motion.recorded)[body], _bend(motion.recorded, body)
     arm = np.array(centre) + path.s
@@ -151,14 +155,14 @@ def wrenches(motion: Motion, body: str, centre: Centre, path: Path) -> Array:
 
 
 @lru_cache(maxsize=8)
-def _bend(motion: Motion, body: str) -> Array:
-    """What turning makes of an arm, as an acceleration, (T, 3, 3) [1/s²]."""
+def _bend(motion: Motion, body: str) -> Float[np.ndarray, "sample 3 3"]:
+    """Acceleration of a point, per metre of its arm, by the body's turning [1/s²]."""
     moved = kinematics(motion)[body]
     spin = _cross(moved.spin)
     return np.asarray(_cross(moved.turning) + spin @ spin)
 
 
-def _cross(vectors: Array) -> Array:
+def _cross(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
     """Matrices of the cross products with vectors, (…, 3) → (…, 3, 3)."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     zero = np.zeros_like(x)

@@ -1,62 +1,15 @@
-"""The nouns of a replay: what is planted in a model, what drives it, and what its sensors say."""
+"""The nouns of a replay: the piece of a recording, its inputs, and what its sensors say."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
-from wt.physics.effect import Effect
 from wt.physics.motion import Motion, Segment
-from wt.types import Location
-
-Array = np.ndarray
-Key = tuple[str, str, str]
-"""An effect at a place: its id, the place's kind and name."""
-
-
-@dataclass(frozen=True, eq=False)
-class Planted:
-    """An effect at a place with parameters: one part of a hypothesis.
-
-    Attributes:
-        effect: what.
-        at: where.
-        theta: its parameters, (n_theta,).
-    """
-
-    effect: Effect
-    at: Location
-    theta: Array
-
-    def __str__(self) -> str:
-        """As in messages."""
-        return f"{self.effect.id} at {self.at}"
-
-    @property
-    def statement(self) -> str:
-        """One plain sentence with figures."""
-        return self.effect.statement(self.at, self.theta)
-
-    def elsewhere(self, motion: Motion) -> Planted:
-        """The same effect in other recordings: what happens at times happens at theirs."""
-        return replace(self, effect=self.effect.elsewhere(motion, self.at, self.theta))
-
-    @property
-    def key(self) -> Key:
-        """Identity without the parameters."""
-        return (self.effect.id, self.at.kind, self.at.name)
-
-
-Hypothesis = tuple[Planted, ...]
-"""Effects that act together."""
-
-
-def without(hypothesis: Hypothesis, index: int) -> Hypothesis:
-    """All effects but one."""
-    return hypothesis[:index] + hypothesis[index + 1 :]
 
 
 class Hidden(NamedTuple):
@@ -80,7 +33,7 @@ class Stretch:
     Attributes:
         recording: index of the recording.
         t: sample times since the recording's start, (K,) [s].
-        held: command sent at each sample, (K, nu).
+        command: command sent at each sample, (K, nu).
         q0: joint positions at the first sample, (nv,).
         v0: joint velocities there, (nv,).
         segment: what it was cut from, of ``motion``: hidden states are those that this led to.
@@ -89,10 +42,10 @@ class Stretch:
     """
 
     recording: int
-    t: Array
-    held: Array
-    q0: Array
-    v0: Array
+    t: Float[np.ndarray, " sample"]
+    command: Float[np.ndarray, "sample actuator"]
+    q0: Float[np.ndarray, " dof"]
+    v0: Float[np.ndarray, " dof"]
     segment: Segment | None = None
     motion: Motion | None = None
     shifts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -102,27 +55,27 @@ class Stretch:
         """Median sampling interval [s]."""
         return float(np.median(np.diff(self.t)))
 
-    def commands(self, h: float, steps: int) -> Array:
+    def commands(self, h: float, steps: int) -> Float[np.ndarray, "step actuator"]:
         """Commands of every physics step, (steps, nu): the mean of the held ones around its start.
 
         MuJoCo's semi-implicit step applies a force at once to velocity and position, half a step
         before the mean of the time it stands for: commands come half a step later to make up.
         """
-        integral = np.zeros_like(self.held)  # of the held command, from the first sample on
-        integral[1:] = np.cumsum(self.held[:-1] * np.diff(self.t)[:, None], axis=0)
+        integral = np.zeros_like(self.command)  # of the held command, from the first sample on
+        integral[1:] = np.cumsum(self.command[:-1] * np.diff(self.t)[:, None], axis=0)
         # the first command was held before, and the last goes on being held
         knots = np.concatenate([[self.t[0] - 1.0], self.t, [self.t[-1] + 1.0]])
-        integral = np.vstack([-self.held[0], integral, integral[-1] + self.held[-1]])
+        integral = np.vstack([-self.command[0], integral, integral[-1] + self.command[-1]])
         edges = self.t[0] + h * (np.arange(steps + 1) - 0.5)
         means = [
-            np.diff(np.interp(edges, knots, integral[:, i])) for i in range(self.held.shape[1])
+            np.diff(np.interp(edges, knots, integral[:, i])) for i in range(self.command.shape[1])
         ]
         return np.stack(means, axis=1) / h if means else np.zeros((steps, 0))
 
 
 @dataclass(eq=False)
 class Inputs:
-    """What drives one replay, at every physics step; effects change it in place.
+    """Inputs of one replay, at every physics step; effects change them in place.
 
     Attributes:
         recording: index of the recording.
@@ -133,12 +86,14 @@ class Inputs:
     """
 
     recording: int
-    t: Array
+    t: Float[np.ndarray, " step"]
     h: float
-    u: Array
-    force: dict[int, Array] = field(default_factory=dict)
+    u: Float[np.ndarray, "step actuator"]
+    force: dict[int, Float[np.ndarray, "step 3"]] = field(default_factory=dict)
 
-    def delayed(self, signal: Array, delay: float) -> Array:
+    def delayed(
+        self, signal: Float[np.ndarray, " step"], delay: float
+    ) -> Float[np.ndarray, " step"]:
         """A held signal (S,) that arrives ``delay`` [s] late; before, its first value."""
         edges = np.arange(len(signal) + 1) * self.h
         integral = np.concatenate([[0.0], np.cumsum(signal)]) * self.h
@@ -146,13 +101,13 @@ class Inputs:
         end = edges[1:] - delay
         before = np.minimum(end, 0.0) - np.minimum(start, 0.0)
         whole = np.interp(end, edges, integral) - np.interp(start, edges, integral)
-        late: Array = (whole + before * signal[0]) / self.h
+        late: np.ndarray = (whole + before * signal[0]) / self.h
         return late
 
 
 @dataclass(eq=False)
 class Outputs:
-    """What one replay's sensors report, at every sample; effects change it in place.
+    """Reports of one replay's sensors, at every sample; effects change them in place.
 
     Attributes:
         recording: index of the recording.
@@ -162,6 +117,6 @@ class Outputs:
     """
 
     recording: int
-    t: Array
-    q: Array
-    v: Array
+    t: Float[np.ndarray, " sample"]
+    q: Float[np.ndarray, "sample dof"]
+    v: Float[np.ndarray, "sample dof"]

@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
+from wt.physics.hooks import Stateful
 from wt.physics.replay import Hidden, Stretch
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
 from wt.types import Location
-
-Array = np.ndarray
 
 ROTOR_SHARE = 0.02
 """Rotor inertia as a share of the joint's, where the model has no armature to take it from."""
@@ -59,7 +59,7 @@ def rotor(joint: str) -> str:
     return f"{joint}_rotor"
 
 
-class GearEffect(ReplayOnly):
+class GearEffect(Stateful, ReplayOnly):
     """Base of effects between motor and link, which only a replay with a rotor can tell."""
 
     kind = "joint"
@@ -72,19 +72,23 @@ class GearEffect(ReplayOnly):
         """The rotor starts at the link's angle where nothing else is known."""
         return {rotor(at.name): at.name}
 
-    def started(self, at: Location, theta: Array, stretch: Stretch) -> Mapping[str, Hidden]:
+    def started(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], stretch: Stretch
+    ) -> Mapping[str, Hidden]:
         """The rotor where its drives and the gear are in balance, as fast as the link."""
         if stretch.motion is None:
             return {}
         mine = [d for d in stretch.motion.scene.drives if d.joint == at.name]
         q, v = (x[[mine[0].dof]] for x in (stretch.q0, stretch.v0))
-        force = sum(float(d.force(stretch.held[:1, d.index], q, v)[0]) for d in mine)
+        force = sum(float(d.force(stretch.command[:1, d.index], q, v)[0]) for d in mine)
         stiffness = sum(-d.bias[1] * d.gear**2 for d in mine)
         twist = self.twist(theta, force, max(stiffness, 0.0))
         return {rotor(at.name): Hidden(float(q[0]) + twist, float(v[0]), (0.0, 0.0))}
 
     @abstractmethod
-    def twist(self, theta: Array, force: float, stiffness: float) -> float:
+    def twist(
+        self, theta: Float[np.ndarray, " parameter"], force: float, stiffness: float
+    ) -> float:
         """Angle by which the rotor is ahead of a link at rest [rad].
 
         Args:

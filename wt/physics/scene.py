@@ -1,4 +1,4 @@
-"""What effects need to know of a model: its joints, drives, bodies, and their names."""
+"""A model as effects see it: its joints, drives, bodies, and their names."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from jaxtyping import Bool, Float
 
 from wt.errors import ModelError
 from wt.physics import base
 from wt.types import Location
-
-Array = np.ndarray
 
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
@@ -47,11 +46,11 @@ class Drive:
     commands: tuple[float, float] = (-np.inf, np.inf)
     forces: tuple[float, float] = (-np.inf, np.inf)
 
-    def force(self, u: Array, q: Array, v: Array) -> Array:
+    def force(self, u: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Force on the joint [N·m or N] from its command, position and velocity, of one shape."""
         return np.asarray(self.gear * between(self.unclamped(u, q, v), *self.forces))
 
-    def unclamped(self, u: Array, q: Array, v: Array) -> Array:
+    def unclamped(self, u: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """The force before the gear and before its own clamp."""
         constant, stiffness, damping = self.bias
         spring = stiffness * self.gear * q + damping * self.gear * v
@@ -59,11 +58,11 @@ class Drive:
 
     @property
     def servo(self) -> bool:
-        """Whether it holds a position: its force falls with the joint's position."""
+        """Tell whether it holds a position: its force falls with the joint's position."""
         return self.bias[1] < 0.0
 
 
-def between(x: Array, low: float | Array, high: float | Array) -> Array:
+def between(x: np.ndarray, low: float | np.ndarray, high: float | np.ndarray) -> np.ndarray:
     """``numpy.clip`` without its overhead, which counts at every physics step."""
     return np.minimum(np.maximum(x, low), high)
 
@@ -94,7 +93,7 @@ def drives(m: mujoco.MjModel) -> tuple[Drive, ...]:
     return tuple(found)
 
 
-def _range(limited: bool, ends: Array) -> tuple[float, float]:
+def _range(limited: bool, ends: Float[np.ndarray, " 2"]) -> tuple[float, float]:
     return (float(ends[0]), float(ends[1])) if limited else (-np.inf, np.inf)
 
 
@@ -165,7 +164,7 @@ class Scene:
         return tuple(name for name in self.joints if name not in of_bases)
 
     def place(self, joint: str) -> Location:
-        """What people call a degree of freedom: a joint, or the body that floats."""
+        """Place that people call a degree of freedom by: a joint, or the body that floats."""
         if joint in self.own_joints:
             return Location("joint", joint)
         return Location("body", self.model.body(self.model.joint(joint).bodyid[0]).name)
@@ -200,8 +199,8 @@ class Scene:
             if m.body(i).name and m.body_mass[i] > 0.0 and self.carries(i).any()
         )
 
-    def carries(self, body: int) -> Array:
-        """Which degrees of freedom move a body, (nv,) bool."""
+    def carries(self, body: int) -> Bool[np.ndarray, " dof"]:
+        """Mask of the degrees of freedom that move a body."""
         m = self.model
         moved = np.zeros(m.nv, bool)
         while body > 0:

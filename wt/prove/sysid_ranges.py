@@ -17,7 +17,7 @@ from jaxtyping import Float
 from wt.errors import ConfigError, suggest
 from wt.physics.effect import Effect, effects
 from wt.physics.motion import Motion
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.types import Location
 
 Free = tuple[str, str]

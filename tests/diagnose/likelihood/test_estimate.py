@@ -11,7 +11,7 @@ from wt.diagnose.likelihood.objective import Assessed
 from wt.diagnose.result import Estimate
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.types import Location
 
 J = Location("joint", "j")

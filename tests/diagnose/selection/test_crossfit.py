@@ -24,7 +24,7 @@ from wt.diagnose.selection.holdout import (
 )
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.physics.scene import Scene
 from wt.types import Location
 

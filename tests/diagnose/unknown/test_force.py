@@ -16,7 +16,7 @@ from wt.diagnose.unknown.force import find
 from wt.diagnose.unknown.law import Atom, Law
 from wt.diagnose.unknown.onnx import to_onnx
 from wt.physics.effect import effects
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.types import Location
 
 J2, J1 = Location("joint", "j2"), Location("joint", "j1")

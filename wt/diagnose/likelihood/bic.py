@@ -8,7 +8,7 @@ import numpy as np
 
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.physics.replay import Hypothesis
+from wt.physics.planted import Hypothesis
 
 Array = np.ndarray
 

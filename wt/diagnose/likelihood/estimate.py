@@ -20,7 +20,7 @@ from wt.diagnose.likelihood.tolerances import boxes
 from wt.diagnose.result import Estimate
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Parameter
-from wt.physics.replay import Hypothesis, Planted
+from wt.physics.planted import Hypothesis, Planted
 
 Array = np.ndarray
 
@@ -28,8 +28,6 @@ BLOCK_S = 2.0
 """Length of a block [s]: longer than a servo's or a gravity-loaded joint's memory."""
 _NEAR = 0.02
 """Nuisances linearised within this share of the parameters are not linearised again."""
-_HOLDING = ("body.mass", "actuator.gain")
-"""Errors of any rig that say how high a machine on soft legs stands."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +104,7 @@ def _spread(objective: Objective, now: Assessed, slope: Array) -> Array:
         settled[p:] |= [(n.planted.effect.id, n.planted.at) in alike for n in objective.some]
         # soft drives hold all bodies: what pulls at one may be the weight of another
         if any(q.at.kind == "body" for q in now.hypothesis):
-            settled[p:] |= [n.planted.effect.id in _HOLDING for n in objective.some]
+            settled[p:] |= [n.effect.at_rest for n in objective.some]
     scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     scaled, free = hessian / scale / scale[:, None], np.flatnonzero(~settled)
     inverse = np.zeros((n, n))
@@ -199,7 +197,7 @@ def _named(planted: Planted, low: Array, high: Array) -> dict[str, Estimate]:
             (_plain(ends[0], bool(p.axes)), _plain(ends[1], bool(p.axes))),
             warning,
         )
-    for name, (unit, values) in planted.effect.observed().items():
+    for name, (unit, values) in planted.observed().items():
         found[name] = Estimate(values, unit, (values, values))
     return found
 

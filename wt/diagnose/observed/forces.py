@@ -19,7 +19,7 @@ from wt.diagnose.residual.screen import Screen, leftover
 from wt.diagnose.selection.holdout import Holdout
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.motion import Motion
-from wt.physics.replay import Hypothesis
+from wt.physics.planted import Hypothesis
 from wt.physics.scene import Drive
 
 Array = np.ndarray

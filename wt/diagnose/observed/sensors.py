@@ -17,8 +17,9 @@ from wt.diagnose.evidence import SensorError
 from wt.diagnose.recordings.samples import Part, stamps
 from wt.diagnose.selection.holdout import Holdout
 from wt.physics.acting import is_live
-from wt.physics.effect import Effect
-from wt.physics.replay import Hypothesis, Inputs, Outputs, Planted, Stretch
+from wt.physics.hooks import OnOutputs
+from wt.physics.planted import Hypothesis, Planted
+from wt.physics.replay import Inputs, Outputs, Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
 
@@ -184,7 +185,7 @@ def predicted(
     replayer = Replayer(scene, [_beside(s, step) for s in holdout.stretches], step)
     told = replayer.run([hypothesis])
     path, reported = told, (told.q[0], told.v[0])
-    sensing = [p for p in hypothesis if type(p.effect).sense is not Effect.sense]
+    sensing = [p for p in hypothesis if isinstance(p.effect, OnOutputs)]
     if sensing:
         # what only the joints' encoders say moves no other sensor
         bodily = tuple(p for p in hypothesis if p not in sensing)
@@ -221,10 +222,10 @@ def _near(s: Stretch, step: float) -> float:
 
 def _beside(s: Stretch, step: float) -> Stretch:
     """The same stretch, sampled just before and just after each sample too."""
-    near, before = _near(s, step), np.vstack([s.held[:1], s.held[:-1]])
+    near, before = _near(s, step), np.vstack([s.command[:1], s.command[:-1]])
     t = np.stack([s.t - near, s.t, s.t + near], axis=1).reshape(-1)
-    command = np.stack([before, s.held, s.held], axis=1).reshape(len(t), -1)
-    return replace(s, t=t[1:-1], held=command[1:-1])
+    command = np.stack([before, s.command, s.command], axis=1).reshape(len(t), -1)
+    return replace(s, t=t[1:-1], command=command[1:-1])
 
 
 def _apart(path: Array) -> tuple[Array, Array, Array]:
@@ -277,7 +278,7 @@ def _true_start(scene: Scene, s: Stretch, sensing: Sequence[Planted]) -> Stretch
     """A stretch that starts where the machine was, and not where its encoders said."""
     said = Outputs(s.recording, s.t[:1], s.q0[None].copy(), s.v0[None].copy())
     for p in sensing:
-        p.effect.sense(said, scene, p.at, p.theta)
+        p.sense(said, scene)
     return replace(s, q0=2.0 * s.q0 - said.q[0], v0=2.0 * s.v0 - said.v[0])
 
 
@@ -316,7 +317,7 @@ class _States:
         t = s.t[0] + self.step * np.arange(steps)
         inputs = Inputs(s.recording, t, self.step, s.commands(self.step, steps))
         for p in self.hypothesis:
-            p.effect.drive(inputs, self.scene, p.at, p.theta)
+            p.drive(inputs, self.scene)
         self.exact &= not inputs.force
         at = np.round((s.t - s.t[0]) / self.step).astype(int)
         return inputs.u[np.maximum(at - 1, 0)], inputs.u[np.minimum(at + 1, steps - 1)]

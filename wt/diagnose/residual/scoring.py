@@ -16,7 +16,8 @@ from scipy.optimize import lsq_linear
 from wt.diagnose.likelihood.tolerances import Nuisance, boxes
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Effect, Shape
-from wt.physics.replay import Planted
+from wt.physics.hooks import shaped
+from wt.physics.planted import Planted
 from wt.types import Location
 
 Array = np.ndarray
@@ -94,7 +95,7 @@ class Block:
 
     def planted(self, coefficients: Array) -> Planted:
         """The effect with the parameters that belong to coefficients."""
-        effect = self.effect.shaped(self.shape)
+        effect = shaped(self.effect, self.shape)
         theta = np.nan_to_num(effect.theta(coefficients, self.shape))
         return Planted(effect, self.at, np.clip(theta, *effect.bounds()))
 

@@ -24,12 +24,13 @@ from wt.diagnose.likelihood.estimate import Estimated, estimate
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import refine
 from wt.diagnose.residual.screen import Screen
-from wt.diagnose.selection.candidates import alike, excluded, near
+from wt.diagnose.selection.candidates import excluded, near
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.search import Accepted
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.physics.effect import Shape, effects
-from wt.physics.replay import Hypothesis, Key, Planted, without
+from wt.physics.effect import Shape, alternatives, effects
+from wt.physics.hooks import shaped
+from wt.physics.planted import Hypothesis, Key, Planted, without
 
 Start = tuple[Planted, Shape | None]
 """Parameters to start from, and the shape of the signature if there is one."""
@@ -112,7 +113,9 @@ class Lookalikes:
         found, rest = hypothesis[index], without(hypothesis, index)
         motion = self.screen.motion
         wanted = {
-            (name, at) for name in alike(found.effect.id) for at in near(self.screen, found.at)
+            (name, at)
+            for name in alternatives(found.effect.id)
+            for at in near(self.screen, found.at)
         } | {(r.effect.id, r.at) for r in rivals}
         known = [(p, a.shape) for p, a in zip(hypothesis, accepted, strict=True) if p is not found]
         ranked = [s for s in self.screen.rank(known, wanted) if np.isfinite(s.gain)]
@@ -125,8 +128,8 @@ class Lookalikes:
                 here = [] if effect.shapes(motion, at) else effect.starts(motion, at)
                 plain += [Planted(effect, at, theta) for theta in here]
                 if at == found.at:
-                    beyond = effect.beyond(motion, at, found.effect.id, found.theta)
-                    larger += [(Planted(effect.shaped(s), at, theta), s) for s, theta in beyond]
+                    further = found.beyond(effect, motion)
+                    larger += [(Planted(shaped(effect, s), at, theta), s) for s, theta in further]
         starts = [*((p, shapes.get(p.key)) for p in plain), *larger]
         possible = [
             (p, shape)
@@ -157,7 +160,7 @@ class Lookalikes:
         going = [f.hypothesis for f in begun if worth(self.search_replays, f, present) > -_HOPELESS]
         if not going:
             return [(0.0, hypothesis)]
-        events = any(p.effect.observed() for p in hypothesis)  # at other times in other recordings
+        events = any(p.observed() for p in hypothesis)  # at other times in other recordings
         judge = self.objective if events else self.all_replays()
         judge.reference(hypothesis)
         everything = [range(len(hypothesis))] * (len(going) + 1)
@@ -207,7 +210,7 @@ def simplified(
     """
     for i, planted in enumerate(estimated.hypothesis):
         intervals = {name: e.ci95 for name, e in estimated.estimates[i].items()}
-        found = planted.effect.simpler(objective.motion, planted.at, planted.theta, intervals)
+        found = planted.simpler(objective.motion, intervals)
         if found is None:
             continue
         law = Planted(effects()[found[0]], planted.at, found[1])

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from wt.diagnose.result import Decision, Stage
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 
 
 class DecisionLog:

@@ -29,7 +29,8 @@ from wt.diagnose.recordings.stretches import cut, stretches_of
 from wt.diagnose.residual.signature import elsewhere
 from wt.diagnose.result import Error, Proof
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.physics.replay import Hypothesis, Stretch, without
+from wt.physics.planted import Hypothesis, without
+from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 
 Array = np.ndarray

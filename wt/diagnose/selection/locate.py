@@ -16,7 +16,7 @@ from wt.diagnose.residual.screen import Leftover, Screen, leftover
 from wt.diagnose.result import Located
 from wt.diagnose.selection.condition import condition, intervals
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.physics.replay import Hypothesis, Planted
+from wt.physics.planted import Hypothesis, Planted
 from wt.physics.scene import Scene
 from wt.types import Location
 

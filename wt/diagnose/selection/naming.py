@@ -33,7 +33,7 @@ from wt.diagnose.unknown.choice import freest
 from wt.diagnose.unknown.fit import Data
 from wt.diagnose.unknown.force import Unknown, find
 from wt.diagnose.unknown.memory import recorded
-from wt.physics.replay import Hypothesis, Key, without
+from wt.physics.planted import Hypothesis, Key, without
 from wt.physics.scene import Scene
 from wt.types import Location
 

@@ -21,7 +21,7 @@ from wt.diagnose.selection.candidates import candidates, dof_of, excluded
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Shape
-from wt.physics.replay import Hypothesis, Key, Planted, without
+from wt.physics.planted import Hypothesis, Key, Planted, without
 
 Report = Callable[[str, float], None]
 """Called with (what is being done, share of the whole 0…1)."""
@@ -153,9 +153,7 @@ _EACH = 2
 _STARTED = 5
 """… and so many at each joint get a step at least."""
 _PAIRED, _PAIRS = 8, 3
-"""So many at a joint are also paired, and so many of the pairs replayed, …"""
-_FRICTION = ("joint.friction_coulomb", "joint.friction_viscous")
-"""… beside friction, which hardly a joint is without."""
+"""So many at a joint are also paired, and so many of the pairs replayed, beside friction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,14 +269,19 @@ def _pairs(
         if not tried or any(dof not in erring_joints(objective, f) for f in tried):
             continue
         here = [s for s in ranked if dof_of(screen, s.planted.at) == dof]
-        usual = [s for s in here[_PAIRED:] if s.planted.effect.id in _FRICTION]
+        usual = [s for s in here[_PAIRED:] if _usual(s.planted)]
         groups.append([*here[:_PAIRED], *usual])
     found = []
     for pairs in screen.pairs(known, groups):
         allowed = [(p.first, p.second) for p in pairs if not excluded(p.first, p.second)]
-        friction = [p for p in allowed[_PAIRS:] if {x.effect.id for x in p} == set(_FRICTION)]
+        friction = [p for p in allowed[_PAIRS:] if all(_usual(x) for x in p)]
         found += [*allowed[:_PAIRS], *friction]
     return found
+
+
+def _usual(planted: Planted) -> bool:
+    """Tell whether hardly a joint is without it: dry and viscous friction."""
+    return planted.effect.kind == "joint" and planted.effect.common == "always"
 
 
 @dataclass(frozen=True, eq=False)

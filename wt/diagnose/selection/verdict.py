@@ -15,7 +15,7 @@ from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.result import Confusable, Finding, Verdict
 from wt.diagnose.selection.naming import Claims
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.types import Location
 
 

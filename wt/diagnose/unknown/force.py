@@ -23,10 +23,11 @@ from wt.diagnose.unknown.formula import reduced, sparse
 from wt.diagnose.unknown.law import Law
 from wt.diagnose.unknown.memory import Remembering, along, memory_of, recorded
 from wt.diagnose.unknown.onnx import to_onnx
-from wt.physics.effect import Effect, Parameter, Shape
+from wt.physics.effect import Parameter, Shape
+from wt.physics.hooks import OnSteps
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
-from wt.physics.replay import Hypothesis, Planted
+from wt.physics.planted import Hypothesis, Planted
 from wt.physics.scene import Scene
 from wt.types import Location
 
@@ -39,7 +40,7 @@ _BEYOND = 0.5  # a formula is trusted so much farther than what was seen, but fo
 _PEAK = 2.5
 
 
-class UnknownForce(Effect):
+class UnknownForce(OnSteps):
     """amplitude · force(columns): a learned law that acts on one joint.
 
     Not registered: a search cannot try it before it is learned.

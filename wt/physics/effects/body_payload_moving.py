@@ -7,16 +7,16 @@ from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
-from wt.physics.effect import Beyond, Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import place_of_load, point_load, within_reach
-from wt.physics.loose import Centre, Law, columns, path_of
+from wt.physics.hooks import Beyond, FromRecordings, Nested, Stateful
+from wt.physics.loose import Centre, LooseLaw, columns, path_of
 from wt.physics.loose_search import laws_that_fit, likeliest_laws
 from wt.physics.motion import Motion
 from wt.physics.replay import Hidden, Stretch
 from wt.types import Location
-
-Array = np.ndarray
 
 _AXES = ("x", "y", "z")
 _STOP = (0.006, 1.0)  # time constant [s] and damping ratio: nothing bounces
@@ -27,7 +27,7 @@ _UNSURE, _UNSURE_V = 0.15, 0.15
 
 
 @register
-class BodyPayloadMoving(Effect):
+class BodyPayloadMoving(FromRecordings, Nested, Stateful):
     """A point mass on slides along the body's axes, damped, between stops.
 
     Along which axes, how far along each against the longest, damping, spring and whether it rolls
@@ -43,7 +43,7 @@ class BodyPayloadMoving(Effect):
     parameters = (
         Parameter("mass", "kg", 0.0, 1e3, 1e-3, inexact=0.15),
         Parameter("travel", "m", 1e-3, 2.0, 1e-3, inexact=0.25),
-        Parameter("position", "m", -5.0, 5.0, 1e-3, _AXES, hold=0.1),
+        Parameter("position", "m", -5.0, 5.0, 1e-3, _AXES, prior_std=0.1),
     )
     reference = "H. N. Abramson, The dynamic behavior of liquids, NASA SP-106, 1966, chapter 6"
     excludes = ("body.payload_fixed",)
@@ -52,6 +52,8 @@ class BodyPayloadMoving(Effect):
     read_off = 10
     odds_against = 8.0
     settles = ("body.mass",)
+    looks_like = ("weight",)
+    plotted_over = "time"
 
     def __init__(self, shape: Shape = ()) -> None:
         """Bind travel x, y, z; damping, spring, rolling; centre x, y, z; mass."""
@@ -72,24 +74,30 @@ class BodyPayloadMoving(Effect):
             for law, centre, mass in laws_that_fit(motion, at.name)
         ]
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """Force per kilogram, and per kg·m away from the centre of the shape."""
         centre = _centre(shape)
         path = path_of(motion, at.name, centre, _law(shape))
         return columns(motion, at.name, centre, path)
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """Mass, the longest travel, and position from the first moments."""
         place = place_of_load(coefficients, _centre(shape))
         return np.array([coefficients[0], max(shape[:3]), *place])
 
-    def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
-        """What was read off, with none of it put down to what any rig is off by."""
+    def starts(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " parameter"]]:
+        """The load that was read off, none of it put down to a model's usual error of mass."""
         if not self.shape:
             return []
         return [np.array([self.shape[9], max(self.shape[:3]), *_centre(self.shape)])]
 
-    def beyond(self, motion: Motion, at: Location, law: str, theta: Array) -> Sequence[Beyond]:
+    def beyond(
+        self, motion: Motion, at: Location, law: str, theta: Float[np.ndarray, " smaller"]
+    ) -> Sequence[Beyond]:
         """The load that seems fixed, under the laws that forces are least against.
 
         Forces may be too noisy for a law to be read off, and replays still tell.
@@ -106,7 +114,9 @@ class BodyPayloadMoving(Effect):
             for law in likeliest_laws(motion, at.name, (x, y, z))
         ]
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Put a point mass on slides between stops."""
         mass, law = float(theta[0]), self._law(theta)
         payload = point_load(spec, at.name, mass, theta[2:])
@@ -130,8 +140,10 @@ class BodyPayloadMoving(Effect):
                     frictionloss=0.0,
                 )
 
-    def started(self, at: Location, theta: Array, stretch: Stretch) -> Mapping[str, Hidden]:
-        """Where the load had got to, from how the body had moved until then."""
+    def started(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], stretch: Stretch
+    ) -> Mapping[str, Hidden]:
+        """State that the load had reached, from how the body had moved until then."""
         law = self._law(theta)
         s, v = np.zeros((2, 3))
         if stretch.motion is not None and stretch.segment is not None:
@@ -146,15 +158,17 @@ class BodyPayloadMoving(Effect):
             if travel > 0.0
         }
 
-    def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
-        """Whether the body can carry it there, and it moved at all."""
+    def plausible(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> bool:
+        """Tell whether the body can carry it there, and it moved at all."""
         if not within_reach(motion.scene, at.name, theta[2:]):
             return False
         path = path_of(motion, at.name, self._centre(theta), self._law(theta))
         return bool(np.std(path.s, axis=0).max() > _AT_REST)
 
     def observed(self) -> Mapping[str, tuple[str, tuple[float, ...]]]:
-        """How it moves: travel along x, y and z as shares of the longest, and what holds it."""
+        """The law it moves by: shares of the longest travel along x, y and z, and what holds it."""
         if not self.shape:
             return {}
         law = _law(self.shape)
@@ -166,21 +180,21 @@ class BodyPayloadMoving(Effect):
             "rolling": ("-", (law.rolling,)),
         }
 
-    def _law(self, theta: Array) -> Law:
+    def _law(self, theta: Float[np.ndarray, " parameter"]) -> LooseLaw:
         """The bound law with another travel."""
         if not self.shape:  # nothing read off yet: free along x
-            return Law((float(theta[1]), 0.0, 0.0), 1.0, 0.0, 0.0)
+            return LooseLaw((float(theta[1]), 0.0, 0.0), 1.0, 0.0, 0.0)
         law = _law(self.shape)
         scale = float(theta[1]) / max(law.travel)
         x, y, z = (scale * travel for travel in law.travel)
-        return Law((x, y, z), law.damping, law.spring, law.rolling)
+        return LooseLaw((x, y, z), law.damping, law.spring, law.rolling)
 
-    def _centre(self, theta: Array) -> Centre:
+    def _centre(self, theta: Float[np.ndarray, " parameter"]) -> Centre:
         """The bound centre: where exactly it is matters little to a path, and each costs time."""
         x, y, z = self.shape[6:9] or (float(x) for x in theta[2:])
         return (x, y, z)
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         law = self._law(theta)
         how = "sloshes" if law.spring > _SPRUNG else "rolls" if law.rolling > 0.0 else "slides"
@@ -197,9 +211,9 @@ class BodyPayloadMoving(Effect):
         return f"{at.name} tilted slowly both ways, then shaken and stopped"
 
 
-def _law(shape: Shape) -> Law:
+def _law(shape: Shape) -> LooseLaw:
     x, y, z, damping, spring, rolling = shape[:6]
-    return Law((x, y, z), damping, spring, rolling)
+    return LooseLaw((x, y, z), damping, spring, rolling)
 
 
 def _centre(shape: Shape) -> Centre:

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from jaxtyping import Float
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.hooks import OnOutputs
 from wt.physics.motion import Motion
+from wt.physics.replay import Outputs
 from wt.physics.scene import Scene
 from wt.types import Location
 
-if TYPE_CHECKING:
-    from wt.physics.replay import Outputs
-
-Array = np.ndarray
-
 
 @register
-class SensorScale(Effect):
+class SensorScale(OnOutputs):
     """Recorded position (and velocity) = factor · true."""
 
     id = "sensor.scale"
@@ -28,8 +24,10 @@ class SensorScale(Effect):
     reference = "B. Mooring, Z. Roth and M. Driels, Fundamentals of Manipulator Calibration, 1991"
     native = False
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
-        """How the force residual changes when the sensor errs so."""
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
+        """Change of the force residual when the sensor errs so."""
         dof = motion.scene.dof(at.name)
         size = 1e-3
         dq, dv, da = (np.zeros_like(motion.q) for _ in range(3))
@@ -38,17 +36,21 @@ class SensorScale(Effect):
         da[:, dof] = -size * motion.a[:, dof]
         return (motion.residual - motion.shifted(dq, dv, da).residual)[:, :, None] / size
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """See :meth:`Effect.theta`."""
         return 1.0 + coefficients
 
-    def sense(self, outputs: Outputs, scene: Scene, at: Location, theta: Array) -> None:
-        """What the encoder reports."""
+    def sense(
+        self, outputs: Outputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
+        """Report what the encoder makes of the truth."""
         dof = scene.dof(at.name)
         outputs.q[:, dof] *= theta[0]
         outputs.v[:, dof] *= theta[0]
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return f"The encoder of joint {at.name} reads {100.0 * theta[0]:.4g} % of the true angle."
 
