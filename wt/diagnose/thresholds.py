@@ -117,7 +117,8 @@ class Thresholds:
     unknown_r2: float = 0.2
     """[share of the force's square] Least that a law predicts in blocks of time it has not seen."""
     unknown_share: float = 0.1
-    """[share of the squared error] Least that a law removes of held-out replays."""
+    """[share of the squared error] Least that a law removes of held-out replays, and least that an
+    unnamed law must be ahead of a named one before the name is given up for it."""
     unknown_chance: float = 0.05
     """[1] Largest p-value on held-out replays alone; both proofs together must be significant."""
     formula_share: float = 0.9

@@ -12,9 +12,9 @@ import pytest
 from tests.diagnose.hidden_forces import World, chain, on_joint, world
 from wt.diagnose.likelihood.estimate import estimate
 from wt.diagnose.residual.screen import Screen
+from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.alternatives import Lookalikes
 from wt.diagnose.selection.candidates import near
-from wt.diagnose.selection.search import Accepted
 from wt.physics.effect import effects
 from wt.physics.motion import Motion
 from wt.physics.planted import Planted

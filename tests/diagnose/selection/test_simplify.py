@@ -7,8 +7,8 @@ import pytest
 
 from tests.diagnose.hidden_forces import World, on_joint, world
 from wt.diagnose.likelihood.estimate import estimate
+from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.alternatives import simplified
-from wt.diagnose.selection.search import Accepted
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
 from wt.types import Location

@@ -83,3 +83,13 @@ def earns(objective: Objective, fit: Assessed, now: Assessed) -> bool:
     return worth(objective, fit, now) > THRESHOLDS.min_nats and bool(
         (drop > THRESHOLDS.min_drop).any()
     )
+
+
+def merit(objective: Objective, fit: Assessed) -> float:
+    """Log-likelihood of a hypothesis less all that its effects must earn [nats].
+
+    That is the price of their parameters and the least gain of each: adding an effect that earns
+    its place raises it, and so does leaving one out that does not.
+    """
+    due = THRESHOLDS.min_nats * len(fit.hypothesis)
+    return fit.loglik - price(objective, fit.hypothesis) - due

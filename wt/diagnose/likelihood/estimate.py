@@ -56,17 +56,18 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     parts = range(len(start))
     (now,) = refine(objective, [start], [parts], iterations=3)
     theta = pack(now.hypothesis, parts)
-    if (np.abs(theta - pack(start, parts)) > _NEAR * np.abs(theta) + steps(start, parts)).any():
+    smallest = steps(objective, now.hypothesis, parts)
+    if (np.abs(theta - pack(start, parts)) > _NEAR * np.abs(theta) + smallest).any():
         now = objective.reference(now.hypothesis, now.nuisance)
     (slope,) = jacobian(objective, [now], [parts])
-    spread = np.hypot(_spread(objective, now, slope), least_spread(now.hypothesis))
+    spread = np.hypot(_spread(objective, now, slope), least_spread(now.hypothesis, smallest))
     lower, upper = bounds(now.hypothesis, parts)
     low, high = np.maximum(theta - spread, lower), np.minimum(theta + spread, upper)
     estimates, offset = [], 0
     for planted in now.hypothesis:
         rows = slice(offset, offset + planted.effect.n_theta)
         offset = rows.stop
-        estimates.append(_named(planted, low[rows], high[rows]))
+        estimates.append(_named(planted, low[rows], high[rows], smallest[rows]))
     return Estimated(now, tuple(estimates))
 
 
@@ -123,10 +124,10 @@ def _spread(objective: Objective, now: Assessed, slope: Array) -> Array:
     return np.asarray(np.hypot(student.ppf(0.975, freedom) * deviation, 2.0 * numerical[:p]))
 
 
-def least_spread(hypothesis: Hypothesis) -> Array:
+def least_spread(hypothesis: Hypothesis, smallest: Array) -> Array:
     """Half width below which no interval makes sense, however much data there is, (p,).
 
-    The smallest change that matters; and for what is measured from nothing, a share of it.
+    The smallest change that matters, (p,); and for what is measured from nothing, a share of it.
     """
     found: list[float] = []
     for planted in hypothesis:
@@ -135,8 +136,8 @@ def least_spread(hypothesis: Hypothesis) -> Array:
             size = float(np.linalg.norm(planted.theta[offset : offset + p.size]))
             offset += p.size
             usual = THRESHOLDS.law_strength if p.lower >= 0.0 and p.unit != "-" else 0.0
-            found += [float(np.hypot(p.step, (p.inexact or usual) * size))] * p.size
-    return np.array(found)
+            found += [(p.inexact or usual) * size] * p.size
+    return np.hypot(smallest, found)
 
 
 def _curvature(objective: Objective, now: Assessed, slope: Array) -> tuple[Array, Array, int]:
@@ -172,7 +173,7 @@ def _numerical_score(objective: Objective, now: Assessed, slope: Array) -> Array
     return np.asarray(np.einsum("ijk,ij->k", both, error))
 
 
-def _named(planted: Planted, low: Array, high: Array) -> dict[str, Estimate]:
+def _named(planted: Planted, low: Array, high: Array, smallest: Array) -> dict[str, Estimate]:
     lower, upper = planted.effect.bounds()
     found: dict[str, Estimate] = {}
     start = 0
@@ -184,7 +185,9 @@ def _named(planted: Planted, low: Array, high: Array) -> dict[str, Estimate]:
         value, ends = planted.theta[rows], (low[rows], high[rows])
         warning = ""
         # a vector as a whole: one of its components may well be nothing
-        if np.linalg.norm(ends[1] - ends[0]) > 2.0 * max(float(np.linalg.norm(value)), p.step):
+        if np.linalg.norm(ends[1] - ends[0]) > 2.0 * max(
+            float(np.linalg.norm(value)), float(smallest[rows].max())
+        ):
             warning = "not identifiable from these recordings: the interval is wider than the value"
         span = upper[rows] - lower[rows]
         if ((value - lower[rows] < 1e-3 * span) | (upper[rows] - value < 1e-3 * span)).any():

@@ -17,6 +17,7 @@ import numpy as np
 
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.physics.planted import Hypothesis, Planted
+from wt.physics.scales import step_sizes
 
 Array = np.ndarray
 
@@ -81,7 +82,7 @@ def jacobian(
     for assessed, parts in zip(at, free, strict=True):
         theta = pack(assessed.hypothesis, parts)
         lower, upper = bounds(assessed.hypothesis, parts)
-        minimum = steps(assessed.hypothesis, parts)
+        minimum = steps(objective, assessed.hypothesis, parts)
         step = objective.nudge * np.maximum(minimum, _RELATIVE_STEP * np.abs(theta))
         up, down = np.minimum(step, upper - theta), np.minimum(step, theta - lower)
         step = np.where((up == step) | (up >= down), up, -down)
@@ -171,6 +172,6 @@ def bounds(hypothesis: Hypothesis, parts: Sequence[int]) -> tuple[Array, Array]:
     return np.concatenate([p[0] for p in pairs]), np.concatenate([p[1] for p in pairs])
 
 
-def steps(hypothesis: Hypothesis, parts: Sequence[int]) -> Array:
-    """Smallest changes that matter of the parameters of some parts."""
-    return np.concatenate([hypothesis[i].effect.steps() for i in parts])
+def steps(objective: Objective, hypothesis: Hypothesis, parts: Sequence[int]) -> Array:
+    """Smallest changes that matter of the parameters of some parts, on this machine."""
+    return np.concatenate([step_sizes(hypothesis[i], objective.motion) for i in parts])

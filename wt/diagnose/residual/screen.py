@@ -90,7 +90,7 @@ class Screen:
         rng = np.random.default_rng(seed)
         renewed = resmooth(smoothed, rng)
         self.floor = np.std(self.weak_force(renewed.residual - self.motion.residual), axis=0)
-        self.floor = np.maximum(self.floor, 1e-6 * (np.std(self.motion.demand, axis=0) + 1e-3))
+        self.floor = np.maximum(self.floor, 1e-6 * np.std(self.motion.demand, axis=0) + 1e-300)
         self.keep = _fast_enough(self.motion, self.rows)
         self.nuisances = nuisances(self.motion.scene)
         small = forces(self.motion, self.nuisances)

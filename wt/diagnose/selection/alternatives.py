@@ -24,9 +24,9 @@ from wt.diagnose.likelihood.estimate import Estimated, estimate
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import refine
 from wt.diagnose.residual.screen import Screen
+from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.candidates import excluded, near
 from wt.diagnose.selection.decisions import DecisionLog
-from wt.diagnose.selection.search import Accepted
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Shape, alternatives, effects
 from wt.physics.hooks import shaped

@@ -24,10 +24,10 @@ from wt.diagnose.likelihood.objective import Objective
 from wt.diagnose.residual.scoring import STRIDE, WINDOW
 from wt.diagnose.residual.screen import Screen, leftover
 from wt.diagnose.residual.signature import signature
+from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.alternatives import Lookalikes, simplified
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.holdout import Gain, Holdout, gain, gains, where_mute
-from wt.diagnose.selection.search import Accepted
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.choice import freest
 from wt.diagnose.unknown.fit import Data
@@ -216,11 +216,18 @@ class Naming:
         self.log.add(planted, "doubted", not doubtful, rivalry.ratio, THRESHOLDS.doubtful, reason)
         return doubtful
 
-    def _better(self, one: Claims, other: Claims) -> bool:
-        """Whether the held-out fit is better."""
-        if not one.unknown:
+    def _better(self, unnamed: Claims, named: Claims) -> bool:
+        """Whether an unnamed law predicts held-out data better, significantly and materially."""
+        if not unnamed.unknown:
             return False
-        return gain(self.holdout, one.hypothesis, other.hypothesis, self.step).share > 0.0
+        lead = gain(self.holdout, unnamed.hypothesis, named.hypothesis, self.step)
+        significant = lead.p_value <= THRESHOLDS.significant
+        better = significant and lead.share >= THRESHOLDS.unknown_share
+        reason = "the named effects are given up for it" if better else "no better than the names"
+        for law in unnamed.unknown:
+            p, limit = lead.p_value, THRESHOLDS.significant
+            self.log.add(law.planted, "doubted", better, p, limit, reason)
+        return better
 
 
 @dataclass(frozen=True)

@@ -1,28 +1,32 @@
 """Search for effects: they join while they earn it, and leave again if they stop doing so.
 
-In a round (:func:`addition`) the best addition of all joins first. The best at other joints then
-get their chance on top of it: a machine whose joints lack several things at once need not be
-screened anew for each.
+Each round ends no lower than it began, so that no state that was passed is better than the result:
+a round that goes downhill is taken back, and the search goes on without what joined in it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
-from wt.diagnose.likelihood.bic import earns, erring_joints, exhausted, simplest, worth
+from wt.diagnose.likelihood.bic import earns, exhausted, merit, worth
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import refine
-from wt.diagnose.residual.screen import Scored, Screen
-from wt.diagnose.result import Stage
-from wt.diagnose.selection.candidates import candidates, dof_of, excluded
+from wt.diagnose.residual.screen import Screen
+from wt.diagnose.selection.addition import Accepted, addition
+from wt.diagnose.selection.candidates import dof_of
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.physics.effect import Shape
+from wt.physics.effect import effects
 from wt.physics.planted import Hypothesis, Key, Planted, without
+from wt.types import Location
 
+S = TypeVar("S")
+DOWNHILL = 2
+"""At most this many rounds that went downhill are tried anew without what they added."""
 Report = Callable[[str, float], None]
 """Called with (what is being done, share of the whole 0…1)."""
 
@@ -51,26 +55,124 @@ def search(
     Returns:
         The effects in the order in which they were added.
     """
-    accepted = list(start)
-    now = objective.reference(tuple(a.planted for a in accepted))
-    while len(accepted) < THRESHOLDS.most_effects and not exhausted(objective, now):
+    most = THRESHOLDS.most_effects
+
+    def advance(state: _State, refused: Container[Key]) -> tuple[_State, set[Key]]:
+        if len(state.accepted) >= most or exhausted(objective, state.now):
+            return state, set()
         if report:
-            what = f"looking for effect {len(accepted) + 1}"
-            report(what, 0.15 + 0.55 * len(accepted) / THRESHOLDS.most_effects)
-        room = THRESHOLDS.most_effects - len(accepted)
-        before = {a.planted.key for a in accepted}
-        found = addition(screen, objective, now, accepted, log, room, banned)
-        if not found:
-            break
-        accepted += found
-        now = _fitted(objective, (*now.hypothesis, *(a.planted for a in found)))
-        accepted, now = _prune(objective, accepted, now, log)
-        accepted, now = _reconsidered(screen, objective, accepted, now, log, banned, found)
-        if {a.planted.key for a in accepted} <= before:
-            break  # what was added lasted no longer than its round
+            count = len(state.accepted)
+            report(f"looking for effect {count + 1}", 0.15 + 0.55 * count / most)
+        return _round(screen, objective, state, log, _Union(banned, refused))
+
+    def back(state: _State, joined: set[Key], lead: float) -> _State:
+        reason = "the round that it joined ends below where it began"
+        for effect, kind, name in sorted(joined):
+            planted = Planted(effects()[effect], Location(kind, name), np.zeros(0))
+            log.add(planted, "reconsidered", False, lead, 0.0, reason)
+        return replace(state, now=objective.reference(state.now.hypothesis, state.now.nuisance))
+
+    begin = _State(list(start), objective.reference(tuple(a.planted for a in start)))
+    end = uphill(begin, advance, lambda s: merit(objective, s.now), lambda s: s.names, back)
     return tuple(
-        replace(a, planted=planted) for a, planted in zip(accepted, now.hypothesis, strict=True)
+        replace(a, planted=planted)
+        for a, planted in zip(end.accepted, end.now.hypothesis, strict=True)
     )
+
+
+def uphill(
+    state: S,
+    advance: Callable[[S, Container[Key]], tuple[S, set[Key]]],
+    merit: Callable[[S], float],
+    names: Callable[[S], set[Key]],
+    back: Callable[[S, set[Key], float], S],
+) -> S:
+    """Go on from state to state, and never end below one that was passed.
+
+    Args:
+        state: where to begin.
+        advance: one round from a state, without what is refused; the next state and what joined.
+        merit: of a state; only ever rises.
+        names: effects of a state.
+        back: restores a state after a round from it went downhill, given what joined and the lead.
+    """
+    refused: set[Key] = set()
+    downhill = 0
+    while downhill <= DOWNHILL:
+        after, joined = advance(state, refused)
+        if not joined:
+            break
+        lead = merit(after) - merit(state)
+        lasted = not names(after) <= names(state)
+        if lead > 0.0:
+            state = after
+        elif lasted:
+            # go on from where the round began, without what it added
+            downhill += 1
+            refused |= joined
+            state = back(state, joined, lead)
+        if not lasted:
+            break
+    return state
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """Present hypothesis of a search.
+
+    Attributes:
+        accepted: its effects.
+        now: the same, assessed.
+    """
+
+    accepted: list[Accepted]
+    now: Assessed
+
+    @property
+    def names(self) -> set[Key]:
+        """Effects and their places."""
+        return {a.planted.key for a in self.accepted}
+
+
+class _Union(Container[Key]):
+    """Members of any of some containers."""
+
+    def __init__(self, *parts: Container[Key]) -> None:
+        """Hold the containers, which may still grow."""
+        self._parts = parts
+
+    def __contains__(self, key: object) -> bool:
+        """Whether any of them has it."""
+        return any(key in part for part in self._parts)
+
+
+def _round(
+    screen: Screen,
+    objective: Objective,
+    state: _State,
+    log: DecisionLog,
+    banned: Container[Key],
+) -> tuple[_State, set[Key]]:
+    """One round: effects join, the superfluous leave, and the joined are looked for once more.
+
+    Returns:
+        (the best state of the round whose effects all earn their place, what joined).
+    """
+    room = THRESHOLDS.most_effects - len(state.accepted)
+    joined = addition(screen, objective, state.now, state.accepted, log, room, banned)
+    if not joined:
+        return state, set()
+    names = {a.planted.key for a in joined}
+    hypothesis = (*state.now.hypothesis, *(a.planted for a in joined))
+    accepted = [*state.accepted, *joined]
+    pruned = _State(*_prune(objective, accepted, _fitted(objective, hypothesis), log))
+    again = _State(
+        *_reconsidered(screen, objective, pruned.accepted, pruned.now, log, banned, joined)
+    )
+    if merit(objective, again.now) >= merit(objective, pruned.now):
+        return again, names
+    now = objective.reference(pruned.now.hypothesis, pruned.now.nuisance)
+    return replace(pruned, now=now), names
 
 
 def _fitted(objective: Objective, hypothesis: Hypothesis) -> Assessed:
@@ -144,259 +246,3 @@ def _prune(
         accepted = [a for i, a in enumerate(accepted) if i != weakest]
         now = objective.reference(fits[weakest].hypothesis, fits[weakest].nuisance)
     return accepted, now
-
-
-_STARTS, _PROMISING, _FINALISTS = 20, 8, 4
-"""How many hypotheses of a round get one step, two more steps, and all effects refined."""
-_EACH = 2
-"""… and so many at each joint get the two more steps, and their chance beside the best."""
-_STARTED = 5
-"""… and so many at each joint get a step at least."""
-_PAIRED, _PAIRS = 8, 3
-"""So many at a joint are also paired, and so many of the pairs replayed, beside friction."""
-
-
-@dataclass(frozen=True, eq=False)
-class Accepted:
-    """An effect that earned its place.
-
-    Attributes:
-        planted: effect, place, parameters.
-        shape: of its signature, if it has one.
-        rivals: what was replayed in its place and came close.
-    """
-
-    planted: Planted
-    shape: Shape | None
-    rivals: tuple[Planted, ...]
-
-
-def addition(
-    screen: Screen,
-    objective: Objective,
-    now: Assessed,
-    accepted: Sequence[Accepted],
-    log: DecisionLog,
-    most: int,
-    banned: Container[Key] = frozenset(),
-) -> list[Accepted]:
-    """What to add to the present hypothesis, at most so many effects.
-
-    Args:
-        screen: the force residual.
-        objective: the replays, linearised around the present hypothesis.
-        now: the present hypothesis.
-        accepted: its effects.
-        log: grows by every decision.
-        most: at most so many additions.
-        banned: what must not join.
-    """
-    known = [(a.planted, a.shape) for a in accepted]
-    ranked = [s for s in screen.rank(known) if s.planted.key not in banned]
-    tried = [c for c in candidates(screen, ranked, objective, now) if c[0].key not in banned]
-    replayed = {p.key for p, _ in tried}
-    for s in (s for s in ranked if s.planted.key not in replayed):
-        least = THRESHOLDS.replay_share * ranked[0].gain
-        log.add(s.planted, "screened", False, s.gain, least, "not replayed: others show far more")
-    fits = _replayed(screen, objective, now, [p for p, _ in tried])
-    pairs = [(*now.hypothesis, *p) for p in _pairs(screen, objective, known, ranked, fits)]
-    fits += _refined(objective, pairs, now, 3)
-    fits = _finished(objective, fits, now)
-    if not fits:
-        return []
-    best = simplest(objective, fits, now)
-    ok = earns(objective, best, now)
-    _log_replays(log, objective, fits, now, best if ok else None)
-    if not ok:
-        return []
-    shapes = {s.planted.key: s.shape for s in ranked} | {p.key: shape for p, shape in tried}
-    found = _accepted(objective, best, fits, now, shapes)
-    for more in _beside(screen, objective, best, fits, now):
-        found += _accepted(objective, more.fit, more.fits, more.reference, shapes)
-        gain = worth(objective, more.fit, more.reference)
-        planted = more.fit.hypothesis[-1]
-        log.add(planted, "joined", True, gain, THRESHOLDS.min_nats, f"beside {found[0].planted}")
-    return found[:most]
-
-
-def _replayed(
-    screen: Screen, objective: Objective, now: Assessed, additions: Sequence[Planted]
-) -> list[Assessed]:
-    """The additions, refined the more the better they are."""
-    starts = _first_of_each(screen, objective, now, additions)
-    fits = _by_worth(objective, _refined(objective, starts, now, 1), now)
-    leading = _leading(screen, fits, _searched(objective, now), _PROMISING, _EACH)
-    rest = [f for f in fits if f not in leading]
-    return [*_refined(objective, [f.hypothesis for f in leading], now, 2), *rest]
-
-
-def _finished(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> list[Assessed]:
-    """By falling worth, all effects of the best ones refined."""
-    fits = _by_worth(objective, fits, now)
-    finalists = [f.hypothesis for f in fits[:_FINALISTS]]
-    everything = [range(len(h)) for h in finalists]
-    best = refine(objective, finalists, everything, iterations=4)
-    return _by_worth(objective, [*best, *fits[_FINALISTS:]], now)
-
-
-def _by_worth(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> list[Assessed]:
-    return sorted(fits, key=lambda f: -worth(objective, f, now))
-
-
-def _refined(
-    objective: Objective, hypotheses: Sequence[Hypothesis], now: Assessed, iterations: int
-) -> list[Assessed]:
-    """Only what was added to the present hypothesis is refined."""
-    free = [range(len(now.hypothesis), len(h)) for h in hypotheses]
-    return refine(objective, hypotheses, free, iterations)
-
-
-def _pairs(
-    screen: Screen,
-    objective: Objective,
-    known: Sequence[tuple[Planted, Shape | None]],
-    ranked: Sequence[Scored],
-    fits: Sequence[Assessed],
-) -> list[tuple[Planted, Planted]]:
-    """Two additions at a joint that no single one explains.
-
-    Real joints lack several things at once, each of which alone explains little: dry and viscous
-    friction, say. What wins alone may then be none of them. The force residual knows which two.
-    """
-    groups = []
-    for dof in range(len(objective.noise)):
-        tried = [f for f in fits if dof_of(screen, f.hypothesis[-1].at) == dof]
-        if not tried or any(dof not in erring_joints(objective, f) for f in tried):
-            continue
-        here = [s for s in ranked if dof_of(screen, s.planted.at) == dof]
-        usual = [s for s in here[_PAIRED:] if _usual(s.planted)]
-        groups.append([*here[:_PAIRED], *usual])
-    found = []
-    for pairs in screen.pairs(known, groups):
-        allowed = [(p.first, p.second) for p in pairs if not excluded(p.first, p.second)]
-        friction = [p for p in allowed[_PAIRS:] if all(_usual(x) for x in p)]
-        found += [*allowed[:_PAIRS], *friction]
-    return found
-
-
-def _usual(planted: Planted) -> bool:
-    """Tell whether hardly a joint is without it: dry and viscous friction."""
-    return planted.effect.kind == "joint" and planted.effect.common == "always"
-
-
-@dataclass(frozen=True, eq=False)
-class _More:
-    """An addition at another joint: the best, what it was compared with, and on top of what."""
-
-    fit: Assessed
-    fits: list[Assessed]
-    reference: Assessed
-
-
-def _beside(
-    screen: Screen,
-    objective: Objective,
-    best: Assessed,
-    fits: Sequence[Assessed],
-    now: Assessed,
-) -> list[_More]:
-    """What earns a place at other joints once the best addition is there, best first."""
-    taken = dof_of(screen, best.hypothesis[-1].at)
-    elsewhere = [
-        f
-        for f in fits
-        if dof_of(screen, f.hypothesis[-1].at) not in (taken, -1)
-        and worth(objective, f, now) > THRESHOLDS.min_nats
-    ]
-    chosen = _leading(screen, elsewhere, _searched(objective, now), 0, _EACH)
-    if not chosen:
-        return []
-    reference = objective.reference(best.hypothesis)
-    both = [(*best.hypothesis, *f.hypothesis[len(now.hypothesis) :]) for f in chosen]
-    trials = _by_worth(objective, _refined(objective, both, reference, 2), reference)
-    found = []
-    for dof in dict.fromkeys(dof_of(screen, f.hypothesis[-1].at) for f in trials):
-        here = [f for f in trials if dof_of(screen, f.hypothesis[-1].at) == dof]
-        winner = simplest(objective, here, reference)
-        if earns(objective, winner, reference):
-            found.append(_More(winner, here, reference))
-    return found
-
-
-def _accepted(
-    objective: Objective,
-    best: Assessed,
-    fits: Sequence[Assessed],
-    now: Assessed,
-    shapes: dict[Key, Shape | None],
-) -> list[Accepted]:
-    """What the best addition adds; what came close is remembered beside its last effect."""
-    gain = worth(objective, best, now)
-    new = best.hypothesis[len(now.hypothesis) :]
-    names = {p.key for p in new}
-    rivals = tuple(
-        f.hypothesis[-1]
-        for f in fits
-        if f.hypothesis[-1].key not in names
-        and worth(objective, f, now) > gain - THRESHOLDS.equivalent_nats
-    )
-    last = len(new) - 1
-    return [Accepted(p, shapes.get(p.key), rivals if i == last else ()) for i, p in enumerate(new)]
-
-
-def _first_of_each(
-    screen: Screen, objective: Objective, now: Assessed, additions: Sequence[Planted]
-) -> list[Hypothesis]:
-    """One start for each effect and place, the best of those that are given, and only the best."""
-    found: dict[Key, Assessed] = {}
-    for assessed in objective.evaluate([(*now.hypothesis, p) for p in additions]):
-        key = assessed.hypothesis[-1].key
-        if key not in found or assessed.loglik > found[key].loglik:
-            found[key] = assessed
-    # a start may be far off and its effect still right: a few that are worse than nothing stay
-    ordered = sorted(found.values(), key=lambda a: -a.loglik)
-    finite = [a for a in ordered if np.isfinite(a.loglik)]
-    return [
-        a.hypothesis for a in _leading(screen, finite, _searched(objective, now), _STARTS, _STARTED)
-    ]
-
-
-def _searched(objective: Objective, now: Assessed) -> list[int]:
-    """Joints that get starts of their own; where the base floats, all joints err together."""
-    return [] if objective.scene.free else erring_joints(objective, now)
-
-
-def _leading(
-    screen: Screen, ordered: Sequence[Assessed], erring: Container[int], overall: int, each: int
-) -> list[Assessed]:
-    """The first of a list, and the first of what acts on one erring joint alone."""
-    count: dict[int, int] = {}
-    found = []
-    for i, assessed in enumerate(ordered):
-        dof = dof_of(screen, assessed.hypothesis[-1].at)
-        count[dof] = count.get(dof, 0) + 1
-        if i < overall or (dof in erring and count[dof] <= each):
-            found.append(assessed)
-    return found
-
-
-def _log_replays(
-    log: DecisionLog,
-    objective: Objective,
-    fits: Sequence[Assessed],
-    now: Assessed,
-    best: Assessed | None,
-) -> None:
-    """Log what became of each hypothesis that was replayed; ``best`` joins, if there is one."""
-    for fit in fits:
-        planted, gain = fit.hypothesis[-1], worth(objective, fit, now)
-        pair = len(fit.hypothesis) > len(now.hypothesis) + 1
-        beside = f" (beside {fit.hypothesis[-2]})" if pair else ""
-        if best is None:
-            reason, threshold = "gains too little", THRESHOLDS.min_nats
-        elif fit is best:
-            reason, threshold = "the best addition", THRESHOLDS.min_nats
-        else:
-            reason, threshold = f"beaten by {best.hypothesis[-1]}", worth(objective, best, now)
-        stage: Stage = "joined" if fit is best else "replayed"
-        log.add(planted, stage, fit is best, gain, threshold, reason + beside)

@@ -18,7 +18,7 @@ class ActuatorBias(Effect):
 
     id = "actuator.bias"
     kind = "actuator"
-    parameters = (Parameter("torque", "N·m", -1e3, 1e3, 1e-3, neutral=0.0),)
+    parameters = (Parameter("torque", "N·m", -1e8, 1e8, 1e-3, neutral=0.0),)
     reference = "MuJoCo XML reference, actuator/general/biasprm"
     signed = (0,)
     looks_like = ("spring", "offset")

@@ -22,7 +22,7 @@ class ActuatorDeadband(OnSteps):
 
     id = "actuator.deadband"
     kind = "actuator"
-    parameters = (Parameter("width", "N·m", 0.0, 1e3, 1e-3, neutral=0.0),)
+    parameters = (Parameter("width", "N·m", 0.0, 1e8, 1e-3, neutral=0.0),)
     reference = "G. Tao and P. V. Kokotović, Adaptive Control of Systems with Actuator and Sensor "
     reference += "Nonlinearities, 1996"
     native = False

@@ -125,7 +125,7 @@ class _Hot(ActuatorFade):
 
     parameters = (
         *ActuatorFade.parameters,
-        Parameter("load", "N·m", 1e-3, 1e4, 1e-3, public=False),
+        Parameter("load", "N·m", 1e-3, 1e8, 1e-3, public=False),
     )
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:

@@ -24,7 +24,7 @@ class ActuatorGain(Tolerated):
 
     id = "actuator.gain"
     kind = "actuator"
-    parameters = (Parameter("factor", "-", 0.0, 5.0, 1e-3, neutral=1.0),)
+    parameters = (Parameter("factor", "-", 0.0, 100.0, 1e-3, neutral=1.0),)
     reference = "MuJoCo XML reference, actuator/general/gainprm and biasprm"
     signed = (0,)
     looks_like = ("weak drive",)

@@ -24,7 +24,7 @@ class ActuatorRipple(Effect):
     id = "actuator.ripple"
     kind = "actuator"
     parameters = (
-        Parameter("amplitude", "N·m", 0.0, 1e3, 1e-3, neutral=0.0),
+        Parameter("amplitude", "N·m", 0.0, 1e8, 1e-3, neutral=0.0),
         Parameter("cycles", "1/rev", 1.0, 500.0, 1e-3),
         Parameter("phase", "rad", -2.0 * np.pi, 2.0 * np.pi, 1e-3),
     )

@@ -19,7 +19,7 @@ class ActuatorSaturation(Effect):
 
     id = "actuator.saturation"
     kind = "actuator"
-    parameters = (Parameter("torque", "N·m", 1e-4, 1e4, 1e-3, inexact=0.03),)
+    parameters = (Parameter("torque", "N·m", 1e-4, 1e8, 1e-3, inexact=0.03),)
     reference = "MuJoCo XML reference, actuator/general/forcerange"
     signed = (1,)
     looks_like = ("weak drive",)

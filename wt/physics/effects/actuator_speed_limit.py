@@ -25,7 +25,7 @@ class ActuatorSpeedLimit(OnSteps):
     id = "actuator.speed_limit"
     kind = "actuator"
     parameters = (
-        Parameter("stall", "N·m", 1e-4, 1e4, 1e-3, inexact=0.03),
+        Parameter("stall", "N·m", 1e-4, 1e8, 1e-3, inexact=0.03),
         Parameter("speed", "rad/s", 1e-2, 1e3, 1e-3, inexact=0.03),
     )
     reference = "A. Hughes and B. Drury, Electric Motors and Drives, 2019, chapter 3"

@@ -23,7 +23,7 @@ class Armature(Tolerated):
 
     id = "joint.armature"
     kind = "joint"
-    parameters = (Parameter("inertia", "kg·m²", 0.0, 1e3, 1e-4, neutral=0.0),)
+    parameters = (Parameter("inertia", "kg·m²", 0.0, 1e8, 1e-4, neutral=0.0),)
     reference = "R. Featherstone, Rigid Body Dynamics Algorithms, 2008, section 9.6"
     signed = (1,)
     looks_like = ("inertia",)

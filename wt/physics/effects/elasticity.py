@@ -21,8 +21,8 @@ class Elasticity(GearEffect):
     id = "joint.elasticity"
     excludes = ("joint.backlash",)
     parameters = (
-        Parameter("stiffness", "N·m/rad", 1e-2, 1e6, 1e-1),
-        Parameter("damping", "N·m·s/rad", 0.0, 1e4, 1e-3),
+        Parameter("stiffness", "N·m/rad", 1e-2, 1e8, 1e-1),
+        Parameter("damping", "N·m·s/rad", 0.0, 1e8, 1e-3),
     )
     reference = "M. W. Spong, Modeling and control of elastic joint robots, ASME JDSMC 1987"
 

@@ -18,7 +18,7 @@ class FrictionCoulomb(Effect):
 
     id = "joint.friction_coulomb"
     kind = "joint"
-    parameters = (Parameter("coulomb", "N·m", 0.0, 1e3, 1e-3, neutral=0.0),)
+    parameters = (Parameter("coulomb", "N·m", 0.0, 1e8, 1e-3, neutral=0.0),)
     reference = "C. A. Coulomb, Théorie des machines simples, 1785"
     signed = (1,)
     looks_like = ("dry friction",)

@@ -24,7 +24,7 @@ class FrictionLoad(Nested, OnSteps):
     id = "joint.friction_load"
     kind = "joint"
     parameters = (
-        Parameter("coulomb", "N·m", 0.0, 1e3, 1e-3, neutral=0.0),
+        Parameter("coulomb", "N·m", 0.0, 1e8, 1e-3, neutral=0.0),
         Parameter("fraction", "-", 0.0, 1.0, 1e-3, neutral=0.0),
     )
     reference = "M. Duclusaud et al., Extended friction models for servo actuators, ICRA 2025"

@@ -17,7 +17,7 @@ class FrictionQuadratic(Effect):
 
     id = "joint.friction_quadratic"
     kind = "joint"
-    parameters = (Parameter("coefficient", "N·m·s²/rad²", 0.0, 1e3, 1e-4, neutral=0.0),)
+    parameters = (Parameter("coefficient", "N·m·s²/rad²", 0.0, 1e8, 1e-4, neutral=0.0),)
     reference = "MuJoCo XML reference, body/joint/damping (polynomial)"
     signed = (1,)
     looks_like = ("friction by speed",)

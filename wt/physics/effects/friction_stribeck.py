@@ -32,8 +32,8 @@ class FrictionStribeck(Nested, OnSteps):
     id = "joint.friction_stribeck"
     kind = "joint"
     parameters = (
-        Parameter("coulomb", "N·m", 0.0, 1e3, 1e-3, neutral=0.0),
-        Parameter("static", "N·m", 0.0, 1e3, 1e-3, neutral=0.0, inexact=0.03),
+        Parameter("coulomb", "N·m", 0.0, 1e8, 1e-3, neutral=0.0),
+        Parameter("static", "N·m", 0.0, 1e8, 1e-3, neutral=0.0, inexact=0.03),
         Parameter("velocity", "rad/s", 1e-3, 10.0, 1e-3, inexact=0.03),
     )
     reference = (

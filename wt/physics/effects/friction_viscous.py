@@ -23,7 +23,7 @@ class FrictionViscous(Tolerated):
 
     id = "joint.friction_viscous"
     kind = "joint"
-    parameters = (Parameter("coefficient", "N·m·s/rad", 0.0, 1e3, 1e-4, neutral=0.0),)
+    parameters = (Parameter("coefficient", "N·m·s/rad", 0.0, 1e8, 1e-4, neutral=0.0),)
     reference = "G. G. Stokes, Transactions of the Cambridge Philosophical Society 9, 1851"
     signed = (1,)
     looks_like = ("friction by speed",)

@@ -20,8 +20,8 @@ class Hysteresis(Effect):
     id = "joint.hysteresis"
     kind = "joint"
     parameters = (
-        Parameter("stiffness", "N·m/rad", 1e-3, 1e5, 1e-2, inexact=0.03),
-        Parameter("yield", "N·m", 0.0, 1e3, 1e-3, neutral=0.0, inexact=0.03),
+        Parameter("stiffness", "N·m/rad", 1e-3, 1e8, 1e-2, inexact=0.03),
+        Parameter("yield", "N·m", 0.0, 1e8, 1e-3, neutral=0.0, inexact=0.03),
     )
     reference = "L. Prandtl, Ein Gedankenmodell zur kinetischen Theorie der festen Körper, 1928"
     signed = (1,)

@@ -20,7 +20,7 @@ class Stiffness(Linearised):
     id = "joint.stiffness"
     kind = "joint"
     parameters = (
-        Parameter("stiffness", "N·m/rad", 0.0, 1e5, 1e-2, neutral=0.0),
+        Parameter("stiffness", "N·m/rad", 0.0, 1e8, 1e-2, neutral=0.0),
         Parameter("reference", "rad", -6.5, 6.5, 1e-3),
     )
     reference = "R. Hooke, De potentia restitutiva, 1678"

@@ -1,0 +1,67 @@
+"""A search never ends below a state that it has passed, and goes on without what misled it."""
+
+from __future__ import annotations
+
+from collections.abc import Container
+
+import numpy as np
+import pytest
+
+from wt.diagnose.selection.search import uphill
+from wt.physics.planted import Key
+
+State = frozenset[Key]
+COULOMB, ARMATURE, STOP = (
+    (f"joint.{name}", "joint", "j1") for name in ("friction_coulomb", "armature", "stop")
+)
+ORDER = (COULOMB, ARMATURE, STOP)
+
+
+class Ladder:
+    """Rounds that add the first effect which is neither there nor refused."""
+
+    def __init__(self, merit: dict[State, float]) -> None:
+        self.merit, self.passed = merit, [State()]
+        self.taken_back: list[tuple[set[Key], float]] = []
+
+    def advance(self, state: State, refused: Container[Key]) -> tuple[State, set[Key]]:
+        for key in ORDER:
+            if key not in state and key not in refused:
+                self.passed.append(state | {key})
+                return state | {key}, {key}
+        return state, set()
+
+    def back(self, state: State, joined: set[Key], lead: float) -> State:
+        self.taken_back.append((joined, lead))
+        return state
+
+    def end(self) -> State:
+        return uphill(State(), self.advance, self.merit.__getitem__, set, self.back)
+
+
+def test_a_round_downhill_is_taken_back() -> None:
+    ladder = Ladder(
+        {
+            State(): 0.0,
+            State({COULOMB}): 577.0,
+            State({COULOMB, ARMATURE}): 563.0,
+            State({COULOMB, STOP}): 629.0,
+        }
+    )
+    assert ladder.end() == {COULOMB, STOP}
+    assert ladder.taken_back == [({ARMATURE}, pytest.approx(-14.0))]
+
+
+def test_it_ends_at_the_best_state_that_it_passed() -> None:
+    subsets = [State(key for i, key in enumerate(ORDER) if k >> i & 1) for k in range(8)]
+    for merits in np.random.default_rng(3).normal(size=(50, 8)):
+        ladder = Ladder(dict(zip(subsets, merits.tolist(), strict=True)))
+        best = max(ladder.merit[ladder.end()], -np.inf)
+        assert best == max(ladder.merit[state] for state in ladder.passed)
+
+
+def test_it_ends_where_nothing_new_lasts() -> None:
+    replaced = uphill(
+        State({COULOMB}), lambda s, _: (s, {ARMATURE}), lambda _: 0.0, set, lambda s, *_: s
+    )
+    assert replaced == {COULOMB}

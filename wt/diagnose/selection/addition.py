@@ -1,0 +1,278 @@
+"""One round's addition: which effects, if any, join the present hypothesis.
+
+The best addition of all joins first. The best at other joints then get their chance on top of it: a
+machine whose joints lack several things at once need not be screened anew for each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wt.diagnose.likelihood.bic import earns, erring_joints, simplest, worth
+from wt.diagnose.likelihood.objective import Assessed, Objective
+from wt.diagnose.likelihood.refine import refine
+from wt.diagnose.residual.screen import Scored, Screen
+from wt.diagnose.result import Stage
+from wt.diagnose.selection.candidates import candidates, dof_of, excluded
+from wt.diagnose.selection.decisions import DecisionLog
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.effect import Shape
+from wt.physics.planted import Hypothesis, Key, Planted
+
+_STARTS, _PROMISING, _FINALISTS = 20, 8, 4
+"""How many hypotheses of a round get one step, two more steps, and all effects refined."""
+_EACH = 2
+"""… and so many at each joint get the two more steps, and their chance beside the best."""
+_STARTED = 5
+"""… and so many at each joint get a step at least."""
+_PAIRED, _PAIRS = 8, 3
+"""So many at a joint are also paired, and so many of the pairs replayed, beside friction."""
+
+
+@dataclass(frozen=True, eq=False)
+class Accepted:
+    """An effect that earned its place.
+
+    Attributes:
+        planted: effect, place, parameters.
+        shape: of its signature, if it has one.
+        rivals: what was replayed in its place and came close.
+    """
+
+    planted: Planted
+    shape: Shape | None
+    rivals: tuple[Planted, ...]
+
+
+def addition(
+    screen: Screen,
+    objective: Objective,
+    now: Assessed,
+    accepted: Sequence[Accepted],
+    log: DecisionLog,
+    most: int,
+    banned: Container[Key] = frozenset(),
+) -> list[Accepted]:
+    """What to add to the present hypothesis, at most so many effects.
+
+    Args:
+        screen: the force residual.
+        objective: the replays, linearised around the present hypothesis.
+        now: the present hypothesis.
+        accepted: its effects.
+        log: grows by every decision.
+        most: at most so many additions.
+        banned: what must not join.
+    """
+    known = [(a.planted, a.shape) for a in accepted]
+    ranked = [s for s in screen.rank(known) if s.planted.key not in banned]
+    tried = [c for c in candidates(screen, ranked, objective, now) if c[0].key not in banned]
+    replayed = {p.key for p, _ in tried}
+    for s in (s for s in ranked if s.planted.key not in replayed):
+        least = THRESHOLDS.replay_share * ranked[0].gain
+        log.add(s.planted, "screened", False, s.gain, least, "not replayed: others show far more")
+    fits = _replayed(screen, objective, now, [p for p, _ in tried])
+    pairs = [(*now.hypothesis, *p) for p in _pairs(screen, objective, known, ranked, fits)]
+    fits += _refined(objective, pairs, now, 3)
+    fits = _finished(objective, fits, now)
+    if not fits:
+        return []
+    best = simplest(objective, fits, now)
+    ok = earns(objective, best, now)
+    _log_replays(log, objective, fits, now, best if ok else None)
+    if not ok:
+        return []
+    shapes = {s.planted.key: s.shape for s in ranked} | {p.key: shape for p, shape in tried}
+    found = _accepted(objective, best, fits, now, shapes)
+    for more in _beside(screen, objective, best, fits, now):
+        found += _accepted(objective, more.fit, more.fits, more.reference, shapes)
+        gain = worth(objective, more.fit, more.reference)
+        planted = more.fit.hypothesis[-1]
+        log.add(planted, "joined", True, gain, THRESHOLDS.min_nats, f"beside {found[0].planted}")
+    return found[:most]
+
+
+def _replayed(
+    screen: Screen, objective: Objective, now: Assessed, additions: Sequence[Planted]
+) -> list[Assessed]:
+    """The additions, refined the more the better they are."""
+    starts = _first_of_each(screen, objective, now, additions)
+    fits = _by_worth(objective, _refined(objective, starts, now, 1), now)
+    leading = _leading(screen, fits, _searched(objective, now), _PROMISING, _EACH)
+    rest = [f for f in fits if f not in leading]
+    return [*_refined(objective, [f.hypothesis for f in leading], now, 2), *rest]
+
+
+def _finished(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> list[Assessed]:
+    """By falling worth, all effects of the best ones refined."""
+    fits = _by_worth(objective, fits, now)
+    finalists = [f.hypothesis for f in fits[:_FINALISTS]]
+    everything = [range(len(h)) for h in finalists]
+    best = refine(objective, finalists, everything, iterations=4)
+    return _by_worth(objective, [*best, *fits[_FINALISTS:]], now)
+
+
+def _by_worth(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> list[Assessed]:
+    return sorted(fits, key=lambda f: -worth(objective, f, now))
+
+
+def _refined(
+    objective: Objective, hypotheses: Sequence[Hypothesis], now: Assessed, iterations: int
+) -> list[Assessed]:
+    """Only what was added to the present hypothesis is refined."""
+    free = [range(len(now.hypothesis), len(h)) for h in hypotheses]
+    return refine(objective, hypotheses, free, iterations)
+
+
+def _pairs(
+    screen: Screen,
+    objective: Objective,
+    known: Sequence[tuple[Planted, Shape | None]],
+    ranked: Sequence[Scored],
+    fits: Sequence[Assessed],
+) -> list[tuple[Planted, Planted]]:
+    """Two additions at a joint that no single one explains.
+
+    Real joints lack several things at once, each of which alone explains little: dry and viscous
+    friction, say. What wins alone may then be none of them. The force residual knows which two.
+    """
+    groups = []
+    for dof in range(len(objective.noise)):
+        tried = [f for f in fits if dof_of(screen, f.hypothesis[-1].at) == dof]
+        if not tried or any(dof not in erring_joints(objective, f) for f in tried):
+            continue
+        here = [s for s in ranked if dof_of(screen, s.planted.at) == dof]
+        usual = [s for s in here[_PAIRED:] if _usual(s.planted)]
+        groups.append([*here[:_PAIRED], *usual])
+    found = []
+    for pairs in screen.pairs(known, groups):
+        allowed = [(p.first, p.second) for p in pairs if not excluded(p.first, p.second)]
+        friction = [p for p in allowed[_PAIRS:] if all(_usual(x) for x in p)]
+        found += [*allowed[:_PAIRS], *friction]
+    return found
+
+
+def _usual(planted: Planted) -> bool:
+    """Tell whether hardly a joint is without it: dry and viscous friction."""
+    return planted.effect.kind == "joint" and planted.effect.common == "always"
+
+
+@dataclass(frozen=True, eq=False)
+class _More:
+    """An addition at another joint: the best, what it was compared with, and on top of what."""
+
+    fit: Assessed
+    fits: list[Assessed]
+    reference: Assessed
+
+
+def _beside(
+    screen: Screen,
+    objective: Objective,
+    best: Assessed,
+    fits: Sequence[Assessed],
+    now: Assessed,
+) -> list[_More]:
+    """What earns a place at other joints once the best addition is there, best first."""
+    taken = dof_of(screen, best.hypothesis[-1].at)
+    elsewhere = [
+        f
+        for f in fits
+        if dof_of(screen, f.hypothesis[-1].at) not in (taken, -1)
+        and worth(objective, f, now) > THRESHOLDS.min_nats
+    ]
+    chosen = _leading(screen, elsewhere, _searched(objective, now), 0, _EACH)
+    if not chosen:
+        return []
+    reference = objective.reference(best.hypothesis)
+    both = [(*best.hypothesis, *f.hypothesis[len(now.hypothesis) :]) for f in chosen]
+    trials = _by_worth(objective, _refined(objective, both, reference, 2), reference)
+    found = []
+    for dof in dict.fromkeys(dof_of(screen, f.hypothesis[-1].at) for f in trials):
+        here = [f for f in trials if dof_of(screen, f.hypothesis[-1].at) == dof]
+        winner = simplest(objective, here, reference)
+        if earns(objective, winner, reference):
+            found.append(_More(winner, here, reference))
+    return found
+
+
+def _accepted(
+    objective: Objective,
+    best: Assessed,
+    fits: Sequence[Assessed],
+    now: Assessed,
+    shapes: dict[Key, Shape | None],
+) -> list[Accepted]:
+    """What the best addition adds; what came close is remembered beside its last effect."""
+    gain = worth(objective, best, now)
+    new = best.hypothesis[len(now.hypothesis) :]
+    names = {p.key for p in new}
+    rivals = tuple(
+        f.hypothesis[-1]
+        for f in fits
+        if f.hypothesis[-1].key not in names
+        and worth(objective, f, now) > gain - THRESHOLDS.equivalent_nats
+    )
+    last = len(new) - 1
+    return [Accepted(p, shapes.get(p.key), rivals if i == last else ()) for i, p in enumerate(new)]
+
+
+def _first_of_each(
+    screen: Screen, objective: Objective, now: Assessed, additions: Sequence[Planted]
+) -> list[Hypothesis]:
+    """One start for each effect and place, the best of those that are given, and only the best."""
+    found: dict[Key, Assessed] = {}
+    for assessed in objective.evaluate([(*now.hypothesis, p) for p in additions]):
+        key = assessed.hypothesis[-1].key
+        if key not in found or assessed.loglik > found[key].loglik:
+            found[key] = assessed
+    # a start may be far off and its effect still right: a few that are worse than nothing stay
+    ordered = sorted(found.values(), key=lambda a: -a.loglik)
+    finite = [a for a in ordered if np.isfinite(a.loglik)]
+    return [
+        a.hypothesis for a in _leading(screen, finite, _searched(objective, now), _STARTS, _STARTED)
+    ]
+
+
+def _searched(objective: Objective, now: Assessed) -> list[int]:
+    """Joints that get starts of their own; where the base floats, all joints err together."""
+    return [] if objective.scene.free else erring_joints(objective, now)
+
+
+def _leading(
+    screen: Screen, ordered: Sequence[Assessed], erring: Container[int], overall: int, each: int
+) -> list[Assessed]:
+    """The first of a list, and the first of what acts on one erring joint alone."""
+    count: dict[int, int] = {}
+    found = []
+    for i, assessed in enumerate(ordered):
+        dof = dof_of(screen, assessed.hypothesis[-1].at)
+        count[dof] = count.get(dof, 0) + 1
+        if i < overall or (dof in erring and count[dof] <= each):
+            found.append(assessed)
+    return found
+
+
+def _log_replays(
+    log: DecisionLog,
+    objective: Objective,
+    fits: Sequence[Assessed],
+    now: Assessed,
+    best: Assessed | None,
+) -> None:
+    """Log what became of each hypothesis that was replayed; ``best`` joins, if there is one."""
+    for fit in fits:
+        planted, gain = fit.hypothesis[-1], worth(objective, fit, now)
+        pair = len(fit.hypothesis) > len(now.hypothesis) + 1
+        beside = f" (beside {fit.hypothesis[-2]})" if pair else ""
+        if best is None:
+            reason, threshold = "gains too little", THRESHOLDS.min_nats
+        elif fit is best:
+            reason, threshold = "the best addition", THRESHOLDS.min_nats
+        else:
+            reason, threshold = f"beaten by {best.hypothesis[-1]}", worth(objective, best, now)
+        stage: Stage = "joined" if fit is best else "replayed"
+        log.add(planted, stage, fit is best, gain, threshold, reason + beside)
