@@ -19,7 +19,7 @@ from registry.card import MODEL_FILE, Card
 from registry.pull import pull
 from registry.store import Store
 from wt.config import FitConfig
-from wt.diagnose.observed.translation import Translation
+from wt.diagnose.observed.translation import TrainedTranslation
 from wt.errors import ConfigError, ModelError
 from wt.evaluate import figures
 from wt.evaluate.multi_step import Now, Step, alignment_of, roll_out, simulator
@@ -123,7 +123,7 @@ def load(reference: str, spec: TransitionSpec, uri: str | None = None) -> Regist
         return Registered(Path(name) / "model" / MODEL_FILE, card, spec)
 
 
-def translation(reference: str, uri: str | None = None) -> Translation:
+def translation(reference: str, uri: str | None = None) -> TrainedTranslation:
     """A registered model as a diagnosis reads it, with the features behind its answer.
 
     Args:
@@ -148,7 +148,7 @@ def translation(reference: str, uri: str | None = None) -> Translation:
         return o_next_real, z, z_translated
 
     channels = {port.name: port.channels for port in card.inputs}
-    return Translation(str(version), card.rate_hz, channels["o"], channels["a"], run)
+    return TrainedTranslation(str(version), card.rate_hz, channels["o"], channels["a"], run)
 
 
 def _names(card: Card, port: str) -> list[str]:

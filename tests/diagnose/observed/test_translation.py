@@ -12,7 +12,13 @@ import pytest
 from tests.worlds.walking.test_concealed import QUICK, to_xml
 from tests.worlds.walking.test_world import world
 from wt.diagnose.evidence import Interval
-from wt.diagnose.observed.translation import Observer, Translation, sentences, timed, translated
+from wt.diagnose.observed.translation import (
+    Observer,
+    TrainedTranslation,
+    sentences,
+    timed,
+    translated,
+)
 from wt.diagnose.recordings.prepare import prepare
 from wt.diagnose.result import Located
 from wt.errors import ModelError, RecordingError
@@ -66,8 +72,10 @@ def scene(tmp_path: Path) -> Scene:
     return Scene(tmp_path / "arm.xml")
 
 
-def translation(run: Run = plain, observation: tuple[Channel, ...] = OBSERVATION) -> Translation:
-    return Translation("wt-arm/1", RATE, observation, ACTION, run)
+def translation(
+    run: Run = plain, observation: tuple[Channel, ...] = OBSERVATION
+) -> TrainedTranslation:
+    return TrainedTranslation("wt-arm/1", RATE, observation, ACTION, run)
 
 
 def test_a_push_stands_out_when_it_acts(scene: Scene) -> None:

@@ -60,11 +60,11 @@ def sensed(
 
 def _recorded(
     scene: Scene, parts: Sequence[Part], stretches: Sequence[Stretch]
-) -> tuple[list[Channel], tuple[str, ...]]:
+) -> tuple[list[SensorChannel], tuple[str, ...]]:
     """What was recorded besides the joints, at the samples of all stretches."""
     columns = {name for part in parts for name in part.recording.columns}
     found = [
-        Channel(
+        SensorChannel(
             f"force/{d.name}",
             _units(scene, d.joint)["f"],
             _at_samples(parts, stretches, [f"force/{d.name}"]),
@@ -87,7 +87,7 @@ def _recorded(
             continue
         said = unit.format(**_units(scene, joint_of_sensor(m, i)))
         measured = _at_samples(parts, stretches, own)
-        found.append(Channel(name, said, measured, kind, name, float(m.sensor_delay[i])))
+        found.append(SensorChannel(name, said, measured, kind, name, float(m.sensor_delay[i])))
     return found, tuple(left_out)
 
 
@@ -109,7 +109,7 @@ def _at_samples(parts: Sequence[Part], stretches: Sequence[Stretch], names: Sequ
     return np.concatenate(tables)
 
 
-def _rms(predicted: Array, channel: Channel) -> float | None:
+def _rms(predicted: Array, channel: SensorChannel) -> float | None:
     measured = channel.measured
     if channel.kind == "FRAMEQUAT":  # a rotation has two quaternions
         measured = measured * np.where((predicted * measured).sum(axis=1) < 0, -1.0, 1.0)[:, None]
@@ -151,7 +151,7 @@ _MOST_ROWS = 8000
 
 
 @dataclass(frozen=True, eq=False)
-class Channel:
+class SensorChannel:
     """A sensor that was recorded.
 
     Attributes:
@@ -179,7 +179,11 @@ class Channel:
 
 
 def predicted(
-    scene: Scene, holdout: Holdout, hypothesis: Hypothesis, step: float, channels: Sequence[Channel]
+    scene: Scene,
+    holdout: Holdout,
+    hypothesis: Hypothesis,
+    step: float,
+    channels: Sequence[SensorChannel],
 ) -> dict[str, Array]:
     """What each sensor reports in replays, (N, dim) each; NaN where that is not known."""
     replayer = Replayer(scene, [_beside(s, step) for s in holdout.stretches], step)
@@ -238,7 +242,7 @@ def _read(
     state: _States,
     path: tuple[Array, Array, Array, Array],
     thin: int,
-    into: Mapping[Channel, Array],
+    into: Mapping[SensorChannel, Array],
 ) -> None:
     """Read sensors along a path of position, velocity, acceleration (K, nv) and command (K, nu)."""
     for k in range(0, len(path[0]), thin):
@@ -261,7 +265,7 @@ def _moment(both: Array, measured: Array) -> Array:
     return np.asarray(before + np.clip(share, 0.0, 1.0) * change)
 
 
-def _dof(scene: Scene, channel: Channel) -> int:
+def _dof(scene: Scene, channel: SensorChannel) -> int:
     return scene.dof(joint_of_sensor(scene.model, int(scene.model.sensor(channel.source).id)))
 
 

@@ -42,7 +42,7 @@ _MOST = 0.5
 
 
 @dataclass(frozen=True)
-class Translation:
+class TrainedTranslation:
     """A trained translation, as it was registered.
 
     Attributes:
@@ -73,7 +73,7 @@ class _Steps:
     after: Array  # … minus the translated one
 
 
-def translated(scene: Scene, prepared: Prepared, translation: Translation) -> Translated:
+def translated(scene: Scene, prepared: Prepared, translation: TrainedTranslation) -> Translated:
     """Compare recordings with a translation of the model's own answers.
 
     Args:
@@ -144,7 +144,7 @@ def sentences(found: Translated) -> list[str]:
 
 
 def _steps(
-    observer: Observer, state: State, translation: Translation, name: str, role: str
+    observer: Observer, state: RecordedState, translation: TrainedTranslation, name: str, role: str
 ) -> _Steps:
     t, ctrl = state.t, state.ctrl
     before = np.concatenate([ctrl[:1], ctrl[:-1]])
@@ -186,7 +186,7 @@ _KINDS = ("qpos", "qvel", "gyro", "gravity", "last_action", "ctrl")
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class RecordedState:
     """States of the whole model at K times, where nothing was recorded at rest.
 
     Attributes:
@@ -241,14 +241,14 @@ class Observer:
         self.state = [
             i for i, c in enumerate(observation) if not c.name.startswith(("last_action/", "ctrl/"))
         ]
-        still = State(
+        still = RecordedState(
             np.zeros(1), self._model.qpos0[None], np.zeros((1, self._model.nv)),
             np.zeros((1, self._model.nu)), np.ones(1, bool),
         )  # fmt: skip
         for channels in (observation, action):
             self.seen(channels, still, still.ctrl)
 
-    def states(self, recording: Recording) -> State:
+    def states(self, recording: Recording) -> RecordedState:
         """A recording at the control rate, joints interpolated and commands held.
 
         Raises:
@@ -295,16 +295,16 @@ class Observer:
         if missing := [c.name for c in self.action if c.name not in columns]:
             raise RecordingError(f"column '{missing[0]}' is missing: the translation reads it")
         _normalize(m, qpos)
-        return State(t, qpos, qvel, ctrl, known)
+        return RecordedState(t, qpos, qvel, ctrl, known)
 
-    def answer(self, state: State) -> State:
+    def answer(self, state: RecordedState) -> RecordedState:
         """Where the model goes in one control step from each of K states, with nothing hidden."""
         batch = Batch(self._model, len(state.t))
         batch.qpos[:], batch.qvel[:], batch.ctrl[:] = state.qpos, state.qvel, state.ctrl
         batch.step(nstep=self._substeps)
-        return State(state.t, batch.qpos.copy(), batch.qvel.copy(), state.ctrl, state.known)
+        return RecordedState(state.t, batch.qpos.copy(), batch.qvel.copy(), state.ctrl, state.known)
 
-    def seen(self, channels: Sequence[Channel], state: State, before: Array) -> Array:
+    def seen(self, channels: Sequence[Channel], state: RecordedState, before: Array) -> Array:
         """Channels at K states, (K, n), float32.
 
         Args:
@@ -315,7 +315,7 @@ class Observer:
         columns = [self._channel(channel.name, state, before) for channel in channels]
         return np.stack(columns, axis=1).astype(np.float32)
 
-    def _channel(self, name: str, state: State, before: Array) -> Array:
+    def _channel(self, name: str, state: RecordedState, before: Array) -> Array:
         m = self._model
         kind, _, rest = name.partition("/")
         try:
@@ -340,7 +340,7 @@ class Observer:
             f"{', '.join(_KINDS)}"
         )
 
-    def _of_base(self, kind: str, axis: int, state: State) -> Array:
+    def _of_base(self, kind: str, axis: int, state: RecordedState) -> Array:
         """Angular velocity of the first free body, or direction of gravity, along its own axis."""
         m = self._model
         free = np.flatnonzero(m.jnt_type == mujoco.mjtJoint.mjJNT_FREE)

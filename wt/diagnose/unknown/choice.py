@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.signal import lombscargle
 
-from wt.diagnose.unknown.fit import Data, Fit, crossval, smooth_terms
+from wt.diagnose.unknown.fit import ForceData, LawFit, crossval, smooth_terms
 from wt.diagnose.unknown.law import Atom, Term
 from wt.diagnose.unknown.memory import Kind, Memory, memory_of
 
@@ -33,7 +33,7 @@ _BANDWIDTH = 0.7  # of the rows' own, up to which a pace can be told
 _AT_ONCE = 2_000_000  # rows times paces that are compared at once, to bound memory
 
 
-def choose(data: Data) -> tuple[Fit, int]:
+def choose(data: ForceData) -> tuple[LawFit, int]:
     """The columns that the force depends on, and how many sets were tried.
 
     A drive that holds a position answers an unknown force with one of its own, so that command
@@ -47,7 +47,7 @@ def choose(data: Data) -> tuple[Fit, int]:
     return (with_drive if with_drive.r2 > fit.r2 + _LITTLE else fit), tried + more
 
 
-def freest(data: Data) -> tuple[Fit, int]:
+def freest(data: ForceData) -> tuple[LawFit, int]:
     """The best of what positions, velocities and time, now and before, say of the force."""
     fit, tried = choose_among(data, data.state())
     if fit.r2 >= _ENOUGH:
@@ -60,7 +60,7 @@ def freest(data: Data) -> tuple[Fit, int]:
     return fit, tried
 
 
-def choose_among(data: Data, names: Sequence[str]) -> tuple[Fit, int]:
+def choose_among(data: ForceData, names: Sequence[str]) -> tuple[LawFit, int]:
     """The smallest set of columns within one standard error of the best, and how many were tried.
 
     Args:
@@ -68,7 +68,7 @@ def choose_among(data: Data, names: Sequence[str]) -> tuple[Fit, int]:
         names: columns to choose from.
     """
 
-    def fitted(some: Sequence[str]) -> Fit:
+    def fitted(some: Sequence[str]) -> LawFit:
         return crossval(data, some, smooth_terms(data, some))
 
     singles = sorted((fitted([n]) for n in names), key=_total)
@@ -89,26 +89,26 @@ def choose_among(data: Data, names: Sequence[str]) -> tuple[Fit, int]:
     return min((f for f in good if len(f.names) == fewest), key=_total), len(tried)
 
 
-def remembers(fit: Fit) -> bool:
+def remembers(fit: LawFit) -> bool:
     """Whether a regression is a formula already: of a hidden state, or of a pace."""
     paced = any(a.kind == "sin" for term in fit.terms for a in term)
     return paced or any(memory_of(name) for name in fit.names)
 
 
-def _creep(data: Data) -> tuple[Fit, int]:
+def _creep(data: ForceData) -> tuple[LawFit, int]:
     """A spring that yields, over time constants."""
 
-    def fitted(rate: float) -> Fit:
+    def fitted(rate: float) -> LawFit:
         return _linear(data, [_named("creep", data.joint, rate)])
 
     fit, tried = _polished(fitted, [(tau,) for tau in _CREEPS_S], [_CREEPS_S[1] / _CREEPS_S[0]])
     return _leaner(data, fit), tried
 
 
-def _swing(data: Data) -> tuple[Fit, int]:
+def _swing(data: ForceData) -> tuple[LawFit, int]:
     """A mass on a spring that is dragged along, over frequencies and damping ratios."""
 
-    def fitted(rate: float, damping: float) -> Fit:
+    def fitted(rate: float, damping: float) -> LawFit:
         kinds: tuple[Kind, ...] = ("swing", "swing_rate")
         return _linear(data, [_named(k, data.joint, rate, damping) for k in kinds])
 
@@ -118,7 +118,7 @@ def _swing(data: Data) -> tuple[Fit, int]:
     return _leaner(data, fit), tried
 
 
-def _beat(data: Data) -> tuple[Fit, int] | None:
+def _beat(data: ForceData) -> tuple[LawFit, int] | None:
     """A force that turns at a pace of its own, whatever the machine does."""
     motion = data.screen.motion
     t = motion.t[data.screen.rows[data.rows]]
@@ -132,7 +132,7 @@ def _beat(data: Data) -> tuple[Fit, int] | None:
     power = np.concatenate([lombscargle(t, data.force, part) for part in parts])
     pace = float(grid[np.argmax(power)])
 
-    def fitted(rate: float) -> Fit:
+    def fitted(rate: float) -> LawFit:
         terms: list[Term] = [(Atom(0, "sin", 0.0, rate),), (Atom(0, "cos", 0.0, rate),)]
         return crossval(data, ["t"], terms, penalise=False)
 
@@ -145,14 +145,14 @@ def _named(kind: Kind, joint: str, rate: float, damping: float = 0.0) -> str:
     return Memory(kind, joint, rate, damping).name
 
 
-def _linear(data: Data, names: Sequence[str]) -> Fit:
+def _linear(data: ForceData, names: Sequence[str]) -> LawFit:
     """Columns that remember, beside the joint's position and speed, each with one factor."""
     own = [n for n in data.state()[:2] if n != "t"]
     every = [*names, *own]
     return crossval(data, every, [(Atom(i, "linear"),) for i in range(len(every))], penalise=False)
 
 
-def _leaner(data: Data, fit: Fit) -> Fit:
+def _leaner(data: ForceData, fit: LawFit) -> LawFit:
     """The regression without what does not clearly add to its hidden state."""
     names = list(fit.names)
     for name in [n for n in fit.names if memory_of(n) is None]:
@@ -165,8 +165,8 @@ def _leaner(data: Data, fit: Fit) -> Fit:
 
 
 def _polished(
-    fitted: Callable[..., Fit], grid: Sequence[tuple[float, ...]], gaps: Sequence[float]
-) -> tuple[Fit, int]:
+    fitted: Callable[..., LawFit], grid: Sequence[tuple[float, ...]], gaps: Sequence[float]
+) -> tuple[LawFit, int]:
     """The best regression over some rates, and how many were tried.
 
     Args:
@@ -184,11 +184,11 @@ def _polished(
     return min(tried.values(), key=_total), len(tried)
 
 
-def _total(fit: Fit) -> float:
+def _total(fit: LawFit) -> float:
     return float(fit.error.sum())
 
 
-def _clearly(better: Fit, worse: Fit) -> bool:
+def _clearly(better: LawFit, worse: LawFit) -> bool:
     """Whether the difference is more than a standard error, over blocks."""
     difference = worse.error - better.error
     return bool(difference.sum() > np.sqrt(len(difference)) * difference.std(ddof=1) + 1e-30)

@@ -24,7 +24,7 @@ _RIDGES = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)  # relative to the number of rows
 _BUMPS = 14
 
 
-class Data:
+class ForceData:
     """One joint's unexplained force beside the columns that it may depend on.
 
     Attributes:
@@ -132,7 +132,7 @@ class Data:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class LawFit:
     """A regression on some columns.
 
     Attributes:
@@ -152,7 +152,7 @@ class Fit:
     r2: float
 
 
-def smooth_terms(data: Data, names: Sequence[str]) -> list[Term]:
+def smooth_terms(data: ForceData, names: Sequence[str]) -> list[Term]:
     """Bumps along each column, alone and times simple functions of each other column."""
     alone: list[list[Term]] = []
     for i, name in enumerate(names):
@@ -167,7 +167,7 @@ def smooth_terms(data: Data, names: Sequence[str]) -> list[Term]:
     return [(), *found]
 
 
-def simple(data: Data, index: int, name: str) -> list[Atom]:
+def simple(data: ForceData, index: int, name: str) -> list[Atom]:
     """What multiplies another column's bumps: the value, and for velocities its sign."""
     atoms = [Atom(index, "linear")]
     if name.startswith("qvel/"):
@@ -175,7 +175,9 @@ def simple(data: Data, index: int, name: str) -> list[Atom]:
     return atoms
 
 
-def crossval(data: Data, names: Sequence[str], terms: Sequence[Term], penalise: bool = True) -> Fit:
+def crossval(
+    data: ForceData, names: Sequence[str], terms: Sequence[Term], penalise: bool = True
+) -> LawFit:
     """Predict every block from the other folds; the best ridge."""
     f, y = data.features(names, terms), data.force
     size = np.sqrt(np.mean(f**2, axis=0)) + 1e-12
@@ -193,11 +195,11 @@ def crossval(data: Data, names: Sequence[str], terms: Sequence[Term], penalise: 
     best = int(np.argmin((left**2).sum(axis=1)))
     error = np.bincount(data.block, left[best] ** 2)
     r2 = 1.0 - float(error.sum() / max((y**2).sum(), 1e-300))
-    return Fit(tuple(names), tuple(terms), float(ridges[best]), left[best], error, r2)
+    return LawFit(tuple(names), tuple(terms), float(ridges[best]), left[best], error, r2)
 
 
-def solve(data: Data, fit: Fit, beyond: float = 0.0) -> Law:
-    """The law of a regression, from all rows; ``beyond`` as in :meth:`Data.law`."""
+def solve(data: ForceData, fit: LawFit, beyond: float = 0.0) -> Law:
+    """The law of a regression, from all rows; ``beyond`` as in :meth:`ForceData.law`."""
     f = data.features(fit.names, fit.terms)
     size = np.sqrt(np.mean(f**2, axis=0)) + 1e-12
     gram = (f / size).T @ (f / size) + fit.ridge * np.eye(len(size))

@@ -18,7 +18,7 @@ from wt.diagnose.residual.screen import Screen, leftover
 from wt.diagnose.selection.holdout import Gain, Holdout, errors
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.choice import choose, remembers
-from wt.diagnose.unknown.fit import Data, Fit, solve
+from wt.diagnose.unknown.fit import ForceData, LawFit, solve
 from wt.diagnose.unknown.formula import reduced, sparse
 from wt.diagnose.unknown.law import Law
 from wt.diagnose.unknown.memory import Remembering, along, memory_of, recorded
@@ -152,7 +152,7 @@ def find(
             continue
         joint = scene.joints[int(dof)]
         every = np.ones(len(screen.rows), bool)
-        data = Data(screen, joint, rest.left[:, dof], every, seed, COARSE * step)
+        data = ForceData(screen, joint, rest.left[:, dof], every, seed, COARSE * step)
         unknown = _learn(data, assessed, holdout, step)
         if (
             unknown
@@ -163,7 +163,7 @@ def find(
     return max(found, key=lambda u: u.gain.share, default=None)
 
 
-def _learn(data: Data, assessed: Assessed, holdout: Holdout, step: float) -> Unknown | None:
+def _learn(data: ForceData, assessed: Assessed, holdout: Holdout, step: float) -> Unknown | None:
     """The best law of one joint's force, judged on held-out replays."""
     fit, tried = choose(data)
     if fit.r2 < THRESHOLDS.unknown_r2:
@@ -194,7 +194,7 @@ def _learn(data: Data, assessed: Assessed, holdout: Holdout, step: float) -> Unk
     )
 
 
-def _formula(data: Data, fit: Fit, assessed: Assessed) -> Fit:
+def _formula(data: ForceData, fit: LawFit, assessed: Assessed) -> LawFit:
     """The formula of the force with the nuisances' share put back, unless that fits much worse.
 
     What any rig is off by can hide a part of the force, and a remnant has no simple formula.
@@ -222,7 +222,7 @@ def _gain(holdout: Holdout, hypothesis: Hypothesis, dof: int, step: float) -> tu
     return float(1.0 - after / before), _improves(own[0], own[1])
 
 
-def _chance(data: Data, fit: Fit) -> float:
+def _chance(data: ForceData, fit: LawFit) -> float:
     """p-value of predicting moments of blocks not seen no better than by no force at all."""
     sums = [np.sqrt(np.bincount(data.moment, x**2)) for x in (data.force, fit.left)]
     return _improves(sums[0], sums[1])
@@ -240,7 +240,7 @@ def _improves(before: Array, after: Array) -> float:
     return min(1.0, 2.0 * float(np.nanmin([1.0, *(test.pvalue for test in tests)])))
 
 
-def statement(data: Data, law: Law) -> str:
+def statement(data: ForceData, law: Law) -> str:
     """One sentence on a force, from how it acts along the motion."""
     m = data.screen.motion
     force = law.force(along(m, law.columns))
@@ -266,7 +266,7 @@ def _words(name: str, joint: str) -> str:
     return {"ctrl": "its command", "force": "its drive's force"}.get(kind, "time")
 
 
-def _peak(data: Data, law: Law, force: Array) -> str:
+def _peak(data: ForceData, law: Law, force: Array) -> str:
     """Where along its own position the force is strongest, if it stands out there."""
     name = f"qpos/{data.joint}"
     if name not in law.columns:
@@ -288,6 +288,6 @@ def _peak(data: Data, law: Law, force: Array) -> str:
     return f"{float(np.sum(middle * near * size) / np.sum(size * near)):.2g} {unit}"
 
 
-def _hinge(data: Data) -> bool:
+def _hinge(data: ForceData) -> bool:
     model = data.screen.motion.scene.model
     return int(model.joint(data.joint).type[0]) == 3

@@ -10,7 +10,7 @@ import numpy as np
 
 from wt.diagnose.residual.scoring import STRIDE, WINDOW
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.diagnose.unknown.fit import Data, Fit, crossval
+from wt.diagnose.unknown.fit import ForceData, LawFit, crossval
 from wt.diagnose.unknown.law import Atom, Term
 
 Array = np.ndarray
@@ -18,7 +18,7 @@ Array = np.ndarray
 _FAVOUR = 0.9  # a kink must be clearly better than a bump: it changes sign beyond what was seen
 
 
-def sparse(data: Data, names: Sequence[str], most: int = 4) -> Fit:
+def sparse(data: ForceData, names: Sequence[str], most: int = 4) -> LawFit:
     """A formula of few terms: greedy selection from a library, then centres and widths polished.
 
     Orthogonal matching pursuit (Y. C. Pati et al., 1993) that stops by Schwarz' criterion.
@@ -52,7 +52,7 @@ def _explained(y: Array, columns: Array, chosen: Array) -> Array:
     return np.where(new, (left @ apart) ** 2 / np.maximum(size, 1e-12) ** 2, 0.0)
 
 
-def reduced(fit: Fit) -> Fit:
+def reduced(fit: LawFit) -> LawFit:
     """The same regression without columns that no term uses."""
     used = sorted({a.column for t in fit.terms for a in t})
     if not used:
@@ -61,7 +61,7 @@ def reduced(fit: Fit) -> Fit:
     return replace(fit, names=tuple(fit.names[i] for i in used), terms=terms)
 
 
-def _library(data: Data, names: Sequence[str]) -> list[Term]:
+def _library(data: ForceData, names: Sequence[str]) -> list[Term]:
     alone: list[list[Atom]] = []
     for i, name in enumerate(names):
         atoms = [Atom(i, "linear")]
@@ -88,14 +88,14 @@ def _library(data: Data, names: Sequence[str]) -> list[Term]:
     return found
 
 
-def _misfit(data: Data, names: Sequence[str], terms: Sequence[Term]) -> float:
+def _misfit(data: ForceData, names: Sequence[str], terms: Sequence[Term]) -> float:
     f = data.features(names, terms)
     weights, *_ = np.linalg.lstsq(f, data.force, rcond=1e-9)
     left = data.force - f @ weights
     return float(left @ left)
 
 
-def _polish(data: Data, names: Sequence[str], terms: Sequence[Term]) -> list[Term]:
+def _polish(data: ForceData, names: Sequence[str], terms: Sequence[Term]) -> list[Term]:
     """Move centres and widths of the last term's bumps or kinks to where they fit best."""
     last = list(terms[-1])
     for k, atom in enumerate(last):
