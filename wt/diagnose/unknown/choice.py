@@ -18,8 +18,6 @@ from wt.diagnose.unknown.fit import ForceData, LawFit, crossval, smooth_terms
 from wt.diagnose.unknown.law import Atom, Term
 from wt.diagnose.unknown.memory import Kind, Memory, memory_of
 
-Array = np.ndarray
-
 MOST_COLUMNS = 4
 _LEADING = 4  # columns that are tried in pairs with all others
 _LITTLE = 0.4  # predicted share below which a drive's columns are considered, and must add
@@ -34,7 +32,7 @@ _AT_ONCE = 2_000_000  # rows times paces that are compared at once, to bound mem
 
 
 def choose(data: ForceData) -> tuple[LawFit, int]:
-    """The columns that the force depends on, and how many sets were tried.
+    """The columns that the force depends on, and the number of sets that were tried.
 
     A drive that holds a position answers an unknown force with one of its own, so that command
     and drive force predict it without being its cause: they count only where the state, which
@@ -61,21 +59,19 @@ def freest(data: ForceData) -> tuple[LawFit, int]:
 
 
 def choose_among(data: ForceData, names: Sequence[str]) -> tuple[LawFit, int]:
-    """The smallest set of columns within one standard error of the best, and how many were tried.
+    """The smallest set of columns within one standard error of the best, and the number tried.
 
     Args:
         data: the force.
         names: columns to choose from.
     """
 
-    def fitted(some: Sequence[str]) -> LawFit:
-        return crossval(data, some, smooth_terms(data, some))
+    def fitted(columns: Sequence[str]) -> LawFit:
+        return crossval(data, columns, smooth_terms(data, columns))
 
     singles = sorted((fitted([n]) for n in names), key=_total)
     leading = [f.names[0] for f in singles[:_LEADING]]
-    own = names[:2]
-    pairs = {tuple(sorted((a, b), key=names.index)) for a in {*leading, *own} for b in names}
-    tried = [*singles, *(fitted(p) for p in sorted(pairs) if p[0] != p[1])]
+    tried = [*singles, *(fitted(pair) for pair in _pairs(names, leading))]
     best = min(tried, key=_total)
     while len(best.names) in range(2, MOST_COLUMNS) and best.r2 < _ENOUGH:
         larger = [fitted([*best.names, n]) for n in names if n not in best.names]
@@ -84,13 +80,25 @@ def choose_among(data: ForceData, names: Sequence[str]) -> tuple[LawFit, int]:
         if grown is best or not _clearly(grown, best):
             break
         best = grown
-    good = [f for f in tried if not _clearly(best, f)]
-    fewest = min(len(f.names) for f in good)
-    return min((f for f in good if len(f.names) == fewest), key=_total), len(tried)
+    return _smallest(tried, best), len(tried)
+
+
+def _pairs(names: Sequence[str], leading: Sequence[str]) -> list[tuple[str, ...]]:
+    """The leading columns and the joint's own, the first two, each with every other one."""
+    own = names[:2]
+    pairs = {tuple(sorted((a, b), key=names.index)) for a in {*leading, *own} for b in names}
+    return [pair for pair in sorted(pairs) if pair[0] != pair[1]]
+
+
+def _smallest(tried: Sequence[LawFit], best: LawFit) -> LawFit:
+    """The best of the fewest columns among what is not clearly worse than the best of all."""
+    good = [fit for fit in tried if not _clearly(best, fit)]
+    fewest = min(len(fit.names) for fit in good)
+    return min((fit for fit in good if len(fit.names) == fewest), key=_total)
 
 
 def remembers(fit: LawFit) -> bool:
-    """Whether a regression is a formula already: of a hidden state, or of a pace."""
+    """Tell whether a regression is a formula already: of a hidden state, or of a pace."""
     paced = any(a.kind == "sin" for term in fit.terms for a in term)
     return paced or any(memory_of(name) for name in fit.names)
 
@@ -167,11 +175,11 @@ def _leaner(data: ForceData, fit: LawFit) -> LawFit:
 def _polished(
     fitted: Callable[..., LawFit], grid: Sequence[tuple[float, ...]], gaps: Sequence[float]
 ) -> tuple[LawFit, int]:
-    """The best regression over some rates, and how many were tried.
+    """The best regression over some rates, and the number of those tried.
 
     Args:
         fitted: the regression at given rates.
-        grid: where to look first.
+        grid: rates to try first.
         gaps: factor between neighbours along each rate; ever smaller roots of it are tried then.
     """
     tried = {at: fitted(*at) for at in grid}
@@ -189,6 +197,6 @@ def _total(fit: LawFit) -> float:
 
 
 def _clearly(better: LawFit, worse: LawFit) -> bool:
-    """Whether the difference is more than a standard error, over blocks."""
+    """Tell whether the difference is more than a standard error, over blocks."""
     difference = worse.error - better.error
     return bool(difference.sum() > np.sqrt(len(difference)) * difference.std(ddof=1) + 1e-30)
