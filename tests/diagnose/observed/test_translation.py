@@ -12,8 +12,8 @@ import pytest
 from tests.worlds.walking.test_concealed import QUICK, to_xml
 from tests.worlds.walking.test_world import world
 from wt.diagnose.evidence import Interval
+from wt.diagnose.observed.observer import Observer
 from wt.diagnose.observed.translation import (
-    Observer,
     TrainedTranslation,
     sentences,
     timed,
