@@ -25,7 +25,6 @@ from wt.diagnose.observed.translation import TrainedTranslation
 from wt.diagnose.result import Diagnosis
 from wt.nets.world_model import WorldModel
 from wt.translate import translate_state
-from wt.types import Array
 from wt.worlds.base import make
 
 if TYPE_CHECKING:
@@ -58,7 +57,7 @@ def table(data: Path, what: str) -> pa.Table:
     return pa.concat_tables(pq.read_table(part) for part in sorted(folder.glob("part-*.parquet")))
 
 
-def columns(of: pa.Table, prefix: str, names: Sequence[str]) -> Array:
+def columns(of: pa.Table, prefix: str, names: Sequence[str]) -> np.ndarray:
     return np.stack([of[f"{prefix}/{name}"].to_numpy() for name in names], axis=1)
 
 
