@@ -30,6 +30,22 @@ TranslationOption = Annotated[
         help="A model of wt fit between MODEL.xml and this robot, as further evidence.",
     ),
 ]
+HoldoutOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        metavar="RECORDING...",
+        help="Only for the proof; one or several. By default the last ones, or the last quarter of "
+        "a single one.",
+    ),
+]
+WhyOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="PLACE",
+        help="Print every decision at a joint, actuator or body; without MODEL.xml those of the "
+        "diagnosis in --out.",
+    ),
+]
 JobsOption = Annotated[
     str | None,
     typer.Option(
@@ -72,14 +88,7 @@ def command(
         list[Path] | None, typer.Argument(metavar="RECORDING", help="What the real robot did.")
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the report and the patched model.")],
-    holdout: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="RECORDING...",
-            help="Only for the proof; one or several. By default the last ones, or the last "
-            "quarter of a single one.",
-        ),
-    ] = None,
+    holdout: HoldoutOption = None,
     track: Annotated[bool, typer.Option("--track", help="Log to MLflow too.")] = False,
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
     suggest_experiment: Annotated[
@@ -88,14 +97,7 @@ def command(
     ] = None,
     translation: TranslationOption = None,
     jobs: JobsOption = None,
-    why: Annotated[
-        str | None,
-        typer.Option(
-            metavar="PLACE",
-            help="Print every decision at a joint, actuator or body; without MODEL.xml those of "
-            "the diagnosis in --out.",
-        ),
-    ] = None,
+    why: WhyOption = None,
 ) -> None:
     """Locate, name, model and prove what the simulator leaves out.
 
