@@ -38,6 +38,10 @@ HoldoutOption = Annotated[
         "a single one.",
     ),
 ]
+SuggestOption = Annotated[
+    Path | None,
+    typer.Option(metavar="OUT.parquet", help="Write the commands to record next."),
+]
 WhyOption = Annotated[
     str | None,
     typer.Option(
@@ -91,10 +95,7 @@ def command(
     holdout: HoldoutOption = None,
     track: Annotated[bool, typer.Option("--track", help="Log to MLflow too.")] = False,
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
-    suggest_experiment: Annotated[
-        Path | None,
-        typer.Option(metavar="OUT.parquet", help="Write the commands to record next."),
-    ] = None,
+    suggest_experiment: SuggestOption = None,
     translation: TranslationOption = None,
     jobs: JobsOption = None,
     why: WhyOption = None,
@@ -135,7 +136,7 @@ def command(
     console = Console()
     print_summary(found, console)
     console.print(f"\n{out / 'report.html'}", highlight=False, soft_wrap=True)
-    if why is not None:
+    if why:
         _print_decisions(found.decisions, why)
     if suggest_experiment is not None:
         _suggest(found, model, suggest_experiment, console)
