@@ -70,7 +70,7 @@ def search(
         for effect, kind, name in sorted(joined):
             planted = Planted(effects()[effect], Location(kind, name), np.zeros(0))
             log.add(planted, "reconsidered", False, lead, 0.0, reason)
-        return replace(state, now=objective.reference(state.now.hypothesis, state.now.nuisance))
+        return replace(state, now=objective.reference(state.now.hypothesis, state.now.tolerances))
 
     begin = _State(list(start), objective.reference(tuple(a.planted for a in start)))
     end = uphill(begin, advance, lambda s: merit(objective, s.now), lambda s: s.names, back)
@@ -171,7 +171,7 @@ def _round(
     )
     if merit(objective, again.now) >= merit(objective, pruned.now):
         return again, names
-    now = objective.reference(pruned.now.hypothesis, pruned.now.nuisance)
+    now = objective.reference(pruned.now.hypothesis, pruned.now.tolerances)
     return replace(pruned, now=now), names
 
 
@@ -179,7 +179,7 @@ def _fitted(objective: Objective, hypothesis: Hypothesis) -> Assessed:
     """All effects of a hypothesis refined together, with the objective linear around them."""
     now = objective.reference(hypothesis)
     (now,) = refine(objective, [now.hypothesis], [range(len(hypothesis))], iterations=3)
-    return objective.reference(now.hypothesis, now.nuisance)
+    return objective.reference(now.hypothesis, now.tolerances)
 
 
 def _reconsidered(
@@ -225,7 +225,7 @@ def _reconsidered(
             if replaced:
                 accepted, now = [*rest, *others], other
                 continue
-        now = objective.reference(now.hypothesis, now.nuisance)
+        now = objective.reference(now.hypothesis, now.tolerances)
     return accepted, now
 
 
@@ -244,5 +244,5 @@ def _prune(
         planted, loss = accepted[weakest].planted, losses[weakest]
         log.add(planted, "pruned", False, loss, THRESHOLDS.min_nats, reason)
         accepted = [a for i, a in enumerate(accepted) if i != weakest]
-        now = objective.reference(fits[weakest].hypothesis, fits[weakest].nuisance)
+        now = objective.reference(fits[weakest].hypothesis, fits[weakest].tolerances)
     return accepted, now

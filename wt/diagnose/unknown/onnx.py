@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import onnx
+from jaxtyping import Real
 from onnx import TensorProto, helper, numpy_helper
 
 from wt.diagnose.unknown.law import Atom, Law
-
-Array = np.ndarray
 
 _OPSET, _IR = 18, 9
 
@@ -67,7 +66,7 @@ class _Graph:
         self.nodes.append(node)
         return name
 
-    def value(self, constant: Array | float) -> str:
+    def value(self, constant: Real[np.ndarray, "*shape"] | float) -> str:
         """A constant, double or int64."""
         array = np.asarray(constant)
         array = array if array.dtype == np.int64 else array.astype(np.float64)
@@ -81,10 +80,10 @@ class _Graph:
 
     def atoms(self, x: str, kind: str, atoms: tuple[Atom, ...]) -> str:
         """Values of all atoms of a kind, (batch, count)."""
-        some = [a for a in atoms if a.kind == kind]
-        columns = self.value(np.array([a.column for a in some], dtype=np.int64))
+        alike = [a for a in atoms if a.kind == kind]
+        columns = self.value(np.array([a.column for a in alike], dtype=np.int64))
         x = self.add("Gather", x, columns, axis=1)
-        a, b = (self.value(np.array([getattr(s, p) for s in some])) for p in ("a", "b"))
+        a, b = (self.value(np.array([getattr(s, p) for s in alike])) for p in ("a", "b"))
         if kind == "linear":
             return x
         if kind == "sign":
