@@ -35,6 +35,7 @@ from typing import TYPE_CHECKING, ClassVar
 import mujoco
 import numpy as np
 
+from wt.physics.script import Script
 from wt.types import Kind, Location
 
 if TYPE_CHECKING:
@@ -191,6 +192,10 @@ class Effect(abc.ABC):
 
     def live(self, scene: Scene, at: Location, theta: Array) -> Live | None:
         """What acts at every physics step of the replays of ``theta`` (n_replays, n_theta)."""
+        return None
+
+    def script(self, at: Location, theta: Array) -> Script | None:
+        """Lines of ``physics.py`` for what the patch cannot say; None if it says it all."""
         return None
 
     def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:

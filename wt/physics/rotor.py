@@ -11,6 +11,7 @@ import numpy as np
 from wt.physics.replay import Hidden, Stretch
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
+from wt.physics.script import Script
 from wt.types import Location
 
 Array = np.ndarray
@@ -82,6 +83,19 @@ class GearEffect(ReplayOnly):
         stiffness = sum(-d.bias[1] * d.gear**2 for d in mine)
         twist = self.twist(theta, force, max(stiffness, 0.0))
         return {rotor(at.name): Hidden(float(q[0]) + twist, float(v[0]), (0.0, 0.0))}
+
+    def script(self, at: Location, theta: Array) -> Script:
+        """The rotor in balance where a simulation begins."""
+        start = (
+            f'force, stiffness = self._gear(data, "{at.name}")',
+            f"twist = {self.twist_line(theta)}",
+            f'data.joint("{rotor(at.name)}").qpos = data.joint("{at.name}").qpos + twist',
+        )
+        return Script(start=start, helpers=("gear",))
+
+    @abstractmethod
+    def twist_line(self, theta: Array) -> str:
+        """:meth:`twist` as an expression in ``force`` and ``stiffness``."""
 
     @abstractmethod
     def twist(self, theta: Array, force: float, stiffness: float) -> float:

@@ -7,6 +7,7 @@ finding only if replays of recordings that it was not fitted to improve.
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,7 @@ from wt.diagnose.unknown.choice import choose, remembers
 from wt.diagnose.unknown.fit import Data, Fit, solve
 from wt.diagnose.unknown.formula import reduced, sparse
 from wt.diagnose.unknown.law import Law
+from wt.diagnose.unknown.lines import column_lines
 from wt.diagnose.unknown.memory import Remembering, along, memory_of, recorded
 from wt.diagnose.unknown.onnx import to_onnx
 from wt.physics.effect import Effect, Parameter, Shape
@@ -28,6 +30,7 @@ from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.replay import Hypothesis, Planted
 from wt.physics.scene import Scene
+from wt.physics.script import Script, number
 from wt.types import Location
 
 Array = np.ndarray
@@ -52,6 +55,7 @@ class UnknownForce(Effect):
     Attributes:
         law: the force.
         said: its sentence.
+        output: its name in ``residual.onnx``.
     """
 
     id = "unknown"
@@ -60,9 +64,9 @@ class UnknownForce(Effect):
     reference = "learned from the recordings"
     native = False
 
-    def __init__(self, law: Law, said: str) -> None:
+    def __init__(self, law: Law, said: str, output: str = "force") -> None:
         """Wrap a law."""
-        self.law, self.said = law, said
+        self.law, self.said, self.output = law, said, output
 
     def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
         """The law along a motion."""
@@ -76,6 +80,20 @@ class UnknownForce(Effect):
     def live(self, scene: Scene, at: Location, theta: Array) -> Live:
         """Adds the force at every step."""
         return _Pushing(self.law, scene, scene.dof(at.name), theta)
+
+    def script(self, at: Location, theta: Array) -> Script:
+        """The law by ``residual.onnx``, whose inputs are its columns."""
+        lines, helpers = column_lines(self.law.columns)
+        inside = [f"    {json.dumps(name)}: x{i}," for i, name in enumerate(self.law.columns)]
+        force = (
+            *lines,
+            "columns = {",
+            *inside,
+            "}",
+            f'_, _, dof = self._joint("{at.name}", qpos, qvel)',
+            f'f[:, dof] += {number(theta[0])} * self._residual("{self.output}", columns)',
+        )
+        return Script(force=force, helpers=("joint", "residual", *helpers))
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
+_LINEAR = 1
+
 
 @register
 class ActuatorDelay(Effect):
@@ -48,6 +50,8 @@ class ActuatorDelay(Effect):
         actuator = spec.actuator(at.name)
         actuator.delay += theta[0]
         actuator.nsample = max(1, int(np.ceil(actuator.delay / spec.option.timestep)) + 1)
+        # between two steps a command arrives in part, as one that is held between them does
+        actuator.interp = _LINEAR
 
     def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
         """Nothing: MuJoCo's buffer starts at zero, so a replay shifts the command itself."""

@@ -15,6 +15,7 @@ from wt.physics.effects._tools import DriveLaw
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
+from wt.physics.script import Script, number
 from wt.types import Location
 
 Array = np.ndarray
@@ -90,6 +91,20 @@ class ActuatorFade(Effect):
     def live(self, scene: Scene, at: Location, theta: Array) -> Live:
         """Take the lost force off."""
         return _Warming(scene, at.name, theta, self._load(theta), self.usual)
+
+    def script(self, at: Location, theta: Array) -> Script:
+        """Take the lost force off, with the heat as a hidden state."""
+        loss, tau, rated = theta[0], theta[1], float(self._load(theta))
+        power = (self.usual / rated) ** 2 if self.usual else 1.0
+        name = f'"{at.name} heat"'
+        load = f"(drive / {number(rated)}) ** 2" if self.usual else "1.0"
+        force = (
+            f'drive, dof = self._drive("{at.name}", qpos, qvel, ctrl)',
+            f"heat = self._state({name}, -{number(power)} * np.expm1(-t / {number(tau)}))",
+            f"f[:, dof] -= {number(loss)} * np.minimum(heat, {_HOTTEST}) * drive",
+            f"self._next[{name}] = heat - np.expm1(-h / {number(tau)}) * ({load} - heat)",
+        )
+        return Script(force=force, helpers=("drive",))
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""

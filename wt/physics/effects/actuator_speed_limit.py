@@ -13,6 +13,7 @@ from wt.physics.effects.actuator_saturation import narrow
 from wt.physics.live import Live
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene, between
+from wt.physics.script import Script, number
 from wt.types import Location
 
 Array = np.ndarray
@@ -62,6 +63,17 @@ class ActuatorSpeedLimit(Effect):
         """Clip the force at every step."""
         stall, speed = theta.T
         return DriveLaw(scene, at.name, lambda force, v, t: _limited(force, v, stall, speed))
+
+    def script(self, at: Location, theta: Array) -> Script:
+        """Clip the force at every step."""
+        stall, speed = map(number, theta)
+        force = (
+            f'drive, dof = self._drive("{at.name}", qpos, qvel, ctrl)',
+            f"share = qvel[:, dof] / {speed}",
+            f"limited = np.clip(drive, -{stall} * (1 + share), {stall} * (1 - share))",
+            "f[:, dof] += limited - drive",
+        )
+        return Script(force=force, helpers=("drive",))
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""

@@ -10,6 +10,7 @@ import numpy as np
 from wt.physics.effect import Parameter, register
 from wt.physics.motion import Motion
 from wt.physics.rotor import GearEffect, split
+from wt.physics.script import number
 from wt.types import Location
 
 Array = np.ndarray
@@ -47,6 +48,11 @@ class Backlash(GearEffect):
         half = 0.5 * float(theta[0])
         free = force / stiffness if stiffness else np.copysign(np.inf, force)
         return float(np.clip(free, -half, half))
+
+    def twist_line(self, theta: Array) -> str:
+        """See :meth:`twist`."""
+        half = number(0.5 * theta[0])
+        return f"np.clip(force / max(stiffness, 1e-9), -{half}, {half})"
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""

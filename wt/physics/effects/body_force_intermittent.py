@@ -12,6 +12,7 @@ import numpy as np
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.motion import Motion, Segment
 from wt.physics.scene import Scene
+from wt.physics.script import Script, number, wrapped
 from wt.types import Location
 
 if TYPE_CHECKING:
@@ -101,6 +102,25 @@ class BodyForceIntermittent(Effect):
     def observed(self) -> Mapping[str, tuple[str, tuple[float, ...]]]:
         """The windows' starts and ends, one after another."""
         return {"windows": ("s", tuple(x for _, *ends in _triples(self.windows) for x in ends))}
+
+    def script(self, at: Location, theta: Array) -> Script:
+        """Push in the windows of each recording."""
+        windows: dict[int, list[str]] = {}
+        for recording, start, end in _triples(self.windows):
+            windows.setdefault(int(recording), []).append(f"({number(start)}, {number(end)})")
+        spans = [f"    {i}: ({', '.join(each)},)," for i, each in windows.items()]
+        x, y, z = map(number, theta)
+        force = (
+            "windows = {  # recording: start and end of each push [s]",
+            *(line for span in spans for line in wrapped(span)),
+            "}.get(self.recording, ())",
+            "inside = np.zeros(len(t))",
+            "for start, end in windows:",
+            "    covered = (np.minimum(t + h, end) - np.maximum(t, start)) / h",
+            "    inside = np.maximum(inside, np.clip(covered, 0.0, 1.0))",
+            f'f += self._push("{at.name}", inside[:, None] * np.array([{x}, {y}, {z}]), qpos)',
+        )
+        return Script(force=force, helpers=("push",))
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""

@@ -10,6 +10,7 @@ import numpy as np
 from wt.physics.effect import Parameter, register
 from wt.physics.motion import Motion
 from wt.physics.rotor import GearEffect, split
+from wt.physics.script import number
 from wt.types import Location
 
 Array = np.ndarray
@@ -48,6 +49,10 @@ class Elasticity(GearEffect):
     def twist(self, theta: Array, force: float, stiffness: float) -> float:
         """As far as the spring balances the drives."""
         return force / (float(theta[0]) + stiffness)
+
+    def twist_line(self, theta: Array) -> str:
+        """See :meth:`twist`."""
+        return f"force / ({number(theta[0])} + stiffness)"
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""

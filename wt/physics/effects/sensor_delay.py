@@ -10,6 +10,7 @@ import numpy as np
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
+from wt.physics.script import Script, number
 from wt.types import Location
 
 if TYPE_CHECKING:
@@ -61,6 +62,20 @@ class SensorDelay(Effect):
             q, v = outputs.q[:, dof].copy(), outputs.v[:, dof].copy()
             outputs.q[:, dof] = np.interp(late, outputs.t, q)
             outputs.v[:, dof] = np.interp(late, outputs.t, v)
+
+    def script(self, at: Location, theta: Array) -> Script:
+        """What the encoder reports; before the first sample the motion went on as it begins."""
+        delay = number(theta[0])
+        every = "range(len(self.joints))" if at.name == "all" else f'[joint("{at.name}")]'
+        sense = (
+            f"late = np.asarray(t, dtype=float) - {delay}",
+            f"for k in {every}:",
+            "    before = np.minimum(late - t[0], 0.0) * v[0, k]",
+            "    q[:, k] = np.interp(late, t, q[:, k]) + before",
+            "    v[:, k] = np.interp(late, t, v[:, k])",
+        )
+        undo = (f"for k in {every}:", f"    q[..., k] += {delay} * v[..., k]")
+        return Script(sense=sense, undo=undo)
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""

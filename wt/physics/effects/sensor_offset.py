@@ -9,6 +9,7 @@ import numpy as np
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
+from wt.physics.script import Script, number
 from wt.types import Location
 
 if TYPE_CHECKING:
@@ -43,6 +44,11 @@ class SensorOffset(Effect):
     def sense(self, outputs: Outputs, scene: Scene, at: Location, theta: Array) -> None:
         """What the encoder reports."""
         outputs.q[:, scene.dof(at.name)] += theta[0]
+
+    def script(self, at: Location, theta: Array) -> Script:
+        """What the encoder reports."""
+        column, offset = f'q[..., joint("{at.name}")]', number(theta[0])
+        return Script(sense=(f"{column} += {offset}",), undo=(f"{column} -= {offset}",))
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""

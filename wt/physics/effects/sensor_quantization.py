@@ -9,6 +9,7 @@ import numpy as np
 from wt.physics.effect import Parameter, register
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
+from wt.physics.script import Script, number
 from wt.types import Location
 
 if TYPE_CHECKING:
@@ -31,6 +32,11 @@ class SensorQuantization(ReplayOnly):
         """What the encoder reports."""
         dof = scene.dof(at.name)
         outputs.q[:, dof] = theta[0] * np.round(outputs.q[:, dof] / theta[0])
+
+    def script(self, at: Location, theta: Array) -> Script:
+        """What the encoder reports."""
+        column, step = f'q[..., joint("{at.name}")]', number(theta[0])
+        return Script(sense=(f"{column} = {step} * np.round({column} / {step})",))
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""

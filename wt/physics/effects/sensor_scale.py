@@ -9,6 +9,7 @@ import numpy as np
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
+from wt.physics.script import Script, number
 from wt.types import Location
 
 if TYPE_CHECKING:
@@ -47,6 +48,14 @@ class SensorScale(Effect):
         dof = scene.dof(at.name)
         outputs.q[:, dof] *= theta[0]
         outputs.v[:, dof] *= theta[0]
+
+    def script(self, at: Location, theta: Array) -> Script:
+        """What the encoder reports."""
+        columns, factor = [f'{x}[..., joint("{at.name}")]' for x in "qv"], number(theta[0])
+        return Script(
+            sense=tuple(f"{x} *= {factor}" for x in columns),
+            undo=tuple(f"{x} /= {factor}" for x in columns),
+        )
 
     def statement(self, at: Location, theta: Array) -> str:
         """See :meth:`Effect.statement`."""
