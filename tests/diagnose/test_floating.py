@@ -19,7 +19,8 @@ from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import FLOATING_S, forgets, stretches_of
 from wt.diagnose.residual.screen import Scored, Screen
 from wt.physics.effect import effects
-from wt.physics.replay import Planted, Stretch
+from wt.physics.planted import Planted
+from wt.physics.replay import Stretch
 from wt.physics.scene import Scene
 from wt.types import Location
 

@@ -16,7 +16,7 @@ from wt.diagnose.recordings.smooth import Smoothed, smooth
 from wt.diagnose.recordings.stretches import stretches_of
 from wt.diagnose.residual.screen import Scored, Screen
 from wt.physics.effect import effects
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
 

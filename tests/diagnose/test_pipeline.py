@@ -19,7 +19,7 @@ from wt.diagnose.result import Diagnosis
 from wt.diagnose.selection.naming import Court, Judged
 from wt.diagnose.selection.search import Accepted, Outcome
 from wt.errors import RecordingError, UserError
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.prove.cases import Case, cases
 from wt.prove.score import score
 from wt.prove.world import World, build

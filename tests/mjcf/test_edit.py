@@ -14,7 +14,7 @@ from wt.mjcf.edit import diff, patched_xml
 from wt.mjcf.standalone import compiles_to, standalone
 from wt.physics.effect import Effect, Parameter, Shape, effects
 from wt.physics.motion import Motion
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.physics.scene import Scene
 from wt.types import Location
 

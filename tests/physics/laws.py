@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 
-from tests.physics.arm import GAINS, H, Hook, edited, servo
+from tests.physics.arm import GAINS, H, Hook, Run, edited, servo
 
 Array = np.ndarray
 
@@ -158,3 +159,75 @@ def sliding(body_ends: str, position: str, reach: float, damping: float, stiffne
 G1 = '<geom name="g1" type="capsule" fromto="0 0 0 0.3 0 0" size="0.03"/>'
 G2 = '<geom name="g2" type="box" pos="0.12 0.02 0.01" size="0.12 0.03 0.02" mass="0.8"/>'
 TILT = (9.81 * np.sin(0.1) * np.cos(0.7), 9.81 * np.sin(0.1) * np.sin(0.7), -9.81 * np.cos(0.1))
+
+
+def pushed() -> Hook:
+    def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        if 0.8 <= data.time < 1.1:
+            at_com(model, data, np.array([3.0, -2.0, 4.0]))
+
+    return hook
+
+
+# -- what is recorded of j1 is not what it does
+
+
+def sensed(q: Callable[[Array], Array], rates: Callable[[Array], Array]) -> Callable[[Run], Run]:
+    """Another encoder of j1: what it makes of positions, and of velocities and accelerations."""
+
+    def record(run: Run) -> Run:
+        changed = [x.copy() for x in (run.q, run.v, run.a)]
+        for x, law in zip(changed, (q, rates, rates), strict=True):
+            x[:, 1] = law(x[:, 1])
+        return replace(run, q=changed[0], v=changed[1], a=changed[2])
+
+    return record
+
+
+def shifted(offset: float) -> Callable[[Run], Run]:
+    return sensed(lambda q: q + offset, lambda v: v)
+
+
+def scaled(factor: float) -> Callable[[Run], Run]:
+    return sensed(lambda q: factor * q, lambda v: factor * v)
+
+
+def stepped(step: float) -> Callable[[Run], Run]:
+    return sensed(lambda q: step * np.floor(q / step + 0.5), lambda v: v)
+
+
+def later(delay: float) -> Callable[[Run], Run]:
+    k = round(delay / H)
+
+    def law(x: Array) -> Array:
+        return np.concatenate([np.full(k, x[0]), x[:-k]])
+
+    return sensed(law, law)
+
+
+# -- what the outer links touch
+
+LEVEL = 0.42
+"""Height of a table or floor that the last link runs into [m]."""
+_TOUCHING = (
+    ('mass="0.8"', 'mass="0.8" conaffinity="3"{}'),
+    ('<geom name="g3" type="sphere" size="0.02" mass="0.1"', (
+        '<geom name="g3" type="sphere" size="0.02" mass="0.1" conaffinity="3"{}')),
+)  # fmt: skip
+_TABLE = f'<worldbody><geom name="table" type="box" size="1 1 0.1" pos="0 0 {LEVEL - 0.1}"'
+_TABLE += ' contype="2" conaffinity="0" friction="0.3" solref="0.008 1" priority="2"/>'
+BEFORE_TABLE = edited(("<worldbody>", _TABLE), *((old, new.format("")) for old, new in _TOUCHING))
+
+
+def floored(
+    friction: str = "0.8", solref: str = "0.02 1", zaxis: str = "0 0 1", height: float = LEVEL
+) -> str:
+    """The arm over a floor that its outer links touch; they are made of the same as the floor."""
+    made_of = f' friction="{friction}" solref="{solref}"'
+    floor = f'<worldbody><geom name="floor" type="plane" size="3 3 0.1" pos="0 0 {height}"'
+    floor += f' zaxis="{zaxis}" contype="2" conaffinity="0"{made_of}/>'
+    return edited(("<worldbody>", floor), *((old, new.format(made_of)) for old, new in _TOUCHING))
+
+
+FALLING = (np.sin(0.2) * np.cos(0.7), np.sin(0.2) * np.sin(0.7), np.cos(0.2))
+"""Normal of a plane that falls by 0.2 rad towards 0.7 rad."""

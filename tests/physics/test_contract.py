@@ -11,6 +11,8 @@ import pytest
 from tests.physics.arm import ARM, Run, motion, scene, simulate
 from tests.physics.truths import TRUTHS, Truth
 from wt.physics.effect import Effect, effects
+from wt.physics.hooks import Linearised
+from wt.physics.planted import Planted
 from wt.physics.scene import Scene
 from wt.types import Location
 
@@ -50,15 +52,23 @@ TABLE = {
     "sensor.delay": [("delay", "s")],
     "sensor.quantization": [("step", "rad")],
     "world.gravity": [("angle", "rad"), ("direction", "rad")],
+    "contact.compliance": [("time_constant", "s")],
+    "contact.friction": [("friction", "-")],
+    "contact.obstacle": [("position", "m"), ("normal", "-"), ("friction", "-")],
+    "contact.slope": [("angle", "rad"), ("direction", "rad"), ("height", "m")],
 }
 # Nothing of these, and what they would be without it, are one model with more parts.
 WITHOUT = ("joint.backlash",)
 # Nothing of these is more than any machine has.
 ENDLESS = (
     "actuator.saturation", "actuator.speed_limit", "body.payload_fixed", "body.payload_moving",
-    "body.tether", "joint.elasticity", "joint.stop",
+    "body.tether", "contact.compliance", "contact.friction", "contact.obstacle",
+    "joint.elasticity", "joint.stop",
 )  # fmt: skip
-IDS = pytest.mark.parametrize("name", sorted(TABLE))
+IDS = pytest.mark.parametrize("name", effects())
+PUBLISHED = pytest.mark.parametrize("name", TABLE)
+# Far below the arm, so that every effect has a place to stand at.
+FLOOR = '<worldbody><geom name="floor" type="plane" size="3 3 0.1" pos="0 0 -2"/>'
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +78,7 @@ def recorded() -> Run:
 
 @pytest.fixture
 def arm(tmp_path: Path) -> Scene:
-    return scene(tmp_path)
+    return scene(tmp_path, ARM.replace("<worldbody>", FLOOR))
 
 
 def acceleration(model: mujoco.MjModel) -> np.ndarray:
@@ -82,14 +92,18 @@ def acceleration(model: mujoco.MjModel) -> np.ndarray:
     return np.array([data.qacc[joint.dofadr[0]] for joint in joints])
 
 
-def test_the_table_is_complete() -> None:
+def test_what_is_published_is_there() -> None:
     assert set(TABLE) <= set(effects())
 
 
-@IDS
+@PUBLISHED
 def test_names_and_units_are_those_of_the_table(name: str) -> None:
+    assert [(p.name, p.unit) for p in effects()[name].parameters] == TABLE[name]
+
+
+@IDS
+def test_parameters_have_bounds_and_steps(name: str) -> None:
     effect = effects()[name]
-    assert [(p.name, p.unit) for p in effect.parameters] == TABLE[name]
     lower, upper = effect.bounds()
     assert len(lower) == len(upper) == len(effect.steps()) == effect.n_theta
     assert (lower < upper).all()
@@ -109,9 +123,9 @@ def test_signatures_fit_the_motion(name: str, arm: Scene, recorded: Run) -> None
             assert not effect.signed or len(effect.signed) == columns.shape[2]
             theta = effect.theta(np.full(columns.shape[2], 0.1), shape)
             assert np.shape(theta) == (effect.n_theta,)
-        dry = effect.beyond(moved, at, "joint.friction_coulomb", np.array([0.2]))
-        fixed = effect.beyond(moved, at, "body.payload_fixed", np.array([0.2, 0.0, 0.0, 0.0]))
-        larger = [theta for _, theta in (*dry, *fixed)]
+        smaller = {"joint.friction_coulomb": [0.2], "body.payload_fixed": [0.2, 0.0, 0.0, 0.0]}
+        found = [Planted(effects()[law], at, np.array(x)) for law, x in smaller.items()]
+        larger = [theta for one in found for _, theta in one.beyond(effect, moved)]
         for start in (*effect.starts(moved, at), *larger):
             lower, upper = effect.bounds()
             assert ((lower <= start) & (start <= upper)).all()
@@ -122,12 +136,11 @@ def declared(name: str) -> list[float | None]:
 
 
 def test_every_effect_says_where_it_is_nothing_if_it_ever_is() -> None:
-    assert {name for name in TABLE if not any(n is not None for n in declared(name))} == set(
-        ENDLESS
-    )
+    endless = {name for name in effects() if not any(n is not None for n in declared(name))}
+    assert endless == set(ENDLESS)
 
 
-@pytest.mark.parametrize("name", sorted(set(TABLE) - set(WITHOUT) - set(ENDLESS)))
+@pytest.mark.parametrize("name", sorted(set(effects()) - set(WITHOUT) - set(ENDLESS)))
 def test_neutral_parameters_change_nothing(name: str, arm: Scene) -> None:
     effect = effects()[name]
     given = next((t.theta for t in TRUTHS if t.id == name), np.ones(effect.n_theta))
@@ -139,7 +152,7 @@ def test_neutral_parameters_change_nothing(name: str, arm: Scene) -> None:
         assert acceleration(spec.compile()) == pytest.approx(before, rel=1e-12, abs=1e-12)
 
 
-@pytest.mark.parametrize("name", [e.id for e in effects().values() if e.weighted])
+@pytest.mark.parametrize("name", [e.id for e in effects().values() if isinstance(e, Linearised)])
 def test_where_products_count_it_is_products_that_move(name: str) -> None:
     effect, rng = effects()[name], np.random.default_rng(0)
     theta, step = rng.uniform(0.5, 1.5, (2, effect.n_theta))
@@ -147,6 +160,7 @@ def test_where_products_count_it_is_products_that_move(name: str) -> None:
     # the first parameter's own step, and that of each product by the product rule
     first, others = theta[0] + step[0], theta[0] * theta[1:]
     others = others + theta[0] * step[1:] + step[0] * theta[1:]
+    assert isinstance(effect, Linearised)
     moved = effect.moved(theta, step)
     assert moved[0] == pytest.approx(first)
     assert moved[0] * moved[1:] == pytest.approx(others)
@@ -156,8 +170,8 @@ def test_where_products_count_it_is_products_that_move(name: str) -> None:
 
 
 @pytest.mark.parametrize("truth", TRUTHS, ids=lambda t: f"{t.id}-{t.at.name}")
-def test_patched_files_load_in_plain_mujoco(truth: Truth, arm: Scene) -> None:
-    effect, spec = effects()[truth.id], arm.spec()
+def test_patched_files_load_in_plain_mujoco(truth: Truth, tmp_path: Path) -> None:
+    effect, spec = effects()[truth.id], scene(tmp_path, truth.model).spec()
     effect.patch(spec, truth.at, np.array(truth.theta))
     model = spec.compile()
     again = mujoco.MjModel.from_xml_string(spec.to_xml())

@@ -12,7 +12,7 @@ from tests.diagnose.hidden_forces import World, world
 from wt.diagnose.likelihood.estimate import estimate
 from wt.diagnose.residual.signature import signature
 from wt.physics.effect import effects
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.types import Location
 
 LOSS, TAU, RATED = 0.4, 3.0, 1.0

@@ -15,7 +15,7 @@ from wt.diagnose.recordings.stretches import stretches_of
 from wt.physics.contact import touching
 from wt.physics.effect import effects
 from wt.physics.ground import Floor
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
 from wt.types import Location

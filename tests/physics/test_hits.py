@@ -9,25 +9,17 @@ import numpy as np
 import pytest
 
 from tests.physics import arm
+from tests.physics.laws import BEFORE_TABLE, LEVEL
 from wt.physics.effect import effects
 from wt.physics.hits import face
 from wt.physics.motion import Motion
-from wt.physics.replay import Planted, Stretch
+from wt.physics.planted import Planted
+from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.types import Location
 
 WALL = effects()["contact.obstacle"]
 AT = Location("world", "world")
-LEVEL = 0.42
-"""Height of a table that the last link runs into [m]."""
-_TABLE = f'<worldbody><geom name="table" type="box" size="1 1 0.1" pos="0 0 {LEVEL - 0.1}"'
-_TABLE += ' contype="2" conaffinity="0" friction="0.3" solref="0.008 1" priority="2"/>'
-BEFORE_TABLE = arm.edited(
-    ("<worldbody>", _TABLE),
-    ('mass="0.8"', 'mass="0.8" conaffinity="3"'),
-    ('<geom name="g3" type="sphere" size="0.02" mass="0.1"', (
-        '<geom name="g3" type="sphere" size="0.02" mass="0.1" conaffinity="3"')),
-)  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,9 @@ from mujoco.batch import Batch
 
 from tests.physics.arm import ARM, commands, scene
 from wt.physics.effect import effects
+from wt.physics.planted import Planted
 from wt.physics.quiet import quiet
-from wt.physics.replay import Planted, Stretch
+from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.types import Location
 

@@ -37,7 +37,8 @@ from wt.errors import UserError
 from wt.physics import cluster
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer, Replays
-from wt.physics.spread import chosen, over
+from wt.physics.runner import chosen
+from wt.physics.spread import over
 folder = Path(sys.argv[1])
 """
 _SAME = """

@@ -12,7 +12,8 @@ import pytest
 from tests.physics.arm import ARM, Run, coefficients, motion, scene, simulate
 from wt.physics.effect import effects
 from wt.physics.effects.body_force_intermittent import BodyForceIntermittent
-from wt.physics.replay import Outputs, Planted, Stretch
+from wt.physics.planted import Planted
+from wt.physics.replay import Outputs, Stretch
 from wt.physics.rollout import Replayer
 from wt.types import Location
 

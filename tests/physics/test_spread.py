@@ -20,9 +20,11 @@ from wt.diagnose.unknown.law import Atom, Law
 from wt.errors import UserError
 from wt.physics import cluster
 from wt.physics.effect import effects
-from wt.physics.replay import Planted, Stretch
+from wt.physics.planted import Planted
+from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer, Replays
-from wt.physics.spread import Threads, chosen, over
+from wt.physics.runner import Threads, chosen
+from wt.physics.spread import over
 from wt.types import Location
 
 Array = np.ndarray
@@ -45,7 +47,8 @@ def learned(terms: int) -> Planted:
 
 def hypotheses() -> list[Hypothesis]:
     """Every effect; laws that act at every step, also together; and what MuJoCo cannot replay."""
-    known = [(Planted(effects()[t.id], t.at, np.array(t.theta)),) for t in TRUTHS]
+    here = [t for t in TRUTHS if t.model == ARM]
+    known = [(Planted(effects()[t.id], t.at, np.array(t.theta)),) for t in here]
     together = permutations(
         [
             planted("joint.friction_stribeck", "joint", "j1", 0.3, 0.5, 0.1),

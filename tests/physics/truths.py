@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from tests.physics.arm import Hook, edited
+from tests.physics.arm import ARM, Hook, Run, edited, simulate
 from tests.physics.laws import (
     B2,
+    BEFORE_TABLE,
+    FALLING,
     G1,
     G2,
     INERTIAL,
     J1,
+    LEVEL,
     LINK_ONLY,
     M1,
     TILT,
@@ -21,18 +24,25 @@ from tests.physics.laws import (
     constant,
     dragged,
     filtered,
+    floored,
     instead,
     joint,
     late,
+    later,
     load,
     play,
     play_operator,
     push,
+    pushed,
+    scaled,
+    shifted,
     sliding,
+    stepped,
     stribeck,
     tethered,
     two_masses,
 )
+from wt.physics.effect import effects
 from wt.types import Location
 
 
@@ -41,6 +51,10 @@ class Truth:
     """An effect, where it is, and a machine that has it.
 
     Attributes:
+        xml: the machine; the arm as it is, if empty.
+        hook: acts in its simulation.
+        sensed: makes of its true motion what is recorded of it.
+        model: the machine as the model has it.
         fits: tolerance of the parameters from the signature; None without a signature.
         shape: shape of the signature.
         leaves: largest share of the residual that the signature may leave.
@@ -52,10 +66,22 @@ class Truth:
     theta: tuple[float, ...]
     xml: str = ""
     hook: Callable[[], Hook] | None = None
+    sensed: Callable[[Run], Run] | None = None
+    model: str = ARM
     fits: float | None = 0.02
     shape: tuple[float, ...] = ()
     leaves: float = 0.15
     replays: float = 0.02
+
+    def machine(self) -> Run:
+        """A recording of the machine that has it."""
+        run = simulate(self.xml or self.model, self.hook() if self.hook else None)
+        return self.sensed(run) if self.sensed else run
+
+
+def untold(truths: Sequence[Truth]) -> set[str]:
+    """Ids of effects of which there is no truth."""
+    return set(effects()) - {truth.id for truth in truths}
 
 
 def _at(kind: str, name: str) -> Location:
@@ -254,5 +280,60 @@ TRUTHS = [
         _at("world", "world"),
         (0.1, 0.7),
         edited(('gravity="0 0 -9.81"', f'gravity="{TILT[0]} {TILT[1]} {TILT[2]}"')),
+    ),
+    Truth(
+        "body.force_intermittent",
+        _at("body", "b2"),
+        (3.0, -2.0, 4.0),
+        hook=pushed,
+        shape=(0.0, 0.8, 1.1),
+    ),
+    Truth("sensor.offset", _at("joint", "j1"), (0.02,), sensed=shifted(0.02), fits=0.04),
+    Truth("sensor.scale", _at("joint", "j1"), (1.03,), sensed=scaled(1.03), fits=0.04),
+    Truth(
+        "sensor.delay",
+        _at("joint", "j1"),
+        (0.004,),
+        sensed=later(0.004),
+        shape=(0.004,),
+        fits=0.04,
+        replays=0.05,
+    ),
+    Truth("sensor.quantization", _at("joint", "j1"), (0.01,), sensed=stepped(0.01), fits=None),
+    Truth(
+        "contact.obstacle",
+        _at("world", "world"),
+        (0.3, 0.0, LEVEL, 0.0, 0.0, 1.0, 0.3),
+        # a box, while the effect's own has its face turned into place
+        BEFORE_TABLE,
+        fits=None,
+        replays=0.15,
+    ),
+    Truth(
+        "contact.friction",
+        _at("geom", "floor"),
+        (0.2,),
+        floored(friction="0.2"),
+        model=floored(),
+        fits=None,
+        replays=0.05,
+    ),
+    Truth(
+        "contact.compliance",
+        _at("geom", "floor"),
+        (0.08,),
+        floored(solref="0.08 1"),
+        model=floored(),
+        fits=None,
+        replays=0.05,
+    ),
+    Truth(
+        "contact.slope",
+        _at("geom", "floor"),
+        (0.2, 0.7, 0.03),
+        floored(zaxis=" ".join(f"{x:.9f}" for x in FALLING), height=LEVEL + 0.03),
+        model=floored(),
+        fits=None,
+        replays=0.05,
     ),
 ]

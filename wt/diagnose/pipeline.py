@@ -28,7 +28,7 @@ from wt.diagnose.selection.search import Report, search
 from wt.diagnose.selection.verdict import findings, suggestions, unforeseen, verdict
 from wt.mjcf.edit import patched_xml
 from wt.mjcf.standalone import standalone
-from wt.physics.replay import Key
+from wt.physics.planted import Key
 from wt.physics.scene import Scene
 
 Array = np.ndarray

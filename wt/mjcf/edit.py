@@ -30,7 +30,7 @@ from wt.mjcf.compare import (
 from wt.mjcf.compare import Path as Place
 from wt.mjcf.standalone import compiles_to, standalone
 from wt.mjcf.text import Document, Element, remark
-from wt.physics.replay import Hypothesis
+from wt.physics.planted import Hypothesis
 from wt.physics.scene import Scene
 
 _ALTERNATIVES = (

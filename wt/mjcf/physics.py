@@ -18,33 +18,30 @@ import mujoco
 import numpy as np
 
 from wt.mjcf import template
-from wt.physics.effect import Effect
-from wt.physics.replay import Hypothesis
+from wt.physics.planted import Hypothesis, Planted
 from wt.physics.scene import Scene
-from wt.physics.script import WIDTH, Script, number
+from wt.physics.script import WIDTH, Helper, Script, number
 
-Array = np.ndarray
-
-HELPERS = {
+HELPERS: dict[Helper, tuple[str, ...]] = {
     "joint": ("_joint",),
-    "drive": ("_drive", "_joint"),
-    "drives": ("_drives", "_drive", "_joint"),
+    "drive": ("_drive",),
+    "drives": ("_drives", "_drive"),
     "bristle": ("_bristle",),
-    "push": ("_push",),
-    "residual": ("_residual",),
+    "push": ("_push", "_scratch"),
+    "residual": ("_residual", "_learned"),
     "creep": ("_creep",),
     "swing": ("_swing",),
-    "gear": ("_gear", "_drives", "_drive", "_joint"),
+    "gear": ("_gear", "_drives", "_drive"),
 }
 """What lines of effects may ask for, and the methods that it takes."""
-_INIT = {
+_INIT: dict[Helper, tuple[str, ...]] = {
     "push": ("self._scratch = mujoco.MjData(model)",),
     "residual": (
-        'path = str(Path(__file__).with_name("residual.onnx"))',
+        'path = str(Path(__file__).patchedname("residual.onnx"))',
         'self._learned = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])',
     ),
 }
-_HEAD = '''"""What model.xml cannot say in MJCF: {titles}.
+_HEAD = '''"""What model.xml cannot say in MJCF.
 
 Written by wt diagnose. It needs {needs}, and nothing else.
 
@@ -61,7 +58,6 @@ Written by wt diagnose. It needs {needs}, and nothing else.
 def physics_py(
     scene: Scene,
     hypothesis: Hypothesis,
-    statements: Sequence[str],
     recordings: Sequence[str] = (),
     shown: int = 0,
 ) -> str | None:
@@ -70,18 +66,21 @@ def physics_py(
     Args:
         scene: the model as given.
         hypothesis: the findings, and corrections, in the order in which they are patched.
-        statements: one sentence for each.
         recordings: names of the recordings, by index; events have times in each.
         shown: the recording whose events act if nothing else is said.
     """
-    found = [(p.effect.script(p.at, p.theta), p, s) for p, s in zip(hypothesis, statements, strict=True)]
-    scripts = [(script, said, p.effect.id) for script, p, said in found if script is not None]
-    if not any(script.acts for script, *_ in scripts):
+    found = [(p.effect.script(p.at, p.theta), p) for p in hypothesis]
+    scripts = [(script, p.statement) for script, p in found if script is not None]
+    if not any(script.acts for script, _ in scripts):
         return None
-    asked = dict.fromkeys(helper for script, *_ in scripts for helper in script.helpers)
+    asked = dict.fromkeys(helper for script, _ in scripts for helper in script.helpers)
     lines = {
         "joints": [f"joints = {_tuple(scene.joints)}  # columns of sense"],
-        "init": [*(line for helper in asked for line in _INIT.get(helper, ())), *_restored(scene, hypothesis)],
+        "init": [
+            *(line for helper in asked for line in _INIT.get(helper, ())),
+            *_restored(scene, hypothesis),
+        ],
+        "base": [],
         **{part: list(_part(scripts, part)) for part in ("start", "sense", "undo", "force")},
     }
     if len(recordings) > 1:
@@ -90,15 +89,19 @@ def physics_py(
         if lines[part]:
             lines[part].insert(0, "joint = self.joints.index")
     methods = {method for helper in asked for method in HELPERS[helper]}
+    if scene.free and "_joint" in methods:
+        methods.add("_base")
+        whose = "if name not in self._joints:"
+        lines["base"] = [whose, "    return self._base(name, qpos, qvel)"]
     body = _filled(_template(methods), lines)
     body = body.replace("recording: int = 0", f"recording: int = {shown}")
-    return _headed(body, [e for s, _, e in scripts if s.acts], "residual" in asked)
+    return _headed(body, "residual" in asked)
 
 
-def _part(scripts: Sequence[tuple[Script, str, str]], part: str) -> Iterator[str]:
+def _part(scripts: Sequence[tuple[Script, str]], part: str) -> Iterator[str]:
     """Lines of all effects for one method, each under its sentence."""
     # what the last sensor did to a signal is undone first
-    for script, said, _ in reversed(scripts) if part == "undo" else scripts:
+    for script, said in reversed(scripts) if part == "undo" else scripts:
         if lines := getattr(script, part):
             yield from textwrap.wrap(said, WIDTH, initial_indent="# ", subsequent_indent="# ")
             yield from lines
@@ -106,18 +109,18 @@ def _part(scripts: Sequence[tuple[Script, str, str]], part: str) -> Iterator[str
 
 def _restored(scene: Scene, hypothesis: Hypothesis) -> list[str]:
     """Assignments that take the stand-ins for what acts exactly here out of a compiled model."""
-    with_, without = scene.written(), scene.written()
+    patched, without = scene.written(), scene.written()
     for p in hypothesis:
-        p.effect.patch(with_, p.at, p.theta)
-        if not _acts(p.effect, p):
+        p.effect.patch(patched, p.at, p.theta)
+        if not _acts(p):
             p.effect.patch(without, p.at, p.theta)
-    lines = list(_differences(with_.compile(), without.compile()))
+    lines = list(_differences(patched.compile(), without.compile()))
     why = "# for these model.xml has the nearest that MJCF can say, which would now act twice"
     return [why, *lines] if lines else []
 
 
-def _acts(effect: Effect, planted: Planted) -> bool:
-    script = effect.script(planted.at, planted.theta)
+def _acts(planted: Planted) -> bool:
+    script = planted.effect.script(planted.at, planted.theta)
     return script is not None and script.acts
 
 
@@ -138,17 +141,16 @@ def _template(methods: set[str]) -> str:
     """The class as text, without helpers that are not asked for."""
     source = Path(template.__file__).read_text(encoding="utf-8")
     (found,) = (node for node in ast.parse(source).body if isinstance(node, ast.ClassDef))
-    optional = {name for names in HELPERS.values() for name in names} - methods
-    rows = source.splitlines()
-    dropped = {
-        row
-        for node in found.body
-        if isinstance(node, ast.FunctionDef) and node.name in optional
-        for row in range(node.lineno - 2, node.end_lineno or 0)  # and the empty line before it
-    }
-    assert found.end_lineno is not None
-    kept = [rows[i] for i in range(found.lineno - 1, found.end_lineno) if i not in dropped]
-    return "\n".join(kept) + "\n"
+    optional = {"_base", *(name for names in HELPERS.values() for name in names)} - methods
+    rows, dropped = source.splitlines(), set[int]()
+    for node in found.body:
+        first, last = node.lineno - 1, node.end_lineno or node.lineno
+        if isinstance(node, ast.FunctionDef) and node.name in optional:
+            dropped |= {first - 1, *range(first, last)}  # and the empty line before it
+        elif isinstance(node, ast.AnnAssign) and ast.unparse(node.target) in optional:
+            dropped |= set(range(first, last))
+    kept = range(found.lineno - 1, found.end_lineno or len(rows))
+    return "\n".join(rows[i] for i in kept if i not in dropped) + "\n"
 
 
 def _filled(text: str, lines: dict[str, list[str]]) -> str:
@@ -160,12 +162,12 @@ def _filled(text: str, lines: dict[str, list[str]]) -> str:
     return re.sub(r"^( *)# <(\w+)>\n", fill, text, flags=re.MULTILINE)
 
 
-def _headed(body: str, titles: Sequence[str], learned: bool) -> str:
+def _headed(body: str, learned: bool) -> str:
     """The whole file."""
     needs = "numpy, mujoco and onnxruntime" if learned else "numpy and mujoco"
-    head = _HEAD.format(titles=", ".join(dict.fromkeys(titles)), needs=needs)
+    head = _HEAD.format(needs=needs)
     imports = "from __future__ import annotations\n\nfrom collections.abc import Callable\n"
-    imports += "from pathlib import Path\n" if learned else ""
+    imports += "from pathlib import Path\nfrom typing import Any\n" if learned else ""
     imports += "\nimport mujoco\nimport numpy as np\n" + ("import onnxruntime\n" if learned else "")
     return f"{head}\n{imports}\nArray = np.ndarray\n\n\n{body}"
 

@@ -6,7 +6,7 @@ Remarks that begin with ``# <`` are where lines go in; helpers that no line call
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -22,10 +22,17 @@ class Physics:
     """
 
     # <joints>
+    _scratch: mujoco.MjData
+    _learned: Any
 
     def __init__(self, model: mujoco.MjModel, recording: int = 0) -> None:
         """Prepare for a model; events act at the times that they had in that recording."""
         self.model, self.recording = model, recording
+        places = zip(model.jnt_qposadr, model.jnt_dofadr, strict=True)
+        self._joints = {model.joint(i).name: place for i, place in enumerate(places)}
+        self._actuators = {model.actuator(i).name: i for i in range(model.nactuator)}
+        late = (model.actuator_history[:, 0] > 0) | (model.actuator_actnum == 1)
+        self._late = np.flatnonzero(late & (model.actuator_ctrlnum == 1))
         self._t: Array | None = None
         self._now: dict[str, Array] = {}
         self._next: dict[str, Array] = {}
@@ -44,7 +51,10 @@ class Physics:
             if late:
                 times = data.time - m.opt.timestep * np.arange(late, 0.0, -1.0)
                 mujoco.mj_initCtrlHistory(m, data, i, times[:, None], np.full((late, 1), u))
-            if m.actuator_dyntype[i] in (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT):
+            if m.actuator_dyntype[i] in (
+                mujoco.mjtDyn.mjDYN_FILTER,
+                mujoco.mjtDyn.mjDYN_FILTEREXACT,
+            ):
                 data.act[m.actuator_actadr[i]] = u
         # <start>
 
@@ -103,11 +113,11 @@ class Physics:
     def _received(self, data: mujoco.MjData) -> Array:
         """Commands as the drives receive them: late or filtered, where they are."""
         m, u = self.model, data.ctrl.copy()
-        for i in np.flatnonzero((m.actuator_history[:, 0] > 0) | (m.actuator_actnum == 1)):
+        for i in self._late:
             k, late = m.actuator_ctrladr[i], np.zeros((1, 1))
-            if m.actuator_ctrlnum[i] == 1 and m.actuator_actnum[i] == 1:
+            if m.actuator_actnum[i]:
                 u[k] = data.act[m.actuator_actadr[i]]
-            elif m.actuator_ctrlnum[i] == 1:
+            else:
                 got = mujoco.mj_readCtrl(m, data, i, data.time, late, m.actuator_history[i, 1])
                 u[k] = late[0, 0] if got is None else got[0]
         return u
@@ -129,13 +139,36 @@ class Physics:
 
     def _joint(self, name: str, qpos: Array, qvel: Array) -> tuple[Array, Array, int]:
         """Positions and velocities of a joint, and its degree of freedom."""
-        q, dof = self.model.joint(name).qposadr[0], self.model.joint(name).dofadr[0]
+        # <base>
+        q, dof = self._joints[name]
         return qpos[:, q], qvel[:, dof], dof
+
+    def _base(self, name: str, qpos: Array, qvel: Array) -> tuple[Array, Array, int]:
+        """The same of <free joint>/x, y, z, yaw, pitch or roll (Rz·Ry·Rx), and their rates."""
+        joint, _, coordinate = name.rpartition("/")
+        at, dof = self._joints[joint]
+        w, x, y, z = qpos[:, at + 3 : at + 7].T
+        a, b, c = qvel[:, dof + 3 : dof + 6].T
+        roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+        pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
+        yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        turn = (b * np.sin(roll) + c * np.cos(roll)) / np.cos(pitch)
+        angles = {
+            "yaw": (yaw, turn),
+            "pitch": (pitch, b * np.cos(roll) - c * np.sin(roll)),
+            "roll": (roll, a + turn * np.sin(pitch)),
+        }
+        if coordinate in angles:
+            return *angles[coordinate], -1
+        k = "xyz".index(coordinate)
+        return qpos[:, at + k], qvel[:, dof + k], dof + k
 
     def _drive(self, name: str, qpos: Array, qvel: Array, ctrl: Array) -> tuple[Array, int]:
         """Force of a drive on its joint, and the joint's degree of freedom."""
-        m, i = self.model, self.model.actuator(name).id
-        q, v, dof = self._joint(m.joint(m.actuator_trnid[i, 0]).name, qpos, qvel)
+        m, i = self.model, self._actuators[name]
+        joint = m.actuator_trnid[i, 0]
+        dof = int(m.jnt_dofadr[joint])
+        q, v = qpos[:, m.jnt_qposadr[joint]], qvel[:, dof]
         gear, u = m.actuator_gear[i, 0], ctrl[:, m.actuator_ctrladr[i]]
         if m.actuator_ctrllimited[i]:
             u = np.clip(u, *m.actuator_ctrlrange[i])
@@ -149,7 +182,7 @@ class Physics:
 
     def _bristle(self, name: str, qvel: Array, level: Array, h: float) -> tuple[Array, int]:
         """Dry friction of a joint: a spring with a damper that slips at a level of force."""
-        dof = self.model.joint(name).dofadr[0]
+        dof = self._joints[name][1]
         inertia, v = 1.0 / self.model.dof_invweight0[dof], qvel[:, dof]
         stiffness, damping = inertia * (0.4 / h) ** 2, inertia * 0.4 / h
         bend = level / stiffness
@@ -173,7 +206,8 @@ class Physics:
     def _residual(self, output: str, columns: dict[str, Array]) -> Array:
         """A learned force (n,) of its columns, (n,) each."""
         given = {name: x.astype(np.float32)[:, None] for name, x in columns.items()}
-        return np.asarray(self._learned.run([output], given)[0], dtype=float)[:, 0]
+        force: Array = self._learned.run([output], given)[0]
+        return force[:, 0].astype(float)
 
     def _creep(self, name: str, v: Array, time_constant: float, h: float) -> Array:
         """Stretch of a spring that yields: its rate is v less itself over the time constant."""
@@ -199,9 +233,10 @@ class Physics:
     def _drives(self, joint: str, qpos: Array, qvel: Array, ctrl: Array) -> Array:
         """Force of all drives of a joint, or of its rotor if it has one of its own."""
         m, force = self.model, np.zeros(len(qpos))
-        for i in np.flatnonzero((m.actuator_ctrlnum == 1) & (m.actuator_trntype == 0)):
-            if m.joint(m.actuator_trnid[i, 0]).name in (joint, f"{joint}_rotor"):
-                force = force + self._drive(m.actuator(i).name, qpos, qvel, ctrl)[0]
+        for name, i in self._actuators.items():
+            on_joint = m.actuator_ctrlnum[i] == 1 and m.actuator_trntype[i] == 0
+            if on_joint and m.joint(m.actuator_trnid[i, 0]).name in (joint, f"{joint}_rotor"):
+                force = force + self._drive(name, qpos, qvel, ctrl)[0]
         return force
 
     def _gear(self, data: mujoco.MjData, joint: str) -> tuple[float, float]:

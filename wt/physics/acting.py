@@ -1,4 +1,4 @@
-"""Which laws act at every step on which replays of a batch."""
+"""Laws that act at every step, and the replays of a batch that they act on."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from wt.physics.effect import Effect
+from wt.physics.hooks import OnSteps
 from wt.physics.live import Live
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.physics.scene import Scene
-
-Array = np.ndarray
+from wt.types import Location
 
 _Key = tuple[int, tuple[str, str, str], int]
 
@@ -27,13 +28,13 @@ class Acting:
         live: the law, with the parameters of each.
     """
 
-    rows: Array | slice
+    rows: Int[np.ndarray, " row"] | slice
     live: Live
 
 
 def is_live(effect: Effect) -> bool:
-    """Whether an effect acts at every step."""
-    return type(effect).live is not Effect.live
+    """Tell whether an effect acts at every step."""
+    return isinstance(effect, OnSteps)
 
 
 def acting(scene: Scene, hypotheses: Sequence[Sequence[Planted]]) -> list[Acting]:
@@ -46,22 +47,24 @@ def acting(scene: Scene, hypotheses: Sequence[Sequence[Planted]]) -> list[Acting
         hypotheses: one for each replay of a batch.
     """
     rows: dict[_Key, list[int]] = {}
-    planted: dict[_Key, list[Planted]] = {}
+    laws: dict[_Key, tuple[OnSteps, Location]] = {}
+    theta: dict[_Key, list[Float[np.ndarray, " parameter"]]] = {}
     for row, hypothesis in enumerate(hypotheses):
-        for turn, p in enumerate(p for p in hypothesis if is_live(p.effect)):
+        living = ((p, p.effect) for p in hypothesis if isinstance(p.effect, OnSteps))
+        for turn, (p, effect) in enumerate(living):
             # two learned laws share an id, and are still two objects
-            key = (turn, p.key, id(p.effect))
+            key = (turn, p.key, id(effect))
+            laws[key] = effect, p.at
             rows.setdefault(key, []).append(row)
-            planted.setdefault(key, []).append(p)
+            theta.setdefault(key, []).append(p.theta)
     found = []
-    for same, some in sorted(planted.items(), key=lambda item: item[0][0]):
-        live = some[0].effect.live(scene, some[0].at, np.stack([p.theta for p in some]))
-        if live is not None:
-            found.append(Acting(_neighbours(rows[same]), live))
+    for key, (effect, at) in sorted(laws.items(), key=lambda item: item[0][0]):
+        live = effect.live(scene, at, np.stack(theta[key]))
+        found.append(Acting(_neighbours(rows[key]), live))
     return found
 
 
-def _neighbours(rows: list[int]) -> Array | slice:
+def _neighbours(rows: list[int]) -> Int[np.ndarray, " row"] | slice:
     first, last = rows[0], rows[-1]
     whole = rows == list(range(first, last + 1))
     return slice(first, last + 1) if whole else np.array(rows)

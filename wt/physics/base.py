@@ -13,9 +13,8 @@ from collections.abc import Mapping
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 from scipy.spatial.transform import Rotation
-
-Array = np.ndarray
 
 COORDINATES = ("x", "y", "z", "yaw", "pitch", "roll")
 """In this order, as ``<joint>/<coordinate>``."""
@@ -62,7 +61,9 @@ def expand(spec: mujoco.MjSpec) -> tuple[str, ...]:
     return tuple(found)
 
 
-def coordinates(joint: str, columns: Mapping[str, Array]) -> dict[str, Array]:
+def coordinates(
+    joint: str, columns: Mapping[str, Float[np.ndarray, " sample"]]
+) -> dict[str, Float[np.ndarray, " sample"]]:
     """The six coordinates and their rates from the columns of a recording.
 
     Args:
@@ -92,7 +93,9 @@ def coordinates(joint: str, columns: Mapping[str, Array]) -> dict[str, Array]:
     return found
 
 
-def rates(angles: Array, omega: Array) -> Array:
+def rates(
+    angles: Float[np.ndarray, "sample 3"], omega: Float[np.ndarray, "sample 3"]
+) -> Float[np.ndarray, "sample 3"]:
     """Rates of yaw, pitch and roll, (K, 3), from the body's own angular velocity.
 
     Args:
@@ -106,7 +109,7 @@ def rates(angles: Array, omega: Array) -> Array:
     return np.stack([yaw, nod, omega[:, 0] + yaw * np.sin(pitch)], axis=1)
 
 
-def pose(coordinates_: Array) -> Array:
+def pose(coordinates_: Float[np.ndarray, "*batch 6"]) -> Float[np.ndarray, "*batch 7"]:
     """Position and quaternion (w, x, y, z) of the free joint, (…, 7), from the six, (…, 6)."""
     turned = Rotation.from_euler("ZYX", coordinates_[..., 3:].reshape(-1, 3))
     quaternion = turned.as_quat(scalar_first=True).reshape(*coordinates_.shape[:-1], 4)

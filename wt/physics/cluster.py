@@ -21,18 +21,19 @@ from weakref import WeakKeyDictionary
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 import wt
 from wt.errors import UserError, WorkError
-from wt.physics.replay import Planted, Stretch
+from wt.physics.planted import Planted
+from wt.physics.replay import Stretch
+from wt.physics.rollout import Replayer
+from wt.physics.runner import Divisible
 from wt.physics.scene import Scene
 
 if TYPE_CHECKING:
     from ray import ObjectRef
 
-    from wt.physics.rollout import Replayer
-
-Array = np.ndarray
 
 _ANSWER_S = 5.0
 """A cluster's address has so long to answer [s]; Ray itself would try for many minutes."""
@@ -146,10 +147,12 @@ class Cluster:
 
         self._task = ray.remote(_replay)
         self._models: WeakKeyDictionary[Scene, ObjectRef] = WeakKeyDictionary()
-        self._prepared: WeakKeyDictionary[Replayer, ObjectRef] = WeakKeyDictionary()
+        self._prepared: WeakKeyDictionary[Divisible, ObjectRef] = WeakKeyDictionary()
 
-    def replay(self, replayer: Replayer, hypotheses: Sequence[Sequence[Planted]]) -> Array:
-        """See :class:`wt.physics.spread.Spread`."""
+    def replay(
+        self, replayer: Divisible, hypotheses: Sequence[Sequence[Planted]]
+    ) -> Float[np.ndarray, "2 hypothesis sample dof"]:
+        """See :class:`wt.physics.runner.Runner`."""
         import ray
 
         ends = np.cumsum([0, *(len(s.t) for s in replayer.stretches)])
@@ -166,7 +169,7 @@ class Cluster:
             path[:, h, ends[s.start] : ends[s.stop]] = part
         return path
 
-    def _put(self, replayer: Replayer) -> ObjectRef:
+    def _put(self, replayer: Divisible) -> ObjectRef:
         import ray
 
         if replayer not in self._prepared:
@@ -197,7 +200,7 @@ def split(hypotheses: int, stretches: int, cores: int) -> list[tuple[slice, rang
 _MOMENT_S = 1.0
 
 
-def _gather(pending: Sequence[ObjectRef]) -> list[Array]:
+def _gather(pending: Sequence[ObjectRef]) -> list[Float[np.ndarray, "2 _ _ dof"]]:
     """The results in order; if one fails or the user interrupts, the others are called off."""
     import ray
 
@@ -245,7 +248,7 @@ def _replay(
     source: Sequence[ObjectRef],
     hypotheses: Sequence[Sequence[Planted]],
     stretches: Sequence[int],
-) -> Array:
+) -> Float[np.ndarray, "2 hypothesis sample dof"]:
     """One part of :meth:`Cluster.replay`, (2, H, N, nv)."""
     if versions != _versions():
         raise UserError(
@@ -258,8 +261,6 @@ def _replay(
 @functools.lru_cache(_KEPT)
 def _replayer(source: ObjectRef) -> Replayer:
     import ray
-
-    from wt.physics.rollout import Replayer
 
     prepared = ray.get(source)
     return Replayer(_scene(prepared.model), prepared.stretches, prepared.step)

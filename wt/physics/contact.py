@@ -17,13 +17,12 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from wt.physics.ground import Floor
 from wt.physics.reach import reaching
 from wt.physics.scene import Scene
 from wt.types import Location
-
-Array = np.ndarray
 
 NEAR = 0.02
 """Parts closer than this [m] may touch: tracked positions, slopes and soft ground are off by it."""
@@ -41,9 +40,9 @@ class Load:
         slip: velocity of the second geom's point over the first's, (C, 2) [m/s], across the normal.
     """
 
-    geoms: Array
-    force: Array
-    slip: Array
+    geoms: Int[np.ndarray, "contact 2"]
+    force: Float[np.ndarray, "contact 3"]
+    slip: Float[np.ndarray, "contact 2"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +55,12 @@ class Touching:
         near: how many contacts are possible at each sample, (T,).
     """
 
-    projector: Array | None
-    near: Array
+    projector: Float[np.ndarray, "sample dof dof"] | None
+    near: Int[np.ndarray, " sample"]
 
-    def free(self, force: Array) -> Array:
+    def free(
+        self, force: Float[np.ndarray, "sample dof *column"]
+    ) -> Float[np.ndarray, "sample dof *column"]:
         """The part of a generalised force that no contact supplies; (T, nv) or (T, nv, k)."""
         if self.projector is None:
             return force
@@ -68,7 +69,9 @@ class Touching:
         return np.asarray(self.projector @ force)
 
 
-def touching(scene: Scene, q: Array, floors: Sequence[Floor] = ()) -> Touching:
+def touching(
+    scene: Scene, q: Float[np.ndarray, "sample dof"], floors: Sequence[Floor] = ()
+) -> Touching:
     """Find where contact may act on a machine at positions ``q`` (T, nv), floors where they are.
 
     One with a fixed base is taken to touch nothing: its parts are close to much all the time.
@@ -87,7 +90,11 @@ def touching(scene: Scene, q: Array, floors: Sequence[Floor] = ()) -> Touching:
 
 
 def loads(
-    scene: Scene, q: Array, v: Array, residual: Array, floors: Sequence[Floor] = ()
+    scene: Scene,
+    q: Float[np.ndarray, "sample dof"],
+    v: Float[np.ndarray, "sample dof"],
+    residual: Float[np.ndarray, "sample dof"],
+    floors: Sequence[Floor] = (),
 ) -> list[Load]:
     """What the possible contacts carry at some samples, one after another.
 
@@ -107,7 +114,7 @@ def loads(
     return found
 
 
-def fixed(model: mujoco.MjModel) -> Array:
+def fixed(model: mujoco.MjModel) -> Bool[np.ndarray, " geom"]:
     """Which geoms never move, (ngeom,) bool."""
     return np.asarray(model.body_weldid[model.geom_bodyid] == 0)
 
@@ -149,7 +156,7 @@ def deciding(model: mujoco.MjModel, geom: int) -> list[int]:
     return found
 
 
-def unlike(value: float, others: Array, share: float) -> bool:
+def unlike(value: float, others: Float[np.ndarray, " other"], share: float) -> bool:
     """Whether a value is further, in logarithms, than ``share`` from all others."""
     return bool((np.abs(np.log(value / np.maximum(others, 1e-6))) > share).all())
 
@@ -169,7 +176,9 @@ class _Probe:
         self._data = mujoco.MjData(self._model)
         self._fixed = fixed(self._model)
 
-    def contacts(self, pose: Array) -> tuple[Array, Array]:
+    def contacts(
+        self, pose: Float[np.ndarray, " dof"]
+    ) -> tuple[Int[np.ndarray, "contact 2"], Float[np.ndarray, "row dof"]]:
         """The pairs of geoms that may touch, (C, 2), and Jacobians of their points, (3C, nv)."""
         m, d = self._model, self._data
         d.qpos[:] = pose
@@ -184,7 +193,7 @@ class _Probe:
         geoms = [c.geom for c in found]
         return np.array(geoms, dtype=int).reshape(-1, 2), rows.reshape(-1, m.nv)
 
-    def carried(self, jacobian: Array) -> Array:
+    def carried(self, jacobian: Float[np.ndarray, "row dof"]) -> Float[np.ndarray, "row dof"]:
         """Contact forces per generalised force, (3C, nv): (J M⁻¹ Jᵀ)⁺ J M⁻¹ at the last pose."""
         inertia = np.zeros(2 * (self._model.nv,))
         mujoco.mj_fullM(self._model, self._data, inertia)

@@ -8,19 +8,32 @@ it in recordings, ``wt diagnose`` needs three things of it:
    hypotheses are compared in seconds (:meth:`Effect.shapes`, :meth:`Effect.columns`,
    :meth:`Effect.theta`);
 2. a *patch* of the MJCF, which is what is written for the user and, by default, what is
-   simulated and decided upon (:meth:`Effect.patch`). What MuJoCo has no element for is done to
-   the replay's inputs (:meth:`Effect.drive`), outputs (:meth:`Effect.sense`) or at every step
-   (:meth:`Effect.live`); then :meth:`Effect.model` says what the replayed MJCF needs instead;
+   simulated and decided upon (:meth:`Effect.patch`);
 3. a *statement* for people.
 
 Adding an effect
 ----------------
-One new file in ``wt/physics/effects/`` and one row in the table of effects: a subclass of
-:class:`Effect` decorated with ``@register``. The file is found by itself; an id used twice is
-refused, naming both. The contract tests in ``tests/physics/test_contract.py`` then run over it.
+1. One new file in ``wt/physics/effects/``: a subclass of :class:`Effect` decorated with
+   ``@register``. The file is found by itself; an id used twice is refused, naming both.
+2. Its class says all that others need to know of it: ``looks_like`` which effects it is easily
+   taken for, ``common`` how often machines have it, ``plotted_over`` what its force depends on.
+   No list of ids anywhere else has to be touched.
+3. What the contract above cannot say is said by base classes of :mod:`wt.physics.hooks`, as many
+   as it needs: what MuJoCo has no element for acts in the replay instead, on its inputs
+   (``OnInputs``), its outputs (``OnOutputs``) or at every step (``OnSteps``); joints that a patch
+   adds have a state (``Stateful``); part of it may be read off the recordings
+   (``FromRecordings``); its force may be linear in products only (``Linearised``); it may contain
+   a smaller law (``Nested``), or be, where it is small, an error of any model (``Tolerated``).
+4. One row of truth in ``tests/physics/truths.py``: a machine that has it, by MJCF written by hand
+   or a law in closed form, never by the effect's own code.
+
+The contract tests in ``tests/physics/test_contract.py`` then run over it, and fail without the
+row; those in ``tests/physics/test_truth.py`` fail if it is another law than the row's.
 
 Conventions: SI units, radians; generalised forces in N·m (N for slides); parameters are one flat
-vector ``theta`` in the order of :attr:`Effect.parameters`.
+vector ``theta`` in the order of :attr:`Effect.parameters`. In annotations ``sample`` are the T
+samples of a motion, ``dof`` the nv degrees of freedom of its machine, ``coefficient`` those of a
+signature and ``parameter`` the components of ``theta``.
 """
 
 from __future__ import annotations
@@ -30,23 +43,23 @@ import importlib
 import pkgutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar, Literal
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
+from wt.physics.motion import Motion
+from wt.physics.scene import Scene
 from wt.physics.script import Script
 from wt.types import Kind, Location
 
-if TYPE_CHECKING:
-    from wt.physics.live import Live
-    from wt.physics.motion import Motion
-    from wt.physics.replay import Hidden, Inputs, Outputs, Stretch
-    from wt.physics.scene import Scene
-
-Array = np.ndarray
 Shape = tuple[float, ...]  # the nonlinear parameters that a signature needs to be linear
-Beyond = tuple[Shape, Array]  # a shape, and parameters under it
+Common = Literal["seldom", "often", "always"]
+"""How often machines have an effect: ``"often"`` is what may be mounted on one, ``"always"`` what
+hardly a machine is without."""
+Variable = Literal["position", "velocity", "acceleration", "drive", "time"]
+"""What a force may be drawn over; ``"drive"`` is the force of the joint's drive."""
 
 
 @dataclass(frozen=True)
@@ -78,12 +91,8 @@ class Parameter:
 
     @property
     def size(self) -> int:
-        """How many components it has in ``theta``."""
+        """Number of its components in ``theta``."""
         return max(1, len(self.axes))
-
-
-# lower and upper end of what each parameter may be
-Intervals = Mapping[str, tuple[float | tuple[float, ...], float | tuple[float, ...]]]
 
 
 class Effect(abc.ABC):
@@ -97,11 +106,12 @@ class Effect(abc.ABC):
         native: whether the patch expresses it fully in MJCF.
         excludes: ids that cannot stand at the same place beside it.
         odds_against: log odds against it beside a more common effect that fits as well [nats].
-        reads_residual: whether the shapes to try are read off the force residual.
         signed: for each coefficient of the signature the sign it must have: +1, -1 or 0 for any.
-        read_off: how many of a shape's last values come from the recordings and are not fitted.
-        weighted: whether the force is linear in the first parameter and its products with others.
         settles: ids of small errors of the same place that are nothing beside it.
+        looks_like: names of groups; it is easily taken for any other of a group, see
+            :func:`alternatives`.
+        common: how often real machines have it although their models do not.
+        plotted_over: the variable that its force is best seen over.
     """
 
     id: ClassVar[str]
@@ -111,14 +121,14 @@ class Effect(abc.ABC):
     native: ClassVar[bool] = True
     excludes: ClassVar[tuple[str, ...]] = ()
     odds_against: ClassVar[float] = 0.0
-    reads_residual: ClassVar[bool] = False
     signed: ClassVar[tuple[int, ...]] = ()
-    read_off: ClassVar[int] = 0
-    weighted: ClassVar[bool] = False
     settles: ClassVar[tuple[str, ...]] = ()
+    looks_like: ClassVar[tuple[str, ...]] = ()
+    common: ClassVar[Common] = "seldom"
+    plotted_over: ClassVar[Variable] = "position"
 
     def places(self, scene: Scene) -> Sequence[Location]:
-        """Where in a model it can stand; by default everywhere of its kind."""
+        """Places of a model at which it can stand; by default all of its kind."""
         drives = [d.name for d in scene.drives]
         names: Mapping[str, Sequence[str]] = {
             "joint": scene.own_joints, "actuator": drives, "body": scene.moving, "world": ["world"]
@@ -135,96 +145,50 @@ class Effect(abc.ABC):
         return [()]
 
     @abc.abstractmethod
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
-        """Generalised force per unit of each linear coefficient.
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
+        """Generalised force per unit of each linear coefficient [N·m per its unit].
 
-        Returns:
-            (n_samples, nv, n_coefficients) [N·m per unit of the coefficient], the force that the
-            effect *adds to the machine*.
+        It is the force that the effect *adds to the machine*.
         """
 
     @abc.abstractmethod
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
-        """Parameters for given coefficients and shape, (n_theta,); not yet clipped to bounds."""
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
+        """Parameters for given coefficients and shape; not yet clipped to their bounds."""
 
-    def around(self, theta: Array) -> Shape | None:
-        """The shape whose first column is all of the force at ``theta``; None if there is none."""
-        return None
-
-    def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
+    def starts(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " parameter"]]:
         """Parameters to start the replay's refinement from where no signature tells."""
         return []
 
-    def beyond(self, motion: Motion, at: Location, law: str, theta: Array) -> Sequence[Beyond]:
-        """Where to start from if a law that this one contains was found there."""
-        return []
+    # -- deciding ----------------------------------------------------------------------------
 
-    def shaped(self, shape: Shape) -> Effect:
-        """The effect bound to what ``theta`` leaves open of a shape, such as times of events."""
-        return self
-
-    def elsewhere(self, motion: Motion, at: Location, theta: Array) -> Effect:
-        """The effect as it shows in other recordings; events have times of their own there."""
-        return self
-
-    # -- replay ------------------------------------------------------------------------------
-
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:  # noqa: B027 – optional
+    def patch(  # noqa: B027 – optional
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Write the effect into an MJCF, in place; names of the user's elements stay."""
 
-    def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
-        """Prepare the MJCF of a replay, in place; by default with the patch."""
-        self.patch(spec, at, theta)
-
-    def followers(self, at: Location) -> Mapping[str, str]:
-        """Joints that the patch adds → the user's joint from whose state each one starts."""
-        return {}
-
-    def started(self, at: Location, theta: Array, stretch: Stretch) -> Mapping[str, Hidden]:
-        """States that joints of the patch have where a stretch begins."""
-        return {}
-
-    def drive(self, inputs: Inputs, scene: Scene, at: Location, theta: Array) -> None:  # noqa: B027 – optional
-        """Change the commands or external forces of a replay, in place."""
-
-    def sense(self, outputs: Outputs, scene: Scene, at: Location, theta: Array) -> None:  # noqa: B027 – optional
-        """Change what a replay's sensors report, in place."""
-
-    def live(self, scene: Scene, at: Location, theta: Array) -> Live | None:
-        """What acts at every physics step of the replays of ``theta`` (n_replays, n_theta)."""
-        return None
-
-    def script(self, at: Location, theta: Array) -> Script | None:
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script | None:
         """Lines of ``physics.py`` for what the patch cannot say; None if it says it all."""
         return None
 
-    def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
-        """Whether such parameters are this effect, and not another one in disguise."""
+    def plausible(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> bool:
+        """Tell whether such parameters are this effect, and not another one in disguise."""
         return True
 
-    def simpler(
-        self, motion: Motion, at: Location, theta: Array, intervals: Intervals
-    ) -> tuple[str, Array] | None:
-        """The law with fewer parameters that this one is no different from, as far as is known.
-
-        Args:
-            motion: the recordings.
-            at: where it stands.
-            theta: its parameters.
-            intervals: name of a parameter → lower and upper end of its 95 % interval.
-
-        Returns:
-            Id and parameters of that law; None if this one is needed.
-        """
-        return None
-
     @abc.abstractmethod
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """One plain sentence with figures and units, e.g. "Joint j2 has 1.2° of gear play."."""
 
     def separation(self, at: Location) -> str:
         """The experiment that tells this effect best from others at the same place."""
         return f"a multisine on {at} with slow reversals and fast parts"
+
+    # -- parameters --------------------------------------------------------------------------
 
     @property
     def n_theta(self) -> int:
@@ -233,42 +197,20 @@ class Effect(abc.ABC):
 
     @property
     def n_free(self) -> int:
-        """How many figures were chosen for it: ``theta``, and what was read off."""
-        return self.n_theta + sum(len(values) for _, values in self.observed().values())
+        """Number of figures that were chosen for it."""
+        return self.n_theta
 
-    def bounds(self) -> tuple[Array, Array]:
+    def bounds(self) -> tuple[Float[np.ndarray, " parameter"], Float[np.ndarray, " parameter"]]:
         """Smallest and largest admissible ``theta``."""
         ends = ((p.lower, p.upper, p.size) for p in self.parameters)
         lower, upper, sizes = zip(*ends, strict=True)
         return np.repeat(lower, sizes), np.repeat(upper, sizes)
 
-    def steps(self) -> Array:
+    def steps(self) -> Float[np.ndarray, " parameter"]:
         """Finite-difference steps of ``theta``."""
         return np.repeat([p.step for p in self.parameters], [p.size for p in self.parameters])
 
-    def reach(self, theta: Array) -> tuple[Array, Array]:
-        """Smallest and largest step to ask :meth:`moved` for."""
-        lower, upper = (bound - theta for bound in self.bounds())
-        if self.weighted:
-            lower[1:], upper[1:] = -np.inf, np.inf
-        return lower, upper
-
-    def moved(self, theta: Array, step: Array) -> Array:
-        """``theta`` after a step that takes the force to be linear, inside the bounds.
-
-        Where it is linear in products, these are what moves: from a weak spring to a stiff one the
-        point that it pulls to goes as far as the pull says, not as its own slope would have it.
-        """
-        there = theta + step
-        if self.weighted and there[0] > 0.0:
-            there[1:] = theta[1:] + theta[0] * step[1:] / there[0]
-        return np.asarray(np.clip(there, *self.bounds()))
-
-    def observed(self) -> Mapping[str, tuple[str, tuple[float, ...]]]:
-        """What was read off the recordings instead of fitted: name → (unit, values)."""
-        return {}
-
-    def named(self, theta: Array) -> dict[str, float | list[float]]:
+    def named(self, theta: Float[np.ndarray, " parameter"]) -> dict[str, float | list[float]]:
         """``theta`` by parameter names: floats, and lists for vectors."""
         values: dict[str, float | list[float]] = {}
         ends = np.cumsum([p.size for p in self.parameters])
@@ -300,3 +242,15 @@ def effects() -> Mapping[str, Effect]:
     for module in pkgutil.iter_modules(wt.physics.effects.__path__):
         importlib.import_module(f"wt.physics.effects.{module.name}")
     return dict(sorted(_EFFECTS.items()))
+
+
+def alternatives(effect: str) -> frozenset[str]:
+    """Ids of the effects that one is easily taken for; it is one of theirs, too.
+
+    Args:
+        effect: id of an effect; one that is not registered, such as a learned law, has none.
+    """
+    known = effects()
+    mine = set(known[effect].looks_like) if effect in known else set()
+    others = (e.id for e in known.values() if mine.intersection(e.looks_like))
+    return frozenset(others) - {effect}

@@ -11,12 +11,11 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 from sklearn.linear_model import LinearRegression, RANSACRegressor
 
 from wt.physics.reach import beside, reaching
 from wt.physics.scene import Scene
-
-Array = np.ndarray
 
 _REACH, _STANDING = 0.25, 0.05
 """Points so close to the model's floor [m], slower than this [m/s], may be standing."""
@@ -51,7 +50,9 @@ class Floor:
         model.geom_sameframe[geom] = 0  # else MuJoCo takes it to be where the world's frame is
 
 
-def turned(quaternion: Array, angle: float, direction: float) -> Array:
+def turned(
+    quaternion: Float[np.ndarray, " 4"], angle: float, direction: float
+) -> Float[np.ndarray, " 4"]:
     """A quaternion (w, x, y, z) after a turn that makes what was level fall towards a direction."""
     axis = np.array([-np.sin(direction), np.cos(direction), 0.0])
     turn, found = np.array([np.cos(0.5 * angle), *(np.sin(0.5 * angle) * axis)]), np.zeros(4)
@@ -65,7 +66,9 @@ def planes(model: mujoco.MjModel) -> list[int]:
     return [int(geom) for geom in np.flatnonzero(flat & (model.geom_bodyid == 0))]
 
 
-def floors(scene: Scene, q: Array, v: Array) -> tuple[Floor, ...]:
+def floors(
+    scene: Scene, q: Float[np.ndarray, "sample dof"], v: Float[np.ndarray, "sample dof"]
+) -> tuple[Floor, ...]:
     """The level planes of a model that are elsewhere, as the motion (T, nv) of a machine shows."""
     m, found = scene.model, []
     for geom in planes(m) if scene.free else ():
@@ -75,7 +78,9 @@ def floors(scene: Scene, q: Array, v: Array) -> tuple[Floor, ...]:
     return tuple(found)
 
 
-def _floor(scene: Scene, geom: int, q: Array, v: Array) -> Floor | None:
+def _floor(
+    scene: Scene, geom: int, q: Float[np.ndarray, "sample dof"], v: Float[np.ndarray, "sample dof"]
+) -> Floor | None:
     points = _standing(scene, geom, q, v)
     if len(points) < _LEAST:
         return None
@@ -95,7 +100,9 @@ def _floor(scene: Scene, geom: int, q: Array, v: Array) -> Floor | None:
     return Floor(geom, angle, float(np.arctan2(-slope[1], -slope[0])), height)
 
 
-def _standing(scene: Scene, geom: int, q: Array, v: Array) -> Array:
+def _standing(
+    scene: Scene, geom: int, q: Float[np.ndarray, "sample dof"], v: Float[np.ndarray, "sample dof"]
+) -> Float[np.ndarray, "point 3"]:
     """Points of the machine near a plane that do not move, (n, 3) [m]."""
     m = reaching(scene.model, _REACH, geom)
     d, jacobian, found = mujoco.MjData(m), np.zeros((3, m.nv)), [np.zeros((0, 3))]

@@ -13,12 +13,11 @@ from functools import lru_cache
 
 import mujoco
 import numpy as np
+from jaxtyping import Float, Int
 from scipy.optimize import least_squares
 
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
-
-Array = np.ndarray
 
 _SIZE, _OFTEN, _SELDOM = 10.0, 0.4, 0.002
 """A residual so many times its usual size is a hit, if that is so neither always nor never."""
@@ -65,11 +64,16 @@ def face(motion: Motion) -> Face | None:
     return _placed(motion, body, push, rows, _some(np.flatnonzero(~hit), _BESIDE))
 
 
-def _some(rows: Array, count: int) -> Array:
+def _some(rows: Int[np.ndarray, " row"], count: int) -> Int[np.ndarray, " some"]:
     return rows[:: max(1, len(rows) // count)]
 
 
-def _pushed(motion: Motion, rows: Array, residual: Array, scale: Array) -> tuple[str, Array]:
+def _pushed(
+    motion: Motion,
+    rows: Int[np.ndarray, " hit"],
+    residual: Float[np.ndarray, "hit dof"],
+    scale: Float[np.ndarray, " dof"],
+) -> tuple[str, Float[np.ndarray, " 3"]]:
     """The body on which forces explain scaled residuals (n, nv) best, and where they push."""
     m, d, jacobian = motion.scene.model, motion.scene.data, np.zeros((3, motion.scene.model.nv))
     found = ("", np.zeros(3))
@@ -94,7 +98,13 @@ def _pushed(motion: Motion, rows: Array, residual: Array, scale: Array) -> tuple
     return found
 
 
-def _placed(motion: Motion, body: str, push: Array, on: Array, off: Array) -> Face | None:
+def _placed(
+    motion: Motion,
+    body: str,
+    push: Float[np.ndarray, " 3"],
+    on: Int[np.ndarray, " hit"],
+    off: Int[np.ndarray, " other"],
+) -> Face | None:
     """The face that the outer links touch in hits and never pass else.
 
     Forces hardly say which way it looks: where on a link it touches decides as much.
@@ -113,7 +123,7 @@ def _placed(motion: Motion, body: str, push: Array, on: Array, off: Array) -> Fa
     return Face((x, y, z), (a, b, c))
 
 
-def _around() -> Array:
+def _around() -> Float[np.ndarray, "way 3"]:
     """Directions all around, spread evenly, (n, 3) (E. B. Saff and A. Kuijlaars, 1997)."""
     k = np.arange(_WAYS)
     z = 1.0 - (2.0 * k + 1.0) / _WAYS
@@ -127,17 +137,17 @@ class _Misfits:
     """How far faces are from being touched in hits (n, nq) and passed in no other pose (k, nq)."""
 
     probe: _Probe
-    on: Array
-    off: Array
+    on: Float[np.ndarray, "hit dof"]
+    off: Float[np.ndarray, "other dof"]
 
-    def of(self, normal: Array, height: float) -> Array:
+    def of(self, normal: Float[np.ndarray, " 3"], height: float) -> Float[np.ndarray, " pose"]:
         """The misfits of a face [mm]."""
         touching = self.probe.heights(normal, self.on) - height
         free = np.minimum(self.probe.heights(normal, self.off) - height, 0.0)
         share = np.sqrt(len(self.on) / len(self.off))
         return np.nan_to_num(np.concatenate([touching, share * free])) / _MILLIMETRE
 
-    def roughly(self, normal: Array) -> tuple[float, float]:
+    def roughly(self, normal: Float[np.ndarray, " 3"]) -> tuple[float, float]:
         """(misfit, height) of the best face that looks that way; endless where nothing touches."""
         on, off = self.probe.heights(normal, self.on), self.probe.heights(normal, self.off)
         heights = on[np.isfinite(on)]
@@ -150,11 +160,13 @@ class _Misfits:
         best = int(np.argmin(misfits))
         return float(misfits[best]), float(heights[best])
 
-    def placed(self, way: Array, height: float) -> tuple[float, Array, float]:
+    def placed(
+        self, way: Float[np.ndarray, " 3"], height: float
+    ) -> tuple[float, Float[np.ndarray, " 3"], float]:
         """(misfit, normal, height) of the best face that looks about that way."""
         side = np.linalg.svd(way[None])[2][1:]
 
-        def turned(x: Array) -> Array:
+        def turned(x: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
             n = way + x[:2] @ side
             return np.asarray(n / np.linalg.norm(n))
 
@@ -185,15 +197,21 @@ class _Probe:
         self._plane = self._m.geom(_FACE).id
         m.geom_sameframe[self._plane] = 0  # it is moved, and no longer where the world's frame is
 
-    def heights(self, normal: Array, q: Array) -> Array:
+    def heights(
+        self, normal: Float[np.ndarray, " 3"], q: Float[np.ndarray, "pose dof"]
+    ) -> Float[np.ndarray, " pose"]:
         """Of the lowest point along a direction at each pose, (n,) [m]."""
         return np.array([height for height, _ in self._lowest(normal, q)])
 
-    def points(self, normal: Array, q: Array) -> Array:
+    def points(
+        self, normal: Float[np.ndarray, " 3"], q: Float[np.ndarray, "pose dof"]
+    ) -> Float[np.ndarray, "pose 3"]:
         """These points, (n, 3) [m]."""
         return np.array([point for _, point in self._lowest(normal, q)])
 
-    def _lowest(self, normal: Array, q: Array) -> list[tuple[float, Array]]:
+    def _lowest(
+        self, normal: Float[np.ndarray, " 3"], q: Float[np.ndarray, "pose dof"]
+    ) -> list[tuple[float, Float[np.ndarray, " 3"]]]:
         m, d, found = self._m, self._d, []
         mujoco.mju_quatZ2Vec(m.geom_quat[self._plane], normal)
         m.geom_pos[self._plane] = -_AWAY * normal

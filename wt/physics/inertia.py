@@ -12,16 +12,17 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 
-Array = np.ndarray
-
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # of the moments of inertia
 
 
-def parameters(mass: float, centre: Array, inertia: Array) -> Array:
+def parameters(
+    mass: float, centre: Float[np.ndarray, " 3"], inertia: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, " 10"]:
     """The ten inertial parameters, (10,).
 
     Args:
@@ -34,7 +35,7 @@ def parameters(mass: float, centre: Array, inertia: Array) -> Array:
     return np.array([mass, *(mass * centre), *moments])
 
 
-def own(scene: Scene, body: str) -> tuple[float, Array, Array]:
+def own(scene: Scene, body: str) -> tuple[float, Float[np.ndarray, " 3"], Float[np.ndarray, "3 3"]]:
     """Mass, centre of mass and inertia about it of a body as the model has them."""
     b = scene.model.body(body)
     rotation = np.empty(9)
@@ -44,7 +45,7 @@ def own(scene: Scene, body: str) -> tuple[float, Array, Array]:
 
 
 @lru_cache(maxsize=64)
-def demand(motion: Motion, body: str) -> Array:
+def demand(motion: Motion, body: str) -> Float[np.ndarray, "sample dof 10"]:
     """Generalised force demanded per unit of each inertial parameter, (T, nv, 10)."""
     spin, turning, lifting, *_ = kinematics(motion)[body]
     axes = np.eye(3)
@@ -60,7 +61,7 @@ def demand(motion: Motion, body: str) -> Array:
 
 
 @lru_cache(maxsize=8)
-def reach(motion: Motion, body: str) -> Array:
+def reach(motion: Motion, body: str) -> Float[np.ndarray, "sample dof 6"]:
     """Generalised force per unit of each force and torque at a body's origin, (T, nv, 6)."""
     moved = kinematics(motion)[body]
     return np.ascontiguousarray(np.concatenate([moved.slide, moved.turn], axis=1).swapaxes(1, 2))
@@ -77,11 +78,11 @@ class Moved(NamedTuple):
         turn: of its rotation, (T, 3, nv).
     """
 
-    spin: Array
-    turning: Array
-    lifting: Array
-    slide: Array
-    turn: Array
+    spin: Float[np.ndarray, "sample 3"]
+    turning: Float[np.ndarray, "sample 3"]
+    lifting: Float[np.ndarray, "sample 3"]
+    slide: Float[np.ndarray, "sample 3 dof"]
+    turn: Float[np.ndarray, "sample 3 dof"]
 
 
 @lru_cache(maxsize=4)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-Array = np.ndarray
+# Arrays are plain ones here, as in all that runs at every physics step: to check shapes would take
+# longer than to compute a force.
 
 
 @dataclass(frozen=True)
@@ -23,12 +24,12 @@ class StepState:
         applied: extra generalised force on each degree of freedom; writable, (n, nv) [N·m].
     """
 
-    t: Array
+    t: np.ndarray
     h: float
-    q: Array
-    v: Array
-    u: Array
-    applied: Array
+    q: np.ndarray
+    v: np.ndarray
+    u: np.ndarray
+    applied: np.ndarray
 
 
 class Live(abc.ABC):

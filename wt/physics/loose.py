@@ -18,11 +18,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.inertia import Moved, kinematics, reach
 from wt.physics.motion import Motion, Segment
 
-Array = np.ndarray
 Centre = tuple[float, float, float]
 """Middle of a load's travel in the body's frame [m]."""
 
@@ -57,9 +57,9 @@ class Path:
         a: mean acceleration around the sample, (T, 3) [m/s²].
     """
 
-    s: Array
-    v: Array
-    a: Array
+    s: Float[np.ndarray, "sample 3"]
+    v: Float[np.ndarray, "sample 3"]
+    a: Float[np.ndarray, "sample 3"]
 
 
 def path_of(motion: Motion, body: str, centre: Centre, law: Law) -> Path:
@@ -85,7 +85,7 @@ def paths(motion: Motion, body: str, loads: Sequence[tuple[Law, Centre]]) -> lis
 
 def _integrated(
     moved: Moved, segment: Segment, loads: Sequence[tuple[Law, Centre]]
-) -> tuple[Array, Array]:
+) -> tuple[Float[np.ndarray, "row load 3"], Float[np.ndarray, "row load 3"]]:
     """Positions and velocities of L loads at the samples of a segment, (n, L, 3) each."""
     parts = max(1, round(segment.dt / _STEP_S))
     h, n = segment.dt / parts, segment.rows.stop - segment.rows.start
@@ -127,7 +127,9 @@ def _integrated(
     return found[0], found[1]
 
 
-def columns(motion: Motion, body: str, centre: Centre, path: Path) -> Array:
+def columns(
+    motion: Motion, body: str, centre: Centre, path: Path
+) -> Float[np.ndarray, "sample dof 4"]:
     """Force of a load on the machine, (T, nv, 4): per kilogram, and per kg·m off its centre.
 
     The latter are the derivatives in the centre, the path staying as it is.
@@ -135,7 +137,9 @@ def columns(motion: Motion, body: str, centre: Centre, path: Path) -> Array:
     return np.asarray(reach(motion.recorded, body) @ wrenches(motion, body, centre, path))
 
 
-def wrenches(motion: Motion, body: str, centre: Centre, path: Path) -> Array:
+def wrenches(
+    motion: Motion, body: str, centre: Centre, path: Path
+) -> Float[np.ndarray, "sample 6 4"]:
     """Force and torque at the origin of the body, in its frame, of each column, (T, 6, 4)."""
     moved, bend = kinematics(motion.recorded)[body], _bend(motion.recorded, body)
     arm = np.array(centre) + path.s
@@ -151,14 +155,14 @@ def wrenches(motion: Motion, body: str, centre: Centre, path: Path) -> Array:
 
 
 @lru_cache(maxsize=8)
-def _bend(motion: Motion, body: str) -> Array:
+def _bend(motion: Motion, body: str) -> Float[np.ndarray, "sample 3 3"]:
     """What turning makes of an arm, as an acceleration, (T, 3, 3) [1/s²]."""
     moved = kinematics(motion)[body]
     spin = _cross(moved.spin)
     return np.asarray(_cross(moved.turning) + spin @ spin)
 
 
-def _cross(vectors: Array) -> Array:
+def _cross(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
     """Matrices of the cross products with vectors, (…, 3) → (…, 3, 3)."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     zero = np.zeros_like(x)

@@ -12,12 +12,11 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from wt.physics.inertia import reach
 from wt.physics.loose import Centre, Law, Path, paths, wrenches
 from wt.physics.motion import Motion
-
-Array = np.ndarray
 
 _BLOCK_S = 0.04
 """Forces are averaged over so much: accelerations are noisy, and impacts short."""
@@ -157,7 +156,9 @@ class _Search:
         found = paths(self._motion, self._body, loads)
         return [self._fitted(*load, path)[0] for load, path in zip(loads, found, strict=True)]
 
-    def _fitted(self, law: Law | None, centre: Centre, path: Path) -> tuple[_Fit, Array]:
+    def _fitted(
+        self, law: Law | None, centre: Centre, path: Path
+    ) -> tuple[_Fit, Float[np.ndarray, "block dof"]]:
         """The best load on a path, and what it leaves of the residual, (B, nv)."""
         design = self._mean(self._free @ wrenches(self._motion, self._body, centre, path))
         flat = (design / self._scale[:, None]).reshape(-1, 4)
@@ -175,14 +176,16 @@ class _Search:
             law, centre, (cx, cy, cz), float(x[0]), share, score if x[0] > 0.0 else np.inf
         ), left
 
-    def _mean(self, signal: Array) -> Array:
+    def _mean(
+        self, signal: Float[np.ndarray, " sample *rest"]
+    ) -> Float[np.ndarray, " block *rest"]:
         """Means over blocks: (T, …) → (B, …)."""
         sums = np.add.reduceat(signal, self._blocks[:-1], axis=0)
         count = np.diff(self._blocks).reshape(-1, *[1] * (signal.ndim - 1))
         return np.asarray(sums / count)
 
 
-def _blocks(motion: Motion) -> Array:
+def _blocks(motion: Motion) -> Int[np.ndarray, " edge"]:
     """First sample of each block, and the end of the last."""
     starts = [
         np.arange(s.rows.start, s.rows.stop, max(1, round(_BLOCK_S / s.dt)))

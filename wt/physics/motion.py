@@ -7,13 +7,12 @@ from functools import cached_property, lru_cache
 
 import mujoco
 import numpy as np
+from jaxtyping import Bool, Float
 from scipy.ndimage import uniform_filter1d
 
 from wt.physics.contact import Touching, touching
 from wt.physics.ground import Floor, floors
 from wt.physics.scene import Drive, Scene
-
-Array = np.ndarray
 
 _BLOW_S, _BLOW = 0.05, 8.0
 """A blow shows so long [s], and makes the residual's change so many times what it usually is."""
@@ -50,11 +49,11 @@ class Motion:
 
     scene: Scene
     segments: tuple[Segment, ...]
-    t: Array
-    q: Array
-    v: Array
-    a: Array
-    held: Array
+    t: Float[np.ndarray, " sample"]
+    q: Float[np.ndarray, "sample dof"]
+    v: Float[np.ndarray, "sample dof"]
+    a: Float[np.ndarray, "sample dof"]
+    held: Float[np.ndarray, "sample actuator"]
 
     def __len__(self) -> int:
         """Number of samples."""
@@ -66,7 +65,7 @@ class Motion:
         return float(np.median([s.dt for s in self.segments]))
 
     @cached_property
-    def u(self) -> Array:
+    def u(self) -> Float[np.ndarray, "sample actuator"]:
         """Mean command over the interval centred on each sample, (T, nu).
 
         A command that is held from sample to sample changes *at* the sample, so the force that
@@ -74,7 +73,7 @@ class Motion:
         """
         return np.stack([self.delayed(i, 0.0) for i in range(self.held.shape[1])], axis=1)
 
-    def delayed(self, actuator: int, delay: float) -> Array:
+    def delayed(self, actuator: int, delay: float) -> Float[np.ndarray, " sample"]:
         """Command of one actuator that arrives late, (T,), averaged as :attr:`u`.
 
         Args:
@@ -94,7 +93,9 @@ class Motion:
             late[s.rows] = (whole + before * u[0]) / s.dt
         return late
 
-    def force(self, drive: Drive, u: Array | None = None) -> Array:
+    def force(
+        self, drive: Drive, u: Float[np.ndarray, " sample"] | None = None
+    ) -> Float[np.ndarray, " sample"]:
         """Force of a drive on its joint, (T,) [N·m].
 
         Args:
@@ -104,13 +105,20 @@ class Motion:
         command = self.u[:, drive.index] if u is None else u
         return drive.force(command, self.q[:, drive.dof], self.v[:, drive.dof])
 
-    def shifted(self, dq: Array, dv: Array | None = None, da: Array | None = None) -> Motion:
+    def shifted(
+        self,
+        dq: Float[np.ndarray, "sample dof"],
+        dv: Float[np.ndarray, "sample dof"] | None = None,
+        da: Float[np.ndarray, "sample dof"] | None = None,
+    ) -> Motion:
         """The same recording with other positions, velocities and accelerations, (T, nv) each."""
         zero = np.zeros_like(self.q)
         v, a = self.v + (zero if dv is None else dv), self.a + (zero if da is None else da)
         return Motion(self.scene, self.segments, self.t, self.q + dq, v, a, self.held)
 
-    def later(self, signal: Array, lead: Array) -> Array:
+    def later(
+        self, signal: Float[np.ndarray, "sample dof"], lead: Float[np.ndarray, "sample dof"]
+    ) -> Float[np.ndarray, "sample dof"]:
         """How a signal (T, nv) changes within ``lead`` [s], (T, nv)."""
         change = np.zeros_like(signal)
         for s in self.segments:
@@ -120,14 +128,16 @@ class Motion:
                 change[s.rows, dof] = np.interp(t + lead[s.rows, dof], t, x) - x
         return change
 
-    def on(self, dof: int, *forces: Array) -> Array:
+    def on(
+        self, dof: int, *forces: Float[np.ndarray, " sample"]
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """Forces (T,) each on one degree of freedom as columns, (T, nv, k)."""
         columns = np.zeros((*self.q.shape, len(forces)))
         columns[:, dof] = np.stack(forces, axis=1)
         return columns
 
     @cached_property
-    def drive_forces(self) -> Array:
+    def drive_forces(self) -> Float[np.ndarray, "sample dof"]:
         """Force of all drives on each degree of freedom, (T, nv) [N·m]."""
         total = np.zeros_like(self.q)
         for drive in self.scene.drives:
@@ -135,12 +145,12 @@ class Motion:
         return total
 
     @cached_property
-    def demand(self) -> Array:
+    def demand(self) -> Float[np.ndarray, "sample dof"]:
         """Force that the model's bodies and passive elements demand for this motion, (T, nv)."""
         return self.inverse(self.scene.model)
 
     @cached_property
-    def residual(self) -> Array:
+    def residual(self) -> Float[np.ndarray, "sample dof"]:
         """Generalised force that acted on the machine and that the model lacks, (T, nv) [N·m].
 
         Inverse dynamics minus the force of the drives; forces of contacts are in it.
@@ -158,12 +168,12 @@ class Motion:
         return floors(self.scene, self.q, self.v)
 
     @cached_property
-    def unexplained(self) -> Array:
+    def unexplained(self) -> Float[np.ndarray, "sample dof"]:
         """The free part of the residual, (T, nv) [N·m]: what no contact may have supplied."""
         return self.touching.free(self.residual)
 
     @cached_property
-    def calm(self) -> Array:
+    def calm(self) -> Bool[np.ndarray, " sample"]:
         """Moments in which no foot lands, (T,) bool: the residual changes no faster than usual.
 
         A blow lasts a sample or two and is many times as large as what else is missing.
@@ -182,7 +192,7 @@ class Motion:
         """The motion before any force was taken out: what moves is the same."""
         return self
 
-    def without(self, force: Array) -> Motion:
+    def without(self, force: Float[np.ndarray, "sample dof"]) -> Motion:
         """The same recording with a known force, (T, nv) [N·m], taken out of the residual."""
         rest = replace(self)
         known = {
@@ -191,7 +201,7 @@ class Motion:
         rest.__dict__.update(known, residual=self.residual - force, recorded=self.recorded)
         return rest
 
-    def inverse(self, model: mujoco.MjModel) -> Array:
+    def inverse(self, model: mujoco.MjModel) -> Float[np.ndarray, "sample dof"]:
         """Inverse dynamics of this motion on a model with the same joints, (T, nv) [N·m].
 
         Actuators, contacts and limits are left out; passive forces count.
@@ -210,7 +220,7 @@ class Motion:
         model.opt.disableflags = flags
         return result
 
-    def change(self, edited: mujoco.MjModel) -> Array:
+    def change(self, edited: mujoco.MjModel) -> Float[np.ndarray, "sample dof"]:
         """Force that an edited model demands beyond the scene's own, (T, nv) [N·m]."""
         return self.inverse(edited) - self.demand
 
@@ -247,12 +257,12 @@ class PointMotion:
         rotation: of the body's frame, (T, 3, 3).
     """
 
-    x: Array
-    velocity: Array
-    jacobian: Array
-    rotation: Array
+    x: Float[np.ndarray, "sample 3"]
+    velocity: Float[np.ndarray, "sample 3"]
+    jacobian: Float[np.ndarray, "sample 3 dof"]
+    rotation: Float[np.ndarray, "sample 3 3"]
 
-    def generalised(self, force: Array) -> Array:
+    def generalised(self, force: Float[np.ndarray, "sample 3"]) -> Float[np.ndarray, "sample dof"]:
         """Generalised force of world-frame forces on the point, (T, nv), from (T, 3) [N]."""
-        result: Array = np.einsum("tij,ti->tj", self.jacobian, force)
+        result: np.ndarray = np.einsum("tij,ti->tj", self.jacobian, force)
         return result

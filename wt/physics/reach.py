@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-
-Array = np.ndarray
+from jaxtyping import Float, Int
 
 
 def reaching(model: mujoco.MjModel, gap: float, geom: int | None = None) -> mujoco.MjModel:
@@ -27,7 +26,11 @@ def reaching(model: mujoco.MjModel, gap: float, geom: int | None = None) -> mujo
     return copy
 
 
-def beside(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> tuple[Array, Array, Array]:
+def beside(
+    model: mujoco.MjModel, data: mujoco.MjData, geom: int
+) -> tuple[
+    Float[np.ndarray, "contact 3"], Int[np.ndarray, " contact"], Float[np.ndarray, " contact"]
+]:
     """What moves and is close to a geom, in the contacts that were found, C of them.
 
     Args:

@@ -1,62 +1,15 @@
-"""The nouns of a replay: what is planted in a model, what drives it, and what its sensors say."""
+"""The nouns of a replay: the piece of a recording, its inputs, and what its sensors say."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
-from wt.physics.effect import Effect
 from wt.physics.motion import Motion, Segment
-from wt.types import Location
-
-Array = np.ndarray
-Key = tuple[str, str, str]
-"""An effect at a place: its id, the place's kind and name."""
-
-
-@dataclass(frozen=True, eq=False)
-class Planted:
-    """An effect at a place with parameters: one part of a hypothesis.
-
-    Attributes:
-        effect: what.
-        at: where.
-        theta: its parameters, (n_theta,).
-    """
-
-    effect: Effect
-    at: Location
-    theta: Array
-
-    def __str__(self) -> str:
-        """As in messages."""
-        return f"{self.effect.id} at {self.at}"
-
-    @property
-    def statement(self) -> str:
-        """One plain sentence with figures."""
-        return self.effect.statement(self.at, self.theta)
-
-    def elsewhere(self, motion: Motion) -> Planted:
-        """The same effect in other recordings: what happens at times happens at theirs."""
-        return replace(self, effect=self.effect.elsewhere(motion, self.at, self.theta))
-
-    @property
-    def key(self) -> Key:
-        """Identity without the parameters."""
-        return (self.effect.id, self.at.kind, self.at.name)
-
-
-Hypothesis = tuple[Planted, ...]
-"""Effects that act together."""
-
-
-def without(hypothesis: Hypothesis, index: int) -> Hypothesis:
-    """All effects but one."""
-    return hypothesis[:index] + hypothesis[index + 1 :]
 
 
 class Hidden(NamedTuple):
@@ -89,10 +42,10 @@ class Stretch:
     """
 
     recording: int
-    t: Array
-    held: Array
-    q0: Array
-    v0: Array
+    t: Float[np.ndarray, " sample"]
+    held: Float[np.ndarray, "sample actuator"]
+    q0: Float[np.ndarray, " dof"]
+    v0: Float[np.ndarray, " dof"]
     segment: Segment | None = None
     motion: Motion | None = None
     shifts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -102,7 +55,7 @@ class Stretch:
         """Median sampling interval [s]."""
         return float(np.median(np.diff(self.t)))
 
-    def commands(self, h: float, steps: int) -> Array:
+    def commands(self, h: float, steps: int) -> Float[np.ndarray, "step actuator"]:
         """Commands of every physics step, (steps, nu): the mean of the held ones around its start.
 
         MuJoCo's semi-implicit step applies a force at once to velocity and position, half a step
@@ -133,12 +86,14 @@ class Inputs:
     """
 
     recording: int
-    t: Array
+    t: Float[np.ndarray, " step"]
     h: float
-    u: Array
-    force: dict[int, Array] = field(default_factory=dict)
+    u: Float[np.ndarray, "step actuator"]
+    force: dict[int, Float[np.ndarray, "step 3"]] = field(default_factory=dict)
 
-    def delayed(self, signal: Array, delay: float) -> Array:
+    def delayed(
+        self, signal: Float[np.ndarray, " step"], delay: float
+    ) -> Float[np.ndarray, " step"]:
         """A held signal (S,) that arrives ``delay`` [s] late; before, its first value."""
         edges = np.arange(len(signal) + 1) * self.h
         integral = np.concatenate([[0.0], np.cumsum(signal)]) * self.h
@@ -146,7 +101,7 @@ class Inputs:
         end = edges[1:] - delay
         before = np.minimum(end, 0.0) - np.minimum(start, 0.0)
         whole = np.interp(end, edges, integral) - np.interp(start, edges, integral)
-        late: Array = (whole + before * signal[0]) / self.h
+        late: np.ndarray = (whole + before * signal[0]) / self.h
         return late
 
 
@@ -162,6 +117,6 @@ class Outputs:
     """
 
     recording: int
-    t: Array
-    q: Array
-    v: Array
+    t: Float[np.ndarray, " sample"]
+    q: Float[np.ndarray, "sample dof"]
+    v: Float[np.ndarray, "sample dof"]

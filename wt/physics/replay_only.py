@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.effect import Effect, Shape
 from wt.physics.motion import Motion
 from wt.types import Location
-
-Array = np.ndarray
 
 
 class ReplayOnly(Effect):
@@ -20,10 +19,14 @@ class ReplayOnly(Effect):
         """None: there is no signature."""
         return []
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """Nothing, (T, nv, 0)."""
         return np.zeros((*motion.q.shape, 0))
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """Nothing: there is no coefficient that would tell."""
         return np.zeros(self.n_theta)

@@ -8,16 +8,16 @@ from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
+from jaxtyping import Float, Int
 from mujoco.batch import Batch
 
 from wt.physics.acting import Acting, acting, is_live
 from wt.physics.live import StepState
+from wt.physics.planted import Planted
 from wt.physics.quiet import quiet
-from wt.physics.replay import Inputs, Outputs, Planted, Stretch
+from wt.physics.replay import Inputs, Outputs, Stretch
+from wt.physics.runner import chosen
 from wt.physics.scene import Scene
-from wt.physics.spread import chosen
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +29,8 @@ class Replays:
         v: joint velocities, (H, N, nv).
     """
 
-    q: Array
-    v: Array
+    q: Float[np.ndarray, "hypothesis sample dof"]
+    v: Float[np.ndarray, "hypothesis sample dof"]
 
 
 class Replayer:
@@ -63,7 +63,7 @@ class Replayer:
     @quiet()  # replays of bad hypotheses explode, and NaN says it
     def part(
         self, hypotheses: Sequence[Sequence[Planted]], stretches: Sequence[int], threads: int
-    ) -> Array:
+    ) -> Float[np.ndarray, "2 hypothesis sample dof"]:
         """Replay some stretches on some hypotheses in this process.
 
         What one replay says does not depend, to the bit, on which others run beside it.
@@ -103,7 +103,7 @@ class Replayer:
         spec = self._spec.copy()
         spec.option.timestep = self.step
         for planted in hypothesis:
-            planted.effect.model(spec, planted.at, planted.theta)
+            planted.model(spec)
         return spec.compile()
 
 
@@ -129,18 +129,18 @@ class _Job:
             stretch.recording, stretch.t[0] + h * np.arange(steps), h, stretch.commands(h, steps)
         )
         for p in hypothesis:
-            p.effect.drive(self.inputs, self.scene, p.at, p.theta)
+            p.drive(self.inputs, self.scene)
         self.live = any(is_live(p.effect) for p in hypothesis)
         self.layout = (*_sizes(self.model), steps, bool(self.inputs.force), self.live)
 
-    def initial(self) -> tuple[Array, Array]:
+    def initial(self) -> tuple[Float[np.ndarray, " joint"], Float[np.ndarray, " joint"]]:
         """Positions and velocities to start from, in the order of the patched model's joints."""
         start = Outputs(
             self.stretch.recording, self.stretch.t[:1], self.stretch.q0[None], self.stretch.v0[None]
         )
         sensed = Outputs(start.recording, start.t, start.q.copy(), start.v.copy())
         for p in self.hypothesis:
-            p.effect.sense(sensed, self.scene, p.at, p.theta)
+            p.sense(sensed, self.scene)
         # what was measured is what the sensors made of it: undo an offset or a scale
         q, v = 2.0 * start.q[0] - sensed.q[0], 2.0 * start.v[0] - sensed.v[0]
         known = {
@@ -149,9 +149,8 @@ class _Job:
         }
         begun = replace(self.stretch, q0=q, v0=v)
         for p in self.hypothesis:
-            followers = p.effect.followers(p.at).items()
-            known |= {name: known[leader] for name, leader in followers}
-            for name, hidden in p.effect.started(p.at, p.theta, begun).items():
+            known |= {name: known[leader] for name, leader in p.followers().items()}
+            for name, hidden in p.started(begun).items():
                 dq, dv = self.stretch.shifts.get(name, (0.0, 0.0))
                 known[name] = (hidden.position + dq, hidden.velocity + dv)
         states = np.array([known[self.model.joint(i).name] for i in range(self.model.njnt)])
@@ -204,7 +203,7 @@ def _simulate(jobs: Sequence[_Job], threads: int) -> list[Outputs]:
         if exploded[row]:
             results[row].q[:], results[row].v[:] = np.nan, np.nan
         for p in job.hypothesis:
-            p.effect.sense(results[row], job.scene, p.at, p.theta)
+            p.sense(results[row], job.scene)
     return results
 
 
@@ -217,12 +216,12 @@ CHUNK = 2000
 def _advance(
     batch: Batch,
     jobs: Sequence[_Job],
-    own: Array,
-    controls: Array,
+    own: Int[np.ndarray, " dof"],
+    controls: Int[np.ndarray, " control"],
     acts: Sequence[Acting],
     start: int,
     stop: int,
-) -> Array:
+) -> Float[np.ndarray, "replay step state"]:
     """Positions and velocities after each of some steps, (n, steps, nq + nv)."""
     spec = mujoco.mjtState
     u = np.stack([job.inputs.u[start:stop] for job in jobs])
@@ -262,7 +261,7 @@ def _advance(
     return states
 
 
-def _wrenches(job: _Job, start: int, stop: int) -> Array:
+def _wrenches(job: _Job, start: int, stop: int) -> Float[np.ndarray, "step wrench"]:
     """World-frame forces and torques on all bodies, (steps, 6 · nbody)."""
     wrenches = np.zeros((stop - start, job.model.nbody, 6))
     for body, force in job.inputs.force.items():
@@ -270,7 +269,7 @@ def _wrenches(job: _Job, start: int, stop: int) -> Array:
     return wrenches.reshape(stop - start, -1)
 
 
-def _control_map(job: _Job) -> Array:
+def _control_map(job: _Job) -> Int[np.ndarray, " control"]:
     """For each control of the patched model the index of the user's actuator it belongs to."""
     return np.array(
         [job.scene.model.actuator(name).id for name in _controlled(job.model)], dtype=int
@@ -285,7 +284,13 @@ def _controlled(model: mujoco.MjModel) -> list[str]:
     ]
 
 
-def _record(results: Outputs, path: Array, at: Array, start: int, stop: int | float) -> None:
+def _record(
+    results: Outputs,
+    path: Float[np.ndarray, "step state"],
+    at: Float[np.ndarray, " sample"],
+    start: int,
+    stop: int | float,
+) -> None:
     """Read the samples inside steps start…stop off a path, (steps + 1, 2 nv).
 
     ``stop`` is infinite for the last piece: a sample may lie a rounding error past the last step.

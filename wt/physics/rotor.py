@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
+from wt.physics.hooks import Stateful
 from wt.physics.replay import Hidden, Stretch
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
 from wt.physics.script import Script
 from wt.types import Location
-
-Array = np.ndarray
 
 ROTOR_SHARE = 0.02
 """Rotor inertia as a share of the joint's, where the model has no armature to take it from."""
@@ -60,7 +60,7 @@ def rotor(joint: str) -> str:
     return f"{joint}_rotor"
 
 
-class GearEffect(ReplayOnly):
+class GearEffect(Stateful, ReplayOnly):
     """Base of effects between motor and link, which only a replay with a rotor can tell."""
 
     kind = "joint"
@@ -73,7 +73,9 @@ class GearEffect(ReplayOnly):
         """The rotor starts at the link's angle where nothing else is known."""
         return {rotor(at.name): at.name}
 
-    def started(self, at: Location, theta: Array, stretch: Stretch) -> Mapping[str, Hidden]:
+    def started(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], stretch: Stretch
+    ) -> Mapping[str, Hidden]:
         """The rotor where its drives and the gear are in balance, as fast as the link."""
         if stretch.motion is None:
             return {}
@@ -84,7 +86,7 @@ class GearEffect(ReplayOnly):
         twist = self.twist(theta, force, max(stiffness, 0.0))
         return {rotor(at.name): Hidden(float(q[0]) + twist, float(v[0]), (0.0, 0.0))}
 
-    def script(self, at: Location, theta: Array) -> Script:
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """The rotor in balance where a simulation begins."""
         start = (
             f'force, stiffness = self._gear(data, "{at.name}")',
@@ -94,11 +96,13 @@ class GearEffect(ReplayOnly):
         return Script(start=start, helpers=("gear",))
 
     @abstractmethod
-    def twist_line(self, theta: Array) -> str:
+    def twist_line(self, theta: Float[np.ndarray, " parameter"]) -> str:
         """:meth:`twist` as an expression in ``force`` and ``stiffness``."""
 
     @abstractmethod
-    def twist(self, theta: Array, force: float, stiffness: float) -> float:
+    def twist(
+        self, theta: Float[np.ndarray, " parameter"], force: float, stiffness: float
+    ) -> float:
         """Angle by which the rotor is ahead of a link at rest [rad].
 
         Args:

@@ -8,12 +8,11 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from jaxtyping import Bool, Float
 
 from wt.errors import ModelError
 from wt.physics import base
 from wt.types import Location
-
-Array = np.ndarray
 
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
@@ -47,11 +46,11 @@ class Drive:
     commands: tuple[float, float] = (-np.inf, np.inf)
     forces: tuple[float, float] = (-np.inf, np.inf)
 
-    def force(self, u: Array, q: Array, v: Array) -> Array:
+    def force(self, u: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Force on the joint [N·m or N] from its command, position and velocity, of one shape."""
         return np.asarray(self.gear * between(self.unclamped(u, q, v), *self.forces))
 
-    def unclamped(self, u: Array, q: Array, v: Array) -> Array:
+    def unclamped(self, u: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """The force before the gear and before its own clamp."""
         constant, stiffness, damping = self.bias
         spring = stiffness * self.gear * q + damping * self.gear * v
@@ -63,7 +62,7 @@ class Drive:
         return self.bias[1] < 0.0
 
 
-def between(x: Array, low: float | Array, high: float | Array) -> Array:
+def between(x: np.ndarray, low: float | np.ndarray, high: float | np.ndarray) -> np.ndarray:
     """``numpy.clip`` without its overhead, which counts at every physics step."""
     return np.minimum(np.maximum(x, low), high)
 
@@ -94,7 +93,7 @@ def drives(m: mujoco.MjModel) -> tuple[Drive, ...]:
     return tuple(found)
 
 
-def _range(limited: bool, ends: Array) -> tuple[float, float]:
+def _range(limited: bool, ends: Float[np.ndarray, " 2"]) -> tuple[float, float]:
     return (float(ends[0]), float(ends[1])) if limited else (-np.inf, np.inf)
 
 
@@ -200,7 +199,7 @@ class Scene:
             if m.body(i).name and m.body_mass[i] > 0.0 and self.carries(i).any()
         )
 
-    def carries(self, body: int) -> Array:
+    def carries(self, body: int) -> Bool[np.ndarray, " dof"]:
         """Which degrees of freedom move a body, (nv,) bool."""
         m = self.model
         moved = np.zeros(m.nv, bool)

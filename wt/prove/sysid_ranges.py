@@ -16,7 +16,7 @@ import numpy as np
 from wt.errors import ConfigError, suggest
 from wt.physics.effect import Effect, effects
 from wt.physics.motion import Motion
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.types import Location
 
 Array = np.ndarray

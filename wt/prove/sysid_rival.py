@@ -31,8 +31,9 @@ from wt.diagnose.selection.holdout import hold, prove
 from wt.errors import WorkError
 from wt.mjcf.edit import patched_xml
 from wt.physics.effect import effects
+from wt.physics.planted import Planted
 from wt.physics.quiet import quiet
-from wt.physics.replay import Planted, Stretch
+from wt.physics.replay import Stretch
 from wt.physics.scene import Scene
 from wt.prove.sysid_ranges import Free, Freed, all_freed, planted
 

@@ -6,11 +6,12 @@ from unittest.mock import Mock
 
 import numpy as np
 
-from wt.diagnose.likelihood.estimate import LAW, Estimated, _named, least_certain, least_spread
+from wt.diagnose.likelihood.estimate import Estimated, _named, least_certain, least_spread
 from wt.diagnose.likelihood.objective import Assessed
 from wt.diagnose.result import Estimate
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.types import Location
 
 J = Location("joint", "j")
@@ -73,7 +74,10 @@ def planted(name: str, *theta: float) -> Planted:
 
 
 def test_no_interval_is_narrower_than_machines_follow_the_law() -> None:
-    strength, share = least_spread((planted("joint.friction_coulomb", 10.0),)), LAW * 10.0
+    strength, share = (
+        least_spread((planted("joint.friction_coulomb", 10.0),)),
+        THRESHOLDS.law_strength * 10.0,
+    )
     assert share < strength[0] < 1.01 * share
     gain = least_spread((planted("actuator.gain", 0.5),))  # a factor is measured from one
     assert gain == effects()["actuator.gain"].parameters[0].step

@@ -21,7 +21,7 @@ from wt.diagnose.residual.screen import Screen
 from wt.diagnose.result import MeasuredForce, SensorError
 from wt.diagnose.selection.holdout import hold
 from wt.physics.effect import effects
-from wt.physics.replay import Hypothesis, Planted
+from wt.physics.planted import Hypothesis, Planted
 from wt.physics.scene import Scene
 from wt.types import Location, Recording
 

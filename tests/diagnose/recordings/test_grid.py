@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wt.diagnose.recordings.grid import COARSE, coarse_steps, located
+from wt.diagnose.recordings.grid import coarse_steps, located
 from wt.diagnose.recordings.samples import Part
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.types import Recording
 
 
@@ -33,7 +34,7 @@ def test_steps_are_read_off(step: float, offset: float) -> None:
     assert place.at == found.at and place.share == 1.0
 
 
-@pytest.mark.parametrize("step", [0.0, 2.0 * np.pi / 4096, 0.99 * COARSE])
+@pytest.mark.parametrize("step", [0.0, 2.0 * np.pi / 4096, 0.99 * THRESHOLDS.encoder_step])
 def test_what_any_encoder_has_is_no_finding(step: float) -> None:
     assert coarse_steps([swing(step, 0)], [swing(step, 1)], ["j"]) == ()
 

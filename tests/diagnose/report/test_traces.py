@@ -12,7 +12,7 @@ from wt.diagnose.recordings.prepare import prepare
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.report.traces import traces
 from wt.physics.effect import effects
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.physics.scene import Scene
 from wt.types import Location, Recording
 

@@ -12,7 +12,7 @@ from tests.physics.arm import ARM, motion, scene, simulate
 from wt.diagnose.likelihood.tolerances import nuisances
 from wt.diagnose.residual.signature import elsewhere, force
 from wt.physics.effect import effects
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.types import Location
 
 J1, B2 = Location("joint", "j1"), Location("body", "b2")

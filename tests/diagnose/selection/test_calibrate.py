@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from tests.physics.arm import scene
-from wt.diagnose.likelihood.tolerances import BOX, nuisances
+from wt.diagnose.likelihood.tolerances import nuisances
 from wt.diagnose.selection.naming import comments
+from wt.diagnose.thresholds import THRESHOLDS
 
 
 def test_a_model_is_corrected_by_what_it_can_hold(tmp_path: Path) -> None:
@@ -23,7 +24,7 @@ def test_no_correction_makes_a_rotor_lighter_than_nothing(tmp_path: Path) -> Non
     for n in nuisances(machine):
         if n.planted.effect.id == "joint.armature":
             own = machine.model.dof_armature[machine.dof(n.planted.at.name)]
-            assert own + n.scaled(-BOX).theta[0] >= 0.0
+            assert own + n.scaled(-THRESHOLDS.tolerance_box).theta[0] >= 0.0
 
 
 def test_a_correction_is_said_to_be_no_finding(tmp_path: Path) -> None:

@@ -14,7 +14,6 @@ from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import stretches_of
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.holdout import (
-    WORTH,
     Gain,
     Holdout,
     gain_of,
@@ -23,8 +22,9 @@ from wt.diagnose.selection.holdout import (
     left_in_turn,
     where_mute,
 )
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.physics.scene import Scene
 from wt.types import Location
 
@@ -51,8 +51,8 @@ def test_what_is_there_passes_and_what_is_not_does_not(tmp_path: Path, recording
     now = some.reference((ROTOR, RUBS))
     real, imagined = (left_in_turn(some, now.hypothesis, i) for i in range(2))
     assert real.p_value < 1e-3
-    assert real.share > 3 * WORTH
-    assert imagined.share < 0.3 * WORTH
+    assert real.share > 3 * THRESHOLDS.in_turn_share
+    assert imagined.share < 0.3 * THRESHOLDS.in_turn_share
 
 
 def test_a_single_effect_is_compared_with_none(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.locate import locate
 from wt.physics.effect import effects
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.physics.scene import Scene
 from wt.types import Location, Recording
 

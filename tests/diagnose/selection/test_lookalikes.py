@@ -17,7 +17,7 @@ from wt.diagnose.selection.candidates import ALIKE, alike, near
 from wt.diagnose.selection.search import Accepted
 from wt.physics.effect import effects
 from wt.physics.motion import Motion
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.physics.scene import Scene
 from wt.types import Location
 

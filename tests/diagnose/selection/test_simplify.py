@@ -10,7 +10,7 @@ from wt.diagnose.likelihood.estimate import estimate
 from wt.diagnose.selection.alternatives import simplified
 from wt.diagnose.selection.search import Accepted
 from wt.physics.effect import effects
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.types import Location
 
 J2 = Location("joint", "j2")

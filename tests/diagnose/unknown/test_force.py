@@ -8,14 +8,15 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from tests.diagnose.hidden_forces import STEP, World, on_joint, world
-from wt.diagnose.selection.naming import DOUBTFUL, rivals_nonparametric
+from wt.diagnose.selection.naming import rivals_nonparametric
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.choice import choose
 from wt.diagnose.unknown.fit import Data
 from wt.diagnose.unknown.force import find
 from wt.diagnose.unknown.law import Atom, Law
 from wt.diagnose.unknown.onnx import to_onnx
 from wt.physics.effect import effects
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.types import Location
 
 J2, J1 = Location("joint", "j2"), Location("joint", "j1")
@@ -152,7 +153,7 @@ def closed_form(q: np.ndarray, v: np.ndarray) -> np.ndarray:
 def test_onnx_agrees_with_python_and_closed_form() -> None:
     rng = np.random.default_rng(0)
     x = rng.uniform(LAW.low, LAW.high, (500, 3)).astype(np.float32).astype(float)
-    got = infer(to_onnx(LAW), dict(zip(LAW.columns, x.T, strict=True)))
+    got = infer(to_onnx({"force": LAW}), dict(zip(LAW.columns, x.T, strict=True)))
     assert got.shape == (500, 1)
     np.testing.assert_allclose(got[:, 0], LAW.force(x), atol=1e-5)
     np.testing.assert_allclose(LAW.force(x), closed_form(x[:, 0], x[:, 1]), atol=1e-12)
@@ -165,7 +166,7 @@ def test_force_ends_outside_of_what_was_seen() -> None:
     # half of the margin of a quarter of the range: half of the force
     np.testing.assert_allclose(force, [edge, 0.5 * edge, 0.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(
-        infer(to_onnx(LAW), dict(zip(LAW.columns, x.T, strict=True)))[:, 0], force, atol=1e-5
+        infer(to_onnx({"force": LAW}), dict(zip(LAW.columns, x.T, strict=True)))[:, 0], force, atol=1e-5
     )
 
 
@@ -183,7 +184,7 @@ def test_a_true_name_is_kept(worlds: Callable[[str], World]) -> None:
     hypothesis = (planted("joint.friction_coulomb", [0.5]),)
     rivalry = rivals_nonparametric(worlds("dry").screen, hypothesis, 0)
     assert rivalry is not None
-    assert rivalry.ratio > DOUBTFUL
+    assert rivalry.ratio > THRESHOLDS.doubtful
     assert rivalry.r2 > 0.95
 
 
@@ -199,7 +200,7 @@ def test_a_wrong_name_is_given_up(
 ) -> None:
     rivalry = rivals_nonparametric(worlds(name).screen, (planted(effect, theta),), 0)
     assert rivalry is not None
-    assert rivalry.ratio < 0.5 * DOUBTFUL
+    assert rivalry.ratio < 0.5 * THRESHOLDS.doubtful
     assert rivalry.nats > 50.0
     assert "qpos/j2" in rivalry.depends_on
 

@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from wt.physics.replay import Planted, Stretch
+from wt.physics.planted import Planted
+from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 
 Array = np.ndarray
@@ -133,7 +134,7 @@ def hidden(hypothesis: Sequence[Planted], stretch: Stretch) -> dict[str, tuple[f
     """Deviations of the initial states of joints that a hypothesis adds, where there are any."""
     found: dict[str, tuple[float, float]] = {}
     for p in hypothesis:
-        started = p.effect.started(p.at, p.theta, stretch)
+        started = p.started(stretch)
         found |= {name: state.unsure for name, state in started.items() if any(state.unsure)}
     return found
 

@@ -7,32 +7,24 @@ from collections.abc import Sequence
 import numpy as np
 
 from wt.diagnose.likelihood.objective import Assessed, Objective
-from wt.physics.replay import Hypothesis
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.planted import Hypothesis
 
 Array = np.ndarray
-
-MIN_NATS = 12.0
-"""Log-likelihood an effect must gain after the price of its parameters."""
-MIN_DROP = 0.15
-"""… and the share of some joint's mean square error that it must remove."""
-
-CLEAN = 3.0
-"""Replays within so many times the smallest error leave nothing to explain."""
-
-MISMATCH = 0.01
-"""Share of a joint's motion that replays must err by before it is called unexplained."""
 
 
 def erring_joints(objective: Objective, assessed: Assessed) -> list[int]:
     """Degrees of freedom whose replays err by more than noise and imperfect laws."""
-    return [int(d) for d in np.flatnonzero(np.sqrt(assessed.mse) > CLEAN * objective.floor)]
+    return [
+        int(d) for d in np.flatnonzero(np.sqrt(assessed.mse) > THRESHOLDS.clean * objective.floor)
+    ]
 
 
 def erring(assessed: Assessed, objective: Objective) -> dict[str, float]:
     """Joints whose replays err by much, with their shares of it."""
     # a very quiet sensor sees what any rig is off by: that alone is no mismatch
     left, moved = np.sqrt(assessed.mse), np.nanstd(objective.measured, axis=0)
-    large = (left > CLEAN * objective.floor) & (left > MISMATCH * moved)
+    large = (left > THRESHOLDS.clean * objective.floor) & (left > THRESHOLDS.mismatch * moved)
     size = np.where(large, (left / objective.noise) ** 2, 0.0)
     names = objective.scene.joints
     return {names[j]: float(size[j] / size.sum()) for j in np.flatnonzero(large)}
@@ -46,12 +38,12 @@ def room(objective: Objective, now: Assessed) -> float:
 def improvable(objective: Objective, now: Assessed) -> list[int]:
     """Degrees of freedom of whose error an addition could remove the share that it must."""
     drop = 1.0 - objective.floor**2 / now.mse
-    return [int(d) for d in np.flatnonzero(drop > MIN_DROP)]
+    return [int(d) for d in np.flatnonzero(drop > THRESHOLDS.min_drop)]
 
 
 def exhausted(objective: Objective, now: Assessed) -> bool:
     """Whether no addition could earn its place: even one that leaves the smallest error."""
-    return room(objective, now) < MIN_NATS or not improvable(objective, now)
+    return room(objective, now) < THRESHOLDS.min_nats or not improvable(objective, now)
 
 
 def simplest(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> Assessed:
@@ -61,7 +53,7 @@ def simplest(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> A
     better; it has to earn its further parameters as any effect has.
     """
     top = worth(objective, fits[0], now)
-    close = [f for f in fits if worth(objective, f, now) > top - MIN_NATS]
+    close = [f for f in fits if worth(objective, f, now) > top - THRESHOLDS.min_nats]
     # none is close where even the best exploded
     return min(close, key=lambda fit: size(fit.hypothesis)) if close else fits[0]
 
@@ -88,4 +80,6 @@ def worth(objective: Objective, fit: Assessed, now: Assessed) -> float:
 def earns(objective: Objective, fit: Assessed, now: Assessed) -> bool:
     """Whether a hypothesis earns its place in place of the present one."""
     drop = 1.0 - fit.mse / now.mse
-    return worth(objective, fit, now) > MIN_NATS and bool((drop > MIN_DROP).any())
+    return worth(objective, fit, now) > THRESHOLDS.min_nats and bool(
+        (drop > THRESHOLDS.min_drop).any()
+    )

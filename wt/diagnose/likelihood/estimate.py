@@ -4,7 +4,7 @@ The covariance is a sandwich over blocks longer than the errors' memory (H. Whit
 Andrews, 1991): it holds although neighbouring errors resemble each other and the model is not
 exact. The nuisances enter with their prior spread, so that what they could explain widens the
 intervals of what they are confused with. What no data of one kind of motion can show is that a
-machine follows a law of a library only roughly: :data:`LAW` is added for it.
+machine follows a law of a library only roughly: ``thresholds.law_strength`` is added for it.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import bounds, jacobian, pack, refine, steps
 from wt.diagnose.likelihood.tolerances import boxes
 from wt.diagnose.result import Estimate
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Parameter
-from wt.physics.replay import Hypothesis, Planted
+from wt.physics.planted import Hypothesis, Planted
 
 Array = np.ndarray
 
@@ -29,8 +30,6 @@ _NEAR = 0.02
 """Nuisances linearised within this share of the parameters are not linearised again."""
 _HOLDING = ("body.mass", "actuator.gain")
 """Errors of any rig that say how high a machine on soft legs stands."""
-LAW = 0.01
-"""Share of a strength to which a machine follows a law at best: half of the interval."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +137,7 @@ def least_spread(hypothesis: Hypothesis) -> Array:
         for p in planted.effect.parameters:
             size = float(np.linalg.norm(planted.theta[offset : offset + p.size]))
             offset += p.size
-            usual = LAW if p.lower >= 0.0 and p.unit != "-" else 0.0
+            usual = THRESHOLDS.law_strength if p.lower >= 0.0 and p.unit != "-" else 0.0
             found += [float(np.hypot(p.step, (p.inexact or usual) * size))] * p.size
     return np.array(found)
 
@@ -201,7 +200,7 @@ def _named(planted: Planted, low: Array, high: Array) -> dict[str, Estimate]:
             (_plain(ends[0], bool(p.axes)), _plain(ends[1], bool(p.axes))),
             warning,
         )
-    for name, (unit, values) in planted.effect.observed().items():
+    for name, (unit, values) in planted.observed().items():
         found[name] = Estimate(values, unit, (values, values))
     return found
 

@@ -27,7 +27,9 @@ from wt.diagnose.likelihood.replays import Extrapolated, Nearby
 from wt.diagnose.likelihood.tolerances import Nuisance, boxes, nuisances
 from wt.diagnose.likelihood.weights import Channels
 from wt.diagnose.recordings.smooth import Smoothed
-from wt.physics.replay import Hypothesis, Stretch
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.planted import Hypothesis
+from wt.physics.replay import Stretch
 
 Array = np.ndarray
 
@@ -59,15 +61,10 @@ class Assessed:
         return np.asarray(np.exp(np.log(self.variance).mean(axis=0)))
 
 
-INDEPENDENT_PER_SECOND = 10.0
-"""Errors of replays remember; this many samples a second count as new."""
 _RELINEARISED, _LINEAR = 4, 0.3
 """Most linearisations around a hypothesis; error of the linear part that is let be, in noise."""
 _ALIKE = 4  # replays that tell how rough they are
 _WORTHWHILE = 0.05  # deviations: a smaller correction is not worth a change of the model
-LAW = 0.005
-"""Share of what the model as given errs by that is left even by the right law: real friction,
-say, is not quite the law's, and an error this small is no sign of anything else."""
 BURN_IN_S = 0.25
 """Start of a long stretch that is not scored: hidden states (gears, buffers) settle [s]."""
 
@@ -78,7 +75,7 @@ class Objective:
     Attributes:
         motion, scene: the recordings, smoothed, and their machine.
         channels: how much each sample counts. The smallest error of a joint is noise, and what
-            laws are apart from machines (:data:`LAW`).
+            laws are apart from machines (``thresholds.law_error``).
     """
 
     def __init__(
@@ -115,7 +112,9 @@ class Objective:
         )
         self._replays = Extrapolated(self.scene, self.stretches, step)
         seconds = sum(s.t[-1] - s.t[0] for s in self.stretches)
-        count = np.minimum(seconds * INDEPENDENT_PER_SECOND * valid.mean(axis=0), valid.sum(axis=0))
+        count = np.minimum(
+            seconds * THRESHOLDS.independent_hz * valid.mean(axis=0), valid.sum(axis=0)
+        )
         parts = self._rows if self.scene.free else (slice(None),)
         self.channels = Channels(valid, parts, count, np.tile(self.noise, (len(parts), 1)))
         self.some: tuple[Nuisance, ...] = nuisances(self.scene)
@@ -127,7 +126,7 @@ class Objective:
         none = np.zeros((*self.measured.T.shape, len(self.some)))
         self._around = Adaptable(none, np.zeros(len(self.some)), parts)
         self._reference: Assessed | None = None
-        law = LAW * np.nan_to_num(self.channels.rms(self._raw([()])[0]))
+        law = THRESHOLDS.law_error * np.nan_to_num(self.channels.rms(self._raw([()])[0]))
         self.channels = replace(self.channels, floors=np.hypot(self.channels.floors, law))
         self._measured_rough = not floating  # how rough replays are is measured at first use
 

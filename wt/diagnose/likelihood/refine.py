@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wt.diagnose.likelihood.objective import Assessed, Objective
-from wt.physics.replay import Hypothesis, Planted
+from wt.physics.planted import Hypothesis, Planted
 
 Array = np.ndarray
 
@@ -118,17 +118,14 @@ def _step(objective: Objective, climbs: Sequence[_Climb]) -> list[_Climb]:
     centres: list[Array] = []
     for climb, slope in zip(climbs, jacobians, strict=True):
         free = [climb.now.hypothesis[i] for i in climb.free]
-        reach = [p.effect.reach(p.theta) for p in free]
+        reach = [p.reach() for p in free]
         lower, upper = (np.concatenate(ends) for ends in zip(*reach, strict=True))
         hold = np.array([q.hold for p in free for q in p.effect.parameters for _ in range(q.size)])
         for factor in _TRIALS:
             damping = climb.damping * factor
             nuisance, step = objective.solve(climb.now, slope, lower, upper, damping, hold)
             ends = np.cumsum([p.effect.n_theta for p in free])[:-1]
-            moved = [
-                p.effect.moved(p.theta, own)
-                for p, own in zip(free, np.split(step, ends), strict=True)
-            ]
+            moved = [p.moved(own) for p, own in zip(free, np.split(step, ends), strict=True)]
             trials.append(unpack(climb.now.hypothesis, climb.free, np.concatenate(moved)))
             centres.append(nuisance)
     assessed = objective.evaluate(trials, centres)

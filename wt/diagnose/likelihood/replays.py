@@ -14,7 +14,8 @@ import numpy as np
 
 from wt.diagnose.likelihood.adapt import responses
 from wt.diagnose.likelihood.tolerances import Nuisance
-from wt.physics.replay import Key, Planted, Stretch
+from wt.physics.planted import Key, Planted
+from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
 

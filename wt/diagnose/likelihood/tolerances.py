@@ -12,16 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Effect, effects
 from wt.physics.motion import Motion
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.physics.scene import Scene
 from wt.types import Location
 
 Array = np.ndarray
 
-BOX = 2.5
-"""Largest nuisance, in standard deviations."""
 _MASS, _DAMPING, _GAIN, _DELAY, _ARMATURE, _CLOCK = 0.02, 0.10, 0.01, 4e-4, 0.03, 1e-3
 _LATE = ("actuator.delay", "sensor.delay")
 
@@ -88,7 +87,7 @@ def boxes(some: Sequence[Nuisance], hypothesis: Sequence[Planted]) -> Array:
     """Largest error of each beside a hypothesis, (n,) [deviations]: 0 where that settles it."""
     settled = {(name, p.at) for p in hypothesis for name in p.effect.settles}
     beside = [(n.planted.effect.id, n.planted.at) not in settled for n in some]
-    return BOX * np.array(beside, dtype=float)
+    return THRESHOLDS.tolerance_box * np.array(beside, dtype=float)
 
 
 def _neutral(effect: Effect) -> float:

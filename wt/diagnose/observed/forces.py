@@ -17,18 +17,13 @@ from wt.diagnose.recordings.samples import Part, stamps
 from wt.diagnose.residual.screen import Screen, leftover
 from wt.diagnose.result import Measured, MeasuredForce, Side
 from wt.diagnose.selection.holdout import Holdout
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.motion import Motion
-from wt.physics.replay import Hypothesis
+from wt.physics.planted import Hypothesis
 from wt.physics.scene import Drive
 
 Array = np.ndarray
 
-NOISY = 2.0
-"""A difference counts from so many times its noise …"""
-LAW, DEMAND = 0.03, 0.05
-"""… and this share of the drive's force, or of what the motion demands: rigs are off by that."""
-MUCH_LESS = 0.25
-"""One of the three forces is small beside the others below this share of the largest."""
 _LEAST_ROWS = 50
 
 
@@ -122,10 +117,11 @@ def _compared(
     scatter = off[1:-1] - 0.5 * (off[2:] + off[:-2])
     noise = 1.4826 * float(np.nanmedian(np.abs(scatter))) / np.sqrt(1.5) * _averaging(screen)
     sizes = [_rms(x[known]) for x in (off_law, lacking - off_law, lacking)]
-    floor = NOISY * float(screen.floor[dof])
+    floor = THRESHOLDS.measured_noise * float(screen.floor[dof])
     allowed = [
-        NOISY * noise + LAW * _rms(screen.weak(motion.force(drive))[known]),
-        floor + DEMAND * _rms(screen.weak(motion.demand[:, dof])[known]),
+        THRESHOLDS.measured_noise * noise
+        + THRESHOLDS.measured_law * _rms(screen.weak(motion.force(drive))[known]),
+        floor + THRESHOLDS.measured_demand * _rms(screen.weak(motion.demand[:, dof])[known]),
     ]
     missing = _rms(left[known, dof]) > floor
     scene, m = motion.scene, motion.scene.model
@@ -177,7 +173,7 @@ def _side(sizes: Sequence[float], allowed: Sequence[float], missing: bool) -> Si
         missing: whether the third is more than any rig is off by.
     """
     off_law, off_motion = (x > most for x, most in zip(sizes[:2], allowed, strict=True))
-    little = [x < MUCH_LESS * max(sizes) for x in sizes]
+    little = [x < THRESHOLDS.measured_small * max(sizes) for x in sizes]
     if off_law and off_motion and (little[2] or not missing):
         return "measurement"
     if not missing or not (off_law or off_motion):

@@ -17,8 +17,9 @@ from wt.diagnose.recordings.samples import Part, stamps
 from wt.diagnose.result import SensorError
 from wt.diagnose.selection.holdout import Holdout
 from wt.physics.acting import is_live
-from wt.physics.effect import Effect
-from wt.physics.replay import Hypothesis, Inputs, Outputs, Planted, Stretch
+from wt.physics.hooks import OnOutputs
+from wt.physics.planted import Hypothesis, Planted
+from wt.physics.replay import Inputs, Outputs, Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
 
@@ -180,7 +181,7 @@ def predicted(
     replayer = Replayer(scene, [_beside(s, step) for s in held.stretches], step)
     told = replayer.run([hypothesis])
     path, reported = told, (told.q[0], told.v[0])
-    sensing = [p for p in hypothesis if type(p.effect).sense is not Effect.sense]
+    sensing = [p for p in hypothesis if isinstance(p.effect, OnOutputs)]
     if sensing:
         # what only the joints' encoders say moves no other sensor
         bodily = tuple(p for p in hypothesis if p not in sensing)
@@ -273,7 +274,7 @@ def _true_start(scene: Scene, s: Stretch, sensing: Sequence[Planted]) -> Stretch
     """A stretch that starts where the machine was, and not where its encoders said."""
     said = Outputs(s.recording, s.t[:1], s.q0[None].copy(), s.v0[None].copy())
     for p in sensing:
-        p.effect.sense(said, scene, p.at, p.theta)
+        p.sense(said, scene)
     return replace(s, q0=2.0 * s.q0 - said.q[0], v0=2.0 * s.v0 - said.v[0])
 
 
@@ -312,7 +313,7 @@ class _States:
         t = s.t[0] + self.step * np.arange(steps)
         inputs = Inputs(s.recording, t, self.step, s.commands(self.step, steps))
         for p in self.hypothesis:
-            p.effect.drive(inputs, self.scene, p.at, p.theta)
+            p.drive(inputs, self.scene)
         self.exact &= not inputs.force
         at = np.round((s.t - s.t[0]) / self.step).astype(int)
         return inputs.u[np.maximum(at - 1, 0)], inputs.u[np.minimum(at + 1, steps - 1)]

@@ -27,14 +27,13 @@ from mujoco.batch import Batch
 from wt.diagnose.recordings.prepare import Prepared
 from wt.diagnose.result import ChannelLeft, Distance, Interval, Located, Translated
 from wt.diagnose.selection.condition import merged, standing_out
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.errors import ModelError, RecordingError
 from wt.physics.scene import Scene
 from wt.types import Channel, Recording
 
 Array = np.ndarray
 
-STANDS_OUT = 2.5
-"""Times the usual distance of z from ẑ, from which something hidden acted."""
 _LEAST = 25
 """Control steps below which nothing is usual."""
 _MOST = 0.5
@@ -170,7 +169,7 @@ def _steps(
 def _events(distance: Distance) -> list[Interval]:
     """When it stands out; nothing if that is most of the time."""
     t = distance.t
-    spans = merged(standing_out(t, distance.size, STANDS_OUT))
+    spans = merged(standing_out(t, distance.size, THRESHOLDS.feature_stands_out))
     if sum(end - start for start, end in spans) > _MOST * (t[-1] - t[0]):
         return []
     return [Interval(distance.name, max(start, 0.0), end) for start, end in spans]

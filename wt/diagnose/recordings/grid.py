@@ -1,6 +1,7 @@
 """Coarse encoders: read off the recorded values, which lie on a grid.
 
-Every encoder has steps. Those finer than :data:`COARSE` are what any robot has and no finding.
+Every encoder has steps. Those finer than ``thresholds.encoder_step`` are what any robot has,
+and no finding.
 """
 
 from __future__ import annotations
@@ -11,13 +12,12 @@ import numpy as np
 
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.result import Estimate, Finding, Located
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
 from wt.types import Location
 
 Array = np.ndarray
 
-COARSE = 2.0 * np.pi / 2000.0
-"""Steps of an encoder with 2048 counts a turn are the finest that are worth a finding [rad]."""
 _FEWEST = 8  # values on the grid, or nothing moved enough to tell
 _OFF = 0.02  # of a step: what rounding in a file may move a value by
 
@@ -36,7 +36,12 @@ def coarse_steps(
     for joint in joints:
         values = [_values(parts, joint) for parts in (fitted, held)]
         step = _step(values[0])
-        if step is None or step < COARSE or len(values[1]) < _FEWEST or _off(values[1], step):
+        if (
+            step is None
+            or step < THRESHOLDS.encoder_step
+            or len(values[1]) < _FEWEST
+            or _off(values[1], step)
+        ):
             continue
         # by chance, a value lies so near to a grid line with this probability
         chance = min(1.0, (2.0 * _OFF) ** (len(np.unique(values[1])) - 2))

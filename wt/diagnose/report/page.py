@@ -13,10 +13,11 @@ from pathlib import PurePath
 
 import numpy as np
 
-from wt.diagnose.observed.translation import STANDS_OUT, sentences
+from wt.diagnose.observed.translation import sentences
 from wt.diagnose.report import charts, text
 from wt.diagnose.report.drawing import SHADES
 from wt.diagnose.result import Diagnosis, Error, Finding, Translated
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.show.charts import Axes, Series, chart
 from wt.show.page import bar, escaped, items, section, table, template
 
@@ -381,7 +382,11 @@ def _chart(d: Diagnosis, found: Translated, index: int) -> str:
         alt=f"How far features are from the expected ones, over time in {name}",
         spans=spans,
     )
-    shown = "; shaded where it stands out" if spans else f", below {STANDS_OUT:g} on average"
+    shown = (
+        "; shaded where it stands out"
+        if spans
+        else f", below {THRESHOLDS.feature_stands_out:g} on average"
+    )
     drawn = chart([Series("before", distance.t, distance.size)], axes)
     caption = escaped(f"{name}: distance from the feature that translation expects{shown}.")
     return f"<figure>{drawn}<figcaption>{caption}</figcaption></figure>"

@@ -11,7 +11,7 @@ from wt.diagnose.recordings.smooth import Smoothed
 from wt.diagnose.recordings.stretches import cut
 from wt.diagnose.residual.signature import elsewhere, reduced
 from wt.diagnose.result import Trace
-from wt.physics.replay import Hypothesis
+from wt.physics.planted import Hypothesis
 from wt.physics.rollout import Replayer
 
 Array = np.ndarray

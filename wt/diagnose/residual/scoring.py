@@ -13,9 +13,11 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from wt.diagnose.likelihood.tolerances import BOX, Nuisance, boxes
+from wt.diagnose.likelihood.tolerances import Nuisance, boxes
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Effect, Shape
-from wt.physics.replay import Planted
+from wt.physics.hooks import shaped
+from wt.physics.planted import Planted
 from wt.types import Location
 
 Array = np.ndarray
@@ -93,7 +95,7 @@ class Block:
 
     def planted(self, coefficients: Array) -> Planted:
         """The effect with the parameters that belong to coefficients."""
-        effect = self.effect.shaped(self.shape)
+        effect = shaped(self.effect, self.shape)
         theta = np.nan_to_num(effect.theta(coefficients, self.shape))
         return Planted(effect, self.at, np.clip(theta, *effect.bounds()))
 
@@ -224,7 +226,7 @@ def _clamped(gram: Array, right: Array, low: Array, high: Array) -> Array:
 def boxed(columns: Array, screen: WeakResidual) -> Array:
     """Bounds of columns of which the last are the nuisances: their box, and none for the rest."""
     bound = np.full(columns.shape[2], np.inf)
-    bound[columns.shape[2] - screen.nuisance.shape[2] :] = BOX
+    bound[columns.shape[2] - screen.nuisance.shape[2] :] = THRESHOLDS.tolerance_box
     return bound
 
 

@@ -20,15 +20,15 @@ from wt.diagnose.likelihood.tolerances import forces, nuisances
 from wt.diagnose.recordings.smooth import Smoothed, resmooth
 from wt.diagnose.residual.scoring import STRIDE, WINDOW, Base, Block, bounded, boxed
 from wt.diagnose.residual.signature import reduced, signature
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Effect, Shape, effects
+from wt.physics.hooks import FromRecordings, around, n_fitted
 from wt.physics.motion import Motion
-from wt.physics.replay import Hypothesis, Planted
+from wt.physics.planted import Hypothesis, Planted
 from wt.types import Location
 
 Array = np.ndarray
 
-SLOW = 0.05
-"""Below this speed [rad/s] presliding decides friction, and a row is left out."""
 REFINED = 20
 """So many of the best hypotheses get their shapes polished."""
 RELINEARISED = 12
@@ -165,7 +165,7 @@ class Screen:
     def _blocks(self, effect: Effect, at: Location, rest: Motion) -> list[Block]:
         """Signatures of an effect, those that read the residual from what is left of it."""
         key = (effect.id, at)
-        if effect.reads_residual:
+        if isinstance(effect, FromRecordings) and effect.reads_residual:
             return [self._block(effect, at, s, rest) for s in effect.shapes(rest, at)]
         if key not in self._cache:
             shapes = effect.shapes(self.motion, at)
@@ -188,9 +188,9 @@ class Screen:
     def _polished(self, base: Base, scored: Scored) -> Scored:
         """A hypothesis with its shape improved: by Nelder-Mead, or where it is linear only."""
         effect, at = scored.planted.effect, scored.planted.at
-        if effect.around(scored.planted.theta) is not None:
+        if around(effect, scored.planted.theta) is not None:
             return self._relinearised(base, scored)
-        fitted = max(len(scored.shape) - effect.read_off, 0)
+        fitted = n_fitted(effect, scored.shape)
         shape = np.array(scored.shape[:fitted])
         if not shape.size or not (shape > 0.0).all():
             return scored
@@ -218,7 +218,7 @@ class Screen:
         best = _scored(base, self._block(effect, at, shape).alone)
         for _ in range(RELINEARISED):
             nearby = _scored(base, self._block(effect, at, best.shape))
-            here, there = np.array(best.shape), effect.around(nearby.planted.theta)
+            here, there = np.array(best.shape), around(effect, nearby.planted.theta)
             shapes = [tuple((here + share * (there - here)).tolist()) for share in _SHORTER]
             trials = [_scored(base, self._block(effect, at, s).alone) for s in shapes]
             step = max(trials, key=lambda s: s.gain)
@@ -246,7 +246,7 @@ def _centres(motion: Motion) -> Array:
 
 def _fast_enough(motion: Motion, rows: Array) -> Array:
     """Rows that count for each degree of freedom, (R, nv): moving, unless that drops most; calm."""
-    keep = np.abs(motion.v[rows]) > SLOW
+    keep = np.abs(motion.v[rows]) > THRESHOLDS.slow
     keep[:, keep.mean(axis=0) < 0.5] = True
     return np.asarray(keep & motion.calm[rows, None])
 

@@ -8,8 +8,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from wt.physics.effect import Shape
+from wt.physics.hooks import n_fitted
 from wt.physics.motion import Motion
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 
 Array = np.ndarray
 
@@ -22,13 +23,13 @@ def elsewhere(motion: Motion, hypothesis: Sequence[Planted]) -> tuple[Planted, .
     Those times are read off what the other effects leave of the residual, as large as they are:
     fitted to it once more, what any rig is off by would take events for its own.
     """
-    if not any(p.effect.observed() for p in hypothesis):
+    if not any(p.observed() for p in hypothesis):
         return tuple(hypothesis)
     rest = motion
     for planted in hypothesis:
-        known = None if planted.effect.observed() else force(motion, planted)
+        known = None if planted.observed() else force(motion, planted)
         rest = rest if known is None else rest.without(known)
-    return tuple(p.elsewhere(rest) if p.effect.observed() else p for p in hypothesis)
+    return tuple(p.elsewhere(rest) if p.observed() else p for p in hypothesis)
 
 
 def force(motion: Motion, planted: Planted) -> Array | None:
@@ -86,7 +87,7 @@ def _shape(planted: Planted, shapes: Sequence[Shape], k: int) -> Shape:
     """The shape whose parameters, with suitable coefficients, are those of the effect."""
     effect, theta = planted.effect, planted.theta
     scale = np.abs(theta) + effect.steps()
-    fitted = max(len(shapes[0]) - effect.read_off, 0)
+    fitted = n_fitted(effect, shapes[0])
     # where coefficients and shape say the same, as of a delay, the shape says all of it
     free = k if k + fitted <= len(theta) else 0
     ones = np.ones(k - free)

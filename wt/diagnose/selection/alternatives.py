@@ -19,15 +19,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wt.diagnose.likelihood.bic import MIN_NATS, erring_joints, price, room, size, worth
+from wt.diagnose.likelihood.bic import erring_joints, price, room, size, worth
 from wt.diagnose.likelihood.estimate import Estimated, estimate
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import refine
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.candidates import alike, excluded, near
-from wt.diagnose.selection.search import EQUIVALENT_NATS, Accepted
+from wt.diagnose.selection.search import Accepted
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Shape, effects
-from wt.physics.replay import Hypothesis, Key, Planted, without
+from wt.physics.hooks import shaped
+from wt.physics.planted import Hypothesis, Key, Planted, without
 
 Start = tuple[Planted, Shape | None]
 """Parameters to start from, and the shape of the signature if there is one."""
@@ -36,9 +38,6 @@ _STARTS, _STEPS = 2, 2
 """So many starts of each lookalike get so many steps, then the best, then that on all data, …"""
 _FAR, _HOPELESS = 120.0, 30.0
 """… unless they are so many nats worse than what was found before the second and the third."""
-
-_EVIDENT = 1.0
-"""A lookalike must be so many nats ahead to take the place of what was found."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,11 +74,11 @@ class Lookalikes:
             options = self._compared(present.hypothesis, i, [p for p, _ in starts])
             ahead, best = max(options, key=lambda option: option[0])
             law = best[i]
-            if ahead > _EVIDENT:
+            if ahead > THRESHOLDS.evident_nats:
                 now = Accepted(law, _shape(starts, law), ())
                 parts = (*present.hypothesis[:i], law, *present.hypothesis[i + 1 :])
                 (present,) = refine(self.objective, [parts], [range(len(parts))], 1)
-            close = [h[i] for x, h in options if x > ahead - EQUIVALENT_NATS]
+            close = [h[i] for x, h in options if x > ahead - THRESHOLDS.equivalent_nats]
             rivals = tuple(p for p in close if p.key != now.planted.key)
             now = replace(now, rivals=rivals)
             accepted = (*accepted[:i], now, *accepted[i + 1 :])
@@ -106,8 +105,8 @@ class Lookalikes:
                 here = [] if effect.shapes(motion, at) else effect.starts(motion, at)
                 plain += [Planted(effect, at, theta) for theta in here]
                 if at == found.at:
-                    beyond = effect.beyond(motion, at, found.effect.id, found.theta)
-                    larger += [(Planted(effect.shaped(s), at, theta), s) for s, theta in beyond]
+                    further = found.beyond(effect, motion)
+                    larger += [(Planted(shaped(effect, s), at, theta), s) for s, theta in further]
         starts = [*((p, shapes.get(p.key)) for p in plain), *larger]
         possible = [
             (p, shape)
@@ -136,7 +135,7 @@ class Lookalikes:
         going = [f.hypothesis for f in begun if worth(self.some, f, present) > -_HOPELESS]
         if not going:
             return [(0.0, hypothesis)]
-        events = any(p.effect.observed() for p in hypothesis)  # at other times in other recordings
+        events = any(p.observed() for p in hypothesis)  # at other times in other recordings
         judge = self.objective if events else self.whole()
         judge.reference(hypothesis)
         everything = [range(len(hypothesis))] * (len(going) + 1)
@@ -167,7 +166,7 @@ def _best_of_each(fits: Iterable[Assessed], index: int, most: int) -> list[Asses
 
 def _due(one: Hypothesis, other: Hypothesis) -> float:
     """What one must be ahead of another by for being larger [nats]."""
-    return MIN_NATS if size(one) > size(other) else 0.0
+    return THRESHOLDS.min_nats if size(one) > size(other) else 0.0
 
 
 def simplified(
@@ -182,7 +181,7 @@ def simplified(
     """
     for i, planted in enumerate(estimated.hypothesis):
         intervals = {name: e.ci95 for name, e in estimated.estimates[i].items()}
-        found = planted.effect.simpler(objective.motion, planted.at, planted.theta, intervals)
+        found = planted.simpler(objective.motion, intervals)
         if found is None:
             continue
         law = Planted(effects()[found[0]], planted.at, found[1])

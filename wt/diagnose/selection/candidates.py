@@ -11,9 +11,10 @@ import numpy as np
 from wt.diagnose.likelihood.bic import erring_joints, improvable
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.residual.screen import Scored, Screen
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.acting import is_live
 from wt.physics.effect import Shape, effects
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.types import Location
 
 Array = np.ndarray
@@ -22,8 +23,6 @@ WORST = 2
 """At so many joints, those whose replays err most, every effect of theirs is replayed."""
 KEPT = 10
 """At most so many of the screen's hypotheses are replayed in a round."""
-SHARE = 0.2
-"""… and only those with at least this share of the best one's gain."""
 USUAL = (
     "joint.friction_coulomb",
     "joint.friction_viscous",
@@ -34,11 +33,8 @@ USUAL = (
 """What hardly a real joint is without: replayed wherever replays err."""
 LOADS = ("body.payload_fixed", "body.mass", "body.com")
 """… and what is often mounted on a machine: the likeliest is replayed where several joints err."""
-EACH, LEAST = 2, 10.0
-"""… and so many at each joint, from so many nats on: another joint may just be worse."""
-FLOATING_SHARE = 0.05
-"""… and where the base floats from this share of the best one's gain on: replays are dear there,
-and what lands hides what is faint."""
+EACH = 2
+"""… and so many at each joint: another joint may just be worse."""
 ALIKE = (
     ("joint.friction_coulomb", "joint.friction_stribeck", "joint.friction_load"),
     ("joint.friction_viscous", "joint.friction_quadratic", "joint.friction_stribeck"),
@@ -113,9 +109,10 @@ def _strong(screen: Screen, ranked: Sequence[Scored]) -> list[Scored]:
     """What gains much by the force residual, and the first at each joint."""
     best = ranked[0].gain if ranked else 0.0
     floating = bool(screen.motion.scene.free)
-    share, least = (
-        (FLOATING_SHARE, max(LEAST, FLOATING_SHARE * best)) if floating else (SHARE, LEAST)
-    )
+    share, least = THRESHOLDS.replay_share, THRESHOLDS.replay_nats
+    if floating:
+        share = THRESHOLDS.replay_share_floating
+        least = max(least, share * best)
     # what acts on one link of a floating base shows on all: not only the first effect counts
     first = _first_of_each(ranked, lambda s: s.planted.effect.id) if floating else ranked
     strong = [s for s in first[:KEPT] if s.gain >= share * best and s.gain > 0.0]

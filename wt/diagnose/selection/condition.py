@@ -9,18 +9,14 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.stats import ttest_ind
 
-from wt.diagnose.residual.screen import SLOW, Screen
+from wt.diagnose.residual.screen import Screen
 from wt.diagnose.result import Interval
+from wt.diagnose.thresholds import THRESHOLDS
 
 Array = np.ndarray
 
-STANDS_OUT = 2.0
-"""Times the noise floor from which a residual counts."""
 MOST_INTERVALS = 10
-_SHARE_OF_PEAK = 0.25  # … and what is far weaker than the strong parts does not count
 _SMOOTH_S, _MERGE_S, _BLOCK_S, _SINCE_S = 0.1, 0.25, 1.0, 0.15
-_CONTRAST = 4.0  # mean square inside the condition over that outside
-_CHANCE = 1e-3  # over all conditions that were compared
 _BINS = 10
 
 
@@ -45,7 +41,9 @@ def intervals(screen: Screen, size: Array, names: Sequence[str] = ()) -> tuple[I
         At most ``MOST_INTERVALS`` of each recording, in order of time.
     """
     m, rows = screen.motion, screen.rows
-    level = max(STANDS_OUT, _SHARE_OF_PEAK * float(np.quantile(np.abs(size), 0.95)))
+    level = max(
+        THRESHOLDS.stands_out, THRESHOLDS.stands_out_share * float(np.quantile(np.abs(size), 0.95))
+    )
     found: dict[int, list[tuple[float, float]]] = {}
     for s in m.segments:
         mine = np.flatnonzero((rows >= s.rows.start) & (rows < s.rows.stop))
@@ -125,13 +123,13 @@ def _explained(log: Array, energy: Array, split: _Split, block: Array, count: in
     a, b = split.inside, split.outside
     if min(a.sum(), b.sum()) < 8:
         return 0.0
-    if energy[a].mean() < _CONTRAST * (energy[b].mean() + 1.0):
+    if energy[a].mean() < THRESHOLDS.condition_contrast * (energy[b].mean() + 1.0):
         return 0.0
     means = [_block_means(log[rows], block[rows]) for rows in (a, b)]
     if min(len(x) for x in means) < 3:
         return 0.0
     test = ttest_ind(means[0], means[1], equal_var=False, alternative="greater")
-    if not test.pvalue * count < _CHANCE:
+    if not test.pvalue * count < THRESHOLDS.condition_chance:
         return 0.0
     both = log[a | b]
     apart = a.sum() * b.sum() / len(both) ** 2 * (log[a].mean() - log[b].mean()) ** 2
@@ -154,11 +152,11 @@ def _splits(screen: Screen, dof: int, of: str) -> Iterator[_Split]:
     for x in np.unique(np.quantile(speed, quantiles)):
         yield _Split(speed < x, speed >= x, f"at speeds below {_two(x)} {length}/s{of}")
         # below that, everything that needs motion vanishes: no condition worth a word
-        if x > 2.0 * SLOW:
+        if x > 2.0 * THRESHOLDS.slow:
             yield _Split(speed > x, speed <= x, f"at speeds above {_two(x)} {length}/s{of}")
     for sign, word in ((1, "positive"), (-1, "negative")):
-        along = sign * v > SLOW
-        yield _Split(along, sign * v < -SLOW, f"when moving in the {word} direction{of}")
+        along = sign * v > THRESHOLDS.slow
+        yield _Split(along, sign * v < -THRESHOLDS.slow, f"when moving in the {word} direction{of}")
     yield from _positions(q, quantiles, length, of)
     for x in np.unique(np.quantile(force, quantiles)):
         if force.max() > 0.0:

@@ -28,15 +28,13 @@ from wt.diagnose.recordings.smooth import Smoothed, resmooth
 from wt.diagnose.recordings.stretches import cut, stretches_of
 from wt.diagnose.residual.signature import elsewhere
 from wt.diagnose.result import Error, Proof
-from wt.physics.replay import Hypothesis, Stretch, without
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.planted import Hypothesis, without
+from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 
 Array = np.ndarray
 
-SIGNIFICANT = 0.01
-"""Largest p-value of a gain that counts."""
-MUTE = 0.01
-"""Data are mute on an effect that could change their squared error by less than this."""
 HORIZONS_S = (0.1, 0.25, 0.5, 1.0, 2.0)
 _BLOCK_S, _BLOCKS = (0.25, 1.0), 24
 """Shortest and longest block [s], and how many there should be: errors remember for less."""
@@ -178,8 +176,8 @@ class Gain:
     @property
     def undecided(self) -> bool:
         """Whether the data cannot say: they are mute, or too few of them show the gain."""
-        few = self.least_p > SIGNIFICANT and self.share > 0.0
-        return self.p_value > SIGNIFICANT and (few or self.potential < MUTE)
+        few = self.least_p > THRESHOLDS.significant and self.share > 0.0
+        return self.p_value > THRESHOLDS.significant and (few or self.potential < THRESHOLDS.mute)
 
 
 def gains(
@@ -308,11 +306,6 @@ def _windows(s: Samples, horizon: float) -> list[tuple[int, int]]:
     return [(int(i), int(min(i + size, len(s.t)))) for i in starts]
 
 
-WORTH = 0.1
-"""Smallest share of the squared error that it must remove: the search has seen these data."""
-SELDOM = 0.05
-"""Held-out data that an effect changes by less than this share of what it changes fitted ones by
-cannot say: a machine that stands tells little of what slows it down."""
 PARTS = 4
 """A single recording is divided into so many parts."""
 
@@ -336,16 +329,22 @@ def where_mute(
         step: physics step of replays [s].
     """
     found = list(found)
-    unproven = [i for i, g in enumerate(found) if g.p_value > SIGNIFICANT]
+    unproven = [i for i, g in enumerate(found) if g.p_value > THRESHOLDS.significant]
     # corrections make up for what is missing, and differ: an effect itself may change less
     alone = gains(held, full, [without(full, i) for i in unproven], step) if unproven else []
     for i, changed in zip(unproven, alone, strict=True):
         found[i] = replace(found[i], potential=changed.potential)
-    asked = [i for i in unproven if found[i].undecided or found[i].potential < SELDOM]
+    asked = [
+        i for i in unproven if found[i].undecided or found[i].potential < THRESHOLDS.seldom_excited
+    ]
     for i in asked:
         fitted, here = left_in_turn(objective, hypothesis, i), found[i]
-        if here.undecided or here.potential < SELDOM * fitted.potential:
-            p_value = min(1.0, fitted.p_value * len(asked)) if fitted.share >= WORTH else 1.0
+        if here.undecided or here.potential < THRESHOLDS.seldom_excited * fitted.potential:
+            p_value = (
+                min(1.0, fitted.p_value * len(asked))
+                if fitted.share >= THRESHOLDS.in_turn_share
+                else 1.0
+            )
             found[i] = replace(here, p_value=p_value, in_turn=True)
     return found
 

@@ -15,7 +15,8 @@ import numpy as np
 from wt.diagnose.residual.screen import Leftover, Screen, leftover
 from wt.diagnose.result import Located
 from wt.diagnose.selection.condition import condition, intervals
-from wt.physics.replay import Hypothesis, Planted
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.planted import Hypothesis, Planted
 from wt.physics.scene import Scene
 from wt.types import Location
 
@@ -117,11 +118,7 @@ def _dofs(scene: Scene, at: Location) -> list[int]:
     return every
 
 
-_ACTIVE = 1.5  # rms in units of the noise floor from which a joint has a force residual
-_ALONE = 0.9  # share of the energy that makes one joint the place
-_EXPLAINS = 0.8  # adjusted R² from which a body or gravity is the place
 _MANY = 4  # joints from which three components of a force do not explain just anything
-_TOGETHER = 0.9  # share of the energy, and correlation, that make two joints a pair
 _ROWS = 8  # neighbouring rows that share one force on a body
 
 
@@ -137,8 +134,11 @@ def places(screen: Screen, rest: Leftover, joints: Mapping[str, float]) -> dict[
     scaled = rest.left / screen.floor
     rms = np.sqrt(np.mean(scaled**2, axis=0))
     named = [scene.dof(j) for j in joints]
-    active = [d for d in range(len(rms)) if rms[d] > _ACTIVE]
-    if len(active) > 1 and float(rms.max() ** 2 / (rms[active] ** 2).sum()) < _ALONE:
+    active = [d for d in range(len(rms)) if rms[d] > THRESHOLDS.joint_active]
+    if (
+        len(active) > 1
+        and float(rms.max() ** 2 / (rms[active] ** 2).sum()) < THRESHOLDS.joint_alone
+    ):
         # with and without what the errors of any rig may have hidden of it
         for some in ((rest.left + rest.adapted) / screen.floor, scaled):
             whole = _pair(screen, some) or _whole(screen, some, len(active))
@@ -158,9 +158,9 @@ def _pair(screen: Screen, scaled: Array) -> Location | None:
     """Two joints with forces in a fixed ratio, as a cable or a belt over both would have."""
     energy = (scaled**2).sum(axis=0)
     two = sorted(np.argsort(-energy)[:2])
-    if energy[two].sum() < _TOGETHER * energy.sum():
+    if energy[two].sum() < THRESHOLDS.joints_together * energy.sum():
         return None
-    if abs(float(np.corrcoef(scaled[:, two].T)[0, 1])) < _TOGETHER:
+    if abs(float(np.corrcoef(scaled[:, two].T)[0, 1])) < THRESHOLDS.joints_together:
         return None
     first, second = (screen.motion.scene.joints[d] for d in two)
     return Location("pair", f"{first}+{second}")
@@ -176,14 +176,14 @@ def _whole(screen: Screen, scaled: Array, active: int) -> Location | None:
         np.zeros((len(screen.rows), 3, model.nv)),
     )
     one = np.zeros(len(screen.rows), dtype=int)
-    if _fit(gravity / screen.floor, scaled, one) > _EXPLAINS:
+    if _fit(gravity / screen.floor, scaled, one) > THRESHOLDS.body_explains:
         return Location("world", "world")
     if active < _MANY:
         return None
     label = np.arange(len(screen.rows)) // _ROWS
     scores = {name: _fit(j / screen.floor, scaled, label) for name, j in jacobian.items()}
     best = max(scores, key=lambda name: scores[name], default="")
-    return Location("body", best) if best and scores[best] > _EXPLAINS else None
+    return Location("body", best) if best and scores[best] > THRESHOLDS.body_explains else None
 
 
 def _fit(columns: Array, target: Array, label: Array) -> float:

@@ -25,21 +25,18 @@ from wt.diagnose.residual.scoring import STRIDE, WINDOW
 from wt.diagnose.residual.screen import Screen, leftover
 from wt.diagnose.residual.signature import signature
 from wt.diagnose.selection.alternatives import Lookalikes, simplified
-from wt.diagnose.selection.holdout import SIGNIFICANT, Gain, Holdout, gain, gains, where_mute
+from wt.diagnose.selection.holdout import Gain, Holdout, gain, gains, where_mute
 from wt.diagnose.selection.search import Accepted
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.choice import freest
 from wt.diagnose.unknown.fit import Data
 from wt.diagnose.unknown.force import Unknown, find
 from wt.diagnose.unknown.memory import recorded
-from wt.physics.replay import Hypothesis, Key, without
+from wt.physics.planted import Hypothesis, Key, without
 from wt.physics.scene import Scene
 from wt.types import Location
 
 Array = np.ndarray
-
-MOST_UNKNOWN = 2
-DOUBTFUL = 0.6
-"""Below this :attr:`Rivalry.ratio` a name is given up; the test of naming tells how it was set."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +146,7 @@ class Court:
             if weakest is None:
                 gains = self._gains(estimated)
                 weakest = int(np.argmax([g.p_value for g in gains]))
-                if gains[weakest].p_value <= SIGNIFICANT / attempts:
+                if gains[weakest].p_value <= THRESHOLDS.significant / attempts:
                     return Judged(accepted, estimated, tuple(gains), ())
             accepted = tuple(a for i, a in enumerate(accepted) if i != weakest)
             estimated = estimate(self.objective, without(estimated.hypothesis, weakest))
@@ -182,7 +179,7 @@ class Court:
             return judged
         found: list[Unknown] = []
         assessed = judged.estimated.assessed
-        while len(found) < MOST_UNKNOWN:
+        while len(found) < THRESHOLDS.most_unknown:
             unknown = find(
                 self.screen, self.objective, assessed, self.held, step=self.step, seed=self.seed
             )
@@ -194,7 +191,7 @@ class Court:
 
     def _doubtful(self, judged: Judged, index: int) -> bool:
         rivalry = rivals_nonparametric(self.screen, judged.hypothesis, index, seed=self.seed)
-        return rivalry is not None and rivalry.ratio < DOUBTFUL
+        return rivalry is not None and rivalry.ratio < THRESHOLDS.doubtful
 
     def _better(self, one: Judged, other: Judged) -> bool:
         """Whether the held-out fit is better."""
@@ -279,7 +276,7 @@ def calibration(
         return ()
     found = objective.calibration(objective.reference(hypothesis))
     gained = gain(held, (*hypothesis, *found), hypothesis, step)
-    return found if gained.p_value <= SIGNIFICANT else ()
+    return found if gained.p_value <= THRESHOLDS.significant else ()
 
 
 def comments(corrections: Hypothesis) -> list[str]:

@@ -12,19 +12,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wt.diagnose.likelihood.bic import MIN_NATS, earns, erring_joints, exhausted, simplest, worth
+from wt.diagnose.likelihood.bic import earns, erring_joints, exhausted, simplest, worth
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import refine
 from wt.diagnose.residual.screen import Scored, Screen
 from wt.diagnose.result import Considered
 from wt.diagnose.selection.candidates import candidates, dof_of, excluded
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Shape
-from wt.physics.replay import Hypothesis, Key, Planted, without
+from wt.physics.planted import Hypothesis, Key, Planted, without
 
 Report = Callable[[str, float], None]
 """Called with (what is being done, share of the whole 0…1)."""
 
-MOST_EFFECTS = 16
 FEW = 3
 """So many effects that joined in one round are all looked for again."""
 
@@ -61,11 +61,11 @@ def search(
     accepted = list(start)
     considered: list[Considered] = []
     now = objective.reference(tuple(a.planted for a in accepted))
-    while len(accepted) < MOST_EFFECTS and not exhausted(objective, now):
+    while len(accepted) < THRESHOLDS.most_effects and not exhausted(objective, now):
         if report:
             what = f"looking for effect {len(accepted) + 1}"
-            report(what, 0.15 + 0.55 * len(accepted) / MOST_EFFECTS)
-        room = MOST_EFFECTS - len(accepted)
+            report(what, 0.15 + 0.55 * len(accepted) / THRESHOLDS.most_effects)
+        room = THRESHOLDS.most_effects - len(accepted)
         before = {a.planted.key for a in accepted}
         found = addition(screen, objective, now, accepted, considered, room, banned)
         if not found:
@@ -118,7 +118,7 @@ def _reconsidered(
         names = {a.planted.key for a in accepted}
         if any(a.planted.key not in names for a in others):
             other = _fitted(objective, (*base.hypothesis, others[0].planted))
-            if worth(objective, other, now) > EQUIVALENT_NATS:
+            if worth(objective, other, now) > THRESHOLDS.equivalent_nats:
                 accepted, now = [*rest, *others], other
                 continue
         now = objective.reference(now.hypothesis, now.nuisance)
@@ -134,15 +134,13 @@ def _prune(
         fits = refine(objective, lesser, [range(len(accepted) - 1)] * len(lesser), iterations=2)
         losses = [worth(objective, now, fit) for fit in fits]
         weakest = int(np.argmin(losses))
-        if losses[weakest] > MIN_NATS and earns(objective, now, fits[weakest]):
+        if losses[weakest] > THRESHOLDS.min_nats and earns(objective, now, fits[weakest]):
             break
         accepted = [a for i, a in enumerate(accepted) if i != weakest]
         now = objective.reference(fits[weakest].hypothesis, fits[weakest].nuisance)
     return accepted, now
 
 
-EQUIVALENT_NATS = 4.0
-"""Hypotheses closer than this cannot be told apart."""
 _STARTS, _PROMISING, _FINALISTS = 20, 8, 4
 """How many hypotheses of a round get one step, two more steps, and all effects refined."""
 _EACH = 2
@@ -299,7 +297,7 @@ def _beside(
         f
         for f in fits
         if dof_of(screen, f.hypothesis[-1].at) not in (taken, -1)
-        and worth(objective, f, now) > MIN_NATS
+        and worth(objective, f, now) > THRESHOLDS.min_nats
     ]
     chosen = _leading(screen, elsewhere, _searched(objective, now), 0, _EACH)
     if not chosen:
@@ -330,7 +328,8 @@ def _accepted(
     rivals = tuple(
         f.hypothesis[-1]
         for f in fits
-        if f.hypothesis[-1].key not in names and worth(objective, f, now) > gain - EQUIVALENT_NATS
+        if f.hypothesis[-1].key not in names
+        and worth(objective, f, now) > gain - THRESHOLDS.equivalent_nats
     )
     last = len(new) - 1
     return [Accepted(p, shapes.get(p.key), rivals if i == last else ()) for i, p in enumerate(new)]

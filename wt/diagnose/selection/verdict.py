@@ -14,11 +14,9 @@ from wt.diagnose.likelihood.bic import erring_joints
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.result import Confusable, Finding, Verdict
 from wt.diagnose.selection.naming import Judged
-from wt.physics.replay import Planted
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.planted import Planted
 from wt.types import Location
-
-MOST = 0.8
-"""Share of the error that the places named bear where one fault shows on all joints."""
 
 
 def unforeseen(
@@ -33,7 +31,7 @@ def unforeseen(
             that nothing holds: there, the fewest are named that bear most of it.
     """
     found: dict[Location, Finding] = {}
-    for joint in bearing(where, MOST) if objective.scene.free else where:
+    for joint in bearing(where, THRESHOLDS.bearing_share) if objective.scene.free else where:
         dof, at = objective.scene.dof(joint), objective.scene.place(joint)
         excess = float(assessed.mse[dof] / objective.noise[dof] ** 2)
         count = float(objective.count[dof])

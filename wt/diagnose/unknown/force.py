@@ -8,16 +8,16 @@ finding only if replays of recordings that it was not fitted to improve.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import combine_pvalues, ttest_1samp, wilcoxon
 
-from wt.diagnose.likelihood.bic import CLEAN
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.replays import COARSE
 from wt.diagnose.residual.screen import Screen, leftover
-from wt.diagnose.selection.holdout import SIGNIFICANT, Gain, Holdout, errors
+from wt.diagnose.selection.holdout import Gain, Holdout, errors
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.choice import choose, remembers
 from wt.diagnose.unknown.fit import Data, Fit, solve
 from wt.diagnose.unknown.formula import reduced, sparse
@@ -25,29 +25,25 @@ from wt.diagnose.unknown.law import Law
 from wt.diagnose.unknown.lines import column_lines
 from wt.diagnose.unknown.memory import Remembering, along, memory_of, recorded
 from wt.diagnose.unknown.onnx import to_onnx
-from wt.physics.effect import Effect, Parameter, Shape
+from wt.physics.effect import Parameter, Shape
+from wt.physics.hooks import OnSteps
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
-from wt.physics.replay import Hypothesis, Planted
+from wt.physics.planted import Hypothesis, Planted
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number
 from wt.types import Location
 
 Array = np.ndarray
 
-WORTH = 0.1
-"""Smallest share of the held-out squared error that a law must remove."""
 MOST_JOINTS = 3
-_HELD_CHANCE = 0.05  # largest p-value on the held-out replays alone
 _ROUNDS = 2
 _WORSE = 0.1
 _BEYOND = 0.5  # a formula is trusted so much farther than what was seen, but for positions
-_FORMULA_SHARE = 0.9  # of what the smooth regression predicts, from which the formula replaces it
-_LEAST_R2 = 0.2
 _PEAK = 2.5
 
 
-class UnknownForce(Effect):
+class UnknownForce(OnSteps):
     """amplitude · force(columns): a learned law that acts on one joint.
 
     Not registered: a search cannot try it before it is learned.
@@ -165,29 +161,45 @@ def find(
     excess = np.sqrt(assessed.mse) / objective.floor
     rest = leftover(screen, assessed.hypothesis)
     force = np.sqrt((rest.keep * rest.left**2).sum(axis=0) / rest.keep.sum(axis=0)) / screen.floor
-    force = np.where(excess > CLEAN, force, 0.0)
+    force = np.where(excess > THRESHOLDS.clean, force, 0.0)
     scene = screen.motion.scene
     force[[scene.dof(j) for j in scene.joints if j not in scene.own_joints]] = 0.0
     found: list[Unknown] = []
     for dof in np.argsort(-force)[:MOST_JOINTS]:
-        if force[dof] < 1.5:
+        if force[dof] < THRESHOLDS.unknown_force:
             continue
         joint = scene.joints[int(dof)]
         every = np.ones(len(screen.rows), bool)
         data = Data(screen, joint, rest.left[:, dof], every, seed, COARSE * step)
         unknown = _learn(data, assessed, held, step)
-        if unknown and unknown.gain.p_value <= SIGNIFICANT and unknown.gain.share >= WORTH:
+        if (
+            unknown
+            and unknown.gain.p_value <= THRESHOLDS.significant
+            and unknown.gain.share >= THRESHOLDS.unknown_share
+        ):
             found.append(unknown)
     return max(found, key=lambda u: u.gain.share, default=None)
+
+
+def graphed(hypothesis: Hypothesis) -> tuple[Hypothesis, bytes | None]:
+    """A hypothesis whose learned laws have outputs of their own, and ``residual.onnx`` of them."""
+    named, laws = [], dict[str, Law]()
+    for p in hypothesis:
+        if isinstance(p.effect, UnknownForce):
+            output = f"force_{len(laws) + 1}" if laws else "force"
+            laws[output] = p.effect.law
+            p = replace(p, effect=UnknownForce(p.effect.law, p.effect.said, output))
+        named.append(p)
+    return tuple(named), to_onnx(laws) if laws else None
 
 
 def _learn(data: Data, assessed: Assessed, held: Holdout, step: float) -> Unknown | None:
     """The best law of one joint's force, judged on held-out replays."""
     fit, tried = choose(data)
-    if fit.r2 < _LEAST_R2:
+    if fit.r2 < THRESHOLDS.unknown_r2:
         return None
     formula = fit if remembers(fit) else _formula(data, fit, assessed)
-    plain = formula.r2 >= _FORMULA_SHARE * fit.r2
+    plain = formula.r2 >= THRESHOLDS.formula_share * fit.r2
     used = formula if plain else fit
     blank = float(min(1.0, tried * _chance(data, used)))
     at = Location("joint", data.joint)
@@ -199,13 +211,13 @@ def _learn(data: Data, assessed: Assessed, held: Holdout, step: float) -> Unknow
         data.force = leftover(data.screen, hypothesis).without(-1)[data.rows, data.dof]
     share, chance = _gain(held, hypothesis, data.dof, step)
     # forces of blocks not seen and replays of recordings not seen: two proofs on other data
-    sure = share > 0.0 and chance < _HELD_CHANCE
+    sure = share > 0.0 and chance < THRESHOLDS.unknown_chance
     p_value = float(combine_pvalues([blank, chance]).pvalue) if sure else 1.0
     return Unknown(
         planted,
         recorded(used.names),
         solve(data, formula).text(),
-        to_onnx(law),
+        to_onnx({"force": law}),
         used.r2,
         planted.effect.statement(at, planted.theta),
         Gain(share, p_value),

@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 
 from wt.diagnose.residual.scoring import STRIDE, WINDOW
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.fit import Data, Fit, crossval
 from wt.diagnose.unknown.law import Atom, Term
 
 Array = np.ndarray
 
-_LEAST_NATS, _LEAST_SHARE = 3.0, 0.02  # what a term must gain, and remove of the force's square
 _FAVOUR = 0.9  # a kink must be clearly better than a bump: it changes sign beyond what was seen
 
 
@@ -36,7 +36,7 @@ def sparse(data: Data, names: Sequence[str], most: int = 4) -> Fit:
         lower = _misfit(data, names, trial)
         price = sum(1 + 2 * (a.kind in ("bump", "kink")) for a in trial[-1]) + 1
         gained = 0.5 * fresh * np.log(error / max(lower, 1e-300)) - 0.5 * price * np.log(fresh)
-        if gained < _LEAST_NATS or error - lower < _LEAST_SHARE * float(y @ y):
+        if gained < THRESHOLDS.term_nats or error - lower < THRESHOLDS.term_share * float(y @ y):
             break
         chosen, error = trial, lower
     return crossval(data, names, chosen or [()], penalise=False)

@@ -7,12 +7,11 @@ from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.scene import Drive, Scene, between
-
-Array = np.ndarray
 
 _BRISTLE_FREQUENCY, _BRISTLE_DAMPING = 0.4, 0.5  # frequency · time step, damping ratio
 _LOAD_RADIUS = 0.01  # m, of the sphere that stands for a load
@@ -21,7 +20,7 @@ _BEYOND, _MOUNT = 2.0, 0.05
 _FROM_GEOMS = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
 
 
-def free_of_limits(motion: Motion, drive: Drive) -> Array:
+def free_of_limits(motion: Motion, drive: Drive) -> Float[np.ndarray, " sample"]:
     """1 where a drive's force is inside the model's force range and 0 where clipped, (T,)."""
     dof = drive.dof
     force = drive.unclamped(motion.u[:, drive.index], motion.q[:, dof], motion.v[:, dof])
@@ -33,7 +32,10 @@ class DriveLaw(Live):
     """Turns the force of one drive into another, by way of generalised forces."""
 
     def __init__(
-        self, scene: Scene, actuator: str, law: Callable[[Array, Array, Array], Array]
+        self,
+        scene: Scene,
+        actuator: str,
+        law: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
     ) -> None:
         """Prepare.
 
@@ -82,14 +84,16 @@ class Bristle(Live):
     Subclasses say how large the friction is.
     """
 
-    def __init__(self, scene: Scene, joint: str, theta: Array) -> None:
+    def __init__(
+        self, scene: Scene, joint: str, theta: Float[np.ndarray, "replay parameter"]
+    ) -> None:
         """Prepare for the replays of ``theta``, (n, n_theta)."""
         self.scene, self.dof, self.theta = scene, scene.dof(joint), theta
         self.inertia = effective_inertia(scene.model, joint)
         self.bent = np.zeros(len(theta))
 
     @abc.abstractmethod
-    def level(self, state: StepState) -> Array:
+    def level(self, state: StepState) -> np.ndarray:
         """Friction at which the bristle slips, (n,) [N·m]."""
 
     def act(self, state: StepState) -> None:
@@ -174,7 +178,7 @@ def passive(
 
 
 def point_load(
-    spec: mujoco.MjSpec, body: str, mass: float, position: Array
+    spec: mujoco.MjSpec, body: str, mass: float, position: Float[np.ndarray, " 3"]
 ) -> mujoco.MjsBody | None:
     """Weld a small sphere without contacts to a body, on a body of its own; None if it is nothing.
 
@@ -195,14 +199,16 @@ def point_load(
     return load
 
 
-def place_of_load(coefficients: Array, centre: Sequence[float]) -> Array:
+def place_of_load(
+    coefficients: Float[np.ndarray, " 4"], centre: Sequence[float]
+) -> Float[np.ndarray, " 3"]:
     """Position of a load, (3,) [m], from its mass and its first moments about a centre."""
     mass = coefficients[0]
     size = max(abs(mass), 1e-9)
     return np.array(centre) + coefficients[1:] / (size if mass >= 0.0 else -size)
 
 
-def within_reach(scene: Scene, body: str, position: Array) -> bool:
+def within_reach(scene: Scene, body: str, position: Float[np.ndarray, " 3"]) -> bool:
     """Whether a load at a position (3,) [m] in a body's frame may be fixed to that body.
 
     A load on a trunk moves, but for little, like one that sticks out far from a hip: it has to be
@@ -222,14 +228,14 @@ def within_reach(scene: Scene, body: str, position: Array) -> bool:
     return all(away / radius <= other / size for other, size in nearer if size)
 
 
-def _away(m: mujoco.MjModel, body: int, position: Array) -> tuple[float, float]:
+def _away(m: mujoco.MjModel, body: int, position: Float[np.ndarray, " 3"]) -> tuple[float, float]:
     """Distance from a body's centre, and the body's radius, zero without geoms [m]."""
     geoms, centre = np.flatnonzero(m.geom_bodyid == body), m.body_ipos[body]
     sizes = np.linalg.norm(m.geom_pos[geoms] - centre, axis=1) + m.geom_rbound[geoms]
     return float(np.linalg.norm(position - centre)), float(sizes.max(initial=0.0))
 
 
-def _turn(m: mujoco.MjModel, body: int) -> Array:
+def _turn(m: mujoco.MjModel, body: int) -> Float[np.ndarray, "3 3"]:
     """From a body's frame to its parent's, as the model is at rest, (3, 3)."""
     turn = np.zeros(9)
     mujoco.mju_quat2Mat(turn, m.body_quat[body])

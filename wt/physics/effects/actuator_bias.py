@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.effects._tools import free_of_limits, settle
 from wt.physics.motion import Motion
 from wt.types import Location
-
-Array = np.ndarray
 
 
 @register
@@ -22,17 +21,25 @@ class ActuatorBias(Effect):
     parameters = (Parameter("torque", "N·m", -1e3, 1e3, 1e-3, neutral=0.0),)
     reference = "MuJoCo XML reference, actuator/general/biasprm"
     signed = (0,)
+    looks_like = ("spring", "offset")
+    common = "always"
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """1, except where the drive is at its limit."""
         drive = motion.scene.drive(at.name)
         return motion.on(drive.dof, free_of_limits(motion, drive))
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """The torque on the joint."""
         return coefficients
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Add to the constant part of the actuator's ``biasprm``."""
         settle(spec)
         actuator = spec.actuator(at.name)
@@ -41,7 +48,7 @@ class ActuatorBias(Effect):
             actuator.biasprm[:3] = 0.0
         actuator.biasprm[0] += theta[0] / actuator.gear[0]
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return f"Actuator {at.name} adds a constant {theta[0]:.3g} N·m that nobody commanded."
 

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import mujoco
 import numpy as np
+from jaxtyping import Float
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import DriveLaw
+from wt.physics.hooks import OnSteps
 from wt.physics.live import Live
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene, between
 from wt.physics.script import Script, number
 from wt.types import Location
 
-Array = np.ndarray
-
 
 @register
-class ActuatorDeadband(Effect):
+class ActuatorDeadband(OnSteps):
     """force → force − clip(force, −width, width): nothing inside ±width, that much less outside."""
 
     id = "actuator.deadband"
@@ -29,30 +28,35 @@ class ActuatorDeadband(Effect):
     reference += "Nonlinearities, 1996"
     native = False
     signed = (1,)
+    looks_like = ("weak drive", "offset")
+    plotted_over = "drive"
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Widths that cover 5 to 60 % of the drive's forces."""
         force = np.abs(motion.force(motion.scene.drive(at.name)))
         return [(float(w),) for w in np.quantile(force, [0.05, 0.15, 0.3, 0.6]) if w > 1e-4]
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """What the drive swallows."""
         drive = motion.scene.drive(at.name)
         return motion.on(drive.dof, -np.clip(motion.force(drive), -shape[0], shape[0]))
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """For forces beyond both, c times what width w swallows is what width c · w swallows."""
         return coefficients * shape[0]
 
-    def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
-        """Nothing: the replay computes the force at every step."""
-
-    def live(self, scene: Scene, at: Location, theta: Array) -> Live:
+    def live(
+        self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
+    ) -> Live:
         """Take the swallowed force off."""
         width = theta[:, 0]
         return DriveLaw(scene, at.name, lambda force, v, t: force - between(force, -width, width))
 
-    def script(self, at: Location, theta: Array) -> Script:
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """Take the swallowed force off."""
         width = number(theta[0])
         force = (
@@ -61,7 +65,7 @@ class ActuatorDeadband(Effect):
         )
         return Script(force=force, helpers=("drive",))
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return f"Actuator {at.name} swallows the first {theta[0]:.3g} N·m of its force."
 

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.hooks import OnInputs, Tolerance, Tolerated
 from wt.physics.motion import Motion
+from wt.physics.replay import Inputs
 from wt.physics.scene import Scene
 from wt.types import Location
 
-if TYPE_CHECKING:
-    from wt.physics.replay import Inputs
-
-Array = np.ndarray
+_OFF = 4e-4  # s, standard deviation of when commands arrive
 
 _LINEAR = 1
 
 
 @register
-class ActuatorDelay(Effect):
+class ActuatorDelay(OnInputs, Tolerated):
     """u(t) → u(t − delay)."""
 
     id = "actuator.delay"
@@ -30,22 +29,32 @@ class ActuatorDelay(Effect):
     parameters = (Parameter("delay", "s", 0.0, 0.3, 1e-4, neutral=0.0),)
     reference = "MuJoCo XML reference, actuator/general/delay"
     signed = (1,)
+    looks_like = ("delay",)
+    common = "always"
+    plotted_over = "velocity"
+    correctable = False
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Delays from half a sample up."""
         return [(d,) for d in motion.dt * np.array([0.5, 1, 2, 4, 8, 16]) if d < 0.3]
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """Force under the delayed command minus force under the command as sent."""
         drive = motion.scene.drive(at.name)
         late = motion.delayed(drive.index, shape[0])
         return motion.on(drive.dof, motion.force(drive, late) - motion.force(drive))
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """To first order, c times the force of a delay d is the force of a delay c · d."""
         return coefficients * shape[0]
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Set the actuator's ``delay`` and a buffer that is long enough."""
         actuator = spec.actuator(at.name)
         actuator.delay += theta[0]
@@ -53,14 +62,21 @@ class ActuatorDelay(Effect):
         # between two steps a command arrives in part, as one that is held between them does
         actuator.interp = _LINEAR
 
-    def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
-        """Nothing: MuJoCo's buffer starts at zero, so a replay shifts the command itself."""
-
-    def drive(self, inputs: Inputs, scene: Scene, at: Location, theta: Array) -> None:
+    def drive(
+        self, inputs: Inputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Shift the command."""
         i = scene.drive(at.name).index
         inputs.u[:, i] = inputs.delayed(inputs.u[:, i], float(theta[0]))
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def tolerances(self, scene: Scene) -> Mapping[Location, Tolerance]:
+        """Every drive's."""
+        return {Location("actuator", drive.name): Tolerance(_OFF) for drive in scene.drives}
+
+    def small(self, motion: Motion, at: Location, size: float) -> Float[np.ndarray, "sample dof"]:
+        """Force of a delay of that size: it is the shape, with coefficient one."""
+        return np.asarray(self.columns(motion, at, (size,))[:, :, 0])
+
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return f"Actuator {at.name} receives its commands {1e3 * theta[0]:.3g} ms late."

@@ -8,24 +8,24 @@ from typing import ClassVar
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 from scipy.signal import lfilter
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import DriveLaw
+from wt.physics.hooks import FromRecordings, OnSteps
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number
 from wt.types import Location
 
-Array = np.ndarray
-
 _HOTTEST = 1.5  # heat beyond which a motor's protection would step in
 _SMALLER = (0.85, 0.7, 0.5)  # shares of the load in the recordings
 
 
 @register
-class ActuatorFade(Effect):
+class ActuatorFade(FromRecordings, OnSteps):
     """τ → τ · (1 − loss · x) with heat x: time_constant · ẋ = (τ/τ₀)² − x, cold at the start.
 
     τ₀ is the root mean square of the drive's force in the recordings, read off them, so that the
@@ -43,6 +43,8 @@ class ActuatorFade(Effect):
     native = False
     signed = (1,)
     read_off = 1
+    looks_like = ("weak drive",)
+    plotted_over = "time"
 
     def __init__(self, usual: float = 0.0) -> None:
         """Bind τ₀ [N·m]; zero where it is not known, and then the load is taken as the usual."""
@@ -69,30 +71,35 @@ class ActuatorFade(Effect):
         hot = [shape for shape in smaller if _heat(motion, force, shape).max() >= _HOTTEST]
         return [*((time, usual) for time in times), *hot]
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """The force that is lost, per unit of loss."""
         drive = motion.scene.drive(at.name)
         force = motion.force(drive)
         return motion.on(drive.dof, -force * _heat(motion, force, shape))
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """(loss, time constant), and τ₀ where it is fitted."""
         return np.array([coefficients[0], *shape[:-1]])
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """The final strength as gain: the closest that a servo's element offers."""
         actuator = spec.actuator(at.name)
         actuator.gainprm = np.array(actuator.gainprm) * (1.0 - theta[0])
         actuator.biasprm = np.array(actuator.biasprm) * (1.0 - theta[0])
 
-    def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
-        """Nothing: the replay computes the force at every step."""
-
-    def live(self, scene: Scene, at: Location, theta: Array) -> Live:
+    def live(
+        self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
+    ) -> Live:
         """Take the lost force off."""
         return _Warming(scene, at.name, theta, self._load(theta), self.usual)
 
-    def script(self, at: Location, theta: Array) -> Script:
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """Take the lost force off, with the heat as a hidden state."""
         loss, tau, rated = theta[0], theta[1], float(self._load(theta))
         power = (self.usual / rated) ** 2 if self.usual else 1.0
@@ -106,7 +113,7 @@ class ActuatorFade(Effect):
         )
         return Script(force=force, helpers=("drive",))
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         usual = float(self._load(theta))
         load = f" of {usual:.3g} N·m" if usual else ""
@@ -123,7 +130,7 @@ class ActuatorFade(Effect):
         """Time constants to try [s]."""
         return [float(f * motion.t.max()) for f in (0.1, 0.25, 0.5, 1.0, 2.0)]
 
-    def _load(self, theta: Array) -> Array:
+    def _load(self, theta: Float[np.ndarray, "*replay parameter"]) -> Float[np.ndarray, "*replay"]:
         """τ₀ of (…, n_theta) parameters [N·m]."""
         return np.full(theta.shape[:-1], self.usual)
 
@@ -141,7 +148,7 @@ class _Hot(ActuatorFade):
         times, loads = self._times(motion), [share * self.usual for share in _SMALLER]
         return [(time, load, self.usual) for load in loads for time in times]
 
-    def _load(self, theta: Array) -> Array:
+    def _load(self, theta: Float[np.ndarray, "*replay parameter"]) -> Float[np.ndarray, "*replay"]:
         return theta[..., 2]
 
 
@@ -149,12 +156,17 @@ class _Warming(DriveLaw):
     """Keeps the heat of n drives."""
 
     def __init__(
-        self, scene: Scene, actuator: str, theta: Array, rated: Array, usual: float
+        self,
+        scene: Scene,
+        actuator: str,
+        theta: Float[np.ndarray, "replay parameter"],
+        rated: Float[np.ndarray, " replay"],
+        usual: float,
     ) -> None:
         """Prepare; ``rated`` is τ₀ of each, or zeros, ``usual`` the load in the recordings."""
         self.loss, self.tau = theta[:, 0], theta[:, 1]
         self.rated, self.usual = rated, usual
-        self.heat: Array | None = None
+        self.heat: np.ndarray | None = None
         super().__init__(scene, actuator, self._weakened)
 
     def act(self, state: StepState) -> None:
@@ -162,7 +174,7 @@ class _Warming(DriveLaw):
         self.step = -np.expm1(-state.h / self.tau)
         super().act(state)
 
-    def _weakened(self, force: Array, v: Array, t: Array) -> Array:
+    def _weakened(self, force: np.ndarray, v: np.ndarray, t: np.ndarray) -> np.ndarray:
         timed = not self.usual
         if self.heat is None:  # what came before is taken as the load in the recordings
             power = 1.0 if timed else (self.usual / self.rated) ** 2
@@ -173,7 +185,9 @@ class _Warming(DriveLaw):
         return now
 
 
-def _heat(motion: Motion, force: Array, shape: Shape) -> Array:
+def _heat(
+    motion: Motion, force: Float[np.ndarray, " sample"], shape: Shape
+) -> Float[np.ndarray, " sample"]:
     """Heat along a motion, (T,); before a segment, the load is that in the recordings."""
     heat, tau, rated, usual = np.empty(len(motion)), shape[0], shape[1], shape[-1]
     power = (usual / rated) ** 2 if usual else 1.0

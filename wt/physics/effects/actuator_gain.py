@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import free_of_limits, settle
+from wt.physics.hooks import Tolerance, Tolerated
 from wt.physics.motion import Motion
+from wt.physics.scene import Scene
 from wt.types import Location
 
-Array = np.ndarray
+_OFF = 0.01  # standard deviation of a drive's strength
 
 
 @register
-class ActuatorGain(Effect):
+class ActuatorGain(Tolerated):
     """force → factor · force, inside the model's force range."""
 
     id = "actuator.gain"
@@ -22,25 +27,39 @@ class ActuatorGain(Effect):
     parameters = (Parameter("factor", "-", 0.0, 5.0, 1e-3, neutral=1.0),)
     reference = "MuJoCo XML reference, actuator/general/gainprm and biasprm"
     signed = (0,)
+    looks_like = ("weak drive",)
+    common = "always"
+    plotted_over = "drive"
+    at_rest = True
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """The drive's force, except where it is at its limit."""
         drive = motion.scene.drive(at.name)
         force = motion.force(drive) * free_of_limits(motion, drive)
         return motion.on(drive.dof, force)
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """One plus the coefficient."""
         return 1.0 + coefficients
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Scale ``gainprm`` and ``biasprm``."""
         settle(spec)
         actuator = spec.actuator(at.name)
         actuator.gainprm[:3] *= theta[0]
         actuator.biasprm[:3] *= theta[0]
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def tolerances(self, scene: Scene) -> Mapping[Location, Tolerance]:
+        """Every drive's."""
+        return {Location("actuator", drive.name): Tolerance(_OFF) for drive in scene.drives}
+
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return f"Actuator {at.name} delivers {100 * theta[0]:.4g} % of the force in the model."
 

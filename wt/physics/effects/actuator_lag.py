@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 from scipy.signal import lfilter
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.hooks import OnInputs
 from wt.physics.motion import Motion
+from wt.physics.replay import Inputs
 from wt.physics.scene import Scene
 from wt.types import Location
 
-if TYPE_CHECKING:
-    from wt.physics.replay import Inputs
-
-Array = np.ndarray
-
 
 @register
-class ActuatorLag(Effect):
+class ActuatorLag(OnInputs):
     """time_constant · dx/dt = u − x, and the drive acts on x."""
 
     id = "actuator.lag"
@@ -29,6 +26,8 @@ class ActuatorLag(Effect):
     parameters = (Parameter("time_constant", "s", 0.0, 2.0, 1e-4, neutral=0.0),)
     reference = "MuJoCo XML reference, actuator/general/dyntype (filterexact)"
     signed = (1,)
+    looks_like = ("delay",)
+    plotted_over = "velocity"
 
     def places(self, scene: Scene) -> Sequence[Location]:
         """Drives that the model gives no dynamics yet."""
@@ -43,7 +42,9 @@ class ActuatorLag(Effect):
         """Time constants from half a sample up."""
         return [(tc,) for tc in motion.dt * np.array([0.5, 1, 2, 4, 8, 16, 32]) if tc < 1.0]
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """Force under the filtered command minus force under the command as sent."""
         drive = motion.scene.drive(at.name)
         late = np.empty(len(motion))
@@ -57,27 +58,30 @@ class ActuatorLag(Effect):
         change = motion.force(drive, late) - motion.force(drive)
         return motion.on(drive.dof, change)
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """To first order, c times the force of a lag τ is the force of a lag c · τ."""
         return coefficients * shape[0]
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Give the actuator a filter as its dynamics."""
         actuator = spec.actuator(at.name)
         if theta[0] > 0.0 and actuator.dyntype == mujoco.mjtDyn.mjDYN_NONE:
             actuator.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
             actuator.dynprm[0] = theta[0]
 
-    def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
-        """Nothing: MuJoCo's filter starts at zero, so a replay filters the command itself."""
-
-    def drive(self, inputs: Inputs, scene: Scene, at: Location, theta: Array) -> None:
+    def drive(
+        self, inputs: Inputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Filter the command, starting in balance with the first."""
         i = scene.drive(at.name).index
         if theta[0] > 0.0:
             inputs.u[:, i] = _lagged(inputs.u[:, i], inputs.h, float(theta[0]))
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return (
             f"Actuator {at.name} follows its commands with a time constant of "
@@ -89,7 +93,9 @@ class ActuatorLag(Effect):
         return f"steps of {at.name}, whose first milliseconds tell a lag from a delay"
 
 
-def _lagged(u: Array, h: float, time_constant: float) -> Array:
+def _lagged(
+    u: Float[np.ndarray, " interval"], h: float, time_constant: float
+) -> Float[np.ndarray, " interval"]:
     """Mean of the filtered signal over each interval of a held one, (n,)."""
     keep = np.exp(-h / time_constant)
     # x at the end of each interval: x[k] = keep · x[k−1] + (1 − keep) · u[k]

@@ -6,14 +6,13 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.effects._tools import passive
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.types import Location
-
-Array = np.ndarray
 
 _FEWEST = 3.0  # cycles a turn
 
@@ -47,30 +46,38 @@ class ActuatorRipple(Effect):
         covered = (q.max() - q.min()) / (2.0 * np.pi)
         return [(float(n),) for n in range(3, 61) if n * covered >= 1.0]
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """cos(cycles·q) and sin(cycles·q)."""
         dof = motion.scene.drive(at.name).dof
         angle = shape[0] * motion.q[:, dof]
         return motion.on(dof, np.cos(angle), np.sin(angle))
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """Amplitude, cycles and phase."""
         # a·sin(x + φ) = a·sin φ · cos x + a·cos φ · sin x
         c, s = coefficients
         return np.array([np.hypot(c, s), shape[0], np.arctan2(c, s)])
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Add a passive motor with ``cogging`` to the joint."""
         amplitude, cycles, phase = (float(x) for x in theta)
         if amplitude > 0.0:
             joint = spec.actuator(at.name).target
             passive(spec, f"{at.name}_ripple", joint, cogging=[amplitude, cycles, phase])
 
-    def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
+    def plausible(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> bool:
         """One or two waves a turn are a weight, not the teeth or poles of a drive."""
         return bool(theta[1] >= _FEWEST)
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return (
             f"The torque of actuator {at.name} ripples by ±{theta[0]:.3g} N·m, {theta[1]:.4g} "

@@ -6,12 +6,11 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.motion import Motion
 from wt.types import Location
-
-Array = np.ndarray
 
 
 @register
@@ -23,27 +22,35 @@ class ActuatorSaturation(Effect):
     parameters = (Parameter("torque", "N·m", 1e-4, 1e4, 1e-3, inexact=0.03),)
     reference = "MuJoCo XML reference, actuator/general/forcerange"
     signed = (1,)
+    looks_like = ("weak drive",)
+    plotted_over = "drive"
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Torques that the model's drive passes for 2 to 60 % of the time."""
         force = np.abs(motion.force(motion.scene.drive(at.name)))
         return [(float(t),) for t in np.quantile(force, [0.4, 0.6, 0.8, 0.9, 0.98]) if t > 1e-4]
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """What the clipped drive lacks; the coefficient of the true torque is 1."""
         drive = motion.scene.drive(at.name)
         force = motion.force(drive)
         return motion.on(drive.dof, np.clip(force, -shape[0], shape[0]) - force)
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """The torque."""
         return np.array(shape)
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Narrow the actuator's ``forcerange``."""
         narrow(spec, at.name, float(theta[0]))
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return f"Actuator {at.name} gives at most {theta[0]:.3g} N·m."
 

@@ -6,21 +6,21 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import DriveLaw
 from wt.physics.effects.actuator_saturation import narrow
+from wt.physics.hooks import OnSteps
 from wt.physics.live import Live
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene, between
 from wt.physics.script import Script, number
 from wt.types import Location
 
-Array = np.ndarray
-
 
 @register
-class ActuatorSpeedLimit(Effect):
+class ActuatorSpeedLimit(OnSteps):
     """force → clip(force, −stall · (1 + v/speed), stall · (1 − v/speed))."""
 
     id = "actuator.speed_limit"
@@ -32,6 +32,7 @@ class ActuatorSpeedLimit(Effect):
     reference = "A. Hughes and B. Drury, Electric Motors and Drives, 2019, chapter 3"
     native = False
     signed = (1,)
+    plotted_over = "velocity"
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Stall torques around the largest force, no-load speeds around the fastest motion."""
@@ -41,30 +42,35 @@ class ActuatorSpeedLimit(Effect):
         tried = [(s * force, f * fastest) for s in (0.7, 1.0, 2.0) for f in (0.9, 1.3, 2.0, 4.0)]
         return [shape for shape in tried if min(shape) > 1e-3]
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """What the drive lacks; the coefficient of the true limits is 1."""
         drive = motion.scene.drive(at.name)
         force = motion.force(drive)
         limited = _limited(force, motion.v[:, drive.dof], *shape)
         return motion.on(drive.dof, limited - force)
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """Stall torque and no-load speed."""
         return np.array(shape)
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Stand-in: ``forcerange`` of the stall torque, right at standstill."""
         narrow(spec, at.name, float(theta[0]))
 
-    def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
-        """Nothing: the replay computes the force at every step."""
-
-    def live(self, scene: Scene, at: Location, theta: Array) -> Live:
+    def live(
+        self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
+    ) -> Live:
         """Clip the force at every step."""
         stall, speed = theta.T
         return DriveLaw(scene, at.name, lambda force, v, t: _limited(force, v, stall, speed))
 
-    def script(self, at: Location, theta: Array) -> Script:
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """Clip the force at every step."""
         stall, speed = map(number, theta)
         force = (
@@ -75,7 +81,7 @@ class ActuatorSpeedLimit(Effect):
         )
         return Script(force=force, helpers=("drive",))
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return (
             f"Actuator {at.name} gives at most {theta[0]:.3g} N·m at standstill, and less with "
@@ -87,5 +93,7 @@ class ActuatorSpeedLimit(Effect):
         return f"full-force accelerations of {at.name} in both directions up to its top speed"
 
 
-def _limited(force: Array, v: Array, stall: Array | float, speed: Array | float) -> Array:
+def _limited(
+    force: np.ndarray, v: np.ndarray, stall: np.ndarray | float, speed: np.ndarray | float
+) -> np.ndarray:
     return between(force, -stall * (1.0 + v / speed), stall * (1.0 - v / speed))

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.hooks import Tolerance, Tolerated
 from wt.physics.motion import Motion
+from wt.physics.scene import Scene
 from wt.types import Location
 
-Array = np.ndarray
+_OFF = 0.03  # of the whole inertia: half the rotor's is rarely published
 
 
 @register
-class Armature(Effect):
+class Armature(Tolerated):
     """τ = −inertia · a."""
 
     id = "joint.armature"
@@ -21,21 +26,39 @@ class Armature(Effect):
     parameters = (Parameter("inertia", "kg·m²", 0.0, 1e3, 1e-4, neutral=0.0),)
     reference = "R. Featherstone, Rigid Body Dynamics Algorithms, 2008, section 9.6"
     signed = (1,)
+    looks_like = ("inertia",)
+    plotted_over = "acceleration"
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """−a on the joint's row."""
         dof = motion.scene.dof(at.name)
         return motion.on(dof, -motion.a[:, dof])
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """See :meth:`Effect.theta`."""
         return coefficients
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Add to the joint's ``armature``."""
         spec.joint(at.name).armature += theta[0]
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def tolerances(self, scene: Scene) -> Mapping[Location, Tolerance]:
+        """A share of the whole inertia, of which no more can be missing than the rotor's own."""
+        m = scene.model
+        return {
+            Location("joint", joint): Tolerance(
+                _OFF * float(m.dof_M0[dof]), -float(m.dof_armature[dof])
+            )
+            for joint, dof in ((joint, scene.dof(joint)) for joint in scene.own_joints)
+        }
+
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return f"Joint {at.name} has {theta[0]:.3g} kg·m² more rotor inertia than the model."
 

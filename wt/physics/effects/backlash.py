@@ -6,14 +6,13 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.effect import Parameter, register
 from wt.physics.motion import Motion
 from wt.physics.rotor import GearEffect, split
 from wt.physics.script import number
 from wt.types import Location
-
-Array = np.ndarray
 
 _CONTACT = 0.002
 """Time constant of the teeth's contact [s]: far faster than what a recording shows."""
@@ -27,12 +26,15 @@ class Backlash(GearEffect):
     excludes = ("joint.elasticity",)
     parameters = (Parameter("gap", "rad", 1e-4, 1.0, 2e-4, neutral=0.0),)
     reference = "M. Nordin and P.-O. Gutman, Controlling mechanical systems with backlash, 2002"
+    looks_like = ("offset",)
 
-    def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
+    def starts(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " parameter"]]:
         """From 0.2° to 4°."""
         return [np.array([gap]) for gap in (0.004, 0.015, 0.06)]
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """A rotor behind a tendon that is free inside its limits.
 
         Limits push and damp only where the teeth touch, and are stable at any time step; damping
@@ -43,18 +45,20 @@ class Backlash(GearEffect):
         tendon.range = [-0.5 * theta[0], 0.5 * theta[0]]
         tendon.solref_limit = [_CONTACT, 1.0]
 
-    def twist(self, theta: Array, force: float, stiffness: float) -> float:
+    def twist(
+        self, theta: Float[np.ndarray, " parameter"], force: float, stiffness: float
+    ) -> float:
         """As far as the drives turn the rotor, or to the teeth."""
         half = 0.5 * float(theta[0])
         free = force / stiffness if stiffness else np.copysign(np.inf, force)
         return float(np.clip(free, -half, half))
 
-    def twist_line(self, theta: Array) -> str:
+    def twist_line(self, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`twist`."""
         half = number(0.5 * theta[0])
         return f"np.clip(force / max(stiffness, 1e-9), -{half}, {half})"
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return f"Joint {at.name} has {np.degrees(theta[0]):.2g}° of gear play."
 

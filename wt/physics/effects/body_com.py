@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics import inertia
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.effects._tools import weighed
 from wt.physics.motion import Motion
 from wt.types import Location
-
-Array = np.ndarray
 
 _APART = 0.05  # m; the moments are quadratic in the shift, so any central difference is exact
 
@@ -25,8 +24,12 @@ class BodyCom(Effect):
     parameters = (Parameter("shift", "m", -2.0, 2.0, 5e-4, ("x", "y", "z"), neutral=0.0),)
     reference = "C. H. An, C. G. Atkeson and J. M. Hollerbach, Model-Based Control of a Robot, 1988"
     signed = (0, 0, 0)
+    looks_like = ("weight",)
+    common = "often"
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """Force per metre of shift along x, y and z."""
         mass, centre, moments = inertia.own(motion.scene, at.name)
         shifted = [
@@ -36,15 +39,19 @@ class BodyCom(Effect):
         ]
         return -inertia.demand(motion, at.name) @ np.stack(shifted, axis=1) / (2.0 * _APART)
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """The shift."""
         return coefficients
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Move the body's ``inertial``."""
         weighed(spec, at.name).ipos += theta
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         x, y, z = 1e3 * theta
         return (

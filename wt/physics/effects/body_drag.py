@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.effects._tools import compiled, settle
 from wt.physics.motion import Motion
 from wt.types import Location
-
-Array = np.ndarray
 
 _RADIUS = 0.001  # m, of the sphere that stands for the body in the fluid
 _THIN = 1e-6  # kg/m³: so thin that every other body passes through unhindered
@@ -27,18 +26,25 @@ class BodyDrag(Effect):
     parameters = (Parameter("coefficient", "N·s²/m²", 0.0, 1e3, 1e-3, neutral=0.0),)
     reference = "MuJoCo documentation, computation/fluid (ellipsoid model, blunt drag)"
     signed = (1,)
+    plotted_over = "velocity"
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """−|v|·v at the centre of mass."""
         point = motion.point(at.name)
         speed = np.linalg.norm(point.velocity, axis=1, keepdims=True)
         return point.generalised(-speed * point.velocity)[:, :, None]
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """The coefficient."""
         return coefficients
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Weld on a tiny sphere that alone feels the fluid, by a large drag coefficient.
 
         A sphere drags alike along every axis. A model without a fluid gets one so thin that its
@@ -61,7 +67,7 @@ class BodyDrag(Effect):
         # MuJoCo's drag is density · blunt · π·r² · |v| · v, without the usual ½
         sphere.fluid_coefs = [theta[0] / (density * np.pi * _RADIUS**2), 0.0, 0.0, 0.0, 0.0]
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return f"Drag holds {at} back with {theta[0]:.3g} N at 1 m/s, growing with speed squared."
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.effects._tools import compiled
 from wt.physics.motion import Motion
 from wt.types import Location
-
-Array = np.ndarray
 
 
 @register
@@ -22,16 +21,23 @@ class BodyForce(Effect):
     parameters = (Parameter("force", "N", -1e4, 1e4, 1e-2, ("x", "y", "z"), neutral=0.0),)
     reference = "MuJoCo documentation, computation, transmission by a site with a reference site"
     signed = (0, 0, 0)
+    looks_like = ("pull",)
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """Generalised force per newton along the world's x, y and z."""
         return np.swapaxes(motion.point(at.name).jacobian, 1, 2)
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """The force."""
         return coefficients
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Add a passive motor that pulls a site at the centre of mass along the world's axes.
 
         Cogging with zero poles and a phase of 90° is a constant: a force without a command.
@@ -52,7 +58,7 @@ class BodyForce(Effect):
             ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE),
         )
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         x, y, z = theta
         return f"A constant force of {x:.3g}, {y:.3g}, {z:.3g} N (world x, y, z) acts on {at}."

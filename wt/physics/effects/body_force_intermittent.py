@@ -5,20 +5,17 @@ from __future__ import annotations
 import copy
 import sys
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Bool, Float
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.hooks import FromRecordings, OnInputs
 from wt.physics.motion import Motion, Segment
+from wt.physics.replay import Inputs
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number, wrapped
 from wt.types import Location
-
-if TYPE_CHECKING:
-    from wt.physics.replay import Inputs
-
-Array = np.ndarray
 
 _THRESHOLDS = (4.0, 8.0)  # robust deviations above the usual
 _SHORTEST, _GAP = 0.04, 0.1  # s
@@ -28,7 +25,7 @@ _BURST_S, _BURSTS = 0.25, 2
 
 
 @register
-class BodyForceIntermittent(Effect):
+class BodyForceIntermittent(FromRecordings, OnInputs):
     """A force constant in the world's frame on the centre of mass, inside windows of time.
 
     The windows are no part of ``theta``: they stand in the signature's shape, flattened
@@ -43,6 +40,7 @@ class BodyForceIntermittent(Effect):
     reads_residual = True
     read_off = sys.maxsize
     signed = (0, 0, 0)
+    plotted_over = "time"
 
     def __init__(self, windows: Shape = ()) -> None:
         """Bind windows, flattened (recording, start [s], end [s], …)."""
@@ -54,7 +52,9 @@ class BodyForceIntermittent(Effect):
         bound.windows = tuple(shape)
         return bound
 
-    def elsewhere(self, motion: Motion, at: Location, theta: Array) -> BodyForceIntermittent:
+    def elsewhere(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> BodyForceIntermittent:
         """The same force, at the times at which these recordings show it."""
         return self.shaped(_acting(motion, _on(motion, at.name), theta))
 
@@ -75,7 +75,9 @@ class BodyForceIntermittent(Effect):
                 found.add(_acting(motion, on, force))
         return sorted(windows for windows in found if windows)
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """Generalised force per newton along x, y and z, inside the windows."""
         inside = np.zeros(len(motion))
         for s in motion.segments:
@@ -85,11 +87,15 @@ class BodyForceIntermittent(Effect):
                     inside[s.rows] = np.maximum(inside[s.rows], covered)
         return np.swapaxes(motion.point(at.name).jacobian, 1, 2) * inside[:, None, None]
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """The force."""
         return coefficients
 
-    def drive(self, inputs: Inputs, scene: Scene, at: Location, theta: Array) -> None:
+    def drive(
+        self, inputs: Inputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Push in the windows of this recording."""
         body = scene.model.body(at.name).id
         inside = np.zeros(len(inputs.t))
@@ -103,7 +109,7 @@ class BodyForceIntermittent(Effect):
         """The windows' starts and ends, one after another."""
         return {"windows": ("s", tuple(x for _, *ends in _triples(self.windows) for x in ends))}
 
-    def script(self, at: Location, theta: Array) -> Script:
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """Push in the windows of each recording."""
         windows: dict[int, list[str]] = {}
         for recording, start, end in _triples(self.windows):
@@ -122,7 +128,7 @@ class BodyForceIntermittent(Effect):
         )
         return Script(force=force, helpers=("push",))
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         x, y, z = theta
         spans = [f"{start:.2f}–{end:.2f} s" for _, start, end in _triples(self.windows)]
@@ -141,12 +147,16 @@ def _triples(windows: Shape) -> list[tuple[float, float, float]]:
     return list(zip(windows[::3], windows[1::3], windows[2::3], strict=True))
 
 
-def _covered(t: Array, h: float, start: float, end: float) -> Array:
+def _covered(
+    t: Float[np.ndarray, " interval"], h: float, start: float, end: float
+) -> Float[np.ndarray, " interval"]:
     """Share of the interval [t, t + h] that lies between start and end, (n,)."""
     return np.asarray(np.clip((np.minimum(t + h, end) - np.maximum(t, start)) / h, 0.0, 1.0))
 
 
-def _mean_force(motion: Motion, columns: Array) -> Array:
+def _mean_force(
+    motion: Motion, columns: Float[np.ndarray, "sample dof 3"]
+) -> Float[np.ndarray, " 3"]:
     """The force on a body that its columns (T, nv, 3) explain the residual best with, (3,) [N]."""
     scale = np.std(motion.unexplained, axis=0) + 1e-12
     design = (motion.touching.free(columns) / scale[:, None]).reshape(-1, 3)
@@ -154,7 +164,9 @@ def _mean_force(motion: Motion, columns: Array) -> Array:
     return np.asarray(found)
 
 
-def _usual(motion: Motion, segment: Segment) -> tuple[Array, Array]:
+def _usual(
+    motion: Motion, segment: Segment
+) -> tuple[Float[np.ndarray, " dof"], Float[np.ndarray, " sample"]]:
     """What a residual usually is in a segment, (nv,), and how much each moment counts, (T,)."""
     calm = motion.calm[segment.rows]
     left = motion.unexplained[segment.rows]
@@ -162,7 +174,7 @@ def _usual(motion: Motion, segment: Segment) -> tuple[Array, Array]:
     return 1.4826 * usual + 1e-12, np.where(calm, 1.0, 0.01)
 
 
-def _bursts(motion: Motion, on: Array) -> list[Array]:
+def _bursts(motion: Motion, on: Float[np.ndarray, "sample dof 3"]) -> list[Float[np.ndarray, " 3"]]:
     """Forces on a body in moments that differ most from the usual, (3,) each [N].
 
     Args:
@@ -192,13 +204,15 @@ def _bursts(motion: Motion, on: Array) -> list[Array]:
     return [forces[i] for i in order if worths[i] > 0.0]
 
 
-def _sums(x: Array, width: int) -> Array:
+def _sums(x: Float[np.ndarray, " sample *rest"], width: int) -> Float[np.ndarray, " sums *rest"]:
     """Sums over so many neighbours, (T − width + 1, …) of (T, …)."""
     total = np.concatenate([np.zeros((1, *x.shape[1:])), np.cumsum(x, axis=0)])
     return np.asarray(total[width:] - total[:-width])
 
 
-def _acting(motion: Motion, on: Array, force: Array) -> Shape:
+def _acting(
+    motion: Motion, on: Float[np.ndarray, "sample dof 3"], force: Float[np.ndarray, " 3"]
+) -> Shape:
     """Windows in which a known force shows: more than half of it, by a matched filter.
 
     The filter is as long as it takes for what is left besides to stay below a quarter.
@@ -219,12 +233,12 @@ def _acting(motion: Motion, on: Array, force: Array) -> Shape:
     return tuple(windows)
 
 
-def _on(motion: Motion, body: str) -> Array:
+def _on(motion: Motion, body: str) -> Float[np.ndarray, "sample dof 3"]:
     """Free part of a unit force on a body along x, y and z, (T, nv, 3)."""
     return motion.touching.free(motion.point(body).jacobian.swapaxes(1, 2))
 
 
-def _proposed(motion: Motion, on: Array, threshold: float) -> Shape:
+def _proposed(motion: Motion, on: Float[np.ndarray, "sample dof 3"], threshold: float) -> Shape:
     """Windows in which the residual's part that a force on the body can make stands out."""
     scale = np.std(motion.unexplained, axis=0) + 1e-12
     scaled = on / scale[:, None]
@@ -242,13 +256,15 @@ def _proposed(motion: Motion, on: Array, threshold: float) -> Shape:
     return tuple(windows)
 
 
-def _smoothed(signal: Array, dt: float, seconds: float) -> Array:
+def _smoothed(
+    signal: Float[np.ndarray, " sample"], dt: float, seconds: float
+) -> Float[np.ndarray, " sample"]:
     """Running mean (T,)."""
     width = max(1, min(round(seconds / dt), len(signal)))
     return np.convolve(signal, np.full(width, 1.0 / width), mode="same")
 
 
-def _windows(motion: Motion, segment: Segment, above: Array) -> list[float]:
+def _windows(motion: Motion, segment: Segment, above: Bool[np.ndarray, " sample"]) -> list[float]:
     """Spans of a segment in which something is so, (T,) bool: recording, start, end, and so on."""
     windows, t = list[float](), motion.t[segment.rows]
     for start, end in _spans(above, round(_GAP / segment.dt)):
@@ -257,7 +273,7 @@ def _windows(motion: Motion, segment: Segment, above: Array) -> list[float]:
     return windows
 
 
-def _spans(above: Array, gap: int) -> list[tuple[int, int]]:
+def _spans(above: Bool[np.ndarray, " sample"], gap: int) -> list[tuple[int, int]]:
     """First and last index of each run, runs closer than a gap merged."""
     rows = np.flatnonzero(above)
     if not len(rows):

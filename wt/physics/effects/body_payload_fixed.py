@@ -6,20 +6,20 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics import inertia
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import place_of_load, point_load, within_reach
+from wt.physics.hooks import Linearised
 from wt.physics.motion import Motion
 from wt.types import Location
-
-Array = np.ndarray
 
 _APART = 0.1  # m; the moments are quadratic in the position, so any central difference is exact
 
 
 @register
-class BodyPayloadFixed(Effect):
+class BodyPayloadFixed(Linearised):
     """A point mass at a position in the body's frame.
 
     Its force is m·(f₀ + f₁·p + pᵀ·f₂·p). The signature is linear in m and m·(p − shape): the
@@ -36,14 +36,17 @@ class BodyPayloadFixed(Effect):
     )
     reference = "C. H. An, C. G. Atkeson and J. M. Hollerbach, Model-Based Control of a Robot, 1988"
     signed = (1, 0, 0, 0)
-    weighted = True
+    looks_like = ("weight",)
+    common = "often"
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """The centre of mass: at the frame's origin a body that turns about it shows no mass."""
         x, y, z = motion.scene.model.body(at.name).ipos
         return [(float(x), float(y), float(z))]
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """Force per kilogram at the shape's position, and per kg·m away from it."""
         there, point = np.array(shape), np.zeros((3, 3))
         ahead, behind = (
@@ -54,24 +57,30 @@ class BodyPayloadFixed(Effect):
         columns = np.vstack([inertia.parameters(1.0, there, point), slopes])
         return -inertia.demand(motion, at.name) @ columns.T
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """Mass, and position from the first moments."""
         return np.array([coefficients[0], *place_of_load(coefficients, shape)])
 
-    def around(self, theta: Array) -> Shape:
+    def around(self, theta: Float[np.ndarray, " parameter"]) -> Shape:
         """Where the load sits."""
         x, y, z = theta[1:]
         return (float(x), float(y), float(z))
 
-    def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
+    def plausible(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> bool:
         """Whether the body can carry it there."""
         return within_reach(motion.scene, at.name, theta[1:])
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Weld a point mass on."""
         point_load(spec, at.name, float(theta[0]), theta[1:])
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         x, y, z = 1e3 * theta[1:]
         return (

@@ -7,16 +7,16 @@ from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
-from wt.physics.effect import Beyond, Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import place_of_load, point_load, within_reach
+from wt.physics.hooks import Beyond, FromRecordings, Nested, Stateful
 from wt.physics.loose import Centre, Law, columns, path_of
 from wt.physics.loose_search import laws_that_fit, likeliest_laws
 from wt.physics.motion import Motion
 from wt.physics.replay import Hidden, Stretch
 from wt.types import Location
-
-Array = np.ndarray
 
 _AXES = ("x", "y", "z")
 _STOP = (0.006, 1.0)  # time constant [s] and damping ratio: nothing bounces
@@ -27,7 +27,7 @@ _UNSURE, _UNSURE_V = 0.15, 0.15
 
 
 @register
-class BodyPayloadMoving(Effect):
+class BodyPayloadMoving(FromRecordings, Nested, Stateful):
     """A point mass on slides along the body's axes, damped, between stops.
 
     Along which axes, how far along each against the longest, damping, spring and whether it rolls
@@ -52,6 +52,8 @@ class BodyPayloadMoving(Effect):
     read_off = 10
     odds_against = 8.0
     settles = ("body.mass",)
+    looks_like = ("weight",)
+    plotted_over = "time"
 
     def __init__(self, shape: Shape = ()) -> None:
         """Bind travel x, y, z; damping, spring, rolling; centre x, y, z; mass."""
@@ -72,24 +74,30 @@ class BodyPayloadMoving(Effect):
             for law, centre, mass in laws_that_fit(motion, at.name)
         ]
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """Force per kilogram, and per kg·m away from the centre of the shape."""
         centre = _centre(shape)
         path = path_of(motion, at.name, centre, _law(shape))
         return columns(motion, at.name, centre, path)
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """Mass, the longest travel, and position from the first moments."""
         place = place_of_load(coefficients, _centre(shape))
         return np.array([coefficients[0], max(shape[:3]), *place])
 
-    def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
+    def starts(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " parameter"]]:
         """What was read off, with none of it put down to what any rig is off by."""
         if not self.shape:
             return []
         return [np.array([self.shape[9], max(self.shape[:3]), *_centre(self.shape)])]
 
-    def beyond(self, motion: Motion, at: Location, law: str, theta: Array) -> Sequence[Beyond]:
+    def beyond(
+        self, motion: Motion, at: Location, law: str, theta: Float[np.ndarray, " smaller"]
+    ) -> Sequence[Beyond]:
         """The load that seems fixed, under the laws that forces are least against.
 
         Forces may be too noisy for a law to be read off, and replays still tell.
@@ -106,7 +114,9 @@ class BodyPayloadMoving(Effect):
             for law in likeliest_laws(motion, at.name, (x, y, z))
         ]
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Put a point mass on slides between stops."""
         mass, law = float(theta[0]), self._law(theta)
         payload = point_load(spec, at.name, mass, theta[2:])
@@ -130,7 +140,9 @@ class BodyPayloadMoving(Effect):
                     frictionloss=0.0,
                 )
 
-    def started(self, at: Location, theta: Array, stretch: Stretch) -> Mapping[str, Hidden]:
+    def started(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], stretch: Stretch
+    ) -> Mapping[str, Hidden]:
         """Where the load had got to, from how the body had moved until then."""
         law = self._law(theta)
         s, v = np.zeros((2, 3))
@@ -146,7 +158,9 @@ class BodyPayloadMoving(Effect):
             if travel > 0.0
         }
 
-    def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
+    def plausible(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> bool:
         """Whether the body can carry it there, and it moved at all."""
         if not within_reach(motion.scene, at.name, theta[2:]):
             return False
@@ -166,7 +180,7 @@ class BodyPayloadMoving(Effect):
             "rolling": ("-", (law.rolling,)),
         }
 
-    def _law(self, theta: Array) -> Law:
+    def _law(self, theta: Float[np.ndarray, " parameter"]) -> Law:
         """The bound law with another travel."""
         if not self.shape:  # nothing read off yet: free along x
             return Law((float(theta[1]), 0.0, 0.0), 1.0, 0.0, 0.0)
@@ -175,12 +189,12 @@ class BodyPayloadMoving(Effect):
         x, y, z = (scale * travel for travel in law.travel)
         return Law((x, y, z), law.damping, law.spring, law.rolling)
 
-    def _centre(self, theta: Array) -> Centre:
+    def _centre(self, theta: Float[np.ndarray, " parameter"]) -> Centre:
         """The bound centre: where exactly it is matters little to a path, and each costs time."""
         x, y, z = self.shape[6:9] or (float(x) for x in theta[2:])
         return (x, y, z)
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         law = self._law(theta)
         how = "sloshes" if law.spring > _SPRUNG else "rolls" if law.rolling > 0.0 else "slides"

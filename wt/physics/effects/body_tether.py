@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.hooks import Linearised
 from wt.physics.motion import Motion
 from wt.types import Location
-
-Array = np.ndarray
-
 
 _FAR = 4.0
 """The farthest anchor that a signature may say [m]: within the bounds, or the pull is lost."""
 
 
 @register
-class BodyTether(Effect):
+class BodyTether(Linearised):
     """F = stiffness · (anchor − x) on the origin x of the body's frame."""
 
     id = "body.tether"
@@ -28,21 +27,27 @@ class BodyTether(Effect):
     )
     reference = "R. Hooke, De potentia restitutiva, 1678"
     signed = (1, 0, 0, 0)
-    weighted = True
+    looks_like = ("pull",)
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """Per unit of k, and of k times each coordinate of the anchor."""
         point = motion.point(at.name, (0.0, 0.0, 0.0))
         pull = point.generalised(-point.x)
         return np.concatenate([pull[:, :, None], np.swapaxes(point.jacobian, 1, 2)], axis=2)
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """(stiffness, anchor); a pull that does not change comes from far away."""
         pull = float(np.abs(coefficients[1:]).max())
         k = max(float(coefficients[0]), pull / _FAR, 1e-6)
         return np.array([k, *(coefficients[1:] / k)])
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """A spatial tendon of no rest length between a site on the body and one in the world."""
         near, far = f"{at.name}_tether", f"{at.name}_anchor"
         spec.body(at.name).add_site(name=near)
@@ -53,7 +58,7 @@ class BodyTether(Effect):
         tendon.wrap_site(near)
         tendon.wrap_site(far)
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         x, y, z = theta[1:]
         return (

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.contact import deciding, fixed, outrank, partners, touchable, unlike
 from wt.physics.effect import Parameter, register
@@ -14,8 +15,6 @@ from wt.physics.motion import Motion
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
 from wt.types import Location
-
-Array = np.ndarray
 
 _SOFTER = (2.0, 4.0)  # times the model's own, to start from
 _UNLIKE = 0.35  # of the logarithm
@@ -38,20 +37,24 @@ class ContactCompliance(ReplayOnly):
         """Named geoms that may touch: of the machine, and fixed ones."""
         return touchable(scene)
 
-    def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
+    def starts(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " parameter"]]:
         """Softer than the model, where anything ever comes near anything."""
         if not motion.touching.near.any():
             return []
         own = float(motion.scene.model.geom(at.name).solref[0])
         return [np.array([factor * own]) for factor in _SOFTER if own > 0.0]
 
-    def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
+    def plausible(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> bool:
         """Whether it is further from the model's than soles and floors are from each other."""
         m = motion.scene.model
         now = m.geom_solref[deciding(m, m.geom(at.name).id), 0]
         return unlike(float(theta[0]), now, _UNLIKE)
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Write ``solref``, and see to it that no partner has a say in it.
 
         Of two geoms the one of higher priority decides, of equals the mean.
@@ -70,7 +73,7 @@ class ContactCompliance(ReplayOnly):
                 mine.friction = rough
                 outrank(mine, other)
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return f"Contacts of {at.name} give with a time constant of {1e3 * theta[0]:.3g} ms."
 

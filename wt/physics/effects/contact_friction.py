@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import mujoco
 import numpy as np
+from jaxtyping import Float, Int
 
 from wt.physics.contact import deciding, fixed, loads, outrank, partners, touchable, unlike
 from wt.physics.effect import Parameter, register
@@ -15,8 +16,6 @@ from wt.physics.motion import Motion
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
 from wt.types import Location
-
-Array = np.ndarray
 
 _SLIPPING, _LOADED = 0.06, 0.08  # m/s; share of the weight: less is noise of the residual
 _LEAST, _THINNED = 20, 5  # samples that must slip; one in so many is looked at
@@ -36,12 +35,13 @@ class ContactFriction(ReplayOnly):
     kind = "geom"
     parameters = (Parameter("friction", "-", 0.01, 3.0, 1e-3),)
     reference = "C. A. de Coulomb, Théorie des machines simples, 1785"
+    plotted_over = "velocity"
 
     def places(self, scene: Scene) -> Sequence[Location]:
         """Named geoms that may touch: of the machine, and fixed ones."""
         return touchable(scene)
 
-    def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
+    def starts(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " parameter"]]:
         """What slipping contacts show of it."""
         geom = motion.scene.model.geom(at.name).id
         geoms, friction = _seen(motion)
@@ -51,13 +51,17 @@ class ContactFriction(ReplayOnly):
         lower, upper = self.bounds()
         return [np.clip([np.quantile(mine, q)], lower, upper) for q in _STARTS]
 
-    def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
+    def plausible(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> bool:
         """Whether it is further from the model's than floors are from each other."""
         m = motion.scene.model
         now = m.geom_friction[deciding(m, m.geom(at.name).id), 0]
         return unlike(float(theta[0]), now, _UNLIKE)
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Write ``friction``, and see to it that no partner overrules it.
 
         Of two geoms the one of higher priority decides, of equals the larger friction.
@@ -70,7 +74,7 @@ class ContactFriction(ReplayOnly):
             if over > 0 or (over == 0 and model.geom_friction[partner, 0] > theta[0]):
                 _yield(spec, model, own, partner, float(theta[0]))
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return f"Contacts of {at.name} slide at a friction coefficient of {theta[0]:.3g}."
 
@@ -89,7 +93,7 @@ def _yield(spec: mujoco.MjSpec, model: mujoco.MjModel, own: int, partner: int, m
 
 
 @lru_cache(maxsize=4)
-def _seen(motion: Motion) -> tuple[Array, Array]:
+def _seen(motion: Motion) -> tuple[Int[np.ndarray, "contact 2"], Float[np.ndarray, " contact"]]:
     """Contacts that slip under load: their geoms, (n, 2), and the friction of each, (n,)."""
     some = slice(None, None, _THINNED)
     m = motion.scene.model

@@ -6,14 +6,13 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.effect import Parameter, register
 from wt.physics.hits import face
 from wt.physics.motion import Motion
 from wt.physics.replay_only import ReplayOnly
 from wt.types import Location
-
-Array = np.ndarray
 
 _HALF = (0.5, 0.5, 0.1)  # m: wide enough to be a table or a wall, and thick
 _BIT = 1 << 20  # of contacts with it alone: robots' own files hardly use so many
@@ -39,14 +38,16 @@ class ContactObstacle(ReplayOnly):
     )
     reference = "S. Haddadin, A. De Luca and A. Albu-Schäffer, Robot collisions, IEEE T-RO 33, 2017"
 
-    def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
+    def starts(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " parameter"]]:
         """What the machine runs into, whether it slips or holds."""
         found = face(motion)
         if found is None:
             return []
         return [np.array([*found.position, *found.normal, f]) for f in (_SLIPS, _HOLDS)]
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Add a box to the world that all moving bodies but the first can touch.
 
         Of a body, those geoms that can touch anything; all of them, if none can.
@@ -64,7 +65,7 @@ class ContactObstacle(ReplayOnly):
             for geom in touching or body.geoms:
                 geom.conaffinity |= _BIT
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         x, y, z, a, b, c, friction = theta
         return (

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.effect import Parameter, register
 from wt.physics.effects._tools import compiled
@@ -14,8 +15,6 @@ from wt.physics.motion import Motion
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
 from wt.types import Location
-
-Array = np.ndarray
 
 
 @register
@@ -39,7 +38,7 @@ class ContactSlope(ReplayOnly):
         names = [scene.model.geom(geom).name for geom in planes(scene.model)]
         return [Location("geom", name) for name in names if name]
 
-    def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
+    def starts(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " parameter"]]:
         """Where the feet say that the floor is."""
         geom = motion.scene.model.geom(at.name).id
         return [
@@ -48,14 +47,16 @@ class ContactSlope(ReplayOnly):
             if floor.geom == geom
         ]
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Turn and lift the plane."""
         plane, model = spec.geom(at.name), compiled(spec)
         plane.quat = turned(model.geom(at.name).quat, float(theta[0]), float(theta[1]))
         plane.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
         plane.pos = [*plane.pos[:2], plane.pos[2] + theta[2]]
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         angle, direction = np.degrees(theta[:2])
         return (

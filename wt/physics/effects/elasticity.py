@@ -6,14 +6,13 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.effect import Parameter, register
 from wt.physics.motion import Motion
 from wt.physics.rotor import GearEffect, split
 from wt.physics.script import number
 from wt.types import Location
-
-Array = np.ndarray
 
 
 @register
@@ -28,7 +27,7 @@ class Elasticity(GearEffect):
     )
     reference = "M. W. Spong, Modeling and control of elastic joint robots, ASME JDSMC 1987"
 
-    def starts(self, motion: Motion, at: Location) -> Sequence[Array]:
+    def starts(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " parameter"]]:
         """Twists of 10 to 300 mrad under the largest force, lightly damped."""
         drive = next(d for d in motion.scene.drives if d.joint == at.name)
         force = float(np.quantile(np.abs(motion.force(drive)), 0.98)) + 1e-3
@@ -39,22 +38,26 @@ class Elasticity(GearEffect):
             found.append(np.array([stiffness, 0.1 * np.sqrt(stiffness * inertia)]))
         return found
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """A rotor behind a tendon with stiffness and damping."""
         _, tendon = split(spec, at.name)
         tendon.stiffness = [theta[0], 0.0, 0.0]
         tendon.damping = [theta[1], 0.0, 0.0]
         tendon.springlength = [0.0, 0.0]
 
-    def twist(self, theta: Array, force: float, stiffness: float) -> float:
+    def twist(
+        self, theta: Float[np.ndarray, " parameter"], force: float, stiffness: float
+    ) -> float:
         """As far as the spring balances the drives."""
         return force / (float(theta[0]) + stiffness)
 
-    def twist_line(self, theta: Array) -> str:
+    def twist_line(self, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`twist`."""
         return f"force / ({number(theta[0])} + stiffness)"
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return f"Joint {at.name} is elastic: {theta[0]:.3g} N·m/rad between motor and link."
 

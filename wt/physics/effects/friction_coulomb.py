@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.effects._tools import add_dry_friction
 from wt.physics.motion import Motion
 from wt.types import Location
-
-Array = np.ndarray
 
 
 @register
@@ -22,22 +21,31 @@ class FrictionCoulomb(Effect):
     parameters = (Parameter("coulomb", "N·m", 0.0, 1e3, 1e-3, neutral=0.0),)
     reference = "C. A. Coulomb, Théorie des machines simples, 1785"
     signed = (1,)
+    looks_like = ("dry friction",)
+    common = "always"
+    plotted_over = "velocity"
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """−sign(v) on the joint's row."""
         dof = motion.scene.dof(at.name)
         return motion.on(dof, -np.sign(motion.v[:, dof]))
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """The coefficient is the friction torque."""
         return coefficients
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Add to the joint's ``frictionloss``; a rival may take away from it."""
         if theta[0] != 0.0:
             add_dry_friction(spec, at.name, float(theta[0]))
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return (
             f"Joint {at.name} loses {theta[0]:.3g} N·m to dry friction that the model leaves out."

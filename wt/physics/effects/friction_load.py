@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
-from wt.physics.effect import Effect, Intervals, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import Bristle, compiled
+from wt.physics.hooks import Intervals, Nested, OnSteps
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number
 from wt.types import Location
 
-Array = np.ndarray
-
 _NEGLIGIBLE = 0.05  # share of the constant part that the load must add to count
 
 
 @register
-class FrictionLoad(Effect):
+class FrictionLoad(Nested, OnSteps):
     """τ = −sign(v) · (coulomb + fraction · |drive force|), with the force before friction."""
 
     id = "joint.friction_load"
@@ -31,42 +31,55 @@ class FrictionLoad(Effect):
     reference = "M. Duclusaud et al., Extended friction models for servo actuators, ICRA 2025"
     native = False
     signed = (1, 1)
+    looks_like = ("dry friction",)
+    plotted_over = "velocity"
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """−sign(v) and −sign(v)·|drive force|."""
         dof = motion.scene.dof(at.name)
         sign = np.sign(motion.v[:, dof])
         return motion.on(dof, -sign, -sign * np.abs(motion.drive_forces[:, dof]))
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """Constant part and fraction of the load."""
         return coefficients
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Stand-in: ``frictionloss`` of the friction under the mean weight over one turn."""
         load = _mean_weight(compiled(spec), at.name)
         spec.joint(at.name).frictionloss += theta[0] + theta[1] * load
 
-    def model(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
-        """Nothing: the replay computes the force at every step."""
-
-    def live(self, scene: Scene, at: Location, theta: Array) -> Live:
+    def live(
+        self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
+    ) -> Live:
         """Friction by an elastic bristle that slips."""
         return _Loaded(scene, at.name, theta)
 
-    def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
+    def plausible(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> bool:
         """Where the load adds next to nothing it is plain dry friction."""
         return bool(theta[1] * _load(motion, at) > _NEGLIGIBLE * theta[0])
 
     def simpler(
-        self, motion: Motion, at: Location, theta: Array, intervals: Intervals
-    ) -> tuple[str, Array] | None:
+        self,
+        motion: Motion,
+        at: Location,
+        theta: Float[np.ndarray, " parameter"],
+        intervals: Intervals,
+    ) -> tuple[str, Float[np.ndarray, " smaller"]] | None:
         """Coulomb's, where the load may add nothing."""
         if np.min(intervals["fraction"][0]) > 0.0:
             return None
         return "joint.friction_coulomb", theta[:1] + theta[1] * _load(motion, at)
 
-    def script(self, at: Location, theta: Array) -> Script:
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """Friction by an elastic bristle that slips."""
         coulomb, fraction = map(number, theta)
         force = (
@@ -77,7 +90,7 @@ class FrictionLoad(Effect):
         )
         return Script(force=force, helpers=("drives", "bristle"))
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return (
             f"Joint {at.name} loses {theta[0]:.3g} N·m and {100 * theta[1]:.3g} % of its drive's "
@@ -90,11 +103,13 @@ class FrictionLoad(Effect):
 
 
 class _Loaded(Bristle):
-    def __init__(self, scene: Scene, joint: str, theta: Array) -> None:
+    def __init__(
+        self, scene: Scene, joint: str, theta: Float[np.ndarray, "replay parameter"]
+    ) -> None:
         super().__init__(scene, joint, theta)
         self.drives = [d for d in scene.drives if d.dof == self.dof]
 
-    def level(self, state: StepState) -> Array:
+    def level(self, state: StepState) -> np.ndarray:
         q, v = state.q[:, self.dof], state.v[:, self.dof]
         load = np.zeros_like(q)
         for drive in self.drives:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.motion import Motion
 from wt.types import Location
-
-Array = np.ndarray
 
 
 @register
@@ -21,22 +20,30 @@ class FrictionQuadratic(Effect):
     parameters = (Parameter("coefficient", "N·m·s²/rad²", 0.0, 1e3, 1e-4, neutral=0.0),)
     reference = "MuJoCo XML reference, body/joint/damping (polynomial)"
     signed = (1,)
+    looks_like = ("friction by speed",)
+    plotted_over = "velocity"
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """−v·|v| on the joint's row."""
         dof = motion.scene.dof(at.name)
         v = motion.v[:, dof]
         return motion.on(dof, -v * np.abs(v))
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """The coefficient itself."""
         return coefficients
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Add to the second coefficient of the joint's ``damping``."""
         spec.joint(at.name).damping[1] += theta[0]
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return (
             f"Joint {at.name} is braked by {theta[0]:.3g} N·m at 1 rad/s, growing with the square "

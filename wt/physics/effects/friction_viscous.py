@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.hooks import Tolerance, Tolerated
 from wt.physics.motion import Motion
+from wt.physics.scene import Scene
 from wt.types import Location
 
-Array = np.ndarray
+_OFF = 0.1  # standard deviation of a model's damping, as a share
 
 
 @register
-class FrictionViscous(Effect):
+class FrictionViscous(Tolerated):
     """τ = −coefficient · v."""
 
     id = "joint.friction_viscous"
@@ -21,21 +26,35 @@ class FrictionViscous(Effect):
     parameters = (Parameter("coefficient", "N·m·s/rad", 0.0, 1e3, 1e-4, neutral=0.0),)
     reference = "G. G. Stokes, Transactions of the Cambridge Philosophical Society 9, 1851"
     signed = (1,)
+    looks_like = ("friction by speed",)
+    common = "always"
+    plotted_over = "velocity"
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """−v on the joint's row."""
         dof = motion.scene.dof(at.name)
         return motion.on(dof, -motion.v[:, dof])
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """The coefficient itself."""
         return coefficients
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Add to the joint's ``damping``, its linear part."""
         spec.joint(at.name).damping[0] += theta[0]
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def tolerances(self, scene: Scene) -> Mapping[Location, Tolerance]:
+        """A share of the damping that the model has, where it has any."""
+        damping = {j: float(scene.model.dof_damping[scene.dof(j)]) for j in scene.own_joints}
+        return {Location("joint", j): Tolerance(_OFF * d) for j, d in damping.items() if d > 0.0}
+
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return f"Joint {at.name} has {theta[0]:.3g} N·m·s/rad of viscous friction not in the model."
 

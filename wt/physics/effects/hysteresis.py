@@ -6,12 +6,11 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.motion import Motion
 from wt.types import Location
-
-Array = np.ndarray
 
 
 @register
@@ -26,6 +25,7 @@ class Hysteresis(Effect):
     )
     reference = "L. Prandtl, Ein Gedankenmodell zur kinetischen Theorie der festen Körper, 1928"
     signed = (1,)
+    looks_like = ("spring",)
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Deflections at which it yields, from a fraction of the range down."""
@@ -33,7 +33,9 @@ class Hysteresis(Effect):
         reach = float(np.quantile(q, 0.99) - np.quantile(q, 0.01))
         return [(f * reach,) for f in (0.02, 0.06, 0.15, 0.3) if reach > 0.0]
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """Deflection of the element, with sign."""
         dof = motion.scene.dof(at.name)
         z = np.empty(len(motion))
@@ -46,11 +48,15 @@ class Hysteresis(Effect):
             z[s.rows] = out
         return motion.on(dof, -z)
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """(stiffness, yield)."""
         return np.array([coefficients[0], coefficients[0] * shape[0]])
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """A fixed tendon over the joint with an elasto-plastic spring."""
         if theta[1] > 0.0:
             name = f"{at.name}_hysteresis"
@@ -59,11 +65,13 @@ class Hysteresis(Effect):
             )
             tendon.wrap_joint(at.name, 1.0)
 
-    def plausible(self, motion: Motion, at: Location, theta: Array) -> bool:
+    def plausible(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> bool:
         """What yields within a quarter of a degree is dry friction before it slides."""
         return bool(theta[1] > 0.004 * theta[0])
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return (
             f"Joint {at.name} has hysteresis: an elastic {theta[0]:.3g} N·m/rad that yields at "

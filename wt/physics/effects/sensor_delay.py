@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from jaxtyping import Float
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.hooks import OnOutputs, Tolerance, Tolerated
 from wt.physics.motion import Motion
+from wt.physics.replay import Outputs
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number
 from wt.types import Location
 
-if TYPE_CHECKING:
-    from wt.physics.replay import Outputs
-
-Array = np.ndarray
+_OFF = 1e-3  # s: encoders and what tracks a base are two systems with two clocks
 
 
 @register
-class SensorDelay(Effect):
+class SensorDelay(OnOutputs, Tolerated):
     """Recorded position at t = true position at t − delay."""
 
     id = "sensor.delay"
@@ -29,6 +28,9 @@ class SensorDelay(Effect):
     parameters = (Parameter("delay", "s", 0.0, 0.3, 1e-4, neutral=0.0),)
     reference = "J. Olsson et al., Collecting and synchronizing robot data, 2019"
     native = False
+    looks_like = ("delay",)
+    plotted_over = "velocity"
+    correctable = False
 
     def places(self, scene: Scene) -> Sequence[Location]:
         """All channels together, or one joint's."""
@@ -42,7 +44,9 @@ class SensorDelay(Effect):
         """From a quarter of a sample up."""
         return [(f * motion.dt,) for f in (0.25, 0.5, 1.0, 2.0, 4.0)]
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """How the force residual changes when the sensor errs so."""
         lead = np.zeros_like(motion.q)
         lead[:, self._dofs(motion.scene, at)] = shape[0]
@@ -51,11 +55,15 @@ class SensorDelay(Effect):
         dv, da = motion.later(motion.v, lead), motion.later(motion.a, lead)
         return (motion.residual - motion.shifted(dq, dv, da).residual)[:, :, None]
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """See :meth:`Effect.theta`."""
         return coefficients * shape[0]
 
-    def sense(self, outputs: Outputs, scene: Scene, at: Location, theta: Array) -> None:
+    def sense(
+        self, outputs: Outputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """What the encoder reports."""
         late = outputs.t - theta[0]
         for dof in self._dofs(scene, at):
@@ -63,7 +71,15 @@ class SensorDelay(Effect):
             outputs.q[:, dof] = np.interp(late, outputs.t, q)
             outputs.v[:, dof] = np.interp(late, outputs.t, v)
 
-    def script(self, at: Location, theta: Array) -> Script:
+    def tolerances(self, scene: Scene) -> Mapping[Location, Tolerance]:
+        """All channels together, against what tracks a floating base."""
+        return {Location("sensor", "all"): Tolerance(_OFF)} if scene.free else {}
+
+    def small(self, motion: Motion, at: Location, size: float) -> Float[np.ndarray, "sample dof"]:
+        """Force of a delay of that size: it is the shape, with coefficient one."""
+        return np.asarray(self.columns(motion, at, (size,))[:, :, 0])
+
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """What the encoder reports; before the first sample the motion went on as it begins."""
         delay = number(theta[0])
         every = "range(len(self.joints))" if at.name == "all" else f'[joint("{at.name}")]'
@@ -77,7 +93,7 @@ class SensorDelay(Effect):
         undo = (f"for k in {every}:", f"    q[..., k] += {delay} * v[..., k]")
         return Script(sense=sense, undo=undo)
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         whose = "all joints" if at.name == "all" else f"joint {at.name}"
         return f"The measurements of {whose} arrive {1e3 * theta[0]:.3g} ms late."

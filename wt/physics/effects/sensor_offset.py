@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from jaxtyping import Float
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.hooks import OnOutputs
 from wt.physics.motion import Motion
+from wt.physics.replay import Outputs
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number
 from wt.types import Location
 
-if TYPE_CHECKING:
-    from wt.physics.replay import Outputs
-
-Array = np.ndarray
-
 
 @register
-class SensorOffset(Effect):
+class SensorOffset(OnOutputs):
     """Recorded position = true position + offset."""
 
     id = "sensor.offset"
@@ -28,8 +24,11 @@ class SensorOffset(Effect):
     parameters = (Parameter("offset", "rad", -3.2, 3.2, 1e-4, neutral=0.0),)
     reference = "B. Mooring, Z. Roth and M. Driels, Fundamentals of Manipulator Calibration, 1991"
     native = False
+    looks_like = ("offset",)
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """How the force residual changes when the sensor errs so."""
         dof = motion.scene.dof(at.name)
         size = 1e-3
@@ -37,20 +36,24 @@ class SensorOffset(Effect):
         moved[:, dof] = -size
         return (motion.residual - motion.shifted(moved).residual)[:, :, None] / size
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """See :meth:`Effect.theta`."""
         return coefficients
 
-    def sense(self, outputs: Outputs, scene: Scene, at: Location, theta: Array) -> None:
+    def sense(
+        self, outputs: Outputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """What the encoder reports."""
         outputs.q[:, scene.dof(at.name)] += theta[0]
 
-    def script(self, at: Location, theta: Array) -> Script:
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """What the encoder reports."""
         column, offset = f'q[..., joint("{at.name}")]', number(theta[0])
         return Script(sense=(f"{column} += {offset}",), undo=(f"{column} -= {offset}",))
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return f"The encoder of joint {at.name} reads {np.degrees(theta[0]):.3g}° too much."
 

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.effect import Parameter, register
+from wt.physics.hooks import OnOutputs
+from wt.physics.replay import Outputs
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number
 from wt.types import Location
 
-if TYPE_CHECKING:
-    from wt.physics.replay import Outputs
-
-Array = np.ndarray
-
 
 @register
-class SensorQuantization(ReplayOnly):
+class SensorQuantization(OnOutputs, ReplayOnly):
     """Recorded position = step · round(true position / step)."""
 
     id = "sensor.quantization"
@@ -28,17 +24,19 @@ class SensorQuantization(ReplayOnly):
     reference = "B. Widrow and I. Kollár, Quantization Noise, 2008"
     native = False
 
-    def sense(self, outputs: Outputs, scene: Scene, at: Location, theta: Array) -> None:
+    def sense(
+        self, outputs: Outputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """What the encoder reports."""
         dof = scene.dof(at.name)
         outputs.q[:, dof] = theta[0] * np.round(outputs.q[:, dof] / theta[0])
 
-    def script(self, at: Location, theta: Array) -> Script:
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """What the encoder reports."""
         column, step = f'q[..., joint("{at.name}")]', number(theta[0])
         return Script(sense=(f"{column} = {step} * np.round({column} / {step})",))
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return (
             f"The encoder of joint {at.name} has steps of {1e3 * theta[0]:.3g} mrad "

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from jaxtyping import Float
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.hooks import OnOutputs
 from wt.physics.motion import Motion
+from wt.physics.replay import Outputs
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number
 from wt.types import Location
 
-if TYPE_CHECKING:
-    from wt.physics.replay import Outputs
-
-Array = np.ndarray
-
 
 @register
-class SensorScale(Effect):
+class SensorScale(OnOutputs):
     """Recorded position (and velocity) = factor · true."""
 
     id = "sensor.scale"
@@ -29,7 +25,9 @@ class SensorScale(Effect):
     reference = "B. Mooring, Z. Roth and M. Driels, Fundamentals of Manipulator Calibration, 1991"
     native = False
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """How the force residual changes when the sensor errs so."""
         dof = motion.scene.dof(at.name)
         size = 1e-3
@@ -39,17 +37,21 @@ class SensorScale(Effect):
         da[:, dof] = -size * motion.a[:, dof]
         return (motion.residual - motion.shifted(dq, dv, da).residual)[:, :, None] / size
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """See :meth:`Effect.theta`."""
         return 1.0 + coefficients
 
-    def sense(self, outputs: Outputs, scene: Scene, at: Location, theta: Array) -> None:
+    def sense(
+        self, outputs: Outputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """What the encoder reports."""
         dof = scene.dof(at.name)
         outputs.q[:, dof] *= theta[0]
         outputs.v[:, dof] *= theta[0]
 
-    def script(self, at: Location, theta: Array) -> Script:
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """What the encoder reports."""
         columns, factor = [f'{x}[..., joint("{at.name}")]' for x in "qv"], number(theta[0])
         return Script(
@@ -57,7 +59,7 @@ class SensorScale(Effect):
             undo=tuple(f"{x} /= {factor}" for x in columns),
         )
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return f"The encoder of joint {at.name} reads {100.0 * theta[0]:.4g} % of the true angle."
 

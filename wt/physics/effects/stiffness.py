@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import per_radian
+from wt.physics.hooks import Linearised
 from wt.physics.motion import Motion
 from wt.types import Location
 
-Array = np.ndarray
-
 
 @register
-class Stiffness(Effect):
+class Stiffness(Linearised):
     """τ = −stiffness · (q − reference)."""
 
     id = "joint.stiffness"
@@ -25,18 +25,24 @@ class Stiffness(Effect):
     )
     reference = "R. Hooke, De potentia restitutiva, 1678"
     signed = (1, 0)
-    weighted = True
+    looks_like = ("spring",)
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """−q and 1 on the joint's row."""
         dof = motion.scene.dof(at.name)
         return motion.on(dof, -motion.q[:, dof], np.ones(len(motion)))
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """See :meth:`Effect.theta`."""
         return np.array([coefficients[0], coefficients[1] / max(float(coefficients[0]), 1e-9)])
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Add to the joint's ``stiffness``, moving its reference as two springs would."""
         joint = spec.joint(at.name)
         old = np.array(joint.stiffness)
@@ -48,7 +54,7 @@ class Stiffness(Effect):
             joint.springref = middle * unit
         joint.stiffness = [total, *old[1:]]
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return (
             f"Joint {at.name} has a spring of {theta[0]:.3g} N·m/rad towards {theta[1]:.3g} rad "

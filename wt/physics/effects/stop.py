@@ -6,17 +6,17 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import per_radian
+from wt.physics.hooks import FromRecordings
 from wt.physics.motion import Motion
 from wt.types import Location
 
-Array = np.ndarray
-
 
 @register
-class Stop(Effect):
+class Stop(FromRecordings):
     """side · q ≤ side · position, by a stiff one-sided force."""
 
     id = "joint.stop"
@@ -39,7 +39,9 @@ class Stop(Effect):
             found += [(side * (end - f * reach), side) for f in (0.002, 0.01, 0.03)]
         return found
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """All that pushes towards the stop in the last bit of the way, taken back."""
         dof = motion.scene.dof(at.name)
         position, side = shape
@@ -47,11 +49,15 @@ class Stop(Effect):
         push = np.maximum(-side * motion.residual[:, dof], 0.0)
         return motion.on(dof, -side * beyond * push)
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """The shape is all there is."""
         return np.array(shape)
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """The joint's ``range``; its other end stays."""
         joint = spec.joint(at.name)
         limited = joint.limited != mujoco.mjtLimited.mjLIMITED_FALSE and any(joint.range)
@@ -66,7 +72,7 @@ class Stop(Effect):
         joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
         joint.solref_limit = [0.004, 1.0]
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         return (
             f"Joint {at.name} runs into a stop at {theta[0]:.3g} rad ({np.degrees(theta[0]):.3g}°)."

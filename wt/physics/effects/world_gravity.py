@@ -7,12 +7,11 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.motion import Motion
 from wt.types import Location
-
-Array = np.ndarray
 
 
 @register
@@ -32,7 +31,9 @@ class WorldGravity(Effect):
         """Linear, if there is gravity."""
         return [()] if np.any(motion.scene.model.opt.gravity) else []
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """Force of as much gravity as there is along the world's x and y."""
         columns = []
         for direction in (0.0, 0.5 * np.pi):
@@ -42,19 +43,23 @@ class WorldGravity(Effect):
             columns.append(-motion.change(model))
         return np.stack(columns, axis=2)
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """Angle and direction."""
         x, y = coefficients
         return np.array([np.arcsin(min(np.hypot(x, y), 1.0)), np.arctan2(y, x)])
 
-    def patch(self, spec: mujoco.MjSpec, at: Location, theta: Array) -> None:
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
         """Turn ``option gravity``, its size kept."""
         gravity = np.array(spec.option.gravity)
         down, side = _axes(gravity, float(theta[1]))
         turned = np.cos(theta[0]) * down + np.sin(theta[0]) * side
         spec.option.gravity = np.linalg.norm(gravity) * turned
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
         tilt, direction = np.degrees(theta)
         return (
@@ -67,7 +72,9 @@ class WorldGravity(Effect):
         return "holding still at many poses, the whole arm turned about the vertical in between"
 
 
-def _axes(gravity: Array, direction: float) -> tuple[Array, Array]:
+def _axes(
+    gravity: Float[np.ndarray, " 3"], direction: float
+) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
     """(direction of gravity, unit vector across it towards a horizontal direction)."""
     size = np.linalg.norm(gravity)
     down = gravity / size if size > 0.0 else np.array([0.0, 0.0, -1.0])

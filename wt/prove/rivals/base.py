@@ -17,7 +17,7 @@ from wt.diagnose.recordings.smooth import smooth
 from wt.mjcf.edit import patched_xml
 from wt.physics.effect import effects
 from wt.physics.motion import Motion
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.physics.scene import Scene
 from wt.types import Location
 

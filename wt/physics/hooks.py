@@ -1,0 +1,230 @@
+"""Hooks for effects that take more than a signature and a patch: base classes to be combined.
+
+An effect derives from those that it needs; code that works with any effect asks for them with
+``isinstance``, or uses :class:`~wt.physics.planted.Planted`, which knows the answer where an
+effect does not have a hook.
+
+============== ==================================================================================
+FromRecordings part of it is read off the recordings instead of fitted: times of events, a load
+Linearised     its force is linear in its first parameter and in that one's products with others
+Nested         it contains a law with fewer parameters
+Stateful       its patch adds joints, which have a state when a replay begins
+OnInputs       a replay's commands or external forces are changed
+OnOutputs      what a replay's sensors report is changed
+OnSteps        it acts at every physics step of a replay
+Tolerated      a little of it is an error that any model makes
+============== ==================================================================================
+"""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Float
+
+from wt.physics.effect import Effect, Shape
+from wt.physics.live import Live
+from wt.physics.motion import Motion
+from wt.physics.replay import Hidden, Inputs, Outputs, Stretch
+from wt.physics.scene import Scene
+from wt.types import Location
+
+Beyond = tuple[Shape, Float[np.ndarray, " parameter"]]  # a shape, and parameters under it
+# name of a parameter → lower and upper end of what it may be
+Intervals = Mapping[str, tuple[float | tuple[float, ...], float | tuple[float, ...]]]
+
+
+class FromRecordings(Effect):
+    """An effect of which a part is read off the recordings instead of fitted.
+
+    Attributes:
+        reads_residual: whether the shapes to try are read off the force residual.
+        read_off: how many of a shape's last values come from the recordings and are not fitted.
+    """
+
+    reads_residual: ClassVar[bool] = False
+    read_off: ClassVar[int] = 0
+
+    def shaped(self, shape: Shape) -> Effect:
+        """The effect bound to what ``theta`` leaves open of a shape, such as times of events."""
+        return self
+
+    def elsewhere(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> Effect:
+        """The effect as it shows in other recordings; events have times of their own there."""
+        return self
+
+    def observed(self) -> Mapping[str, tuple[str, tuple[float, ...]]]:
+        """Figures that were read off, by name: (unit, values)."""
+        return {}
+
+    @property
+    def n_free(self) -> int:
+        """Number of figures that were chosen for it: ``theta``, and what was read off."""
+        return self.n_theta + sum(len(values) for _, values in self.observed().values())
+
+
+def shaped(effect: Effect, shape: Shape) -> Effect:
+    """An effect bound to a shape; itself, if nothing of it is read off the recordings."""
+    return effect.shaped(shape) if isinstance(effect, FromRecordings) else effect
+
+
+def observed(effect: Effect) -> Mapping[str, tuple[str, tuple[float, ...]]]:
+    """Figures of an effect that were read off the recordings, by name: (unit, values)."""
+    return effect.observed() if isinstance(effect, FromRecordings) else {}
+
+
+def n_fitted(effect: Effect, shape: Shape) -> int:
+    """Number of a shape's values that are fitted; those behind them are read off."""
+    read_off = effect.read_off if isinstance(effect, FromRecordings) else 0
+    return max(len(shape) - read_off, 0)
+
+
+class Linearised(Effect):
+    """An effect whose force is linear in its first parameter and its products with the others.
+
+    So these are what moves in a step: from a weak spring to a stiff one the point that it pulls to
+    goes as far as the pull says, not as its own slope would have it.
+    """
+
+    def around(self, theta: Float[np.ndarray, " parameter"]) -> Shape | None:
+        """The shape whose first column is all of the force at ``theta``; None if there is none."""
+        return None
+
+    def reach(
+        self, theta: Float[np.ndarray, " parameter"]
+    ) -> tuple[Float[np.ndarray, " parameter"], Float[np.ndarray, " parameter"]]:
+        """Smallest and largest step to ask :meth:`moved` for."""
+        lower, upper = (bound - theta for bound in self.bounds())
+        lower[1:], upper[1:] = -np.inf, np.inf
+        return lower, upper
+
+    def moved(
+        self, theta: Float[np.ndarray, " parameter"], step: Float[np.ndarray, " parameter"]
+    ) -> Float[np.ndarray, " parameter"]:
+        """``theta`` after a step that takes the force to be linear, inside the bounds."""
+        there = theta + step
+        if there[0] > 0.0:
+            there[1:] = theta[1:] + theta[0] * step[1:] / there[0]
+        return np.asarray(np.clip(there, *self.bounds()))
+
+
+def around(effect: Effect, theta: Float[np.ndarray, " parameter"]) -> Shape | None:
+    """The shape whose first column is all of an effect's force; None if there is none."""
+    return effect.around(theta) if isinstance(effect, Linearised) else None
+
+
+class Nested(Effect):
+    """An effect that contains a law with fewer parameters."""
+
+    def beyond(
+        self, motion: Motion, at: Location, law: str, theta: Float[np.ndarray, " smaller"]
+    ) -> Sequence[Beyond]:
+        """Starting points where another law, of that id and with that ``theta``, was found."""
+        return []
+
+    def simpler(
+        self,
+        motion: Motion,
+        at: Location,
+        theta: Float[np.ndarray, " parameter"],
+        intervals: Intervals,
+    ) -> tuple[str, Float[np.ndarray, " smaller"]] | None:
+        """The law with fewer parameters that this one is no different from, as far as is known.
+
+        Args:
+            motion: the recordings.
+            at: where it stands.
+            theta: its parameters.
+            intervals: name of a parameter → lower and upper end of its 95 % interval.
+
+        Returns:
+            Id and parameters of that law; None if this one is needed.
+        """
+        return None
+
+
+class Stateful(Effect):
+    """An effect whose patch adds joints, which have a state when a replay begins."""
+
+    def followers(self, at: Location) -> Mapping[str, str]:
+        """Joints that the patch adds → the user's joint from whose state each one starts."""
+        return {}
+
+    @abc.abstractmethod
+    def started(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], stretch: Stretch
+    ) -> Mapping[str, Hidden]:
+        """States that joints of the patch have where a stretch begins."""
+
+
+class InReplay(Effect):
+    """An effect that a replay brings about by itself, without the patch: the user's stand-in."""
+
+
+class OnInputs(InReplay):
+    """An effect on what drives a replay."""
+
+    @abc.abstractmethod
+    def drive(
+        self, inputs: Inputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
+        """Change the commands or external forces of a replay, in place."""
+
+
+class OnOutputs(InReplay):
+    """An effect on what is measured."""
+
+    @abc.abstractmethod
+    def sense(
+        self, outputs: Outputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
+        """Change what a replay's sensors report, in place."""
+
+
+class OnSteps(InReplay):
+    """An effect that acts at every physics step."""
+
+    @abc.abstractmethod
+    def live(
+        self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
+    ) -> Live:
+        """The law that acts in replays, each of which has its own ``theta``."""
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far any model is off.
+
+    Attributes:
+        size: one standard deviation of the parameter from neutral, in its unit.
+        lowest: smallest parameter that a model can hold.
+    """
+
+    size: float
+    lowest: float = -np.inf
+
+
+class Tolerated(Effect):
+    """An effect, of one parameter, of which any model is off by a little.
+
+    Attributes:
+        correctable: whether a model can be corrected by it; nothing can come early, say.
+        at_rest: whether it acts on a machine that stands still.
+    """
+
+    correctable: ClassVar[bool] = True
+    at_rest: ClassVar[bool] = False
+
+    @abc.abstractmethod
+    def tolerances(self, scene: Scene) -> Mapping[Location, Tolerance]:
+        """Sizes of the error at the places of a machine that have it."""
+
+    def small(self, motion: Motion, at: Location, size: float) -> Float[np.ndarray, "sample dof"]:
+        """Generalised force of an error of that size from neutral [N·m]."""
+        return size * self.columns(motion, at, ())[:, :, 0]

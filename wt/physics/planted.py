@@ -1,0 +1,135 @@
+"""An effect at a place with parameters: one part of a hypothesis, as replays need it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from wt.physics.effect import Effect
+from wt.physics.hooks import (
+    Beyond,
+    FromRecordings,
+    InReplay,
+    Intervals,
+    Linearised,
+    Nested,
+    OnInputs,
+    OnOutputs,
+    Stateful,
+    observed,
+)
+from wt.physics.motion import Motion
+from wt.physics.replay import Hidden, Inputs, Outputs, Stretch
+from wt.physics.scene import Scene
+from wt.types import Location
+
+Key = tuple[str, str, str]
+"""An effect at a place: its id, the place's kind and name."""
+
+
+@dataclass(frozen=True, eq=False)
+class Planted:
+    """An effect at a place with parameters: one part of a hypothesis.
+
+    Attributes:
+        effect: what.
+        at: where.
+        theta: its parameters.
+    """
+
+    effect: Effect
+    at: Location
+    theta: Float[np.ndarray, " parameter"]
+
+    def __str__(self) -> str:
+        """As in messages."""
+        return f"{self.effect.id} at {self.at}"
+
+    @property
+    def statement(self) -> str:
+        """One plain sentence with figures."""
+        return self.effect.statement(self.at, self.theta)
+
+    @property
+    def key(self) -> Key:
+        """Identity without the parameters."""
+        return (self.effect.id, self.at.kind, self.at.name)
+
+    # -- what only some effects do -----------------------------------------------------------
+
+    def observed(self) -> Mapping[str, tuple[str, tuple[float, ...]]]:
+        """Figures that were read off the recordings instead of fitted: name → (unit, values)."""
+        return observed(self.effect)
+
+    def elsewhere(self, motion: Motion) -> Planted:
+        """The same effect in other recordings: what happens at times happens at theirs."""
+        if not isinstance(self.effect, FromRecordings):
+            return self
+        return replace(self, effect=self.effect.elsewhere(motion, self.at, self.theta))
+
+    def reach(self) -> tuple[Float[np.ndarray, " parameter"], Float[np.ndarray, " parameter"]]:
+        """Smallest and largest step to ask :meth:`moved` for."""
+        if isinstance(self.effect, Linearised):
+            return self.effect.reach(self.theta)
+        lower, upper = self.effect.bounds()
+        return lower - self.theta, upper - self.theta
+
+    def moved(self, step: Float[np.ndarray, " parameter"]) -> Float[np.ndarray, " parameter"]:
+        """``theta`` after a step, inside the bounds."""
+        if isinstance(self.effect, Linearised):
+            return self.effect.moved(self.theta, step)
+        return np.asarray(np.clip(self.theta + step, *self.effect.bounds()))
+
+    def simpler(
+        self, motion: Motion, intervals: Intervals
+    ) -> tuple[str, Float[np.ndarray, " smaller"]] | None:
+        """Id and parameters of a law with fewer that is as good, see :meth:`Nested.simpler`."""
+        if not isinstance(self.effect, Nested):
+            return None
+        return self.effect.simpler(motion, self.at, self.theta, intervals)
+
+    def beyond(self, effect: Effect, motion: Motion) -> Sequence[Beyond]:
+        """Starting points of a larger law in its place; none, if that does not contain this one."""
+        if not isinstance(effect, Nested):
+            return []
+        return effect.beyond(motion, self.at, self.effect.id, self.theta)
+
+    # -- replay ------------------------------------------------------------------------------
+
+    def model(self, spec: mujoco.MjSpec) -> None:
+        """Write into a replay's MJCF what the replay itself does not bring about, in place."""
+        if not isinstance(self.effect, InReplay):
+            self.effect.patch(spec, self.at, self.theta)
+
+    def followers(self) -> Mapping[str, str]:
+        """Joints that the patch adds → the user's joint from whose state each one starts."""
+        return self.effect.followers(self.at) if isinstance(self.effect, Stateful) else {}
+
+    def started(self, stretch: Stretch) -> Mapping[str, Hidden]:
+        """States that joints of the patch have where a stretch begins."""
+        if not isinstance(self.effect, Stateful):
+            return {}
+        return self.effect.started(self.at, self.theta, stretch)
+
+    def drive(self, inputs: Inputs, scene: Scene) -> None:
+        """Change the commands or external forces of a replay, in place."""
+        if isinstance(self.effect, OnInputs):
+            self.effect.drive(inputs, scene, self.at, self.theta)
+
+    def sense(self, outputs: Outputs, scene: Scene) -> None:
+        """Change what a replay's sensors report, in place."""
+        if isinstance(self.effect, OnOutputs):
+            self.effect.sense(outputs, scene, self.at, self.theta)
+
+
+Hypothesis = tuple[Planted, ...]
+"""Effects that act together."""
+
+
+def without(hypothesis: Hypothesis, index: int) -> Hypothesis:
+    """All effects but one."""
+    return hypothesis[:index] + hypothesis[index + 1 :]

@@ -1,0 +1,88 @@
+"""Runners of replays, and the one that runs them now.
+
+A :class:`~wt.physics.rollout.Replayer` asks the chosen runner, which runs it in parts. So it knows
+nothing of clusters, and :mod:`wt.physics.spread` is free to choose any.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+from wt.physics.planted import Planted
+from wt.physics.replay import Stretch
+from wt.physics.scene import Scene
+
+Hypotheses = Sequence[Sequence[Planted]]
+
+
+@runtime_checkable
+class Divisible(Protocol):
+    """Replays that can be run in parts; a :class:`~wt.physics.rollout.Replayer`.
+
+    Attributes:
+        scene: the machine.
+        stretches: what is replayed.
+        step: physics step [s].
+    """
+
+    scene: Scene
+    stretches: tuple[Stretch, ...]
+    step: float
+
+    def part(
+        self, hypotheses: Hypotheses, stretches: Sequence[int], threads: int
+    ) -> Float[np.ndarray, "2 hypothesis sample dof"]:
+        """Some stretches on some hypotheses in this process: positions and velocities."""
+
+
+@runtime_checkable
+class Runner(Protocol):
+    """Runs replays."""
+
+    def replay(
+        self, replays: Divisible, hypotheses: Hypotheses
+    ) -> Float[np.ndarray, "2 hypothesis sample dof"]:
+        """Every stretch on every hypothesis: positions and velocities."""
+
+
+@dataclass(frozen=True)
+class Threads:
+    """This process.
+
+    Attributes:
+        count: how many threads; 0 for one a core.
+    """
+
+    count: int = 0
+
+    def replay(
+        self, replays: Divisible, hypotheses: Hypotheses
+    ) -> Float[np.ndarray, "2 hypothesis sample dof"]:
+        """See :class:`Runner`."""
+        return replays.part(hypotheses, range(len(replays.stretches)), self.count)
+
+
+_EVERY_CORE = Threads()
+_chosen: ContextVar[Runner] = ContextVar("runner", default=_EVERY_CORE)
+
+
+def chosen() -> Runner:
+    """The runner of the moment."""
+    return _chosen.get()
+
+
+@contextmanager
+def choose(runner: Runner) -> Iterator[None]:
+    """Let a runner run all replays of a block."""
+    before = _chosen.set(runner)
+    try:
+        yield
+    finally:
+        _chosen.reset(before)
