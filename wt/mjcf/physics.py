@@ -37,8 +37,11 @@ HELPERS: dict[Helper, tuple[str, ...]] = {
 _INIT: dict[Helper, tuple[str, ...]] = {
     "push": ("self._scratch = mujoco.MjData(model)",),
     "residual": (
-        'path = str(Path(__file__).patchedname("residual.onnx"))',
-        'self._learned = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])',
+        'path = str(Path(__file__).with_name("residual.onnx"))',
+        "alone = onnxruntime.SessionOptions()",
+        "alone.intra_op_num_threads = 1  # it is small: more threads would only wait",
+        'cpu = ["CPUExecutionProvider"]',
+        "self._learned = onnxruntime.InferenceSession(path, alone, providers=cpu)",
     ),
 }
 _HEAD = '''"""What model.xml cannot say in MJCF.

@@ -28,8 +28,8 @@ class Physics:
     def __init__(self, model: mujoco.MjModel, recording: int = 0) -> None:
         """Prepare for a model; events act at the times that they had in that recording."""
         self.model, self.recording = model, recording
-        places = zip(model.jnt_qposadr, model.jnt_dofadr, strict=True)
-        self._joints = {model.joint(i).name: place for i, place in enumerate(places)}
+        joints = map(model.joint, range(model.njnt))
+        self._joints = {j.name: (int(j.qposadr[0]), int(j.dofadr[0])) for j in joints}
         self._actuators = {model.actuator(i).name: i for i in range(model.nactuator)}
         late = (model.actuator_history[:, 0] > 0) | (model.actuator_actnum == 1)
         self._late = np.flatnonzero(late & (model.actuator_ctrlnum == 1))
@@ -106,7 +106,7 @@ class Physics:
     def _passive(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         if self._before is not None:
             self._before(model, data)
-        if model is self.model:
+        if model is self.model:  # callbacks are for all models of a process
             u, t = self._received(data)[None], np.array([data.time])
             data.qfrc_passive += self.forces(data.qpos[None], data.qvel[None], u, t)[0]
 
@@ -114,12 +114,11 @@ class Physics:
         """Commands as the drives receive them: late or filtered, where they are."""
         m, u = self.model, data.ctrl.copy()
         for i in self._late:
-            k, late = m.actuator_ctrladr[i], np.zeros((1, 1))
-            if m.actuator_actnum[i]:
-                u[k] = data.act[m.actuator_actadr[i]]
-            else:
-                got = mujoco.mj_readCtrl(m, data, i, data.time, late, m.actuator_history[i, 1])
-                u[k] = late[0, 0] if got is None else got[0]
+            k, got = m.actuator_ctrladr[i], np.zeros((1, 1))
+            u[k] = data.act[m.actuator_actadr[i]] if m.actuator_actnum[i] else u[k]
+            if m.actuator_history[i, 0]:
+                mujoco.mj_readCtrl(m, data, i, data.time, got, m.actuator_history[i, 1])
+                u[k] = got[0, 0]
         return u
 
     def _move(self, t: Array, h: float) -> None:
@@ -185,9 +184,8 @@ class Physics:
         dof = self._joints[name][1]
         inertia, v = 1.0 / self.model.dof_invweight0[dof], qvel[:, dof]
         stiffness, damping = inertia * (0.4 / h) ** 2, inertia * 0.4 / h
-        bend = level / stiffness
-        bent = np.clip(self._state(f"{name} bristle", 0.0 * v) + h * v, -bend, bend)
-        self._next[f"{name} bristle"] = bent
+        bent, most = self._state(f"{name} bristle", 0.0 * v) + h * v, level / stiffness
+        bent = self._next[f"{name} bristle"] = np.clip(bent, -most, most)
         return -np.clip(stiffness * bent + damping * v, -level, level), dof
 
     def _push(self, body: str, force: Array, qpos: Array) -> Array:
@@ -205,7 +203,8 @@ class Physics:
 
     def _residual(self, output: str, columns: dict[str, Array]) -> Array:
         """A learned force (n,) of its columns, (n,) each."""
-        given = {name: x.astype(np.float32)[:, None] for name, x in columns.items()}
+        given = {i.name: next(iter(columns.values())) for i in self._learned.get_inputs()}
+        given = {k: x.astype(np.float32)[:, None] for k, x in (given | columns).items()}
         force: Array = self._learned.run([output], given)[0]
         return force[:, 0].astype(float)
 

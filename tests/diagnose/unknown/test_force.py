@@ -166,7 +166,9 @@ def test_force_ends_outside_of_what_was_seen() -> None:
     # half of the margin of a quarter of the range: half of the force
     np.testing.assert_allclose(force, [edge, 0.5 * edge, 0.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(
-        infer(to_onnx({"force": LAW}), dict(zip(LAW.columns, x.T, strict=True)))[:, 0], force, atol=1e-5
+        infer(to_onnx({"force": LAW}), dict(zip(LAW.columns, x.T, strict=True)))[:, 0],
+        force,
+        atol=1e-5,
     )
 
 

@@ -98,15 +98,16 @@ class _Graph:
         some = [a for a in atoms if a.kind == kind]
         columns = self.value(np.array([a.column for a in some], dtype=np.int64))
         x = self.add("Gather", x, columns, axis=1)
-        a, b = (self.value(np.array([getattr(s, p) for s in some])) for p in ("a", "b"))
         if kind == "linear":
             return x
-        if kind == "sign":
-            return self.add("Tanh", self.add("Div", x, b))
         if kind == "square":
             return self.add("Mul", self.add("Abs", x), x)
+        b = self.value(np.array([s.b for s in some]))
+        if kind == "sign":
+            return self.add("Tanh", self.add("Div", x, b))
         if kind in ("sin", "cos"):
             return self.add(kind.capitalize(), self.add("Mul", x, b))
+        a = self.value(np.array([s.a for s in some]))
         s = self.add("Div", self.add("Sub", x, a), b)
         bell = self.add("Exp", self.add("Neg", self.add("Mul", s, s)))
         return bell if kind == "bump" else self.add("Mul", s, bell)
