@@ -35,7 +35,7 @@ from wt.prove.legged_rigs import Legged
 from wt.prove.rigs import RIGS
 from wt.prove.sysid_ranges import RANGES
 from wt.prove.sysid_rival import TUNED, Rival
-from wt.prove.world import World, build
+from wt.prove.world import HiddenWorld, build
 
 CASE = "arm6-joint.friction_coulomb"
 RATE_HZ = 200.0
@@ -105,7 +105,7 @@ def compared(case: Case, seconds: float, seed: int) -> list[tuple[str, ...]]:
 
 
 def _told(
-    case: Case, world: World, model: Path, seed: int, ours: tuple[float, float]
+    case: Case, world: HiddenWorld, model: Path, seed: int, ours: tuple[float, float]
 ) -> list[tuple[str, ...]]:
     """Rows of sysid's, beside our time [s] and error [rad]."""
     rival = Rival(model, world.fit)

@@ -24,8 +24,7 @@ import numpy as np
 import torch
 from mujoco.batch import Batch
 
-from wt.locomotion.config import Policy as Config
-from wt.locomotion.config import load
+from wt.locomotion.config import PolicyConfig, load
 from wt.locomotion.env import Walking, sample_commands
 from wt.worlds.legged import TIMESTEP, Herd
 from wt.worlds.policy import SHIPPED, Policy
@@ -56,7 +55,7 @@ def main(robots: str = "256", steps: str = "100", turns: str = "5", threads: str
             compare(f"{name}: policy in the loop", config, work, herd, int(turns))
 
 
-def environment(config: Config, steps: int) -> tuple[Work, Herd]:
+def environment(config: PolicyConfig, steps: int) -> tuple[Work, Herd]:
     """A turn of the environment under random actions, and its robots."""
     env = Walking(config, "cpu")
     generator = torch.Generator().manual_seed(0)
@@ -77,7 +76,7 @@ def environment(config: Config, steps: int) -> tuple[Work, Herd]:
     return work, herd
 
 
-def policy_in_the_loop(config: Config, name: str, steps: int) -> tuple[Work, Herd]:
+def policy_in_the_loop(config: PolicyConfig, name: str, steps: int) -> tuple[Work, Herd]:
     """A turn of a policy with a herd under commands of all kinds, and its robots."""
     robot, rng = config.body(), np.random.default_rng(0)
     policy = Policy.load(name, robot, config.physics)
@@ -99,7 +98,7 @@ def policy_in_the_loop(config: Config, name: str, steps: int) -> tuple[Work, Her
     return work, herd
 
 
-def compare(what: str, config: Config, work: Work, herd: Herd, turns: int) -> None:
+def compare(what: str, config: PolicyConfig, work: Work, herd: Herd, turns: int) -> None:
     """Print a row: bare stepping, a side of ours, and its share of bare speed."""
     bare, steps = replay(config, work, herd)
     taken = [(*seconds(bare), *seconds(work)) for _ in range(turns)]
@@ -108,7 +107,7 @@ def compare(what: str, config: Config, work: Work, herd: Herd, turns: int) -> No
     print(f"{what:<34}{theirs:>14.0f}{ours:>14.0f}{share:>8.1%}{of_cpu:>8.1%}", flush=True)
 
 
-def replay(config: Config, work: Work, herd: Herd) -> tuple[Work, int]:
+def replay(config: PolicyConfig, work: Work, herd: Herd) -> tuple[Work, int]:
     """A turn of bare stepping through the motion of one turn of ours, and its control steps."""
     before: list[tuple[Array, Array]] = []
     after: list[tuple[Array, Array]] = [(np.empty(0), np.empty(0))]

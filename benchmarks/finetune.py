@@ -21,7 +21,7 @@ from wt.config import load as load_task
 from wt.export.onnx import export
 from wt.finetune.config import load
 from wt.finetune.setting import Setting
-from wt.finetune.translated import Translated
+from wt.finetune.translated import TranslatedWalking
 from wt.locomotion.env import Walking
 from wt.nets.world_model import WorldModel
 from wt.registered import Registered
@@ -51,7 +51,7 @@ def main(robots: str = "256", threads: str = "0") -> None:
     print(f"{robots} robots, {threads} threads (0: one per core)")
     print(f"{'raw':<20}{raw:>10.0f} steps/s")
     for alignment in ("state", "stance", "action"):
-        env = Translated(training, "cpu", translate, alignment, scale)
+        env = TranslatedWalking(training, "cpu", translate, alignment, scale)
         pace = _pace(env, setting)
         goal = f"   goal {GOAL}" if alignment == "state" else ""
         print(

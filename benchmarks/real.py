@@ -29,7 +29,7 @@ from wt.diagnose.pipeline import STEP_S, diagnose
 from wt.diagnose.recordings.prepare import prepare
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.result import Diagnosis
-from wt.diagnose.selection.holdout import Holdout, errors, hold
+from wt.diagnose.selection.holdout import Holdout, errors, prepare_holdout
 from wt.errors import UserError, WorkError
 from wt.physics.effect import effects
 from wt.physics.replay import Planted
@@ -228,7 +228,7 @@ def prepared_holdout(scene: Scene, recordings: Sequence[Recording]) -> Holdout:
     from wt.diagnose.recordings.stretches import forgets
 
     smoothed = smooth(scene, prepare(scene, recordings, recordings).held)
-    return hold(smoothed, forgets(smoothed, STEP_S))
+    return prepare_holdout(smoothed, forgets(smoothed, STEP_S))
 
 
 def transfer_line(

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 
-from deploy.dds import Line
+from deploy.dds import DdsParticipant
 from deploy.go2 import LOW_COMMAND
 from deploy.idl import LowCmd_
 
@@ -86,7 +86,7 @@ def interrupt(runner: Process, fault: str) -> float:
     assert runner.stderr is not None
     while runner.stderr.readline().strip() != "stand":
         pass
-    writer = Line("lo", DOMAIN).writer(LOW_COMMAND, LowCmd_)
+    writer = DdsParticipant("lo", DOMAIN).writer(LOW_COMMAND, LowCmd_)
     time.sleep(1.0)
     onset = time.monotonic()
     if fault == "killed runner":

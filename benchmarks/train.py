@@ -110,7 +110,7 @@ class Bare:
         self.vae = adam(rate, m.encoder, m.decoder, m.classifier)
         self.blind = adam(rate, m.blind)
         self.generators = adam(gan_rate, m.to_real, m.to_sim)
-        self.judges = adam(gan_rate, m.judge_real, m.judge_sim)
+        self.discriminators = adam(gan_rate, m.discriminator_real, m.discriminator_sim)
 
     def run(self, steps: int) -> float:
         """Seconds that so many steps take."""
@@ -123,7 +123,7 @@ class Bare:
             z = phases.encode(self.model, batch)
             loss, _, fakes = phases.generators(self.model, batch.gan, *z)
             update(self.generators, loss)
-            update(self.judges, phases.judges(self.model, batch.gan, *z, fakes)[0])
+            update(self.discriminators, phases.discriminators(self.model, batch.gan, *z, fakes)[0])
         return time.perf_counter() - start
 
 

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from wt.prove.cases import Case, SetName, cases
-from wt.prove.score import Score, score
+from wt.prove.score import CaseScore, score
 from wt.prove.world import build
 
 Result = dict[str, Any]
@@ -65,7 +65,7 @@ def run(case: Case) -> Result:
         "diagnosis": None,
         "error": "",
     }
-    marks = Score(None, None, None, 0) if not case.truth else Score(False, False, False, 0)
+    marks = CaseScore(None, None, None, 0) if not case.truth else CaseScore(False, False, False, 0)
     try:
         with tempfile.TemporaryDirectory() as folder:
             model = Path(folder) / "robot.xml"

@@ -1,6 +1,6 @@
 """Policies on robots: ``wt-run`` and the simulated robot that it cannot tell from a real one.
 
-Every 2 ms the runner listens, judges, decides and tells the drives; fifty times a second it asks
+Every 2 ms the runner listens, checks, decides and commands the drives; 50 times a second it asks
 the policy. What goes wrong is a fault, and a fault ends in damping.
 
 =====================  =====================================================================

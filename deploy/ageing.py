@@ -1,4 +1,4 @@
-"""How old a robot's state is, by the robot's own clock: late is as bad as missing."""
+"""Age of a robot's state, by the robot's own clock: late is as bad as missing."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Ageing:
         return now - robot_time - min(self._fastest, self._earlier)
 
     def counts(self) -> bool:
-        """Whether the robot's clock has counted seconds so far."""
+        """True as long as the robot's clock has counted seconds."""
         if self._first is None or self._last is None or self._last[0] - self._first[0] < 0.5:
             return True
         (begun, from_time), (now, to_time) = self._first, self._last

@@ -16,7 +16,7 @@ class Clock(Protocol):
     """Time [s], from any beginning."""
 
     def now(self) -> float:
-        """What time it is."""
+        """The time now."""
 
     def sleep_until(self, then: float) -> None:
         """Return at that time; at once, if it has passed."""

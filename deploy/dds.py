@@ -25,7 +25,7 @@ _CONFIG = """<CycloneDDS><Domain Id="any"><General><Interfaces>
 _domains: dict[int, tuple[str, Domain]] = {}
 
 
-class Line:
+class DdsParticipant:
     """A member of one DDS domain on one network interface."""
 
     def __init__(self, interface: str, domain: int = 0) -> None:
@@ -57,11 +57,11 @@ class Line:
             ) from error
 
     def writer(self, topic: str, kind: type[Packed]) -> DataWriter:
-        """What sends messages of one kind."""
+        """A sender of messages of one kind."""
         return DataWriter(self._member, self._topic(topic, kind))
 
     def inbox(self, topic: str, kind: type[Packed], depth: int = 1) -> Inbox:
-        """What receives them, except those that this member itself sends; keeps the newest few."""
+        """A receiver of messages, except those that this member sends; keeps the newest few."""
         qos = Qos(Policy.History.KeepLast(depth), Policy.IgnoreLocal.Participant)
         return Inbox(DataReader(self._member, self._topic(topic, kind), qos=qos), depth)
 
@@ -77,7 +77,7 @@ class Inbox:
         self._reader, self._depth = reader, depth
 
     def take(self) -> list[Packed]:
-        """What came since the last call, oldest first, at most ``depth``; does not wait."""
+        """Messages since the last call, oldest first, at most ``depth``; does not wait."""
         return [m for m in self._reader.take(self._depth) if isinstance(m, Packed)]
 
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from deploy.dds import Line
+from deploy.dds import DdsParticipant
 from deploy.idl import LowCmd_, LowState_
 from deploy.messages import Packed
 from deploy.remote import Remote
@@ -41,7 +41,7 @@ class Go2:
         drives: what they can take.
     """
 
-    def __init__(self, line: Line, joints: Sequence[str]) -> None:
+    def __init__(self, line: DdsParticipant, joints: Sequence[str]) -> None:
         """Listen for its state; nothing is sent yet.
 
         Args:
@@ -81,7 +81,7 @@ class Go2:
         self._count["commands"] += 1
 
     def intruders(self) -> int:
-        """How many commands somebody else sent since the last call, 32 at most."""
+        """Number of commands that somebody else sent since the last call, 32 at most."""
         return len(self._others.take())
 
     def health(self) -> Mapping[str, int]:
@@ -105,7 +105,7 @@ def motors(joints: Sequence[str]) -> np.ndarray:
 
 
 def drives(joints: Sequence[str]) -> Drives:
-    """What joints and drives can take, in the order of ``joints``."""
+    """Limits of joints and drives, in the order of ``joints``."""
     parts = [joint.split("_")[1] for joint in joints]
     ranges = [
         _THIGH[joint[0]] if part == "thigh" else _RANGE[part]
@@ -135,7 +135,7 @@ def unpack(message: Packed, motor: np.ndarray) -> State:
 
 
 def _command() -> Packed:
-    """What is the same in every command: header, low level, no torque, motors under control."""
+    """The constant part of every command: header, low level, no torque, motors under control."""
     message = LowCmd_()
     message.data["head"] = 0xFE, 0xEF
     message.data["level_flag"] = 0xFF

@@ -1,4 +1,4 @@
-"""What the commands do, from words to files."""
+"""The work of the commands, from words to files."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ def run(
         WorkError: no robot answers, or a fault ended the run.
     """
     from deploy.clock import take_precedence
-    from deploy.dds import Line
+    from deploy.dds import DdsParticipant
     from deploy.go2 import Go2
-    from deploy.operator import KEYS, Operator
+    from deploy.operator import KEYS, HumanOperator
     from deploy.pilot import Pilot
     from deploy.policies import load
     from deploy.robot import Silent
@@ -50,10 +50,10 @@ def run(
     policy = load(reference)
     if realtime:
         take_precedence()  # before the network's threads begin
-    robot = Go2(Line(interface, domain), policy.card.joints)
+    robot = Go2(DdsParticipant(interface, domain), policy.card.joints)
     folder = out or Path("runs") / f"go2-{datetime.now():%Y-%m-%dT%H-%M-%S}"
     folder.mkdir(parents=True, exist_ok=True)  # if it cannot be, better now than after the run
-    operator, say = Operator(policy.card.command_limits), teller()
+    operator, say = HumanOperator(policy.card.command_limits), teller()
     say(f"policy {policy.card.name} ({policy.card.sha256[:12]}) on {interface}\n{KEYS}")
     runner = Runner(Silent(robot) if dry_run else robot, Pilot(policy), operator, bounds, say=say)
     meta: dict[str, object] = {
@@ -97,7 +97,7 @@ def simulate(
         UserError: interface, script or fault cannot be used.
     """
     from deploy.clock import take_precedence
-    from deploy.dds import Line
+    from deploy.dds import DdsParticipant
     from deploy.mischief import Mischief
     from deploy.script import Script
     from deploy.sim import Sim
@@ -105,7 +105,7 @@ def simulate(
     script = Script.parse(remote)
     if realtime:
         take_precedence()
-    sim = Sim(Line(interface, domain), script, Mischief.parse(fault) if fault else None)
+    sim = Sim(DdsParticipant(interface, domain), script, Mischief.parse(fault) if fault else None)
     ended = [False]
     for s in (signal.SIGINT, signal.SIGTERM):
         signal.signal(s, lambda *_: ended.__setitem__(0, True))

@@ -114,7 +114,7 @@ class Packed:
 
     @classmethod
     def deserialize_key(cls: type[P], *_: object, **__: object) -> P:
-        """What comes when a writer leaves: nothing; called by cyclonedds."""
+        """Message of a writer that leaves: none; called by cyclonedds."""
         return cls()
 
     def seal(self: P) -> P:
@@ -123,5 +123,5 @@ class Packed:
         return self
 
     def checksum(self) -> int:
-        """What ``crc``, the last field, is to be."""
+        """The value that ``crc``, the last field, must have."""
         return crc32(self.data.tobytes()[:-4])

@@ -1,4 +1,4 @@
-"""What can go wrong between a robot and a runner, done on purpose: ``wt-sim-go2 --fault``."""
+"""Faults between a robot and a runner, made on purpose: ``wt-sim-go2 --fault``."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Mischief:
         return cls(kind, begin)  # type: ignore[arg-type]
 
     def pass_on(self, message: Packed, time: float) -> Iterator[Packed]:
-        """What arrives of a state that was sent at ``time`` [s], and of those before it."""
+        """Messages that arrive once a state was sent at ``time`` [s]: its own, or earlier ones."""
         if time < self.begin:
             yield message
         elif self.kind == "delay":

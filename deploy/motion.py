@@ -1,4 +1,4 @@
-"""What the drives are told in each stage."""
+"""The commands of the drives in each stage."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DAMPING = 4.0
 _PATIENCE = 0.001  # s that a tick waits for an action; later ones look again
 
 
-class Motion:
+class MotionController:
     """Standing up, and walking as the policy says.
 
     Attributes:
@@ -50,7 +50,7 @@ class Motion:
             self._due, self._waiting, self._wanted = now, False, self._pose
 
     def stands(self, now: float, state: State) -> bool:
-        """Whether a robot that began to stand up has arrived at the standing pose."""
+        """True once a robot that began to stand up has arrived at the standing pose."""
         off = float(np.abs(state.position - self._pose).max())
         rose = now - self._since >= self._limits.stand_seconds
         return rose and off <= self._limits.stand_error
@@ -86,7 +86,7 @@ class Motion:
         return None
 
     def command(self, stage: Stage, now: float, state: State) -> Command:
-        """What the drives are told at ``now`` [s]."""
+        """Command of the drives at ``now`` [s]."""
         if stage is Stage.PASSIVE:
             return Command(self._none, self._none, self._none)
         if stage is Stage.DAMPING:

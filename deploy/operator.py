@@ -28,7 +28,7 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def wish_of(remote: Remote) -> Wish | None:
-    """What the buttons ask for; damping before anything else."""
+    """Wish that the buttons express; damping comes before anything else."""
     held = remote.buttons
     if {"L2", "B"} <= held:
         return Wish.DAMPING
@@ -52,11 +52,11 @@ class Keyboard:
 
     @property
     def is_terminal(self) -> bool:
-        """Whether somebody sits at it."""
+        """True if somebody sits at it."""
         return self._open and sys.stdin.isatty()
 
     def poll(self) -> Wish | None:
-        """What the keys since the last call ask for: the last wish among them.
+        """The last wish among the keys pressed since the last call.
 
         A keyboard that is gone after it was used (a terminal that closed) is a wish to end.
         """
@@ -76,7 +76,7 @@ class Keyboard:
         return wish
 
 
-class Operator:
+class HumanOperator:
     """Everything that an operator can use, as one."""
 
     def __init__(self, largest: Sequence[float]) -> None:
@@ -102,7 +102,7 @@ class Operator:
         return (Wish.QUIT if self._ended else wish), share * self._largest
 
     def ended(self) -> bool:
-        """Whether a signal asked the program to end."""
+        """True once a signal has asked the program to end."""
         return self._ended
 
     @contextmanager

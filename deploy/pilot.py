@@ -88,12 +88,12 @@ class Pilot:
         return action
 
     def targets(self, action: np.ndarray) -> Joints:
-        """What an action asks the joints for [rad]; it becomes the last action."""
+        """Joint targets of an action [rad]; it becomes the last action."""
         self.action = action
         return self._default + self._scale * action.astype(np.float64)
 
     def observe(self, state: State) -> np.ndarray:
-        """A state as the policy was trained to see it (:meth:`wt.worlds.legged.Robot.channels`)."""
+        """The policy's observation of a state: :meth:`wt.worlds.legged.LeggedRobot.channels`."""
         parts = (state.gyro, gravity(state.quaternion), state.position, state.velocity, self.action)
         return np.concatenate(parts, dtype=np.float32)
 

@@ -1,4 +1,4 @@
-"""What a run leaves: a recording that ``wt diagnose`` reads, and a log of every tick.
+"""Records of a run: a recording that ``wt diagnose`` reads, and a log of every tick.
 
 ``recording.parquet`` has the states during which the drives held positions with the policy's gains,
 on the robot's clock: what a simulator of the robot can be compared with. ``log.parquet`` has every
@@ -48,7 +48,7 @@ class Table:
         self._used += 1
 
     def __len__(self) -> int:
-        """How many rows there are."""
+        """Number of rows."""
         return max(0, len(self._blocks) - 1) * _BLOCK + (self._used if self._blocks else 0)
 
     def rows(self) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What the runner asks of a robot. A real one and a simulated one look the same from here.
+"""The runner's view of a robot. A real one and a simulated one look the same from here.
 
 Arrays have one value per joint, in the order of :attr:`Robot.joints`, which is the policy's.
 
@@ -27,7 +27,7 @@ Joints = Float64[np.ndarray, "joint"]
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """What a robot measures, at one time.
+    """Measurements of a robot at one time.
 
     Attributes:
         time: the robot's own clock [s].
@@ -54,7 +54,7 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """What the drives are to do: torque = stiffness · (target − position) − damping · velocity.
+    """Command of the drives: torque = stiffness · (target − position) − damping · velocity.
 
     Attributes:
         target: joint positions [rad].
@@ -69,7 +69,7 @@ class Command:
 
 @dataclass(frozen=True)
 class Drives:
-    """What joints and drives can take, by the robot's data sheet.
+    """Limits of joints and drives, by the robot's data sheet.
 
     Attributes:
         low: end of the joints' range [rad].
@@ -99,7 +99,7 @@ class Robot(Protocol):
         """Send a command to all drives."""
 
     def intruders(self) -> int:
-        """How many commands somebody else sent since the last call."""
+        """Number of commands that somebody else sent since the last call."""
 
     def health(self) -> Mapping[str, int]:
         """Counts of what went wrong on the line since the start, for the log."""

@@ -1,4 +1,4 @@
-"""The control loop: 500 times a second, listen, judge, decide, tell the drives.
+"""The control loop: 500 times a second, listen, check, decide, command the drives.
 
 Each tick does all four, whatever happened before; what goes wrong is a :class:`Fault`, and what
 follows a fault is damping, in the same tick and in every one until the program ends.
@@ -19,7 +19,7 @@ import numpy as np
 
 from deploy import safety
 from deploy.clock import Clock, Monotonic
-from deploy.motion import Motion
+from deploy.motion import MotionController
 from deploy.pilot import Pilot
 from deploy.record import Recorder, state_columns, state_values
 from deploy.remote import Remote
@@ -32,7 +32,7 @@ from wt.errors import WorkError
 
 RATE_HZ = 500.0
 END_SECONDS = 1.0
-"""How long damping is told before the program ends."""
+"""Duration of damping before the program ends [s]."""
 
 _FIRST_STATE = 10.0  # s, to wait for the robot
 _LISTEN = 0.5  # s, before the first command: is the robot free, and its clock of use?
@@ -45,18 +45,18 @@ _EXTRA = (
 
 @runtime_checkable
 class Operator(Protocol):
-    """Who decides: :class:`deploy.operator.Operator`, or a test."""
+    """The source of wishes and commands: :class:`deploy.operator.HumanOperator`, or a test."""
 
     def poll(self, remote: Remote) -> tuple[Wish | None, np.ndarray]:
         """Wish and velocity command (3,) [m/s, m/s, rad/s]."""
 
     def ended(self) -> bool:
-        """Whether a signal asked the program to end."""
+        """True once a signal has asked the program to end."""
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """How a run ended.
+class RunOutcome:
+    """End of a run.
 
     Attributes:
         fault: what ended the motion, if anything did.
@@ -95,7 +95,7 @@ class Runner:
         self._robot, self._operator = robot, operator
         self._clock, self._say = clock or Monotonic(), say or teller()
         self._watch = Watch(robot, limits)
-        self._motion = Motion(pilot, robot.drives, limits, 1 / RATE_HZ)
+        self._motion = MotionController(pilot, robot.drives, limits, 1 / RATE_HZ)
         self._seconds = pilot.seconds
         self.recorder = Recorder(state_columns(robot.joints), robot.joints, _EXTRA)
         self.status = Status()
@@ -103,7 +103,7 @@ class Runner:
         self._ages: list[float] = []
         self._began = 0.0
 
-    def run(self, seconds: float = math.inf, brake: float = END_SECONDS) -> Outcome:
+    def run(self, seconds: float = math.inf, brake: float = END_SECONDS) -> RunOutcome:
         """Run until the operator ends it; damping is the last that the drives are told.
 
         Args:
@@ -131,7 +131,7 @@ class Runner:
         finally:
             gc.enable()
         timing = Timing.of(np.array(ticks), 1 / RATE_HZ, self._seconds, np.array(self._ages))
-        return Outcome(self.status.fault, timing, begin)
+        return RunOutcome(self.status.fault, timing, begin)
 
     def _await_robot(self) -> None:
         """Wait for a first state, then listen for a while; send nothing."""
@@ -176,7 +176,7 @@ class Runner:
 
     def _decide(self, now: float, wish: Wish | None, told: np.ndarray) -> Command:
         state = self._watch.known()
-        self._move_on(now, wish, self._watch.judge())
+        self._move_on(now, wish, self._watch.first_fault())
         if self.status.stage is Stage.POLICY:
             self._move_on(now, None, self._motion.think(now, state, told))
         return self._motion.command(self.status.stage, now, state)

@@ -20,7 +20,7 @@ from wt.errors import ConfigError, suggest
 
 @dataclass(frozen=True)
 class Limits:
-    """When to stop, and how far a policy may go. Each may be set as KEY=VALUE of ``wt-run``.
+    """Limits at which to stop, or to hold a policy back; KEY=VALUE words of ``wt-run`` set them.
 
     Attributes:
         stale_state: oldest state of the robot that is acted on [s].

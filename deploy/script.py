@@ -19,7 +19,7 @@ _FORM = "write SECONDS:stand, :policy, :damping or :walk=FORWARD,LEFT,TURN with 
 
 @dataclass(frozen=True)
 class Script:
-    """What is done with the remote, and when.
+    """Presses and stick movements of the remote, each with its time.
 
     Attributes:
         presses: time [s] and buttons, in order of time.

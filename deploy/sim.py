@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deploy.dds import Line
+from deploy.dds import DdsParticipant
 from deploy.go2 import LOW_COMMAND, LOW_STATE
 from deploy.idl import LowCmd_, LowState_
 from deploy.mischief import Mischief
@@ -21,8 +21,8 @@ _BEHIND = 0.05  # s that are made up for; a machine that was busy for longer lea
 
 
 @dataclass(frozen=True)
-class Walk:
-    """Where the robot got, in the heading that it had when it was first heard of.
+class WalkSummary:
+    """Summary of a walk, along the heading that it had when it was first heard of.
 
     Attributes:
         forward: [m].
@@ -56,7 +56,9 @@ class Sim:
         recorder: what happened in every tick, with the pose of the trunk.
     """
 
-    def __init__(self, line: Line, script: Script, mischief: Mischief | None = None) -> None:
+    def __init__(
+        self, line: DdsParticipant, script: Script, mischief: Mischief | None = None
+    ) -> None:
         """Lie down and listen; states are sent from the first :meth:`run` on.
 
         Args:
@@ -88,15 +90,15 @@ class Sim:
             due += TICK
             time.sleep(max(0.0, due - time.monotonic()))
 
-    def walk(self) -> Walk:
-        """Where the robot got so far."""
+    def walk(self) -> WalkSummary:
+        """The robot's walk so far."""
         ticks = self.recorder.ticks()
         x, y, height, *quaternion = (ticks[f"qpos/base/{k}"] for k in range(7))
         heading = _heading(*quaternion)
         cos, sin = np.cos(heading[0]), np.sin(heading[0])
         dx, dy = x[-1] - x[0], y[-1] - y[0]
         tilt = np.arccos(np.clip(1 - 2 * (quaternion[1] ** 2 + quaternion[2] ** 2), -1, 1))
-        return Walk(
+        return WalkSummary(
             forward=float(cos * dx + sin * dy),
             left=float(cos * dy - sin * dx),
             turned=float(np.unwrap(heading)[-1] - heading[0]),

@@ -93,7 +93,7 @@ class SimRobot:
         mujoco.mj_step(model, self.data, round(TICK / _TIMESTEP))
 
     def state(self, remote: bytes) -> Packed:
-        """What the robot says of itself.
+        """The robot's own message about itself.
 
         Args:
             remote: the remote control's 40 bytes.
@@ -139,7 +139,7 @@ class SimRobot:
         return self.data.qvel[start : start + len(JOINTS)]
 
     def truth(self) -> np.ndarray:
-        """What only a simulator or motion capture knows, then the rest: :func:`columns`."""
+        """The true state, also what only a simulator or motion capture knows: :func:`columns`."""
         data = self.data
         parts = (data.qpos[:7], data.qvel[:6], self.joints, self.speeds, data.actuator_force)
         return np.concatenate(parts)

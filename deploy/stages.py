@@ -11,7 +11,7 @@ from enum import Enum
 
 
 class Stage(Enum):
-    """What the drives are told.
+    """Stage of a run, which decides the commands of the drives.
 
     Attributes:
         PASSIVE: no torque.
@@ -27,7 +27,7 @@ class Stage(Enum):
 
 
 class Wish(Enum):
-    """What an operator may ask for."""
+    """A request of the operator."""
 
     STAND = "stand"
     POLICY = "policy"
@@ -37,7 +37,7 @@ class Wish(Enum):
 
 @dataclass(frozen=True)
 class Fault:
-    """What ended the motion.
+    """The reason for which the motion ended.
 
     Attributes:
         name: of the watchdog, e.g. ``"tilt"``.
@@ -54,7 +54,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Status:
-    """Where a run is.
+    """State of a run.
 
     Attributes:
         stage: what the drives are told.
@@ -66,7 +66,7 @@ class Status:
 
 
 def step(now: Status, wish: Wish | None, fault: Fault | None, stands: bool) -> Status:
-    """Where the run is one tick later.
+    """State of the run one tick later.
 
     Args:
         now: where it is.

@@ -1,4 +1,4 @@
-"""How regular the control loop was, and how long inference took."""
+"""Regularity of the control loop, and duration of inference."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 
 @dataclass(frozen=True)
-class Spread:
+class DurationSummary:
     """A distribution of times.
 
     Attributes:
@@ -25,7 +25,7 @@ class Spread:
     count: int
 
     @classmethod
-    def of(cls, seconds: Sequence[float] | np.ndarray) -> Spread:
+    def of(cls, seconds: Sequence[float] | np.ndarray) -> DurationSummary:
         """From times in seconds; all zero if there are none."""
         ms = 1e3 * np.asarray(seconds, float)
         if not len(ms):
@@ -45,10 +45,10 @@ class Timing:
         age: of the robot's state when it was acted on.
     """
 
-    period: Spread
-    jitter: Spread
-    inference: Spread
-    age: Spread
+    period: DurationSummary
+    jitter: DurationSummary
+    inference: DurationSummary
+    age: DurationSummary
 
     @classmethod
     def of(
@@ -57,10 +57,10 @@ class Timing:
         """From when ticks began [s], what their period is to be [s], and the other times [s]."""
         periods = np.diff(ticks)
         return cls(
-            Spread.of(periods),
-            Spread.of(np.abs(periods - period)),
-            Spread.of(inference),
-            Spread.of(ages),
+            DurationSummary.of(periods),
+            DurationSummary.of(np.abs(periods - period)),
+            DurationSummary.of(inference),
+            DurationSummary.of(ages),
         )
 
     def text(self) -> str:

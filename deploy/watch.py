@@ -1,4 +1,4 @@
-"""Listens to the robot and judges what it hears."""
+"""Listens to the robot and checks what it hears."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from wt.errors import WorkError
 
 
 class Watch:
-    """What is known of a robot, and what is wrong with it.
+    """The newest state of a robot, and its first fault.
 
     Attributes:
         state: the newest; None before the first.
@@ -28,7 +28,7 @@ class Watch:
 
     @property
     def clock_counts(self) -> bool:
-        """Whether the robot's clock tells how old its states are."""
+        """True if the robot's clock tells the age of its states."""
         return self._ageing.counts()
 
     def listen(self, now: float) -> None:
@@ -50,7 +50,7 @@ class Watch:
             raise WorkError("no state of the robot has come yet")
         return self.state
 
-    def judge(self) -> Fault | None:
+    def first_fault(self) -> Fault | None:
         """The first thing that is wrong."""
         if words := safety.intruded(self._robot.intruders()):
             return Fault("intruder", words)

@@ -39,7 +39,7 @@ def resolve_uri(uri: str | None = None) -> str:
 
 
 def artifact_location(uri: str, experiment: str) -> str | None:
-    """Where a new experiment's artifacts go: beside a sqlite file; None lets the server decide."""
+    """Place of a new experiment's artifacts: beside a sqlite file; None lets the server decide."""
     path = _sqlite_path(uri)
     return None if path is None else str(path.parent / "mlartifacts" / experiment)
 

@@ -18,11 +18,12 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
+from jaxtyping import Float, Float32
 from pydantic import ConfigDict, StringConstraints, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from wt.errors import RegistryError
-from wt.types import Array, Channel, TransitionSpec
+from wt.types import Channel, TransitionSpec
 
 MODEL_FILE = "model.onnx"
 CARD_FILE = "card.json"
@@ -31,6 +32,8 @@ PACKAGES = ("torch", "onnx", "onnxruntime", "numpy", "mujoco")
 _STRICT = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
 Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 Rows = tuple[tuple[float, ...], ...]
+
+_Given = Float[np.ndarray, "_ _"]  # the card checks the widths, with a message
 
 
 @dataclass(frozen=True, config=_STRICT)
@@ -86,8 +89,15 @@ class Golden:
     o_next_sim: Rows
     o_next_real: Rows
 
-    def arrays(self) -> tuple[Array, Array, Array, Array]:
-        """o, a, o′ of S and o′ of R as float32 arrays."""
+    def arrays(
+        self,
+    ) -> tuple[
+        Float32[np.ndarray, "row obs"],
+        Float32[np.ndarray, "row action"],
+        Float32[np.ndarray, "row obs"],
+        Float32[np.ndarray, "row obs"],
+    ]:
+        """o, a, o′ of S and o′ of R."""
         rows = (self.o, self.a, self.o_next_sim, self.o_next_real)
         o, a, o_next_sim, o_next_real = (np.array(x, dtype=np.float32) for x in rows)
         return o, a, o_next_sim, o_next_real
@@ -95,7 +105,7 @@ class Golden:
 
 @dataclass(frozen=True, config=_STRICT, kw_only=True)
 class Card:
-    """What travels beside a model.
+    """All that travels beside a model.
 
     Attributes:
         schema: version of this layout.
@@ -188,7 +198,7 @@ def describe(
     metrics: Mapping[str, float],
     heldout: HeldOut,
     parity: float | None,
-    golden: tuple[Array, Array, Array, Array],
+    golden: tuple[_Given, _Given, _Given, _Given],
 ) -> Card:
     """The card of an exported model.
 

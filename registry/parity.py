@@ -1,4 +1,4 @@
-"""Does the ONNX graph compute what the model computed, and is a model's folder whole?
+"""Parity of an ONNX graph with the model that it came from, and integrity of a model's folder.
 
 Differences are |ONNX - eager| / max(1, |eager|): absolute for small values, relative for large
 ones, since outputs are physical (rad, rad/s, …) and float32 carries seven digits of either.
@@ -11,15 +11,15 @@ from pathlib import Path
 
 import numpy as np
 import onnxruntime
+from jaxtyping import Float, Shaped
 
 from registry.card import CARD_FILE, MODEL_FILE, Card, sha256
 from wt.errors import ModelError, RegistryError
-from wt.types import Array
 
 TOLERANCE = 1e-5
 BATCHES = (1, 7, 256)
 
-Model = Callable[[Array, Array, Array], Array]
+Model = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """o (N, n_obs), a (N, n_action), o′ of S (N, n_obs) → o′ of R (N, n_obs), float32."""
 
 
@@ -56,7 +56,11 @@ def load(path: Path) -> Model:
     """
     graph = session(path)
 
-    def call(o: Array, a: Array, o_next_sim: Array) -> Array:
+    def call(
+        o: Float[np.ndarray, "row obs"],
+        a: Float[np.ndarray, "row action"],
+        o_next_sim: Float[np.ndarray, "row obs"],
+    ) -> Float[np.ndarray, " ..."]:
         arrays = {"o": o, "a": a, "o_next_sim": o_next_sim}
         feed = {name: np.asarray(x, np.float32) for name, x in arrays.items()}
         try:
@@ -73,7 +77,9 @@ def load(path: Path) -> Model:
 def check(
     onnx_path: Path,
     model: Model,
-    inputs: tuple[Array, Array, Array],
+    inputs: tuple[
+        Float[np.ndarray, "_ obs"], Float[np.ndarray, "_ action"], Float[np.ndarray, "_ obs"]
+    ],
     *,
     tolerance: float = TOLERANCE,
     batches: Sequence[int] = BATCHES,
@@ -112,10 +118,10 @@ def verify(folder: Path) -> Card:
     path = folder / MODEL_FILE
     if not path.is_file():
         raise RegistryError(f"{folder} has {CARD_FILE} but no {MODEL_FILE}; pull the model again")
-    found = sha256(path)
-    if found != card.sha256:
+    actual = sha256(path)
+    if actual != card.sha256:
         raise RegistryError(
-            f"{path} has sha256 {found[:12]}…, its card says {card.sha256[:12]}…: the bytes were "
+            f"{path} has sha256 {actual[:12]}…, its card says {card.sha256[:12]}…: the bytes were "
             "changed; do not run it, pull the model again or export it anew"
         )
     o, a, o_next_sim, o_next_real = card.golden.arrays()
@@ -126,7 +132,12 @@ def verify(folder: Path) -> Card:
     return card
 
 
-def _difference(got: Array, expected: Array, path: Path, tolerance: float) -> float:
+def _difference(
+    got: Shaped[np.ndarray, " ..."],
+    expected: Shaped[np.ndarray, " ..."],
+    path: Path,
+    tolerance: float,
+) -> float:
     if got.shape != expected.shape:
         raise ModelError(f"{path} answers with shape {got.shape}, the model with {expected.shape}")
     difference = np.abs(got - expected) / np.maximum(1.0, np.abs(expected))

@@ -39,15 +39,15 @@ def push(folder: Path, run_id: str, *, uri: str | None = None) -> Version:
         RegistryError: a file is missing, the graph is not the card's, or it was never evaluated.
     """
     card = _read(folder)
-    found = sha256(folder / POLICY_FILE)
-    if found != card["sha256"]:
+    actual = sha256(folder / POLICY_FILE)
+    if actual != card["sha256"]:
         raise RegistryError(
-            f"{folder / POLICY_FILE} has sha256 {found[:12]}…, its card says "
+            f"{folder / POLICY_FILE} has sha256 {actual[:12]}…, its card says "
             f"{str(card['sha256'])[:12]}…: export the policy again"
         )
     heldout = _heldout(card, folder)
     store = Store(uri, create=True)
-    hashes = {"sha256": found, "card_sha256": sha256(folder / CARD_FILE)}
+    hashes = {"sha256": actual, "card_sha256": sha256(folder / CARD_FILE)}
     versions = store.versions(card["name"])
     same = next((v for v in versions if v.card_sha256 == hashes["card_sha256"]), None)
     if same is not None:
@@ -91,7 +91,7 @@ def pull(reference: str, to: Path, *, uri: str | None = None) -> Version:
 
 
 def is_policy(version: Version) -> bool:
-    """Whether a registered version is a walking policy."""
+    """True if a registered version is a walking policy."""
     return version.heldout.metric == TRACKING_ERROR
 
 
@@ -114,7 +114,7 @@ def _read(folder: Path) -> dict[str, Any]:
 
 
 def _heldout(card: dict[str, Any], folder: Path) -> HeldOut:
-    """How badly a policy follows commands, and a hash of what it was tried in."""
+    """A policy's error in following commands, and a hash of what it was tried in."""
     trials = card.get("evaluation", {}).get("tracking")
     if not trials:
         raise RegistryError(

@@ -61,10 +61,10 @@ def fetch(store: Store, version: Version, file: str, expected: str, folder: Path
     Raises:
         RegistryError: it is gone, or its bytes are not those that were registered.
     """
-    found = sha256(store.fetch(version, file, folder))
-    if found != expected:
+    actual = sha256(store.fetch(version, file, folder))
+    if actual != expected:
         raise RegistryError(
-            f"{file} of {version} has sha256 {found[:12]}…, registered was {expected[:12]}…: "
+            f"{file} of {version} has sha256 {actual[:12]}…, registered was {expected[:12]}…: "
             "its bytes were changed; restore them, or register the model again"
         )
 

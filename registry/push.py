@@ -38,9 +38,9 @@ def push(
     """
     card = verify(model_dir)
     if card.parity is None or not card.parity <= TOLERANCE:
-        found = "none" if card.parity is None else f"{card.parity:.1e}"
+        parity = "none" if card.parity is None else f"{card.parity:.1e}"
         raise RegistryError(
-            f"{model_dir}: parity with the eager model is {found}, at most {TOLERANCE:.0e} is "
+            f"{model_dir}: parity with the eager model is {parity}, at most {TOLERANCE:.0e} is "
             "needed to register; run registry.parity.check on the export and write a new card"
         )
     if card.name != name or not math.isclose(card.heldout.value, metric, rel_tol=1e-9):
@@ -69,7 +69,7 @@ def push(
 
 
 def compare(new: HeldOut, champion: Version | None) -> tuple[bool, str]:
-    """Whether a new model becomes champion, and why or why not.
+    """Decide if a new model becomes champion, and say why or why not.
 
     Only the same metric on the same held-out data is comparable.
     """

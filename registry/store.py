@@ -93,8 +93,8 @@ class Store:
         """Versions of a model that were pushed from here, oldest first; none for no model."""
         aliases = self.models().get(name, {})
         with answering(self.uri):
-            found = self._client.search_model_versions(f"name='{name}'")
-        ours = [v for v in found if "card_sha256" in v.tags]
+            registered = self._client.search_model_versions(f"name='{name}'")
+        ours = [v for v in registered if "card_sha256" in v.tags]
         return sorted((_version(v, aliases) for v in ours), key=lambda v: v.version)
 
     def resolve(self, reference: str) -> Version:
@@ -219,15 +219,15 @@ def check_name(name: str) -> None:
         )
 
 
-def _version(found: ModelVersion, aliases: Mapping[str, int]) -> Version:
-    tags, number = found.tags, int(found.version)
+def _version(registered: ModelVersion, aliases: Mapping[str, int]) -> Version:
+    tags, number = registered.tags, int(registered.version)
     return Version(
-        name=found.name,
+        name=registered.name,
         version=number,
         aliases=tuple(sorted(a for a, v in aliases.items() if v == number)),
-        run_id=found.run_id or "",
-        source=found.source or "",
-        created=datetime.fromtimestamp(found.creation_timestamp / 1e3, UTC).isoformat(
+        run_id=registered.run_id or "",
+        source=registered.source or "",
+        created=datetime.fromtimestamp(registered.creation_timestamp / 1e3, UTC).isoformat(
             timespec="seconds"
         ),
         sha256=tags["sha256"],

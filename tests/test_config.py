@@ -8,12 +8,12 @@ import pytest
 import yaml
 
 from tests.tasks import CONF, TASKS
-from wt.config import Fit, load, to_yaml, vary
+from wt.config import FitConfig, load, to_yaml, vary
 from wt.errors import ConfigError
 from wt.worlds.base import make
 
 
-def r5(*overrides: str) -> Fit:
+def r5(*overrides: str) -> FitConfig:
     return load(CONF / "r5.yaml", overrides)
 
 
@@ -53,7 +53,7 @@ def test_every_key_has_a_comment_or_stands_in_a_commented_file(name: str) -> Non
 def test_base_holds_every_default_there_is() -> None:
     """A reader of base.yaml sees every key, and defaults in code do not contradict it."""
     base = yaml.safe_load((CONF / "base.yaml").read_text())
-    code = yaml.safe_load(to_yaml(Fit(task="t", registry_name="r", world={})))
+    code = yaml.safe_load(to_yaml(FitConfig(task="t", registry_name="r", world={})))
     for section in ("data", "baselines", "tracking"):
         assert base[section] == code[section], section
     for section, keys in code["paper"].items():

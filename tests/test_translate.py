@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from tests.baselines.toy import Toy
-from wt.config import Mean, Method, Translation
+from wt.config import Mean, Method, TranslationConfig
 from wt.nets.world_model import WorldModel
 from wt.translate import Exported, SimToReal, translate_state
 
@@ -74,7 +74,7 @@ class Linear(nn.Module):
 
 
 def build(mean: Mean | None = None, anchored: bool = False) -> WorldModel:
-    method = Method(mean=mean or Mean(), translation=Translation(anchored=anchored))
+    method = Method(mean=mean or Mean(), translation=TranslationConfig(anchored=anchored))
     model = WorldModel(SPEC, method)
     model.frame.change.std.copy_(tensor(SCALE))
     model.frame.condition.mean.copy_(torch.linspace(-1, 1, 8))
@@ -111,7 +111,7 @@ def test_far_from_all_that_was_seen_the_simulators_answer_stands() -> None:
     model = build()
     o, a, sim_next = batch()
     before = translate_state(model, o, a, sim_next)
-    model.method = replace(model.method, translation=Translation(reach=20.0))
+    model.method = replace(model.method, translation=TranslationConfig(reach=20.0))
     o[1, 2], a[3, 0] = 60.0, -80.0
     found = translate_state(model, o, a, sim_next)
     check(found[[1, 3]], sim_next[[1, 3]].numpy())
@@ -174,7 +174,7 @@ def test_mean_field_transport_and_translation_add_up(simulator: str) -> None:
         o[:, :4].numpy() + SCALE * (nominal + shift + moved),
     )
     # an identity generator leaves exactly nominal + shift + y
-    model.method = replace(model.method, translation=Translation(anchored=True))
+    model.method = replace(model.method, translation=TranslationConfig(anchored=True))
     model.to_real = Identity()
     exact = o[:, :4].numpy() + SCALE * (nominal + shift + y)
     check(translate_state(model, o, a, sim_next), exact)

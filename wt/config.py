@@ -1,4 +1,4 @@
-"""What ``conf/*.yaml`` may say: structured dataclasses, cross-field checks, one reader.
+"""The keys of ``conf/*.yaml``: structured dataclasses, cross-field checks, one reader.
 
 A YAML file may name another one under ``base:``; its own keys win over that file's. Overrides
 from the command line (``key=value``, dotted) win over both. Every key is typed; an unknown key
@@ -24,14 +24,14 @@ Adversarial = Literal["bce", "lsgan"]
 """Adversarial loss: cross-entropy as in the paper, or least squares (Mao et al. 2017)."""
 
 MeanKind = Literal["none", "average", "mode"]
-"""What carries the difference of the domains that needs no translation.
+"""The carrier of the difference of the domains that needs no translation.
 
 ``none``: nothing, as in the paper; ``average``: least squares; ``mode``: the most frequent answer,
 for hidden variables that are often absent.
 """
 
-SimulatorUse = Literal["base", "read", "mean", "blend", "ignored"]
-"""How the mean field uses the simulator's own answer.
+SimulatorUseName = Literal["base", "read", "mean", "blend", "ignored"]
+"""The mean field's use of the simulator's own answer; a class each in ``wt.nets.simulator_use``.
 
 ``base``: it is added to; ``read``: it is added to and is also an input of the correction;
 ``mean``: the same, but with S's own average answer to (o, a) instead of its answer with nothing
@@ -43,10 +43,10 @@ answer of its own: each channel takes the mix of both that is nearest to R on th
 """
 
 Device = Literal["auto", "cpu", "cuda"]
-"""Where networks are trained; ``auto`` is CUDA where there is any."""
+"""The device that networks are trained on; ``auto`` is CUDA where there is any."""
 
 Alignment = Literal["state", "stance", "action"]
-"""How a simulator follows the translation.
+"""The way in which a simulator follows the translation; see ``wt.evaluate.alignment``.
 
 ``state``: what a robot observes of itself is overwritten; ``stance``: the same, and the trunk's
 height and velocity move so that standing feet stay where they are; ``action``: the action is
@@ -55,8 +55,8 @@ corrected.
 
 
 @dataclass
-class Data:
-    """How much is collected, and where it is kept (``data:``)."""
+class DataConfig:
+    """Amount of data, and the folder that keeps it (``data:``)."""
 
     dir: str = "data"
     transitions: int = 300_000
@@ -71,7 +71,7 @@ class Mean:
     """The regressors in front of the translation (``mean:``); unused when kind is ``none``."""
 
     kind: MeanKind = "none"
-    simulator: SimulatorUse = "base"
+    simulator: SimulatorUseName = "base"
     members: int = 1
     input_noise: float = 0.0
     mode_width: float = 0.05
@@ -80,11 +80,6 @@ class Mean:
     steps: int = 8000
     batch: int = 512
     learning_rate: float = 4e-3
-
-    @property
-    def averages(self) -> bool:
-        """Whether S's average answer stands for its answer with nothing hidden."""
-        return self.simulator in ("mean", "blend")
 
 
 @dataclass
@@ -110,7 +105,7 @@ class Vae:
 
 
 @dataclass
-class Translation:
+class TranslationConfig:
     """The unpaired translation (``translation:``)."""
 
     conditioned: bool = False
@@ -154,7 +149,7 @@ class Method:
     mean: Mean = field(default_factory=Mean)
     nets: Nets = field(default_factory=Nets)
     vae: Vae = field(default_factory=Vae)
-    translation: Translation = field(default_factory=Translation)
+    translation: TranslationConfig = field(default_factory=TranslationConfig)
     train: Train = field(default_factory=Train)
     online: Online = field(default_factory=Online)
 
@@ -177,7 +172,7 @@ class Baselines:
 
 
 @dataclass
-class Tracking:
+class TrackingConfig:
     """MLflow (``tracking:``); the environment's MLFLOW_TRACKING_URI wins over ``uri``."""
 
     experiment: str = "world-translation"
@@ -194,7 +189,7 @@ class Diagnose:
 
 
 @dataclass
-class Fit:
+class FitConfig:
     """Everything ``wt fit`` reads."""
 
     task: str = omegaconf.MISSING
@@ -203,15 +198,15 @@ class Fit:
     workers: int = 0
     device: Device = "auto"
     world: dict[str, Any] = omegaconf.MISSING
-    data: Data = field(default_factory=Data)
+    data: DataConfig = field(default_factory=DataConfig)
     paper: Method = field(default_factory=Method)
     plus: Method = field(default_factory=Method)
     baselines: Baselines = field(default_factory=Baselines)
-    tracking: Tracking = field(default_factory=Tracking)
+    tracking: TrackingConfig = field(default_factory=TrackingConfig)
     diagnose: Diagnose | None = None
 
 
-def load(path: str | Path, overrides: Sequence[str] = ()) -> Fit:
+def load(path: str | Path, overrides: Sequence[str] = ()) -> FitConfig:
     """Read a configuration, apply overrides, check it.
 
     Args:
@@ -221,7 +216,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Fit:
     Raises:
         ConfigError: file missing, not YAML, an unknown key, a wrong type, impossible values.
     """
-    config = parse(Fit, read(Path(path), overrides), "")
+    config = parse(FitConfig, read(Path(path), overrides), "")
     _check(config)
     return config
 
@@ -236,10 +231,10 @@ def vary(method: Method, changes: Sequence[str]) -> Method:
     Raises:
         ConfigError: an unknown key, a wrong type, impossible values.
     """
-    found = parse(Method, varied(method, changes), "")
-    check_numbers(found, _ABOVE_ZERO)
-    _check_method("variant", found)
-    return found
+    variant = parse(Method, varied(method, changes), "")
+    check_numbers(variant, _ABOVE_ZERO)
+    _check_method("variant", variant)
+    return variant
 
 
 _ABOVE_ZERO = {
@@ -251,7 +246,7 @@ _ABOVE_ZERO = {
 """Numbers of any section that zero makes meaningless; no other may be negative either."""
 
 
-def _check(config: Fit) -> None:
+def _check(config: FitConfig) -> None:
     check_numbers(config, _ABOVE_ZERO)
     seeds = config.seeds
     if not seeds or len(set(seeds)) != len(seeds) or min(seeds) < 0:

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 
-from wt.config import Fit, load
+from wt.config import FitConfig, load
 from wt.errors import ConfigError
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.evaluate.single_step import Errors, errors
@@ -23,7 +23,7 @@ from wt.run.track import Run
 from wt.worlds.base import kind_of
 
 
-def on_model(config: Fit, model: Path) -> Fit:
+def on_model(config: FitConfig, model: Path) -> FitConfig:
     """A configuration whose simulator is an MJCF from a file: the one that a diagnosis patched.
 
     Args:
@@ -42,7 +42,7 @@ def on_model(config: Fit, model: Path) -> Fit:
     return replace(config, world={**config.world, "model": str(model)})
 
 
-def open_folder(config: Fit, folder: Path, resume: bool) -> Fit:
+def open_folder(config: FitConfig, folder: Path, resume: bool) -> FitConfig:
     """Claim a run's folder and keep the configuration in it.
 
     Args:
@@ -62,7 +62,7 @@ def open_folder(config: Fit, folder: Path, resume: bool) -> Fit:
     return config
 
 
-def fit(config: Fit, folder: Path, listener: Listener) -> tuple[Published, Run]:
+def fit(config: FitConfig, folder: Path, listener: Listener) -> tuple[Published, Run]:
     """Run everything; finished parts found in ``folder`` are not run again.
 
     Args:

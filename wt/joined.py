@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from wt.config import Diagnose, Fit
+from wt.config import Diagnose, FitConfig
 from wt.data import recording
 from wt.diagnose.pipeline import diagnose
 from wt.diagnose.report.write import write
@@ -158,7 +158,7 @@ class Joined:
         )
 
 
-def join(config: Fit, folder: Path, listener: Listener) -> Joined:
+def join(config: FitConfig, folder: Path, listener: Listener) -> Joined:
     """Diagnose R, run again on the patched simulator, and compare.
 
     Args:
@@ -191,7 +191,7 @@ def join(config: Fit, folder: Path, listener: Listener) -> Joined:
     return joined
 
 
-def _diagnosed(config: Fit, settings: Diagnose, folder: Path, listener: Listener) -> Path:
+def _diagnosed(config: FitConfig, settings: Diagnose, folder: Path, listener: Listener) -> Path:
     """The patched model, of an earlier diagnosis or of a new one."""
     out = folder / "diagnosis"
     if (out / "diagnosis.json").is_file():  # the last file that is written

@@ -18,7 +18,7 @@ from registry import parity
 from registry.card import MODEL_FILE, Card
 from registry.pull import pull
 from registry.store import Store
-from wt.config import Fit
+from wt.config import FitConfig
 from wt.diagnose.observed.translation import Translation
 from wt.errors import ConfigError, ModelError
 from wt.evaluate import figures
@@ -96,7 +96,7 @@ class Registered:
         return step
 
 
-def champion(config: Fit) -> tuple[str, str]:
+def champion(config: FitConfig) -> tuple[str, str]:
     """The registered model of a task: its reference, e.g. ``"wt-r5/3"``, and its graph's sha256.
 
     Raises:
@@ -165,7 +165,7 @@ def _first_difference(given: object, wanted: object) -> tuple[str, str]:
     return f"{given[k]} at number {k}", f"{wanted[k]}"
 
 
-def evaluate(reference: str, config: Fit, folder: Path, listener: Listener) -> Results:
+def evaluate(reference: str, config: FitConfig, folder: Path, listener: Listener) -> Results:
     """Errors of a registered model and of the simulator, written into a folder.
 
     Args:

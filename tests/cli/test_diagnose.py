@@ -232,3 +232,43 @@ def test_ctrl_c_in_the_real_analysis_is_one_line(model: str, tmp_path: Path) -> 
     assert err.startswith("error: interrupted")
     assert err.count("\n") == 1
     assert not out.exists()
+
+
+def test_why_prints_every_decision_at_a_place(
+    analysis: Analysis, model: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = str(tmp_path / "out")
+    assert main(["diagnose", model, "a.parquet", "--out", out]) == 0
+    capsys.readouterr()
+    assert main(["diagnose", "--out", out, "--why", "j2"]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "holdout stays 1.00·10⁻⁹ 0.0100 proven" in printed
+    assert "replayed goes 302 812 beaten" in printed
+    assert "actuator.gain" not in printed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--why", "j9"], "--why j9: nothing was considered there; places: actuator a2, joint j2"),
+        ([], "name MODEL.xml and at least one RECORDING"),
+    ],
+)
+def test_why_says_what_it_cannot_print(
+    analysis: Analysis,
+    model: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    said: str,
+) -> None:
+    out = str(tmp_path / "out")
+    assert main(["diagnose", model, "a.parquet", "--out", out]) == 0
+    capsys.readouterr()
+    assert main(["diagnose", "--out", out, *arguments]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_why_needs_a_diagnosis(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["diagnose", "--out", str(tmp_path), "--why", "j2"]) == 2
+    assert "no diagnosis with decisions" in capsys.readouterr().err

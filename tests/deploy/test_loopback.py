@@ -19,7 +19,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from deploy.dds import Line
+from deploy.dds import DdsParticipant
 from deploy.go2 import LOW_COMMAND
 from deploy.idl import LowCmd_
 from tests.deploy.policies import write_policy
@@ -170,7 +170,7 @@ def test_an_action_that_is_no_number_ends_in_damping_within_40_ms(
 
 
 def test_a_second_publisher_ends_in_damping_within_40_ms(pair: Pair, domain: int) -> None:
-    line = Line("lo", domain)
+    line = DdsParticipant("lo", domain)
     writer = line.writer(LOW_COMMAND, LowCmd_)
     pair.start("sim_go2", "0.1:stand")
     run = pair.start("run", "--policy", "go2", *LENIENT, "--seconds", "1.2")

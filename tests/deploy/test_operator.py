@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deploy.operator import Keyboard, Operator, wish_of
+from deploy.operator import HumanOperator, Keyboard, wish_of
 from deploy.remote import SIZE, Remote
 from deploy.stages import Wish
 
@@ -69,7 +69,7 @@ def test_keys_wish_and_walk(keys: int) -> None:
 
 
 def test_a_keyboard_that_goes_away_ends_the_run_if_it_was_used(keys: int) -> None:
-    unused, operator = Keyboard(), Operator(LARGEST)
+    unused, operator = Keyboard(), HumanOperator(LARGEST)
     os.write(keys, b"1")
     assert operator.poll(Remote())[0] is Wish.STAND
     os.close(keys)
@@ -78,7 +78,7 @@ def test_a_keyboard_that_goes_away_ends_the_run_if_it_was_used(keys: int) -> Non
 
 
 def test_damping_wins_and_commands_are_scaled(keys: int) -> None:
-    operator = Operator(LARGEST)
+    operator = HumanOperator(LARGEST)
     os.write(keys, b"wwd1")
     wish, told = operator.poll(Remote(frozenset({"L2", "B"}), forward=0.5, turn=-1.0))
     assert wish is Wish.DAMPING
@@ -90,7 +90,7 @@ def test_damping_wins_and_commands_are_scaled(keys: int) -> None:
 @pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals_end_the_run_and_are_given_back(which: signal.Signals, keys: int) -> None:
     before = signal.getsignal(which)
-    operator = Operator(LARGEST)
+    operator = HumanOperator(LARGEST)
     with operator.attending():
         assert operator.poll(Remote())[0] is None and not operator.ended()
         os.kill(os.getpid(), which)
@@ -106,6 +106,6 @@ def test_without_a_keyboard_there_is_the_remote(
     with (tmp_path / "empty").open() as nothing:
         for stdin in (None, nothing):
             monkeypatch.setattr(sys, "stdin", stdin)
-            operator = Operator(LARGEST)
+            operator = HumanOperator(LARGEST)
             with operator.attending():
                 assert operator.poll(Remote(frozenset({"start"})))[0] is Wish.POLICY

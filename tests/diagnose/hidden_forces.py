@@ -14,7 +14,7 @@ from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import stretches_of
 from wt.diagnose.residual.screen import Screen
-from wt.diagnose.selection.holdout import Holdout, hold
+from wt.diagnose.selection.holdout import Holdout, prepare_holdout
 from wt.physics.scene import Scene
 from wt.types import Recording
 
@@ -97,7 +97,7 @@ def world(
     fit, held = smooth(scene, parts[:-1]), smooth(scene, parts[-1:])
     screen = Screen(fit, 0)
     objective = Objective(fit, stretches_of(fit, True), screen.velocity_noise, STEP, True)
-    return World(scene, screen, objective, hold(held, True))
+    return World(scene, screen, objective, prepare_holdout(held, True))
 
 
 def on_joint(dof: int, law: Callable[[float, float], float]) -> Hidden:

@@ -9,18 +9,16 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from wt.diagnose.evidence import Interval, Role, Trace
 from wt.diagnose.result import (
     Confusable,
-    Considered,
+    Decision,
     Diagnosis,
     Error,
     Estimate,
     Finding,
-    Interval,
     Located,
     Proof,
-    Role,
-    Trace,
     Used,
 )
 from wt.types import Location
@@ -163,10 +161,11 @@ def diagnosis(model_path: str = "arm.xml") -> Diagnosis:
         ),
         given_xml=ARM,
         patched_xml=PATCHED,
-        considered=(
-            Considered("joint.friction_coulomb", J2, 812.0, "replayed", "accepted"),
-            Considered("joint.friction_viscous", J2, 301.5, "replayed", "beaten by the first"),
-            Considered("actuator.gain", A2, 12.0, "screened", "not replayed"),
+        decisions=(
+            Decision("actuator.gain", A2, "screened", False, 12.0, 162.4, "others show far more"),
+            Decision("joint.friction_viscous", J2, "replayed", False, 301.5, 812.0, "beaten"),
+            Decision("joint.friction_coulomb", J2, "joined", True, 812.0, 12.0, "the best"),
+            Decision("joint.friction_coulomb", J2, "holdout", True, 1e-9, 0.01, "proven"),
         ),
         traces=(held, fitted),
         suggestions=("slow reversals of j2 below 0.05 rad/s",),
@@ -183,7 +182,7 @@ def nothing(model_path: str = "arm.xml") -> Diagnosis:
     traces = tuple(dataclasses.replace(t, before=t.after) for t in full.traces)
     return dataclasses.replace(
         full, verdict="no_mismatch", locations=(), findings=(), proof=proof, patched_xml=ARM,
-        considered=(), suggestions=(), notes=(), traces=traces,
+        decisions=(), suggestions=(), notes=(), traces=traces,
     )  # fmt: skip
 
 

@@ -22,7 +22,7 @@ from wt.errors import RecordingError, UserError
 from wt.physics.planted import Planted
 from wt.prove.cases import Case, cases
 from wt.prove.score import score
-from wt.prove.world import World, build
+from wt.prove.world import HiddenWorld, build
 from wt.types import Recording
 
 SEED = 2
@@ -33,7 +33,7 @@ def case_named(part: str) -> Case:
     return replace(next(c for c in cases("full", SEED) if part in c.name), seconds=8.0)
 
 
-def model_of(world: World, folder: Path) -> Path:
+def model_of(world: HiddenWorld, folder: Path) -> Path:
     path = folder / "robot.xml"
     path.write_text(world.nominal_xml)
     return path
@@ -77,7 +77,7 @@ def test_the_same_seed_says_the_same(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def still() -> World:
+def still() -> HiddenWorld:
     return build(case_named("pendulum-nothing"))
 
 
@@ -86,7 +86,7 @@ def changed(recording: Recording, **columns: np.ndarray) -> Recording:
     return Recording(recording.t, {**recording.columns, **names}, recording.meta)
 
 
-def test_bad_recordings_are_one_line(still: World, tmp_path: Path) -> None:
+def test_bad_recordings_are_one_line(still: HiddenWorld, tmp_path: Path) -> None:
     model = model_of(still, tmp_path)
     good = still.fit[0]
     empty = np.full(len(good), np.nan)

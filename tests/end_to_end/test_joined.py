@@ -9,7 +9,7 @@ import pytest
 
 from tests.end_to_end.conftest import Place, Wt
 from tests.end_to_end.test_bad_input import assert_refused
-from tests.worlds.test_concealed import with_load
+from tests.worlds.walking.test_concealed import with_load
 from wt import joined
 
 STATEMENT = "Body base carries a load of 5 kg."

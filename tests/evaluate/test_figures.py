@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from wt.evaluate import figures
-from wt.evaluate.results import Results, Score
+from wt.evaluate.results import MethodScore, Results
 from wt.show import colors
 from wt.types import Channel
 
@@ -24,14 +24,14 @@ def draw(figure: Figure) -> None:
     assert buffer.getvalue().startswith(b"\x89PNG")
 
 
-def scores() -> dict[str, Score]:
+def scores() -> dict[str, MethodScore]:
     """Three methods and one that diverged."""
     nan = float("nan")
     return {
-        "RawSim": Score(0.7, 0.1, 0.8),
-        "WorldTranslationPlus": Score(0.2, 0.05, 0.3),
-        "ResDyn": Score(nan, nan, nan),
-        "RSSM": Score(0.5, 0.0, 0.6),
+        "RawSim": MethodScore(0.7, 0.1, 0.8),
+        "WorldTranslationPlus": MethodScore(0.2, 0.05, 0.3),
+        "ResDyn": MethodScore(nan, nan, nan),
+        "RSSM": MethodScore(0.5, 0.0, 0.6),
     }
 
 

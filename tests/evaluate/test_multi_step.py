@@ -8,10 +8,10 @@ import pytest
 from tests.baselines.toy import DT, REAL, SIM, Toy
 from wt.baselines.base import find
 from wt.config import Baselines
-from wt.evaluate.correction import corrected_action
+from wt.evaluate.alignment import corrected_action
 from wt.evaluate.multi_step import Now, of_baseline, roll_out, simulator
 from wt.types import Domain
-from wt.worlds.closed_loop import ClosedLoop, Truth
+from wt.worlds.closed_loop import ClosedLoop, ReferenceRollouts
 
 PAST, HORIZON, N = 3, 12, 5
 Array = np.ndarray
@@ -39,7 +39,7 @@ class Loop:
     def astray(self, s: Array, hidden: Array) -> Array:
         return ~(np.abs(s) < 50.0).all(axis=1)
 
-    def truth(self, count: int, past: int, horizon: int, seed: int) -> Truth:
+    def truth(self, count: int, past: int, horizon: int, seed: int) -> ReferenceRollouts:
         rng = np.random.default_rng(seed)
         o = rng.normal(size=(count, 6)).astype(np.float32)
         force = rng.normal(size=(count, 2)).astype(np.float32)
@@ -52,7 +52,7 @@ class Loop:
             seen.append(o)
             acted.append(a)
         hidden = np.repeat(force[:, None], past + horizon + 1, axis=1)
-        return Truth(np.stack(seen, 1), np.stack(acted, 1), hidden, context, past)
+        return ReferenceRollouts(np.stack(seen, 1), np.stack(acted, 1), hidden, context, past)
 
 
 LOOP = Loop()
@@ -120,7 +120,7 @@ def test_a_baseline_sees_its_own_rollout_as_history(name: str) -> None:
     assert len(answers) == HORIZON
     other = TRUTH.o.copy()
     other[:, PAST - 1] += 1.0
-    changed = Truth(other, TRUTH.a, TRUTH.hidden, TRUTH.context, PAST)
+    changed = ReferenceRollouts(other, TRUTH.a, TRUTH.hidden, TRUTH.context, PAST)
     first = answers[0]
     answers.clear()
     roll_out(LOOP, changed, watched, ONES)
@@ -133,7 +133,9 @@ def test_the_corrected_action_reaches_a_target_that_can_be_reached() -> None:
     a = TRUTH.a[:, 0]
     wanted, _ = LOOP.advance("sim", o, a + 0.1, hidden)
     before, _ = LOOP.advance("sim", o, a, hidden)
-    better = corrected_action(LOOP, o, a, hidden, wanted, np.full(4, DT))
+    better = corrected_action(
+        lambda action: LOOP.advance("sim", o, action, hidden)[0], a, wanted, np.full(4, DT)
+    )
     after, _ = LOOP.advance("sim", o, better, hidden)
     # damped on purpose: most of the way, and no further
     assert np.abs(after - wanted).max() < 0.5 * np.abs(before - wanted).max()
@@ -157,8 +159,8 @@ def test_what_is_hidden_follows_standing_feet_where_that_is_asked_for() -> None:
     assert np.all(stance.mse[1:] != plain.mse[1:])
 
 
-@pytest.mark.parametrize("told", [True, False])
-def test_who_is_told_has_the_true_hidden_state_at_every_step(told: bool) -> None:
+@pytest.mark.parametrize("true_hidden", [True, False])
+def test_hidden_state_is_r_s_own_at_every_step_where_asked_for(true_hidden: bool) -> None:
     """A translation far off drags hidden state along, unless that is R's own."""
     asked = []
 
@@ -167,6 +169,6 @@ def test_who_is_told_has_the_true_hidden_state_at_every_step(told: bool) -> None
         asked.append(np.allclose(now.sim_next, truly, atol=1e-5))
         return now.sim_next + 0.1
 
-    roll_out(LOOP, TRUTH, step, ONES, "stance", told)
+    roll_out(LOOP, TRUTH, step, ONES, "stance", true_hidden)
     assert asked[0]
-    assert all(asked[1:]) if told else not any(asked[1:])
+    assert all(asked[1:]) if true_hidden else not any(asked[1:])

@@ -16,7 +16,7 @@ from wt.evaluate.probes import (
     hidden_baseline,
     hidden_table,
 )
-from wt.evaluate.representation import Features, features, some
+from wt.evaluate.representation import Features, features, whole_episodes
 from wt.nets.frame import Frame
 from wt.nets.world_model import WorldModel
 from wt.train.mean_field import fit_normalizers
@@ -100,8 +100,8 @@ def test_errors_of_table_3_are_what_they_say() -> None:
 
 def test_some_takes_whole_episodes() -> None:
     data = Toy(0.0).collect(SIM, 5, 1)  # 60 transitions each
-    assert len(some(data, 150)) == 120
-    assert some(data, 1000) is data
+    assert len(whole_episodes(data, 150)) == 120
+    assert whole_episodes(data, 1000) is data
 
 
 def test_pca_keeps_distances_of_what_is_flat_already() -> None:

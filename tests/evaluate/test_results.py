@@ -13,7 +13,7 @@ from rich.console import Console
 from tests.conftest import FromShared
 from wt.errors import DataError
 from wt.evaluate import paper
-from wt.evaluate.results import Results, Score
+from wt.evaluate.results import MethodScore, Results
 from wt.types import Channel
 
 
@@ -23,10 +23,10 @@ def results(**changed: object) -> Results:
         "task": "r5_force",
         "seeds": (0, 1, 2),
         "single_step": {
-            "WorldTranslation": Score(0.1, 0.01, 0.2),
-            "WorldTranslationPlus": Score(0.15, 0.02, 0.3),
-            "RSSM": Score(0.6, 0.03, 0.7),
-            "ResDynSim": Score(0.5, 0.0, 0.8),
+            "WorldTranslation": MethodScore(0.1, 0.01, 0.2),
+            "WorldTranslationPlus": MethodScore(0.15, 0.02, 0.3),
+            "RSSM": MethodScore(0.6, 0.03, 0.7),
+            "ResDynSim": MethodScore(0.5, 0.0, 0.8),
         },
         "model": "wt-r5",
         "version": 4,
@@ -65,7 +65,7 @@ def test_what_is_saved_is_what_is_loaded(tmp_path: Path) -> None:
 
 def test_a_diverged_method_stays_in_the_table_and_out_of_the_ratio(tmp_path: Path) -> None:
     nan = math.nan
-    scores = {**results().single_step, "RawSim": Score(nan, nan, nan)}
+    scores = {**results().single_step, "RawSim": MethodScore(nan, nan, nan)}
     diverged = results(single_step=scores)
     assert diverged.ratio_to_best_baseline == pytest.approx(0.3)
     diverged.save(tmp_path)
@@ -75,17 +75,17 @@ def test_a_diverged_method_stays_in_the_table_and_out_of_the_ratio(tmp_path: Pat
 
 
 def test_no_ratio_without_baselines_or_without_ours() -> None:
-    ours = {"WorldTranslationPlus": Score(0.1, 0.0, 0.1)}
+    ours = {"WorldTranslationPlus": MethodScore(0.1, 0.0, 0.1)}
     assert results(single_step=ours).to_json()["ratio_to_best_baseline"] is None
-    baseline = {"RawSim": Score(0.1, 0.0, 0.1)}
+    baseline = {"RawSim": MethodScore(0.1, 0.0, 0.1)}
     assert results(single_step=baseline).to_json()["ratio_to_best_baseline"] is None
 
 
 def test_spread_is_the_sample_standard_deviation() -> None:
-    score = Score.of_seeds([1.0, 2.0, 4.0], [3.0, 3.0, 6.0])
+    score = MethodScore.of_seeds([1.0, 2.0, 4.0], [3.0, 3.0, 6.0])
     assert (score.mse, score.mse_change) == (pytest.approx(7 / 3), 4.0)
     assert score.std == pytest.approx(statistics.stdev([1.0, 2.0, 4.0]))
-    assert Score.of_seeds([1.0], [2.0]) == Score(1.0, 0.0, 2.0)
+    assert MethodScore.of_seeds([1.0], [2.0]) == MethodScore(1.0, 0.0, 2.0)
 
 
 def test_markdown_puts_the_papers_numbers_beside_ours_and_states_the_assumption() -> None:
@@ -101,7 +101,7 @@ def test_markdown_puts_the_papers_numbers_beside_ours_and_states_the_assumption(
 
 
 def test_errors_relative_to_rawsim_are_what_worlds_share() -> None:
-    with_raw = {"RawSim": Score(0.5, 0.0, 0.5), "RSSM": Score(0.25, 0.0, 0.5)}
+    with_raw = {"RawSim": MethodScore(0.5, 0.0, 0.5), "RSSM": MethodScore(0.25, 0.0, 0.5)}
     assert results(single_step=with_raw, rmse={}).relative("RSSM") == 0.5
     assert math.isnan(results().relative("RSSM"))
 

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from wt.evaluate.single_step import Scales, errors, first_episode, poses
+from wt.evaluate.single_step import ErrorScales, errors, first_episode, poses
 from wt.types import Array, Channel, Pairs, Transitions, TransitionSpec
 
 SPEC = TransitionSpec(
@@ -41,7 +41,7 @@ def test_errors_are_in_units_of_rs_spread_and_in_physical_ones() -> None:
     # next states spread by 1 and 100, changes by 0.5 and 20; population deviations
     after = np.array([[-1.0, -100.0], [1.0, 100.0]])
     before = after - np.array([[-0.5, -20.0], [0.5, 20.0]])
-    scales = Scales.of(transitions(before, after), SPEC)
+    scales = ErrorScales.of(transitions(before, after), SPEC)
     np.testing.assert_allclose(scales.state, [1.0, 100.0], rtol=1e-6)
     np.testing.assert_allclose(scales.change, [0.5, 20.0], rtol=1e-6)
 
@@ -58,7 +58,7 @@ def test_errors_are_in_units_of_rs_spread_and_in_physical_ones() -> None:
 def test_an_exact_prediction_has_no_error() -> None:
     truth = np.array([[0.25, 1.0], [0.5, -1.0]])
     data = transitions(truth - [[0.0, 0.5], [0.25, 0.25]], truth)
-    found = errors(data.s_next, Pairs(data, truth), Scales.of(data, SPEC))
+    found = errors(data.s_next, Pairs(data, truth), ErrorScales.of(data, SPEC))
     assert (found.mse, found.mse_change, found.rmse.tolist()) == (0.0, 0.0, [0.0, 0.0])
 
 

@@ -15,7 +15,7 @@ from wt.finetune.config import VARIANTS, Diagnosed, load
 from wt.finetune.setting import Setting
 from wt.finetune.training import environment
 from wt.locomotion.env import make_model
-from wt.worlds.legged import TIMESTEP, Scene
+from wt.worlds.legged import TIMESTEP, LeggedScene
 from wt.worlds.robots import GO2
 
 CONF = Path("conf") / "finetune_go2.yaml"
@@ -89,10 +89,12 @@ def test_the_shipped_file_asks_for_what_the_paper_did() -> None:
     assert config.randomization.base_mass == [-1.0, 3.0]
 
 
-def diagnosed(path: Path, change: str = "", by: str = "", scene: Scene | None = None) -> Setting:
+def diagnosed(
+    path: Path, change: str = "", by: str = "", scene: LeggedScene | None = None
+) -> Setting:
     """A setting whose S comes from a file: the task's own, changed as a diagnosis might."""
     setting = Setting.of(load(CONF, TINY))
-    scene = scene or Scene(setting.options.payload)
+    scene = scene or LeggedScene(setting.options.payload)
     spec = GO2.describe(setting.options.sim, TIMESTEP, scene)
     spec.compile()
     text = spec.to_xml()

@@ -13,9 +13,9 @@ from tests.finetune.conftest import MakeModel
 from wt.errors import ModelError
 from wt.finetune.setting import Setting
 from wt.finetune.training import environment
-from wt.finetune.translated import Translate, Translated, translated
+from wt.finetune.translated import Translate, TranslatedWalking, translated
 from wt.locomotion.env import Walking
-from wt.worlds.walking_state import WalkingState
+from wt.worlds.walking.state import WalkingState
 
 Array = np.ndarray
 
@@ -25,10 +25,10 @@ ACTIONS = torch.linspace(-0.3, 0.3, 48).reshape(4, 12)
 
 def environments(
     setting: Setting, translate: Translate, **words: object
-) -> tuple[Walking, Translated]:
+) -> tuple[Walking, TranslatedWalking]:
     """The simulator as it is and translated, from the same starts, some steps into a walk."""
     training = setting.training("translation", 0)
-    both = Walking(training, "cpu"), Translated(training, "cpu", translate, **words)
+    both = Walking(training, "cpu"), TranslatedWalking(training, "cpu", translate, **words)
     for herd in (one.herd for one in both):
         rng = np.random.default_rng(1)
         for _ in range(10):

@@ -18,7 +18,7 @@ import torch
 
 from tests.baselines.toy import Toy
 from wt.baselines.base import find
-from wt.config import Baselines, Mean, Method, Nets, Train, Translation
+from wt.config import Baselines, Mean, Method, Nets, Train, TranslationConfig
 from wt.nets.world_model import WorldModel
 from wt.train.fit import fit_world_model
 from wt.train.score import PairTensors, errors
@@ -118,7 +118,7 @@ def test_ours_does_what_no_linear_map_does(data: Data, tmp_path: Path) -> None:
     method = Method(
         mean=Mean(kind="mode", width=48, depth=2, steps=600, batch=128),
         nets=NETS,
-        translation=Translation(
+        translation=TranslationConfig(
             conditioned=True, adversarial="lsgan", cycle=1.0, identity=0.0, transport=True,
             anchored=True, average=0.98,
         ),

@@ -9,15 +9,17 @@ import numpy as np
 import pytest
 
 from wt.locomotion.calibrate import calibrate, factors
-from wt.locomotion.evaluate import Evaluation, Tracking, Walk
+from wt.locomotion.evaluate import CommandTracking, PolicyEvaluation, WalkFigures
 from wt.worlds.policy import CARD, GRAPH, SHIPPED, Policy
 from wt.worlds.robots import GO2
 
 
-def figures(*tried: tuple[str, float, float, float]) -> Evaluation:
+def figures(*tried: tuple[str, float, float, float]) -> PolicyEvaluation:
     """Of (axis, command, what was reached, share that fell)."""
-    walk = Walk(1, 1.0, 0.0, 1.0, 1.0, 0.5, 0.1, 0.3, 2.0)
-    return Evaluation(tuple(Tracking(a, c, m, 0.0, 0.0, f) for a, c, m, f in tried), walk)
+    walk = WalkFigures(1, 1.0, 0.0, 1.0, 1.0, 0.5, 0.1, 0.3, 2.0)
+    return PolicyEvaluation(
+        tuple(CommandTracking(a, c, m, 0.0, 0.0, f) for a, c, m, f in tried), walk
+    )
 
 
 def test_a_policy_that_turns_too_slowly_is_told_more() -> None:

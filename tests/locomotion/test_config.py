@@ -8,13 +8,13 @@ from pathlib import Path
 import yaml
 from omegaconf import OmegaConf
 
-from wt.locomotion.config import Policy, load
+from wt.locomotion.config import PolicyConfig, load
 from wt.schema import to_yaml
 
 
 def test_the_base_file_is_the_defaults(root: Path) -> None:
     said = yaml.safe_load((root / "conf" / "policy_base.yaml").read_text())
-    own = OmegaConf.to_container(OmegaConf.structured(Policy(name="?", robot="go2")))
+    own = OmegaConf.to_container(OmegaConf.structured(PolicyConfig(name="?", robot="go2")))
     assert isinstance(own, dict)
     del own["name"], own["robot"]
     assert said == own

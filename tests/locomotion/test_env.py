@@ -11,11 +11,11 @@ import pytest
 import torch
 
 from wt.errors import ConfigError
-from wt.locomotion.config import Commands, Policy, load
+from wt.locomotion.config import Commands, PolicyConfig, load
 from wt.locomotion.env import Walking, make_herd, sample_commands
-from wt.locomotion.feet import Feet
+from wt.locomotion.feet import FootSensors
 from wt.locomotion.mirror import Mirror, augment
-from wt.worlds.gait import Clock
+from wt.worlds.gait import GaitClock
 from wt.worlds.legged import Start
 from wt.worlds.robots import G1
 
@@ -25,7 +25,7 @@ LEGS = list(G1.joints[:12])
 SMALL = ["threads=1", "robots=6", "device=cpu"]
 
 
-def config(root: Path, name: str, *more: str) -> Policy:
+def config(root: Path, name: str, *more: str) -> PolicyConfig:
     blocks = ["scene.blocks.extent=2.0", "episodes.start.area=1.0"] if "uneven" in name else []
     return load(root / "conf" / f"policy_{name}.yaml", [*SMALL, *blocks, *more])
 
@@ -83,7 +83,7 @@ def test_commands_are_within_limits_some_zero_some_of_one_axis() -> None:
 def test_feet_are_what_an_independent_simulation_says(root: Path) -> None:
     herd = make_herd(config(root, "go2"), 1)
     herd.reset(np.arange(1), np.random.default_rng(0), Start(speed=0.5))
-    feet = Feet(herd)
+    feet = FootSensors(herd)
     rng = np.random.default_rng(1)
     data = mujoco.MjData(herd.model)
     for _ in range(15):
@@ -106,7 +106,7 @@ def test_feet_are_what_an_independent_simulation_says(root: Path) -> None:
 
 def test_times_in_the_air_and_on_the_ground(root: Path) -> None:
     herd = make_herd(config(root, "go2"), 1)
-    feet = Feet(herd)
+    feet = FootSensors(herd)
     herd.qpos[:, 2] += 0.1  # falls for a seventh of a second
     landed_at = None
     for k in range(20):
@@ -165,7 +165,7 @@ def test_the_rhythm_s_mirror_image_is_half_a_period_later(root: Path) -> None:
     gait, turns = env.cfg.gait, env.herd.robot.turns
     assert gait is not None
     time, command = np.array([0.1, 0.3]), np.array([[0.5, 0.1, 0.2]] * 2)
-    clock = Clock(gait.period, 2)
+    clock = GaitClock(gait.period, 2)
     seen = np.concatenate([np.zeros((2, 96)), clock.read(time, command)], axis=1)
     flipped = env.mirror("policy", torch.from_numpy(np.float32(seen)))[:, -2:].numpy()
     later = time + gait.period / 2
@@ -243,7 +243,7 @@ def test_a_trunk_on_the_floor_is_a_bump_and_a_ball_in_its_box_is_none(
     root: Path, name: str
 ) -> None:
     herd = make_herd(config(root, name), 2, 1)
-    feet = Feet(herd)
+    feet = FootSensors(herd)
     herd.qpos[1, 2], herd.qpos[1, 3:7] = 0.3, (0, 1, 0, 0)  # falls on its back
     for _ in range(40):
         herd.step(np.zeros((2, 12), np.float32))

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from wt.errors import ConfigError, WorkError
-from wt.locomotion.config import Policy, load
+from wt.locomotion.config import PolicyConfig, load
 from wt.locomotion.env import Walking
 from wt.locomotion.parts import Parts, environment
 from wt.locomotion.train import train
@@ -17,7 +17,7 @@ from wt.locomotion.train import train
 SMALL = ["threads=1", "robots=6", "device=cpu", "ppo.hidden=[16,8]", "ppo.iterations=1"]
 
 
-def config(root: Path, *more: str) -> Policy:
+def config(root: Path, *more: str) -> PolicyConfig:
     return load(root / "conf" / "policy_go2.yaml", [*SMALL, *more])
 
 

@@ -10,7 +10,7 @@ import pytest
 from wt.errors import ConfigError
 from wt.locomotion import rewards
 from wt.locomotion.config import Rewards
-from wt.locomotion.rewards import TERMS, WANTED, Judge, Step
+from wt.locomotion.rewards import TERMS, WANTED, RewardSum, Step
 
 F32 = np.float32
 
@@ -115,8 +115,8 @@ def test_every_term_has_a_weight_and_every_wanted_one_exists() -> None:
 def test_the_sum_is_weighted_with_penalties_negative_and_a_fall_counted_once() -> None:
     nothing = {name: 0.0 for name in TERMS}
     weights = Rewards(**{**nothing, "alive": 2.0, "vertical": 3.0, "fall": 5.0})
-    judge = Judge(weights, ("a", "b", "c"))
-    reward, means = judge(step(velocity=[[0, 0, 0, 1], [0, 0, 0, 0]]), np.array([False, True]))
+    total = RewardSum(weights, ("a", "b", "c"))
+    reward, means = total(step(velocity=[[0, 0, 0, 1], [0, 0, 0, 0]]), np.array([False, True]))
     np.testing.assert_allclose(reward, [(2 - 3) * 0.02, 2 * 0.02 - 5], rtol=1e-5)
     assert means == pytest.approx({"alive": 2.0, "vertical": -1.5})
 
@@ -124,11 +124,11 @@ def test_the_sum_is_weighted_with_penalties_negative_and_a_fall_counted_once() -
 def test_posture_weighs_joints_by_pattern() -> None:
     nothing = {name: 0.0 for name in TERMS}
     weights = Rewards(**{**nothing, "posture": {"hip_*": 1.0, "hip_yaw": 3.0}})
-    judge = Judge(weights, ("hip_roll", "hip_yaw", "knee"))
-    reward, _ = judge(step(pose=[[1, 0, 0], [0, 2, 5]]), np.zeros(2, bool))
+    total = RewardSum(weights, ("hip_roll", "hip_yaw", "knee"))
+    reward, _ = total(step(pose=[[1, 0, 0], [0, 2, 5]]), np.zeros(2, bool))
     np.testing.assert_allclose(reward, [-0.02, -0.24], rtol=1e-5)
 
 
 def test_a_pattern_that_fits_no_joint_is_refused() -> None:
     with pytest.raises(ConfigError, match="'hipp' fits no joint: did you mean 'hip'"):
-        Judge(Rewards(posture={"hipp": 1.0}), ("hip", "knee"))
+        RewardSum(Rewards(posture={"hipp": 1.0}), ("hip", "knee"))

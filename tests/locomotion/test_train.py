@@ -14,8 +14,7 @@ import torch
 from wt.cli.train_policy import main
 from wt.errors import ConfigError
 from wt.locomotion import evaluate, export
-from wt.locomotion.config import Policy as Config
-from wt.locomotion.config import load
+from wt.locomotion.config import PolicyConfig, load
 from wt.locomotion.env import Walking
 from wt.locomotion.train import CHECKPOINT, LOG, Trained, make_runner, train
 from wt.worlds.policy import CARD, GRAPH, Policy
@@ -32,7 +31,7 @@ def brief(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def tiny(root: Path) -> Config:
+def tiny(root: Path) -> PolicyConfig:
     return load(root / "conf" / "policy_go2.yaml", TINY)
 
 
@@ -63,7 +62,7 @@ def test_the_command_trains_exports_and_resumes(
     assert "nets of other sizes" in capsys.readouterr().err
 
 
-def test_a_resumed_training_goes_on_from_the_same_nets(tiny: Config, tmp_path: Path) -> None:
+def test_a_resumed_training_goes_on_from_the_same_nets(tiny: PolicyConfig, tmp_path: Path) -> None:
     first = train(tiny, tmp_path)
     again = train(tiny, tmp_path, resume=True)  # nothing is left to do
     assert again.iterations == 2
@@ -76,13 +75,13 @@ def test_a_resumed_training_goes_on_from_the_same_nets(tiny: Config, tmp_path: P
     assert runner.alg.get_policy().obs_normalizer.count == 2 * 24 * 8
 
 
-def test_no_time_leaves_a_policy_all_the_same(tiny: Config, tmp_path: Path) -> None:
+def test_no_time_leaves_a_policy_all_the_same(tiny: PolicyConfig, tmp_path: Path) -> None:
     trained = train(tiny, tmp_path, seconds=0.0)
     assert trained.iterations == 0
     assert (tmp_path / CHECKPOINT).exists()
 
 
-def test_another_training_s_nets_can_be_taken_over(tiny: Config, tmp_path: Path) -> None:
+def test_another_training_s_nets_can_be_taken_over(tiny: PolicyConfig, tmp_path: Path) -> None:
     first = train(tiny, tmp_path / "a")
     second = train(tiny, tmp_path / "b", start_from=tmp_path / "a" / CHECKPOINT, seconds=0.0)
     rows = torch.randn(5, 45)
@@ -91,12 +90,12 @@ def test_another_training_s_nets_can_be_taken_over(tiny: Config, tmp_path: Path)
     )
 
 
-def test_nothing_to_resume_is_refused(tiny: Config, tmp_path: Path) -> None:
+def test_nothing_to_resume_is_refused(tiny: PolicyConfig, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="nothing to continue from"):
         train(tiny, tmp_path, resume=True)
 
 
-def test_ctrl_c_keeps_what_there_is(tiny: Config, tmp_path: Path) -> None:
+def test_ctrl_c_keeps_what_there_is(tiny: PolicyConfig, tmp_path: Path) -> None:
     def stop(done: int, *_: object) -> None:
         if done == 1:
             raise KeyboardInterrupt
@@ -106,7 +105,7 @@ def test_ctrl_c_keeps_what_there_is(tiny: Config, tmp_path: Path) -> None:
     assert torch.load(tmp_path / CHECKPOINT, weights_only=True)["iteration"] == 1
 
 
-def test_the_graph_computes_what_rsl_rl_s_actor_does(tiny: Config, tmp_path: Path) -> None:
+def test_the_graph_computes_what_rsl_rl_s_actor_does(tiny: PolicyConfig, tmp_path: Path) -> None:
     env = Walking(tiny, "cpu")
     runner = make_runner(env, tiny.ppo, "cpu")
     for _ in range(3):  # so that the normaliser is no identity
@@ -147,7 +146,7 @@ def test_a_policy_of_some_joints_and_a_clock_is_exported_whole(root: Path, tmp_p
 
 
 @pytest.mark.usefixtures("brief")
-def test_evaluation_knows_a_robot_that_only_stands(tiny: Config) -> None:
+def test_evaluation_knows_a_robot_that_only_stands(tiny: PolicyConfig) -> None:
     figures = evaluate.evaluate(tiny, lambda o, c, t: np.zeros((len(o), 12), np.float32), threads=1)
     assert all(t.error == pytest.approx(1.0, abs=0.1) for t in figures.tracking)
     assert figures.worst_error > 0.9

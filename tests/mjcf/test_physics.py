@@ -68,7 +68,7 @@ def drive(
     model: mujoco.MjModel, physics: Physics | None, run: Run, attached: bool = False
 ) -> np.ndarray:
     """Positions of the arm's joints that sensors report, (K, JOINTS), under the run's commands."""
-    data, u = mujoco.MjData(model), 0.5 * (run.held + np.vstack([run.held[:1], run.held[:-1]]))
+    data, u = mujoco.MjData(model), 0.5 * (run.command + np.vstack([run.command[:1], run.command[:-1]]))
     joints = [model.joint(f"j{i}").qposadr[0] for i in range(JOINTS)]
     data.ctrl[:] = u[0]
     q, v = np.empty_like(run.q), np.empty_like(run.v)
@@ -110,7 +110,7 @@ def test_files_are_the_machine_in_plain_mujoco(truth: Truth, tmp_path: Path) -> 
     effect = effects()[truth.id]
     assert effect.native == (physics is None), "MJCF says it all, or physics.py says the rest"
     files = error(drive(model, physics, run), run)
-    stretch = Stretch(0, run.t, run.held, run.q[0], run.v[0])
+    stretch = Stretch(0, run.t, run.command, run.q[0], run.v[0])
     replay = Replayer(scene(tmp_path, truth.model), [stretch]).run([[planted(truth)]])
     own = error(replay.q[0], run)
     assert files < truth.replays * influence
@@ -248,4 +248,4 @@ def test_commands_are_those_of_the_machine() -> None:
     t, held = commands(0.1)
     run = simulate(ARM, seconds=0.1)
     np.testing.assert_array_equal(run.t, t)
-    np.testing.assert_array_equal(run.held, held)
+    np.testing.assert_array_equal(run.command, held)

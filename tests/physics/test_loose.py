@@ -11,7 +11,7 @@ import pytest
 from tests.physics import arm
 from tests.physics.laws import G2, sliding
 from wt.physics.effect import effects
-from wt.physics.loose import Law, paths
+from wt.physics.loose import LooseLaw, paths
 from wt.physics.loose_search import laws_that_fit, likeliest_laws
 from wt.physics.motion import Motion
 from wt.types import Location
@@ -33,7 +33,7 @@ def recorded(folder: Path, xml: str, seconds: float) -> tuple[Motion, np.ndarray
 
 def test_the_path_is_that_of_the_load(tmp_path: Path) -> None:
     motion, truth = recorded(tmp_path, RAILS, 3.0)
-    right, free = Law((0.1, 0.0, 0.0), 4.0, 0.0, 0.0), Law((0.2, 0.0, 0.0), 4.0, 0.0, 0.0)
+    right, free = LooseLaw((0.1, 0.0, 0.0), 4.0, 0.0, 0.0), LooseLaw((0.2, 0.0, 0.0), 4.0, 0.0, 0.0)
     found, other = paths(motion, "b2", [(right, AT), (free, AT)])
     assert np.ptp(truth) > 0.07  # from one stop, and nearly to the other
     assert np.sqrt(np.mean((found.s[:, 0] - truth) ** 2)) < 0.002

@@ -33,7 +33,7 @@ def begun(tmp_path_factory: pytest.TempPathFactory) -> tuple[Scene, Stretch]:
 def ahead(scene: Scene, stretch: Stretch) -> float:
     """How far the drive would turn a free rotor [rad]."""
     (drive,) = scene.drives
-    force = drive.force(stretch.held[:1, 0], stretch.q0, stretch.v0)
+    force = drive.force(stretch.command[:1, 0], stretch.q0, stretch.v0)
     return float(force[0]) / (-drive.bias[1] * drive.gear**2)
 
 

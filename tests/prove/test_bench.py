@@ -14,7 +14,7 @@ import pytest
 from wt.errors import ConfigError, DataError, WorkError
 from wt.prove import bench, blind, folder, results
 from wt.prove.bring import seal_all
-from wt.prove.cases import Case, Truth, cases
+from wt.prove.cases import Case, HiddenEffect, cases
 from wt.prove.folder import Folder, Plan
 from wt.prove.seal import new_key, read_key
 from wt.prove.sensing import Sensing
@@ -27,7 +27,7 @@ def short() -> list[Case]:
     """A pendulum with dry friction, and one with nothing."""
     sensing = Sensing(rate=100.0, bits=17, noise=1e-4, qvel="none")
     effect = "joint.friction_coulomb"
-    truth = Truth(effect, "joint", "hinge", {"coulomb": 0.6}, effect)
+    truth = HiddenEffect(effect, "joint", "hinge", {"coulomb": 0.6}, effect)
     motions = ("multisine", "triangle", "chirp")
     return [
         Case("003-friction", "pendulum", 3, "single", (truth,), sensing, motions, 3.0),
@@ -257,6 +257,6 @@ def test_a_contender_that_fails_is_said(tmp_path: Path) -> None:
         assert (fit, holdout) == (["fit-1.parquet", "fit-2.parquet"], ["holdout-1.parquet"])
         return ["wt.cli.main", "diagnose", "missing.xml", *fit, "--out", "out"]
 
-    ((_, ran),) = blind.run([blind.Job(home, out, fails, (), 60.0)], 1)
+    ((_, ran),) = blind.run([blind.DiagnosisJob(home, out, fails, (), 60.0)], 1)
     assert ran.error == "error: model 'missing.xml' does not exist; give an MJCF file"
     assert json.loads((out / "ran.json").read_text())["error"] == ran.error

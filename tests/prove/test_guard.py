@@ -112,7 +112,7 @@ def diagnosed(trial: Path, name: str) -> dict[str, bytes]:
     said = trial / "said"
     closed = contenders.closed(contenders.OURS, trial)
     program = contenders.program(contenders.OURS, 600.0)
-    job = blind.Job(trial / "cases" / name, said, program, closed, 600.0)
+    job = blind.DiagnosisJob(trial / "cases" / name, said, program, closed, 600.0)
     ((_, ran),) = blind.run([job], 1)
     assert ran.error == ""
     return {file: (said / file).read_bytes() for file in ("diagnosis.json", "model.xml")}
@@ -150,7 +150,7 @@ def test_what_takes_too_long_is_ended_and_said(
     def sleeps(fit: Sequence[str], holdout: Sequence[str]) -> list[str]:
         return ["timeit", "-n1", "-r1", "import time; time.sleep(60)"]
 
-    ((_, ran),) = blind.run([blind.Job(home, said, sleeps, (), 2.0)], 1)
+    ((_, ran),) = blind.run([blind.DiagnosisJob(home, said, sleeps, (), 2.0)], 1)
     assert ran.error == "ended after 2 s"
     assert [path.name for path in said.iterdir()] == [blind.RAN]
     assert not list(scratch.iterdir())
@@ -181,6 +181,6 @@ def test_an_interrupt_while_a_process_starts_leaves_nothing(
 
     monkeypatch.setattr(blind.subprocess, "Popen", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        list(blind.run([blind.Job(case, tmp_path / "said", sleeps, (), 60.0)], 1))
+        list(blind.run([blind.DiagnosisJob(case, tmp_path / "said", sleeps, (), 60.0)], 1))
     assert started[0].poll() == -signal.SIGKILL
     assert not list(scratch.iterdir())

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from wt.prove.hidden import Law, Parameters, Plant, Trace
+from wt.prove.hidden import HiddenLaw, HiddenTrajectory, Parameters, Plant
 from wt.prove.rigs import RIGS
 from wt.prove.world import LAWS
 
@@ -20,15 +20,17 @@ FREE = np.array([[1.0], [0.0]])  # masses exact, no damping
 KP = SERVO.links[0].kp
 
 
-def law(effect: str, parameters: Parameters, place: str = "hinge") -> Law:
+def law(effect: str, parameters: Parameters, place: str = "hinge") -> HiddenLaw:
     return LAWS[effect](place, parameters, np.random.default_rng(0))
 
 
-def pendulum(*laws: Law, motor: bool = False, off: np.ndarray = FREE) -> Plant:
+def pendulum(*laws: HiddenLaw, motor: bool = False, off: np.ndarray = FREE) -> Plant:
     return Plant(MOTOR if motor else SERVO, list(laws), 1.0, off)
 
 
-def run(plant: Plant, u: float | Callable[[float], float], seconds: float, q0: float) -> Trace:
+def run(
+    plant: Plant, u: float | Callable[[float], float], seconds: float, q0: float
+) -> HiddenTrajectory:
     """Sampled at 1 kHz from a still start at q0."""
     steps = np.arange(int(seconds * 1000)) * round(0.001 / plant.h)
     command = u if callable(u) else lambda t: u
@@ -36,7 +38,7 @@ def run(plant: Plant, u: float | Callable[[float], float], seconds: float, q0: f
     return plant.run(start, steps, lambda k, q, v: np.array([float(command(k * 1e-3))]), 0)
 
 
-def rest(*laws: Law, u: float) -> float:
+def rest(*laws: HiddenLaw, u: float) -> float:
     """Where the servo settles."""
     return float(run(pendulum(*laws), u, 1.5, u).fine_q[-1, 0])
 
@@ -261,7 +263,7 @@ def test_push_acts_in_its_windows_only() -> None:
         assert plant.data.xfrc_applied[body, 2] == expected
 
 
-def generalized(plant: Plant, q: np.ndarray, v: np.ndarray, hidden: Law) -> np.ndarray:
+def generalized(plant: Plant, q: np.ndarray, v: np.ndarray, hidden: HiddenLaw) -> np.ndarray:
     """Joint torques of what a law applies."""
     plant.data.qpos[:], plant.data.qvel[:] = q, v
     mujoco.mj_step1(plant.model, plant.data)

@@ -21,7 +21,7 @@ from wt.prove.legged_rigs import HUMANOID, LEGGED, QUADRUPED, QUADRUPED_LEGS, SI
 from wt.prove.legged_world import CALM, upright
 from wt.prove.rigs import RIGS, nominal_xml
 from wt.prove.score import PARAMETERS
-from wt.prove.trace import Trace
+from wt.prove.trajectory import HiddenTrajectory
 from wt.prove.visibility import visibility
 from wt.prove.world import build
 
@@ -112,7 +112,7 @@ def test_motions_keep_the_robot_on_its_feet(name: str) -> None:
 
 
 def test_a_fallen_robot_is_not_upright() -> None:
-    trace = Trace(2, 12, 2, 0.001)
+    trace = HiddenTrajectory(2, 12, 2, 0.001)
     trace.base_q[:] = [0, 0, QUADRUPED.height, 1, 0, 0, 0]
     assert upright(trace, QUADRUPED)
     trace.base_q[1, 3:] = [np.cos(0.5), np.sin(0.5), 0, 0]
@@ -167,7 +167,7 @@ def test_recordings_are_what_the_sensing_says() -> None:
 
 
 def test_noise_of_a_trunk() -> None:
-    trace = Trace(4000, 12, 1, 0.001, sensors=6)
+    trace = HiddenTrajectory(4000, 12, 1, 0.001, sensors=6)
     trace.base_q[:] = [1.0, 2.0, 0.3, np.cos(0.2), 0.0, 0.0, np.sin(0.2)]
     noisy = BaseSensing(position=5e-4, turn=1e-3, velocity=0.01, rate=3e-3, imu=True)
     found = measure_base(noisy, trace, True, np.random.default_rng(0))
@@ -204,7 +204,7 @@ def test_a_robot_that_floats_is_replayed_in_pieces() -> None:
         mass=truth["mass"], contype=0, conaffinity=0,
     )  # fmt: skip
     measured = replay.measure(world.holdout[0], given)
-    assert not measured.held
+    assert not measured.servoed
     assert measured.base is not None
     assert measured.joints == QUADRUPED.joints
     before, after = (

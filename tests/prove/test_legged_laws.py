@@ -9,18 +9,18 @@ import mujoco
 import numpy as np
 import pytest
 
-from wt.prove.hidden import Law, Parameters, Plant, WorldLaw
+from wt.prove.hidden import HiddenLaw, Parameters, Plant, WorldLaw
 from wt.prove.laws import LAWS
 from wt.prove.legged_catalog import mass
 from wt.prove.legged_motions import reference
 from wt.prove.legged_rigs import QUADRUPED
 from wt.prove.rigs import RIGS
-from wt.prove.trace import Trace
+from wt.prove.trajectory import HiddenTrajectory
 
 G = 9.81
 
 
-def law(effect: str, place: str, **parameters: object) -> Law:
+def law(effect: str, place: str, **parameters: object) -> HiddenLaw:
     found: Parameters = dict(parameters)
     return LAWS[effect](place, found, np.random.default_rng(0))
 
@@ -47,7 +47,7 @@ class Spy(WorldLaw):
             self.at.append(frame.xmat.reshape(3, 3).T @ (data.body(self.body).xpos - frame.xpos))
 
 
-def stand(*laws: Law, seconds: float = 2.0, kind: str = "") -> tuple[Plant, Trace]:
+def stand(*laws: HiddenLaw, seconds: float = 2.0, kind: str = "") -> tuple[Plant, HiddenTrajectory]:
     """A quadruped that stands still, or moves; sampled at 100 Hz after a second."""
     plant = Plant(QUADRUPED, list(laws), 1.0, np.ones((2, 12)), step=0.001)
     t = np.arange(0, seconds, 0.01)
@@ -58,11 +58,11 @@ def stand(*laws: Law, seconds: float = 2.0, kind: str = "") -> tuple[Plant, Trac
 
 
 @functools.lru_cache
-def plain() -> Trace:
+def plain() -> HiddenTrajectory:
     return stand()[1]
 
 
-def lean(trace: Trace) -> np.ndarray:
+def lean(trace: HiddenTrajectory) -> np.ndarray:
     """Angle of the trunk's own vertical to the world's [rad]."""
     _, x, y, _ = trace.base_q[:, 3:].T
     return np.arccos(np.clip(1 - 2 * (x * x + y * y), -1, 1))

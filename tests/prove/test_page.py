@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from wt.prove import results
+from wt.prove.case_result import CaseResult
 from wt.prove.film import telling
 from wt.prove.page import page
 
@@ -15,44 +16,51 @@ US, THEM = "diagnose", "coulomb"
 DRY = "joint.friction_coulomb"
 
 
-def row(name: str, kind: str, said: str = "", false: int = 0, **rest: object) -> dict[str, Any]:
+def result(name: str, kind: str, said: str = "", false: int = 0, **rest: object) -> CaseResult:
     """A case with one hidden effect, or none."""
     at = {"kind": "joint", "name": "j"}
     hidden = kind not in ("null", "real")
     law = "outsider.detent" if kind == "outsider" else DRY
+    size = rest.pop("size", 20.0)
     truth = [{"law": law, "effect": "unknown" if kind == "outsider" else law, "at": at,
-              "visibility": rest.pop("size", 20.0)}]  # fmt: skip
+              "visibility": size}]  # fmt: skip
     right = said == truth[0]["effect"]
 
     def answer(said: str, false: int) -> dict[str, Any]:
         findings = [{"effect": effect, "at": at} for effect in [said] * bool(said) + [DRY] * false]
         marks = {"said": [said] * hidden, "false_claims": false, "errors": {}, "off": {"p": 0.3},
+                 "covered": {}, "after": None,
                  "effect_top_or_confusable": right, "effect": right and hidden,
                  "location": bool(said) and hidden}  # fmt: skip
         return {"seconds": 9.0, "error": "", "findings": findings, "marks": marks}
 
-    return {
+    data = {
         "id": f"case-{name}", "name": name, "kind": kind, "rig": "arm", "level": "", "decoy": "",
         "truth": truth if hidden else [], "noise_rms": 1e-3, "before_rmse": 0.02,
         "after_rmse": {US: 0.002, THEM: 0.02},
         "said": {US: answer(said, false), THEM: answer(DRY, 0)},
     } | rest  # fmt: skip
+    return CaseResult.from_json(data)
 
 
-ROWS = [
-    row("dry", "single", DRY),
-    row("small", "single", DRY, size=4.0),
-    row("missed", "single", size=50.0),
-    row("magnet", "outsider", "unknown"),
-    row("alarm", "null", false=1),
-    row("decoy", "null", decoy="tight_servo"),
-    row("<b>arm</b>", "real"),
+RESULTS = [
+    result("dry", "single", DRY),
+    result("small", "single", DRY, size=4.0),
+    result("missed", "single", size=50.0),
+    result("magnet", "outsider", "unknown"),
+    result("alarm", "null", false=1),
+    result("decoy", "null", decoy="tight_servo"),
+    result("<b>arm</b>", "real"),
 ]
 
 
-def whole() -> results.Results:
+def scored() -> results.Results:
     head = {"set": "full", "seed": 0, "guard": "audit", "code": "ab" * 32, "code_changed": False}
-    return head | results.summary(ROWS, (US, THEM)) | {"cases": ROWS}
+    return (
+        head
+        | results.summary(RESULTS, (US, THEM))
+        | {"cases": [case.to_json() for case in RESULTS]}
+    )
 
 
 class Balance(HTMLParser):
@@ -81,7 +89,7 @@ class Balance(HTMLParser):
 
 def test_everything_is_on_the_page() -> None:
     shown = Balance()
-    shown.feed(page(whole()))
+    shown.feed(page(scored()))
     assert shown.open == []
     said = " ".join(shown.words.split())
     for expected in ("Found the place of 3 of 4 hidden effects, and named 2 of 3",
@@ -95,8 +103,8 @@ def test_the_table_fits_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
     from rich.console import Console
 
     console = Console(width=80)
-    console.print(results.table(whole()))
-    real = results.machines(whole())
+    console.print(results.table(scored()))
+    real = results.machines(scored())
     assert real is not None
     console.print(real)
     printed = capsys.readouterr().out.splitlines()
@@ -106,7 +114,7 @@ def test_the_table_fits_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_most_telling_cases_are_one_of_each_kind() -> None:
-    chosen = {why: case["name"] for why, case in telling(ROWS, US)}
+    chosen = {why: case.name for why, case in telling(RESULTS, US)}
     assert chosen == {
         "explained best": "dry",
         "smallest effect that was named": "small",

@@ -9,6 +9,7 @@ import pytest
 
 from wt.errors import DataError
 from wt.prove import bench, real, replay
+from wt.prove.case_result import CaseResult
 from wt.prove.folder import Folder, Plan
 from wt.prove.real import MACHINES, present, write_case
 from wt.prove.results import summary
@@ -61,14 +62,18 @@ def test_the_repeat_floor_of_the_arm(shared: Path, tmp_path: Path) -> None:
 
 
 def test_they_count_in_no_score() -> None:
-    row = {
-        "name": "real-arm", "kind": "real", "rig": "arm", "decoy": "", "truth": [],
+    data = {
+        "id": "case-1", "name": "real-arm", "kind": "real", "rig": "arm", "decoy": "", "level": "",
+        "truth": [],
         "before_rmse": 0.02, "after_rmse": {"coulomb": 0.01}, "noise_rms": 0.005,
         "said": {"coulomb": {"seconds": 1.0, "error": "", "findings": [], "marks": {
             "false_claims": 3, "off": {}, "errors": {}, "said": [],
-            "effect_top_or_confusable": None}}},
+            "effect_top_or_confusable": None, "location": None, "effect": None, "covered": {},
+            "after": None}}},
     }  # fmt: skip
-    found = summary([row], ["coulomb"])
+    result = CaseResult.from_json(data)
+    assert result.to_json() == data
+    found = summary([result], ["coulomb"])
     assert found["scores"]["coulomb"]["false_alarms"]["of"] == 0
     assert found["confusion"]["coulomb"] == {}
     assert found["machines"] == [

@@ -11,19 +11,21 @@ import pytest
 
 from wt.physics.quiet import quiet
 from wt.prove import replay
-from wt.prove.cases import Case, Truth
+from wt.prove.cases import Case, HiddenEffect
 from wt.prove.sensing import Sensing
-from wt.prove.world import World, build
+from wt.prove.world import HiddenWorld, build
 
 SENSING = Sensing(rate=200.0, bits=18, noise=2e-5, qvel="none")
 
 
-def world(effect: str, kind: str, place: str, rig: str = "pendulum", **parameters: object) -> World:
-    truth = Truth(effect, kind, place, dict(parameters), effect)
+def world(
+    effect: str, kind: str, place: str, rig: str = "pendulum", **parameters: object
+) -> HiddenWorld:
+    truth = HiddenEffect(effect, kind, place, dict(parameters), effect)
     return build(Case("x", rig, 3, "single", (truth,), SENSING, ("triangle", "chirp"), 5.0))
 
 
-def error(world: World, xml: str, findings: list[dict[str, object]] | None = None) -> float:
+def error(world: HiddenWorld, xml: str, findings: list[dict[str, object]] | None = None) -> float:
     """Error of a model's replay of the held-out recording [rad]."""
     given = mujoco.MjModel.from_xml_string(world.nominal_xml)
     measured = replay.measure(world.holdout[0], given)
@@ -44,7 +46,7 @@ def test_the_right_friction_explains_a_servo() -> None:
 def test_a_motor_is_replayed_in_windows() -> None:
     hidden = world("joint.friction_coulomb", "joint", "hinge", "pendulum_motor", coulomb=0.3)
     given = mujoco.MjModel.from_xml_string(hidden.nominal_xml)
-    assert not replay.measure(hidden.holdout[0], given).held
+    assert not replay.measure(hidden.holdout[0], given).servoed
     right = hidden.nominal_xml.replace("<joint name=", '<joint frictionloss="0.3" name=')
     assert error(hidden, right) < 0.2 * error(hidden, hidden.nominal_xml)
 

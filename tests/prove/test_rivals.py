@@ -11,7 +11,7 @@ import pytest
 
 from wt.data import recording
 from wt.prove import contenders
-from wt.prove.cases import Case, Truth
+from wt.prove.cases import Case, HiddenEffect
 from wt.prove.rivals.__main__ import RIVALS, main
 from wt.prove.score import score
 from wt.prove.sensing import Sensing
@@ -21,7 +21,7 @@ SENSING = Sensing(rate=200.0, bits=17, noise=5e-5, qvel="none")
 
 
 def case(effect: str, **parameters: object) -> Case:
-    truth = Truth(effect, "joint", "hinge", dict(parameters), effect)
+    truth = HiddenEffect(effect, "joint", "hinge", dict(parameters), effect)
     motions = ("multisine", "chirp", "triangle")
     return Case("x", "pendulum", 3, "single", (truth,), SENSING, motions, 4.0)
 

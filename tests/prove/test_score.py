@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from wt.prove.cases import Case, Truth, cases
+from wt.prove.cases import Case, HiddenEffect, cases
 from wt.prove.score import score
 
 
-def case(*truth: Truth) -> Case:
+def case(*truth: HiddenEffect) -> Case:
     return dataclasses.replace(cases("nulls")[0], rig="arm3", truth=truth)
 
 
@@ -31,10 +31,10 @@ def diagnosis(*findings: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-COULOMB = Truth(
+COULOMB = HiddenEffect(
     "joint.friction_coulomb", "joint", "elbow", {"coulomb": 0.5}, "joint.friction_coulomb"
 )
-GAIN = Truth("actuator.gain", "actuator", "shoulder_drive", {"factor": 0.8}, "actuator.gain")
+GAIN = HiddenEffect("actuator.gain", "actuator", "shoulder_drive", {"factor": 0.8}, "actuator.gain")
 
 
 def test_right_answer() -> None:
@@ -87,14 +87,14 @@ def test_two_effects_in_either_order_and_one_too_many() -> None:
 
 
 def test_vectors_and_angles() -> None:
-    truth = Truth("body.force", "body", "fore", {"force": [3.0, 0.0, 4.0]}, "body.force")
+    truth = HiddenEffect("body.force", "body", "fore", {"force": [3.0, 0.0, 4.0]}, "body.force")
     said = finding("body.force", "body", "fore",
                    force={"value": [3.0, 0.5, 4.0], "ci95": [[2, 4], [-1, 1], [3, 5]]})  # fmt: skip
     marks = score(diagnosis(said), case(truth))
     assert marks.errors["body.force.force"] == pytest.approx(0.1)
     assert marks.covered["body.force.force"]
     parameters: dict[str, object] = {"angle": 0.1, "direction": 3.1}
-    tilt = Truth("world.gravity", "world", "world", parameters, "world.gravity")
+    tilt = HiddenEffect("world.gravity", "world", "world", parameters, "world.gravity")
     said = finding("world.gravity", "world", "world", angle={"value": 0.1},
                    direction={"value": -3.1, "ci95": [-3.2, -3.0]})  # fmt: skip
     marks = score(diagnosis(said), case(tilt))
@@ -103,18 +103,18 @@ def test_vectors_and_angles() -> None:
 
 
 def test_places_that_are_one() -> None:
-    cable = Truth("unknown", "pair", "shoulder+elbow", {}, "outsider.cable",
+    cable = HiddenEffect("unknown", "pair", "shoulder+elbow", {}, "outsider.cable",
                   accept=(("joint", "shoulder"), ("joint", "elbow")))  # fmt: skip
     for kind, name in (("pair", "elbow+shoulder"), ("joint", "elbow"), ("actuator", "elbow_drive")):
         assert score(diagnosis(finding("unknown", kind, name)), case(cable)).effect
     assert not score(diagnosis(finding("unknown", "joint", "waist")), case(cable)).location
-    late = Truth("sensor.delay", "sensor", "all", {"delay": 0.01}, "sensor.delay")
+    late = HiddenEffect("sensor.delay", "sensor", "all", {"delay": 0.01}, "sensor.delay")
     assert score(diagnosis(finding("sensor.delay", "joint", "all")), case(late)).effect
 
 
 def test_of_a_wall_the_distance_counts() -> None:
     parameters: dict[str, object] = {"position": [0.4, 0.3, 0.0], "normal": [0.0, -1.0, 0.0]}
-    wall = Truth("contact.obstacle", "world", "world", parameters, "contact.obstacle")
+    wall = HiddenEffect("contact.obstacle", "world", "world", parameters, "contact.obstacle")
     said = finding("contact.obstacle", "world", "world",
                    position={"value": [0.1, 0.305, 0.7], "ci95": [[0, 0.29, 0], [1, 0.32, 1]]},
                    normal={"value": [0.0, -0.995, 0.1]})  # fmt: skip
@@ -129,7 +129,7 @@ def test_of_a_wall_the_distance_counts() -> None:
 
 def test_a_payload_that_moves() -> None:
     parameters: dict[str, object] = {"mass": 4.0, "travel": 0.2, "position": [0.0, 0.0, 0.1]}
-    ball = Truth("body.payload_moving", "body", "trunk", parameters, "payload.rails")
+    ball = HiddenEffect("body.payload_moving", "body", "trunk", parameters, "payload.rails")
     said = finding("body.payload_moving", "body", "trunk",
                    mass={"value": 4.4, "ci95": [3.9, 4.9]}, travel={"value": 0.19})  # fmt: skip
     marks = score(diagnosis(said), dataclasses.replace(case(ball), rig="quadruped"))

@@ -11,11 +11,11 @@ import pytest
 
 from wt.errors import ConfigError, WorkError
 from wt.prove import sysid_rival
-from wt.prove.cases import Case, Truth
+from wt.prove.cases import Case, HiddenEffect
 from wt.prove.rigs import RIGS, nominal_xml
 from wt.prove.sensing import Sensing
 from wt.prove.sysid_rival import Rival, every_parameter
-from wt.prove.world import World, build
+from wt.prove.world import HiddenWorld, build
 from wt.types import Recording
 
 COULOMB = 0.6  # N·m, by a law of the hidden worlds, which share no code with what is fitted
@@ -24,20 +24,20 @@ SENSING = Sensing(200.0, bits=16, noise=1e-4, qvel="none", drops=0.01, missing="
 
 
 @pytest.fixture(scope="module")
-def world() -> World:
-    truth = Truth(FRICTION[0], "joint", "hinge", {"coulomb": COULOMB}, FRICTION[0])
+def world() -> HiddenWorld:
+    truth = HiddenEffect(FRICTION[0], "joint", "hinge", {"coulomb": COULOMB}, FRICTION[0])
     motions = ("multisine", "triangle", "chirp")
     return build(Case("friction", "pendulum", 3, "single", (truth,), SENSING, motions, 4.0))
 
 
 @pytest.fixture(scope="module")
-def rival(world: World, tmp_path_factory: pytest.TempPathFactory) -> Rival:
+def rival(world: HiddenWorld, tmp_path_factory: pytest.TempPathFactory) -> Rival:
     model = tmp_path_factory.mktemp("rival") / "robot.xml"
     model.write_text(world.nominal_xml)
     return Rival(model, world.fit)
 
 
-def test_hidden_friction_is_recovered(rival: Rival, world: World) -> None:
+def test_hidden_friction_is_recovered(rival: Rival, world: HiddenWorld) -> None:
     fitted = rival.fit([FRICTION])
     assert fitted.theta[FRICTION] == pytest.approx([COULOMB], rel=0.03)
     assert fitted.seconds > 0.0

@@ -16,9 +16,9 @@ import pytest
 
 from wt.errors import ConfigError
 from wt.prove import legged_catalog, moving_laws
-from wt.prove.cases import Case, Truth, cases
+from wt.prove.cases import Case, HiddenEffect, cases
 from wt.prove.catalog import LATER, LIBRARY, OUTSIDERS
-from wt.prove.hidden import Plant, Trace
+from wt.prove.hidden import HiddenTrajectory, Plant
 from wt.prove.motions import MOTIONS, reference
 from wt.prove.places import places
 from wt.prove.rigs import RIGS, RigName, nominal_xml
@@ -162,7 +162,7 @@ def test_recordings_are_what_the_sensing_says(index: int) -> None:
 def test_sensor_effects() -> None:
     rig, h = RIGS["arm3"], 0.0005
     steps = sample_steps(SHARP, 3.0, h, np.random.default_rng(0))
-    trace = Trace(len(steps), 3, int(steps[-1]) + 1, h)
+    trace = HiddenTrajectory(len(steps), 3, int(steps[-1]) + 1, h)
     t = np.arange(len(trace.fine_q)) * h
     trace.fine_q[:] = np.sin(2 * t)[:, None]
     trace.fine_v[:] = 2 * np.cos(2 * t)[:, None]
@@ -280,7 +280,7 @@ def test_nobody_peeks() -> None:
 def test_truth_is_in_the_words_of_the_interface() -> None:
     for case in cases("full"):
         for truth in case.truth:
-            assert isinstance(truth, Truth)
+            assert isinstance(truth, HiddenEffect)
             rig = RIGS[case.rig]
             names = {
                 "joint": rig.joints, "actuator": rig.actuators, "body": rig.bodies,

@@ -15,7 +15,7 @@ from wt.cli.main import main
 from wt.config import load, to_yaml
 from wt.errors import ConfigError, WorkError
 from wt.evaluate import paper, probes
-from wt.evaluate.results import Results, Score
+from wt.evaluate.results import MethodScore, Results
 from wt.reproduce import bench
 from wt.reproduce.exhibit import Exhibit, exhibits, register
 from wt.reproduce.exhibits import figure_4, latent_space, online
@@ -82,7 +82,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
             folder / "conf" / task.config, [*QUICK, *SMALL, f"data.dir={folder / 'data'}"]
         )
         (run / "config.yaml").write_text(to_yaml(settings))
-        scores = {m: Score(0.1, 0.0, 0.1) for m in ("RawSim", "WorldTranslation", "RSSM")}
+        scores = {m: MethodScore(0.1, 0.0, 0.1) for m in ("RawSim", "WorldTranslation", "RSSM")}
         Results(name, (0,), scores).save(run)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(bench, "FEATURES_QUICK", 400)

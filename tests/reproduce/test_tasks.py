@@ -8,7 +8,7 @@ from wt.cli.main import main
 from wt.config import load
 from wt.errors import ConfigError
 from wt.evaluate import paper
-from wt.evaluate.results import Results, Score
+from wt.evaluate.results import MethodScore, Results
 from wt.reproduce.exhibits.figure_3 import figure, head, rows
 from wt.reproduce.tasks import QUICK, TASKS, chosen
 
@@ -18,10 +18,10 @@ PAYLOAD = next(task for task in TASKS if task.name == "go2_payload")
 
 def results(task: str, ours: float = 0.1) -> Results:
     scores = {
-        "RawSim": Score(0.4, 0.0, 1.0),
-        "DirectPred": Score(0.2, 0.02, 1.0),
-        "WorldTranslation": Score(0.3, 0.04, 1.0),
-        "WorldTranslationPlus": Score(ours, 0.01, 1.0),
+        "RawSim": MethodScore(0.4, 0.0, 1.0),
+        "DirectPred": MethodScore(0.2, 0.02, 1.0),
+        "WorldTranslation": MethodScore(0.3, 0.04, 1.0),
+        "WorldTranslationPlus": MethodScore(ours, 0.01, 1.0),
     }
     return Results(task, (0, 1, 2), scores)
 

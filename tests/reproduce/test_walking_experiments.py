@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wt.config import Fit, load
+from wt.config import FitConfig, load
 from wt.reproduce.exhibits.influence import influence
 from wt.reproduce.exhibits.nearer import world
 from wt.types import Pairs
 from wt.worlds.base import make
 
-Case = tuple[Fit, Pairs, np.ndarray]
+Case = tuple[FitConfig, Pairs, np.ndarray]
 CONF = Path(__file__).resolve().parents[2] / "conf"
 
 

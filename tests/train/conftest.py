@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from tests.baselines.toy import REAL, SIM, Toy
-from wt.config import Mean, Method, Nets, Train, Translation
+from wt.config import Mean, Method, Nets, Train, TranslationConfig
 from wt.nets.world_model import WorldModel
 from wt.train.batches import StepBatches, in_frame
 from wt.train.mean_field import fit_normalizers
@@ -50,7 +50,7 @@ def plus(paper: Method) -> Method:
     return replace(
         paper,
         mean=Mean(kind="mode", members=2, width=16, depth=1, steps=30, batch=64),
-        translation=Translation(
+        translation=TranslationConfig(
             conditioned=True, adversarial="lsgan", cycle=5.0, identity=0.0, transport=True,
             anchored=True, average=0.9, reach=10.0,
         ),

@@ -11,7 +11,7 @@ import torch
 
 from tests.baselines.toy import REAL, SIM, Toy
 from tests.train.conftest import World
-from wt.config import Mean, Method, Translation, Vae
+from wt.config import Mean, Method, TranslationConfig, Vae
 from wt.errors import WorkError
 from wt.nets.world_model import WorldModel
 from wt.train.fit import fit_world_model
@@ -182,7 +182,7 @@ def same_machine(strength: float) -> tuple[Transitions, Transitions, Pairs]:
 
 def test_translation_that_hurts_is_not_applied(paper: Method, folder: Path) -> None:
     train = replace(paper.train, steps=60, validate_every=20, gan_learning_rate=3e-3)
-    method = replace(paper, translation=Translation(anchored=True), train=train)
+    method = replace(paper, translation=TranslationConfig(anchored=True), train=train)
     sink = Sink()
     model = fit(World(Toy(0.0).spec, *same_machine(3.0)), method, folder, sink)
     assert min(sink.curve("val/mse")) > 0  # in full strength it does harm
@@ -196,7 +196,7 @@ def transport(
     method: Method, folder: Path, sim: Transitions, real: Transitions, pairs: Pairs
 ) -> tuple[np.ndarray, np.ndarray]:
     """The chosen map, and the unit of each channel."""
-    translation = Translation(conditioned=True, transport=True, anchored=True)
+    translation = TranslationConfig(conditioned=True, transport=True, anchored=True)
     train = replace(method.train, steps=10)
     method = replace(method, mean=MEAN, translation=translation, train=train)
     model = fit(World(Toy(0.0).spec, sim, real, pairs), method, folder, Sink())
@@ -229,7 +229,7 @@ def test_of_an_average_answer_only_such_a_share_is_taken_as_helps(
     method = replace(
         paper,
         mean=replace(MEAN, simulator="mean"),
-        translation=Translation(conditioned=True, transport=True, anchored=True),
+        translation=TranslationConfig(conditioned=True, transport=True, anchored=True),
         train=replace(paper.train, steps=10),
     )
     world = World(toy.spec, sim, real, Pairs(pairs.real, pairs.sim_next + noise))
@@ -252,7 +252,7 @@ def test_each_channel_is_read_off_the_simulator_as_far_as_it_helps(
         method = replace(
             paper,
             mean=replace(MEAN, simulator=simulator, steps=400),
-            translation=Translation(conditioned=True, transport=True, anchored=True),
+            translation=TranslationConfig(conditioned=True, transport=True, anchored=True),
             train=replace(paper.train, steps=10),
         )
         model = fit(World(toy.spec, sim, real, pairs), method, folder / simulator, Sink())
@@ -271,7 +271,7 @@ def test_where_domains_are_one_the_simulator_s_answer_is_left_as_it_is(
     method = replace(
         paper,
         mean=replace(MEAN, simulator="mean"),
-        translation=Translation(conditioned=True, transport=True, anchored=True),
+        translation=TranslationConfig(conditioned=True, transport=True, anchored=True),
         train=replace(paper.train, steps=10),
     )
     pairs = Pairs(other, other.s_next)

@@ -7,7 +7,13 @@ import torch
 from tests.baselines.toy import Toy
 from wt.config import Mean
 from wt.nets.frame import Frame
-from wt.train.mean_field import fit_mean_field, fit_normalizers, gaussian_transport, regressions
+from wt.train.mean_field import (
+    Scores,
+    fit_mean_field,
+    fit_normalizers,
+    gaussian_transport,
+    regressions,
+)
 from wt.train.regression import Score
 from wt.types import Transitions
 
@@ -159,7 +165,8 @@ def test_averages_are_those_that_were_best_on_pairs() -> None:
 
         return noting
 
-    fit_mean_field(frame, data, data, mean, 0, None, noted("both", both), noted("n", n))
+    scores = Scores(noted("both", both), noted("n", n))
+    fit_mean_field(frame, data, data, mean, 0, scores=scores)
     for now, name in ((n(), "n"), (both(), "both")):
         assert now == pytest.approx(min(seen[name]))
         assert min(seen[name]) < seen[name][-1], "nothing was over-trained"

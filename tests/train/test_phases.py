@@ -57,7 +57,7 @@ def test_each_update_moves_its_own_networks_only(
         {"encoder", "decoder", "classifier"},
         {"blind"},
         {"to_real", "to_sim"},
-        {"judge_real", "judge_sim"},
+        {"discriminator_real", "discriminator_sim"},
     ]
     assert moves == once + once
 
@@ -80,10 +80,10 @@ def test_losses_reach_no_further_than_they_should(set_up: SetUp, paper: Method) 
     assert with_gradient(model, phases.blind(model, batch, z)[0]) == {"blind"}
     z_sim, z_real = phases.encode(model, batch)
     loss, _, fakes = phases.generators(model, batch.gan, z_sim, z_real)
-    translators = {"to_real", "to_sim", "judge_real", "judge_sim"}
+    translators = {"to_real", "to_sim", "discriminator_real", "discriminator_sim"}
     assert with_gradient(model, loss) == translators
-    loss, _ = phases.judges(model, batch.gan, z_sim, z_real, fakes)
-    assert with_gradient(model, loss) == {"judge_real", "judge_sim"}
+    loss, _ = phases.discriminators(model, batch.gan, z_sim, z_real, fakes)
+    assert with_gradient(model, loss) == {"discriminator_real", "discriminator_sim"}
 
 
 class Answers(nn.Module):
@@ -164,7 +164,7 @@ def test_translation_losses_of_known_generators(set_up: SetUp, paper: Method) ->
     setup = set_up(paper)
     model, batch = setup.module.model, setup.batches.at(0)
     model.to_real, model.to_sim = Shift(2.0), Shift(-0.5)
-    model.judge_real, model.judge_sim = Sum(), Sum()
+    model.discriminator_real, model.discriminator_sim = Sum(), Sum()
     z_sim, z_real = torch.randn(64, 4), torch.randn(64, 4)
     loss, metrics, fakes = phases.generators(model, batch.gan, z_sim, z_real)
     torch.testing.assert_close(fakes, (z_sim + 2.0, z_real - 0.5))
@@ -177,7 +177,7 @@ def test_translation_losses_of_known_generators(set_up: SetUp, paper: Method) ->
     weights = paper.translation
     expected = adversarial + 3.0 * weights.cycle + 2.5 * weights.identity
     assert float(loss) == pytest.approx(expected, rel=1e-5)
-    loss, metrics = phases.judges(model, batch.gan, z_sim, z_real, fakes)
+    loss, metrics = phases.discriminators(model, batch.gan, z_sim, z_real, fakes)
     real = [z.numpy().astype(float).sum(axis=1) for z in (z_real, z_sim)]
     expected = sum(np.log1p(np.exp(-x)).mean() for x in real)
     expected += sum(np.log1p(np.exp(x)).mean() for x in logits)
@@ -199,18 +199,18 @@ def test_conditioned_translation_sees_the_condition_that_belongs_to_it(
 
         return hook
 
-    for name in ("to_real", "to_sim", "judge_real", "judge_sim"):
+    for name in ("to_real", "to_sim", "discriminator_real", "discriminator_sim"):
         getattr(model, name).register_forward_hook(note(name))
     z = phases.encode(model, batch)
     _, _, fakes = phases.generators(model, batch.gan, *z)
-    phases.judges(model, batch.gan, *z, fakes)
+    phases.discriminators(model, batch.gan, *z, fakes)
     x_sim, x_real = (side.x for side in batch.gan)
     # what comes from S keeps S's (o, a), there and back
     expected = {
         "to_real": [x_sim, x_real],
         "to_sim": [x_real, x_sim],
-        "judge_real": [x_sim, x_real, x_sim],
-        "judge_sim": [x_real, x_sim, x_real],
+        "discriminator_real": [x_sim, x_real, x_sim],
+        "discriminator_sim": [x_real, x_sim, x_real],
     }
     for name, conditions in expected.items():
         assert len(seen[name]) == len(conditions), name

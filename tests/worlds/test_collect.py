@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from wt.config import Data, load
+from wt.config import DataConfig, load
 from wt.errors import DataError
 from wt.types import Pairs, Transitions
 from wt.worlds import r5
@@ -26,8 +26,8 @@ SMALL = [
 COUNTS = {"sim": 220, "real": 220, "validation": 60, "test": 80}
 
 
-def settings(folder: Path, seed: int = 3) -> Data:
-    return Data(str(folder), COUNTS["sim"], COUNTS["validation"], COUNTS["test"], seed)
+def settings(folder: Path, seed: int = 3) -> DataConfig:
+    return DataConfig(str(folder), COUNTS["sim"], COUNTS["validation"], COUNTS["test"], seed)
 
 
 @pytest.fixture(scope="module")

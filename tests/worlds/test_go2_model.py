@@ -31,7 +31,7 @@ from wt.worlds.go2_model import (
     LEGS,
     PUBLISHED,
     TRUNK,
-    Payload,
+    BallPayload,
     build,
 )
 from wt.worlds.legged_model import GYRO, ORIENTATION
@@ -48,7 +48,7 @@ FILES = {
     "go2/unitree_mujoco_go2.xml": "base_link",
     "go2/unitree_rl_mjlab_go2.xml": "base_link",
 }
-PAYLOAD = Payload()
+PAYLOAD = BallPayload()
 BALL_DOFS = slice(18, 24)
 
 
@@ -227,9 +227,9 @@ def test_refuses_other_numbers_of_joints_and_no_time() -> None:
 )
 def test_refuses_impossible_payloads(name: str, value: float) -> None:
     with pytest.raises(ConfigError, match=name):
-        Payload(**{name: value})
+        BallPayload(**{name: value})
     if name == "height":
-        Payload(height=value, lid=False)  # the ball may look out of an open box
+        BallPayload(height=value, lid=False)  # the ball may look out of an open box
 
 
 def test_payload_comes_last(model: mujoco.MjModel, loaded: mujoco.MjModel) -> None:
@@ -258,7 +258,7 @@ def test_stands_with_the_ball(gain: float, on_its_feet: bool) -> None:
     assert outside(robot, data, PAYLOAD) < 0.005
 
 
-def carried(payload: Payload, timestep: float, scale: float) -> mujoco.MjModel:
+def carried(payload: BallPayload, timestep: float, scale: float) -> mujoco.MjModel:
     """A robot whose trunk is so heavy that the ball cannot move it."""
     return build(dataclasses.replace(PUBLISHED, trunk_mass_scale=scale), timestep, payload, False)
 
@@ -270,7 +270,7 @@ def held(model: mujoco.MjModel) -> float:
 
 def test_the_ball_rolls_as_a_solid_sphere() -> None:
     """Down a slope a rolling solid sphere accelerates with 5/7 g sin θ."""
-    payload = Payload(length=1.0)
+    payload = BallPayload(length=1.0)
     robot = carried(payload, 0.001, 1e6)
     data = standing(robot)
     angle = 0.1
@@ -284,7 +284,7 @@ def test_the_ball_rolls_as_a_solid_sphere() -> None:
     assert data.qvel[22] == pytest.approx(data.qvel[18] / payload.ball_radius, rel=0.02)
 
 
-def outside(model: mujoco.MjModel, data: mujoco.MjData, payload: Payload) -> float:
+def outside(model: mujoco.MjModel, data: mujoco.MjData, payload: BallPayload) -> float:
     """How far the ball sticks into a wall of its box [m]; negative within."""
     mujoco.mj_kinematics(model, data)
     trunk, ball = data.body(TRUNK), data.body(BALL)
@@ -341,7 +341,7 @@ def test_the_ball_stays_in_a_crash(timestep: float) -> None:
 
 @pytest.mark.parametrize("lid", [True, False])
 def test_only_the_lid_holds_the_ball_upside_down(lid: bool) -> None:
-    payload = Payload(lid=lid)
+    payload = BallPayload(lid=lid)
     robot = build(PUBLISHED, 0.005, payload, floor=False)
     data = standing(robot)
     robot.opt.gravity = (0.0, 0.0, 9.81)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wt.errors import ConfigError
-from wt.worlds.legged import FLAT, RATE_HZ, TIMESTEP, Herd, Robot, Scene, Start
+from wt.worlds.legged import FLAT, RATE_HZ, TIMESTEP, Herd, LeggedRobot, LeggedScene, Start
 from wt.worlds.legged_model import GYRO
 from wt.worlds.robots import G1, GO2, ROBOTS, robot_of
 from wt.worlds.terrain import Blocks
@@ -15,12 +15,12 @@ from wt.worlds.terrain import Blocks
 each_robot = pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
 
 
-def make_herd(robot: Robot, size: int = 3, scene: Scene = FLAT) -> Herd:
+def make_herd(robot: LeggedRobot, size: int = 3, scene: LeggedScene = FLAT) -> Herd:
     model = robot.describe(robot.physics, TIMESTEP, scene).compile()
     return Herd(robot, model, size, scene, threads=1)
 
 
-def tumbling(robot: Robot) -> Herd:
+def tumbling(robot: LeggedRobot) -> Herd:
     """Robots in the air that turn and move in all directions."""
     herd = make_herd(robot)
     rng = np.random.default_rng(0)
@@ -42,7 +42,7 @@ def forwarded(herd: Herd, i: int) -> mujoco.MjData:
 
 
 @each_robot
-def test_observation_is_what_one_simulation_says(robot: Robot) -> None:
+def test_observation_is_what_one_simulation_says(robot: LeggedRobot) -> None:
     herd = tumbling(robot)
     observed = herd.observe()
     channels = [channel.name for channel in robot.channels()]
@@ -63,7 +63,7 @@ def test_observation_is_what_one_simulation_says(robot: Robot) -> None:
 
 
 @each_robot
-def test_velocity_is_the_trunk_s_in_its_heading(robot: Robot) -> None:
+def test_velocity_is_the_trunk_s_in_its_heading(robot: LeggedRobot) -> None:
     herd = tumbling(robot)
     velocity = herd.velocity()
     for i in range(3):
@@ -80,7 +80,7 @@ def test_velocity_is_the_trunk_s_in_its_heading(robot: Robot) -> None:
 
 
 @each_robot
-def test_an_action_asks_for_the_default_pose_and_its_share_of_the_scale(robot: Robot) -> None:
+def test_an_action_asks_for_the_default_pose_and_its_share_of_the_scale(robot: LeggedRobot) -> None:
     herd = make_herd(robot, 1)
     action = np.linspace(-1, 1, len(robot.joints))
     data = forwarded(herd, 0)
@@ -95,7 +95,7 @@ def test_an_action_asks_for_the_default_pose_and_its_share_of_the_scale(robot: R
 
 
 @each_robot
-def test_robots_stand_in_the_keyframe_s_pose(robot: Robot) -> None:
+def test_robots_stand_in_the_keyframe_s_pose(robot: LeggedRobot) -> None:
     herd = make_herd(robot)
     np.testing.assert_allclose(herd.joint_pos, np.tile(robot.default, (3, 1)))
     np.testing.assert_allclose(herd.height(), robot.height)
@@ -123,7 +123,7 @@ def test_fallen_is_tilted_or_low() -> None:
 
 
 def test_on_blocks_height_counts_from_the_ground_and_nobody_starts_inside_one() -> None:
-    scene = Scene(blocks=Blocks(extent=2.0, height=0.3))
+    scene = LeggedScene(blocks=Blocks(extent=2.0, height=0.3))
     herd = make_herd(G1, 20, scene)
     herd.reset(np.arange(20), np.random.default_rng(0), Start(area=1.8))
     herd.batch.forward()

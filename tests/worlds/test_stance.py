@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.worlds.test_walking import world
-from wt.worlds.stance import HEADING, HEIGHT, LOADED, VELOCITY, Feet
-from wt.worlds.walking import WalkingWorld
+from tests.worlds.walking.test_world import world
+from wt.worlds.stance import HEADING, HEIGHT, LOADED, VELOCITY, FootKinematics
+from wt.worlds.walking.world import WalkingWorld
 
 Array = np.ndarray
 
 
 @pytest.fixture(scope="module", params=["go2_flat", "g1_flat"])
-def walked(request: pytest.FixtureRequest) -> tuple[WalkingWorld, Feet, Array, Array]:
+def walked(request: pytest.FixtureRequest) -> tuple[WalkingWorld, FootKinematics, Array, Array]:
     """A world, its feet, and states of S with their hidden variables."""
     w = world(request.param)
     data = w.collect("sim", 400, seed=3)
@@ -22,26 +22,26 @@ def walked(request: pytest.FixtureRequest) -> tuple[WalkingWorld, Feet, Array, A
     return w, w._state["sim"].feet, s[inside], hidden[inside].astype(float)
 
 
-def heights(feet: Feet, s: Array, hidden: Array) -> Array:
+def heights(feet: FootKinematics, s: Array, hidden: Array) -> Array:
     place, _ = feet.motion(s, hidden[:, HEADING])
     return np.asarray(place[:, :, 2] + hidden[:, [HEIGHT]])
 
 
-def speeds(feet: Feet, s: Array, hidden: Array) -> Array:
+def speeds(feet: FootKinematics, s: Array, hidden: Array) -> Array:
     """Of the feet in the world, along the trunk's axes."""
     _, velocity = feet.motion(s, hidden[:, HEADING])
     return np.asarray(velocity + hidden[:, None, VELOCITY])
 
 
 def test_nothing_moves_where_nothing_is_overwritten(
-    walked: tuple[WalkingWorld, Feet, Array, Array],
+    walked: tuple[WalkingWorld, FootKinematics, Array, Array],
 ) -> None:
     w, _, s, hidden = walked
     np.testing.assert_array_equal(w.stance(s, s, hidden), hidden)
 
 
 def test_standing_feet_keep_height_and_velocity(
-    walked: tuple[WalkingWorld, Feet, Array, Array],
+    walked: tuple[WalkingWorld, FootKinematics, Array, Array],
 ) -> None:
     """On average over those that stand, whatever the joints are said to be."""
     w, feet, s, hidden = walked
@@ -65,7 +65,9 @@ def test_standing_feet_keep_height_and_velocity(
     np.testing.assert_array_equal(kept[:, others], hidden[:, others])
 
 
-def test_in_the_air_nothing_moves(walked: tuple[WalkingWorld, Feet, Array, Array]) -> None:
+def test_in_the_air_nothing_moves(
+    walked: tuple[WalkingWorld, FootKinematics, Array, Array],
+) -> None:
     w, _, s, hidden = walked
     above = hidden.copy()
     above[:, HEIGHT] += 1.0
@@ -73,7 +75,7 @@ def test_in_the_air_nothing_moves(walked: tuple[WalkingWorld, Feet, Array, Array
 
 
 def test_where_nothing_is_known_the_lowest_foot_is_at_rest_on_the_ground(
-    walked: tuple[WalkingWorld, Feet, Array, Array],
+    walked: tuple[WalkingWorld, FootKinematics, Array, Array],
 ) -> None:
     w, feet, s, hidden = walked
     believed = feet.standing(s, np.zeros_like(hidden))

@@ -8,7 +8,7 @@ import pytest
 
 from wt.errors import ConfigError
 from wt.worlds.legged_model import GROUND, start
-from wt.worlds.terrain import Blocks, Ground, add_blocks
+from wt.worlds.terrain import Blocks, GroundHeights, add_blocks
 
 FIELD = Blocks(block=0.4, gap=0.02, height=0.08, extent=2.0, flat=0.5, seed=3)
 
@@ -24,7 +24,7 @@ def compiled(blocks: Blocks) -> tuple[mujoco.MjModel, mujoco.MjData]:
 
 def test_height_is_where_a_ray_from_above_ends() -> None:
     model, data = compiled(FIELD)
-    ground = Ground(FIELD)
+    ground = GroundHeights(FIELD)
     rng = np.random.default_rng(0)
     met = 0
     for x, y in rng.uniform(-2.5, 2.5, (300, 2)):
@@ -61,7 +61,7 @@ def test_the_seed_decides() -> None:
 
 
 def test_without_blocks_the_ground_is_at_zero() -> None:
-    assert Ground(None).height(np.ones(2), np.ones(2)) == 0.0
+    assert GroundHeights(None).height(np.ones(2), np.ones(2)) == 0.0
 
 
 @pytest.mark.parametrize(

@@ -57,7 +57,7 @@ class ResDyn(Baseline):
         return self.states(pairs, torch.cat(predicted))
 
     def _past(self, x: Tensor, change: Tensor) -> Tensor:
-        """What is remembered of a step: (o, a), and the change that followed.
+        """Memory of a step: (o, a), and the change that followed.
 
         The change can be had from the next observation, but is small beside the workspace;
         the network that reads the simulator does better without it.

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def bars() -> Iterator[Listener]:
-    """A listener that draws one bar for each thing that is under way, and prints warnings."""
+    """A listener that draws one bar for each stage that is under way, and prints warnings."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -26,7 +26,7 @@ def bars() -> Iterator[Listener]:
 
 @contextmanager
 def bar(beginning: str) -> Iterator[Callable[[str, float], None]]:
-    """One bar that is told what is being done and which share of the whole is behind, 0…1."""
+    """One bar, drawn anew when called with the present step and the share that is done, 0 … 1."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 

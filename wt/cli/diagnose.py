@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from typer._click.core import Context  # typer.Context is a subclass
 
     from wt.diagnose.observed.translation import Translation
-    from wt.diagnose.result import Diagnosis
+    from wt.diagnose.result import Decision, Diagnosis
 
 EXPERIMENT = "diagnose"
 """Name of the experiment in MLflow."""
@@ -63,10 +64,13 @@ def repeated(args: Sequence[str], option: str) -> list[str]:
 
 
 def command(
-    model: Annotated[Path, typer.Argument(metavar="MODEL.xml", help="The robot's MJCF.")],
+    *,
+    model: Annotated[
+        Path | None, typer.Argument(metavar="MODEL.xml", help="The robot's MJCF.")
+    ] = None,
     recordings: Annotated[
-        list[Path], typer.Argument(metavar="RECORDING", help="What the real robot did.")
-    ],
+        list[Path] | None, typer.Argument(metavar="RECORDING", help="What the real robot did.")
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the report and the patched model.")],
     holdout: Annotated[
         list[Path] | None,
@@ -84,6 +88,14 @@ def command(
     ] = None,
     translation: TranslationOption = None,
     jobs: JobsOption = None,
+    why: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PLACE",
+            help="Print every decision at a joint, actuator or body; without MODEL.xml those of "
+            "the diagnosis in --out.",
+        ),
+    ] = None,
 ) -> None:
     """Locate, name, model and prove what the simulator leaves out.
 
@@ -95,7 +107,12 @@ def command(
     Example:
         wt diagnose robot.xml walk1.parquet walk2.parquet --holdout walk3.parquet --out diagnosis
         wt diagnose go2.xml walk.parquet --translation wt-go2-flat@champion --out diagnosis
+        wt diagnose --out diagnosis --why elbow
     """
+    if model is None or not recordings:
+        if why is None or model is not None:
+            raise UserError("name MODEL.xml and at least one RECORDING; see wt diagnose --help")
+        return _print_decisions(_decisions_in(out), why)
     from rich.console import Console
 
     from wt.cli._progress import bar
@@ -116,6 +133,8 @@ def command(
     console = Console()
     print_summary(found, console)
     console.print(f"\n{out / 'report.html'}", highlight=False, soft_wrap=True)
+    if why is not None:
+        _print_decisions(found.decisions, why)
     if suggest_experiment is not None:
         _suggest(found, model, suggest_experiment, console)
     if track:
@@ -126,6 +145,26 @@ def _registered(reference: str) -> Translation:
     from wt.registered import translation
 
     return translation(reference)
+
+
+def _decisions_in(out: Path) -> list[Decision]:
+    """Decisions of a diagnosis that was written earlier."""
+    from wt.diagnose.result import Decision
+
+    path = out / "diagnosis.json"
+    try:
+        entries = json.loads(path.read_text(encoding="utf-8"))["decisions"]
+        return [Decision.from_json(entry) for entry in entries]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise UserError(f"{path}: no diagnosis with decisions; name MODEL.xml too") from error
+
+
+def _print_decisions(decisions: Sequence[Decision], place: str) -> None:
+    from rich.console import Console
+
+    from wt.diagnose.report.text import why
+
+    Console().print(why(decisions, place))
 
 
 def _suggest(found: Diagnosis, model: Path, path: Path, console: Console) -> None:

@@ -37,7 +37,7 @@ With WT_DEBUG=1 in the environment, an error shows its traceback."""
 _DISK_FULL = re.compile(
     r"disk is full|No space left on device|\d requested and \d+ written|unexpected pos \d+ vs \d"
 )
-"""How libraries without an errno say it: SQLite, those in Rust, numpy's save, torch's save."""
+"""Messages of libraries without an errno: SQLite, those in Rust, numpy's save, torch's save."""
 
 _SECTION = re.compile(r"^(Args|Returns|Yields|Raises|Attributes|Note|Example):\s*$", re.MULTILINE)
 
@@ -106,11 +106,11 @@ def build() -> typer.Typer:
     # Plain help: rich's panels would triple the start-up and read "[key=value]" as markup.
     app = typer.Typer(rich_markup_mode=None, add_completion=False)
     app.callback(help=_HELP, epilog="Example: wt fit --config conf/debug.yaml")(_root)
-    for found in pkgutil.iter_modules(wt.cli.__path__):
-        if found.name == "main" or found.name.startswith("_"):
+    for file in pkgutil.iter_modules(wt.cli.__path__):
+        if file.name == "main" or file.name.startswith("_"):
             continue
-        module = importlib.import_module(f"wt.cli.{found.name}")
-        name = found.name.rstrip("_").replace("_", "-")
+        module = importlib.import_module(f"wt.cli.{file.name}")
+        name = file.name.rstrip("_").replace("_", "-")
         if hasattr(module, "command"):
             text, example = _split_doc(module.command)
             kind = getattr(module, "Command", None)

@@ -161,12 +161,12 @@ def _run(folder: Folder, jobs: int, key: str | None) -> None:
                 f"ask for the key and run: wt prove --resume --out {folder.path} --key KEY"
             )
             return
-        found = finish(folder, given, jobs, say)
+        scored = finish(folder, given, jobs, say)
     console = Console()
-    console.print(results.table(found))
-    if (real := results.machines(found)) is not None:
+    console.print(results.table(scored))
+    if (real := results.machines(scored)) is not None:
         console.print("", real, sep="\n")
-    for line in results.lines(found):
+    for line in results.lines(scored):
         console.print(line, highlight=False, soft_wrap=True)
     if folder.left_out:
         named = ", ".join(folder.left_out)

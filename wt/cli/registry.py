@@ -43,9 +43,9 @@ def list_models(
         versions = [v for n in (names if name is None else [name]) for v in store.versions(n)]
     table = Table("model", "alias", "held-out", "on", "created (UTC)", "sha256", box=None)
     for v in versions:
-        held = f"{v.heldout.metric} {v.heldout.value:.6g}"
+        heldout = f"{v.heldout.metric} {v.heldout.value:.6g}"
         where = f"{v.heldout.set} {v.heldout.data_hash[:8]}"
-        table.add_row(str(v), ", ".join(v.aliases), held, where, v.created[:19], v.sha256[:12])
+        table.add_row(str(v), ", ".join(v.aliases), heldout, where, v.created[:19], v.sha256[:12])
     Console(markup=False).print(table)
 
 
@@ -111,9 +111,9 @@ def push(
     from wt.worlds.policy import folder_of
 
     with _busy(f"registering {folder}"):
-        found = folder_of(folder)
-        with track.run("policies", found.name) as run:
-            version = push_policy(found, run.id)
+        policy = folder_of(folder)
+        with track.run("policies", policy.name) as run:
+            version = push_policy(policy, run.id)
     typer.echo(f"{version}: {version.decision}")
 
 
@@ -134,11 +134,11 @@ def pull(
     from registry.store import Store
 
     with _busy(f"pulling {reference}"):
-        found = Store().resolve(reference)
-        folder = to or Path(str(found).replace("/", "-"))
-        if policies.is_policy(found):
+        version = Store().resolve(reference)
+        folder = to or Path(str(version).replace("/", "-"))
+        if policies.is_policy(version):
             policies.pull(reference, folder)
-            typer.echo(f"{folder}: {found}, sha256 {found.sha256[:12]} verified")
+            typer.echo(f"{folder}: {version}, sha256 {version.sha256[:12]} verified")
             return
         version, card = pull_model(reference, folder)
     typer.echo(

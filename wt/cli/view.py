@@ -15,7 +15,7 @@ import typer
 from wt.errors import UserError, WorkError
 
 _NAMES = ("rollout.rrd", "diagnosis.rrd", "trials.rrd")
-"""What ``wt fit``, ``wt diagnose`` and ``wt prove`` leave."""
+"""Recordings that ``wt fit``, ``wt diagnose`` and ``wt prove`` leave."""
 _MAGIC = b"RRF"  # the first bytes of every .rrd
 _WEB_PORT, _DATA_PORT = 9090, 9876  # Rerun's own; others are taken when these are in use
 _START_SECONDS = 20.0
@@ -61,13 +61,13 @@ def recording_of(source: Path) -> Path:
     """
     path = source
     if source.is_dir():
-        found = [source / name for name in _NAMES if (source / name).is_file()]
-        if not found:
+        recordings = [source / name for name in _NAMES if (source / name).is_file()]
+        if not recordings:
             raise UserError(
                 f"{source} holds none of {', '.join(_NAMES)}; give the folder of a finished "
                 "'wt fit', 'wt diagnose' or 'wt prove', or a .rrd file"
             )
-        path = found[0]
+        path = recordings[0]
     if not path.is_file():
         raise UserError(
             f"{path} does not exist; give a .rrd file, or the folder of a finished 'wt fit', "
@@ -106,10 +106,10 @@ def _viewer(path: Path) -> list[str]:
 
     folder = Path(rerun_cli.__file__).parent
     names = ("Rerun.app/Contents/MacOS/Rerun", "rerun.exe", "rerun")
-    found = [folder / name for name in names if (folder / name).is_file()]
-    if not found:
+    viewers = [folder / name for name in names if (folder / name).is_file()]
+    if not viewers:
         raise WorkError(f"no Rerun viewer in {folder}; reinstall it: pip install rerun-sdk")
-    return [str(found[0]), str(path), "--bind", "127.0.0.1"]
+    return [str(viewers[0]), str(path), "--bind", "127.0.0.1"]
 
 
 def _quiet() -> dict[str, str]:

@@ -1,1 +1,8 @@
-"""."""
+"""Recordings and transitions: read, checked, normalised and kept on disk.
+
+``recording``    one Parquet file each, checked against an MJCF
+``importers``    foreign formats, one file each
+``transitions``  collections in shards, reused and resumed
+``history``      the steps before a transition, by index
+``normalize``    normalisation that lives inside a model
+"""

@@ -10,7 +10,7 @@ from wt.types import Transitions
 
 
 class History:
-    """Which rows precede which, inside the same episode.
+    """The rows that precede each row, inside the same episode.
 
     Attributes:
         length: steps before the present one in a window.

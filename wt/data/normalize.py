@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import torch
+from jaxtyping import Float, Shaped
 from torch import Tensor, nn
 
 from wt.errors import DataError
@@ -28,7 +29,7 @@ class Normalizer(nn.Module):
         self.register_buffer("mean", torch.zeros(channels))
         self.register_buffer("std", torch.ones(channels))
 
-    def fit(self, array: np.ndarray | Tensor) -> Normalizer:
+    def fit(self, array: Shaped[np.ndarray, " ..."] | Shaped[Tensor, " ..."]) -> Normalizer:
         """Take mean and standard deviation from a sample, in place.
 
         A constant channel is only centred: dividing by its vanishing spread would turn the
@@ -57,10 +58,10 @@ class Normalizer(nn.Module):
         self.std.copy_(torch.from_numpy(std))
         return self
 
-    def forward(self, x: Tensor) -> Tensor:
-        """Normalise ``x``, (..., channels), from its own units."""
+    def forward(self, x: Float[Tensor, "*batch channel"]) -> Float[Tensor, "*batch channel"]:
+        """Normalise ``x`` from its own units."""
         return (x - self.mean) / self.std
 
-    def inverse(self, z: Tensor) -> Tensor:
-        """Undo :meth:`forward`: ``z``, (..., channels), back into its own units."""
+    def inverse(self, z: Float[Tensor, "*batch channel"]) -> Float[Tensor, "*batch channel"]:
+        """Undo :meth:`forward`: ``z`` back into its own units."""
         return z * self.std + self.mean

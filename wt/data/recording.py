@@ -14,11 +14,10 @@ import mujoco
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from jaxtyping import Float
 
 from wt.errors import RecordingError, suggest
 from wt.types import Recording
-
-Array = np.ndarray
 
 META_KEY = b"wt"
 DEGREE = np.pi / 180.0
@@ -135,7 +134,7 @@ def _column_names(model: mujoco.MjModel) -> set[str]:
     return names
 
 
-def _limits(model: mujoco.MjModel, kind: str) -> dict[str, Array]:
+def _limits(model: mujoco.MjModel, kind: str) -> dict[str, Float[np.ndarray, "low_high=2"]]:
     """Ranges [rad] of the limited hinges, or of the position actuators that drive a hinge."""
     hinge = mujoco.mjtJoint.mjJNT_HINGE
     if kind == "joint":
@@ -157,7 +156,9 @@ def _limits(model: mujoco.MjModel, kind: str) -> dict[str, Array]:
     return limits
 
 
-def _refuse_other_unit(recording: Recording, column: str, limit: Array) -> None:
+def _refuse_other_unit(
+    recording: Recording, column: str, limit: Float[np.ndarray, "low_high=2"]
+) -> None:
     values = recording.columns.get(column)
     if values is None or not np.isfinite(values).any():
         return

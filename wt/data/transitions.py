@@ -19,11 +19,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from jaxtyping import Shaped
 
 from wt.errors import DataError
 from wt.types import Channel, Pairs, Transitions, TransitionSpec
-
-Array = np.ndarray
 
 FORMAT = 1
 MANIFEST = "manifest.json"
@@ -157,12 +156,12 @@ def _read(path: Path, spec: TransitionSpec) -> Transitions | Pairs:
             "only this part is collected anew"
         ) from error
 
-    def column(name: str) -> Array:
+    def column(name: str) -> Shaped[np.ndarray, " row"]:
         if name not in table.column_names:
             raise DataError(f"it has no column {name!r} and belongs to another task")
         return table[name].to_numpy()
 
-    def matrix(prefix: str, channels: tuple[Channel, ...]) -> Array:
+    def matrix(prefix: str, channels: tuple[Channel, ...]) -> Shaped[np.ndarray, "row channel"]:
         columns = [column(f"{prefix}/{c.name}") for c in channels]
         return np.stack(columns, axis=1) if columns else np.empty((len(table), 0), np.float32)
 

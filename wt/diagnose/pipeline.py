@@ -20,10 +20,11 @@ from wt.diagnose.recordings.smooth import Smoothed, smooth
 from wt.diagnose.recordings.stretches import forgets, stretches_of
 from wt.diagnose.report.traces import traces
 from wt.diagnose.residual.screen import Screen
-from wt.diagnose.result import Considered, Diagnosis
-from wt.diagnose.selection.holdout import Holdout, errors, hold, prove
+from wt.diagnose.result import Diagnosis
+from wt.diagnose.selection.decisions import DecisionLog
+from wt.diagnose.selection.holdout import Holdout, errors, prepare_holdout, prove
 from wt.diagnose.selection.locate import locate
-from wt.diagnose.selection.naming import Court, Judged
+from wt.diagnose.selection.naming import Claims, Naming
 from wt.diagnose.selection.search import Report, search
 from wt.diagnose.selection.verdict import findings, suggestions, unforeseen, verdict
 from wt.mjcf.edit import patched_xml
@@ -64,7 +65,7 @@ FLOATING = Effort(1e-3, 1e-3, 5.0, 8.0, 16.0, 16.0)
 TELLING = 0.4
 """Share of a floating machine's windows that are not spread evenly: where forces are unusual."""
 ATTEMPTS = 3
-"""So many searches, each without the effects that held-out data refused to the ones before."""
+"""At most this many searches, each without the effects that held-out data refused before."""
 
 
 def diagnose(
@@ -94,7 +95,7 @@ def diagnose(
     """
     began, say, scene = time.monotonic(), progress or _silent, Scene(model)
     prepared = prepare(scene, recordings, holdout)
-    beside = translated(scene, prepared, translation) if translation else None
+    translation_evidence = translated(scene, prepared, translation) if translation else None
     say("smoothing", 0.02)
     fitted, held_out = smooth(scene, prepared.fit), smooth(scene, prepared.held)
     say("screening hypotheses", 0.08)
@@ -103,85 +104,89 @@ def diagnose(
     own = float(scene.model.opt.timestep)
     step, quick = min(effort.step, own), min(effort.search_step, own)
     forgetting = forgets(fitted, step)
-    some = _objective([fitted], screen, forgetting, effort.search_s, quick)
-    everything = _objective([fitted], screen, forgetting, effort.most_s, step)
-    whole = functools.cache(
+    search_replays = _objective([fitted], screen, forgetting, effort.search_s, quick)
+    objective = _objective([fitted], screen, forgetting, effort.most_s, step)
+    all_replays = functools.cache(
         lambda: _objective([fitted, held_out], screen, forgetting, effort.doubt_s, quick)
     )
-    held = hold(held_out, forgetting, effort.proof_s, step)
-    court = Court(screen, some, everything, whole, held, step, seed)
-    proven, considered = _found(court, say)
-    say("judging", 0.8)
-    judged = court.judge(proven)
+    data = prepare_holdout(held_out, forgetting, effort.proof_s, step)
+    log = DecisionLog()
+    naming = Naming(screen, search_replays, objective, all_replays, data, step, seed, log)
+    proven = _proven(naming, say)
+    say("naming", 0.8)
+    claims = naming.claimed(proven)
     say("preparing pictures", 0.9)
-    told = _told(scene, prepared, fitted, court, judged)
+    diagnosis = _diagnosis(scene, prepared, fitted, naming, claims)
     return replace(
-        told,
-        considered=considered,
-        locations=timed(told.locations, beside),
-        translated=beside,
-        notes=(*told.notes, *(sentences(beside) if beside else ())),
+        diagnosis,
+        decisions=tuple(log),
+        locations=timed(diagnosis.locations, translation_evidence),
+        translated=translation_evidence,
+        notes=(
+            *diagnosis.notes,
+            *(sentences(translation_evidence) if translation_evidence else ()),
+        ),
         seconds=time.monotonic() - began,
     )
 
 
-def _told(
-    scene: Scene, prepared: Prepared, fitted: Smoothed, court: Court, judged: Judged
+def _diagnosis(
+    scene: Scene, prepared: Prepared, fitted: Smoothed, naming: Naming, claims: Claims
 ) -> Diagnosis:
-    """What was judged, with all that a report shows of it."""
-    held = court.held
-    coarse = _too_coarse(scene, held, judged)
-    coarsely = coarse_steps(prepared.fit, prepared.held, scene.joints)
-    where = judged.unexplained(court.objective)
-    missed = unforeseen(judged.estimated.assessed, court.objective, where)
-    found = (*findings(judged), *missed, *coarsely)
-    seen = measured(prepared, court.screen, held, judged.complete, court.step)
+    """The claims, with all that a report shows of them."""
+    holdout = naming.holdout
+    refined = _too_coarse(scene, holdout, claims)
+    quantized = coarse_steps(prepared.fit, prepared.held, scene.joints)
+    where = claims.unexplained(naming.objective)
+    nameless = unforeseen(claims.estimated.assessed, naming.objective, where)
+    all_findings = (*findings(claims), *nameless, *quantized)
+    further = measured(prepared, naming.screen, holdout, claims.complete, naming.step)
     return Diagnosis(
         model_path=str(scene.path),
         model_sha256=hashlib.sha256(scene.path.read_bytes()).hexdigest(),
         joints=scene.joints,
         recordings=prepared.used,
-        verdict=verdict(judged, court.objective, coarsely),
+        verdict=verdict(claims, naming.objective, quantized),
         locations=(
             *locate(
-                court.screen,
-                judged.hypothesis,
-                judged.shares,
+                naming.screen,
+                claims.hypothesis,
+                claims.shares,
                 unexplained=where,
                 names=prepared.names,
             ),
-            *located(coarsely, alone=not judged.hypothesis),
+            *located(quantized, alone=not claims.hypothesis),
         ),
-        findings=found,
-        proof=prove(held, judged.complete, court.step, prepared.split, court.seed),
+        findings=all_findings,
+        proof=prove(holdout, claims.complete, naming.step, prepared.split, naming.seed),
         given_xml=standalone(scene.path),
         patched_xml=patched_xml(
-            scene, judged.patch, judged.comments, timestep=STEP_S if coarse else None
+            scene, claims.patch, claims.comments, timestep=STEP_S if refined else None
         ),
-        traces=traces(prepared, (fitted, held.smoothed), judged.complete, court.step),
-        suggestions=suggestions(found),
-        measured=seen,
-        notes=(*_notes(scene, held.forgets, coarse, judged), *seen.notes),
-        residual_onnx=judged.unknown[0].onnx if judged.unknown else None,
+        traces=traces(prepared, (fitted, holdout.smoothed), claims.complete, naming.step),
+        suggestions=suggestions(all_findings),
+        measured=further,
+        notes=(*_notes(scene, holdout.forgets, refined, claims), *further.notes),
+        residual_onnx=claims.unknown[0].onnx if claims.unknown else None,
     )
 
 
-def _found(court: Court, say: Report) -> tuple[Judged, tuple[Considered, ...]]:
+def _proven(naming: Naming, say: Report) -> Claims:
     """Search and prove; where the proof drops effects and leaves errors, search for others."""
-    outcome, banned, kept = search(court.screen, court.some, say), set[Key](), set[Key]()
-    considered = outcome.considered
+    screen, replays, log = naming.screen, naming.search_replays, naming.log
+    accepted = search(screen, replays, log, say)
+    banned, kept = set[Key](), set[Key]()
     for attempt in range(1, ATTEMPTS + 1):
         say("estimating and proving", 0.7)
-        proven = court.proven(outcome.accepted, attempt, kept)
+        proven = naming.proven(accepted, attempt, kept)
         # fewer, not others: an effect that a simpler law says as well was not refused
-        refused = len(proven.accepted) < len(outcome.accepted)
-        if not refused or attempt == ATTEMPTS or court.clean(proven):
+        refused = len(proven.accepted) < len(accepted)
+        if not refused or attempt == ATTEMPTS or naming.clean(proven):
             break
         kept = {a.planted.key for a in proven.accepted}
-        banned |= {a.planted.key for a in outcome.accepted} - kept
-        outcome = search(court.screen, court.some, say, proven.accepted, banned)
-        considered += outcome.considered
-    return proven, considered
+        banned |= {a.planted.key for a in accepted} - kept
+        accepted = search(screen, replays, log, say, proven.accepted, banned)
+    return proven
 
 
 def _silent(what: str, share: float) -> None:
@@ -201,22 +206,22 @@ def _objective(
     return Objective(sets[0], pairs, screen.velocity_noise, step, forgetting)
 
 
-def _too_coarse(scene: Scene, held: Holdout, judged: Judged) -> bool:
+def _too_coarse(scene: Scene, holdout: Holdout, claims: Claims) -> bool:
     """Whether the model's own time step adds more to the error than measurement noise does."""
     own = float(scene.model.opt.timestep)
     if own <= STEP_S:
         return False
-    coarse = errors(held, [judged.hypothesis], own)[0]
-    fine = errors(held, [judged.hypothesis], STEP_S)[0]
+    coarse = errors(holdout, [claims.hypothesis], own)[0]
+    fine = errors(holdout, [claims.hypothesis], STEP_S)[0]
     added = np.sqrt(np.nanmean((coarse - fine) ** 2, axis=0))
-    return bool((added > held.smoothed.noise).any())
+    return bool((added > holdout.smoothed.noise).any())
 
 
-def _notes(scene: Scene, forgetting: bool, coarse: bool, judged: Judged) -> tuple[str, ...]:
+def _notes(scene: Scene, forgetting: bool, coarse: bool, claims: Claims) -> tuple[str, ...]:
     notes = [
         f"The held-out recordings hardly excite {p}: it is proven on the fitted ones, each part "
         "left out in turn."
-        for p, gain in zip(judged.estimated.hypothesis, judged.gains, strict=True)
+        for p, gain in zip(claims.estimated.hypothesis, claims.gains, strict=True)
         if gain.in_turn
     ]
     if coarse:

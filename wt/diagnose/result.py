@@ -12,26 +12,10 @@ from typing import Any, Literal
 
 import numpy as np
 
+from wt.diagnose.evidence import Interval, Measured, Role, Trace, Translated
 from wt.types import Location
 
 Array = np.ndarray
-
-Role = Literal["fit", "holdout"]
-
-
-@dataclass(frozen=True)
-class Interval:
-    """A stretch of time of one recording.
-
-    Attributes:
-        recording: its name.
-        start: since the recording's start [s].
-        end: likewise [s].
-    """
-
-    recording: str
-    start: float
-    end: float
 
 
 @dataclass(frozen=True)
@@ -74,172 +58,75 @@ class Proof:
     split: str = ""
 
 
+Stage = Literal[
+    "screened",
+    "replayed",
+    "joined",
+    "pruned",
+    "reconsidered",
+    "alternative",
+    "simplified",
+    "certainty",
+    "holdout",
+    "doubted",
+    "unknown",
+    "calibrated",
+]
+"""Stages of a diagnosis that decide, with the statistic that each compares:
+
+- ``screened``: gain on the force residual [nats], for what was not worth a replay;
+- ``replayed``: gain in replays beyond the price of its parameters [nats];
+- ``joined``: the same, for what joined the search;
+- ``pruned``: what is lost without it [nats];
+- ``reconsidered``: lead of what took its place beside the others [nats];
+- ``alternative``: lead of a law that looks alike, on all recordings [nats];
+- ``simplified``: parameters of the law, against those of the simpler one that says as much;
+- ``certainty``: distance from being nothing [widths of the 95 % interval];
+- ``holdout``: p-value of its gain on data that it was not fitted to;
+- ``doubted``: mean square that a nonparametric force leaves, over what the name leaves;
+- ``unknown``: p-value of a learned law;
+- ``calibrated``: p-value of all corrections within tolerance together.
+"""
+
+
 @dataclass(frozen=True)
-class Considered:
-    """One hypothesis of the search, for the report.
+class Decision:
+    """One decision on one effect at one place.
 
     Attributes:
         effect: its id.
         at: where.
-        gain: log-likelihood gained over the model without it [nats].
-        stage: ``"screened"`` (force residual only) or ``"replayed"``.
-        verdict: in words: "accepted", "beaten by …", "gains too little".
+        stage: where it was decided.
+        kept: whether it stayed.
+        statistic: figure that decided, in the unit of its stage; None if it is not finite.
+        threshold: figure that it was compared with.
+        reason: one clause for people.
     """
 
     effect: str
     at: Location
-    gain: float
-    stage: Literal["screened", "replayed"]
-    verdict: str
+    stage: Stage
+    kept: bool
+    statistic: float | None
+    threshold: float
+    reason: str
 
+    @classmethod
+    def from_json(cls, entry: Mapping[str, Any]) -> Decision:
+        """Read :meth:`to_json`."""
+        return cls(**{**entry, "at": Location(entry["at"]["kind"], entry["at"]["name"])})
 
-Side = Literal["drive", "behind", "both", "measurement", "neither"]
-"""Where a measured force says that physics is missing: in the drive, that is before the measurement
-(or the recorded position is not the one that the drive works with); behind it, in joint or bodies;
-in both; in the measurement itself, which then agrees with nothing; in neither."""
-
-
-@dataclass(frozen=True)
-class MeasuredForce:
-    """A measured actuator force beside the model's and beside what the motion demands.
-
-    Root mean squares of the joint's force over the fitted recordings [N·m or N].
-
-    Attributes:
-        actuator: its name.
-        joint: the joint that it drives.
-        moves: the bodies that this joint moves.
-        off_law: measured force less the model's law at the recorded command and motion.
-        off_motion: force that the motion demands of the model, less the measured one.
-        lacking: force that the motion demands, less the model's law: the sum of the two.
-        unit: of these.
-        side: where something is missing.
-    """
-
-    actuator: str
-    joint: str
-    moves: tuple[str, ...]
-    off_law: float
-    off_motion: float
-    lacking: float
-    unit: str
-    side: Side
-
-
-@dataclass(frozen=True)
-class SensorError:
-    """Root mean square error of what replays of held-out recordings say that a sensor reports.
-
-    Attributes:
-        name: of the MJCF sensor, or ``force/<actuator>`` of a measured actuator force.
-        unit: of the errors.
-        before: of the model as it was given.
-        after: of the patched model; None where the replay does not tell.
-    """
-
-    name: str
-    unit: str
-    before: float
-    after: float | None
-
-
-@dataclass(frozen=True)
-class Measured:
-    """What the robot reports besides its joints' motion.
-
-    Attributes:
-        forces: measured actuator forces.
-        sensors: further sensors, and the forces again, in replays.
-        notes: one sentence on each force that says where something is missing, and on sensors
-            that were not compared.
-    """
-
-    forces: tuple[MeasuredForce, ...] = ()
-    sensors: tuple[SensorError, ...] = ()
-    notes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class ChannelLeft:
-    """Root mean square error one control step ahead, from the recorded state.
-
-    Attributes:
-        name: channel of the translation's state.
-        unit: of the errors.
-        before: of the model's own answer.
-        after: of the translated one: what no translation of this model recovers.
-    """
-
-    name: str
-    unit: str
-    before: float
-    after: float
-
-
-@dataclass(frozen=True, eq=False)
-class Distance:
-    """How far features of one recording are from those that a translation expects.
-
-    Attributes:
-        name: of the recording.
-        t: beginnings of control steps, (K,) [s].
-        size: in units of the usual distance, (K,).
-    """
-
-    name: str
-    t: Array
-    size: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Translated:
-    """What a trained translation says of the recordings; :mod:`wt.diagnose.observed.translation`.
-
-    Attributes:
-        name: of the translation.
-        channels: errors before and after translation.
-        distances: one a recording.
-        events: when something hidden acted in the fitted recordings.
-    """
-
-    name: str
-    channels: tuple[ChannelLeft, ...]
-    distances: tuple[Distance, ...]
-    events: tuple[Interval, ...]
-
-    @property
-    def left(self) -> float:
-        """Share of the squared error that translation leaves, mean over channels."""
-        return float(np.mean([(c.after / max(c.before, 1e-30)) ** 2 for c in self.channels]))
-
-
-@dataclass(frozen=True, eq=False)
-class Trace:
-    """One recording and its replays, for pictures. Arrays are (T, n_joints) unless said.
-
-    Attributes:
-        name: the recording's file name.
-        role: whether it was fitted or held out.
-        t: time, (T,) [s].
-        recorded: measured positions, NaN where missing [rad or m].
-        before: positions replayed on the model as given.
-        after: positions replayed on the patched model.
-        velocity: smoothed velocities.
-        force_before: generalised force that the given model lacks [N·m].
-        force_after: what the patched model still lacks.
-        command: commands by actuator name, (T,) each.
-    """
-
-    name: str
-    role: Role
-    t: Array
-    recorded: Array
-    before: Array
-    after: Array
-    velocity: Array
-    force_before: Array
-    force_after: Array
-    command: Mapping[str, Array]
+    def to_json(self) -> dict[str, Any]:
+        """As in ``diagnosis.json``."""
+        return {
+            "effect": self.effect,
+            "at": _place(self.at),
+            "stage": self.stage,
+            "kept": self.kept,
+            "statistic": self.statistic,
+            "threshold": self.threshold,
+            "reason": self.reason,
+        }
 
 
 Verdict = Literal["no_mismatch", "explained", "partly_explained", "unexplained"]
@@ -389,7 +276,7 @@ class Diagnosis:
         proof: the held-out fit.
         given_xml: the MJCF as given.
         patched_xml: the MJCF with the findings.
-        considered: the search, best first.
+        decisions: everything that was considered, and why it stayed or went, in order of time.
         traces: recordings and replays.
         measured: what measured forces and further sensors say.
         translated: what a trained translation says of the recordings, if one was given.
@@ -410,7 +297,7 @@ class Diagnosis:
     proof: Proof
     given_xml: str
     patched_xml: str
-    considered: tuple[Considered, ...] = ()
+    decisions: tuple[Decision, ...] = ()
     traces: tuple[Trace, ...] = ()
     measured: Measured = field(default_factory=Measured)
     translated: Translated | None = None
@@ -440,6 +327,7 @@ class Diagnosis:
                     "unit": self.unit,
                 }
             },
+            "decisions": [d.to_json() for d in self.decisions],
             "artifacts": {
                 "model": "model.xml",
                 "report": "report.html",

@@ -1,9 +1,10 @@
-"""What a person sees of a result: numbers, figures and recordings.
+"""From predictions to what a person sees: numbers, figures and recordings.
 
 ``single_step``     teacher-forced errors of every method on paired transitions
-``multi_step``      rollouts on a method's own predictions (``correction``: of actions, not states)
-``representation``  what a model makes of transitions: features before and after translation
-``probes``          what can be read off them: the hidden variable, the domain
+``multi_step``      rollouts on a method's own predictions
+``alignment``       the simulator follows a translation: by state, stance or action
+``representation``  features of transitions, before and after translation
+``probes``          the hidden variable and the domain, read off features
 ``embedding``       them in the plane, for the eye
 ``results``         the numbers as ``results.json``, ``results.md`` and a table in the terminal
 ``paper``           the paper's numbers

@@ -7,12 +7,11 @@ import warnings
 from typing import Literal, get_args
 
 import numpy as np
+from jaxtyping import Float
 from sklearn.decomposition import PCA
 from sklearn.manifold import TSNE
 
 from wt.errors import ConfigError
-
-Array = np.ndarray
 
 Embedding = Literal["umap", "tsne", "pca"]
 """``umap`` needs the extra ``report``; the others come with scikit-learn."""
@@ -25,8 +24,10 @@ def best_embedding() -> Embedding:
     return "umap" if importlib.util.find_spec("umap") else "tsne"
 
 
-def embed(points: Array, kind: Embedding, seed: int) -> Array:
-    """Points (N, channels) in the plane, (N, 2); all in one picture, so that they compare.
+def embed(
+    points: Float[np.ndarray, "point channel"], kind: Embedding, seed: int
+) -> Float[np.ndarray, "point plane=2"]:
+    """Points in the plane; all in one picture, so that they compare.
 
     Args:
         points: what is shown.

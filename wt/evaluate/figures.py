@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float, Real
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -17,10 +18,11 @@ from wt.evaluate.results import Results
 from wt.show import colors
 from wt.types import Channel
 
-Array = np.ndarray
-
 _DARK = "#222222"
 _MARKERS = "osD^vPX<"
+
+Line = tuple[Real[np.ndarray, " _"], Real[np.ndarray, " _"]]
+"""The x and y of a line's points; lines may differ in length."""
 
 
 def bar_table(results: Results) -> Figure:
@@ -52,12 +54,12 @@ def bar_table(results: Results) -> Figure:
         )
         figure.legend(loc="outside lower right", frameon=False)
     # numbers stand in a column of their own, where no bar or diamond can hide them
-    beside = axes.get_yaxis_transform()
+    margin = axes.get_yaxis_transform()
     for row, method in enumerate(methods):
         score = scores[method]
         spread = f" ± {score.std:.1g}" if len(results.seeds) > 1 else ""
         value = f"{score.mse:.2g}{spread}" if math.isfinite(score.mse) else "diverged"
-        axes.text(1.02, row, value, transform=beside, va="center", fontsize=9, color=_DARK)
+        axes.text(1.02, row, value, transform=margin, va="center", fontsize=9, color=_DARK)
     axes.set_yticks(rows, methods)
     axes.invert_yaxis()
     name = "MSE of the normalised next state"
@@ -69,12 +71,14 @@ def bar_table(results: Results) -> Figure:
     return figure
 
 
-def per_channel(rmse: Mapping[str, Array], channels: tuple[Channel, ...]) -> Figure:
+def per_channel(
+    rmse: Mapping[str, Float[np.ndarray, " channel"]], channels: tuple[Channel, ...]
+) -> Figure:
     """Error of each method on each channel in physical units, one panel a unit, log scale.
 
     Args:
-        rmse: root mean squared errors by method, (C,) each, in the channels' units.
-        channels: names and units of the C channels.
+        rmse: root mean squared errors by method, in the channels' units.
+        channels: names and units of the channels.
     """
     units = list(dict.fromkeys(channel.unit for channel in channels))
     figure = Figure(figsize=(9.0, 0.8 + 2.6 * len(units)), layout="constrained")
@@ -105,14 +109,17 @@ def per_channel(rmse: Mapping[str, Array], channels: tuple[Channel, ...]) -> Fig
 
 
 def prediction_trace(
-    t: Array, real: Array, by_method: Mapping[str, Array], channel: Channel
+    t: Float[np.ndarray, " time"],
+    real: Float[np.ndarray, " time"],
+    by_method: Mapping[str, Float[np.ndarray, " time"]],
+    channel: Channel,
 ) -> Figure:
     """One channel over time: real and predicted above, the errors below.
 
     Args:
-        t: time stamps, (T,) [s].
-        real: the channel as it was, (T,).
-        by_method: the channel as each method predicted it, (T,) each.
+        t: time stamps [s].
+        real: the channel as it was.
+        by_method: the channel as each method predicted it.
         channel: its name and unit.
     """
     figure = Figure(figsize=(9.0, 5.2), layout="constrained")
@@ -133,13 +140,18 @@ def prediction_trace(
     return figure
 
 
-def latent_picture(s: Array, translated: Array, r: Array, axis: str) -> Figure:
+def latent_picture(
+    s: Float[np.ndarray, "sim plane=2"],
+    translated: Float[np.ndarray, "sim plane=2"],
+    r: Float[np.ndarray, "real plane=2"],
+    axis: str,
+) -> Figure:
     """Features of S before and after translation, each over those of R.
 
     Args:
-        s: features of S in the plane, (N, 2).
+        s: features of S in the plane.
         translated: the same after translation to R, (N, 2).
-        r: features of R, unpaired with the others, (M, 2).
+        r: features of R, unpaired with the others.
         axis: what the plane is, e.g. ``"UMAP"``.
     """
     figure = Figure(figsize=(9.0, 4.4), layout="constrained")
@@ -164,7 +176,7 @@ def latent_picture(s: Array, translated: Array, r: Array, axis: str) -> Figure:
 
 
 def curves(
-    panels: Sequence[tuple[str, Mapping[str, tuple[Array, Array]]]], x: str, *, zoom: bool = False
+    panels: Sequence[tuple[str, Mapping[str, Line]]], x: str, *, zoom: bool = False
 ) -> Figure:
     """Lines side by side, a panel a quantity.
 
@@ -195,24 +207,24 @@ def curves(
     return figure
 
 
-def _upper(lines: Mapping[str, tuple[Array, Array]]) -> float:
-    """Where an axis may end, so that one line far above the others does not flatten them."""
+def _upper(lines: Mapping[str, Line]) -> float:
+    """Upper end of an axis on which one line far above the others does not flatten them."""
     tops = sorted(float(np.nanmax(y)) for _, y in lines.values() if np.isfinite(y).any())
     return 2.0 * tops[len(tops) // 2] if tops else math.inf
 
 
 def _line_styles(names: Sequence[str]) -> dict[str, dict[str, Any]]:
     """A method's own colour, solid for its first line and dashed for its next ("method, how")."""
-    found: dict[str, dict[str, Any]] = {}
+    styles: dict[str, dict[str, Any]] = {}
     free = iter(colors.SERIES * len(names))
     seen: set[str] = set()
     for name in names:
         method = name.partition(", ")[0]
         known = colors.of_method(method) != colors.of_method("")
         color = _rgb(method) if known else tuple(c / 255 for c in next(free))
-        found[name] = {"color": color, "linestyle": "--" if known and method in seen else "-"}
+        styles[name] = {"color": color, "linestyle": "--" if known and method in seen else "-"}
         seen.add(method)
-    return found
+    return styles
 
 
 def _figure(width: float, height: float) -> tuple[Figure, Axes]:
@@ -229,7 +241,13 @@ def _style(axes: Axes) -> None:
     axes.tick_params(colors=_DARK, labelsize=9)
 
 
-def _scatter(axes: Axes, points: Array, color: colors.Color, label: str, marker: str) -> None:
+def _scatter(
+    axes: Axes,
+    points: Float[np.ndarray, "point plane=2"],
+    color: colors.Color,
+    label: str,
+    marker: str,
+) -> None:
     # more than 2000 points hide each other; an even stride keeps the whole rollout in the picture
     shown = points[:: max(1, math.ceil(len(points) / 2000))]
     axes.plot(

@@ -14,36 +14,34 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from jaxtyping import Float
 
 from wt.baselines.base import Baseline
-from wt.config import Alignment, Fit
-from wt.evaluate.correction import corrected_action
+from wt.config import Alignment, FitConfig
+from wt.evaluate.alignment import align
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.nets.world_model import WorldModel
 from wt.translate import translate_state
 from wt.types import Pairs, Transitions
-from wt.worlds.closed_loop import ClosedLoop, Truth
-
-Array = np.ndarray
+from wt.worlds.closed_loop import ClosedLoop, ReferenceRollouts
 
 
 @dataclass(frozen=True)
 class Now:
-    """What a method may look at when it predicts.
+    """All that a method may look at when it predicts.
 
     Attributes:
-        o: the observations up to the present one, (N, time, n_obs); R's own before the start,
-            then predicted ones.
-        a: the actions that followed them, (N, time, n_action).
-        sim_next: the simulator's answer to the last of them, (N, n_state).
+        o: the observations up to the present one; R's own before the start, then predicted ones.
+        a: the actions that followed them.
+        sim_next: the simulator's answer to the last of them.
     """
 
-    o: Array
-    a: Array
-    sim_next: Array
+    o: Float[np.ndarray, "robot time obs"]
+    a: Float[np.ndarray, "robot time action"]
+    sim_next: Float[np.ndarray, "robot state"]
 
 
-Step = Callable[[Now], Array]
+Step = Callable[[Now], np.ndarray]
 """A method: the next state, (N, n_state)."""
 
 
@@ -53,21 +51,21 @@ class Rolled:
 
     Attributes:
         mse: squared error of the normalised state, mean over channels and over the rollouts that
-            have not diverged, (horizon,); NaN once all have.
-        diverged: share of rollouts that have left the bounds, (horizon,).
+            have not diverged; NaN once all have.
+        diverged: share of rollouts that have left the bounds.
     """
 
-    mse: Array
-    diverged: Array
+    mse: Float[np.ndarray, " horizon"]
+    diverged: Float[np.ndarray, " horizon"]
 
 
 def roll_out(
     world: ClosedLoop,
-    truth: Truth,
+    truth: ReferenceRollouts,
     step: Step,
-    scale: Array,
+    scale: Float[np.ndarray, " state"],
     alignment: Alignment = "state",
-    told: bool = False,
+    true_hidden: bool = False,
 ) -> Rolled:
     """Run a method on its own predictions and compare with what R did.
 
@@ -75,10 +73,9 @@ def roll_out(
         world: policy, simulator and bounds.
         truth: what R did from the same starts on.
         step: the method.
-        scale: what errors are measured in, (n_state,).
-        alignment: whether the simulator's state is overwritten, without or with what is hidden
-            following its standing feet, or its action corrected.
-        told: the simulator's hidden state is R's own at every step, not at the start alone.
+        scale: what errors are measured in.
+        alignment: how the simulator follows the method; see :mod:`wt.evaluate.alignment`.
+        true_hidden: the simulator's hidden state is R's own at every step, not at the start alone.
     """
     n, past = world.spec.n_state, truth.past
     o, hidden = truth.o[:, : past + 1], truth.hidden[:, past]
@@ -88,15 +85,12 @@ def roll_out(
     for k in range(truth.horizon):
         action = world.act(o[:, -1], truth.context[:, past + k]).astype(np.float32)
         a = np.concatenate([a, action[:, None]], axis=1)
-        before = truth.hidden[:, past + k] if told else hidden
-        sim_next, hidden = world.advance("sim", o[:, -1], action, before)
+        before = truth.hidden[:, past + k] if true_hidden else hidden
+        taken = _WorldStep(world, o[:, -1], action, before)
         with np.errstate(over="ignore", invalid="ignore"):
-            state = step(Now(o, a, sim_next))
-        if alignment == "action":
-            better = corrected_action(world, o[:, -1], action, before, state, scale)
-            state, hidden = world.advance("sim", o[:, -1], better, before)
-        elif alignment == "stance":
-            hidden = world.stance(sim_next, state, hidden)
+            target = step(Now(o, a, taken.state))
+        align(taken, target, alignment, scale)
+        state, hidden = taken.state, taken.hidden
         gone |= world.astray(state, hidden)
         # who is gone waits where it began, so that nothing explodes
         state[gone], hidden[gone] = truth.o[gone, past, :n], truth.hidden[gone, past]
@@ -109,13 +103,52 @@ def roll_out(
     return Rolled(mse, diverged)
 
 
-def alignment_of(config: Fit, method: str) -> Alignment:
-    """How the simulator follows a method of a run: as its settings say, a baseline by its state."""
+class _WorldStep:
+    """One step of a functional world, as :func:`align` changes it.
+
+    Attributes:
+        action: under which it was taken, (N, n_action).
+        state: state channels where it ends, (N, n_state).
+        hidden: hidden variables there, (N, n_hidden).
+    """
+
+    def __init__(
+        self,
+        world: ClosedLoop,
+        o: Float[np.ndarray, "robot obs"],
+        action: Float[np.ndarray, "robot action"],
+        hidden: Float[np.ndarray, "robot hidden"],
+    ) -> None:
+        """Take the step from observations and hidden variables."""
+        self._advance = lambda a: world.advance("sim", o, a, hidden)
+        self._stance = world.stance
+        self.action = action
+        self.state, self.hidden = self._advance(action)
+
+    def end_state(
+        self, action: Float[np.ndarray, "robot action"]
+    ) -> Float[np.ndarray, "robot state"]:
+        """As :class:`wt.evaluate.alignment.SimulatorStep`."""
+        return self._advance(action)[0]
+
+    def overwrite(self, target: Float[np.ndarray, "robot state"], keep_stance: bool) -> None:
+        """As :class:`wt.evaluate.alignment.SimulatorStep`."""
+        if keep_stance:
+            self.hidden = self._stance(self.state, target, self.hidden)
+        self.state = target
+
+    def retake(self, action: Float[np.ndarray, "robot action"]) -> None:
+        """As :class:`wt.evaluate.alignment.SimulatorStep`."""
+        self.state, self.hidden = self._advance(action)
+
+
+def alignment_of(config: FitConfig, method: str) -> Alignment:
+    """The alignment of a method of a run: as its settings say, and ``state`` for a baseline."""
     settings = {PAPERS_OWN: config.paper, OURS: config.plus}.get(method)
     return settings.translation.alignment if settings else "state"
 
 
-def simulator(now: Now) -> Array:
+def simulator(now: Now) -> Float[np.ndarray, "robot state"]:
     """RawSim: the simulator's answer as it is."""
     return now.sim_next.copy()
 
@@ -124,7 +157,7 @@ def of_model(model: WorldModel) -> Step:
     """World Translation: the simulator's answer translated."""
 
     @torch.no_grad()
-    def step(now: Now) -> Array:
+    def step(now: Now) -> Float[np.ndarray, "robot state"]:
         o, a = torch.tensor(now.o[:, -1]), torch.tensor(now.a[:, -1])
         return translate_state(model, o, a, torch.tensor(now.sim_next)).numpy()
 
@@ -135,13 +168,13 @@ def of_baseline(baseline: Baseline, world: ClosedLoop) -> Step:
     """A baseline, which sees the rollout so far as its history."""
     n = world.spec.n_state
 
-    def step(now: Now) -> Array:
+    def step(now: Now) -> Float[np.ndarray, "robot state"]:
         count, time = now.o.shape[:2]
         last = np.zeros((count, time), bool)
         last[:, -1] = True
         flat = last.reshape(-1)
 
-        def rows(values: Array) -> Array:
+        def rows(values: Float[np.ndarray, "robot time _"]) -> Float[np.ndarray, "row _"]:
             return np.ascontiguousarray(values).reshape(count * time, -1)
 
         # of the present step the outcome is what is asked for: its own state stands there

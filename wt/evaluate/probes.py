@@ -1,6 +1,6 @@
-"""What can be read off a representation: the hidden variable, and the domain (tables I and II).
+"""Probes of a representation: the hidden variable and the domain, read off it (tables I and II).
 
-A probe is a small network of scikit-learn. It learns on one half of the episodes and is judged on
+A probe is a small network of scikit-learn. It learns on one half of the episodes and is tested on
 the other: transitions of one episode resemble each other too much to stand on both sides.
 """
 
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from jaxtyping import Bool, Float, Int, Shaped
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.metrics import r2_score
 from sklearn.neural_network import MLPClassifier, MLPRegressor
@@ -22,8 +23,6 @@ from wt.evaluate.representation import Features
 from wt.nets.frame import Frame
 from wt.types import Transitions
 
-Array = np.ndarray
-
 LAYERS = (64, 64)
 EPOCHS = 40
 BATCH = 256
@@ -31,18 +30,18 @@ BATCH = 256
 
 @dataclass(frozen=True)
 class Split:
-    """Which rows a probe learns from and which judge it.
+    """Rows that a probe learns from, and rows that test it.
 
     Attributes:
-        train: rows, (N,) bool.
+        train: rows to learn from.
         test: the others.
     """
 
-    train: Array
-    test: Array
+    train: Bool[np.ndarray, " row"]
+    test: Bool[np.ndarray, " row"]
 
     @classmethod
-    def of(cls, episode: Array) -> Split:
+    def of(cls, episode: Int[np.ndarray, " row"]) -> Split:
         """Every other episode is for the test; a single one is cut in the middle."""
         _, order = np.unique(episode, return_inverse=True)
         test = order % 2 == 1
@@ -51,13 +50,18 @@ class Split:
         return cls(~test, test)
 
 
-def hidden_r2(representation: Array, hidden: Array, split: Split, seed: int) -> float:
+def hidden_r2(
+    representation: Float[np.ndarray, "row channel"],
+    hidden: Float[np.ndarray, "row hidden"],
+    split: Split,
+    seed: int,
+) -> float:
     """R² of the magnitude of the hidden variable, as a probe predicts it.
 
     Args:
-        representation: input of the probe, (N, channels).
-        hidden: the hidden variable, (N, n_hidden), e.g. a force [N].
-        split: of the N rows.
+        representation: input of the probe.
+        hidden: the hidden variable, e.g. a force [N].
+        split: of the rows.
         seed: of the probe.
     """
     size = np.linalg.norm(hidden.astype(np.float64), axis=1)
@@ -69,24 +73,24 @@ def hidden_r2(representation: Array, hidden: Array, split: Split, seed: int) -> 
 
 def hidden_table(sim: Features, real: Features, seed: int) -> dict[str, float]:
     """R² of the hidden variable from (o, a, z) of each kind (table I, "Combined")."""
-    found = {}
+    scores = {}
     for own, other, data in (("S", "R", sim), ("R", "S", real)):
         split = Split.of(data.episode)
         for name, z in _views(own, other, data).items():
             inputs = np.hstack([data.condition, z])
-            found[f"(o, a){own}, {name}"] = hidden_r2(inputs, data.hidden, split, seed)
-    return found
+            scores[f"(o, a){own}, {name}"] = hidden_r2(inputs, data.hidden, split, seed)
+    return scores
 
 
 def hidden_baseline(sim: Features, real: Features, seed: int) -> dict[str, float]:
     """R² of the hidden variable from (o, a) and from (o, a, o′) (table I, "Baseline")."""
-    found = {}
+    scores = {}
     for own, data in (("S", sim), ("R", real)):
         split = Split.of(data.episode)
-        whole = np.hstack([data.condition, data.outcome])
-        found[f"(o, a){own}"] = hidden_r2(data.condition, data.hidden, split, seed)
-        found[f"(o, a, o′){own}"] = hidden_r2(whole, data.hidden, split, seed)
-    return found
+        transition = np.hstack([data.condition, data.outcome])
+        scores[f"(o, a){own}"] = hidden_r2(data.condition, data.hidden, split, seed)
+        scores[f"(o, a, o′){own}"] = hidden_r2(transition, data.hidden, split, seed)
+    return scores
 
 
 def domain_table(sim: Features, real: Features, seed: int) -> dict[str, float]:
@@ -100,19 +104,22 @@ def domain_table(sim: Features, real: Features, seed: int) -> dict[str, float]:
     """
     splits = {"S": Split.of(sim.episode), "R": Split.of(real.episode)}
     data = {"S": sim, "R": real}
-    found: dict[str, float] = {}
+    accuracies: dict[str, float] = {}
 
-    def judge(of: Mapping[str, Array], shown: Mapping[str, tuple[str, str, Array]]) -> None:
+    def probe_domain(
+        of: Mapping[str, Float[np.ndarray, "_ channel"]],
+        shown: Mapping[str, tuple[str, str, Float[np.ndarray, "_ channel"]]],
+    ) -> None:
         probe = _probe(MLPClassifier, seed)
         rows = np.concatenate([of[d][splits[d].train] for d in "SR"])
         labels = np.repeat([0, 1], [int(splits[d].train.sum()) for d in "SR"])
         _fit(probe, rows, labels)
         for name, (origin, target, inputs) in shown.items():
             said = probe.predict(inputs[splits[origin].test])
-            found[name] = float(np.mean(said == "SR".index(target)))
+            accuracies[name] = float(np.mean(said == "SR".index(target)))
 
     pairs = {d: f.condition for d, f in data.items()}
-    judge(pairs, {f"(o, a){d}": (d, d, x) for d, x in pairs.items()})
+    probe_domain(pairs, {f"(o, a){d}": (d, d, x) for d, x in pairs.items()})
     kinds = [
         (own, target, name, z)
         for own, other in (("S", "R"), ("R", "S"))
@@ -122,16 +129,16 @@ def domain_table(sim: Features, real: Features, seed: int) -> dict[str, float]:
     ]
     # the paper lists both domains' own features first, then both translated, then both cycled
     kinds = [kinds[i] for i in (0, 3, 1, 4, 2, 5)]
-    judge({d: f.z for d, f in data.items()}, {n: (o, t, z) for o, t, n, z in kinds})
-    judge(
+    probe_domain({d: f.z for d, f in data.items()}, {n: (o, t, z) for o, t, n, z in kinds})
+    probe_domain(
         {d: np.hstack([f.condition, f.z]) for d, f in data.items()},
         {f"(o, a){o}, {n}": (o, t, np.hstack([data[o].condition, z])) for o, t, n, z in kinds},
     )
-    return found
+    return accuracies
 
 
 def condition_accuracy(frame: Frame, sim: Transitions, real: Transitions, seed: int) -> float:
-    """How often a probe tells the domain from (o, a) alone, mean over both domains.
+    """Share of (o, a) whose domain a probe tells from them alone, mean over both domains.
 
     Args:
         frame: gives (o, a) as networks see them, actions as offsets from where the joints are.
@@ -152,7 +159,7 @@ def condition_accuracy(frame: Frame, sim: Transitions, real: Transitions, seed: 
     return float(np.mean([one.mean() for one in right]))
 
 
-def _views(own: str, other: str, data: Features) -> dict[str, Array]:
+def _views(own: str, other: str, data: Features) -> dict[str, Float[np.ndarray, "row latent"]]:
     """A domain's features by the paper's names: own, translated, translated and back."""
     return {
         f"z{own}": data.z,
@@ -166,7 +173,9 @@ def _probe(kind: type[MLPClassifier] | type[MLPRegressor], seed: int) -> Pipelin
     return make_pipeline(StandardScaler(), net)
 
 
-def _fit(probe: Pipeline, inputs: Array, targets: Array) -> None:
+def _fit(
+    probe: Pipeline, inputs: Float[np.ndarray, "row channel"], targets: Shaped[np.ndarray, " row"]
+) -> None:
     with warnings.catch_warnings():
         # so many epochs are the budget, the same for every representation
         warnings.simplefilter("ignore", ConvergenceWarning)

@@ -1,4 +1,4 @@
-"""What a trained model makes of transitions of both domains: features before and after translation.
+"""Features that a trained model makes of both domains' transitions, before and after translation.
 
 Probes (tables I and II), the latent-space picture and the errors of table III all look at these.
 Features are posterior means, as they are when a model is deployed.
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from wt.losses.gan import distance
@@ -17,34 +18,32 @@ from wt.nets.world_model import WorldModel
 from wt.train.batches import CHUNK, DomainData, in_frame
 from wt.types import Domain, Transitions
 
-Array = np.ndarray
-
 
 @dataclass(frozen=True)
 class Features:
-    """One domain's transitions as a model sees them; N of them.
+    """One domain's transitions as a model sees them.
 
     Attributes:
         domain: where they come from, S or R.
-        condition: normalised (o, a), (N, n_condition).
-        outcome: normalised change of the state, (N, n_state).
-        z: dynamics features, (N, latent).
-        across: translated to the other domain, (N, latent).
-        back: and back again, (N, latent).
-        kept: G of the *own* domain applied to z, which should change nothing, (N, latent).
-        hidden: the hidden variable, (N, n_hidden), physical units.
-        episode: episode of each transition, (N,).
+        condition: normalised (o, a).
+        outcome: normalised change of the state.
+        z: dynamics features.
+        across: translated to the other domain.
+        back: and back again.
+        kept: G of the *own* domain applied to z, which should change nothing.
+        hidden: the hidden variable, physical units.
+        episode: episode of each transition.
     """
 
     domain: Domain
-    condition: Array
-    outcome: Array
-    z: Array
-    across: Array
-    back: Array
-    kept: Array
-    hidden: Array
-    episode: Array
+    condition: Float[np.ndarray, "row condition"]
+    outcome: Float[np.ndarray, "row state"]
+    z: Float[np.ndarray, "row latent"]
+    across: Float[np.ndarray, "row latent"]
+    back: Float[np.ndarray, "row latent"]
+    kept: Float[np.ndarray, "row latent"]
+    hidden: Float[np.ndarray, "row hidden"]
+    episode: Int[np.ndarray, " row"]
 
     @property
     def cycle_error(self) -> float:
@@ -87,11 +86,11 @@ def _features(model: WorldModel, domain: Domain, data: DomainData, raw: Transiti
     )
 
 
-def _joined(parts: tuple[Tensor, ...]) -> Array:
+def _joined(parts: tuple[Tensor, ...]) -> Float[np.ndarray, "row latent"]:
     return torch.cat(parts).numpy()
 
 
-def some(data: Transitions, count: int) -> Transitions:
+def whole_episodes(data: Transitions, count: int) -> Transitions:
     """At most ``count`` transitions, in whole episodes from the first on."""
     if len(data) <= count:
         return data

@@ -33,7 +33,7 @@ ASSUMPTION = (
 
 
 @dataclass(frozen=True)
-class Score:
+class MethodScore:
     """One method's single-step error; NaN where it did not converge.
 
     Attributes:
@@ -47,7 +47,7 @@ class Score:
     mse_change: float
 
     @classmethod
-    def of_seeds(cls, mse: Sequence[float], mse_change: Sequence[float]) -> Score:
+    def of_seeds(cls, mse: Sequence[float], mse_change: Sequence[float]) -> MethodScore:
         """Mean and spread of one value a seed."""
         return cls(
             mse=statistics.fmean(mse),
@@ -58,7 +58,7 @@ class Score:
 
 @dataclass(frozen=True)
 class Results:
-    """What an evaluation found.
+    """Outcome of an evaluation.
 
     Attributes:
         task: name of the task, e.g. ``"r5_force"``.
@@ -73,7 +73,7 @@ class Results:
 
     task: str
     seeds: tuple[int, ...]
-    single_step: Mapping[str, Score]
+    single_step: Mapping[str, MethodScore]
     model: str | None = None
     version: int | None = None
     channels: tuple[Channel, ...] = ()
@@ -187,7 +187,7 @@ class Results:
             task=content["task"],
             seeds=tuple(content["seeds"]),
             single_step={
-                method: Score(**{key: _nan_if_null(value) for key, value in score.items()})
+                method: MethodScore(**{key: _nan_if_null(value) for key, value in score.items()})
                 for method, score in content["single_step"].items()
             },
             model=content["model"],

@@ -23,14 +23,18 @@ import mujoco
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from jaxtyping import Float, Real
 
 from wt.errors import DataError
 from wt.show import colors
 from wt.show.files import write_whole
-from wt.show.robot_view import Array, Motion, log_robot, motion_of, send_columns
+from wt.show.robot_view import BodyPoses, body_poses, log_robot, send_columns
 from wt.types import Channel
 
 ARM_COLORS = (colors.S, colors.TRANSLATED, colors.R)
+Given = Real[np.ndarray, " ..."]
+"""An array whose shape :func:`write_rollout` checks itself, with a message."""
+
 FORCE_COLOR: colors.Color = (213, 94, 0)
 
 _SPACING = 1.0  # of the reach, between neighbouring arms
@@ -41,12 +45,12 @@ def write_rollout(
     path: Path,
     model: mujoco.MjModel,
     *,
-    t: Array,
-    qpos: Mapping[str, Array],
-    predicted: Mapping[str, Array],
-    real: Array,
+    t: Given,
+    qpos: Mapping[str, Given],
+    predicted: Mapping[str, Given],
+    real: Given,
     channels: tuple[Channel, ...],
-    force: Array | None = None,
+    force: Given | None = None,
     force_body: str | None = None,
 ) -> None:
     """Write a ``.rrd`` that the Rerun viewer plays; an earlier file stays until this one is whole.
@@ -68,7 +72,7 @@ def write_rollout(
         OSError: the file cannot be written.
     """
     _check(model, t, qpos, predicted, real, channels, force, force_body)
-    motions = {arm: motion_of(model, positions) for arm, positions in qpos.items()}
+    motions = {arm: body_poses(model, positions) for arm, positions in qpos.items()}
     reach = max(*(motion.reach for motion in motions.values()), 0.1 * model.stat.extent)
     recording = rr.RecordingStream("World Translation", send_properties=False)
     memory = recording.memory_recording()
@@ -90,17 +94,17 @@ def write_rollout(
 
 def _check(
     model: mujoco.MjModel,
-    t: Array,
-    qpos: Mapping[str, Array],
-    predicted: Mapping[str, Array],
-    real: Array,
+    t: Given,
+    qpos: Mapping[str, Given],
+    predicted: Mapping[str, Given],
+    real: Given,
     channels: tuple[Channel, ...],
-    force: Array | None,
+    force: Given | None,
     force_body: str | None,
 ) -> None:
     if not qpos:
         raise DataError("rollout: no arm was given; 'qpos' needs at least one")
-    expected: list[tuple[str, Array, tuple[int, ...]]] = [
+    expected: list[tuple[str, Given, tuple[int, ...]]] = [
         (f"qpos of {arm!r}", array, (len(t), model.nq)) for arm, array in qpos.items()
     ]
     named = {"real": real, **{f"prediction of {name!r}": p for name, p in predicted.items()}}
@@ -122,11 +126,11 @@ def _log_force(
     recording: rr.RecordingStream,
     time: rr.TimeColumn,
     arm: str,
-    origins: Array,
-    force: Array,
+    origins: Float[np.ndarray, "time xyz=3"],
+    force: Float[np.ndarray, "time xyz=3"],
     reach: float,
 ) -> None:
-    """The force as an arrow from ``origins`` (T, 3) [m]; no arrow while it is zero or unknown."""
+    """The force as an arrow from ``origins`` [m]; no arrow while it is zero or unknown."""
     size = np.linalg.norm(force, axis=1)
     acts = size > 0
     scale = _ARROW * reach / size[acts].max(initial=1e-9)  # m/N
@@ -144,8 +148,8 @@ def _log_force(
 def _log_series(
     recording: rr.RecordingStream,
     time: rr.TimeColumn,
-    predicted: Mapping[str, Array],
-    real: Array,
+    predicted: Mapping[str, Float[np.ndarray, "time channel"]],
+    real: Float[np.ndarray, "time channel"],
     channels: tuple[Channel, ...],
 ) -> None:
     for c, channel in enumerate(channels):
@@ -163,7 +167,7 @@ def _send_series(
     recording: rr.RecordingStream,
     path: list[str],
     time: rr.TimeColumn,
-    values: Array,
+    values: Float[np.ndarray, " time"],
     color: colors.Color,
     width: float = 1.5,
 ) -> None:
@@ -173,7 +177,7 @@ def _send_series(
 
 
 def _blueprint(
-    motions: Mapping[str, Motion], reach: float, channels: tuple[Channel, ...]
+    motions: Mapping[str, BodyPoses], reach: float, channels: tuple[Channel, ...]
 ) -> rrb.Blueprint:
     """The 3D scene on the left; on the right one tab a joint, values and errors below each other.
 

@@ -6,27 +6,26 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from jaxtyping import Float, Int
 
 from wt.types import Pairs, Transitions, TransitionSpec
 
-Array = np.ndarray
-
 
 @dataclass(frozen=True)
-class Scales:
-    """What errors are measured in: R's spread in the training data.
+class ErrorScales:
+    """Units of errors: R's spread in the training data.
 
     Attributes:
-        state: standard deviation of the next state, (n_state,), physical units.
-        change: standard deviation of the one-step change, (n_state,), physical units.
+        state: standard deviation of the next state, physical units.
+        change: standard deviation of the one-step change, physical units.
     """
 
-    state: Array
-    change: Array
+    state: Float[np.ndarray, " state"]
+    change: Float[np.ndarray, " state"]
 
     @classmethod
-    def of(cls, real: Transitions, spec: TransitionSpec) -> Scales:
-        """Scales of R's training transitions."""
+    def of(cls, real: Transitions, spec: TransitionSpec) -> ErrorScales:
+        """ErrorScales of R's training transitions."""
         change = real.s_next - real.o[:, : spec.n_state]
         return cls(real.s_next.std(axis=0), change.std(axis=0))
 
@@ -38,16 +37,16 @@ class Errors:
     Attributes:
         mse: mean squared error of the normalised next state.
         mse_change: mean squared error in units of the change's standard deviation.
-        rmse: per channel in physical units, (n_state,).
+        rmse: per channel in physical units.
     """
 
     mse: float
     mse_change: float
-    rmse: Array
+    rmse: Float[np.ndarray, " state"]
 
 
-def errors(predicted: Array, pairs: Pairs, scales: Scales) -> Errors:
-    """Error of predicted next states, (N, n_state) in physical units."""
+def errors(predicted: Float[np.ndarray, "pair state"], pairs: Pairs, scales: ErrorScales) -> Errors:
+    """Error of predicted next states, physical units."""
     error = predicted.astype(np.float64) - pairs.real.s_next
     return Errors(
         mse=float(np.mean((error / scales.state) ** 2)),
@@ -56,7 +55,7 @@ def errors(predicted: Array, pairs: Pairs, scales: Scales) -> Errors:
     )
 
 
-def first_episode(pairs: Pairs, longest: int) -> Array:
+def first_episode(pairs: Pairs, longest: int) -> Int[np.ndarray, " row"]:
     """Rows of the first unbroken episode, at most ``longest``."""
     real = pairs.real
     unbroken = (real.episode == real.episode[0]) & (
@@ -66,13 +65,15 @@ def first_episode(pairs: Pairs, longest: int) -> Array:
     return np.arange(min(length, longest))
 
 
-def poses(model: mujoco.MjModel, spec: TransitionSpec, states: Array) -> Array:
-    """Joint positions of the whole model for drawing, (N, nq); joints not in the task rest.
+def poses(
+    model: mujoco.MjModel, spec: TransitionSpec, states: Float[np.ndarray, "time state"]
+) -> Float[np.ndarray, "time qpos"]:
+    """Joint positions of the whole model for drawing; joints not in the task rest.
 
     Args:
         model: the MJCF that is drawn.
         spec: layout of the task.
-        states: state channels, (N, n_state).
+        states: state channels.
     """
     qpos = np.tile(model.qpos0, (len(states), 1))
     for joint, channel in zip(spec.joints, spec.pose, strict=True):

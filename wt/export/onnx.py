@@ -15,15 +15,19 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from jaxtyping import Float, Float32, Shaped
 
 from wt.errors import ModelError
 from wt.export.graph import graph
 from wt.show.files import write_whole
-from wt.types import Array, TransitionSpec
+from wt.types import TransitionSpec
 
 INPUTS = ("o", "a", "o_next_sim")
 OUTPUT = "o_next_real"
 FEATURES = ("z", "z_translated")
+
+Example = Shaped[np.ndarray, " ..."]
+"""An array whose shape :func:`export` checks itself, with a message."""
 
 
 def export(
@@ -31,7 +35,7 @@ def export(
     spec: TransitionSpec,
     path: Path | str,
     *,
-    example: tuple[Array, Array, Array],
+    example: tuple[Example, Example, Example],
 ) -> None:
     """Write ``model`` in evaluation mode as a single ONNX file; the model itself is untouched.
 
@@ -73,7 +77,7 @@ def export(
     write_whole(Path(path), content)
 
 
-def eager(model: torch.nn.Module) -> Callable[[Array, Array, Array], Array]:
+def eager(model: torch.nn.Module) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
     """The model in evaluation mode as a function of arrays: what ONNX is compared with.
 
     Args:
@@ -85,7 +89,11 @@ def eager(model: torch.nn.Module) -> Callable[[Array, Array, Array], Array]:
     """
     device = next((p.device for p in model.parameters()), torch.device("cpu"))
 
-    def call(o: Array, a: Array, o_next_sim: Array) -> Array:
+    def call(
+        o: Float[np.ndarray, "row obs"],
+        a: Float[np.ndarray, "row action"],
+        o_next_sim: Float[np.ndarray, "row obs"],
+    ) -> Float32[np.ndarray, "row out"]:
         with _evaluating(model), torch.no_grad():
             tensors = (torch.tensor(x, dtype=torch.float32) for x in (o, a, o_next_sim))
             return model(*(x.to(device) for x in tensors)).cpu().numpy()

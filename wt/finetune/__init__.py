@@ -1,4 +1,4 @@
-"""Fine-tuning of a walking policy on translated dynamics, beside its rivals, judged in R.
+"""Fine-tuning of a walking policy on translated dynamics and by rival ways, evaluated in R.
 
 ``config`` says what ``conf/finetune_*.yaml`` may hold, ``setting`` which robots, models and policy
 that means, ``start`` takes the base policy's weights over, ``translated`` and ``randomized`` are

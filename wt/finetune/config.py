@@ -1,4 +1,4 @@
-"""What ``conf/finetune_*.yaml`` may say."""
+"""The keys of ``conf/finetune_*.yaml``."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any, Literal, get_args
 
 import omegaconf
 
-from wt.config import Alignment, Tracking
+from wt.config import Alignment, TrackingConfig
 from wt.errors import ConfigError, suggest
 from wt.schema import check_numbers, parse, read
 
 Variant = Literal["none", "randomization", "translation", "diagnosed"]
-"""How a policy is adapted.
+"""The way in which a policy is adapted.
 
 ``none``: the base policy as it is; ``randomization``: in S with random physics and noisy
 observations; ``translation``: in S, whose every transition is translated; ``diagnosed``: likewise,
@@ -27,7 +27,7 @@ VARIANTS: tuple[Variant, ...] = get_args(Variant)
 
 @dataclass
 class Randomization:
-    """What the variant ``randomization`` draws for each robot (``randomization:``)."""
+    """Ranges from which the variant ``randomization`` draws each robot (``randomization:``)."""
 
     base_mass: list[float] = field(default_factory=lambda: [-1.0, 3.0])  # added, from … to [kg]
     friction: list[float] = field(default_factory=lambda: [0.3, 1.2])  # of the floor
@@ -40,15 +40,15 @@ class Randomization:
 
 @dataclass
 class Diagnosed:
-    """What the variant ``diagnosed`` needs (``diagnosed:``)."""
+    """Inputs of the variant ``diagnosed`` (``diagnosed:``)."""
 
     mjcf: str | None = None
     model: str | None = None
 
 
 @dataclass
-class Evaluation:
-    """How policies are judged in R (``evaluation:``)."""
+class EvaluationConfig:
+    """Evaluation of policies in R (``evaluation:``)."""
 
     episodes: int = 20
     seed: int = 1000
@@ -70,8 +70,8 @@ class Finetune:
     training: dict[str, Any] = field(default_factory=dict)
     randomization: Randomization = field(default_factory=Randomization)
     diagnosed: Diagnosed = field(default_factory=Diagnosed)
-    evaluation: Evaluation = omegaconf.MISSING
-    tracking: Tracking = field(default_factory=Tracking)
+    evaluation: EvaluationConfig = omegaconf.MISSING
+    tracking: TrackingConfig = field(default_factory=TrackingConfig)
 
 
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Finetune:

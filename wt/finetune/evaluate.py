@@ -10,11 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, Float, Float32
 
 from wt.worlds.legged import Herd, Start
 from wt.worlds.policy import Policy
-
-Array = np.ndarray
 
 _START = Start(joints=0.05)
 
@@ -39,8 +38,8 @@ class Downstream:
     fallen: float
 
 
-def commands(rows: Sequence[Sequence[float]], dt: float) -> Array:
-    """A sequence of commands, one per control step, (T, 3), float32.
+def commands(rows: Sequence[Sequence[float]], dt: float) -> Float32[np.ndarray, "step 3"]:
+    """A sequence of commands, one per control step.
 
     Args:
         rows: how long [s] which command holds: forward, sideways [m/s], turn [rad/s].
@@ -64,8 +63,8 @@ def evaluate(herd: Herd, policy: Policy, rows: Sequence[Sequence[float]], seed: 
     clock, up = policy.clock(episodes), np.ones(episodes, bool)
     error, power, tilt, counts, drift = [], [], [], [], []
     for command in commands(rows, herd.dt):
-        told = np.tile(command, (episodes, 1))
-        herd.step(policy.act(herd.observe(), told, clock.read(herd.time, told)))
+        robot_commands = np.tile(command, (episodes, 1))
+        herd.step(policy.act(herd.observe(), robot_commands, clock.read(herd.time, robot_commands)))
         up &= ~herd.fallen()
         counts.append(up.copy())
         off = herd.velocity()[:, :3] - command
@@ -78,16 +77,20 @@ def evaluate(herd: Herd, policy: Policy, rows: Sequence[Sequence[float]], seed: 
 
 
 def figures(
-    error: Array, tilt: Array, power: Array, drift: Array, up: Array
+    error: Float[np.ndarray, "step episode"],
+    tilt: Float[np.ndarray, "step episode 2"],
+    power: Float[np.ndarray, "step episode"],
+    drift: Float[np.ndarray, "step episode"],
+    up: Bool[np.ndarray, "step episode"],
 ) -> tuple[float, float, float, float]:
     """Tracking, stability, power and walking, means over the episodes that stood at all.
 
     Args:
-        error: of the turning rate, (T, episodes) [rad/s].
-        tilt: pitch and roll, (T, episodes, 2) [rad].
-        power: |τ · q̇|, (T, episodes) [W].
-        drift: error of the horizontal velocity, (T, episodes) [m/s].
-        up: which robots have not fallen yet, (T, episodes) bool.
+        error: of the turning rate [rad/s].
+        tilt: pitch and roll [rad].
+        power: |τ · q̇| [W].
+        drift: error of the horizontal velocity [m/s].
+        up: which robots have not fallen yet.
     """
     rows = []
     for k in np.flatnonzero(up.any(axis=0)):
@@ -99,7 +102,7 @@ def figures(
     return float(tracking), float(stability), float(mean_power), float(walking)
 
 
-def pitch_and_roll(gravity: Array) -> Array:
-    """Pitch and roll of trunks, (N, 2) [rad], from the direction of gravity in their frames."""
+def pitch_and_roll(gravity: Float[np.ndarray, "robot 3"]) -> Float[np.ndarray, "robot 2"]:
+    """Pitch and roll of trunks [rad], from the direction of gravity in their frames."""
     x, y, z = gravity.T
     return np.stack([np.arctan2(x, np.hypot(y, z)), np.arctan2(-y, -z)], axis=1)

@@ -1,4 +1,4 @@
-"""What ``wt-finetune`` does: train every variant with every seed, judge all of them in R.
+"""The work of ``wt-finetune``: train every variant with every seed, evaluate all of them in R.
 
 The folder of a run holds ``config.yaml``, ``results.json`` and ``results.md``, the models that were
 pulled, and a folder for each variant and seed with what a training of wt-train-policy leaves:
@@ -28,7 +28,7 @@ Show = Callable[[str, float], None]
 
 
 def run(config: Finetune, folder: Path, *, made_by: str, show: Show) -> tuple[dict[str, Any], Run]:
-    """Train what is not trained yet, judge everything in R, and leave the table.
+    """Train what is not trained yet, evaluate every policy in R, and leave the table.
 
     Args:
         config: what is done, checked.
@@ -49,7 +49,7 @@ def run(config: Finetune, folder: Path, *, made_by: str, show: Show) -> tuple[di
     models = _models(setting, folder)
     keep(config, folder)
     with tracked(config, folder) as current:
-        found = _figures(setting, folder, made_by, show, current)
+        by_variant = _figures(setting, folder, made_by, show, current)
         about = {
             "task": setting.world().spec.task,
             "policy": setting.base.card.name,
@@ -58,7 +58,7 @@ def run(config: Finetune, folder: Path, *, made_by: str, show: Show) -> tuple[di
             "iterations": iterations,
             "episodes": config.evaluation.episodes,
         }
-        results = plain(found, about)
+        results = plain(by_variant, about)
         save(results, folder)
         for name in ("results.json", "results.md"):
             current.artifact(folder / name)
@@ -90,13 +90,13 @@ def _figures(
 ) -> dict[str, dict[int, Downstream]]:
     """Figures by variant and seed; the base policy needs no training and has one."""
     config = setting.config
-    judged = config.evaluation
+    evaluation = config.evaluation
     jobs = [
         (variant, seed)
         for variant in config.variants
         for seed in (config.seeds if variant != "none" else config.seeds[:1])
     ]
-    found: dict[str, dict[int, Downstream]] = {}
+    by_variant: dict[str, dict[int, Downstream]] = {}
     for k, (variant, seed) in enumerate(jobs):
         name = f"{variant}-seed{seed}"
 
@@ -117,9 +117,9 @@ def _figures(
                 made_by, progress,
             )  # fmt: skip
             current.artifact(folder / name / "rollout.rrd", name)
-        show(f"judging {name}", (k + 1) / len(jobs))
-        herd = setting.reality(judged.episodes)
-        figures = evaluate(herd, policy, judged.commands, judged.seed)
-        found.setdefault(variant, {})[seed] = figures
+        show(f"evaluating {name}", (k + 1) / len(jobs))
+        herd = setting.reality(evaluation.episodes)
+        figures = evaluate(herd, policy, evaluation.commands, evaluation.seed)
+        by_variant.setdefault(variant, {})[seed] = figures
         current.metrics({f"{variant}/{key}": value for key, value in vars(figures).items()}, seed)
-    return found
+    return by_variant

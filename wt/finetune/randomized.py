@@ -5,21 +5,20 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float32
 
 from wt.finetune.config import Randomization
-from wt.locomotion.config import Policy
+from wt.locomotion.config import PolicyConfig
 from wt.locomotion.env import Walking, make_herd, make_model
 from wt.worlds.legged import TIMESTEP, Herd
 from wt.worlds.legged_model import LeggedPhysics
-
-Array = np.ndarray
 
 
 class Randomized(Walking):
     """Velocity tracking with random physics and noise on observations; see :class:`Walking`."""
 
     def __init__(
-        self, config: Policy, device: str, ranges: Randomization, timestep: float = TIMESTEP
+        self, config: PolicyConfig, device: str, ranges: Randomization, timestep: float = TIMESTEP
     ) -> None:
         """Draw every robot's physics and start all.
 
@@ -50,7 +49,7 @@ class Randomized(Walking):
         )
         return herd
 
-    def _observe(self) -> Array:
+    def _observe(self) -> Float32[np.ndarray, "robot obs"]:
         seen = self.herd.observe()
         noise = self._noise_rng.uniform(-1, 1, seen.shape).astype(np.float32)
         return np.asarray(seen + self._width * noise)

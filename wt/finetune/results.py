@@ -13,25 +13,25 @@ from wt.evaluate import paper
 from wt.finetune.evaluate import Downstream
 from wt.show.files import write_together
 
-Found = Mapping[str, Mapping[int, Downstream]]
+ByVariant = Mapping[str, Mapping[int, Downstream]]
 """Figures by variant and seed."""
 
 FIGURES = {"tracking": "rad/s", "stability": "rad", "power": "W"}
 OWN = {"walking": "m/s"}
 """Not in the paper's table: what turning well may have cost."""
 AIMS = {"tracking": 0.7, "stability": 1.05, "power": 1.05}
-"""What World Translation is to have at most, in units of no adaptation."""
+"""Upper limits that World Translation aims at, in units of no adaptation."""
 
 
-def plain(found: Found, about: Mapping[str, object]) -> dict[str, Any]:
+def plain(by_variant: ByVariant, about: Mapping[str, object]) -> dict[str, Any]:
     """As ``results.json`` has it.
 
     Args:
-        found: the figures.
+        by_variant: the figures.
         about: task, model and whatever else says what was measured.
     """
     variants: dict[str, Any] = {}
-    for variant, by_seed in found.items():
+    for variant, by_seed in by_variant.items():
         rows = list(by_seed.values())
         variants[variant] = {"seeds": list(by_seed)}
         for name in (*FIGURES, *OWN, "fallen"):
@@ -44,7 +44,9 @@ def plain(found: Found, about: Mapping[str, object]) -> dict[str, Any]:
         "units": {**FIGURES, **OWN},
         "variants": variants,
         "paper": {v: dict(zip(FIGURES, row, strict=True)) for v, row in paper.DOWNSTREAM.items()},
-        "to_none": {v: _ratios(variants, v) for v in variants if v != "none" and "none" in found},
+        "to_none": {
+            v: _ratios(variants, v) for v in variants if v != "none" and "none" in by_variant
+        },
     }
 
 

@@ -1,4 +1,4 @@
-"""What a configuration means: the task's two domains, the base policy, and how each is trained."""
+"""A configuration made concrete: the task's two domains, the base policy, each training."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import mujoco
 from wt.config import load as load_task
 from wt.errors import ConfigError
 from wt.finetune.config import Finetune, Variant
-from wt.locomotion.config import Policy as Training
+from wt.locomotion.config import PolicyConfig as Training
 from wt.locomotion.config import checked
 from wt.schema import merge, parse
 from wt.types import Domain
-from wt.worlds.legged import Herd, Robot
+from wt.worlds.legged import Herd, LeggedRobot
 from wt.worlds.policy import Policy
 from wt.worlds.robots import robot_of
-from wt.worlds.walking import WalkingWorld
-from wt.worlds.walking_options import WalkingOptions
+from wt.worlds.walking.options import WalkingOptions
+from wt.worlds.walking.world import WalkingWorld
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Setting:
 
     config: Finetune
     options: WalkingOptions
-    robot: Robot
+    robot: LeggedRobot
     base: Policy
 
     @classmethod
@@ -61,7 +61,7 @@ class Setting:
         return WalkingWorld(self._options(variant))
 
     def training(self, variant: Variant, seed: int) -> Training:
-        """How a variant is trained: as the base policy was, with what the configuration changes.
+        """Training of a variant: as the base policy's, with what the configuration changes.
 
         Raises:
             ConfigError: the configuration's ``training`` holds what a trainer does not know.
@@ -73,7 +73,7 @@ class Setting:
         return self._trained_in("real", self.base.card.name, 0)
 
     def reality(self, robots: int) -> Herd:
-        """R, where policies are judged.
+        """R, in which policies are evaluated.
 
         Args:
             robots: how many.

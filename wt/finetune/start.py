@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import onnx
 import torch
+from jaxtyping import Float
 from onnx import numpy_helper
 from rsl_rl.runners import OnPolicyRunner
 
@@ -18,6 +19,10 @@ from wt.errors import ModelError
 from wt.worlds.policy import GRAPH, Policy, folder_of
 
 _PARITY = 1e-4  # largest difference of an action, in units of the scale
+
+
+_Inputs = Float[np.ndarray, "*_ input"]
+_Layer = tuple[Float[np.ndarray, "_ _"], Float[np.ndarray, " _"]]
 
 
 def take_over(runner: OnPolicyRunner, policy: Policy, path: str, warm_up: int) -> None:
@@ -61,20 +66,20 @@ def take_over(runner: OnPolicyRunner, policy: Policy, path: str, warm_up: int) -
 
 def _weights(
     path: Path,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
+) -> tuple[_Inputs, _Inputs, _Inputs, list[_Layer]]:
     """Factors of the inputs, the normaliser's mean and divisor, each layer's weight and bias."""
     graph = onnx.load(path).graph
     arrays = {x.name: numpy_helper.to_array(x) for x in graph.initializer}
-    found: dict[str, list[list[np.ndarray]]] = {"Mul": [], "Sub": [], "Div": [], "Gemm": []}
+    constants: dict[str, list[list[np.ndarray]]] = {"Mul": [], "Sub": [], "Div": [], "Gemm": []}
     for node in graph.node:
-        if node.op_type in found:
-            found[node.op_type].append([arrays[name] for name in node.input if name in arrays])
-    first = [found[kind] for kind in ("Mul", "Sub", "Div")]
+        if node.op_type in constants:
+            constants[node.op_type].append([arrays[name] for name in node.input if name in arrays])
+    first = [constants[kind] for kind in ("Mul", "Sub", "Div")]
     one_each = all(len(nodes) == 1 == len(nodes[0]) for nodes in first)
-    if not one_each or any(len(layer) != 2 for layer in found["Gemm"]):
+    if not one_each or any(len(layer) != 2 for layer in constants["Gemm"]):
         raise ModelError(f"{path} is no normaliser and MLP as wt-train-policy exports them")
     scale, mean, spread = (nodes[0][0] for nodes in first)
-    return scale, mean, spread, [(w, b) for w, b in found["Gemm"]]
+    return scale, mean, spread, [(w, b) for w, b in constants["Gemm"]]
 
 
 def _compare(runner: OnPolicyRunner, policy: Policy, path: str) -> None:

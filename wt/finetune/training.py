@@ -23,7 +23,7 @@ SCALE_ROWS = 5000
 
 
 def environment(setting: Setting, variant: Variant, model: Path | None) -> Make:
-    """What makes a variant's environment.
+    """Factory of a variant's environment.
 
     Args:
         setting: the task.

@@ -19,25 +19,24 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from jaxtyping import Float, Float32, Int
 
 from registry.card import MODEL_FILE, Card
 from wt.config import Alignment
-from wt.evaluate.correction import correct
-from wt.locomotion.config import Policy
+from wt.evaluate.alignment import align
+from wt.locomotion.config import PolicyConfig
 from wt.locomotion.env import Walking, make_herd, make_model
 from wt.registered import Registered
 from wt.types import TransitionSpec
 from wt.worlds.legged import Herd
-from wt.worlds.walking_rollout import astray
-from wt.worlds.walking_state import WalkingState
+from wt.worlds.walking.rollout import astray
+from wt.worlds.walking.state import WalkingState
 
-Array = np.ndarray
-
-Translate = Callable[[Array, Array, Array], Array]
+Translate = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """From o (N, n_obs), a (N, n_action) and S's next state to R's, (N, n_state), physical units."""
 
 
-class Translated(Walking):
+class TranslatedWalking(Walking):
     """Velocity tracking under translated dynamics; see the module and :class:`Walking`.
 
     Its report also has ``astray``: the share of steps whose translation is no state that the robot
@@ -46,11 +45,11 @@ class Translated(Walking):
 
     def __init__(
         self,
-        config: Policy,
+        config: PolicyConfig,
         device: str,
         translate: Translate,
         alignment: Alignment = "state",
-        scale: Array | None = None,
+        scale: Float[np.ndarray, " state"] | None = None,
         mjcf: str | None = None,
         share: float = 1.0,
     ) -> None:
@@ -60,9 +59,9 @@ class Translated(Walking):
             config: what is trained.
             device: of the tensors.
             translate: the model.
-            alignment: whether states are overwritten, with or without standing feet that stay,
-                or actions corrected.
-            scale: what differences of states are measured in, (n_state,), where actions are.
+            alignment: how the simulator follows the translation, as in
+                :mod:`wt.evaluate.alignment`.
+            scale: what differences of states are measured in where actions are corrected.
             mjcf: text of the model that stands in S's place; None for the configuration's.
             share: of the robots whose transitions are translated; the others stay in S.
         """
@@ -70,7 +69,7 @@ class Translated(Walking):
         self._translate, self._scale, self._mjcf = translate, scale, mjcf
         super().__init__(config, device)
         self._state = WalkingState(self.herd.robot, self.herd.model)
-        self._stays = alignment == "stance"
+        self._alignment = alignment
         self._probe = self._make_herd() if alignment == "action" else None
 
     def _make_herd(self) -> Herd:
@@ -79,60 +78,98 @@ class Translated(Walking):
         model = make_model(self.cfg, mujoco.MjSpec.from_string(self._mjcf))
         return make_herd(self.cfg, self.cfg.robots, model=model)
 
-    def _move(self, action: Array) -> None:
+    def _move(self, action: Float[np.ndarray, "robot joint"]) -> None:
         """One control step as R would do it."""
         herd, robot = self.herd, self.herd.robot
         n = 6 + 2 * len(robot.joints)
         o = np.hstack([herd.observe()[:, :n], robot.targets(herd.action)]).astype(np.float32)
-        before = (herd.qpos.copy(), herd.qvel.copy()) if self._probe else None
-        herd.step(action)
-        a = robot.targets(herd.action).astype(np.float32)
-        answer = herd.observe()[:, :n]
-        k, target, hidden = self._count, answer.copy(), self._state.hidden(herd)
-        target[:k] = self._translate(o[:k], a[:k], answer[:k])
-        ground = herd.ground.height(hidden[:k, 0], hidden[:k, 1])
-        lost = astray(robot, target[:k], hidden[:k], ground)
+        taken = _HerdStep(herd, self._state, self._probe, action)
+        # translate
+        k, target = self._count, taken.answer.copy()
+        target[:k] = self._translate(o[:k], taken.action[:k], taken.answer[:k])
+        # refuse what no robot can be in: the simulator's answer stands there
+        ground = herd.ground.height(taken.hidden[:k, 0], taken.hidden[:k, 1])
+        lost = astray(robot, target[:k], taken.hidden[:k], ground)
         self.sums["astray"] = self.sums.get("astray", 0.0) + float(lost.mean())
-        rows = np.flatnonzero(~lost)
-        if self._stays:
-            hidden[rows] = self._state.feet.kept(
-                answer[rows], target[rows], hidden[rows], herd.ground.height
+        target[:k][lost] = taken.answer[:k][lost]
+        taken.rows = np.flatnonzero(~lost)
+        align(taken, target, self._alignment, self._scale)
+
+
+class _HerdStep:
+    """One step of a herd, as :func:`wt.evaluate.alignment.align` changes it, in place.
+
+    Attributes:
+        action: joint targets under which it was taken, (N, joints) [rad], float32.
+        answer: S's state channels after it, (N, n_state).
+        hidden: hidden variables after it, (N, n_hidden).
+        rows: robots that may be overwritten, (K,).
+    """
+
+    def __init__(
+        self,
+        herd: Herd,
+        state: WalkingState,
+        probe: Herd | None,
+        action: Float[np.ndarray, "robot joint"],
+    ) -> None:
+        """Let all robots take the step.
+
+        Args:
+            herd: the robots.
+            state: reads and writes them.
+            probe: as many robots on which other actions are tried; None if none will be.
+            action: the policy's.
+        """
+        self._herd, self._state, self._probe = herd, state, probe
+        self._before = (herd.qpos.copy(), herd.qvel.copy())
+        herd.step(action)
+        n = 6 + 2 * len(herd.robot.joints)
+        self.action: Float32[np.ndarray, "robot joint"] = herd.robot.targets(herd.action).astype(
+            np.float32
+        )
+        self.answer: Float[np.ndarray, "robot state"] = herd.observe()[:, :n]
+        self.hidden: Float[np.ndarray, "robot hidden"] = state.hidden(herd)
+        self.rows: Int[np.ndarray, " rows"] = np.arange(len(self.answer))
+
+    def end_state(
+        self, action: Float[np.ndarray, "robot joint"]
+    ) -> Float[np.ndarray, "robot state"]:
+        """As :class:`wt.evaluate.alignment.SimulatorStep`, of joint targets [rad]."""
+        probe = self._probe
+        assert probe is not None
+        probe.qpos[:], probe.qvel[:] = self._before
+        probe.step(probe.robot.actions(action))
+        return probe.observe()[:, : self.answer.shape[1]]
+
+    def overwrite(self, target: Float[np.ndarray, "robot state"], keep_stance: bool) -> None:
+        """As :class:`wt.evaluate.alignment.SimulatorStep`, of the robots in ``rows``."""
+        herd, rows = self._herd, self.rows
+        if keep_stance:
+            self.hidden[rows] = self._state.feet.kept(
+                self.answer[rows], target[rows], self.hidden[rows], herd.ground.height
             )
-        if before is None:
-            self._state.overwrite(herd, target, hidden, rows)
-        else:
-            target[:k][lost] = answer[:k][lost]
-            self._correct(before, a, target)
+        self._state.overwrite(herd, target, self.hidden, rows)
 
-    def _correct(self, before: tuple[Array, Array], a: Array, target: Array) -> None:
-        """Take the step again, under actions that bring the simulator nearest to the target."""
-        herd, probe = self.herd, self._probe
-        assert probe is not None and self._scale is not None
-        robot, n = herd.robot, target.shape[1]
-
-        def answer(targets: Array) -> Array:
-            probe.qpos[:], probe.qvel[:] = before
-            probe.step(robot.actions(targets))
-            return probe.observe()[:, :n]
-
-        better = correct(answer, a, target, self._scale)
-        asked = herd.action.copy()
-        herd.qpos[:], herd.qvel[:] = before
-        herd.step(robot.actions(better))
+    def retake(self, action: Float[np.ndarray, "robot joint"]) -> None:
+        """As :class:`wt.evaluate.alignment.SimulatorStep`, of joint targets [rad]."""
+        herd, asked = self._herd, self._herd.action.copy()
+        herd.qpos[:], herd.qvel[:] = self._before
+        herd.step(herd.robot.actions(action))
         herd.action[:], herd.steps = asked, herd.steps - 1  # one step, and the policy's own action
 
 
 def translated(
-    config: Policy,
+    config: PolicyConfig,
     device: str,
     *,
     folder: Path,
     spec: TransitionSpec,
     alignment: Alignment,
-    scale: Array | None,
+    scale: Float[np.ndarray, " state"] | None,
     mjcf: str | None = None,
     share: float = 1.0,
-) -> Translated:
+) -> TranslatedWalking:
     """The environment with a model that was pulled from the registry.
 
     Args:
@@ -140,7 +177,7 @@ def translated(
         device: of the tensors.
         folder: of the model and its card.
         spec: layout of the task's transitions.
-        alignment: see :class:`Translated`.
+        alignment: see :class:`TranslatedWalking`.
         scale: likewise.
         mjcf: likewise.
         share: likewise.
@@ -150,4 +187,4 @@ def translated(
     """
     card = Card.load(folder)
     model = Registered(folder / MODEL_FILE, card, spec, config.threads)
-    return Translated(config, device, model.predict, alignment, scale, mjcf, share)
+    return TranslatedWalking(config, device, model.predict, alignment, scale, mjcf, share)

@@ -1,7 +1,7 @@
 """Commands scaled inside a policy's graph, so that what is asked for is what is reached.
 
 The reward for following a command is nearly flat close to it, and what following costs is not: PPO
-leaves a policy that turns a fifth too slowly, whatever it is told. Where that is so in both
+leaves a policy that turns a fifth too slowly, whatever the command. Where that is so in both
 directions alike, a factor on the command makes up for it.
 """
 
@@ -13,27 +13,26 @@ from pathlib import Path
 
 import numpy as np
 import onnx
+from jaxtyping import Float
 from onnx import numpy_helper
 
-from wt.locomotion.evaluate import Evaluation
+from wt.locomotion.evaluate import PolicyEvaluation
 from wt.show.files import write_together
 from wt.worlds.policy import CARD, COMMAND, GRAPH, PolicyCard
 
-Array = np.ndarray
-
 LARGEST = 1.4
-"""Factors beyond it would be guesses at what the policy does where it has never been."""
+"""Largest factor: beyond it the policy would be asked for commands it was never trained on."""
 _ALIKE = 1.1  # largest ratio of what is reached of two opposite commands
 _WORTH = 0.02  # smallest change
 
 
-def factors(figures: Evaluation) -> Array:
-    """Command over what is reached of it, by axis of the command, (3,).
+def factors(figures: PolicyEvaluation) -> Float[np.ndarray, "command=3"]:
+    """Command over what is reached of it, by axis of the command [-].
 
     It is 1 where robots fell, where both directions differ, and where it would be beyond
     :data:`LARGEST` or hardly matter.
     """
-    found = np.ones(len(COMMAND))
+    by_axis = np.ones(len(COMMAND))
     for a, axis in enumerate(COMMAND):
         tried = [t for t in figures.tracking if t.axis == axis]
         reached = np.array([t.mean / t.command for t in tried])
@@ -42,16 +41,16 @@ def factors(figures: Evaluation) -> Array:
         factor = float(1.0 / reached.mean())
         alike = reached.max() <= _ALIKE * reached.min()
         if alike and abs(factor - 1.0) >= _WORTH and 1.0 / LARGEST <= factor <= LARGEST:
-            found[a] = factor
-    return found
+            by_axis[a] = factor
+    return by_axis
 
 
-def calibrate(folder: Path, by: Array) -> None:
+def calibrate(folder: Path, by: Float[np.ndarray, "command=3"]) -> None:
     """Scale the commands of the policy in a folder; graph and card are replaced together.
 
     Args:
         folder: of ``policy.onnx`` and its card.
-        by: factor of each command, (3,), on top of those that it has.
+        by: factor of each command, on top of those that it has.
     """
     card = PolicyCard.read(folder / CARD)
     model = onnx.load(folder / GRAPH)

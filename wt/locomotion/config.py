@@ -1,4 +1,4 @@
-"""What ``conf/policy_*.yaml`` may say."""
+"""The schema of ``conf/policy_*.yaml``."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import omegaconf
 
 from wt.errors import ConfigError, suggest
 from wt.schema import check_numbers, parse, read
-from wt.worlds.gait import Clock, Gait
-from wt.worlds.legged import Robot, Scene, Start
+from wt.worlds.gait import Gait, GaitClock
+from wt.worlds.legged import LeggedRobot, LeggedScene, Start
 from wt.worlds.legged_model import LeggedPhysics
 from wt.worlds.robots import robot_of
 
@@ -22,12 +22,12 @@ Device = Literal["auto", "cpu", "cuda"]
 
 @dataclass
 class Commands:
-    """Which commands are practised (``commands:``)."""
+    """The commands that are practised (``commands:``)."""
 
     forward: float = 1.0  # largest, either way [m/s]
     sideways: float = 0.5  # [m/s]
     turn: float = 1.0  # [rad/s]
-    seconds: float = 5.0  # a command holds so long on average
+    seconds: float = 5.0  # mean time that a command holds
     standing: float = 0.1  # share of zero commands
     single: float = 0.3  # share of commands of one axis alone
 
@@ -39,7 +39,7 @@ class Commands:
 
 @dataclass
 class Episodes:
-    """How robots are started and disturbed (``episodes:``); none of it alters their dynamics."""
+    """Starts and disturbances of robots (``episodes:``); none of them alters their dynamics."""
 
     seconds: float = 20.0
     start: Start = field(default_factory=lambda: Start(joints=0.1, speed=0.3))
@@ -104,8 +104,8 @@ class Ppo:
 
 
 @dataclass
-class Policy:
-    """Everything ``wt-train-policy`` reads."""
+class PolicyConfig:
+    """The configuration that ``wt-train-policy`` reads."""
 
     name: str = omegaconf.MISSING
     robot: str = omegaconf.MISSING
@@ -116,7 +116,7 @@ class Policy:
     device: Device = "auto"
     save_every: int = 50
     physics: LeggedPhysics | None = None
-    scene: Scene = field(default_factory=Scene)
+    scene: LeggedScene = field(default_factory=LeggedScene)
     gait: Gait | None = None
     joints: list[str] = field(default_factory=lambda: ["*"])  # patterns of those that it moves
     commands: Commands = field(default_factory=Commands)
@@ -124,13 +124,17 @@ class Policy:
     rewards: Rewards = field(default_factory=Rewards)
     ppo: Ppo = field(default_factory=Ppo)
 
-    def body(self) -> Robot:
+    def body(self) -> LeggedRobot:
         """The robot that is to walk."""
         return robot_of(self.robot)
 
-    def clock(self, size: int) -> Clock:
-        """The clocks that so many robots walk to."""
-        return Clock(self.gait.period, size, self.gait.rests) if self.gait else Clock(None, size)
+    def clock(self, size: int) -> GaitClock:
+        """The clocks of ``size`` robots."""
+        return (
+            GaitClock(self.gait.period, size, self.gait.rests)
+            if self.gait
+            else GaitClock(None, size)
+        )
 
     def moved(self) -> tuple[str, ...]:
         """The joints that the policy moves, in the robot's order; others keep the default pose.
@@ -140,11 +144,11 @@ class Policy:
         """
         names = self.body().joints
         fits = [fitting("joints", pattern, names) for pattern in self.joints]
-        return tuple(name for name, *some in zip(names, *fits, strict=True) if any(some))
+        return tuple(name for name, *fit in zip(names, *fits, strict=True) if any(fit))
 
 
 def fitting(key: str, pattern: str, joints: Sequence[str]) -> list[bool]:
-    """Which joints a pattern of their names fits.
+    """One boolean a joint: true where a pattern fits its name.
 
     Args:
         key: where the configuration has it, for the message.
@@ -160,7 +164,7 @@ def fitting(key: str, pattern: str, joints: Sequence[str]) -> list[bool]:
     return fits
 
 
-def load(path: str | Path, overrides: Sequence[str] = ()) -> Policy:
+def load(path: str | Path, overrides: Sequence[str] = ()) -> PolicyConfig:
     """Read a configuration, apply overrides, check it.
 
     Args:
@@ -173,13 +177,13 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Policy:
     return checked(read(Path(path), overrides))
 
 
-def checked(tree: Mapping[str, Any]) -> Policy:
+def checked(tree: Mapping[str, Any]) -> PolicyConfig:
     """A configuration from nested plain values.
 
     Raises:
         ConfigError: as :func:`load`.
     """
-    config = parse(Policy, tree, "")
+    config = parse(PolicyConfig, tree, "")
     check_numbers(config, _ABOVE_ZERO)
     if not config.moved():
         raise ConfigError("joints is empty; ['*'] moves all joints of the robot")

@@ -12,29 +12,31 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import torch
+from jaxtyping import Bool, Float32, Int
 from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
 from wt.locomotion import feet
-from wt.locomotion.config import Commands, Policy
+from wt.locomotion.config import Commands, PolicyConfig
 from wt.locomotion.mirror import Mirror
-from wt.locomotion.rewards import Judge, Step
+from wt.locomotion.rewards import RewardSum, Step
 from wt.worlds.legged import TIMESTEP, Herd
-
-Array = np.ndarray
 
 _SOFT = 0.9  # share of a joint's range within its soft limits
 _CLIP = 20.0  # of actions: what a net that went astray may ask for
 
 
 def make_herd(
-    config: Policy, robots: int, threads: int | None = None, model: mujoco.MjModel | None = None
+    config: PolicyConfig,
+    robots: int,
+    threads: int | None = None,
+    model: mujoco.MjModel | None = None,
 ) -> Herd:
     """A herd with sensors at the feet, as the configuration describes it.
 
     Args:
         config: what is trained.
-        robots: how many.
+        robots: their number.
         threads: physics threads instead of the configuration's.
         model: of :func:`make_model`, instead of the configuration's own.
     """
@@ -43,7 +45,7 @@ def make_herd(
 
 
 def make_model(
-    config: Policy, spec: mujoco.MjSpec | None = None, timestep: float = TIMESTEP
+    config: PolicyConfig, spec: mujoco.MjSpec | None = None, timestep: float = TIMESTEP
 ) -> mujoco.MjModel:
     """The model that a configuration describes, with sensors at the feet.
 
@@ -64,12 +66,14 @@ class Walking(VecEnv):
 
     Attributes:
         herd: the robots.
-        command: what they are told, (N, 3), float32.
+        command: the velocities that they are to walk at [m/s, m/s, rad/s].
         mirror: for the symmetry extension.
         sums: running sums of what is logged, since :meth:`report`.
     """
 
-    def __init__(self, config: Policy, device: str) -> None:
+    command: Float32[np.ndarray, "robot command=3"]
+
+    def __init__(self, config: PolicyConfig, device: str) -> None:
         """Start all robots.
 
         Args:
@@ -86,8 +90,8 @@ class Walking(VecEnv):
         self.episode_length_buf = torch.zeros(herd.size, dtype=torch.long)
         self.mirror = Mirror(herd.robot, model, device, moved, config.gait is not None)
         self._rng = np.random.default_rng(config.seed)
-        self._judge = Judge(config.rewards, herd.robot.joints)
-        self._feet, self._clock = feet.Feet(herd), config.clock(herd.size)
+        self._reward = RewardSum(config.rewards, herd.robot.joints)
+        self._feet, self._clock = feet.FootSensors(herd), config.clock(herd.size)
         self._torque = herd.batch.bind("actuator_force")[:, :n]
         joints = [model.joint(name).id for name in herd.robot.joints]
         low, high = model.jnt_range[joints].T
@@ -108,15 +112,15 @@ class Walking(VecEnv):
         self._observation = self._tensors()
 
     def _make_herd(self) -> Herd:
-        """The robots; what another environment does otherwise."""
+        """The robots; one of three methods that another environment overrides."""
         return make_herd(self.cfg, self.cfg.robots)
 
-    def _move(self, action: Array) -> None:
-        """One control step of all robots under actions (N, n); likewise."""
+    def _move(self, action: Float32[np.ndarray, "robot joint"]) -> None:
+        """One control step of all robots under actions; likewise."""
         self.herd.step(action)
 
-    def _observe(self) -> Array:
-        """What the actor sees of the robots, (N, n_obs), float32; likewise."""
+    def _observe(self) -> Float32[np.ndarray, "robot obs"]:
+        """The actor's observation of the robots; likewise."""
         return self.herd.observe()
 
     def get_observations(self) -> TensorDict:
@@ -126,7 +130,7 @@ class Walking(VecEnv):
     def step(
         self, actions: torch.Tensor
     ) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, torch.Tensor]]:
-        """One control step of all robots; who falls or is out of time starts anew."""
+        """One control step; robots that fall or are out of time start anew."""
         herd = self.herd
         last_action = herd.action.copy()
         action = np.zeros_like(last_action)
@@ -136,7 +140,7 @@ class Walking(VecEnv):
         self._velocity = herd.velocity().astype(np.float32)
         fallen = herd.fallen()
         step = self._measure(last_action)
-        reward, means = self._judge(step, fallen)
+        reward, means = self._reward(step, fallen)
         self._log(step, reward, fallen, means)
         self.episode_length_buf += 1
         late = self.episode_length_buf.numpy() >= self.max_episode_length
@@ -168,7 +172,7 @@ class Walking(VecEnv):
         self._steps, self._ended, self._lived = 0, 0, 0
         return means
 
-    def _measure(self, last_action: Array) -> Step:
+    def _measure(self, last_action: Float32[np.ndarray, "robot joint"]) -> Step:
         herd, foot = self.herd, self._feet
         pos, vel = herd.joint_pos.astype(np.float32), herd.joint_vel.astype(np.float32)
         acc = (vel - self._last_vel) / np.float32(herd.dt)
@@ -199,14 +203,20 @@ class Walking(VecEnv):
             dt=herd.dt,
         )
 
-    def _swing(self) -> Array:
+    def _swing(self) -> Float32[np.ndarray, "robot foot"]:
         gait, herd = self.cfg.gait, self.herd
         if gait is None:
             return np.full_like(self._feet.clearance, -1.0)
         running = self._clock.running[:, None]
         return np.where(running, gait.swing(herd.time, herd.robot.turns), np.float32(-1.0))
 
-    def _log(self, step: Step, reward: Array, fallen: Array, means: dict[str, float]) -> None:
+    def _log(
+        self,
+        step: Step,
+        reward: Float32[np.ndarray, " robot"],
+        fallen: Bool[np.ndarray, " robot"],
+        means: dict[str, float],
+    ) -> None:
         error = np.abs(step.velocity[:, :3] - step.command).mean(0)
         values = {
             "reward": float(reward.mean()) / self.herd.dt,
@@ -220,7 +230,7 @@ class Walking(VecEnv):
             self.sums[name] = self.sums.get(name, 0.0) + value
         self._steps += 1
 
-    def _restart(self, ids: Array) -> None:
+    def _restart(self, ids: Int[np.ndarray, " restarted"]) -> None:
         self.herd.reset(ids, self._rng, self.cfg.episodes.start)
         self.episode_length_buf[ids] = 0
         self._feet.forget(ids)
@@ -252,8 +262,10 @@ class Walking(VecEnv):
         return TensorDict(tensors, batch_size=[herd.size], device=self.device)
 
 
-def sample_commands(commands: Commands, count: int, rng: np.random.Generator) -> Array:
-    """Commands to practise, (count, 3), float32: uniform, some of one axis alone, some zero."""
+def sample_commands(
+    commands: Commands, count: int, rng: np.random.Generator
+) -> Float32[np.ndarray, "{count} command=3"]:
+    """Commands to practise: uniform, some of one axis alone, some zero."""
     out = rng.uniform(-1, 1, (count, 3)) * commands.largest
     kind = rng.random(count)
     single = kind < commands.single

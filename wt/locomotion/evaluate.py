@@ -1,4 +1,4 @@
-"""How well a policy walks: tracking, falls, power and gait, on the exported graph.
+"""Figures of a policy that walks: tracking, falls, power and gait, on the exported graph.
 
 Nothing is pushed and nobody restarts: a robot that fell counts as fallen from there on.
 """
@@ -9,15 +9,14 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
 import numpy as np
+from jaxtyping import Bool
 
-from wt.locomotion.config import Policy as Config
+from wt.locomotion.config import PolicyConfig
 from wt.locomotion.env import make_herd, sample_commands
-from wt.locomotion.feet import Feet
+from wt.locomotion.feet import FootSensors
 from wt.worlds.legged import COMMAND, Herd, Start
 
-Array = np.ndarray
-
-Act = Callable[[Array, Array, Array], Array]
+Act = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """From observation, command and clock to action, as :meth:`wt.worlds.policy.Policy.act`."""
 
 SETTLE_SECONDS = 2.0
@@ -28,11 +27,11 @@ _LIFTED = 0.01  # m: a foot that rose less was not lifted
 
 
 @dataclass(frozen=True)
-class Tracking:
-    """One command, held.
+class CommandTracking:
+    """Tracking of one constant command.
 
     Attributes:
-        axis: which of :data:`wt.worlds.legged.COMMAND`.
+        axis: one of :data:`wt.worlds.legged.COMMAND`.
         command: [m/s] or [rad/s].
         mean: velocity reached, over time and robots.
         error: mean of |1 s averages of the velocity − command| over |command|, robots and time.
@@ -49,17 +48,17 @@ class Tracking:
 
 
 @dataclass(frozen=True)
-class Walk:
-    """Changing commands for a minute.
+class WalkFigures:
+    """Figures of a minute of changing commands.
 
     Attributes:
-        robots: how many.
-        seconds: how long each [s].
+        robots: their number.
+        seconds: duration of each walk [s].
         fallen: share that fell.
         power: mean Σ|τ q̇| [W].
-        cost_of_transport: power over weight and mean speed, while told to walk at over 0.3 m/s.
+        cost_of_transport: power over weight and mean speed, where the command is over 0.3 m/s.
         duty_factor: share of time that a foot is on the ground while walking.
-        clearance: median of how high feet are lifted in a swing [m].
+        clearance: median height to which feet are lifted in a swing [m].
         step_seconds: median time of a swing [s].
         strides_hz: landings of a foot per second while walking.
     """
@@ -76,14 +75,14 @@ class Walk:
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class PolicyEvaluation:
     """All figures of a policy."""
 
-    tracking: tuple[Tracking, ...]
-    walk: Walk
+    tracking: tuple[CommandTracking, ...]
+    walk: WalkFigures
 
     def plain(self) -> dict[str, object]:
-        """As JSON would have it."""
+        """The figures as nested plain values, for JSON."""
         return asdict(self)
 
     @property
@@ -93,30 +92,32 @@ class Evaluation:
 
 
 def evaluate(
-    config: Config,
+    config: PolicyConfig,
     act: Act,
     *,
     threads: int = 0,
     robots: int = 16,
     walkers: int = 64,
     seed: int = 1,
-) -> Evaluation:
+) -> PolicyEvaluation:
     """Let a policy walk in the scene that it was trained in.
 
     Args:
         config: says robot, physics, scene and commands.
         act: the policy.
         threads: physics threads; 0 for one per core.
-        robots: for each of the six held commands.
+        robots: for each of the six constant commands.
         walkers: robots that walk for a minute.
         seed: of starts and commands.
     """
-    return Evaluation(
+    return PolicyEvaluation(
         _track(config, act, threads, robots, seed), _walk(config, act, threads, walkers, seed)
     )
 
 
-def _track(config: Config, act: Act, threads: int, robots: int, seed: int) -> tuple[Tracking, ...]:
+def _track(
+    config: PolicyConfig, act: Act, threads: int, robots: int, seed: int
+) -> tuple[CommandTracking, ...]:
     largest = np.array(config.commands.largest, np.float32)
     axes = [(a, sign) for a in range(3) for sign in (1, -1) if largest[a] > 0]
     command = np.zeros((len(axes) * robots, 3), np.float32)
@@ -143,7 +144,7 @@ def _track(config: Config, act: Act, threads: int, robots: int, seed: int) -> tu
         off = np.abs(averages[:, these] - command[these]).mean((0, 1))
         others = [off[b] / largest[b] for b in range(3) if b != a and largest[b] > 0]
         out.append(
-            Tracking(
+            CommandTracking(
                 axis=COMMAND[a],
                 command=float(sign * largest[a]),
                 mean=float(settled[:, these, a].mean()),
@@ -155,9 +156,9 @@ def _track(config: Config, act: Act, threads: int, robots: int, seed: int) -> tu
     return tuple(out)
 
 
-def _walk(config: Config, act: Act, threads: int, robots: int, seed: int) -> Walk:
+def _walk(config: PolicyConfig, act: Act, threads: int, robots: int, seed: int) -> WalkFigures:
     herd = make_herd(config, robots, threads)
-    feet, gait, clock = Feet(herd), _Gait(herd), config.clock(robots)
+    feet, gait, clock = FootSensors(herd), _GaitAccumulator(herd), config.clock(robots)
     rng = np.random.default_rng(seed + 1)
     herd.reset(np.arange(robots), rng, Start(joints=0.05, area=config.episodes.start.area))
     feet.forget(np.arange(robots))
@@ -169,10 +170,12 @@ def _walk(config: Config, act: Act, threads: int, robots: int, seed: int) -> Wal
         feet.update()
         fallen |= herd.fallen()
         gait.add(feet, ~fallen, np.hypot(command[:, 0], command[:, 1]) > 0.3)
-    return Walk(robots=robots, seconds=WALK_SECONDS, fallen=float(fallen.mean()), **gait.figures())
+    return WalkFigures(
+        robots=robots, seconds=WALK_SECONDS, fallen=float(fallen.mean()), **gait.figures()
+    )
 
 
-class _Gait:
+class _GaitAccumulator:
     """Sums up what the feet and drives of a herd do."""
 
     def __init__(self, herd: Herd) -> None:
@@ -183,10 +186,21 @@ class _Gait:
         self._powers: list[float] = []
         self._costs: list[tuple[float, float]] = []  # power and speed while walking
         self._duty: list[tuple[float, int]] = []
-        self._swings: list[Array] = []  # clearance and time of each swing, (K, 2)
+        self._swings: list[np.ndarray] = []  # clearance and time of each swing, (K, 2)
 
-    def add(self, feet: Feet, upright: Array, walking: Array) -> None:
-        """Take in one control step of robots that are upright, and of those told to walk."""
+    def add(
+        self,
+        feet: FootSensors,
+        upright: Bool[np.ndarray, " robot"],
+        walking: Bool[np.ndarray, " robot"],
+    ) -> None:
+        """Take in one control step.
+
+        Args:
+            feet: of all robots.
+            upright: true where a robot has not fallen.
+            walking: true where the command is to walk.
+        """
         herd, walking = self._herd, walking & upright
         power = (np.abs(self._torque) * np.abs(herd.joint_vel)).sum(1)
         velocity = herd.velocity()
@@ -202,7 +216,7 @@ class _Gait:
         self._highest[feet.contact] = 0.0
 
     def figures(self) -> dict[str, float]:
-        """The gait's part of :class:`Walk`."""
+        """The gait's part of :class:`WalkFigures`."""
         costs, duty = np.array(self._costs or [(0, 1)]), np.array(self._duty or [(0, 1)])
         swings = np.concatenate(self._swings)
         clearance, seconds = np.median(swings, axis=0) if len(swings) else (0.0, 0.0)
@@ -217,7 +231,7 @@ class _Gait:
         }
 
 
-def table(evaluation: Evaluation) -> str:
+def table(evaluation: PolicyEvaluation) -> str:
     """The figures as lines of text."""
     lines = [f"{'command':<18}{'reached':>9}{'error':>8}{'drift':>8}{'fallen':>8}"]
     for t in evaluation.tracking:

@@ -21,8 +21,8 @@ from omegaconf import OmegaConf
 
 from wt.errors import WorkError
 from wt.export.graph import graph
-from wt.locomotion.config import Policy as Config
-from wt.locomotion.evaluate import Evaluation
+from wt.locomotion.config import PolicyConfig
+from wt.locomotion.evaluate import PolicyEvaluation
 from wt.locomotion.train import Trained
 from wt.show.files import write_together, write_whole
 from wt.worlds.legged import RATE_HZ
@@ -36,7 +36,7 @@ class Actor(torch.nn.Module):
     """The mean action of an actor as a function of one tensor: normaliser, then net.
 
     Joints that it does not move get the action 0. It never saw another last action of theirs, so
-    what a user's exploration asks of them is kept from it.
+    an exploration that moves them is hidden from it.
     """
 
     normalizer: torch.nn.Module
@@ -44,15 +44,15 @@ class Actor(torch.nn.Module):
     seen: torch.Tensor
     spread: torch.Tensor
 
-    def __init__(self, model: Any, config: Config) -> None:  # noqa: ANN401 – rsl_rl's MLPModel
+    def __init__(self, model: Any, config: PolicyConfig) -> None:  # noqa: ANN401 – rsl_rl's MLPModel
         """Copy the parts of rsl_rl's ``MLPModel``, trained with a configuration."""
         super().__init__()
         self.normalizer = copy.deepcopy(model.obs_normalizer)
         self.mlp = copy.deepcopy(model.mlp)
         joints, moved = config.body().joints, config.moved()
         names = observation_names(config.body(), config.gait is not None)
-        held = {f"last_action/{joint}" for joint in joints if joint not in moved}
-        self.register_buffer("seen", torch.tensor([float(name not in held) for name in names]))
+        unmoved = {f"last_action/{joint}" for joint in joints if joint not in moved}
+        self.register_buffer("seen", torch.tensor([float(name not in unmoved) for name in names]))
         rows = [[float(joint == name) for joint in joints] for name in moved]
         self.register_buffer("spread", torch.tensor(rows))
         self.eval()
@@ -65,7 +65,7 @@ class Actor(torch.nn.Module):
 
 def write(
     trained: Trained,
-    config: Config,
+    config: PolicyConfig,
     folder: Path,
     made_by: str,
 ) -> PolicyCard:
@@ -74,9 +74,9 @@ def write(
     The card has no evaluation yet: :func:`judged` adds it.
 
     Args:
-        trained: what came out of the training.
-        config: what it was trained with.
-        folder: where to; it is made.
+        trained: result of the training.
+        config: its configuration.
+        folder: of the policy; it is made.
         made_by: the command line.
 
     Raises:
@@ -118,7 +118,7 @@ def write(
     return card
 
 
-def judged(folder: Path, figures: Evaluation) -> None:
+def judged(folder: Path, figures: PolicyEvaluation) -> None:
     """Write what was measured of a policy into the card in its folder."""
     card = PolicyCard.read(folder / CARD)
     write_whole(folder / CARD, replace(card, evaluation=figures.plain()).text())

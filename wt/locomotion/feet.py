@@ -1,4 +1,4 @@
-"""What is sensed of the feet: for rewards, critics and figures of gait, never for an actor.
+"""Sensors of the feet: for rewards, critics and figures of gait, never for an actor.
 
 The sensors are added to the description of a robot before it is compiled; they change nothing
 about its motion. Their values are those of the last physics step's beginning, 5 ms ago.
@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from jaxtyping import Bool, Float, Float32, Int
 
-from wt.worlds.legged import Herd, Robot
-
-Array = np.ndarray
+from wt.worlds.legged import Herd, LeggedRobot
 
 _PREFIX = "feet/"
 _FOUND = 1  # bit of the contact sensor's data field "found", the number of contacts
@@ -20,7 +19,7 @@ _NET = 3  # its reduction "netforce"
 _WIDTH = 10  # numbers a foot: position, velocity, contacts, force
 
 
-def add_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
+def add_sensors(spec: mujoco.MjSpec, robot: LeggedRobot) -> None:
     """Add position, velocity and contacts of each foot, and all contacts with the ground."""
     body, geom = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_GEOM
     sole = body if robot.sole_bodies else geom
@@ -41,20 +40,29 @@ def add_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
     )  # fmt: skip
 
 
-class Feet:
-    """The feet of a herd; F of each robot.
+class FootSensors:
+    """The feet of a herd.
 
     Attributes:
-        contact: which touch the ground, (N, F) bool.
-        force: of contact, (N, F) [N].
-        clearance: of their sites over where they rest on the ground, (N, F) [m].
-        speed: horizontal, (N, F) [m/s].
-        air: how long each is in the air, and for the step of touching down how long it was,
-            (N, F) [s].
-        stance: how long each is on the ground, likewise, (N, F) [s].
-        landed: which touched down in this step, (N, F) bool.
-        others: contacts of other parts with the ground, such as knees and trunk, (N,).
+        contact: true where a foot touches the ground.
+        force: of contact [N].
+        clearance: height of their sites over where they rest on the ground [m].
+        speed: horizontal [m/s].
+        air: time that each has been in the air, and for the step of touching down the time that it
+            was [s].
+        stance: time that each has been on the ground, likewise [s].
+        landed: true where a foot touched down in this step.
+        others: contacts of other parts with the ground, such as knees and trunk.
     """
+
+    contact: Bool[np.ndarray, "robot foot"]
+    force: Float32[np.ndarray, "robot foot"]
+    clearance: Float[np.ndarray, "robot foot"]
+    speed: Float32[np.ndarray, "robot foot"]
+    air: Float32[np.ndarray, "robot foot"]
+    stance: Float32[np.ndarray, "robot foot"]
+    landed: Bool[np.ndarray, "robot foot"]
+    others: Float32[np.ndarray, " robot"]
 
     def __init__(self, herd: Herd) -> None:
         """Find the sensors.
@@ -95,8 +103,8 @@ class Feet:
         ground = self._herd.ground.height(x, y)
         self.clearance = z - np.float32(self._herd.robot.foot_rest) - ground
 
-    def forget(self, ids: Array) -> None:
-        """Some robots started anew."""
+    def forget(self, ids: Int[np.ndarray, " restarted"]) -> None:
+        """Forget the history of robots that started anew."""
         self.contact[ids], self.landed[ids], self.others[ids] = True, False, 0.0
         for values in (self.air, self.stance, self.force, self.clearance, self.speed):
             values[ids] = 0.0

@@ -1,4 +1,4 @@
-"""What ``wt-train-policy`` does, step by step: train, export, evaluate, calibrate, put in place."""
+"""The steps of ``wt-train-policy``: train, export, evaluate, calibrate, put in place."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wt.errors import ConfigError
-from wt.locomotion.config import Policy as Config
+from wt.locomotion.config import PolicyConfig
 from wt.show.files import write_together
 from wt.worlds.policy import CARD, GRAPH, SHIPPED, Policy
 
 if TYPE_CHECKING:
-    from wt.locomotion.evaluate import Evaluation
+    from wt.locomotion.evaluate import PolicyEvaluation
 
 
 def run(
-    config: Config,
+    config: PolicyConfig,
     folder: Path,
     *,
     made_by: str,
@@ -36,7 +36,7 @@ def run(
         config: what is trained.
         folder: of the training.
         made_by: the command line, for the card.
-        show: told what is being done and which share is behind.
+        show: called with the present step and the share of the training that is done.
         resume: continue from the folder's checkpoint.
         start_from: a checkpoint of another training.
         seconds: wall clock of the training [s].
@@ -79,12 +79,12 @@ def run(
     return table(figures)
 
 
-def _calibrated(config: Config, folder: Path) -> tuple[Policy, Evaluation]:
+def _calibrated(config: PolicyConfig, folder: Path) -> tuple[Policy, PolicyEvaluation]:
     """The policy in a folder and its figures, once its commands are scaled to what it reaches."""
     from wt.locomotion.calibrate import calibrate, factors
     from wt.locomotion.evaluate import evaluate
 
-    def judged() -> tuple[Policy, Evaluation]:
+    def judged() -> tuple[Policy, PolicyEvaluation]:
         policy = Policy.load(folder, config.body(), config.physics)
         threads = config.threads * config.processes
         return policy, evaluate(config, policy.act, threads=threads)

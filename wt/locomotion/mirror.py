@@ -5,12 +5,14 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import torch
+from jaxtyping import Float, Int
 from tensordict import TensorDict
 
 from wt.errors import ConfigError
-from wt.worlds.legged import Robot
+from wt.worlds.legged import LeggedRobot
 
-Array = np.ndarray
+_Map = tuple[np.ndarray, np.ndarray]
+"""Order and sign of channels: two vectors of one length."""
 
 ACTOR_AND_CRITIC = ("policy", "privileged")
 """Groups of observations."""
@@ -24,7 +26,7 @@ class Mirror:
 
     def __init__(
         self,
-        robot: Robot,
+        robot: LeggedRobot,
         model: mujoco.MjModel,
         device: str | torch.device,
         moved: tuple[str, ...] | None = None,
@@ -35,7 +37,7 @@ class Mirror:
         Args:
             robot: whose joints are named by sides (``left_…``, or legs ``FL``, ``FR``, …).
             model: compiled; says about which axis each joint turns.
-            device: where the samples will be.
+            device: of the samples.
             moved: joints that actions are of; None for all.
             has_clock: whether the policy sees a clock, which mirrored is half a period later.
 
@@ -43,7 +45,7 @@ class Mirror:
             ConfigError: a joint is moved and its counterpart is not.
         """
 
-        def joints(names: tuple[str, ...]) -> tuple[Array, Array]:
+        def joints(names: tuple[str, ...]) -> _Map:
             # a hinge across the robot's plane turns alike on both sides, any other the other way
             across = [abs(model.joint(name).axis[1]) > 0.5 for name in names]
             return _partners(names), np.where(across, 1.0, -1.0)
@@ -63,8 +65,10 @@ class Mirror:
             }.items()
         }  # fmt: skip
 
-    def __call__(self, name: str, x: torch.Tensor) -> torch.Tensor:
-        """The mirror image of samples, (N, …) each of a group named as in ``maps``."""
+    def __call__(
+        self, name: str, x: Float[torch.Tensor, "sample channel"]
+    ) -> Float[torch.Tensor, "sample channel"]:
+        """The mirror image of samples of one group, named as in ``maps``."""
         order, sign = self.maps[name]
         return x[:, order] * sign
 
@@ -72,7 +76,7 @@ class Mirror:
 def augment(
     env: object, obs: TensorDict | None, actions: torch.Tensor | None
 ) -> tuple[TensorDict | None, torch.Tensor | None]:
-    """What rsl_rl's symmetry extension calls: the samples, then their mirror images."""
+    """Samples, then their mirror images; called by rsl_rl's symmetry extension."""
     mirror: Mirror = env.mirror  # type: ignore[attr-defined]
     if obs is not None:
         flipped = {name: mirror(name, obs[name]) for name in ACTOR_AND_CRITIC}
@@ -83,7 +87,7 @@ def augment(
     return obs, actions
 
 
-def _partners(names: tuple[str, ...]) -> Array:
+def _partners(names: tuple[str, ...]) -> Int[np.ndarray, " name"]:
     """Index of each name's counterpart on the other side; its own if it is in the middle."""
 
     def other(name: str) -> str:
@@ -99,12 +103,12 @@ def _partners(names: tuple[str, ...]) -> Array:
     return np.array([names.index(other(name)) for name in names])
 
 
-def _signs(signs: str) -> tuple[Array, Array]:
+def _signs(signs: str) -> _Map:
     """Channels that stay where they are, each as it is (+) or the other way round (−)."""
     return np.arange(len(signs)), np.array([1.0 if sign == "+" else -1.0 for sign in signs])
 
 
-def _joined(parts: list[tuple[Array, Array]]) -> tuple[Array, Array]:
+def _joined(parts: list[_Map]) -> _Map:
     starts = np.cumsum([0, *(len(order) for order, _ in parts)])
     order = np.concatenate([start + o for start, (o, _) in zip(starts, parts, strict=False)])
     return order, np.concatenate([sign for _, sign in parts]).astype(np.float32)

@@ -22,11 +22,10 @@ from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
 from wt.errors import WorkError
-from wt.locomotion.config import Policy
+from wt.locomotion.config import PolicyConfig
 from wt.locomotion.env import Walking
 from wt.locomotion.mirror import ACTOR_AND_CRITIC
 
-Array = np.ndarray
 Raw = dict[str, tuple[Any, str, tuple[int, ...]]]
 """Memory that processes share, by name: bytes, type and shape of the array in them."""
 
@@ -35,11 +34,11 @@ _STEP, _REPORT = b"step", b"report"
 _SINGLE = {"reward": "f4", "done": "?", "time_out": "?", "length": "i8"}  # values per robot
 
 
-Make = Callable[[Policy, str], Walking]
+Make = Callable[[PolicyConfig, str], Walking]
 """Makes an environment for a device; it can be pickled."""
 
 
-def environment(config: Policy, device: str, make: Make = Walking) -> Walking | Parts:
+def environment(config: PolicyConfig, device: str, make: Make = Walking) -> Walking | Parts:
     """An environment in as many processes as the configuration says.
 
     Args:
@@ -57,7 +56,7 @@ class Parts(VecEnv):
         mirror: for the symmetry extension.
     """
 
-    def __init__(self, config: Policy, device: str, make: Make = Walking) -> None:
+    def __init__(self, config: PolicyConfig, device: str, make: Make = Walking) -> None:
         """Start all processes and robots.
 
         Args:
@@ -95,7 +94,7 @@ class Parts(VecEnv):
     def step(
         self, actions: torch.Tensor
     ) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, torch.Tensor]]:
-        """One control step of all robots; who falls or is out of time starts anew."""
+        """One control step; robots that fall or are out of time start anew."""
         self._shared["action"][:] = actions.cpu().numpy()
         self._tell(_STEP)
         self._await()
@@ -127,7 +126,7 @@ class Parts(VecEnv):
             ) from error
 
 
-def _shares(config: Policy) -> Iterator[slice]:
+def _shares(config: PolicyConfig) -> Iterator[slice]:
     size = config.robots // config.processes
     return (slice(k * size, (k + 1) * size) for k in range(config.processes))
 
@@ -142,20 +141,20 @@ def _allocate(robots: int, widths: Mapping[str, int]) -> Raw:
     return out
 
 
-def _views(raw: Raw) -> dict[str, Array]:
+def _views(raw: Raw) -> dict[str, np.ndarray]:
     return {
         name: np.frombuffer(memory, kind).reshape(shape)
         for name, (memory, kind, shape) in raw.items()
     }
 
 
-def _publish(shared: Mapping[str, Array], observations: TensorDict) -> None:
+def _publish(shared: Mapping[str, np.ndarray], observations: TensorDict) -> None:
     for name in ACTOR_AND_CRITIC:
         shared[name][:] = observations[name].numpy()
 
 
-def _serve(make: Make, config: Policy, link: Connection, raw: Raw, rows: slice) -> None:
-    """What a process does until the trainer is gone: a part of the robots, its rows of the arrays.
+def _serve(make: Make, config: PolicyConfig, link: Connection, raw: Raw, rows: slice) -> None:
+    """Run a part of the robots in its rows of the arrays, until the trainer is gone.
 
     It answers every message: None when what is shared is up to date, else the report.
     """

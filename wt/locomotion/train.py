@@ -19,7 +19,7 @@ import torch
 from rsl_rl.runners import OnPolicyRunner
 
 from wt.errors import ConfigError, WorkError
-from wt.locomotion.config import Policy, Ppo
+from wt.locomotion.config import PolicyConfig, Ppo
 from wt.locomotion.env import Walking
 from wt.locomotion.parts import Make, Parts, environment
 from wt.schema import to_yaml
@@ -37,7 +37,7 @@ Begin = Callable[[OnPolicyRunner], None]
 
 @dataclass(frozen=True)
 class Trained:
-    """What came out of a training.
+    """Result of a training.
 
     Attributes:
         actor: rsl_rl's net with its normaliser inside, on the processor, in evaluation mode.
@@ -53,7 +53,7 @@ class Trained:
 
 
 def train(
-    config: Policy,
+    config: PolicyConfig,
     folder: Path,
     *,
     resume: bool = False,
@@ -70,7 +70,7 @@ def train(
         resume: continue from the folder's checkpoint.
         start_from: a checkpoint of another training, whose nets are taken over, or what fills them.
         seconds: wall clock after which no further iteration begins [s].
-        progress: told about every iteration.
+        progress: called after every iteration.
         make: the environment.
 
     Raises:
@@ -82,7 +82,7 @@ def train(
     saved = _open(folder, resume)
     runner = _start(config, saved, folder / CHECKPOINT, start_from, make)
     write_whole(folder / CONFIG, to_yaml(config))
-    log = _Log(folder / LOG, continued=saved is not None)
+    log = _IterationLog(folder / LOG, continued=saved is not None)
     iteration, earlier = (saved["iteration"], saved["seconds"]) if saved else (0, 0.0)
 
     def spent() -> float:
@@ -113,7 +113,7 @@ def train(
     return Trained(runner.get_inference_policy("cpu"), iteration, spent(), samples)
 
 
-def choose_device(config: Policy) -> str:
+def choose_device(config: PolicyConfig) -> str:
     """``"cpu"`` or ``"cuda:0"``; ``auto`` takes CUDA where it is.
 
     Raises:
@@ -164,7 +164,7 @@ def make_runner(env: Walking | Parts, ppo: Ppo, device: str) -> OnPolicyRunner:
 
 
 def figures(runner: OnPolicyRunner, seconds: float) -> dict[str, float]:
-    """What is worth knowing about the last iteration, which took so long [s]."""
+    """Figures of the last iteration, which took ``seconds`` [s]."""
     env: Any = runner.env
     steps = env.num_envs * runner.cfg["num_steps_per_env"]
     return {
@@ -197,7 +197,7 @@ def _open(folder: Path, resume: bool) -> dict[str, Any] | None:
 
 
 def _start(
-    config: Policy,
+    config: PolicyConfig,
     saved: dict[str, Any] | None,
     checkpoint: Path,
     start_from: Path | Begin | None,
@@ -251,7 +251,7 @@ def _save(runner: OnPolicyRunner, path: Path, iteration: int, seconds: float) ->
     write_whole(path, content.getvalue())
 
 
-class _Log:
+class _IterationLog:
     """A CSV file with a row per iteration."""
 
     def __init__(self, path: Path, continued: bool) -> None:

@@ -12,26 +12,25 @@ import mujoco
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from jaxtyping import Float, Float32
 
-from wt.locomotion.config import Policy as Config
+from wt.locomotion.config import PolicyConfig
 from wt.locomotion.env import make_herd
 from wt.locomotion.evaluate import Act
 from wt.show import colors
 from wt.show.files import write_whole
-from wt.show.robot_view import log_robot, motion_of, send_columns
-from wt.worlds.gait import Clock
+from wt.show.robot_view import body_poses, log_robot, send_columns
+from wt.worlds.gait import GaitClock
 from wt.worlds.legged import COMMAND, Herd, Start
 
-Array = np.ndarray
-
-_SECONDS = 3.0  # each command is held
+_SECONDS = 3.0  # of each command
 _PROGRAM = np.array(
     [(1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (-1, 0, 0), (1, 0, 1), (0, 0, 0)]
 )
-"""What is commanded one after the other, in units of the largest command."""
+"""Commands one after the other, in units of the largest command."""
 
 
-def record(config: Config, act: Act, path: Path, seed: int = 0) -> None:
+def record(config: PolicyConfig, act: Act, path: Path, seed: int = 0) -> None:
     """Write a recording of one robot that goes through a program of commands.
 
     Args:
@@ -50,7 +49,7 @@ def record(config: Config, act: Act, path: Path, seed: int = 0) -> None:
     recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True, strict=True)
     time = rr.TimeColumn("time", duration=t)
     _log_ground(recording, herd.model)
-    motion = motion_of(herd.model, qpos)
+    motion = body_poses(herd.model, qpos)
     log_robot(recording, _without_ground(herd.model), time, herd.robot.name, motion, colors.R)
     for i, axis in enumerate(COMMAND):
         for name, values, color in (
@@ -64,16 +63,24 @@ def record(config: Config, act: Act, path: Path, seed: int = 0) -> None:
 
 
 def _walk(
-    herd: Herd, act: Act, clock: Clock, program: Array, seed: int
-) -> tuple[Array, Array, Array]:
+    herd: Herd,
+    act: Act,
+    clock: GaitClock,
+    program: Float32[np.ndarray, "stage command=3"],
+    seed: int,
+) -> tuple[
+    Float[np.ndarray, "step qpos"],
+    Float[np.ndarray, "step command=3"],
+    Float[np.ndarray, "step command=3"],
+]:
     herd.reset(np.arange(1), np.random.default_rng(seed), Start())
     hold = round(_SECONDS / herd.dt)
     commanded = np.repeat(program, hold, axis=0)
     qpos = np.empty((len(commanded), herd.model.nq))
     reached = np.empty((len(commanded), 3))
     for k, command in enumerate(commanded):
-        told = command[None]
-        herd.step(act(herd.observe(), told, clock.read(herd.time, told)))
+        commands = command[None]
+        herd.step(act(herd.observe(), commands, clock.read(herd.time, commands)))
         qpos[k], reached[k] = herd.qpos[0], herd.velocity()[0, :3]
     return qpos, commanded, reached
 

@@ -22,6 +22,7 @@ from torch import Tensor, nn
 from wt.config import Mean
 from wt.data.normalize import Normalizer
 from wt.nets.mlp import Ensemble, mlp
+from wt.nets.simulator_use import use_of
 from wt.types import TransitionSpec
 
 
@@ -49,7 +50,8 @@ class Frame(nn.Module):
         """Build an unfitted frame; ``wt.train.mean_field`` and ``Normalizer.fit`` fill it."""
         super().__init__()
         self.spec = spec
-        self.reads_simulator = mean.simulator == "read"
+        use = use_of(mean)
+        self.reads_simulator = use.shift_reads_simulator
         self.n_condition = spec.n_obs + spec.n_action
         self._targets = _acts_on_positions(spec)
         self.condition = Normalizer(self.n_condition)
@@ -63,7 +65,7 @@ class Frame(nn.Module):
         self.nominal: nn.Module | None = None
         self.shift: Ensemble | None = None
         self.reader: Ensemble | None = None
-        if mean.kind == "none":
+        if not use.has_shift:
             return
 
         def regressors(reads: bool) -> Ensemble:
@@ -72,12 +74,12 @@ class Frame(nn.Module):
             return Ensemble([mlp(*size) for _ in range(mean.members)])
 
         self.shift = regressors(self.reads_simulator)
-        if mean.simulator == "blend":
+        if use.has_reader:
             self.reader = regressors(True)
-        if mean.simulator == "ignored":
-            self.transport.zero_()
-        else:
+        if use.has_nominal:
             self.nominal = mlp(self.n_condition, spec.n_state, mean.width, mean.depth)
+        else:
+            self.transport.zero_()
 
     def raw_condition(
         self, o: Float[Tensor, "batch obs"], a: Float[Tensor, "batch action"]
@@ -100,7 +102,7 @@ class Frame(nn.Module):
         return self.condition(self.raw_condition(o, a))
 
     def within(self, x: Float[Tensor, "batch condition"], reach: float) -> Bool[Tensor, " batch"]:
-        """Which normalised (o, a) deviate by at most ``reach`` in every channel; all of them for 0.
+        """True where normalised (o, a) deviate by at most ``reach`` in all channels; 0: everywhere.
 
         Farther from all that was seen, as where a robot falls, networks make anything of it.
         """
@@ -159,7 +161,7 @@ class Frame(nn.Module):
 
 
 def _acts_on_positions(spec: TransitionSpec) -> bool:
-    """Whether actions, and all channels behind the state, are targets or samples of the pose."""
+    """True if actions, and all channels behind the state, are targets or samples of the pose."""
     if not spec.pose or len(spec.pose) != spec.n_action:
         return False
     units = [spec.observation[i].unit for i in spec.pose]

@@ -44,5 +44,5 @@ class Discriminator(nn.Module):
     def forward(
         self, z: Float[Tensor, "batch latent"], x: Float[Tensor, "batch condition"]
     ) -> Float[Tensor, " batch"]:
-        """How much z looks like a feature of this domain."""
+        """Likeness of z to a feature of this domain."""
         return self.net(torch.cat([z, x], dim=-1) if self.conditioned else z).squeeze(-1)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from torch import nn
+from typing import Any
+
+from torch import Tensor, nn
 
 from wt.config import Method
 from wt.nets.blind_decoder import BlindDecoder
@@ -25,8 +27,8 @@ class WorldModel(nn.Module):
         classifier: C_ξ.
         to_real: G_{S→R}.
         to_sim: G_{R→S}.
-        judge_real: D_R.
-        judge_sim: D_S.
+        discriminator_real: D_R.
+        discriminator_sim: D_S.
         strength: share of the translation that is applied, chosen on validation pairs; 1 for
             the paper's model.
     """
@@ -51,5 +53,16 @@ class WorldModel(nn.Module):
         side = condition if method.translation.conditioned else 0
         size = (latent, side, nets.translator_width, nets.translator_depth)
         self.to_real, self.to_sim = Generator(*size), Generator(*size)
-        self.judge_real, self.judge_sim = Discriminator(*size), Discriminator(*size)
+        self.discriminator_real, self.discriminator_sim = Discriminator(*size), Discriminator(*size)
         self.strength = nn.Parameter(nn.init.ones_(nn.Parameter().new_empty(())), False)
+
+    def _load_from_state_dict(
+        self,
+        state_dict: dict[str, Tensor],
+        prefix: str,
+        *args: Any,  # noqa: ANN401 – torch's signature
+    ) -> None:
+        # checkpoints of earlier versions call discriminators judges; their runs go on
+        for key in [key for key in state_dict if key.startswith(f"{prefix}judge_")]:
+            state_dict[key.replace("judge_", "discriminator_", 1)] = state_dict.pop(key)
+        super()._load_from_state_dict(state_dict, prefix, *args)

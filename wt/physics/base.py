@@ -18,8 +18,6 @@ from scipy.spatial.transform import Rotation
 
 COORDINATES = ("x", "y", "z", "yaw", "pitch", "roll")
 """In this order, as ``<joint>/<coordinate>``."""
-STEEPEST = np.radians(80.0)
-"""Largest pitch [rad] that the coordinates are good for."""
 _AXES = np.vstack([np.eye(3), np.eye(3)[::-1]])
 
 

@@ -131,7 +131,7 @@ class _Model:
 
 @dataclass(frozen=True, eq=False)
 class _Prepared:
-    """What makes a replayer."""
+    """The ingredients of a replayer."""
 
     model: ObjectRef
     stretches: tuple[Stretch, ...]
@@ -230,7 +230,7 @@ def _gather(pending: Sequence[ObjectRef]) -> list[Float[np.ndarray, "2 _ _ dof"]
 
 
 def _versions() -> dict[str, str]:
-    """What numbers may depend on."""
+    """Versions of all that numbers may depend on."""
     return {"wt": wt.__version__, "mujoco": mujoco.__version__, "numpy": np.__version__}
 
 

@@ -7,7 +7,7 @@ in the metric of the inverse inertia (M. Mistry and L. Righetti, Operational spa
 constrained and underactuated systems, 2011). To take a foot for touching that does not only loses
 what it would have told.
 
-What the contacts do supply says who carries load, and how slippery it is (:class:`Load`).
+What the contacts do supply says who carries load, and how slippery it is (:class:`ContactLoad`).
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ _RIDGE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Load:
-    """What the contacts of one sample carry, C of them.
+class ContactLoad:
+    """Loads that the contacts of one sample carry, C of them.
 
     Attributes:
         geoms: the two geoms of each, (C, 2).
@@ -47,7 +47,7 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Touching:
-    """Where contact may have acted on a machine.
+    """Samples and directions in which contact may have acted on a machine.
 
     Attributes:
         projector: takes a generalised force to its free part, (T, nv, nv); None if nothing ever
@@ -78,7 +78,7 @@ def touching(
     """
     if not scene.free:
         return Touching(None, np.zeros(len(q), dtype=int))
-    probe = _Probe(scene, floors)
+    probe = _ContactProbe(scene, floors)
     near, projector = np.zeros(len(q), dtype=int), np.zeros((len(q), *2 * (scene.model.nv,)))
     projector[:] = np.eye(scene.model.nv)
     for k, pose in enumerate(q):
@@ -95,8 +95,8 @@ def loads(
     v: Float[np.ndarray, "sample dof"],
     residual: Float[np.ndarray, "sample dof"],
     floors: Sequence[Floor] = (),
-) -> list[Load]:
-    """What the possible contacts carry at some samples, one after another.
+) -> list[ContactLoad]:
+    """Loads of the possible contacts at some samples, one after another.
 
     Args:
         scene: the machine.
@@ -105,17 +105,17 @@ def loads(
         residual: inverse dynamics minus the force of the drives, (n, nv).
         floors: planes that are elsewhere than the model says.
     """
-    probe, found = _Probe(scene, floors), []
+    probe, found = _ContactProbe(scene, floors), []
     for pose, speed, force in zip(q, v, residual, strict=True):
         geoms, jacobian = probe.contacts(pose)
         if len(geoms):
             carried = (probe.carried(jacobian) @ force).reshape(-1, 3)
-            found.append(Load(geoms, carried, (jacobian @ speed).reshape(-1, 3)[:, 1:]))
+            found.append(ContactLoad(geoms, carried, (jacobian @ speed).reshape(-1, 3)[:, 1:]))
     return found
 
 
 def fixed(model: mujoco.MjModel) -> Bool[np.ndarray, " geom"]:
-    """Which geoms never move, (ngeom,) bool."""
+    """Mask of the geoms that never move."""
     return np.asarray(model.body_weldid[model.geom_bodyid] == 0)
 
 
@@ -157,7 +157,7 @@ def deciding(model: mujoco.MjModel, geom: int) -> list[int]:
 
 
 def unlike(value: float, others: Float[np.ndarray, " other"], share: float) -> bool:
-    """Whether a value is further, in logarithms, than ``share`` from all others."""
+    """Tell whether a value is further, in logarithms, than ``share`` from all others."""
     return bool((np.abs(np.log(value / np.maximum(others, 1e-6))) > share).all())
 
 
@@ -166,7 +166,7 @@ def outrank(geom: mujoco.MjsGeom, other: mujoco.MjsGeom) -> None:
     geom.priority, geom.condim = other.priority + 1, max(geom.condim, other.condim)
 
 
-class _Probe:
+class _ContactProbe:
     """Looks for contacts within reach."""
 
     def __init__(self, scene: Scene, floors: Sequence[Floor]) -> None:

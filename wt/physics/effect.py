@@ -56,10 +56,10 @@ from wt.types import Kind, Location
 
 Shape = tuple[float, ...]  # the nonlinear parameters that a signature needs to be linear
 Common = Literal["seldom", "often", "always"]
-"""How often machines have an effect: ``"often"`` is what may be mounted on one, ``"always"`` what
-hardly a machine is without."""
+"""Grades of how many machines have an effect: ``"often"`` is what may be mounted on one,
+``"always"`` what hardly a machine is without."""
 Variable = Literal["position", "velocity", "acceleration", "drive", "time"]
-"""What a force may be drawn over; ``"drive"`` is the force of the joint's drive."""
+"""Variables that a force may be drawn over; ``"drive"`` is the force of the joint's drive."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Parameter:
         neutral: of every component, where the effect is nothing; None if it takes more than that.
         public: whether it is one of the table of effects, and reported; else it is only fitted.
         inexact: share of its size by which machines differ from the law at least; None: as usual.
-        hold: how far a step goes where data hardly tell it, see ``refine``; infinite for any.
+        prior_std: spread of a prior on each step, for where data hardly tell it, see ``refine``.
     """
 
     name: str
@@ -87,7 +87,7 @@ class Parameter:
     neutral: float | None = None
     public: bool = True
     inexact: float | None = None
-    hold: float = np.inf
+    prior_std: float = np.inf
 
     @property
     def size(self) -> int:

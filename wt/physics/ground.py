@@ -1,4 +1,4 @@
-"""Where the ground is: on one plane with the feet that stand still.
+"""The ground as it is: the plane of the feet that stand still.
 
 A model has its floor level and where it was drawn; the robot may stand on a ramp, or what tracks
 its base may have another idea of height. Points of the machine that could touch a floor and do not
@@ -20,7 +20,7 @@ from wt.physics.scene import Scene
 _REACH, _STANDING = 0.25, 0.05
 """Points so close to the model's floor [m], slower than this [m/s], may be standing."""
 _SAMPLES, _ON_IT = 500, 0.006
-"""So many samples are looked at; points so close [m] to a plane are on it."""
+"""Number of samples that are looked at; distance [m] from a plane within which points are on it."""
 _LEAST, _MOST_OF_THEM = 40, 0.5
 _CLEAR, _HIGH = 0.008, 0.006
 """A floor turned by less [rad], or higher by less [m], is the model's."""

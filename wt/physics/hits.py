@@ -1,4 +1,4 @@
-"""Where a machine runs into something: a flat face that its outer links never pass.
+"""Something that a machine runs into: a flat face that its outer links never pass.
 
 While a link touches something, the force residual is far beyond what it is otherwise, and is that
 of one force on the link (S. Haddadin, A. De Luca and A. Albu-Schäffer, Robot collisions, 2017). The
@@ -26,7 +26,7 @@ _EXPLAINED, _ONE_SIDED = 0.5, 0.7
 _LOOKED_AT, _BESIDE = 80, 240  # samples of hits, and of all others
 _MILLIMETRE = 1e-3
 _WAYS, _TRIED = 120, 4
-"""So many ways that a face may look are tried, and so many of them refined."""
+"""Number of directions tried for a face, and number of those that are refined."""
 _NEAR, _TOUCHING = 20.0, 3.0
 """[mm] A hit so far from a face that looks about right, and from one in place, is another's: what
 else moves the machine suddenly must not pull at the face."""
@@ -48,7 +48,7 @@ class Face:
 
 @lru_cache(maxsize=4)
 def face(motion: Motion) -> Face | None:
-    """What a fixed machine runs into, if anything."""
+    """The face that a fixed machine runs into, if any."""
     if motion.scene.free:
         return None
     residual = motion.residual - np.median(motion.residual, axis=0)
@@ -109,7 +109,7 @@ def _placed(
 
     Forces hardly say which way it looks: where on a link it touches decides as much.
     """
-    fits = _Misfits(_Probe(motion.scene, body), motion.q[on], motion.q[off])
+    fits = _Misfits(_FaceProbe(motion.scene, body), motion.q[on], motion.q[off])
     ways = [push, *_around()]
     rough = [(*fits.roughly(way), way) for way in ways]
     first = sorted((one for one in rough if np.isfinite(one[0])), key=lambda one: one[0])[:_TRIED]
@@ -134,9 +134,9 @@ def _around() -> Float[np.ndarray, "way 3"]:
 
 @dataclass(frozen=True, eq=False)
 class _Misfits:
-    """How far faces are from being touched in hits (n, nq) and passed in no other pose (k, nq)."""
+    """Distances by which faces miss being touched in all hits and passed in no other pose."""
 
-    probe: _Probe
+    probe: _FaceProbe
     on: Float[np.ndarray, "hit dof"]
     off: Float[np.ndarray, "other dof"]
 
@@ -177,7 +177,7 @@ class _Misfits:
         return float(found.cost), turned(found.x), float(found.x[2])
 
 
-class _Probe:
+class _FaceProbe:
     """Heights of a link and what it carries over planes through the origin."""
 
     def __init__(self, scene: Scene, body: str) -> None:
@@ -230,7 +230,7 @@ class _Probe:
 
 
 def _carries(model: mujoco.MjModel, body: int, other: int) -> bool:
-    """Whether a body moves another one along, or is it."""
+    """Tell whether a body moves another one along, or is it."""
     while other > body:
         other = int(model.body_parentid[other])
     return other == body

@@ -199,7 +199,7 @@ class OnSteps(InReplay):
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far any model is off.
+    """Error that any model makes.
 
     Attributes:
         size: one standard deviation of the parameter from neutral, in its unit.

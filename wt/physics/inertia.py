@@ -1,4 +1,4 @@
-"""How the force that a motion demands depends on a body's mass, centre of mass and inertia.
+"""Dependence of the force that a motion demands on a body's mass, centre of mass and inertia.
 
 Inverse dynamics are linear in the ten inertial parameters of each body (C. H. An, C. G. Atkeson
 and J. M. Hollerbach, Estimation of inertial parameters of rigid body links, 1985): mass m, first
@@ -68,7 +68,7 @@ def reach(motion: Motion, body: str) -> Float[np.ndarray, "sample dof 6"]:
 
 
 class Moved(NamedTuple):
-    """How a body moves, in its own frame.
+    """Motion of a body, in its own frame.
 
     Attributes:
         spin: its angular velocity, (T, 3) [rad/s].
@@ -87,7 +87,7 @@ class Moved(NamedTuple):
 
 @lru_cache(maxsize=4)
 def kinematics(motion: Motion) -> dict[str, Moved]:
-    """How each body of a machine moves."""
+    """Motion of each body of a machine, by name."""
     m, d = mujoco.MjModel.__copy__(motion.scene.model), motion.scene.data
     n, nv, kind = len(motion), m.nv, mujoco.mjtObj.mjOBJ_XBODY
     names = motion.scene.moving

@@ -1,4 +1,4 @@
-"""What acts at every physics step of a replay, for effects that MuJoCo has no element for."""
+"""Laws that act at every physics step of a replay, where MuJoCo has no element for an effect."""
 
 from __future__ import annotations
 

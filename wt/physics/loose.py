@@ -31,8 +31,8 @@ _STEP_S = 0.0025
 
 
 @dataclass(frozen=True)
-class Law:
-    """How a load may move; hashable, so that a path is computed once.
+class LooseLaw:
+    """Law by which a load moves; hashable, so that a path is computed once.
 
     Attributes:
         travel: along x, y and z of the body, from stop to stop [m]; 0 where it cannot.
@@ -49,7 +49,7 @@ class Law:
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """Where a load was, in the body's frame, at all T samples of a motion.
+    """Path of a load in the body's frame, at all samples of a motion.
 
     Attributes:
         s: away from its centre, (T, 3) [m].
@@ -62,18 +62,18 @@ class Path:
     a: Float[np.ndarray, "sample 3"]
 
 
-def path_of(motion: Motion, body: str, centre: Centre, law: Law) -> Path:
-    """Where a load of one law was; the last few are kept, as replays ask for them again."""
+def path_of(motion: Motion, body: str, centre: Centre, law: LooseLaw) -> Path:
+    """Path of a load of one law; the last few are kept, as replays ask for them again."""
     return _path_of(motion.recorded, body, centre, law)
 
 
 @lru_cache(maxsize=32)
-def _path_of(motion: Motion, body: str, centre: Centre, law: Law) -> Path:
+def _path_of(motion: Motion, body: str, centre: Centre, law: LooseLaw) -> Path:
     return paths(motion, body, [(law, centre)])[0]
 
 
-def paths(motion: Motion, body: str, loads: Sequence[tuple[Law, Centre]]) -> list[Path]:
-    """Where loads of several laws were, each from rest in its middle at a segment's start."""
+def paths(motion: Motion, body: str, loads: Sequence[tuple[LooseLaw, Centre]]) -> list[Path]:
+    """Paths of loads of several laws, each from rest in its middle at a segment's start."""
     moved = kinematics(motion.recorded)[body]
     s, v, a = np.zeros((3, len(motion), len(loads), 3))
     for segment in motion.segments:
@@ -84,7 +84,7 @@ def paths(motion: Motion, body: str, loads: Sequence[tuple[Law, Centre]]) -> lis
 
 
 def _integrated(
-    moved: Moved, segment: Segment, loads: Sequence[tuple[Law, Centre]]
+    moved: Moved, segment: Segment, loads: Sequence[tuple[LooseLaw, Centre]]
 ) -> tuple[Float[np.ndarray, "row load 3"], Float[np.ndarray, "row load 3"]]:
     """Positions and velocities of L loads at the samples of a segment, (n, L, 3) each."""
     parts = max(1, round(segment.dt / _STEP_S))
@@ -156,7 +156,7 @@ def wrenches(
 
 @lru_cache(maxsize=8)
 def _bend(motion: Motion, body: str) -> Float[np.ndarray, "sample 3 3"]:
-    """What turning makes of an arm, as an acceleration, (T, 3, 3) [1/s²]."""
+    """Acceleration of a point, per metre of its arm, by the body's turning [1/s²]."""
     moved = kinematics(motion)[body]
     spin = _cross(moved.spin)
     return np.asarray(_cross(moved.turning) + spin @ spin)

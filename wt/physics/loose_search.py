@@ -1,4 +1,4 @@
-"""Which law a moving load follows, read off a force residual.
+"""Search for the law that a moving load follows, by a force residual.
 
 Paths under many laws cost little more than one (:mod:`wt.physics.loose`), and the force of each is
 linear in mass and first moments. So laws are tried side by side, and the best ones varied, until
@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from wt.physics.inertia import reach
-from wt.physics.loose import Centre, Law, Path, paths, wrenches
+from wt.physics.loose import Centre, LooseLaw, Path, paths, wrenches
 from wt.physics.motion import Motion
 
 _BLOCK_S = 0.04
@@ -24,7 +24,7 @@ _LEAST, _NEARLY = 0.1, 0.8
 """A fixed load must explain this share of the residual, and this share of what the best place
 explains: wherever a load moves, there is weight."""
 _MOVED = 0.93
-"""What a load that moves must leave at most of what a fixed one leaves."""
+"""Largest share that a load that moves may leave of what a fixed one leaves."""
 _TRAVELS = (0.02, 0.05, 0.1, 0.2)  # m
 _ROLLING = 0.4
 _ROUNDS = (1.5, 1.5, 1.4, 1.25, 1.15)
@@ -46,7 +46,7 @@ class _Fit:
         score: half the log of the mean square left, summed over joints and blocks.
     """
 
-    law: Law | None
+    law: LooseLaw | None
     centre: Centre
     there: Centre
     mass: float
@@ -54,7 +54,7 @@ class _Fit:
     score: float
 
 
-def laws_that_fit(motion: Motion, body: str) -> list[tuple[Law, Centre, float]]:
+def laws_that_fit(motion: Motion, body: str) -> list[tuple[LooseLaw, Centre, float]]:
     """The best laws of a load in a body, its middle and its mass [kg]; best first, if any."""
     if body not in _places(motion):
         return []
@@ -73,7 +73,7 @@ def laws_that_fit(motion: Motion, body: str) -> list[tuple[Law, Centre, float]]:
     ]
 
 
-def likeliest_laws(motion: Motion, body: str, centre: Centre) -> list[Law]:
+def likeliest_laws(motion: Motion, body: str, centre: Centre) -> list[LooseLaw]:
     """Laws of a load around a place known from elsewhere, best first, little as they explain."""
     fits = _distinct(_Search(motion, body).tried([(law, centre) for law in _coarse()]))
     return [fit.law for fit in fits[:_LIKELIEST] if fit.law]
@@ -81,26 +81,26 @@ def likeliest_laws(motion: Motion, body: str, centre: Centre) -> list[Law]:
 
 def _distinct(fits: Sequence[_Fit]) -> list[_Fit]:
     """Best first, each law once."""
-    found: dict[Law | None, _Fit] = {}
+    found: dict[LooseLaw | None, _Fit] = {}
     for fit in sorted(fits, key=lambda f: f.score):
         found.setdefault(fit.law, fit)
     return list(found.values())
 
 
-def _coarse() -> list[Law]:
+def _coarse() -> list[LooseLaw]:
     found = []
     for travel in _TRAVELS:
         for breadth in (0.5, 1.0):
-            found.append(Law((travel, breadth * travel, 0.0), 2.0, 0.0, _ROLLING))
-            found.append(Law((breadth * travel, travel, 0.0), 2.0, 0.0, _ROLLING))
+            found.append(LooseLaw((travel, breadth * travel, 0.0), 2.0, 0.0, _ROLLING))
+            found.append(LooseLaw((breadth * travel, travel, 0.0), 2.0, 0.0, _ROLLING))
         for axis in np.eye(3):
             x, y, z = (float(travel * share) for share in axis)
-            found.append(Law((x, y, z), 4.0, 0.0, 0.0))
-        found += [Law((travel, travel, 0.0), 0.3 * w, w**2, 0.0) for w in (5.0, 7.0, 9.5)]
+            found.append(LooseLaw((x, y, z), 4.0, 0.0, 0.0))
+        found += [LooseLaw((travel, travel, 0.0), 0.3 * w, w**2, 0.0) for w in (5.0, 7.0, 9.5)]
     return list(dict.fromkeys(found))
 
 
-def _variants(law: Law, factor: float) -> list[Law]:
+def _variants(law: LooseLaw, factor: float) -> list[LooseLaw]:
     """Laws that differ from one in one respect."""
     found = []
     longest = max(law.travel)
@@ -151,13 +151,13 @@ class _Search:
         # from here on a joint counts by what a fixed load leaves of it
         self._scale = np.sqrt(np.mean(left**2, axis=0)) + 1e-12
 
-    def tried(self, loads: Sequence[tuple[Law, Centre]]) -> list[_Fit]:
-        """How well loads fit; integrating many side by side costs little more than one."""
+    def tried(self, loads: Sequence[tuple[LooseLaw, Centre]]) -> list[_Fit]:
+        """Fits of loads; integrating many side by side costs little more than one."""
         found = paths(self._motion, self._body, loads)
         return [self._fitted(*load, path)[0] for load, path in zip(loads, found, strict=True)]
 
     def _fitted(
-        self, law: Law | None, centre: Centre, path: Path
+        self, law: LooseLaw | None, centre: Centre, path: Path
     ) -> tuple[_Fit, Float[np.ndarray, "block dof"]]:
         """The best load on a path, and what it leaves of the residual, (B, nv)."""
         design = self._mean(self._free @ wrenches(self._motion, self._body, centre, path))

@@ -1,4 +1,4 @@
-"""What a recording reveals at every sample: the smooth motion and what the model makes of it."""
+"""The motion of a recording at every sample, and the forces that a model makes of it."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Motion:
         q: joint positions, (T, nv) [rad or m].
         v: joint velocities, (T, nv).
         a: joint accelerations, (T, nv).
-        held: the command sent at each sample and held until the next, (T, nu).
+        command: the command sent at each sample and held until the next, (T, nu).
     """
 
     scene: Scene
@@ -53,7 +53,7 @@ class Motion:
     q: Float[np.ndarray, "sample dof"]
     v: Float[np.ndarray, "sample dof"]
     a: Float[np.ndarray, "sample dof"]
-    held: Float[np.ndarray, "sample actuator"]
+    command: Float[np.ndarray, "sample actuator"]
 
     def __len__(self) -> int:
         """Number of samples."""
@@ -71,7 +71,7 @@ class Motion:
         A command that is held from sample to sample changes *at* the sample, so the force that
         belongs to the acceleration there is that of ½(u[k−1] + u[k]).
         """
-        return np.stack([self.delayed(i, 0.0) for i in range(self.held.shape[1])], axis=1)
+        return np.stack([self.delayed(i, 0.0) for i in range(self.command.shape[1])], axis=1)
 
     def delayed(self, actuator: int, delay: float) -> Float[np.ndarray, " sample"]:
         """Command of one actuator that arrives late, (T,), averaged as :attr:`u`.
@@ -82,7 +82,7 @@ class Motion:
         """
         late = np.empty(len(self))
         for s in self.segments:
-            u = self.held[s.rows, actuator]
+            u = self.command[s.rows, actuator]
             edges = np.arange(len(u) + 1) * s.dt
             integral = np.concatenate([[0.0], np.cumsum(u)]) * s.dt
             end = edges[:-1] + 0.5 * s.dt - delay
@@ -114,12 +114,12 @@ class Motion:
         """The same recording with other positions, velocities and accelerations, (T, nv) each."""
         zero = np.zeros_like(self.q)
         v, a = self.v + (zero if dv is None else dv), self.a + (zero if da is None else da)
-        return Motion(self.scene, self.segments, self.t, self.q + dq, v, a, self.held)
+        return Motion(self.scene, self.segments, self.t, self.q + dq, v, a, self.command)
 
     def later(
         self, signal: Float[np.ndarray, "sample dof"], lead: Float[np.ndarray, "sample dof"]
     ) -> Float[np.ndarray, "sample dof"]:
-        """How a signal (T, nv) changes within ``lead`` [s], (T, nv)."""
+        """Change of a signal within ``lead`` [s]."""
         change = np.zeros_like(signal)
         for s in self.segments:
             t = self.t[s.rows]
@@ -159,7 +159,7 @@ class Motion:
 
     @cached_property
     def touching(self) -> Touching:
-        """Where contact may have acted: of a force residual, only the free part is evidence."""
+        """Contact that may have acted: of a force residual, only the free part is evidence."""
         return touching(self.scene, self.q, self.floors)
 
     @cached_property

@@ -10,7 +10,7 @@ import mujoco
 
 _lock = threading.Lock()
 _inside: list[mujoco.MjLogConfig] = []
-"""What to go back to, once for each that is inside: only the first one's is the caller's own."""
+"""Settings to go back to, one for each block entered: only the first is the caller's own."""
 
 
 @contextmanager

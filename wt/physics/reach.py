@@ -31,7 +31,7 @@ def beside(
 ) -> tuple[
     Float[np.ndarray, "contact 3"], Int[np.ndarray, " contact"], Float[np.ndarray, " contact"]
 ]:
-    """What moves and is close to a geom, in the contacts that were found, C of them.
+    """Moving parts close to a geom, in the contacts that were found, C of them.
 
     Args:
         model: of :func:`reaching`.

@@ -33,7 +33,7 @@ class Stretch:
     Attributes:
         recording: index of the recording.
         t: sample times since the recording's start, (K,) [s].
-        held: command sent at each sample, (K, nu).
+        command: command sent at each sample, (K, nu).
         q0: joint positions at the first sample, (nv,).
         v0: joint velocities there, (nv,).
         segment: what it was cut from, of ``motion``: hidden states are those that this led to.
@@ -43,7 +43,7 @@ class Stretch:
 
     recording: int
     t: Float[np.ndarray, " sample"]
-    held: Float[np.ndarray, "sample actuator"]
+    command: Float[np.ndarray, "sample actuator"]
     q0: Float[np.ndarray, " dof"]
     v0: Float[np.ndarray, " dof"]
     segment: Segment | None = None
@@ -61,21 +61,21 @@ class Stretch:
         MuJoCo's semi-implicit step applies a force at once to velocity and position, half a step
         before the mean of the time it stands for: commands come half a step later to make up.
         """
-        integral = np.zeros_like(self.held)  # of the held command, from the first sample on
-        integral[1:] = np.cumsum(self.held[:-1] * np.diff(self.t)[:, None], axis=0)
+        integral = np.zeros_like(self.command)  # of the held command, from the first sample on
+        integral[1:] = np.cumsum(self.command[:-1] * np.diff(self.t)[:, None], axis=0)
         # the first command was held before, and the last goes on being held
         knots = np.concatenate([[self.t[0] - 1.0], self.t, [self.t[-1] + 1.0]])
-        integral = np.vstack([-self.held[0], integral, integral[-1] + self.held[-1]])
+        integral = np.vstack([-self.command[0], integral, integral[-1] + self.command[-1]])
         edges = self.t[0] + h * (np.arange(steps + 1) - 0.5)
         means = [
-            np.diff(np.interp(edges, knots, integral[:, i])) for i in range(self.held.shape[1])
+            np.diff(np.interp(edges, knots, integral[:, i])) for i in range(self.command.shape[1])
         ]
         return np.stack(means, axis=1) / h if means else np.zeros((steps, 0))
 
 
 @dataclass(eq=False)
 class Inputs:
-    """What drives one replay, at every physics step; effects change it in place.
+    """Inputs of one replay, at every physics step; effects change them in place.
 
     Attributes:
         recording: index of the recording.
@@ -107,7 +107,7 @@ class Inputs:
 
 @dataclass(eq=False)
 class Outputs:
-    """What one replay's sensors report, at every sample; effects change it in place.
+    """Reports of one replay's sensors, at every sample; effects change them in place.
 
     Attributes:
         recording: index of the recording.

@@ -22,7 +22,7 @@ from wt.physics.scene import Scene
 
 @dataclass(frozen=True, eq=False)
 class Replays:
-    """What replays of H hypotheses report at the N samples of all stretches, one after another.
+    """Reports of replays of hypotheses at the samples of all stretches, one after another.
 
     Attributes:
         q: joint positions, (H, N, nv); NaN where a replay exploded.
@@ -167,7 +167,7 @@ def _size_names() -> tuple[str, ...]:
 
 
 def _sizes(model: mujoco.MjModel) -> tuple[int, ...]:
-    """What two models must share to be simulated in one batch."""
+    """Sizes that two models must share to be simulated in one batch."""
     return tuple(getattr(model, name) for name in _size_names())
 
 

@@ -81,7 +81,7 @@ class GearEffect(Stateful, ReplayOnly):
             return {}
         mine = [d for d in stretch.motion.scene.drives if d.joint == at.name]
         q, v = (x[[mine[0].dof]] for x in (stretch.q0, stretch.v0))
-        force = sum(float(d.force(stretch.held[:1, d.index], q, v)[0]) for d in mine)
+        force = sum(float(d.force(stretch.command[:1, d.index], q, v)[0]) for d in mine)
         stiffness = sum(-d.bias[1] * d.gear**2 for d in mine)
         twist = self.twist(theta, force, max(stiffness, 0.0))
         return {rotor(at.name): Hidden(float(q[0]) + twist, float(v[0]), (0.0, 0.0))}

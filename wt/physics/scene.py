@@ -1,4 +1,4 @@
-"""What effects need to know of a model: its joints, drives, bodies, and their names."""
+"""A model as effects see it: its joints, drives, bodies, and their names."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Drive:
 
     @property
     def servo(self) -> bool:
-        """Whether it holds a position: its force falls with the joint's position."""
+        """Tell whether it holds a position: its force falls with the joint's position."""
         return self.bias[1] < 0.0
 
 
@@ -164,7 +164,7 @@ class Scene:
         return tuple(name for name in self.joints if name not in of_bases)
 
     def place(self, joint: str) -> Location:
-        """What people call a degree of freedom: a joint, or the body that floats."""
+        """Place that people call a degree of freedom by: a joint, or the body that floats."""
         if joint in self.own_joints:
             return Location("joint", joint)
         return Location("body", self.model.body(self.model.joint(joint).bodyid[0]).name)
@@ -200,7 +200,7 @@ class Scene:
         )
 
     def carries(self, body: int) -> Bool[np.ndarray, " dof"]:
-        """Which degrees of freedom move a body, (nv,) bool."""
+        """Mask of the degrees of freedom that move a body."""
         m = self.model
         moved = np.zeros(m.nv, bool)
         while body > 0:

@@ -1,45 +1,43 @@
-"""The answer of a case: what is hidden, as it is sealed, and as others may write it.
+"""The answer of a case: its hidden effects, as sealed and as others may write it.
 
 The format is JSON; ``docs/prove.md`` explains it. Only ``truth`` is required.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from wt.errors import DataError
-from wt.prove.cases import Case, Truth
+from wt.prove.cases import Case, HiddenEffect
 
 KINDS = {0: "null", 1: "single", 2: "pair", 3: "triple"}
 UNKNOWN = "unknown"
 
-Answers = Mapping[str, Any]
-"""An answer as JSON."""
-
 
 @dataclass(frozen=True)
 class Answer:
-    """What is hidden in a case.
+    """The hidden effects of a case, with what marking needs to know of it.
 
     Attributes:
-        name: what the case is called once it is open.
+        name: name of the case once it is open.
         kind: null, single, pair, triple, outsider (an effect outside every list) or real (a
             machine of which nobody knows the truth; only the held-out fit is scored).
         truth: the hidden effects.
         visibility: for each of them the rms change it makes in the recordings over their noise;
             NaN where that is not known.
-        excused: (effect, kind, name) that may be said though it is not looked for.
+        excused: (effect, kind, name) that may be claimed though it does not count as hidden.
         rig: kind of machine.
-        decoy: what a null tempts with.
+        decoy: feature of a null that tempts to a false claim.
         level: size in a word.
         noise_rms: joint → rms noise of recorded positions [rad], where it is known.
     """
 
     name: str
     kind: str
-    truth: tuple[Truth, ...]
+    truth: tuple[HiddenEffect, ...]
     visibility: tuple[float, ...]
     excused: tuple[tuple[str, str, str], ...] = ()
     rig: str = ""
@@ -57,15 +55,8 @@ class Answer:
             "decoy": self.decoy,
             "level": self.level,
             "truth": [
-                {
-                    "effect": truth.effect,
-                    "at": {"kind": truth.kind, "name": truth.name},
-                    "parameters": truth.parameters,
-                    "law": truth.law,
-                    "also_at": [{"kind": kind, "name": name} for kind, name in truth.accept],
-                    "visibility": None if seen != seen else seen,
-                }
-                for truth, seen in zip(self.truth, self.visibility, strict=True)
+                effect_to_json(effect, None if math.isnan(visibility) else visibility)
+                for effect, visibility in zip(self.truth, self.visibility, strict=True)
             ],
             "excused": [
                 {"effect": effect, "at": {"kind": kind, "name": name}}
@@ -83,18 +74,18 @@ def of_case(case: Case, visibility: Sequence[float], noise_rms: Mapping[str, flo
     )  # fmt: skip
 
 
-def from_json(said: object, name: str) -> Answer:
+def from_json(data: object, name: str) -> Answer:
     """An answer, checked.
 
     Args:
-        said: the JSON.
+        data: the JSON.
         name: of the case, for messages and where the answer has none.
 
     Raises:
         DataError: something is missing or of another type.
     """
     try:
-        return _read(said, name)
+        return _read(data, name)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         what = f"'{error.args[0]}' is missing" if isinstance(error, KeyError) else str(error)
         raise DataError(
@@ -103,39 +94,52 @@ def from_json(said: object, name: str) -> Answer:
         ) from error
 
 
-def _read(said: Any, name: str) -> Answer:  # noqa: ANN401 – JSON of others
-    truth = tuple(_truth(one) for one in said["truth"])
+def _read(data: Any, name: str) -> Answer:  # noqa: ANN401 – JSON of others
+    truth = tuple(effect_from_json(effect) for effect in data["truth"])
     if len(truth) > max(KINDS):
         raise ValueError(f"{len(truth)} effects are hidden, and at most {max(KINDS)} are marked")
-    outside = any(one.effect == UNKNOWN for one in truth)
-    seen = [one.get("visibility") for one in said["truth"]]
+    outside = any(effect.effect == UNKNOWN for effect in truth)
+    visibility = [effect.get("visibility") for effect in data["truth"]]
     return Answer(
-        name=str(said.get("name") or name),
-        kind=str(said.get("kind") or ("outsider" if outside else KINDS[len(truth)])),
+        name=str(data.get("name") or name),
+        kind=str(data.get("kind") or ("outsider" if outside else KINDS[len(truth)])),
         truth=truth,
-        visibility=tuple(float("nan") if v is None else float(v) for v in seen),
+        visibility=tuple(float("nan") if v is None else float(v) for v in visibility),
         excused=tuple(
-            (str(one["effect"]), *_place(one["at"])) for one in said.get("excused") or ()
+            (str(entry["effect"]), *_place(entry["at"])) for entry in data.get("excused") or ()
         ),
-        rig=str(said.get("rig") or ""),
-        decoy=str(said.get("decoy") or ""),
-        level=str(said.get("level") or ""),
-        noise_rms={str(k): float(v) for k, v in (said.get("noise_rms") or {}).items()},
+        rig=str(data.get("rig") or ""),
+        decoy=str(data.get("decoy") or ""),
+        level=str(data.get("level") or ""),
+        noise_rms={str(k): float(v) for k, v in (data.get("noise_rms") or {}).items()},
     )
 
 
-def _truth(said: Mapping[str, Any]) -> Truth:
-    kind, name = _place(said["at"])
-    effect = str(said["effect"])
-    return Truth(
+def effect_to_json(effect: HiddenEffect, visibility: float | None) -> dict[str, Any]:
+    """A hidden effect as in an answer, with the rms change it makes over the noise."""
+    return {
+        "effect": effect.effect,
+        "at": {"kind": effect.kind, "name": effect.name},
+        "parameters": effect.parameters,
+        "law": effect.law,
+        "also_at": [{"kind": kind, "name": name} for kind, name in effect.accept],
+        "visibility": visibility,
+    }
+
+
+def effect_from_json(data: Mapping[str, Any]) -> HiddenEffect:
+    """A hidden effect of an answer."""
+    kind, name = _place(data["at"])
+    effect = str(data["effect"])
+    return HiddenEffect(
         effect=effect,
         kind=kind,
         name=name,
-        parameters=dict(said.get("parameters") or {}),
-        law=str(said.get("law") or effect),
-        accept=tuple(_place(place) for place in said.get("also_at") or ()),
+        parameters=dict(data.get("parameters") or {}),
+        law=str(data.get("law") or effect),
+        accept=tuple(_place(place) for place in data.get("also_at") or ()),
     )
 
 
-def _place(said: Mapping[str, Any]) -> tuple[str, str]:
-    return str(said["kind"]), str(said["name"])
+def _place(data: Mapping[str, Any]) -> tuple[str, str]:
+    return str(data["kind"]), str(data["name"])

@@ -1,20 +1,19 @@
-"""What a user records of a robot's trunk: an estimator or motion capture, and an IMU."""
+"""Recordings of a robot's trunk: an estimator or motion capture, and an IMU."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.prove.legged_rigs import BASE
-from wt.prove.trace import Trace
-
-Array = np.ndarray
+from wt.prove.trajectory import HiddenTrajectory
 
 
 @dataclass(frozen=True)
 class BaseSensing:
-    """How the trunk is recorded; all Gaussian noise, rms.
+    """Sensors of the trunk; all Gaussian noise, rms.
 
     Attributes:
         position: of its position [m].
@@ -34,18 +33,18 @@ class BaseSensing:
 
 
 def measure_base(
-    sensing: BaseSensing, trace: Trace, velocities: bool, rng: np.random.Generator
-) -> dict[str, Array]:
+    sensing: BaseSensing, trace: HiddenTrajectory, velocities: bool, rng: np.random.Generator
+) -> dict[str, Float[np.ndarray, " sample"]]:
     """The columns of the trunk.
 
     Args:
-        sensing: how it is recorded.
-        trace: what happened, n samples.
+        sensing: its sensors.
+        trace: the trajectory.
         velocities: whether they are recorded.
         rng: decides the noise.
 
     Returns:
-        ``qpos/base/0…6``, ``qvel/base/0…5`` and the IMU's, each (n,).
+        ``qpos/base/0…6``, ``qvel/base/0…5`` and the IMU's.
     """
     n = len(trace.base_q)
     place = trace.base_q[:, :3] + rng.normal(0, sensing.position, (n, 3))
@@ -53,19 +52,21 @@ def measure_base(
     pose = np.concatenate([place, turned], axis=1)
     noise = np.repeat([sensing.velocity, sensing.rate], 3)
     speed = trace.base_v + rng.normal(0, 1, (n, 6)) * noise
-    found = {f"qpos/{BASE}/{i}": pose[:, i] for i in range(7)}
+    columns = {f"qpos/{BASE}/{i}": pose[:, i] for i in range(7)}
     if velocities:
-        found |= {f"qvel/{BASE}/{i}": speed[:, i] for i in range(6)}
+        columns |= {f"qvel/{BASE}/{i}": speed[:, i] for i in range(6)}
     if sensing.imu:
         noise = np.repeat([sensing.rate, sensing.acceleration], 3)
         imu = trace.sensors + rng.normal(0, 1, (n, 6)) * noise
         names = [f"sensor/{name}/{i}" for name in ("gyro", "accelerometer") for i in range(3)]
-        found |= {name: imu[:, i] for i, name in enumerate(names)}
-    return found
+        columns |= {name: imu[:, i] for i, name in enumerate(names)}
+    return columns
 
 
-def _turned(quaternion: Array, by: Array) -> Array:
-    """Quaternions wxyz, (n, 4), turned in the body by small rotation vectors (n, 3) [rad]."""
+def _turned(
+    quaternion: Float[np.ndarray, "sample 4"], by: Float[np.ndarray, "sample 3"]
+) -> Float[np.ndarray, "sample 4"]:
+    """Quaternions wxyz, turned in the body by small rotation vectors [rad]."""
     w, v = quaternion[:, :1], quaternion[:, 1:]
     half = 0.5 * by
     # (w, v)·(1, h) = (w − v·h, w·h + v + v × h)

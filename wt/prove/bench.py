@@ -2,7 +2,7 @@
 
 Every phase leaves its work on disk and finds it again, so that an interrupted trial is continued.
 The key of the seals is read in one place, :func:`opened`, which first makes sure that everything
-that was said is in the ledger and unchanged.
+that was claimed is in the ledger and unchanged.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from wt.data import recording as recordings
 from wt.errors import ConfigError
 from wt.prove import blind, contenders, real
 from wt.prove.answer import Answer, from_json, of_case
-from wt.prove.blind import Job
+from wt.prove.blind import DiagnosisJob
 from wt.prove.case import Case
 from wt.prove.cases import cases
 from wt.prove.folder import SEALED, Folder, write_json
@@ -33,10 +33,10 @@ from wt.prove.visibility import visibilities
 from wt.prove.world import FallsError, build
 
 Report = Callable[[str, float], None]
-"""Called with (what is being done, share of the whole 0…1)."""
+"""Called with the current step, and the share of all work that is done, 0…1."""
 
 _BUILT, _DIAGNOSED = 0.1, 0.95
-"""Shares of the whole after which cases are built and diagnosed."""
+"""Shares of all work after which cases are built and diagnosed."""
 
 
 def chosen(set: str, only: str, seed: int) -> list[Case]:
@@ -46,20 +46,20 @@ def chosen(set: str, only: str, seed: int) -> list[Case]:
         ConfigError: there is no such set, or none matches.
     """
     pattern = only if "*" in only else f"*{only}*"
-    found = [case for case in cases(set, seed) if fnmatch.fnmatch(case.name, pattern)]
-    if not found:
+    matches = [case for case in cases(set, seed) if fnmatch.fnmatch(case.name, pattern)]
+    if not matches:
         raise ConfigError(
             f"--only '{only}' matches no case of the set '{set}'; "
             "give a part of a case's name, such as 'arm6-joint.backlash'"
         )
-    return found
+    return matches
 
 
 def make(folder: Folder, jobs: int, say: Report) -> None:
     """Build the cases that are not there yet, seal their answers, and publish the manifest.
 
     Raises:
-        FallsError: no robot can stand with what is hidden in it; if some can, the others' cases
+        FallsError: no robot can stand with the effects hidden in it; if some can, the others' cases
             are left out, and the manifest names them.
     """
     if folder.plan.brought or (folder.path / "manifest.json").exists():
@@ -68,20 +68,20 @@ def make(folder: Folder, jobs: int, say: Report) -> None:
     if key is None:
         key = new_key()
         folder.keep_key(key)
-    every = chosen(folder.plan.set, folder.plan.only, folder.plan.seed)
-    left = [case for case in every if not (folder.cases / alias(case.name, key)).exists()]
-    done, fallen = len(every) - len(left), []
-    with workers(min(jobs, len(left))) as pool:
-        made = {pool.submit(make_one, c, folder.cases, key): c.name for c in left}
+    planned = chosen(folder.plan.set, folder.plan.only, folder.plan.seed)
+    missing = [case for case in planned if not (folder.cases / alias(case.name, key)).exists()]
+    done, fallen = len(planned) - len(missing), []
+    with workers(min(jobs, len(missing))) as pool:
+        made = {pool.submit(make_one, c, folder.cases, key): c.name for c in missing}
         for future in as_completed(made):
             try:
                 future.result()
             except FallsError:
                 fallen.append(made[future])
-                if len(fallen) == len(every):
+                if len(fallen) == len(planned):
                     raise
             done += 1
-            say(f"made {done} of {len(every)} cases", _BUILT * done / len(every))
+            say(f"made {done} of {len(planned)} cases", _BUILT * done / len(planned))
     _take_in(folder, key)
     publish(folder.path, sorted(fallen))
 
@@ -116,12 +116,12 @@ def publish(home: Path, left_out: Sequence[str] = ()) -> None:
 
 
 def alias(name: str, key: bytes) -> str:
-    """A case's name while it is sealed, which says nothing; their order says nothing either."""
+    """A case's name while it is sealed; neither it nor the order of all names reveals anything."""
     return f"case-{hmac.digest(key, name.encode(), 'sha256').hex()[:8]}"
 
 
 def make_one(case: Case, folder: Path, key: bytes) -> None:
-    """Simulate a case and write what may be seen of it, with its answer sealed.
+    """Simulate a case and write its visible files, with its answer sealed.
 
     Raises:
         FallsError: the robot falls whatever it does.
@@ -139,13 +139,13 @@ def make_one(case: Case, folder: Path, key: bytes) -> None:
 
 
 def write_files(case: Case, part: Path) -> Answer:
-    """Simulate a case and write what may be seen of it into a folder; its answer."""
+    """Simulate a case and write its visible files into a folder; returns its answer."""
     world = build(case)
     (part / "robot.xml").write_text(world.nominal_xml)
     meta = {"robot": case.rig, "source": "concealed trial"}
-    for kind, some in (("fit", world.fit), ("holdout", world.holdout)):
-        for i, one in enumerate(some, 1):
-            recordings.write(replace(one, meta=meta), part / f"{kind}-{i}.parquet")
+    for kind, recorded in (("fit", world.fit), ("holdout", world.holdout)):
+        for i, recording in enumerate(recorded, 1):
+            recordings.write(replace(recording, meta=meta), part / f"{kind}-{i}.parquet")
     return of_case(case, visibilities(case, world.calm), world.noise_rms)
 
 
@@ -157,31 +157,31 @@ def write_sealed(case: Path, name: str, answer: Answer, key: bytes) -> None:
 
 
 def diagnose(folder: Folder, jobs: int, say: Report) -> None:
-    """Let everybody work on every case, blind, and record what was said."""
+    """Run every contender on every case, blind, and record the diagnoses."""
     if (folder.path / "ledger.json").exists():
         return
-    every = [(who, name) for who in folder.plan.who for name in folder.manifest]
+    diagnoses = [(who, name) for who in folder.plan.who for name in folder.manifest]
     done = 0
     # rivals after us: they have the time that we took
     for who in folder.plan.who:
-        todo = [
+        missing = [
             _job(folder, who, name)
             for name in folder.manifest
             if not folder.said(who, name).exists()
         ]
-        done += len(folder.manifest) - len(todo)
-        for _ in blind.run(todo, jobs):
+        done += len(folder.manifest) - len(missing)
+        for _ in blind.run(missing, jobs):
             done += 1
-            share = _BUILT + (_DIAGNOSED - _BUILT) * done / len(every)
-            say(f"{done} of {len(every)} diagnoses", share)
+            share = _BUILT + (_DIAGNOSED - _BUILT) * done / len(diagnoses)
+            say(f"{done} of {len(diagnoses)} diagnoses", share)
     folder.write_ledger()
 
 
-def _job(folder: Folder, who: str, name: str) -> Job:
+def _job(folder: Folder, who: str, name: str) -> DiagnosisJob:
     budget = contenders.LIMIT_S
     if who != contenders.OURS and contenders.OURS in folder.plan.who:
         budget = ran(folder, contenders.OURS, name)["seconds"]
-    return Job(
+    return DiagnosisJob(
         case=folder.cases / name,
         out=folder.said(who, name),
         program=contenders.program(who, budget),
@@ -191,13 +191,13 @@ def _job(folder: Folder, who: str, name: str) -> Job:
 
 
 def ran(folder: Folder, who: str, name: str) -> dict[str, Any]:
-    """How a diagnosis went: ``seconds`` and ``error``."""
-    found: dict[str, Any] = json.loads((folder.said(who, name) / blind.RAN).read_text())
-    return found
+    """Outcome of a diagnosis: ``seconds`` and ``error``."""
+    outcome: dict[str, Any] = json.loads((folder.said(who, name) / blind.RAN).read_text())
+    return outcome
 
 
 def opened(folder: Folder, key: bytes | None = None) -> dict[str, Answer]:
-    """Open the seals, now that all is said: the answer of every case.
+    """Open the seals, now that all diagnoses are written: the answer of every case.
 
     Args:
         folder: the trial.

@@ -33,7 +33,7 @@ _POLL_S = 0.05
 
 
 @dataclass(frozen=True)
-class Job:
+class DiagnosisJob:
     """One diagnosis that is to be made.
 
     Attributes:
@@ -41,8 +41,8 @@ class Job:
         out: folder that the diagnosis becomes; it does not exist yet.
         program: from the names of fitted and held-out recordings to the module that is run and
             its arguments; it writes into ``out``.
-        closed: what the process may not see, beside everything that is not its own.
-        limit_s: after so much time it is ended [s].
+        closed: paths that the process may not see, besides all that are not its own.
+        limit_s: time after which it is ended [s].
     """
 
     case: Path
@@ -54,7 +54,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Ran:
-    """How a diagnosis went.
+    """Outcome of a diagnosis.
 
     Attributes:
         seconds: wall-clock time [s].
@@ -65,7 +65,7 @@ class Ran:
     error: str
 
 
-def run(jobs: Sequence[Job], processes: int) -> Iterator[tuple[Job, Ran]]:
+def run(jobs: Sequence[DiagnosisJob], processes: int) -> Iterator[tuple[DiagnosisJob, Ran]]:
     """Make diagnoses side by side; each job with its outcome as it ends.
 
     However this generator ends, no process of it is left.
@@ -113,7 +113,7 @@ def inputs(case: Path) -> tuple[list[Path], list[Path]]:
 class _Process:
     """A running diagnosis."""
 
-    def __init__(self, job: Job) -> None:
+    def __init__(self, job: DiagnosisJob) -> None:
         self.job, self._began = job, time.monotonic()
         self._home = Path(tempfile.mkdtemp(prefix="blind-")).resolve()
         fit, holdout = inputs(job.case)
@@ -134,7 +134,7 @@ class _Process:
         self._late = False
 
     def ended(self) -> bool:
-        """Whether it has; too long a one is ended here."""
+        """True once it has ended; beyond its time limit it is ended here."""
         if self._process.poll() is not None:
             return True
         if time.monotonic() - self._began > self.job.limit_s:
@@ -143,13 +143,13 @@ class _Process:
         return self._late
 
     def collect(self) -> Ran:
-        """Move what it wrote to its place, and clean up."""
+        """Move its files to their place, and clean up."""
         seconds = time.monotonic() - self._began
-        found = self._home / "out"
+        written = self._home / "out"
         error = ""
         if self._late:
             error = f"ended after {self.job.limit_s:.0f} s"
-        elif self._process.returncode or not (found / "diagnosis.json").is_file():
+        elif self._process.returncode or not (written / "diagnosis.json").is_file():
             lines = (self._home / "said").read_text(errors="replace").strip().splitlines()
             error = lines[-1] if lines else f"ended with exit code {self._process.returncode}"
         ran = Ran(seconds, error)
@@ -157,7 +157,7 @@ class _Process:
         shutil.rmtree(part, ignore_errors=True)
         part.mkdir(parents=True)
         if not error:
-            for file in found.iterdir():
+            for file in written.iterdir():
                 shutil.copyfile(file, part / file.name)
         write_whole(part / RAN, json.dumps({"seconds": round(seconds, 2), "error": error}) + "\n")
         part.rename(self.job.out)
@@ -177,7 +177,7 @@ class _Process:
 
 
 def environment(home: Path) -> dict[str, str]:
-    """All that a diagnosing process knows of its surroundings."""
+    """Environment variables of a diagnosing process, all of them."""
     threads = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
     return threads | {
         "PATH": os.defpath,

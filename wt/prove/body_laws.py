@@ -1,4 +1,4 @@
-"""What acts on bodies, on the world and between joints; positions in metres, world frame."""
+"""Laws on bodies, on the world and between joints; positions in metres, world frame."""
 
 from __future__ import annotations
 
@@ -7,12 +7,10 @@ import math
 import mujoco
 import numpy as np
 
-from wt.prove.hidden import Law, Plant, WorldLaw
-
-Array = np.ndarray
+from wt.prove.hidden import HiddenLaw, Plant, WorldLaw
 
 
-class Mass(WorldLaw):
+class HiddenMass(WorldLaw):
     """Mass and inertia × ``factor``."""
 
     def bind(self, plant: Plant) -> None:
@@ -22,7 +20,7 @@ class Mass(WorldLaw):
         plant.model.body_inertia[body] *= self.number("factor")
 
 
-class Com(WorldLaw):
+class HiddenComShift(WorldLaw):
     """Centre of mass moved by ``shift`` in the body's frame, the inertia about it unchanged."""
 
     def bind(self, plant: Plant) -> None:
@@ -30,7 +28,7 @@ class Com(WorldLaw):
         plant.model.body_ipos[plant.body(self.place)] += self.vector("shift")
 
 
-class Inertia(WorldLaw):
+class HiddenInertia(WorldLaw):
     """Inertia about the centre of mass × ``factor``, the mass unchanged."""
 
     def bind(self, plant: Plant) -> None:
@@ -38,7 +36,7 @@ class Inertia(WorldLaw):
         plant.model.body_inertia[plant.body(self.place)] *= self.number("factor")
 
 
-class Payload(WorldLaw):
+class HiddenPayload(WorldLaw):
     """A small ball of ``mass`` welded on at ``position`` in the body's frame."""
 
     def edit(self, spec: mujoco.MjSpec) -> None:
@@ -53,7 +51,7 @@ class Payload(WorldLaw):
         )
 
 
-class Force(WorldLaw):
+class HiddenBodyForce(WorldLaw):
     """Constant ``force`` at the centre of mass."""
 
     def bind(self, plant: Plant) -> None:
@@ -65,7 +63,7 @@ class Force(WorldLaw):
         plant.data.xfrc_applied[self._body, :3] += self._force
 
 
-class Intermittent(Force):
+class HiddenIntermittentForce(HiddenBodyForce):
     """``force`` at the centre of mass inside ``windows``, with flanks of 4 ms."""
 
     def act(self, plant: Plant, t: float) -> None:
@@ -76,7 +74,7 @@ class Intermittent(Force):
                 plant.data.xfrc_applied[self._body, :3] += flank * self._force
 
 
-class Drag(WorldLaw):
+class HiddenDrag(WorldLaw):
     """−coefficient·|v|·v at the centre of mass in still air."""
 
     def bind(self, plant: Plant) -> None:
@@ -91,7 +89,7 @@ class Drag(WorldLaw):
         plant.data.xfrc_applied[self._body, :3] -= self.number("coefficient") * math.hypot(*v) * v
 
 
-class Tether(WorldLaw):
+class HiddenTether(WorldLaw):
     """A spring of no length from the body's frame origin to ``anchor`` in the world."""
 
     def bind(self, plant: Plant) -> None:
@@ -107,7 +105,7 @@ class Tether(WorldLaw):
         wrench[3:] += np.cross(origin - plant.data.xipos[self._body], pull)
 
 
-class Gravity(WorldLaw):
+class HiddenGravity(WorldLaw):
     """Gravity leans by ``angle`` towards azimuth ``direction`` in the world's xy plane."""
 
     def bind(self, plant: Plant) -> None:
@@ -117,7 +115,7 @@ class Gravity(WorldLaw):
         plant.model.opt.gravity[:] = np.linalg.norm(plant.model.opt.gravity) * lean
 
 
-class Flywheel(WorldLaw):
+class HiddenFlywheel(WorldLaw):
     """Outsider: a wheel spinning in the body with momentum ``momentum`` [N·m·s] about ``axis``."""
 
     def bind(self, plant: Plant) -> None:
@@ -133,7 +131,7 @@ class Flywheel(WorldLaw):
         plant.data.xfrc_applied[self._body, 3:] -= np.cross(self._twist[:3], spin)
 
 
-class Cable(WorldLaw):
+class HiddenCable(WorldLaw):
     """Outsider: a cable over two joints that pulls when ratio·q_a + q_b exceeds ``slack``.
 
     Tension stiffness·softplus(stretch) on a unit radius, rounded over 0.05 rad.
@@ -154,8 +152,8 @@ class Cable(WorldLaw):
         plant.total[self._b] -= pull
 
 
-class Unbalance(WorldLaw):
-    """Outsider: something turns at its own pace: torque·sin(frequency·t + phase) on a joint."""
+class HiddenUnbalance(WorldLaw):
+    """Outsider: an unbalanced rotor at its own pace: torque·sin(frequency·t + phase) on a joint."""
 
     def bind(self, plant: Plant) -> None:
         """Look up the joint."""
@@ -167,17 +165,17 @@ class Unbalance(WorldLaw):
         plant.total[self._joint] += self.number("torque") * math.sin(angle)
 
 
-LAWS: dict[str, type[Law]] = {
-    "body.mass": Mass,
-    "body.com": Com,
-    "body.inertia": Inertia,
-    "body.payload_fixed": Payload,
-    "body.force": Force,
-    "body.force_intermittent": Intermittent,
-    "body.drag": Drag,
-    "body.tether": Tether,
-    "world.gravity": Gravity,
-    "outsider.flywheel": Flywheel,
-    "outsider.cable": Cable,
-    "outsider.unbalance": Unbalance,
+LAWS: dict[str, type[HiddenLaw]] = {
+    "body.mass": HiddenMass,
+    "body.com": HiddenComShift,
+    "body.inertia": HiddenInertia,
+    "body.payload_fixed": HiddenPayload,
+    "body.force": HiddenBodyForce,
+    "body.force_intermittent": HiddenIntermittentForce,
+    "body.drag": HiddenDrag,
+    "body.tether": HiddenTether,
+    "world.gravity": HiddenGravity,
+    "outsider.flywheel": HiddenFlywheel,
+    "outsider.cable": HiddenCable,
+    "outsider.unbalance": HiddenUnbalance,
 }

@@ -1,16 +1,16 @@
-"""What a trial is: what is hidden, and how it is recorded."""
+"""A case of the trials: its hidden effects, and its recordings."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from wt.prove.case_spec import Decoy, Kind
 from wt.prove.hidden import Parameters
-from wt.prove.row import Decoy, Kind
 from wt.prove.sensing import Sensing
 
 
 @dataclass(frozen=True)
-class Truth:
+class HiddenEffect:
     """One hidden effect.
 
     Attributes:
@@ -39,22 +39,22 @@ class Case:
         rig: name in ``RIGS``.
         seed: of everything that is random in it.
         kind: single, pair, triple, outsider or null.
-        truth: what is hidden; empty for a null.
-        sensing: how it is recorded.
+        truth: the hidden effects; empty for a null.
+        sensing: the robot's sensors and clock.
         motions: of the fit recordings, then the held-out one.
         seconds: length of each recording [s].
         step: time step of the nominal model [s].
         gain: factor on servo stiffness, in nominal model and hidden world alike.
-        decoy: what a null tempts with.
+        decoy: feature of a null that tempts to a false claim.
         level: obvious, clear, faint or below (the noise); empty for a null.
-        excused: what may be said though it is not looked for, as (effect, kind, name).
+        excused: claims that are not counted though they are not hidden, as (effect, kind, name).
     """
 
     name: str
     rig: str
     seed: int
     kind: Kind
-    truth: tuple[Truth, ...]
+    truth: tuple[HiddenEffect, ...]
     sensing: Sensing
     motions: tuple[str, ...]
     seconds: float

@@ -1,4 +1,4 @@
-"""What is hidden where: the cases of each set, decided by a seed and nothing else."""
+"""The cases of each set, decided by a seed and nothing else."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy as np
 
 from wt.prove import legged_cases, moving_laws
 from wt.prove.case import Case as Case
-from wt.prove.case import Truth as Truth
+from wt.prove.case import HiddenEffect as HiddenEffect
+from wt.prove.case_spec import CaseSpec
 from wt.prove.catalog import parameters
 from wt.prove.hidden import Parameters
 from wt.prove.legged_rigs import LEGGED
@@ -16,10 +17,9 @@ from wt.prove.motions import MOTIONS as ALL_MOTIONS
 from wt.prove.obstacles import obstacle
 from wt.prove.places import MOTIONS, places
 from wt.prove.rigs import RIGS
-from wt.prove.row import Row, title
 from wt.prove.sensing import Sensing
 from wt.prove.sets import SetName as SetName
-from wt.prove.sets import rows
+from wt.prove.sets import specs
 
 
 def cases(set: str = "quick", seed: int = 0) -> list[Case]:
@@ -34,48 +34,63 @@ def cases(set: str = "quick", seed: int = 0) -> list[Case]:
         ConfigError: no such set.
     """
     return [
-        (legged_cases.draw if row[1] in LEGGED else _case)(i, row, seed)
-        for i, row in enumerate(rows(set))
+        (legged_cases.draw if spec.rig in LEGGED else _case)(i, spec, seed)
+        for i, spec in enumerate(specs(set))
     ]
 
 
-def _case(index: int, row: Row, seed: int) -> Case:
-    effects, rig, level, kind, decoy = row
+def _case(index: int, spec: CaseSpec, seed: int) -> Case:
+    effects, rig, decoy = spec.effects, spec.rig, spec.decoy
     rng = np.random.default_rng([seed, index, len(effects)])
     motor = RIGS[rig].motor
     quiet = any(effect.startswith(("body.", "world.", "contact.")) for effect in effects)
     sensing = _sensing(rng, motor, decoy, quiet)
-    truth: list[Truth] = []
-    for effect in effects:
-        taken = {_joint(rig, t) for t in truth}
-        free = [j for j in places(effect, rig) if j not in taken]
-        joint = int(rng.choice(free))
-        noise = sensing.position_noise
-        found = parameters(effect, rig, joint, level, noise, int(rng.integers(2**31)))
-        truth.append(_truth(effect, rig, joint, found, rng))
-    first, second = MOTIONS.get(effects[0] if effects else "", _two(rng))
-    held = str(rng.choice([m for m in ALL_MOTIONS if m not in (first, second)] + ["mixture"] * 3))
-    if effects and effects[0] in ("actuator.saturation", "actuator.speed_limit"):
-        held = "jumps"
+    truth = _hidden_effects(spec, sensing.position_noise, rng)
+    motions = _motions(effects[0] if effects else "", rng)
     case = Case(
-        name=title(index, row),
+        name=spec.title(index),
         rig=rig,
         seed=int(rng.integers(2**31)),
-        kind=kind,
-        truth=tuple(truth),
+        kind=spec.kind,
+        truth=truth,
         sensing=sensing,
-        motions=(first, second, held),
+        motions=motions,
         seconds=float(rng.uniform(14, 18)) if effects != ("actuator.fade",) else 26.0,
         step=0.005 if decoy == "coarse_step" else float(rng.choice([0.001, 0.002])),
         gain=4.0 if decoy == "tight_servo" else 1.0,
         decoy=decoy,
-        level=level,
+        level=spec.level,
         excused=_excused(rig, rng) if decoy == "wrong_mass" else (),
     )
     if effects == ("contact.obstacle",):
         placed = replace(case.truth[0], parameters=obstacle(case))
         case = replace(case, truth=(placed,))
     return case
+
+
+def _hidden_effects(
+    spec: CaseSpec, noise: float, rng: np.random.Generator
+) -> tuple[HiddenEffect, ...]:
+    """The effects of a specification, each at a joint or body of its own."""
+    truth: list[HiddenEffect] = []
+    for effect in spec.effects:
+        taken = {_joint(spec.rig, hidden) for hidden in truth}
+        free = [joint for joint in places(effect, spec.rig) if joint not in taken]
+        joint = int(rng.choice(free))
+        seed = int(rng.integers(2**31))
+        drawn = parameters(effect, spec.rig, joint, spec.level, noise, seed)
+        truth.append(_truth(effect, spec.rig, joint, drawn, rng))
+    return tuple(truth)
+
+
+def _motions(effect: str, rng: np.random.Generator) -> tuple[str, str, str]:
+    """Two motions to fit on, which show the first effect, and another held out."""
+    first, second = MOTIONS.get(effect, _two(rng))
+    others = [motion for motion in ALL_MOTIONS if motion not in (first, second)]
+    holdout = str(rng.choice(others + ["mixture"] * 3))
+    if effect in ("actuator.saturation", "actuator.speed_limit"):
+        holdout = "jumps"
+    return first, second, holdout
 
 
 def _excused(rig: str, rng: np.random.Generator) -> tuple[tuple[str, str, str], ...]:
@@ -90,37 +105,39 @@ def _two(rng: np.random.Generator) -> tuple[str, str]:
     return first, second
 
 
-def _joint(rig: str, truth: Truth) -> int:
+def _joint(rig: str, truth: HiddenEffect) -> int:
     robot = RIGS[rig]
     name = truth.name.removesuffix("_drive")
     return robot.joints.index(name) if name in robot.joints else robot.bodies.index(name)
 
 
-def _truth(effect: str, rig: str, joint: int, found: Parameters, rng: np.random.Generator) -> Truth:
+def _truth(
+    effect: str, rig: str, joint: int, drawn: Parameters, rng: np.random.Generator
+) -> HiddenEffect:
     robot = RIGS[rig]
     name, body = robot.joints[joint], robot.bodies[joint]
     group = effect.partition(".")[0]
     if effect == "body.payload_moving":
-        law, found = moving_laws.variant(found, rng)
-        return Truth(effect, "body", body, found, law)
+        law, drawn = moving_laws.variant(drawn, rng)
+        return HiddenEffect(effect, "body", body, drawn, law)
     if group == "body":
-        return Truth(effect, "body", body, found, effect)
+        return HiddenEffect(effect, "body", body, drawn, effect)
     if group == "actuator":
-        return Truth(effect, "actuator", f"{name}_drive", found, effect)
+        return HiddenEffect(effect, "actuator", f"{name}_drive", drawn, effect)
     if group in ("world", "contact"):
-        return Truth(effect, "world", "world", found, effect)
+        return HiddenEffect(effect, "world", "world", drawn, effect)
     if effect == "sensor.delay" and rng.random() < 0.5:
-        return Truth(effect, "sensor", "all", found, effect)
+        return HiddenEffect(effect, "sensor", "all", drawn, effect)
     if effect == "outsider.flywheel":
         moved = tuple(("joint", j) for j in robot.joints[: joint + 1])
-        return Truth("unknown", "body", body, found, effect, accept=moved)
+        return HiddenEffect("unknown", "body", body, drawn, effect, accept=moved)
     if effect == "outsider.cable":
         other = robot.joints[joint - 1]
         either = (("joint", other), ("joint", name), ("pair", f"{name}+{other}"))
-        return Truth("unknown", "pair", f"{other}+{name}", found, effect, accept=either)
+        return HiddenEffect("unknown", "pair", f"{other}+{name}", drawn, effect, accept=either)
     if group == "outsider":
-        return Truth("unknown", "joint", name, found, effect)
-    return Truth(effect, "joint", name, found, effect)
+        return HiddenEffect("unknown", "joint", name, drawn, effect)
+    return HiddenEffect(effect, "joint", name, drawn, effect)
 
 
 def _sensing(rng: np.random.Generator, motor: bool, decoy: str, quiet: bool) -> Sensing:

@@ -1,8 +1,8 @@
 """For every effect: seeded magnitudes.
 
 Magnitudes are set by the torque (or travel) that they make, in three levels from obvious down to
-a few times the noise: the smallest is never below ``FLOOR`` times what the position noise means
-in torque, kp × noise, so that every hidden effect leaves a trace. The fourth level, ``below``, is
+a few times the noise: the smallest is never below ``FLOOR`` times the position noise expressed
+as torque, kp × noise, so that every hidden effect leaves a trace. The fourth level, ``below``, is
 for effects that leave none: nobody can find them, and a claim had better be silent.
 """
 
@@ -16,18 +16,18 @@ import numpy as np
 
 from wt.prove.hidden import Parameters
 from wt.prove.rigs import RIGS, Rig
-from wt.prove.scales import Scales, scales
+from wt.prove.scales import RigScales, scales
 
 SHARE = {"obvious": 0.35, "clear": 0.14, "faint": 0.06}
 """Level → torque of an effect, as a fraction of the joint's rms torque."""
 FLOOR = 6.0
 DROWNED = 0.3
-"""What effects of the level ``below`` make of the noise instead."""
+"""Size of effects of the level ``below``, as a share of the noise."""
 
 
 @dataclass(frozen=True)
 class Draw:
-    """What a magnitude may depend on.
+    """Inputs of a magnitude.
 
     Attributes:
         rig: the robot.
@@ -44,7 +44,7 @@ class Draw:
     rng: np.random.Generator
 
     @property
-    def scale(self) -> Scales:
+    def scale(self) -> RigScales:
         """Of the rig."""
         return scales(self.rig.name)
 
@@ -66,7 +66,7 @@ class Draw:
         return values[self.level] * self.u(0.85, 1.15)
 
     def seen(self, usual: float, noise: float, floor: float = FLOOR) -> float:
-        """A size that shows above what the noise looks like, or does not, as the level wants."""
+        """A size that shows above the noise, or does not, as the level wants."""
         return DROWNED * noise if self.level == "below" else max(usual, floor * noise)
 
     @property

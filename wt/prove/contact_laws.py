@@ -1,4 +1,4 @@
-"""What is wrong with contacts: the ``contact.*`` effects. Feet decide, as in the nominal model."""
+"""Laws of contacts: the ``contact.*`` effects. Feet decide, as in the nominal model."""
 
 from __future__ import annotations
 
@@ -7,24 +7,22 @@ import math
 import mujoco
 import numpy as np
 
-from wt.prove.hidden import Law, Plant, WorldLaw
+from wt.prove.hidden import HiddenLaw, Plant, WorldLaw
 from wt.prove.legged_rigs import FLOOR, Legged
 
-Array = np.ndarray
 
-
-class _Ground(WorldLaw):
+class _HiddenGround(WorldLaw):
     """Changes one foot, or all of them when the floor is to blame."""
 
     def feet(self, plant: Plant) -> list[int]:
         """MuJoCo's ids of the geoms."""
         assert isinstance(plant.rig, Legged)
         names = [foot.name for foot in plant.rig.feet]
-        some = names if self.place == FLOOR else [self.place]
-        return [int(plant.model.geom(name).id) for name in some]
+        touching = names if self.place == FLOOR else [self.place]
+        return [int(plant.model.geom(name).id) for name in touching]
 
 
-class Friction(_Ground):
+class HiddenContactFriction(_HiddenGround):
     """Sliding friction of a worn foot, or of a slippery floor, is ``friction``."""
 
     def bind(self, plant: Plant) -> None:
@@ -33,7 +31,7 @@ class Friction(_Ground):
             plant.model.geom_friction[geom, 0] = self.number("friction")
 
 
-class Compliance(_Ground):
+class HiddenContactCompliance(_HiddenGround):
     """A foot or a floor that gives: contacts have ``time_constant`` (critically damped)."""
 
     def bind(self, plant: Plant) -> None:
@@ -42,7 +40,7 @@ class Compliance(_Ground):
             plant.model.geom_solref[geom, 0] = self.number("time_constant")
 
 
-class Floor(_Ground):
+class HiddenFloorTolerance(_HiddenGround):
     """No effect but a tolerance: ``friction`` and ``time_constant`` × factors, as floors are."""
 
     def bind(self, plant: Plant) -> None:
@@ -52,7 +50,7 @@ class Floor(_Ground):
             plant.model.geom_solref[geom, 0] *= self.number("time_constant")
 
 
-class Slope(WorldLaw):
+class HiddenSlope(WorldLaw):
     """The floor descends by ``angle`` towards azimuth ``direction``; gravity stays as it is."""
 
     def bind(self, plant: Plant) -> None:
@@ -70,7 +68,7 @@ class Slope(WorldLaw):
         mujoco.mju_mulQuat(plant.data.qpos[3:7], self._turn, turn)
 
 
-class Obstacle(WorldLaw):
+class HiddenObstacle(WorldLaw):
     """A wall that stands in the way: its face is at ``position`` and looks along ``normal``."""
 
     HALF = (0.2, 1.5, 1.5)  # m, deep, and wide enough that nothing goes around it
@@ -93,9 +91,9 @@ class Obstacle(WorldLaw):
                 geom.conaffinity = self.BIT
 
 
-LAWS: dict[str, type[Law]] = {
-    "contact.friction": Friction,
-    "contact.compliance": Compliance,
-    "contact.slope": Slope,
-    "contact.obstacle": Obstacle,
+LAWS: dict[str, type[HiddenLaw]] = {
+    "contact.friction": HiddenContactFriction,
+    "contact.compliance": HiddenContactCompliance,
+    "contact.slope": HiddenSlope,
+    "contact.obstacle": HiddenObstacle,
 }

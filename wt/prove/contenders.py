@@ -1,4 +1,4 @@
-"""Who competes, and how each is started: all get the same files, and say what they found alike."""
+"""The contenders and their programs: all get the same files and write answers of one form."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ OURS = "diagnose"
 RIVALS = ("sysid", "sysid-bic", "sindy", "coulomb")
 """Modules of ``wt.prove.rivals``."""
 _RIVALS_OWN = ("__init__.py", "rivals", "sysid_rival.py", "sysid_ranges.py")
-"""What of this package a rival is made of; the rest makes worlds and answers."""
-_BESIDE = ("benchmarks", "build", "tests", ".git")
-"""What of a checkout tells of worlds and answers, beside the package."""
+"""Parts of this package that rivals are made of; the rest makes worlds and answers."""
+_ELSEWHERE = ("benchmarks", "build", "tests", ".git")
+"""Parts of a checkout, outside the package, that reveal worlds and answers."""
 LIMIT_S = 1800.0
 """Longest diagnosis [s]."""
 
 
 def program(who: str, budget_s: float) -> Callable[[Sequence[str], Sequence[str]], list[str]]:
-    """What runs a contender, given the names of fitted and held-out recordings.
+    """The command of a contender, given the names of fitted and held-out recordings.
 
     Args:
         who: ``diagnose`` or a rival.
-        budget_s: time that a rival has [s].
+        budget_s: time budget of a rival [s].
     """
 
     def command(fit: Sequence[str], holdout: Sequence[str]) -> list[str]:
@@ -36,14 +36,14 @@ def program(who: str, budget_s: float) -> Callable[[Sequence[str], Sequence[str]
 
 
 def closed(who: str, *folders: Path) -> tuple[Path, ...]:
-    """What a contender may not see: the trial's folders, and what makes worlds and answers."""
-    beside = [ROOT / name for name in _BESIDE if (ROOT / "pyproject.toml").exists()]
+    """Paths closed to a contender: the trial's folders, and the code of worlds and answers."""
+    elsewhere = [ROOT / name for name in _ELSEWHERE if (ROOT / "pyproject.toml").exists()]
     if who == OURS:
-        return (GENERATOR, *beside, *folders)
+        return (GENERATOR, *elsewhere, *folders)
     parts = [part for part in GENERATOR.iterdir() if part.name not in _RIVALS_OWN]
-    return (*sorted(parts), *beside, *folders)
+    return (*sorted(parts), *elsewhere, *folders)
 
 
 def limit(who: str, budget_s: float) -> float:
-    """After how long a contender is ended [s]; a rival may finish the step that it is at."""
+    """Time limit of a contender [s]; a rival may finish its current step."""
     return LIMIT_S if who == OURS else 1.5 * budget_s + 30.0

@@ -1,4 +1,4 @@
-"""What acts between the command and the joint: the ``actuator.*`` effects and the gear.
+"""Laws between the command and the joint: the ``actuator.*`` effects and the gear.
 
 Definitions of the parameters stand at each law. Limits have smooth knees of 2 %.
 """
@@ -9,10 +9,10 @@ import math
 
 import numpy as np
 
-from wt.prove.hidden import CommandLaw, GearLaw, Law, Parameters, Plant, TorqueLaw
+from wt.prove.hidden import CommandLaw, GearLaw, HiddenLaw, Parameters, Plant, TorqueLaw
 
 
-class Delay(CommandLaw):
+class HiddenDelay(CommandLaw):
     """The servo gets u(t − delay)."""
 
     def bind(self, plant: Plant) -> None:
@@ -34,7 +34,7 @@ class Delay(CommandLaw):
         return late + self._part * (later - late)
 
 
-class Lag(CommandLaw):
+class HiddenLag(CommandLaw):
     """time_constant·ẋ = u − x; the servo gets x."""
 
     def bind(self, plant: Plant) -> None:
@@ -50,7 +50,7 @@ class Lag(CommandLaw):
         return u + (x - u) * self._half
 
 
-class Gain(TorqueLaw):
+class HiddenGain(TorqueLaw):
     """τ → factor·τ."""
 
     def torque(self, tau: float, q: float, v: float) -> float:
@@ -58,7 +58,7 @@ class Gain(TorqueLaw):
         return self.number("factor") * tau
 
 
-class Bias(TorqueLaw):
+class HiddenBias(TorqueLaw):
     """τ → τ + torque."""
 
     def torque(self, tau: float, q: float, v: float) -> float:
@@ -75,7 +75,7 @@ def knee(x: float, top: float, width: float) -> float:
     return top - width * (math.log1p(math.exp(s)) if s > -30.0 else 0.0)
 
 
-class Saturation(TorqueLaw):
+class HiddenSaturation(TorqueLaw):
     """|τ| ≤ torque."""
 
     def torque(self, tau: float, q: float, v: float) -> float:
@@ -84,7 +84,7 @@ class Saturation(TorqueLaw):
         return -knee(-knee(tau, top, 0.02 * top), top, 0.02 * top)
 
 
-class SpeedLimit(TorqueLaw):
+class HiddenSpeedLimit(TorqueLaw):
     """A DC motor at limited voltage: −stall·(1 + v/speed) ≤ τ ≤ stall·(1 − v/speed)."""
 
     def torque(self, tau: float, q: float, v: float) -> float:
@@ -94,7 +94,7 @@ class SpeedLimit(TorqueLaw):
         return -knee(-tau, stall * (1 + pace), 0.02 * stall)
 
 
-class Deadband(TorqueLaw):
+class HiddenDeadband(TorqueLaw):
     """The first ``width`` of torque of either sign is lost: τ → sign(τ)·max(|τ| − width, 0)."""
 
     def torque(self, tau: float, q: float, v: float) -> float:
@@ -104,7 +104,7 @@ class Deadband(TorqueLaw):
         return up + (tau - (-knee(-tau, width, 0.02 * width)))
 
 
-class Ripple(TorqueLaw):
+class HiddenRipple(TorqueLaw):
     """τ → τ + amplitude·sin(cycles·q + phase)."""
 
     def torque(self, tau: float, q: float, v: float) -> float:
@@ -113,7 +113,7 @@ class Ripple(TorqueLaw):
         return tau + self.number("amplitude") * math.sin(angle)
 
 
-class Fade(TorqueLaw):
+class HiddenFade(TorqueLaw):
     """τ → (1 − loss·x)·τ with heat x: time_constant·ẋ = (τ/rated)² − x, x(0) = 0.
 
     ``rated`` is the joint's root mean square torque in ordinary motion, at which x goes to 1.
@@ -134,7 +134,7 @@ class Fade(TorqueLaw):
         return (1.0 - self.number("loss") * min(self._heat, 1.5)) * tau
 
 
-class _Gear(GearLaw):
+class _HiddenGear(GearLaw):
     """A rotor with the joint's armature, turning in smaller steps than the rest of the world."""
 
     fine = True
@@ -165,7 +165,7 @@ class _Gear(GearLaw):
         raise AssertionError("a gear overrides this")
 
 
-class Backlash(_Gear):
+class HiddenBacklash(_HiddenGear):
     """Nothing is passed while |twist| < gap/2; beyond, stiff teeth."""
 
     def bind(self, plant: Plant) -> None:
@@ -185,7 +185,7 @@ class Backlash(_Gear):
         return 0.0
 
 
-class Elasticity(_Gear):
+class HiddenElasticity(_HiddenGear):
     """stiffness·twist + damping·rate."""
 
     def mesh(self, twist: float, rate: float) -> float:
@@ -193,23 +193,23 @@ class Elasticity(_Gear):
         return self.number("stiffness") * twist + self.number("damping") * rate
 
 
-LAWS: dict[str, type[Law]] = {
-    "actuator.delay": Delay,
-    "actuator.lag": Lag,
-    "actuator.gain": Gain,
-    "actuator.bias": Bias,
-    "actuator.saturation": Saturation,
-    "actuator.speed_limit": SpeedLimit,
-    "actuator.deadband": Deadband,
-    "actuator.ripple": Ripple,
-    "actuator.fade": Fade,
-    "joint.backlash": Backlash,
-    "joint.elasticity": Elasticity,
+LAWS: dict[str, type[HiddenLaw]] = {
+    "actuator.delay": HiddenDelay,
+    "actuator.lag": HiddenLag,
+    "actuator.gain": HiddenGain,
+    "actuator.bias": HiddenBias,
+    "actuator.saturation": HiddenSaturation,
+    "actuator.speed_limit": HiddenSpeedLimit,
+    "actuator.deadband": HiddenDeadband,
+    "actuator.ripple": HiddenRipple,
+    "actuator.fade": HiddenFade,
+    "joint.backlash": HiddenBacklash,
+    "joint.elasticity": HiddenElasticity,
 }
 
 
 def make(
-    laws: dict[str, type[Law]], effect: str, place: str, parameters: Parameters, seed: int
-) -> Law:
+    laws: dict[str, type[HiddenLaw]], effect: str, place: str, parameters: Parameters, seed: int
+) -> HiddenLaw:
     """The law of an effect."""
     return laws[effect](place, parameters, np.random.default_rng(seed))

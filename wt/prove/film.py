@@ -6,30 +6,29 @@ patched one, on the held-out recording; all rows move at once on the timeline ``
 ===============================  ==========================================================
 ``world/<case> <robot>/<body>``  pose of a body
 ``error/<case>/<robot>``         simulated − recorded, root mean square over the joints
-``summary``                      what was hidden in each case, and what was said
+``summary``                      hidden effects and claims of each case
 ===============================  ==========================================================
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import functools
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from jaxtyping import Float
 
 from wt.physics.quiet import quiet
 from wt.prove import replay
 from wt.prove.blind import inputs
+from wt.prove.case_result import CaseResult
 from wt.prove.folder import Folder
-from wt.prove.marks import Row
 from wt.show import colors
-from wt.show.robot_view import log_robot, motion_of, send_columns
-
-Array = np.ndarray
+from wt.show.robot_view import body_poses, log_robot, send_columns
 
 COLORS: Mapping[str, colors.Color] = {
     "recorded": colors.R,
@@ -40,59 +39,72 @@ _POSES_HZ, _LONGEST_S = 25.0, 12.0
 _APART = 1.3  # in sizes of the largest robot
 
 
-def telling(rows: Sequence[Row], who: str) -> list[tuple[str, Row]]:
+def telling(cases: Sequence[CaseResult], who: str) -> list[tuple[str, CaseResult]]:
     """The cases that say most, each with why: best, hardest, several, unknown, decoy, worst."""
-    visible = [row for row in rows if row["truth"] and row["before_rmse"]]
-
-    def marks(row: Row) -> Mapping[str, Any]:
-        found: Mapping[str, Any] = row["said"][who]["marks"]
-        return found
-
-    def left(row: Row) -> float:
-        return float(row["after_rmse"][who]) / float(row["before_rmse"])
-
-    right = [row for row in visible if marks(row)["effect"]]
-    wrong = [row for row in visible if not marks(row)["location"]]
-    false = [row for row in rows if row["kind"] == "null" and marks(row)["false_claims"]]
-    silent = [row for row in rows if row["decoy"] and not marks(row)["false_claims"]]
-    several = [row for row in right if len(row["truth"]) > 1]
-    outside = [row for row in right if row["kind"] == "outsider"]
-    known = [row for row in right if row["kind"] != "outsider"]
-    found: list[tuple[str, Row]] = []
-    for why, some, size in (
+    visible = [case for case in cases if case.truth and case.before_rmse > 0]
+    right = [case for case in visible if case.marks(who).effect]
+    outsiders = [case for case in right if case.kind == "outsider"]
+    known = [case for case in right if case.kind != "outsider"]
+    several = [case for case in right if len(case.truth) > 1]
+    left = functools.partial(_left, who=who)
+    groups: tuple[tuple[str, list[CaseResult], Callable[[CaseResult], float]], ...] = (
         ("explained best", known, left),
         ("smallest effect that was named", known, _size),
         ("several at once", several, left),
-        ("outside the vocabulary", outside, left),
-        ("decoy that was resisted", silent, lambda row: -float(row["before_rmse"])),
-        ("missed", wrong, lambda row: -_size(row)),
-        ("false alarm", false, lambda row: -float(row["before_rmse"])),
-    ):
-        left_over = [row for row in some if row["id"] not in {r["id"] for _, r in found}]
-        if left_over:
-            found.append((why, min(left_over, key=size)))
-    return found
+        ("outside the vocabulary", outsiders, left),
+        ("decoy that was resisted", _resisted(cases, who), lambda case: -case.before_rmse),
+        ("missed", _missed(visible, who), lambda case: -_size(case)),
+        ("false alarm", _alarms(cases, who), lambda case: -case.before_rmse),
+    )
+    chosen: dict[str, tuple[str, CaseResult]] = {}
+    for why, group, order in groups:
+        rest = [case for case in group if case.id not in chosen]
+        if rest:
+            case = min(rest, key=order)
+            chosen[case.id] = why, case
+    return list(chosen.values())
 
 
-def _size(row: Row) -> float:
-    return min(truth["visibility"] or np.inf for truth in row["truth"])
+def _left(case: CaseResult, who: str) -> float:
+    """Share of the held-out error that a contender's model leaves."""
+    return case.after_rmse[who] / case.before_rmse
+
+
+def _size(case: CaseResult) -> float:
+    """Visibility of the smallest hidden effect."""
+    return min(visibility or np.inf for visibility in case.visibility)
+
+
+def _missed(cases: Sequence[CaseResult], who: str) -> list[CaseResult]:
+    """Cases without a claim at the hidden places."""
+    return [case for case in cases if not case.marks(who).location]
+
+
+def _resisted(cases: Sequence[CaseResult], who: str) -> list[CaseResult]:
+    """Decoys without a false claim."""
+    return [case for case in cases if case.decoy and not case.marks(who).false_claims]
+
+
+def _alarms(cases: Sequence[CaseResult], who: str) -> list[CaseResult]:
+    """Nulls with a false claim."""
+    return [case for case in cases if case.kind == "null" and case.marks(who).false_claims]
 
 
 @quiet()  # a patched model may explode
-def film(folder: Folder, rows: Sequence[Row], who: str) -> bytes:
+def film(folder: Folder, cases: Sequence[CaseResult], who: str) -> bytes:
     """The Rerun recording as bytes."""
     recording = rr.RecordingStream("wt prove", send_properties=False)
     memory = recording.memory_recording()
-    chosen = telling(rows, who)
-    width = max([_extent(folder.cases / row["id"]) for _, row in chosen], default=1.0)
-    said = []
-    for place, (why, row) in enumerate(chosen):
-        _log_case(recording, folder, row, who, place * _APART * width, _APART * width)
-        hidden = ", ".join(f"{t['law']} at {t['at']['name']}" for t in row["truth"]) or "nothing"
-        findings = row["said"][who]["findings"]
-        answer = ", ".join(f"{f['effect']} at {f['at']['name']}" for f in findings) or "nothing"
-        said.append(f"**{row['name']}** – {why}. Hidden: {hidden}. Said: {answer}.")
-    text = rr.TextDocument("\n\n".join(said), media_type=rr.MediaType.MARKDOWN)
+    chosen = telling(cases, who)
+    width = max([_extent(folder.cases / case.id) for _, case in chosen], default=1.0)
+    captions = []
+    for place, (why, case) in enumerate(chosen):
+        _log_case(recording, folder, case, who, place * _APART * width, _APART * width)
+        hidden = ", ".join(f"{effect.law} at {effect.name}" for effect in case.truth) or "nothing"
+        findings = case.contenders[who].findings
+        claims = ", ".join(f"{f['effect']} at {f['at']['name']}" for f in findings) or "nothing"
+        captions.append(f"**{case.name}** – {why}. Hidden: {hidden}. Said: {claims}.")
+    text = rr.TextDocument("\n\n".join(captions), media_type=rr.MediaType.MARKDOWN)
     recording.log("summary", text, static=True, strict=True)
     recording.send_blueprint(
         rrb.Blueprint(
@@ -102,9 +114,9 @@ def film(folder: Folder, rows: Sequence[Row], who: str) -> bytes:
                     rrb.TextDocumentView(origin="summary", name="cases"),
                     *(
                         rrb.TimeSeriesView(
-                            origin=rr.new_entity_path(["error", row["name"]]), name=row["name"]
+                            origin=rr.new_entity_path(["error", case.name]), name=case.name
                         )
-                        for _, row in chosen
+                        for _, case in chosen
                     ),
                 ),
                 column_shares=[3, 2],
@@ -120,14 +132,19 @@ def _extent(case: Path) -> float:
 
 
 def _log_case(
-    recording: rr.RecordingStream, folder: Folder, row: Row, who: str, y: float, apart: float
+    recording: rr.RecordingStream,
+    folder: Folder,
+    result: CaseResult,
+    who: str,
+    y: float,
+    apart: float,
 ) -> None:
-    case, said = folder.cases / row["id"], folder.said(who, row["id"])
+    case, diagnosis = folder.cases / result.id, folder.said(who, result.id)
     given = mujoco.MjModel.from_xml_path(str(case / "robot.xml"))
     measured = replay.read(case / "robot.xml", inputs(case)[1][:1])[0]
     patched = given
-    if (said / "model.xml").is_file():
-        patched = mujoco.MjModel.from_xml_path(str(said / "model.xml"))
+    if (diagnosis / "model.xml").is_file():
+        patched = mujoco.MjModel.from_xml_path(str(diagnosis / "model.xml"))
     paths = {
         "recorded": measured.q,
         "before": replay.replay(given, measured),
@@ -138,34 +155,40 @@ def _log_case(
     t = measured.t[shown][::step]
     time = rr.TimeColumn("time", duration=t)
     for x, (robot, path) in enumerate(paths.items()):
-        name = f"{row['name']} {robot}"
+        name = f"{result.name} {robot}"
         q = _poses(given, measured, path)[shown][::step]
         at = rr.Transform3D(translation=[apart * x, y, 0.0])
         recording.log(rr.new_entity_path(["world", name]), at, static=True, strict=True)
-        log_robot(recording, given, time, name, motion_of(given, q), COLORS[robot])
+        log_robot(recording, given, time, name, body_poses(given, q), COLORS[robot])
         if robot != "recorded":
             squares = (path - measured.q)[shown][::step] ** 2
             led = np.isnan(squares).all(axis=1)
             error = np.sqrt(np.nanmean(squares[~led], axis=1))
-            where = ["error", row["name"], robot]
+            where = ["error", result.name, robot]
             style = rr.SeriesLines(colors=[COLORS[robot]], names=[robot])
             recording.log(rr.new_entity_path(where), style, static=True, strict=True)
             times = rr.TimeColumn("time", duration=t[~led])
             send_columns(recording, where, times, rr.Scalars.columns(scalars=error))
 
 
-def _poses(model: mujoco.MjModel, measured: replay.Measured, path: Array) -> Array:
-    """Generalised positions for joint positions (N, joints), a trunk where it was measured."""
-    found = np.tile(model.qpos0, (len(path), 1))
+def _poses(
+    model: mujoco.MjModel,
+    measured: replay.HeldOutRecording,
+    path: Float[np.ndarray, "sample joint"],
+) -> Float[np.ndarray, "sample nq"]:
+    """Generalised positions for joint positions, a trunk where it was measured."""
+    poses = np.tile(model.qpos0, (len(path), 1))
     for joint, column in zip(measured.joints, path.T, strict=True):
-        found[:, model.joint(joint).qposadr[0]] = _filled(measured.t, column)
+        poses[:, model.joint(joint).qposadr[0]] = _filled(measured.t, column)
     if measured.base is not None:
         first = int(model.joint(measured.base.joint).qposadr[0])
-        found[:, first : first + 7] = measured.base.pose
-    return found
+        poses[:, first : first + 7] = measured.base.pose
+    return poses
 
 
-def _filled(t: Array, x: Array) -> Array:
+def _filled(
+    t: Float[np.ndarray, " sample"], x: Float[np.ndarray, " sample"]
+) -> Float[np.ndarray, " sample"]:
     """Missing samples between their neighbours; a robot of which nothing is known stands at 0."""
     known = np.isfinite(x)
     return np.interp(t, t[known], x[known]) if known.any() else np.zeros_like(t)

@@ -1,12 +1,12 @@
-"""The folder of a trial: what lies where, and what has been published when.
+"""The folder of a trial: its files, in the order of their publication.
 
 =====================  =========================================================================
-``plan.json``          what is tried: set, seed, who competes, and the code that does it
+``plan.json``          the plan: set, seed, contenders, and the hash of the code
 ``key``                the key of the seals; nobody reads it before ``ledger.json`` is written
 ``manifest.json``      hashes of all files of all cases, and the commitments to their answers
 ``cases/ID/``          ``robot.xml``, ``fit-*.parquet``, ``holdout-*.parquet``, ``answer.sealed``
-``diagnoses/WHO/ID/``  what was said, and ``ran.json``
-``ledger.json``        hashes of everything that was said; with it the key is released
+``diagnoses/WHO/ID/``  the diagnosis, and ``ran.json``
+``ledger.json``        hashes of all diagnoses; with it the key is released
 ``answers.json``       the opened answers with their salts
 ``results.json``       the score; ``report.html`` and ``trials.rrd`` show it
 =====================  =========================================================================
@@ -29,18 +29,18 @@ from wt.show.files import write_whole
 
 SEALED = "answer.sealed"
 SAID = ("diagnosis.json", "model.xml", RAN)
-"""What of a diagnosis is in the ledger."""
+"""Files of a diagnosis that the ledger records."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What is tried.
+    """The plan of a trial.
 
     Attributes:
         set: of cases; "" for cases of others.
         only: pattern that names of cases match.
         seed: of the cases.
-        who: who competes.
+        who: the contenders.
         brought: folder of the cases of others, or "".
         code: hash of the package's source.
         machines: folder with recordings of real machines, or "".
@@ -62,7 +62,7 @@ class Folder:
         """Open it; see :meth:`begin` and :meth:`resume`."""
         self.path, self.plan = path, plan
         self.home = Path(plan.brought) if plan.brought else path
-        """Where cases and manifest are."""
+        """Folder of cases and manifest."""
 
     @classmethod
     def begin(cls, path: Path, plan: Plan) -> Folder:
@@ -89,8 +89,8 @@ class Folder:
         file = path / "plan.json"
         if not file.is_file():
             raise DataError(f"--resume: '{path}' holds no trial (plan.json is missing)")
-        said = json.loads(file.read_text())
-        plan = Plan(**(said | {"who": tuple(said["who"])}))
+        data = json.loads(file.read_text())
+        plan = Plan(**(data | {"who": tuple(data["who"])}))
         if plan.code != code() and not (path / "ledger.json").exists():
             raise DataError(
                 f"--resume: the code has changed since '{path}' was begun, and its score would be "
@@ -131,16 +131,16 @@ class Folder:
     @property
     def left_out(self) -> list[str]:
         """Names of the set's cases that could not be made."""
-        said = json.loads((self.home / "manifest.json").read_text())
-        return [str(name) for name in said.get("left_out", ())]
+        manifest = json.loads((self.home / "manifest.json").read_text())
+        return [str(name) for name in manifest.get("left_out", ())]
 
     def write_ledger(self) -> None:
-        """Record what everybody said, and with which code; afterwards the key may be read."""
+        """Record all diagnoses, and the code that made them; afterwards the key may be read."""
         write_json(self.path / "ledger.json", {"code": code(), **self._recorded()})
 
     @property
     def ledger(self) -> dict[str, Any]:
-        """What was recorded.
+        """The recorded hashes.
 
         Raises:
             WorkError: nothing is, or something was changed since.
@@ -164,11 +164,11 @@ class Folder:
         }
 
     def _hashes(self, who: str) -> dict[str, dict[str, str]]:
-        found = {}
+        hashes = {}
         for name in self.manifest:
             files = [self.said(who, name) / inner for inner in SAID]
-            found[name] = {file.name: sha256(file) for file in files if file.is_file()}
-        return found
+            hashes[name] = {file.name: sha256(file) for file in files if file.is_file()}
+        return hashes
 
     def keep_key(self, key: bytes) -> None:
         """Write the key where only its owner may read it."""
@@ -185,10 +185,10 @@ class Folder:
 
 def code() -> str:
     """SHA-256 of the package's source, names and contents."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for file in sorted((ROOT / "wt").rglob("*.py")):
-        found.update(f"{file.relative_to(ROOT)}\0".encode() + file.read_bytes())
-    return found.hexdigest()
+        digest.update(f"{file.relative_to(ROOT)}\0".encode() + file.read_bytes())
+    return digest.hexdigest()
 
 
 def write_json(path: Path, value: object) -> None:

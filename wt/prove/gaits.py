@@ -1,4 +1,4 @@
-"""How a quadruped's feet go when it walks: a trot on two feet at a time, a walk on three.
+"""Gaits of a quadruped's feet: a trot on two feet at a time, a walk on three.
 
 Feet move in the trunk's frame, backwards while they stand and forwards through the air.
 """
@@ -6,23 +6,28 @@ Feet move in the trunk's frame, backwards while they stand and forwards through 
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.prove.motions import SHAPES
 
-Array = np.ndarray
 _TROT_PHASE = np.array([0.0, 0.5, 0.5, 0.0])
 _WALK_PHASE = np.array([0.75, 0.25, 0.0, 0.5])
 _PACE = (0.3, 0.12, 0.5)
 """Of a trot: forward, sideways [m/s], turning [rad/s]; a walk goes at a third of that."""
 
 
-def trot(t: Array, stand: Array, grown: Array, rng: np.random.Generator) -> Array:
-    """Where the feet are beside where they stand, (n, 4, 3) [m].
+def trot(
+    t: Float[np.ndarray, " sample"],
+    stand: Float[np.ndarray, "foot 3"],
+    grown: Float[np.ndarray, "sample 1"],
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "sample foot 3"]:
+    """Feet of a trot, relative to where they stand [m].
 
     Args:
-        t: times, (n,) [s].
-        stand: feet in the trunk's frame, (4, 3) [m].
-        grown: share of full size, (n, 1).
+        t: times [s].
+        stand: feet in the trunk's frame [m].
+        grown: share of full size.
         rng: decides speed, direction and pace.
     """
     period, duty = rng.uniform(0.42, 0.55), rng.uniform(0.55, 0.62)
@@ -32,22 +37,23 @@ def trot(t: Array, stand: Array, grown: Array, rng: np.random.Generator) -> Arra
 
 
 def walk(
-    t: Array, stand: Array, grown: Array, rng: np.random.Generator, on_the_spot: bool
-) -> Array:
-    """The same with one foot in the air at a time.
+    t: Float[np.ndarray, " sample"],
+    stand: Float[np.ndarray, "foot 3"],
+    grown: Float[np.ndarray, "sample 1"],
+    rng: np.random.Generator,
+    on_the_spot: bool,
+) -> Float[np.ndarray, "sample foot 3"]:
+    """Feet of a walk, one in the air at a time, relative to where they stand [m].
 
-    So short a time that the trunk hardly tips: leaning it over three feet first, with drives as
-    soft as these, swings it more than that.
+    They are in the air so briefly that the trunk hardly tips: leaning it over three feet first,
+    with drives as soft as these, swings it more than that.
 
     Args:
-        t: times, (n,) [s].
-        stand: feet in the trunk's frame, (4, 3) [m].
-        grown: share of full size, (n, 1).
+        t: times [s].
+        stand: feet in the trunk's frame [m].
+        grown: share of full size.
         rng: decides speed, direction and pace.
         on_the_spot: feet reach out and come back to where they stood.
-
-    Returns:
-        Feet beside where they stand, (n, 4, 3) [m].
     """
     period, duty = rng.uniform(0.45, 0.7), 0.75
     phase = (t[:, None] / period + _WALK_PHASE) % 1.0
@@ -62,26 +68,39 @@ def walk(
     return feet
 
 
-def _way(t: Array, stand: Array, grown: Array, pace: Array, rng: np.random.Generator) -> Array:
-    """Velocity of the ground under each foot, turned round: (n, 4, 3) [m/s]."""
+def _way(
+    t: Float[np.ndarray, " sample"],
+    stand: Float[np.ndarray, "foot 3"],
+    grown: Float[np.ndarray, "sample 1"],
+    pace: Float[np.ndarray, " 3"],
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "sample foot 3"]:
+    """Velocity of each foot over the ground, with the sign of the trunk's motion [m/s]."""
     vx, vy, turn = (size * SHAPES["holds"](t, rng) for size in pace)
-    found = np.zeros((len(t), 4, 3))
-    found[:, :, 0] = vx[:, None] - turn[:, None] * stand[:, 1]
-    found[:, :, 1] = vy[:, None] + turn[:, None] * stand[:, 0]
-    return found * grown[:, :, None]
+    velocity = np.zeros((len(t), 4, 3))
+    velocity[:, :, 0] = vx[:, None] - turn[:, None] * stand[:, 1]
+    velocity[:, :, 1] = vy[:, None] + turn[:, None] * stand[:, 0]
+    return velocity * grown[:, :, None]
 
 
-def _flight(phase: Array, duty: float) -> Array:
+def _flight(
+    phase: Float[np.ndarray, "sample foot"], duty: float
+) -> Float[np.ndarray, "sample foot"]:
     """Share of the way through the air, 0 while the foot stands."""
     return np.clip((phase - duty) / (1.0 - duty), 0.0, 1.0)
 
 
-def _feet(phase: Array, duty: float, way: Array, lift: Array) -> Array:
+def _feet(
+    phase: Float[np.ndarray, "sample foot"],
+    duty: float,
+    way: Float[np.ndarray, "sample foot 3"],
+    lift: Float[np.ndarray, "sample 1"],
+) -> Float[np.ndarray, "sample foot 3"]:
     """Half the way in front to half the way behind while standing, and back through the air."""
     flight = _flight(phase, duty)
     # a cycloid, so that feet land and leave at rest
     back = flight - np.sin(2 * np.pi * flight) / (2 * np.pi)
     along = np.where(flight > 0, back - 0.5, 0.5 - np.minimum(phase / duty, 1.0))
-    found = along[:, :, None] * way
-    found[:, :, 2] += lift * 0.5 * (1.0 - np.cos(2 * np.pi * flight))
-    return np.asarray(found)
+    feet = along[:, :, None] * way
+    feet[:, :, 2] += lift * 0.5 * (1.0 - np.cos(2 * np.pi * flight))
+    return np.asarray(feet)

@@ -26,7 +26,7 @@ VERSION_FLAG, PATH_BENEATH = 1, 1
 NO_NEW_PRIVILEGES, PARENT_DEATH_SIGNAL, SIGKILL = 38, 1, 9
 EXECUTE, WRITE_FILE, READ_FILE, READ_FOLDER = 1, 1 << 1, 1 << 2, 1 << 3
 RIGHTS_TO_FILES = {1: 13, 2: 14}
-"""How many rights to files each version of Landlock knows; from the third on 15."""
+"""Landlock version → number of its rights to files; from the third on 15."""
 NETWORK_SINCE, BIND_AND_CONNECT = 4, 3
 SYSTEM = (
     "/usr", "/lib", "/lib64", "/bin", "/etc", "/opt", "/dev/null", "/dev/urandom", "/proc/self",
@@ -37,7 +37,7 @@ STARTS = ("os.system", "os.exec", "os.posix_spawn", "os.spawn", "os.fork", "os.f
 
 
 class Ruleset(ctypes.Structure):
-    """Landlock's ``landlock_ruleset_attr``: what nobody may do unless a rule grants it."""
+    """Landlock's ``landlock_ruleset_attr``: rights that only a rule can grant."""
 
     _fields_ = [("files", ctypes.c_uint64), ("network", ctypes.c_uint64)]
 
@@ -92,8 +92,8 @@ def wall(root: str, folder: str, closed: Sequence[str]) -> None:
     if not version:
         return
     libc = ctypes.CDLL(None, use_errno=True)
-    everything = (1 << RIGHTS_TO_FILES.get(version, 15)) - 1
-    rules = Ruleset(everything, BIND_AND_CONNECT if version >= NETWORK_SINCE else 0)
+    all_rights = (1 << RIGHTS_TO_FILES.get(version, 15)) - 1
+    rules = Ruleset(all_rights, BIND_AND_CONNECT if version >= NETWORK_SINCE else 0)
     size = ctypes.sizeof(rules)
     ruleset = _checked(libc.syscall(LANDLOCK_CREATE, ctypes.byref(rules), size, 0))
     # links among them are followed: an interpreter may live anywhere
@@ -103,7 +103,7 @@ def wall(root: str, folder: str, closed: Sequence[str]) -> None:
     grants = [(path, READ_FILE | READ_FOLDER | EXECUTE) for path in readable]
     # names may be listed, so that packages are found; contents stay closed
     grants += [(path, READ_FOLDER) for path in (root, *homes)]
-    grants += [(folder, everything), ("/dev/null", READ_FILE | WRITE_FILE)]
+    grants += [(folder, all_rights), ("/dev/null", READ_FILE | WRITE_FILE)]
     for path, rights in grants:
         _grant(libc, ruleset, path, rights)
     _checked(libc.prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0))

@@ -12,20 +12,25 @@ from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float, Int
 
 from wt.prove.legged_rigs import Legged
 from wt.prove.rigs import Rig, nominal_xml
-from wt.prove.trace import Trace as Trace
+from wt.prove.trajectory import HiddenTrajectory as HiddenTrajectory
 
-Array = np.ndarray
 Parameters = dict[str, object]
+"""Parameters of an effect by the names of the interface, SI units."""
+Controller = Callable[
+    [int, Float[np.ndarray, " joint"], Float[np.ndarray, " joint"]], Float[np.ndarray, " joint"]
+]
+"""(sample, q, q̇) → command, held until the next sample."""
 
 
-class Law:
+class HiddenLaw:
     """One effect at one place. A law overrides the hooks of the stage at which it acts.
 
     Attributes:
-        fine: whether the law is stiff and asks for half the rig's step.
+        fine: true if the law is stiff and asks for half the rig's step.
     """
 
     fine = False
@@ -36,7 +41,7 @@ class Law:
         Args:
             place: MJCF name, ``a+b`` or ``world``.
             parameters: by the names of the interface, SI units.
-            rng: decides what the parameters leave open (bristle stiffness, …).
+            rng: draws what the parameters leave open (bristle stiffness, …).
         """
         self.place, self.parameters, self.rng = place, parameters, rng
 
@@ -44,7 +49,7 @@ class Law:
         """A scalar parameter."""
         return float(self.parameters[name])  # type: ignore[arg-type]
 
-    def vector(self, name: str) -> Array:
+    def vector(self, name: str) -> Float[np.ndarray, " ..."]:
         """A parameter of several numbers."""
         return np.array(self.parameters[name], dtype=float)
 
@@ -55,13 +60,13 @@ class Law:
         """Change the compiled model; look up what the other hooks need."""
 
     def settle(self, plant: Plant) -> None:
-        """Put what is loose where it belongs, before the lead-in of a recording."""
+        """Put loose parts in their places, before the lead-in of a recording."""
 
     def start(self) -> None:
         """The recording's first sample: the motor is cold."""
 
 
-class CommandLaw(Law):
+class CommandLaw(HiddenLaw):
     """Acts on the command before the servo."""
 
     def command(self, u: float) -> float:
@@ -69,7 +74,7 @@ class CommandLaw(Law):
         return u
 
 
-class TorqueLaw(Law):
+class TorqueLaw(HiddenLaw):
     """Acts on the actuator's torque."""
 
     def torque(self, tau: float, q: float, v: float) -> float:
@@ -77,7 +82,7 @@ class TorqueLaw(Law):
         return tau
 
 
-class GearLaw(Law):
+class GearLaw(HiddenLaw):
     """Stands between the motor, which it integrates, and the joint."""
 
     angle: float
@@ -88,7 +93,7 @@ class GearLaw(Law):
         return tau
 
 
-class JointLaw(Law):
+class JointLaw(HiddenLaw):
     """Acts at a joint."""
 
     def joint(self, q: float, v: float, drive: float) -> float:
@@ -96,7 +101,7 @@ class JointLaw(Law):
         return 0.0
 
 
-class WorldLaw(Law):
+class WorldLaw(HiddenLaw):
     """Acts on bodies, or on several joints."""
 
     def act(self, plant: Plant, t: float) -> None:
@@ -107,15 +112,20 @@ class Plant:
     """A rig with its hidden physics, stepped one fine step at a time."""
 
     def __init__(
-        self, rig: Rig, laws: Sequence[Law], gain: float, off: Array, step: float | None = None
+        self,
+        rig: Rig,
+        laws: Sequence[HiddenLaw],
+        gain: float,
+        tolerances: Float[np.ndarray, "2 joint"],
+        step: float | None = None,
     ) -> None:
         """Build and compile.
 
         Args:
             rig: the robot.
-            laws: what is hidden.
+            laws: the hidden effects.
             gain: factor on servo stiffness, as in the nominal model.
-            off: factors on each link's mass (row 0) and damping (row 1), (2, joints).
+            tolerances: model tolerances: factors on each link's mass (row 0) and damping (row 1).
             step: time step [s]; the rig's when None, halved for stiff laws.
         """
         spec = mujoco.MjSpec.from_string(nominal_xml(rig, gyro=True))
@@ -131,7 +141,7 @@ class Plant:
         hinges = [self.model.joint(name) for name in rig.joints]
         self.q_at = np.array([int(hinge.qposadr[0]) for hinge in hinges])
         self.v_at = np.array([int(hinge.dofadr[0]) for hinge in hinges])
-        self._servo(gain, off)
+        self._servo(gain, tolerances)
         mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
         self.data = mujoco.MjData(self.model)
         self.total = np.zeros(len(rig.links))
@@ -141,20 +151,20 @@ class Plant:
         mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
         self._sort(laws)
 
-    def _servo(self, gain: float, off: Array) -> None:
+    def _servo(self, gain: float, tolerances: Float[np.ndarray, "2 joint"]) -> None:
         links, model = self.rig.links, self.model
         for i, link in enumerate(links):
             body = self.body(link.body)
-            model.body_mass[body] *= off[0, i]
-            model.body_inertia[body] *= off[0, i]
-        self.damping = np.array([link.damping for link in links]) * off[1]
+            model.body_mass[body] *= tolerances[0, i]
+            model.body_inertia[body] *= tolerances[0, i]
+        self.damping = np.array([link.damping for link in links]) * tolerances[1]
         model.dof_damping[:] = 0.0
         self.kp = np.array([link.kp * gain for link in links])
         self.kv = np.array([link.kv * gain**0.5 for link in links])
         self.limit = np.array([link.limit for link in links])
 
-    def _sort(self, laws: Sequence[Law]) -> None:
-        def of(kind: type) -> list[tuple[int, Law]]:
+    def _sort(self, laws: Sequence[HiddenLaw]) -> None:
+        def of(kind: type) -> list[tuple[int, HiddenLaw]]:
             return [(self.index(law.place), law) for law in laws if isinstance(law, kind)]
 
         self._command, self._torque, self._gear = of(CommandLaw), of(TorqueLaw), of(GearLaw)
@@ -184,11 +194,13 @@ class Plant:
         dof = self.v_at[joint]
         return float(full[dof, dof])
 
-    def gravity_torques(self, path: Array) -> Array:
+    def gravity_torques(
+        self, path: Float[np.ndarray, "sample joint"]
+    ) -> Float[np.ndarray, "sample joint"]:
         """Torques that hold the rig still [N·m], effects on joints left out.
 
         Args:
-            path: positions, (n, joints) [rad].
+            path: positions [rad].
         """
         data, out = mujoco.MjData(self.model), np.empty_like(path)
         for row, q in enumerate(path):
@@ -200,16 +212,16 @@ class Plant:
 
     def run(
         self,
-        q0: Array,
-        samples: Array,
-        controller: Callable[[int, Array, Array], Array],
+        q0: Float[np.ndarray, " joint"],
+        samples: Int[np.ndarray, " sample"],
+        controller: Controller,
         lead: int,
-    ) -> Trace:
+    ) -> HiddenTrajectory:
         """Step through a recording.
 
         Args:
-            q0: initial positions (joints,) [rad].
-            samples: increasing step indices of samples, (n,); step 0 is time 0.
+            q0: initial positions [rad].
+            samples: increasing step indices of samples; step 0 is time 0.
             controller: (sample, q, q̇) → command, held until the next sample.
             lead: steps of lead-in before time 0, in which sample 0 is held.
         """
@@ -220,8 +232,8 @@ class Plant:
         mujoco.mj_step1(self.model, self.data)
         u = before = controller(0, q0, np.zeros_like(q0))
         shape = len(samples), len(self.rig.links), int(samples[-1]) + 1
-        trace = Trace(*shape, self.h, self.model.nsensordata)
-        row, every = 0, max(1, round(float(np.median(np.diff(samples)))))
+        trace = HiddenTrajectory(*shape, self.h, self.model.nsensordata)
+        row, stride = 0, max(1, round(float(np.median(np.diff(samples)))))
         for k in range(-lead, int(samples[-1]) + 1):
             mujoco.mj_step1(self.model, self.data)
             speed = self.data.qvel + 0.5 * self.h * self.data.qacc
@@ -235,7 +247,7 @@ class Plant:
                 if self.floats:
                     trace.base_q[row], trace.base_v[row] = self.data.qpos[:7], speed[:6]
                 row += 1
-            elif k < 0 and k % every == 0:
+            elif k < 0 and k % stride == 0:
                 u = controller(0, q, v)
             tau = self._finish(q, v, 0.5 * (before + u), k * self.h)
             before = u
@@ -246,11 +258,11 @@ class Plant:
 
     @property
     def floats(self) -> bool:
-        """Whether the robot has a free joint, which is then the first one."""
+        """True if the robot has a free joint, which is then the first one."""
         return isinstance(self.rig, Legged)
 
-    def _stand(self, q0: Array) -> None:
-        """Joints at q0 [rad], the lowest foot on the floor, and what is loose in its place."""
+    def _stand(self, q0: Float[np.ndarray, " joint"]) -> None:
+        """Joints at q0 [rad], the lowest foot on the floor, and loose parts in their places."""
         self.data.qpos[self.q_at] = q0
         if isinstance(self.rig, Legged):
             mujoco.mj_kinematics(self.model, self.data)
@@ -260,7 +272,13 @@ class Plant:
             mujoco.mj_kinematics(self.model, self.data)
             law.settle(self)
 
-    def _finish(self, q: Array, v: Array, u: Array, t: float) -> Array:
+    def _finish(
+        self,
+        q: Float[np.ndarray, " joint"],
+        v: Float[np.ndarray, " joint"],
+        u: Float[np.ndarray, " joint"],
+        t: float,
+    ) -> Float[np.ndarray, " joint"]:
         """Set the applied forces of one step; returns the drives' torques on the joints."""
         if self._command:
             u = u.copy()

@@ -1,13 +1,13 @@
-"""What acts at a joint: the ``joint.*`` effects but for the gear, and outsiders of no list."""
+"""Laws at joints: the ``joint.*`` effects except for the gear, and outsiders of no list."""
 
 from __future__ import annotations
 
 import math
 
-from wt.prove.hidden import JointLaw, Law, Plant
+from wt.prove.hidden import HiddenLaw, JointLaw, Plant
 
 
-class _Bristle(JointLaw):
+class _HiddenBristle(JointLaw):
     """LuGre friction: ż = v − σ₀|v|z/g, torque −σ₀z − σ₁ż, g the level of sliding friction.
 
     The bristle's stiffness σ₀ and damping σ₁ are the world's secret: σ₀ lets the joint creep by
@@ -39,11 +39,11 @@ class _Bristle(JointLaw):
         return -self._s0 * z - self._s1 * rate
 
 
-class Coulomb(_Bristle):
+class HiddenCoulombFriction(_HiddenBristle):
     """Dry friction of level ``coulomb`` added to the joint."""
 
 
-class Stribeck(_Bristle):
+class HiddenStribeckFriction(_HiddenBristle):
     """g = coulomb + (static − coulomb)·exp(−(v/velocity)²)."""
 
     def level(self, q: float, v: float, drive: float) -> float:
@@ -52,7 +52,7 @@ class Stribeck(_Bristle):
         return fc + (fs - fc) * math.exp(-((v / self.number("velocity")) ** 2))
 
 
-class Load(_Bristle):
+class HiddenLoadFriction(_HiddenBristle):
     """g = coulomb + fraction·|torque transmitted by the drive|."""
 
     def typical(self) -> float:
@@ -65,7 +65,7 @@ class Load(_Bristle):
         return fc + self.number("fraction") * math.hypot(drive, 0.01 * fc)
 
 
-class Viscous(JointLaw):
+class HiddenViscousFriction(JointLaw):
     """−coefficient·v."""
 
     def joint(self, q: float, v: float, drive: float) -> float:
@@ -73,7 +73,7 @@ class Viscous(JointLaw):
         return -self.number("coefficient") * v
 
 
-class Quadratic(JointLaw):
+class HiddenQuadraticFriction(JointLaw):
     """−coefficient·v·|v|."""
 
     def joint(self, q: float, v: float, drive: float) -> float:
@@ -81,7 +81,7 @@ class Quadratic(JointLaw):
         return -self.number("coefficient") * v * abs(v)
 
 
-class Stiffness(JointLaw):
+class HiddenStiffness(JointLaw):
     """−stiffness·(q − reference)."""
 
     def joint(self, q: float, v: float, drive: float) -> float:
@@ -89,7 +89,7 @@ class Stiffness(JointLaw):
         return -self.number("stiffness") * (q - self.number("reference"))
 
 
-class Armature(JointLaw):
+class HiddenArmature(JointLaw):
     """A heavier rotor: ``inertia`` added to the joint's own."""
 
     def bind(self, plant: Plant) -> None:
@@ -97,7 +97,7 @@ class Armature(JointLaw):
         plant.model.dof_armature[plant.dof(self.place)] += self.number("inertia")
 
 
-class Hysteresis(JointLaw):
+class HiddenHysteresis(JointLaw):
     """Bouc–Wen: ż = stiffness·v·(1 − ½(1 + sign(v·z))·|z/yield|⁴), torque −z.
 
     Elastic with ``stiffness`` after every reversal, and flowing at ``yield``.
@@ -115,7 +115,7 @@ class Hysteresis(JointLaw):
         return -self._z
 
 
-class Stop(JointLaw):
+class HiddenStop(JointLaw):
     """A stiff buffer beyond ``position`` on ``side`` (+1: q cannot exceed it), Hunt–Crossley."""
 
     fine = True
@@ -134,7 +134,7 @@ class Stop(JointLaw):
         return -side * self._k * depth * max(1.0 + 1.2 * side * v, 0.0)
 
 
-class Detent(JointLaw):
+class HiddenDetent(JointLaw):
     """Outsider: a magnet that pulls towards ``angle``, at most ``torque`` at ``width`` from it."""
 
     def joint(self, q: float, v: float, drive: float) -> float:
@@ -143,7 +143,7 @@ class Detent(JointLaw):
         return -self.number("torque") * s * math.exp(0.5 * (1.0 - s * s))
 
 
-class Eddy(JointLaw):
+class HiddenEddyBrake(JointLaw):
     """Outsider: an eddy-current brake, viscous, around ``angle`` over ``width`` only."""
 
     def joint(self, q: float, v: float, drive: float) -> float:
@@ -152,7 +152,7 @@ class Eddy(JointLaw):
         return -self.number("coefficient") * v / (1.0 + math.exp(min(s, 50.0)))
 
 
-class TightSpot(_Bristle):
+class HiddenTightSpot(_HiddenBristle):
     """Outsider: dry friction that rises to ``coulomb`` at ``angle``, a bell of ``width``."""
 
     def level(self, q: float, v: float, drive: float) -> float:
@@ -161,7 +161,7 @@ class TightSpot(_Bristle):
         return self.number("coulomb") * (1e-3 + math.exp(-0.5 * s * s))
 
 
-class Rubber(JointLaw):
+class HiddenRubber(JointLaw):
     """Outsider: a buffer of rubber, a spring that hardens: −stiffness·(q − reference)³."""
 
     def joint(self, q: float, v: float, drive: float) -> float:
@@ -169,7 +169,7 @@ class Rubber(JointLaw):
         return -self.number("stiffness") * (q - self.number("reference")) ** 3
 
 
-class Strap(JointLaw):
+class HiddenStrap(JointLaw):
     """Outsider: a strap that creeps (Maxwell): ż = v − z/time_constant, torque −stiffness·z."""
 
     def bind(self, plant: Plant) -> None:
@@ -184,7 +184,7 @@ class Strap(JointLaw):
         return -self.number("stiffness") * self._z
 
 
-class Slosh(JointLaw):
+class HiddenJointSlosh(JointLaw):
     """Outsider: a liquid that swings along, a rotor on a spring: natural ``frequency`` [rad/s].
 
     inertia·ẍ = −k·(x − q) − c·(ẋ − v) with k = inertia·frequency², c = 2·damping·inertia·frequency;
@@ -206,20 +206,20 @@ class Slosh(JointLaw):
         return self.number("inertia") * pull
 
 
-LAWS: dict[str, type[Law]] = {
-    "joint.friction_coulomb": Coulomb,
-    "joint.friction_stribeck": Stribeck,
-    "joint.friction_load": Load,
-    "joint.friction_viscous": Viscous,
-    "joint.friction_quadratic": Quadratic,
-    "joint.stiffness": Stiffness,
-    "joint.armature": Armature,
-    "joint.hysteresis": Hysteresis,
-    "joint.stop": Stop,
-    "outsider.detent": Detent,
-    "outsider.eddy_brake": Eddy,
-    "outsider.tight_spot": TightSpot,
-    "outsider.rubber": Rubber,
-    "outsider.strap": Strap,
-    "outsider.slosh": Slosh,
+LAWS: dict[str, type[HiddenLaw]] = {
+    "joint.friction_coulomb": HiddenCoulombFriction,
+    "joint.friction_stribeck": HiddenStribeckFriction,
+    "joint.friction_load": HiddenLoadFriction,
+    "joint.friction_viscous": HiddenViscousFriction,
+    "joint.friction_quadratic": HiddenQuadraticFriction,
+    "joint.stiffness": HiddenStiffness,
+    "joint.armature": HiddenArmature,
+    "joint.hysteresis": HiddenHysteresis,
+    "joint.stop": HiddenStop,
+    "outsider.detent": HiddenDetent,
+    "outsider.eddy_brake": HiddenEddyBrake,
+    "outsider.tight_spot": HiddenTightSpot,
+    "outsider.rubber": HiddenRubber,
+    "outsider.strap": HiddenStrap,
+    "outsider.slosh": HiddenJointSlosh,
 }

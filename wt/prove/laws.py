@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from wt.prove import body_laws, contact_laws, drive_laws, joint_laws, moving_laws, outside_laws
-from wt.prove.hidden import Law
+from wt.prove.hidden import HiddenLaw
 
-LAWS: dict[str, type[Law]] = {
+LAWS: dict[str, type[HiddenLaw]] = {
     **drive_laws.LAWS,
     **joint_laws.LAWS,
     **body_laws.LAWS,

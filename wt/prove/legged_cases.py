@@ -1,4 +1,4 @@
-"""What is hidden where on robots with legs; :mod:`wt.prove.cases` for all others."""
+"""The cases of robots with legs; :mod:`wt.prove.cases` has those of all others."""
 
 from __future__ import annotations
 
@@ -6,39 +6,39 @@ import numpy as np
 
 from wt.prove import legged_motions, moving_laws
 from wt.prove.base_sensing import BaseSensing
-from wt.prove.case import Case, Truth
+from wt.prove.case import Case, HiddenEffect
+from wt.prove.case_spec import CaseSpec
 from wt.prove.hidden import Parameters
 from wt.prove.legged_catalog import MOTIONS, parameters, places
 from wt.prove.legged_rigs import LEGGED
-from wt.prove.row import Row, title
 from wt.prove.sensing import Sensing
 
 _STEPPING = ("trot", "walk", "paw")
 
 
-def draw(index: int, row: Row, seed: int) -> Case:
+def draw(index: int, spec: CaseSpec, seed: int) -> Case:
     """One case.
 
     Args:
-        index: of the row in its set.
-        row: what a case is drawn from.
+        index: of the specification in its set.
+        spec: the specification.
         seed: decides places, magnitudes, sensing and motions.
     """
-    effects, rig, level, kind, decoy = row
+    effects, rig, level, decoy = spec.effects, spec.rig, spec.level, spec.decoy
     rng = np.random.default_rng([seed, index, len(effects), 6])
     sensing = _sensing(rng, decoy)
-    truth: list[Truth] = []
+    truth: list[HiddenEffect] = []
     for effect in effects:
         free = [place for place in places(effect, rig) if place not in {t.name for t in truth}]
         place = str(rng.choice(free))
         noise = sensing.position_noise
-        found = parameters(effect, rig, place, level, noise, int(rng.integers(2**31)))
-        truth.append(_truth(effect, rig, place, found, rng))
+        drawn = parameters(effect, rig, place, level, noise, int(rng.integers(2**31)))
+        truth.append(_truth(effect, rig, place, drawn, rng))
     return Case(
-        name=title(index, row),
+        name=spec.title(index),
         rig=rig,
         seed=int(rng.integers(2**31)),
-        kind=kind,
+        kind=spec.kind,
         truth=tuple(truth),
         sensing=sensing,
         motions=_motions(rng, rig, effects[0] if effects else ""),
@@ -51,38 +51,40 @@ def draw(index: int, row: Row, seed: int) -> Case:
 
 def _motions(rng: np.random.Generator, rig: str, effect: str) -> tuple[str, str, str]:
     """Two to fit on, of which a quadruped's second one has steps, and another held out."""
-    every = legged_motions.MOTIONS[rig]
-    on_the_spot = [kind for kind in every if kind not in _STEPPING]
+    kinds = legged_motions.MOTIONS[rig]
+    on_the_spot = [kind for kind in kinds if kind not in _STEPPING]
     first = str(rng.choice(on_the_spot))
-    others = [kind for kind in every if kind in _STEPPING] or on_the_spot
+    others = [kind for kind in kinds if kind in _STEPPING] or on_the_spot
     second = str(rng.choice([kind for kind in others if kind != first]))
     if effect in MOTIONS:
         first, second = MOTIONS[effect][rig]
-    held = str(rng.choice([kind for kind in every if kind not in (first, second)]))
-    return first, second, held
+    holdout = str(rng.choice([kind for kind in kinds if kind not in (first, second)]))
+    return first, second, holdout
 
 
-def _truth(effect: str, rig: str, place: str, found: Parameters, rng: np.random.Generator) -> Truth:
+def _truth(
+    effect: str, rig: str, place: str, drawn: Parameters, rng: np.random.Generator
+) -> HiddenEffect:
     robot, group = LEGGED[rig], effect.partition(".")[0]
     if effect == "body.payload_moving":
-        law, found = moving_laws.variant(found, rng)
-        return Truth(effect, "body", place, found, law)
+        law, drawn = moving_laws.variant(drawn, rng)
+        return HiddenEffect(effect, "body", place, drawn, law)
     if group == "actuator":
-        return Truth(effect, "actuator", f"{place}_drive", found, effect)
+        return HiddenEffect(effect, "actuator", f"{place}_drive", drawn, effect)
     if group == "joint":
-        return Truth(effect, "joint", place, found, effect)
+        return HiddenEffect(effect, "joint", place, drawn, effect)
     if group == "body":
-        return Truth(effect, "body", place, found, effect)
+        return HiddenEffect(effect, "body", place, drawn, effect)
     if group == "contact":
-        return Truth(effect, "geom", place, found, effect)
+        return HiddenEffect(effect, "geom", place, drawn, effect)
     if place in robot.joints:
-        return Truth("unknown", "joint", place, found, effect)
+        return HiddenEffect("unknown", "joint", place, drawn, effect)
     if place in robot.bodies:
-        return Truth("unknown", "body", place, found, effect)
+        return HiddenEffect("unknown", "body", place, drawn, effect)
     # the foot, its link, or a joint of its leg are as right
     body = next(foot.body for foot in robot.feet if foot.name == place)
     accept = (("body", body), *(("joint", joint) for joint in robot.leg(place)))
-    return Truth("unknown", "geom", place, found, effect, accept=accept)
+    return HiddenEffect("unknown", "geom", place, drawn, effect, accept=accept)
 
 
 def _sensing(rng: np.random.Generator, decoy: str) -> Sensing:

@@ -1,4 +1,4 @@
-"""For every effect on a robot with legs: where it is hidden, its magnitudes, motions that show it.
+"""Effects on robots with legs: their places, their magnitudes, motions that show them.
 
 Effects on joints and drives have the magnitudes of :mod:`wt.prove.catalog`, by the torques that
 these robots' motions have; those of bodies and contacts go by the robot's weight.
@@ -70,10 +70,10 @@ MOTIONS: dict[str, dict[str, tuple[str, str]]] = {
 
 @dataclass(frozen=True)
 class LeggedDraw(Draw):
-    """What a magnitude may depend on; ``joint`` is meaningless for trunk and feet.
+    """Inputs of a magnitude; ``joint`` is meaningless for trunk and feet.
 
     Attributes:
-        place: MJCF name of where the effect is hidden.
+        place: MJCF name of the place of the effect.
     """
 
     place: str = ""
@@ -91,7 +91,7 @@ class LeggedDraw(Draw):
 
     @property
     def on_trunk(self) -> bool:
-        """Whether the place is a heavy body in the middle."""
+        """True if the place is a heavy body in the middle."""
         return self.place in _TRUNKS[self.rig.name]
 
     def sideways(self, size: float) -> list[float]:
@@ -122,8 +122,10 @@ def _moving(d: LeggedDraw) -> Parameters:
     assert isinstance(at, list)
     on_back = [0.0, 0.0, d.robot.box[2] + 0.07] if d.place != "torso" else [-0.12, 0.0, 0.18]
     share = d.pick(0.28, 0.17, 0.1) * (1.0 if d.rig.name == "quadruped" else 0.35)
-    found = catalog.moving(d, share * mass(d.robot), d.pick(0.2, 0.14, 0.09))
-    return found | {"position": [round(0.3 * x + y, 4) for x, y in zip(at, on_back, strict=True)]}
+    parameters = catalog.moving(d, share * mass(d.robot), d.pick(0.2, 0.14, 0.09))
+    return parameters | {
+        "position": [round(0.3 * x + y, 4) for x, y in zip(at, on_back, strict=True)]
+    }
 
 
 def _push(d: LeggedDraw) -> Parameters:
@@ -185,8 +187,8 @@ def parameters(
     Args:
         effect: its id, or its law's name.
         rig: the robot's name.
-        place: where, one of :func:`places`.
-        level: how strong.
+        place: one of :func:`places`.
+        level: size in a word, one of ``SHARE``.
         noise: rms position noise of the encoders [rad].
         seed: decides the rest.
     """

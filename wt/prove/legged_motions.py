@@ -1,26 +1,26 @@
 """Motions of the robots on legs: positions over time that their servos are sent.
 
 All start from standing still. What the trunk and the feet should do is drawn, and inverse
-kinematics make it angles; nothing corrects what becomes of it, so that the commands say nothing of
-what is hidden. How wide they are keeps both robots upright with any hidden effect.
+kinematics turn it into angles; no feedback corrects the outcome, so that the commands reveal
+nothing that is hidden. Their sizes keep both robots upright with any hidden effect.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.prove import gaits, legs
 from wt.prove import legged_rigs as rigs
 from wt.prove.legged_rigs import Legged
 from wt.prove.motions import SHAPES
 
-Array = np.ndarray
 MOTIONS: dict[str, tuple[str, ...]] = {
     "quadruped": ("sway", "squat", "twist", "paw", "trot", "walk"),
     "humanoid": ("sway", "squat", "twist", "swing", "shift"),
 }
 RAMP_S = 1.0
-"""In which a motion grows from standing [s]."""
+"""Time in which a motion grows from standing [s]."""
 
 # Of the trunk: shape and size of x, y, z [m], roll, pitch, yaw [rad]
 _Sway = tuple[tuple[str, float], ...]
@@ -49,30 +49,32 @@ _TRUNK: dict[str, dict[str, _Sway]] = {
     },
 }  # fmt: skip
 _LOWER = {"quadruped": 0.01, "humanoid": 0.035}
-"""How much lower than standing the trunk is on average, so that it can rise [m]."""
+"""Mean height of the trunk below standing, so that it can rise [m]."""
 _ASTRIDE = 0.025
-"""How far a quadruped's feet are outside of its hips [m]."""
+"""Distance of a quadruped's feet outside of its hips [m]."""
 _FORWARD = {"quadruped": 0.02, "humanoid": 0.02}
-"""How far in front of standing the trunk is, so that its weight is over the feet's middle [m]."""
+"""Place of the trunk in front of standing, so that its weight is over the feet's middle [m]."""
 _UPPER: dict[str, tuple[str, float]] = {
     "sway": ("multisine", 0.5), "squat": ("moves", 0.4), "twist": ("triangle", 0.6),
     "swing": ("multisine", 1.0), "shift": ("moves", 0.5),
 }  # fmt: skip
-"""What waist and arms do beside it: shape, and share of their amplitude."""
+"""Motion of waist and arms meanwhile: shape, and share of their amplitude."""
 
 
-def reference(rig: Legged, kind: str, t: Array, calm: float, rng: np.random.Generator) -> Array:
+def reference(
+    rig: Legged, kind: str, t: Float[np.ndarray, " sample"], calm: float, rng: np.random.Generator
+) -> Float[np.ndarray, "sample joint"]:
     """Commands of one motion.
 
     Args:
         rig: the robot.
         kind: one of its ``MOTIONS``.
-        t: times, (samples,) [s]; the robot stands at 0 and before.
+        t: times [s]; the robot stands at 0 and before.
         calm: share of the usual size, at most 1.
         rng: decides all that is free.
 
     Returns:
-        Positions of the joints, (samples, joints) [rad].
+        Positions of the joints [rad].
     """
     sizes = _TRUNK[rig.name][kind]
     unit = np.stack([SHAPES[shape](t * rig.tempo, rng) for shape, _ in sizes], axis=1)
@@ -86,7 +88,13 @@ def reference(rig: Legged, kind: str, t: Array, calm: float, rng: np.random.Gene
     return _humanoid(rig, kind, t, sway, calm * grown, rng)
 
 
-def _quadruped(kind: str, t: Array, sway: Array, grown: Array, rng: np.random.Generator) -> Array:
+def _quadruped(
+    kind: str,
+    t: Float[np.ndarray, " sample"],
+    sway: Float[np.ndarray, "sample 6"],
+    grown: Float[np.ndarray, "sample 1"],
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "sample joint"]:
     rig = rigs.QUADRUPED
     x, y = rigs.HIP_AT[0], rigs.HIP_AT[1] + rigs.HIP_ASIDE
     signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
@@ -99,28 +107,35 @@ def _quadruped(kind: str, t: Array, sway: Array, grown: Array, rng: np.random.Ge
         stand = stand + gaits.walk(t, stand[0], grown, rng, on_the_spot=kind == "paw")
     turn = legs.rotation(sway[:, 3], sway[:, 4], sway[:, 5])
     seen = np.einsum("nji,nlj->nli", turn, stand - sway[:, None, :3])
-    found = [legs.paw(leg, seen[:, i]) for i, leg in enumerate(rigs.QUADRUPED_LEGS)]
-    return _within(rig, np.concatenate(found, axis=1))
+    angles = [legs.paw(leg, seen[:, i]) for i, leg in enumerate(rigs.QUADRUPED_LEGS)]
+    return _within(rig, np.concatenate(angles, axis=1))
 
 
 def _humanoid(
-    rig: Legged, kind: str, t: Array, sway: Array, grown: Array, rng: np.random.Generator
-) -> Array:
+    rig: Legged,
+    kind: str,
+    t: Float[np.ndarray, " sample"],
+    sway: Float[np.ndarray, "sample 6"],
+    grown: Float[np.ndarray, "sample 1"],
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "sample joint"]:
     turn = legs.rotation(sway[:, 3], sway[:, 4], sway[:, 5])
     back = turn.transpose(0, 2, 1)
-    found = []
+    angles = []
     for side, y in zip(rigs.SIDES, (1.0, -1.0), strict=True):
         ankle = np.array([0.0, y * rigs.PELVIS_AT[0], rigs.SOLE - rig.height]) - sway[:, :3]
-        found.append(legs.leg(side, np.einsum("nij,nj->ni", back, ankle), back))
+        angles.append(legs.leg(side, np.einsum("nij,nj->ni", back, ankle), back))
     shape, size = _UPPER[kind]
     upper = rig.links[12:]
     unit = np.stack([SHAPES[shape](t, rng) for _ in upper], axis=1)
     room = size * np.array([link.amplitude for link in upper])
-    found.append(np.array([link.middle for link in upper]) + grown * room * np.clip(unit, -1, 1))
-    return _within(rig, np.concatenate(found, axis=1))
+    angles.append(np.array([link.middle for link in upper]) + grown * room * np.clip(unit, -1, 1))
+    return _within(rig, np.concatenate(angles, axis=1))
 
 
-def _within(rig: Legged, path: Array) -> Array:
-    """Clear of the ends of the joints' ranges, which are nobody's secret."""
+def _within(
+    rig: Legged, path: Float[np.ndarray, "sample joint"]
+) -> Float[np.ndarray, "sample joint"]:
+    """Positions kept clear of the ends of the joints' ranges."""
     low, high = np.array([link.span for link in rig.links]).T
     return np.clip(path, low + 0.05, high - 0.05)

@@ -8,14 +8,12 @@ worn and a whole floor be slippery. Sizes, masses and gains are those of machine
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
+from jaxtyping import Float
 
-from wt.prove.robot import Link, Rig, text
+from wt.prove.robot import Rig, RigLink, text
 
-Array = np.ndarray
-LeggedName = Literal["quadruped", "humanoid"]
 BASE, FLOOR = "base", "floor"
 """Names of the free joint and of the ground."""
 FRICTION, TIME_CONSTANT = 0.8, 0.02
@@ -24,7 +22,7 @@ FRICTION, TIME_CONSTANT = 0.8, 0.02
 
 @dataclass(frozen=True)
 class Foot:
-    """What touches the floor.
+    """A foot, which touches the floor.
 
     Attributes:
         name: of the geom.
@@ -49,7 +47,7 @@ class Legged(Rig):
         box: half sizes of the trunk [m].
         centre: of that box in the trunk's frame [m].
         height: of the trunk's origin over the floor, the feet on it and joints at ``middle`` [m].
-        feet: what touches the floor.
+        feet: geoms that touch the floor.
     """
 
     trunk: str
@@ -65,22 +63,22 @@ class Legged(Rig):
         return (self.trunk, *super().bodies)
 
     @property
-    def middle(self) -> Array:
-        """The standing pose, (joints,) [rad]."""
+    def middle(self) -> Float[np.ndarray, " joint"]:
+        """The standing pose [rad]."""
         return np.array([link.middle for link in self.links])
 
     def leg(self, foot: str) -> tuple[str, ...]:
         """Joints of the leg that ends in a foot, from the foot upwards."""
         numbers = {link.body: i for i, link in enumerate(self.links)}
-        body, found = next(f.body for f in self.feet if f.name == foot), list[str]()
+        body, joints = next(f.body for f in self.feet if f.name == foot), list[str]()
         while body in numbers:
             link = self.links[numbers[body]]
-            found.append(link.joint)
+            joints.append(link.joint)
             body = link.parent or self.links[numbers[body] - 1].body
-        return tuple(found)
+        return tuple(joints)
 
     def xml(self, step: float, gain: float, gyro: bool) -> str:
-        """The MJCF; ``gyro`` is whether the IMU is read."""
+        """The MJCF; with ``gyro`` the IMU is read."""
         box = f'type="box" size="{text(self.box)}" pos="{text(self.centre)}" mass="{self.mass}"'
         sensors = '<gyro name="gyro" site="imu"/><accelerometer name="accelerometer" site="imu"/>'
         drives = "".join(self.drive(link, gain) for link in self.links)
@@ -100,12 +98,12 @@ class Legged(Rig):
 
     def _below(self, parent: str) -> str:
         """The bodies that hang on one."""
-        found = ""
+        bodies = ""
         for i, link in enumerate(self.links):
             if (link.parent or self.links[i - 1].body) == parent:
                 feet = "".join(_foot(foot) for foot in self.feet if foot.body == link.body)
-                found += f"{self.shape(link)}{feet}{self._below(link.body)}</body>\n"
-        return found
+                bodies += f"{self.shape(link)}{feet}{self._below(link.body)}</body>\n"
+        return bodies
 
 
 def _foot(foot: Foot) -> str:
@@ -124,18 +122,18 @@ PAW = 0.022
 _BENT = 0.85  # rad, of its thighs; the knees twice that, so that feet are below the hips
 
 
-def _leg(name: str) -> tuple[Link, Link, Link]:
+def _leg(name: str) -> tuple[RigLink, RigLink, RigLink]:
     x, y = (1 if name[0] == "F" else -1), (1 if name[1] == "L" else -1)
     return (
-        Link(f"{name}_abduct", f"{name}_shoulder", "1 0 0",
-             (x * HIP_AT[0], y * HIP_AT[1], 0.0), (0.0, y * HIP_ASIDE, 0.0), 0.6, 0.04,
-             (-1.0, 1.0), 0.0, 0.12, 0.01, 0.15, 50.0, 1.5, 24.0, parent="trunk"),
-        Link(f"{name}_hip", f"{name}_thigh", "0 1 0",
-             (0.0, y * HIP_ASIDE, 0.0), (0.0, 0.0, -THIGH), 1.05, 0.028,
-             (-1.2, 3.0), _BENT, 0.25, 0.01, 0.15, 50.0, 1.5, 24.0),
-        Link(f"{name}_knee", f"{name}_shank", "0 1 0",
-             (0.0, 0.0, -THIGH), (0.0, 0.0, -SHANK), 0.24, 0.014,
-             (-2.7, -0.5), -2 * _BENT, 0.35, 0.015, 0.15, 60.0, 1.5, 45.0),
+        RigLink(f"{name}_abduct", f"{name}_shoulder", "1 0 0",
+                (x * HIP_AT[0], y * HIP_AT[1], 0.0), (0.0, y * HIP_ASIDE, 0.0), 0.6, 0.04,
+                (-1.0, 1.0), 0.0, 0.12, 0.01, 0.15, 50.0, 1.5, 24.0, parent="trunk"),
+        RigLink(f"{name}_hip", f"{name}_thigh", "0 1 0",
+                (0.0, y * HIP_ASIDE, 0.0), (0.0, 0.0, -THIGH), 1.05, 0.028,
+                (-1.2, 3.0), _BENT, 0.25, 0.01, 0.15, 50.0, 1.5, 24.0),
+        RigLink(f"{name}_knee", f"{name}_shank", "0 1 0",
+                (0.0, 0.0, -THIGH), (0.0, 0.0, -SHANK), 0.24, 0.014,
+                (-2.7, -0.5), -2 * _BENT, 0.35, 0.015, 0.15, 60.0, 1.5, 45.0),
     )  # fmt: skip
 
 
@@ -156,45 +154,45 @@ PELVIS_AT = (0.09, -0.08)
 _KNEE = 0.5  # rad
 
 
-def _side(name: str) -> tuple[Link, ...]:
+def _side(name: str) -> tuple[RigLink, ...]:
     y = 1.0 if name == "left" else -1.0
     at = f"{name}_"
     none = (0.0, 0.0, 0.0)
     return (
-        Link(f"{at}hip_yaw", f"{at}hip_block", "0 0 1", (0.0, y * PELVIS_AT[0], PELVIS_AT[1]),
-             (0.0, 0.0, -0.03), 1.2, 0.05, (-1.0, 1.0), 0.0, 0.15, 0.02, 0.4, 200.0, 6.0, 80.0,
-             parent="pelvis"),
-        Link(f"{at}hip_roll", f"{at}hip_cross", "1 0 0", none,
-             (0.04, 0.0, 0.0), 1.2, 0.045, (-0.6, 0.6), 0.0, 0.1, 0.03, 0.4, 450.0, 9.0, 140.0),
-        Link(f"{at}hip_pitch", f"{at}thigh", "0 1 0", none,
-             (0.0, 0.0, -FEMUR), 2.4, 0.055, (-2.0, 1.0), -_KNEE / 2, 0.3, 0.03, 0.4,
-             450.0, 9.0, 140.0),
-        Link(f"{at}knee", f"{at}shin", "0 1 0", (0.0, 0.0, -FEMUR),
-             (0.0, 0.0, -TIBIA), 1.9, 0.042, (0.0, 2.4), _KNEE, 0.35, 0.03, 0.4,
-             450.0, 9.0, 140.0),
-        Link(f"{at}ankle_pitch", f"{at}ankle", "0 1 0", (0.0, 0.0, -TIBIA),
-             (0.02, 0.0, 0.0), 0.3, 0.03, (-1.0, 0.8), -_KNEE / 2, 0.2, 0.02, 0.3,
-             450.0, 9.0, 80.0),
-        Link(f"{at}ankle_roll", f"{at}sole", "1 0 0", none,
-             (0.08, 0.0, -0.03), 0.6, 0.02, (-0.5, 0.5), 0.0, 0.1, 0.02, 0.3, 350.0, 6.0, 60.0),
+        RigLink(f"{at}hip_yaw", f"{at}hip_block", "0 0 1", (0.0, y * PELVIS_AT[0], PELVIS_AT[1]),
+                (0.0, 0.0, -0.03), 1.2, 0.05, (-1.0, 1.0), 0.0, 0.15, 0.02, 0.4, 200.0, 6.0, 80.0,
+                parent="pelvis"),
+        RigLink(f"{at}hip_roll", f"{at}hip_cross", "1 0 0", none,
+                (0.04, 0.0, 0.0), 1.2, 0.045, (-0.6, 0.6), 0.0, 0.1, 0.03, 0.4, 450.0, 9.0, 140.0),
+        RigLink(f"{at}hip_pitch", f"{at}thigh", "0 1 0", none,
+                (0.0, 0.0, -FEMUR), 2.4, 0.055, (-2.0, 1.0), -_KNEE / 2, 0.3, 0.03, 0.4,
+                450.0, 9.0, 140.0),
+        RigLink(f"{at}knee", f"{at}shin", "0 1 0", (0.0, 0.0, -FEMUR),
+                (0.0, 0.0, -TIBIA), 1.9, 0.042, (0.0, 2.4), _KNEE, 0.35, 0.03, 0.4,
+                450.0, 9.0, 140.0),
+        RigLink(f"{at}ankle_pitch", f"{at}ankle", "0 1 0", (0.0, 0.0, -TIBIA),
+                (0.02, 0.0, 0.0), 0.3, 0.03, (-1.0, 0.8), -_KNEE / 2, 0.2, 0.02, 0.3,
+                450.0, 9.0, 80.0),
+        RigLink(f"{at}ankle_roll", f"{at}sole", "1 0 0", none,
+                (0.08, 0.0, -0.03), 0.6, 0.02, (-0.5, 0.5), 0.0, 0.1, 0.02, 0.3, 350.0, 6.0, 60.0),
     )  # fmt: skip
 
 
-def _arm(name: str) -> tuple[Link, ...]:
+def _arm(name: str) -> tuple[RigLink, ...]:
     y = 1.0 if name == "left" else -1.0
     at = f"{name}_"
     return (
-        Link(f"{at}shoulder_pitch", f"{at}shoulder_block", "0 1 0", (0.0, y * 0.13, 0.27),
-             (0.0, y * 0.05, 0.0), 0.7, 0.04, (-2.8, 2.0), 0.2, 0.7, 0.01, 0.2, 60.0, 2.5, 30.0,
-             parent="torso"),
-        Link(f"{at}shoulder_roll", f"{at}shoulder_cross", "1 0 0", (0.0, y * 0.05, 0.0),
-             (0.0, 0.0, -0.06), 0.6, 0.035, (-1.8, 1.8), y * 0.25, 0.3, 0.01, 0.2,
-             60.0, 2.5, 30.0),
-        Link(f"{at}shoulder_yaw", f"{at}upper_arm", "0 0 1", (0.0, 0.0, -0.08),
-             (0.0, 0.0, -0.14), 0.7, 0.035, (-1.8, 1.8), 0.0, 0.6, 0.01, 0.15, 40.0, 1.5, 25.0),
-        Link(f"{at}elbow", f"{at}forearm", "0 1 0", (0.0, 0.0, -0.15),
-             (0.0, 0.0, -0.22), 0.9, 0.03, (-2.4, 0.3), -0.8, 0.6, 0.01, 0.15,
-             40.0, 1.5, 25.0),
+        RigLink(f"{at}shoulder_pitch", f"{at}shoulder_block", "0 1 0", (0.0, y * 0.13, 0.27),
+                (0.0, y * 0.05, 0.0), 0.7, 0.04, (-2.8, 2.0), 0.2, 0.7, 0.01, 0.2, 60.0, 2.5, 30.0,
+                parent="torso"),
+        RigLink(f"{at}shoulder_roll", f"{at}shoulder_cross", "1 0 0", (0.0, y * 0.05, 0.0),
+                (0.0, 0.0, -0.06), 0.6, 0.035, (-1.8, 1.8), y * 0.25, 0.3, 0.01, 0.2,
+                60.0, 2.5, 30.0),
+        RigLink(f"{at}shoulder_yaw", f"{at}upper_arm", "0 0 1", (0.0, 0.0, -0.08),
+                (0.0, 0.0, -0.14), 0.7, 0.035, (-1.8, 1.8), 0.0, 0.6, 0.01, 0.15, 40.0, 1.5, 25.0),
+        RigLink(f"{at}elbow", f"{at}forearm", "0 1 0", (0.0, 0.0, -0.15),
+                (0.0, 0.0, -0.22), 0.9, 0.03, (-2.4, 0.3), -0.8, 0.6, 0.01, 0.15,
+                40.0, 1.5, 25.0),
     )  # fmt: skip
 
 
@@ -203,8 +201,8 @@ HUMANOID = Legged(
     "humanoid",
     (
         *_side("left"), *_side("right"),
-        Link("waist", "torso", "0 0 1", (0.0, 0.0, 0.08), (0.0, 0.0, 0.28), 9.5, 0.1,
-             (-2.0, 2.0), 0.0, 0.5, 0.03, 0.4, 200.0, 6.0, 80.0, parent="pelvis"),
+        RigLink("waist", "torso", "0 0 1", (0.0, 0.0, 0.08), (0.0, 0.0, 0.28), 9.5, 0.1,
+                (-2.0, 2.0), 0.0, 0.5, 0.03, 0.4, 200.0, 6.0, 80.0, parent="pelvis"),
         *_arm("left"), *_arm("right"),
     ),
     motor=False, step=0.0005, tempo=0.8,

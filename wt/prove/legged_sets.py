@@ -1,11 +1,11 @@
-"""The rows of the set ``legged``: robots on legs, and arms with what they have in common.
+"""The specifications of the set ``legged``: robots on legs, and arms with what they have in common.
 
-Rows keep their places: new ones are appended to the end of :func:`legged`.
+They keep their places: new ones are appended to the end of :func:`legged`.
 """
 
 from __future__ import annotations
 
-from wt.prove.row import LEVELS, Decoy, Row
+from wt.prove.case_spec import LEVELS, CaseSpec, Decoy
 
 _QUADRUPED = (
     ("body.payload_fixed", 4), ("body.payload_moving", 8), ("body.force_intermittent", 4),
@@ -44,25 +44,25 @@ _NULLS = {"quadruped": 20, "humanoid": 14}
 _DECOYS: tuple[Decoy, ...] = ("", "", "coarse_step", "", "coloured_noise")
 
 
-def legged() -> list[Row]:
-    """All rows, in order."""
-    found: list[Row] = []
+def legged() -> list[CaseSpec]:
+    """All specifications, in order."""
+    specs: list[CaseSpec] = []
     for rig, effects in (("quadruped", _QUADRUPED), ("humanoid", _HUMANOID)):
         for i, (effect, count) in enumerate(effects):
-            found += [((effect,), rig, LEVELS[(i + k) % 3], "single", "") for k in range(count)]
-    found += [
-        ((effect,), rig, LEVELS[i % 3], "single", "") for i, (effect, rig) in enumerate(_ARMS)
+            specs += [CaseSpec((effect,), rig, LEVELS[(i + k) % 3], "single") for k in range(count)]
+    specs += [
+        CaseSpec((effect,), rig, LEVELS[i % 3], "single") for i, (effect, rig) in enumerate(_ARMS)
     ]
-    found += [
-        (pair, rig, "obvious", "pair", "")
+    specs += [
+        CaseSpec(pair, rig, "obvious", "pair")
         for i, pair in enumerate(_PAIRS)
         for rig in (("quadruped", "humanoid") if i % 3 == 0 else ("quadruped",))
     ]
-    found += [
-        ((effect,), "quadruped", "obvious" if i % 2 else "clear", "outsider", "")
+    specs += [
+        CaseSpec((effect,), "quadruped", "obvious" if i % 2 else "clear", "outsider")
         for i, effect in enumerate(_OUTSIDERS)
     ]
-    found += [((effect,), "humanoid", "obvious", "outsider", "") for effect in _ON_HUMANOID]
+    specs += [CaseSpec((effect,), "humanoid", "obvious", "outsider") for effect in _ON_HUMANOID]
     for rig, count in _NULLS.items():
-        found += [((), rig, "", "null", _DECOYS[i % len(_DECOYS)]) for i in range(count)]
-    return found
+        specs += [CaseSpec((), rig, "", "null", _DECOYS[i % len(_DECOYS)]) for i in range(count)]
+    return specs

@@ -1,43 +1,46 @@
-"""Inverse kinematics of the robots on legs: joint angles that put the feet where they should be.
+"""Inverse kinematics of the robots on legs: joint angles for given positions of the feet.
 
-All for n poses of the trunk at once. Frames: ``trunk`` is that of the free joint's body, the world
-is level with the floor at height 0.
+All for several poses of the trunk at once. Frames: ``trunk`` is that of the free joint's body, the
+world is level with the floor at height 0.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.prove import legged_rigs as rigs
 
-Array = np.ndarray
 
-
-def rotation(roll: Array, pitch: Array, yaw: Array) -> Array:
-    """R_z(yaw)·R_y(pitch)·R_x(roll) from angles (n,) [rad], (n, 3, 3)."""
+def rotation(
+    roll: Float[np.ndarray, " sample"],
+    pitch: Float[np.ndarray, " sample"],
+    yaw: Float[np.ndarray, " sample"],
+) -> Float[np.ndarray, "sample 3 3"]:
+    """R_z(yaw)·R_y(pitch)·R_x(roll) from angles [rad]."""
     return _about(2, yaw) @ _about(1, pitch) @ _about(0, roll)
 
 
-def _about(axis: int, angle: Array) -> Array:
-    """Rotations about a coordinate axis, (n, 3, 3)."""
+def _about(axis: int, angle: Float[np.ndarray, " sample"]) -> Float[np.ndarray, "sample 3 3"]:
+    """Rotations about a coordinate axis by angles [rad]."""
     c, s = np.cos(angle), np.sin(angle)
-    found = np.zeros((len(c), 3, 3))
+    matrices = np.zeros((len(c), 3, 3))
     a, b = (axis + 1) % 3, (axis + 2) % 3
-    found[:, axis, axis] = 1.0
-    found[:, a, a] = found[:, b, b] = c
-    found[:, a, b], found[:, b, a] = -s, s
-    return found
+    matrices[:, axis, axis] = 1.0
+    matrices[:, a, a] = matrices[:, b, b] = c
+    matrices[:, a, b], matrices[:, b, a] = -s, s
+    return matrices
 
 
-def paw(leg: str, foot: Array) -> Array:
+def paw(leg: str, foot: Float[np.ndarray, "sample 3"]) -> Float[np.ndarray, "sample 3"]:
     """Angles of a quadruped's leg: abduction, hip, knee.
 
     Args:
         leg: its name, FL to RR.
-        foot: middle of its foot in the trunk's frame, (n, 3) [m].
+        foot: middle of its foot in the trunk's frame [m].
 
     Returns:
-        (n, 3) [rad]; a foot out of reach is reached for.
+        Angles [rad]; a foot out of reach is reached for.
     """
     x, y = (1 if leg[0] == "F" else -1), (1 if leg[1] == "L" else -1)
     p = foot - np.array([x * rigs.HIP_AT[0], y * rigs.HIP_AT[1], 0.0])
@@ -53,22 +56,26 @@ def paw(leg: str, foot: Array) -> Array:
     return np.stack([a, hip, knee], axis=1)
 
 
-def _triangle(far: Array, upper: float, lower: float) -> Array:
-    """How far a knee is bent for a distance between the ends of the leg [rad]."""
+def _triangle(
+    far: Float[np.ndarray, " sample"], upper: float, lower: float
+) -> Float[np.ndarray, " sample"]:
+    """Bend of a knee for a distance between the ends of the leg [rad]."""
     cosine = (far**2 - upper**2 - lower**2) / (2 * upper * lower)
     return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
-def leg(side: str, ankle: Array, turn: Array) -> Array:
+def leg(
+    side: str, ankle: Float[np.ndarray, "sample 3"], turn: Float[np.ndarray, "sample 3 3"]
+) -> Float[np.ndarray, "sample 6"]:
     """Angles of a humanoid's leg: hip yaw, roll, pitch, knee, ankle pitch, roll.
 
     Args:
         side: left or right.
-        ankle: where the ankle is in the pelvis's frame, (n, 3) [m].
-        turn: how the sole is turned in the pelvis's frame, (n, 3, 3).
+        ankle: position of the ankle in the pelvis's frame [m].
+        turn: rotation of the sole in the pelvis's frame.
 
     Returns:
-        (n, 6) [rad].
+        Angles [rad].
     """
     y = 1.0 if side == "left" else -1.0
     hip = np.array([0.0, y * rigs.PELVIS_AT[0], rigs.PELVIS_AT[1]])

@@ -1,4 +1,4 @@
-"""What belongs together in a machine, so that a place can be called by several names."""
+"""Names of a machine's places, several of which may mean the same one."""
 
 from __future__ import annotations
 

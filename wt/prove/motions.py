@@ -10,28 +10,35 @@ from collections.abc import Callable
 from typing import Literal, get_args
 
 import numpy as np
+from jaxtyping import Float
 from scipy.interpolate import CubicHermiteSpline
 
-Array = np.ndarray
 Motion = Literal["multisine", "triangle", "moves", "jumps", "chirp", "holds", "mixture"]
+Shape = Callable[[Float[np.ndarray, " sample"], np.random.Generator], Float[np.ndarray, " sample"]]
+"""Unit motion of one joint, mostly within ±1, at given times [s]."""
 MOTIONS: tuple[str, ...] = get_args(Motion)
 
 
 def reference(
-    kind: str, t: Array, middle: Array, amplitude: Array, tempo: float, rng: np.random.Generator
-) -> Array:
+    kind: str,
+    t: Float[np.ndarray, " sample"],
+    middle: Float[np.ndarray, " joint"],
+    amplitude: Float[np.ndarray, " joint"],
+    tempo: float,
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "sample joint"]:
     """Positions of one motion.
 
     Args:
         kind: one of ``MOTIONS``.
-        t: times, (samples,) [s].
-        middle: what each joint moves around, (joints,) [rad].
-        amplitude: how far each goes, (joints,) [rad].
+        t: times [s].
+        middle: centre of each joint's motion [rad].
+        amplitude: largest excursion of each joint [rad].
         tempo: 1 for peak speeds of about 1.5 rad/s.
-        rng: decides all that is free.
+        rng: draws all that is free.
 
     Returns:
-        Positions, (samples, joints) [rad].
+        Positions [rad].
     """
     if kind == "mixture":
         return _mixture(t, middle, amplitude, tempo, rng)
@@ -40,14 +47,18 @@ def reference(
     return np.asarray(middle + amplitude * np.clip(unit, -1.0, 1.0))
 
 
-def _multisine(t: Array, rng: np.random.Generator) -> Array:
+def _multisine(
+    t: Float[np.ndarray, " sample"], rng: np.random.Generator
+) -> Float[np.ndarray, " sample"]:
     f = rng.uniform(0.08, 0.9, 5)
     weight = rng.uniform(0.5, 1.0, 5) / (0.3 + f)
     wave = (weight * np.sin(2 * np.pi * (f * t[:, None] + rng.random(5)))).sum(axis=1)
     return np.asarray(wave / np.abs(wave).max())
 
 
-def _triangle(t: Array, rng: np.random.Generator) -> Array:
+def _triangle(
+    t: Float[np.ndarray, " sample"], rng: np.random.Generator
+) -> Float[np.ndarray, " sample"]:
     """Constant slow speeds with sharp reversals, each leg to another end."""
     times, ends = [t[0] - 2.0], [float(rng.uniform(-1, 1))]
     while times[-1] < t[-1]:
@@ -62,19 +73,26 @@ def _triangle(t: Array, rng: np.random.Generator) -> Array:
     return np.interp(t, times, ends)
 
 
-def _moves(t: Array, rng: np.random.Generator) -> Array:
+def _moves(
+    t: Float[np.ndarray, " sample"], rng: np.random.Generator
+) -> Float[np.ndarray, " sample"]:
     """Minimum-jerk moves between random targets, with rests."""
     return _targets(t, rng, travel=(0.5, 1.3), rest=(0.1, 1.0))
 
 
-def _holds(t: Array, rng: np.random.Generator) -> Array:
+def _holds(
+    t: Float[np.ndarray, " sample"], rng: np.random.Generator
+) -> Float[np.ndarray, " sample"]:
     """Long rests at random targets."""
     return _targets(t, rng, travel=(0.6, 1.2), rest=(1.0, 2.5))
 
 
 def _targets(
-    t: Array, rng: np.random.Generator, travel: tuple[float, float], rest: tuple[float, float]
-) -> Array:
+    t: Float[np.ndarray, " sample"],
+    rng: np.random.Generator,
+    travel: tuple[float, float],
+    rest: tuple[float, float],
+) -> Float[np.ndarray, " sample"]:
     wave, start, here = np.empty_like(t), t[0] - rng.uniform(0, 1.5), float(rng.uniform(-1, 1))
     while start < t[-1]:
         there, duration = float(rng.uniform(-1, 1)), rng.uniform(*travel)
@@ -84,7 +102,9 @@ def _targets(
     return wave
 
 
-def _jumps(t: Array, rng: np.random.Generator) -> Array:
+def _jumps(
+    t: Float[np.ndarray, " sample"], rng: np.random.Generator
+) -> Float[np.ndarray, " sample"]:
     """Steps of the command to random targets at most half the amplitude away."""
     times = np.cumsum(rng.uniform(0.35, 1.3, int((t[-1] - t[0]) / 0.35) + 4)) + t[0] - 2.0
     targets = [0.0]
@@ -95,7 +115,9 @@ def _jumps(t: Array, rng: np.random.Generator) -> Array:
     return np.array(targets)[np.searchsorted(times, t, side="right")]
 
 
-def _chirp(t: Array, rng: np.random.Generator) -> Array:
+def _chirp(
+    t: Float[np.ndarray, " sample"], rng: np.random.Generator
+) -> Float[np.ndarray, " sample"]:
     """A sine whose frequency rises and falls, its amplitude falling with it."""
     low, high = rng.uniform(0.1, 0.2), rng.uniform(1.2, 2.2)
     period, phase = rng.uniform(6, 10), rng.uniform(0, 1)
@@ -106,8 +128,12 @@ def _chirp(t: Array, rng: np.random.Generator) -> Array:
 
 
 def _mixture(
-    t: Array, middle: Array, amplitude: Array, tempo: float, rng: np.random.Generator
-) -> Array:
+    t: Float[np.ndarray, " sample"],
+    middle: Float[np.ndarray, " joint"],
+    amplitude: Float[np.ndarray, " joint"],
+    tempo: float,
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "sample joint"]:
     """Three other motions one after the other, joined by smooth half-second bridges."""
     kinds = rng.permutation([kind for kind in MOTIONS if kind != "mixture"])[:3]
     edges = np.linspace(t[0], t[-1], 4)
@@ -121,7 +147,7 @@ def _mixture(
     return out
 
 
-SHAPES: dict[str, Callable[[Array, np.random.Generator], Array]] = {
+SHAPES: dict[str, Shape] = {
     "multisine": _multisine,
     "triangle": _triangle,
     "moves": _moves,

@@ -12,12 +12,11 @@ import numpy as np
 
 from wt.prove.hidden import Parameters, Plant, WorldLaw
 
-Array = np.ndarray
 _BIT = 4  # of the box's walls, which nothing but the ball feels
 _WALL = 0.03  # half the thickness of the walls [m]: nothing gets through
 
 
-class Ball(WorldLaw):
+class HiddenRollingBall(WorldLaw):
     """A ball of ``radius`` rolls in a closed box without mass, ``travel`` × ``breadth`` free."""
 
     def edit(self, spec: mujoco.MjSpec) -> None:
@@ -52,7 +51,7 @@ class Ball(WorldLaw):
         plant.data.qpos[first : first + 7] = [*at, 1.0, 0.0, 0.0, 0.0]
 
 
-class Rails(WorldLaw):
+class HiddenRails(WorldLaw):
     """A block that slides along x of the body over ``travel``, with viscous ``damping`` [N·s/m]."""
 
     axes: tuple[tuple[float, float, float], ...] = ((1.0, 0.0, 0.0),)
@@ -72,7 +71,7 @@ class Rails(WorldLaw):
             )  # fmt: skip
 
     def bind(self, plant: Plant) -> None:
-        """Where the slides are."""
+        """Look up the slides."""
         joints = [plant.model.joint(f"rail{i}") for i in range(len(self.axes))]
         self._q = np.array([int(joint.qposadr[0]) for joint in joints])
         self._v = np.array([int(joint.dofadr[0]) for joint in joints])
@@ -83,7 +82,7 @@ class Rails(WorldLaw):
         plant.data.qfrc_applied[self._v] = -self.number("damping") * v
 
 
-class Slosh(Rails):
+class HiddenPayloadSlosh(HiddenRails):
     """A liquid as its first mode: the block swings level in x and y at ``frequency`` [rad/s].
 
     mass·ẍ = −mass·frequency²·x − 2·ratio·mass·frequency·ẋ beside gravity; ``travel`` is where the
@@ -101,9 +100,9 @@ class Slosh(Rails):
 
 
 LAWS: dict[str, type[WorldLaw]] = {
-    "body.payload_moving": Ball,
-    "payload.rails": Rails,
-    "payload.slosh": Slosh,
+    "body.payload_moving": HiddenRollingBall,
+    "payload.rails": HiddenRails,
+    "payload.slosh": HiddenPayloadSlosh,
 }
 """The first is what the effect is called; the others are other payloads of the same effect."""
 

@@ -1,9 +1,10 @@
-"""Where an obstacle stands: an arm's outer links run into it now and then, the others never."""
+"""Places for an obstacle: an arm's outer links run into it now and then, the others never."""
 
 from __future__ import annotations
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.errors import WorkError
 from wt.prove.case import Case
@@ -11,9 +12,8 @@ from wt.prove.hidden import Parameters, Plant
 from wt.prove.rigs import RIGS
 from wt.prove.world import commands
 
-Array = np.ndarray
 DEPTH = {"obvious": 0.05, "clear": 0.032, "faint": 0.02}
-"""Level → how far behind the face the servos would take a link [m]."""
+"""Level → distance behind the face that the servos would take a link to [m]."""
 _EVERY = 0.02  # s, between the poses that are looked at
 _CLEAR = 0.03  # m, between the face and all that is not to touch it
 _TRIES = 400
@@ -48,33 +48,33 @@ def obstacle(case: Case) -> Parameters:
     raise WorkError(f"case '{case.name}': no place for an obstacle; choose another seed")
 
 
-def _swept(plant: Plant, case: Case, index: int) -> Array:
+def _swept(plant: Plant, case: Case, index: int) -> Float[np.ndarray, "time link 3"]:
     """Ends of all links at times of one recording, where the servos give way to gravity.
 
     Returns:
-        (times, links, 3) [m].
+        World positions [m].
     """
     path, steps = commands(case, plant, index)
-    rows = np.searchsorted(steps * plant.h, np.arange(0, steps[-1] * plant.h, _EVERY))
+    samples = np.searchsorted(steps * plant.h, np.arange(0, steps[-1] * plant.h, _EVERY))
     # kp·(u − q) = gravity's torque, nearly
-    path = path[rows] - plant.gravity_torques(path[rows]) / plant.kp
+    path = path[samples] - plant.gravity_torques(path[samples]) / plant.kp
     data, links = mujoco.MjData(plant.model), plant.rig.links
-    found = np.empty((len(path), len(links), 3))
+    ends = np.empty((len(path), len(links), 3))
     for k, q in enumerate(path):
         data.qpos[plant.q_at] = q
         mujoco.mj_kinematics(plant.model, data)
         for i, link in enumerate(links):
             body = data.body(link.body)
-            found[k, i] = body.xpos + body.xmat.reshape(3, 3) @ np.array(link.to)
-    return found
+            ends[k, i] = body.xpos + body.xmat.reshape(3, 3) @ np.array(link.to)
+    return ends
 
 
-def _fits(heights: list[Array], outer: int) -> bool:
-    """Whether only the outer links touch, now and then in each fit recording, never at first."""
+def _fits(heights: list[Float[np.ndarray, "_time link"]], outer: int) -> bool:
+    """True if only the outer links touch, now and then in each fit recording, never at first."""
     if any(h[:, :-outer].min() < _CLEAR or h[:5].min() < _CLEAR for h in heights):
         return False
     inside = [h[:, -outer:].min(axis=1) < 0 for h in heights]
-    touches = [int((np.diff(one.astype(int)) == 1).sum()) for one in inside[:-1]]
+    touches = [int((np.diff(touching.astype(int)) == 1).sum()) for touching in inside[:-1]]
     if min(touches) < 1 or sum(touches) < 4 or not all(0.01 < i.mean() < 0.35 for i in inside[:-1]):
         return False
     # held out, the servos must not press harder than in what was seen

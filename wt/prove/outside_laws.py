@@ -1,4 +1,4 @@
-"""Outsiders of robots on legs: what no list of effects has."""
+"""Laws outside every list of effects, on robots with legs."""
 
 from __future__ import annotations
 
@@ -6,21 +6,22 @@ import math
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
-from wt.prove.hidden import Law, Plant, WorldLaw
-
-Array = np.ndarray
+from wt.prove.hidden import HiddenLaw, Plant, WorldLaw
 
 
-def push(plant: Plant, body: int, point: Array, force: Array) -> None:
+def push(
+    plant: Plant, body: int, point: Float[np.ndarray, " 3"], force: Float[np.ndarray, " 3"]
+) -> None:
     """Add a force [N] that acts on a body at a point of the world [m]."""
     wrench = plant.data.xfrc_applied[body]
     wrench[:3] += force
     wrench[3:] += np.cross(point - plant.data.xipos[body], force)
 
 
-class Sticky(WorldLaw):
-    """Outsider: a foot in glue, held down by ``pull`` [N] until it is off by more than ``reach``.
+class HiddenStickyFoot(WorldLaw):
+    """Outsider: a foot in glue, held down by ``pull`` [N] until it is up by more than ``reach``.
 
     pull·exp(−(gap/reach)²), gap the foot's height over a level floor: at rest the floor carries it.
     """
@@ -39,7 +40,7 @@ class Sticky(WorldLaw):
         push(plant, self._body, at, np.array([0.0, 0.0, -pull]))
 
 
-class Pad(WorldLaw):
+class HiddenLoosePad(WorldLaw):
     """Outsider: a foot's pad has come loose and slides along the shank by ``gap`` [m]."""
 
     def edit(self, spec: mujoco.MjSpec) -> None:
@@ -61,7 +62,7 @@ class Pad(WorldLaw):
         )  # fmt: skip
 
 
-class Trailing(WorldLaw):
+class HiddenTrailingCable(WorldLaw):
     """Outsider: a cable that the trunk drags over the floor, heavier the more is pulled out.
 
     −(level + more·distance)·v/√(|v|² + 0.02²) of the level velocity v, distance [m] from where the
@@ -71,25 +72,25 @@ class Trailing(WorldLaw):
     def bind(self, plant: Plant) -> None:
         """Look up the body."""
         self._body, self._twist = plant.body(self.place), np.zeros(6)
-        self._from: Array | None = None
+        self._start: Float[np.ndarray, " 2"] | None = None
 
     def start(self) -> None:
         """From here the cable is pulled out."""
-        self._from = None
+        self._start = None
 
     def act(self, plant: Plant, t: float) -> None:
         """See the class."""
         kind = mujoco.mjtObj.mjOBJ_BODY
         mujoco.mj_objectVelocity(plant.model, plant.data, kind, self._body, self._twist, 0)
         at, v = plant.data.xipos[self._body], self._twist[3:5]
-        if self._from is None:
-            self._from = at[:2].copy()
-        level = self.number("level") + self.number("more") * math.dist(at[:2], self._from)
+        if self._start is None:
+            self._start = at[:2].copy()
+        level = self.number("level") + self.number("more") * math.dist(at[:2], self._start)
         plant.data.xfrc_applied[self._body, :2] -= level * v / math.hypot(*v, 0.02)
 
 
-LAWS: dict[str, type[Law]] = {
-    "outsider.sticky_foot": Sticky,
-    "outsider.loose_pad": Pad,
-    "outsider.trailing_cable": Trailing,
+LAWS: dict[str, type[HiddenLaw]] = {
+    "outsider.sticky_foot": HiddenStickyFoot,
+    "outsider.loose_pad": HiddenLoosePad,
+    "outsider.trailing_cable": HiddenTrailingCable,
 }

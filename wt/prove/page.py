@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.prove.page_tables import cases, confusion, first, machines
 from wt.prove.results import LABELS, Results, cell, title
@@ -75,11 +76,11 @@ def _opening(results: Results) -> str:
 
 
 def _scores(results: Results) -> str:
-    everybody = list(results["scores"])
+    contenders = list(results["scores"])
     wanted = {t["score"]: t for t in results["targets"]}
     rows = []
     for name, label in LABELS.items():
-        scores = [results["scores"][who].get(name) for who in everybody]
+        scores = [results["scores"][who].get(name) for who in contenders]
         cells = [cell(name, score) for score in scores]
         if all(c == "–" for c in cells):
             continue
@@ -96,7 +97,7 @@ def _scores(results: Results) -> str:
             )
             + f'<td class="n">{escaped(goal)}</td></tr>'
         )
-    head = ("", "#of", *(f"#{title(who)}" for who in everybody), "#wanted")
+    head = ("", "#of", *(f"#{title(who)}" for who in contenders), "#wanted")
     said = (
         f"Places and effects count where the effect changes the recordings by more than {SEEN:g} "
         "times their noise. Held-out errors are those of the patched MJCF in plain MuJoCo."
@@ -105,7 +106,7 @@ def _scores(results: Results) -> str:
 
 
 def _of(score: object) -> str:
-    """Of how many, and between which shares the truth lies, if it is a share."""
+    """Number of cases behind a share, with its interval; "" for other scores."""
     if not isinstance(score, dict) or score["ci95"] is None:
         return ""
     low, high = (100 * end for end in score["ci95"])
@@ -117,15 +118,15 @@ def _power(results: Results) -> str:
     laws: Mapping[str, Sequence[Mapping[str, Any]]] = results["power"][who]
     if not laws:
         return ""
-    points = [point for some in laws.values() for point in some]
+    points = [point for of_law in laws.values() for point in of_law]
     size = np.array([p["visibility"] for p in points])
     rows = []
-    for law, some in sorted(laws.items()):
-        located, named = (sum(p[key] for p in some) for key in ("located", "named"))
+    for law, of_law in sorted(laws.items()):
+        located, named = (sum(p[key] for p in of_law) for key in ("located", "named"))
         rows.append(
-            f"<tr><td><code>{html.escape(law)}</code></td><td>{_strip(some)}</td>"
-            f'<td class="n">{located} of {len(some)}</td>'
-            f'<td class="n">{named} of {len(some)}</td></tr>'
+            f"<tr><td><code>{html.escape(law)}</code></td><td>{_strip(of_law)}</td>"
+            f'<td class="n">{located} of {len(of_law)}</td>'
+            f'<td class="n">{named} of {len(of_law)}</td></tr>'
         )
     series = []
     for css, key in (("before", "located"), ("after", "named")):
@@ -138,7 +139,7 @@ def _power(results: Results) -> str:
     )
     keys = '<p><span class="key before">located</span><span class="key after">named</span></p>'
     said = (
-        "Each hidden effect by its size: how much it changes recorded positions, over their noise. "
+        "Each hidden effect by its size: the change of recorded positions over their noise. "
         "Full: named. Ring: located, named otherwise. Orange: missed. Dotted: three times the "
         "noise."
     )
@@ -147,7 +148,9 @@ def _power(results: Results) -> str:
     return section("Power", said, figure + table(head, rows))
 
 
-def _rates(size: np.ndarray, hit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _rates(
+    size: Float[np.ndarray, " point"], hit: Float[np.ndarray, " point"]
+) -> tuple[Float[np.ndarray, " bin"], Float[np.ndarray, " bin"]]:
     """Middles of bins of size and the share of hits in each that is not empty."""
     which = np.digitize(np.clip(size, _LOW, _HIGH * 0.999), _BINS) - 1
     used = [i for i in range(len(_BINS) - 1) if (which == i).any()]
@@ -185,7 +188,7 @@ def _calibration(results: Results) -> str:
     axes = Axes("share that intervals should hold", "share they hold", "Calibration of intervals")
     keys = '<p><span class="key before">as it should</span><span class="key after">is</span></p>'
     words = (
-        "How often intervals hold the truth, for intervals of every size, scaled from those of "
+        "Share of intervals that hold the truth, for intervals of every size, scaled from those of "
         "95 % as for normal errors; rightly named effects only."
     )
     body = f'<div class="grid"><figure>{chart(series, axes)}{keys}</figure></div>'
@@ -198,9 +201,9 @@ def _sealed(results: Results) -> str:
         "audit": "Python's audit hook; this system has no Landlock",
     }[results["guard"]]
     said = (
-        f"Answers were sealed before the first diagnosis. What kept them: {wall}. manifest.json "
-        "has hashes of all cases and commitments to the answers, ledger.json those of everything "
-        "that was said, answers.json the opened answers with their salts and the key."
+        f"Answers were sealed before the first diagnosis, and guarded by {wall}. manifest.json "
+        "has hashes of all cases and commitments to the answers, ledger.json those of all "
+        "diagnoses, answers.json the opened answers with their salts and the key."
     )
     changed = "<p>The code was changed while the trial ran.</p>" * bool(results["code_changed"])
     code = f"<p>Code: SHA-256 <code>{html.escape(results['code'])}</code></p>"

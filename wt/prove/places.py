@@ -1,10 +1,10 @@
-"""For every effect: where it can be told from its neighbours, and motions that show it."""
+"""For every effect: places that set it apart from its neighbours, and motions that show it."""
 
 from __future__ import annotations
 
 from wt.prove.rigs import RIGS
 
-# Joints (indices, per rig family) where an effect can be told from its neighbours. Nothing that a
+# Joints (indices, per rig family) where an effect stands apart from its neighbours. Nothing that a
 # vertical first axis cannot feel: offsets and biases there shift a position that nothing else
 # depends on, and mass there is armature. Gears need a link much heavier than the encoder's step.
 _ALL = {"pendulum": (0,), "arm3": (0, 1, 2), "arm6": (0, 1, 2, 3, 4, 5), "arm2_passive": (0, 1)}
@@ -64,6 +64,6 @@ MOTIONS: dict[str, tuple[str, str]] = {
 
 def places(effect: str, rig: str) -> tuple[int, ...]:
     """Joints of a rig (by its name) at which an effect is hidden; empty where it cannot be."""
-    found = PLACES.get(effect, _ALL).get(rig.removesuffix("_motor"), ())
+    joints = PLACES.get(effect, _ALL).get(rig.removesuffix("_motor"), ())
     driven = [link.driven for link in RIGS[rig].links]
-    return tuple(j for j in found if driven[j] or not effect.startswith("actuator."))
+    return tuple(j for j in joints if driven[j] or not effect.startswith("actuator."))

@@ -1,7 +1,7 @@
-"""Real machines as cases: nobody knows what is hidden in them, so only held-out motions count.
+"""Real machines as cases: their true effects are not known, so only held-out motions count.
 
 Motions are fitted or held out, never both. Where the same commands were run again, the spread of
-the runs is the floor: what a model would be off by that knew everything but chance.
+the runs is the floor: the error of a model that knew everything but chance.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ REAL = "real"
 
 @dataclass(frozen=True)
 class RealMachine:
-    """A machine and how its recordings are split.
+    """A machine and the split of its recordings.
 
     Attributes:
         name: of the case.
@@ -67,15 +67,15 @@ def present(home: Path) -> list[RealMachine]:
     Raises:
         DataError: none is.
     """
-    found = [machine for machine in MACHINES if (home / machine.folder).is_dir()]
-    if not found:
+    machines = [machine for machine in MACHINES if (home / machine.folder).is_dir()]
+    if not machines:
         names = ", ".join(machine.folder for machine in MACHINES)
         raise DataError(f"--machines: '{home}' holds recordings of none of {names}")
-    return found
+    return machines
 
 
 def write_case(machine: RealMachine, home: Path, case: Path) -> Answer:
-    """Write a machine's model and recordings as a case; its answer, which is that nobody knows.
+    """Write a machine's model and recordings as a case; returns its answer, which is empty.
 
     Raises:
         DataError: a motion is missing or cannot be read.
@@ -83,9 +83,9 @@ def write_case(machine: RealMachine, home: Path, case: Path) -> Answer:
     shutil.rmtree(case, ignore_errors=True)
     for kind, motions in (("fit", machine.fit), ("holdout", machine.holdout)):
         for i, motion in enumerate(motions, 1):
-            one = read(machine, home, motion, machine.seconds)
-            recordings.write(one, case / f"{kind}-{i}.parquet")
-    write_mjcf(spec_for(one.meta), case / "robot.xml")
+            recording = read(machine, home, motion, machine.seconds)
+            recordings.write(recording, case / f"{kind}-{i}.parquet")
+    write_mjcf(spec_for(recording.meta), case / "robot.xml")
     floor = _floor(machine, home)
     return Answer(f"real-{machine.name}", REAL, (), (), rig=machine.name, noise_rms=floor)
 
@@ -102,7 +102,7 @@ def _floor(machine: RealMachine, home: Path) -> dict[str, float]:
             apart = (first.columns[column][:n] - second.columns[column][:n]) / np.sqrt(2.0)
             joint = column.removeprefix("qpos/")
             squares.setdefault(joint, []).append(float(np.nanmean(apart**2)))
-    return {joint: float(np.sqrt(np.mean(some))) for joint, some in squares.items()}
+    return {joint: float(np.sqrt(np.mean(means))) for joint, means in squares.items()}
 
 
 def read(machine: RealMachine, home: Path, motion: str, seconds: float) -> Recording:
@@ -116,7 +116,7 @@ def read(machine: RealMachine, home: Path, motion: str, seconds: float) -> Recor
     if not path.exists():
         known = [p.name.removesuffix(machine.suffix) for p in folder.glob(f"*{machine.suffix}")]
         raise DataError(f"there is no motion '{path}'; {suggest(motion, known)}")
-    whole = base.read(path)
-    rows = whole.t <= whole.t[0] + seconds
-    columns = {column: values[rows] for column, values in whole.columns.items()}
-    return Recording(whole.t[rows], columns, whole.meta)
+    recording = base.read(path)
+    rows = recording.t <= recording.t[0] + seconds
+    columns = {column: values[rows] for column, values in recording.columns.items()}
+    return Recording(recording.t[rows], columns, recording.meta)

@@ -1,6 +1,6 @@
-"""A patched MJCF on held-out recordings, in plain MuJoCo: what a model is worth, whoever made it.
+"""A patched MJCF on held-out recordings, in plain MuJoCo: a measure for models of any origin.
 
-Nothing of what diagnoses is used here. The file is compiled and stepped as it is, with its own
+No code of the diagnosis is used here. The file is compiled and stepped as it is, with its own
 time step and integrator. A replay starts on the measured motion: for ``LEAD_S`` the machine's
 joints are led along the recording, so that everything else that has a state (filters, delays, a
 rotor behind a gear) finds it; then it runs open loop, commands held as recorded. A machine whose
@@ -21,12 +21,11 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.data import recording as recordings
 from wt.prove.replay_base import QUICK, Floating, fitted, floating, smooth
 from wt.types import Recording
-
-Array = np.ndarray
 
 LEAD_S, WINDOW_S = 0.3, 0.5
 _BAD = (
@@ -39,31 +38,31 @@ RAN_AWAY = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
-    """A held-out recording of a machine, N samples.
+class HeldOutRecording:
+    """A held-out recording of a machine, prepared for replays.
 
     Attributes:
         joints: their names, as the given model has them.
         drives: names of the actuators whose commands were recorded.
-        t: time since the start, (N,) [s].
-        q: measured positions, (N, joints); NaN where missing.
-        smooth: position and velocity of a smoothing spline, (2, N, joints), for starts.
-        u: commands in force from each sample, (N, drives).
-        held: whether a position servo holds every joint, and none is free.
+        t: time since the start [s].
+        q: measured positions [rad or m]; NaN where missing.
+        smooth: position and velocity of a smoothing spline, for starts.
+        u: commands in force from each sample.
+        servoed: true if a position servo holds every joint, and none is free.
         base: the motion of the trunk, of a machine that floats.
     """
 
     joints: tuple[str, ...]
     drives: tuple[str, ...]
-    t: Array
-    q: Array
-    smooth: Array
-    u: Array
-    held: bool
+    t: Float[np.ndarray, " sample"]
+    q: Float[np.ndarray, "sample joint"]
+    smooth: Float[np.ndarray, "2 sample joint"]
+    u: Float[np.ndarray, "sample drive"]
+    servoed: bool
     base: Floating | None = None
 
 
-def measure(recording: Recording, model: mujoco.MjModel) -> Measured:
+def measure(recording: Recording, model: mujoco.MjModel) -> HeldOutRecording:
     """Prepare a recording.
 
     Args:
@@ -85,21 +84,21 @@ def measure(recording: Recording, model: mujoco.MjModel) -> Measured:
         if model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT
         and model.actuator_biasprm[i, 1] < 0.0
     }
-    held = servos >= set(range(model.njnt))
+    servoed = servos >= set(range(model.njnt))
     t = recording.t - recording.t[0]
     missing = np.full(len(t), np.nan)
     q = np.stack([recording.columns.get(f"qpos/{joint}", missing) for joint in joints], axis=1)
     base = floating(recording, model, t)
     # where a machine is held, only the start needs a smooth motion
-    rows = t <= (4.0 * LEAD_S if held else t[-1])
+    rows = t <= (4.0 * LEAD_S if servoed else t[-1])
     curve = smooth if base is None else lambda t, x: fitted(t, x, QUICK)
     curves = np.zeros((2, *q.shape))
     curves[:, rows] = np.stack([curve(t[rows], column[rows]) for column in q.T], axis=2)
-    u = np.stack([_held(recording.columns[f"ctrl/{drive}"]) for drive in drives], axis=1)
-    return Measured(joints, drives, t, q, curves, u, held, base)
+    u = np.stack([_filled_forward(recording.columns[f"ctrl/{drive}"]) for drive in drives], axis=1)
+    return HeldOutRecording(joints, drives, t, q, curves, u, servoed, base)
 
 
-def read(given: Path, held_out: Sequence[Path]) -> list[Measured]:
+def read(given: Path, held_out: Sequence[Path]) -> list[HeldOutRecording]:
     """Held-out recordings of a machine, prepared.
 
     Args:
@@ -111,11 +110,11 @@ def read(given: Path, held_out: Sequence[Path]) -> list[Measured]:
 
 
 def rmse(
-    model: Path, held_out: Sequence[Measured], findings: Sequence[Mapping[str, Any]] = ()
+    model: Path, held_out: Sequence[HeldOutRecording], findings: Sequence[Mapping[str, Any]] = ()
 ) -> float:
     """Root mean square error of a model's replays [rad or m].
 
-    MuJoCo warns of replays that explode; whoever does not want to see that is quiet about it.
+    MuJoCo warns of replays that explode; :func:`wt.physics.quiet.quiet` keeps that from view.
 
     Args:
         model: the MJCF to replay.
@@ -123,41 +122,44 @@ def rmse(
         findings: of the diagnosis that the model belongs to, for sensors that err.
     """
     compiled = mujoco.MjModel.from_xml_path(str(model))
-    errors = [replay(compiled, one, findings) - one.q for one in held_out]
-    every = np.concatenate([error.ravel() for error in errors])
-    known = every[~np.isnan(every)]
+    errors = [replay(compiled, recording, findings) - recording.q for recording in held_out]
+    pooled = np.concatenate([error.ravel() for error in errors])
+    known = pooled[~np.isnan(pooled)]
     return float(np.sqrt(np.mean(np.clip(known, -RAN_AWAY, RAN_AWAY) ** 2)))
 
 
 def replay(
-    model: mujoco.MjModel, measured: Measured, findings: Sequence[Mapping[str, Any]] = ()
-) -> Array:
-    """Positions that a model's sensors would report, (N, joints); NaN while it is led.
+    model: mujoco.MjModel, measured: HeldOutRecording, findings: Sequence[Mapping[str, Any]] = ()
+) -> Float[np.ndarray, "sample joint"]:
+    """Positions that a model's sensors would report; NaN while it is led.
 
     Args:
         model: compiled, with the machine's joints and actuators among its own.
-        measured: what to replay.
+        measured: the recording to replay.
         findings: sensor effects among them are applied.
     """
     runner = _Runner(model, measured, findings)
-    found = np.full_like(measured.q, np.nan)
+    positions = np.full_like(measured.q, np.nan)
     t = measured.t
-    length = np.inf if measured.held else WINDOW_S
+    length = np.inf if measured.servoed else WINDOW_S
     start = t[0]
     while start + LEAD_S < t[-1]:
         end = min(start + LEAD_S + length, t[-1])
         rows = np.flatnonzero((t > start + LEAD_S) & (t <= end))
         runner.run(start, end)
-        found[rows] = runner.positions(t[rows])
+        positions[rows] = runner.positions(t[rows])
         start = end - LEAD_S if end < t[-1] else t[-1]
-    return found
+    return positions
 
 
 class _Runner:
     """Steps a model along a recording."""
 
     def __init__(
-        self, model: mujoco.MjModel, measured: Measured, findings: Sequence[Mapping[str, Any]]
+        self,
+        model: mujoco.MjModel,
+        measured: HeldOutRecording,
+        findings: Sequence[Mapping[str, Any]],
     ) -> None:
         self._model, self._measured = model, measured
         self._data = mujoco.MjData(model)
@@ -167,8 +169,8 @@ class _Runner:
         self._free = _slices(model, measured.base)
         self._ctrl = np.array([model.actuator(name).id for name in measured.drives], dtype=int)
         self._tied = _tied(model, measured.joints)
-        self._t: Array = np.zeros(0)
-        self._path: Array = np.zeros((0, len(measured.joints)))
+        self._t: Float[np.ndarray, " step"] = np.zeros(0)
+        self._path: Float[np.ndarray, "step joint"] = np.zeros((0, len(measured.joints)))
 
     def run(self, start: float, end: float) -> None:
         """From ``start`` to ``end`` [s], led at first."""
@@ -199,23 +201,28 @@ class _Runner:
                 return
         self._path[steps] = data.qpos[self._q]
 
-    def positions(self, t: Array) -> Array:
-        """What the sensors report at times (n,), (n, joints)."""
-        found = np.empty((len(t), len(self._measured.joints)))
-        for j in range(found.shape[1]):
+    def positions(self, t: Float[np.ndarray, " sample"]) -> Float[np.ndarray, "sample joint"]:
+        """Positions that the sensors report at given times [s]."""
+        reported = np.empty((len(t), len(self._measured.joints)))
+        for j in range(reported.shape[1]):
             late = sum(self._number(f, "delay") for f in self._of("sensor.delay", j))
-            found[:, j] = np.interp(t - late, self._t, self._path[:, j])
+            reported[:, j] = np.interp(t - late, self._t, self._path[:, j])
             for f in self._of("sensor.scale", j):
-                found[:, j] *= self._number(f, "factor")
+                reported[:, j] *= self._number(f, "factor")
             for f in self._of("sensor.offset", j):
-                found[:, j] += self._number(f, "offset")
+                reported[:, j] += self._number(f, "offset")
             for f in self._of("sensor.quantization", j):
                 step = self._number(f, "step")
-                found[:, j] = step * np.round(found[:, j] / step)
-        return found
+                reported[:, j] = step * np.round(reported[:, j] / step)
+        return reported
 
-    def _true(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Where the machine really is when its sensors say so; delays are left to the lead."""
+    def _true(
+        self, q: Float[np.ndarray, "step joint"], v: Float[np.ndarray, "step joint"]
+    ) -> tuple[Float[np.ndarray, "step joint"], Float[np.ndarray, "step joint"]]:
+        """True positions and velocities for those that the sensors report.
+
+        Delays are left to the lead.
+        """
         q, v = q.copy(), v.copy()
         for j in range(q.shape[1]):
             for f in self._of("sensor.offset", j):
@@ -235,8 +242,8 @@ class _Runner:
     def _number(finding: Mapping[str, Any], name: str) -> float:
         return float(finding["parameters"][name]["value"])
 
-    def _controls(self, start: float, steps: int, h: float) -> Array:
-        """Commands of every step, (steps, drives): means of the held ones around its start.
+    def _controls(self, start: float, steps: int, h: float) -> Float[np.ndarray, "step drive"]:
+        """Commands of every step: means of the recorded ones, held, around its start.
 
         MuJoCo's semi-implicit step stands for half a step before its time until half a step after.
         """
@@ -249,12 +256,14 @@ class _Runner:
         sums = np.stack([np.interp(edges, knots, column) for column in integral.T], axis=1)
         return np.asarray(np.diff(sums, axis=0) / h)
 
-    def _along(self, t: Array, curve: Array) -> Array:
+    def _along(
+        self, t: Float[np.ndarray, " step"], curve: Float[np.ndarray, "sample joint"]
+    ) -> Float[np.ndarray, "step joint"]:
         return np.stack([np.interp(t, self._measured.t, column) for column in curve.T], axis=1)
 
 
 def _slices(model: mujoco.MjModel, base: Floating | None) -> tuple[slice, slice]:
-    """Where a free joint's position and velocity are."""
+    """Slices of a free joint's position and velocity."""
     if base is None:
         return slice(0), slice(0)
     joint = model.joint(base.joint)
@@ -263,11 +272,11 @@ def _slices(model: mujoco.MjModel, base: Floating | None) -> tuple[slice, slice]
 
 
 def _tied(model: mujoco.MjModel, joints: Sequence[str]) -> dict[int, tuple[int, float]]:
-    """Position of each added joint that a fixed tendon ties to one of the machine's, and how.
+    """Position address of each added joint that a fixed tendon ties to a joint of the machine.
 
     Where the tendon has no length, the added joint is ratio times the machine's.
     """
-    found: dict[int, tuple[int, float]] = {}
+    ties: dict[int, tuple[int, float]] = {}
     own = {int(model.joint(name).id): i for i, name in enumerate(joints)}
     for tendon in range(model.ntendon):
         first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
@@ -278,11 +287,11 @@ def _tied(model: mujoco.MjModel, joints: Sequence[str]) -> dict[int, tuple[int, 
         added, ours = int(model.wrap_objid[a]), int(model.wrap_objid[b])
         if added not in own and ours in own:
             ratio = -float(model.wrap_prm[b]) / float(model.wrap_prm[a])
-            found[int(model.jnt_qposadr[added])] = (own[ours], ratio)
-    return found
+            ties[int(model.jnt_qposadr[added])] = (own[ours], ratio)
+    return ties
 
 
-def _held(u: Array) -> Array:
+def _filled_forward(u: Float[np.ndarray, " sample"]) -> Float[np.ndarray, " sample"]:
     """Commands with the last known one where one is missing."""
     known = np.isfinite(u)
     last = np.maximum.accumulate(np.where(known, np.arange(len(u)), 0))

@@ -1,4 +1,4 @@
-"""Smooth curves through what was measured, and the motion of a trunk that replays are led along."""
+"""Smooth curves through measurements, and the motion of a trunk that replays are led along."""
 
 from __future__ import annotations
 
@@ -6,33 +6,35 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 from scipy.interpolate import make_lsq_spline, make_smoothing_spline
 
 from wt.types import Recording
 
-Array = np.ndarray
 QUICK, _SLOW = 0.02, 0.08
 """Between the knots of a joint's curve and of a trunk's [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Floating:
-    """A free joint's measured motion, N samples.
+    """A free joint's measured motion.
 
     Attributes:
         joint: its name.
-        t: times since the start, (N,) [s].
-        pose: position [m] and quaternion wxyz, (N, 7), smooth.
-        speed: velocity in the world [m/s] and angular velocity in the body [rad/s], (N, 6).
+        t: times since the start [s].
+        pose: position [m] and quaternion wxyz, smooth.
+        speed: velocity in the world [m/s] and angular velocity in the body [rad/s].
     """
 
     joint: str
-    t: Array
-    pose: Array
-    speed: Array
+    t: Float[np.ndarray, " sample"]
+    pose: Float[np.ndarray, "sample 7"]
+    speed: Float[np.ndarray, "sample 6"]
 
-    def at(self, t: Array) -> tuple[Array, Array]:
-        """Pose and speed at times (n,), (n, 7) and (n, 6)."""
+    def at(
+        self, t: Float[np.ndarray, " time"]
+    ) -> tuple[Float[np.ndarray, "time 7"], Float[np.ndarray, "time 6"]]:
+        """Pose and speed at given times [s]."""
         pose, speed = (
             np.stack([np.interp(t, self.t, column) for column in curve.T], axis=1)
             for curve in (self.pose, self.speed)
@@ -41,7 +43,9 @@ class Floating:
         return pose, speed
 
 
-def floating(recording: Recording, model: mujoco.MjModel, t: Array) -> Floating | None:
+def floating(
+    recording: Recording, model: mujoco.MjModel, t: Float[np.ndarray, " sample"]
+) -> Floating | None:
     """The motion of a model's free joint; None if it has none, or it was not recorded."""
     free = mujoco.mjtJoint.mjJNT_FREE
     names = [model.joint(i).name for i in range(model.njnt) if model.jnt_type[i] == free]
@@ -62,10 +66,12 @@ def floating(recording: Recording, model: mujoco.MjModel, t: Array) -> Floating 
     )
 
 
-def smooth(t: Array, x: Array) -> Array:
-    """Position and velocity of a smoothing spline through what was measured, (2, N).
+def smooth(
+    t: Float[np.ndarray, " sample"], x: Float[np.ndarray, " sample"]
+) -> Float[np.ndarray, "2 sample"]:
+    """Position and velocity of a smoothing spline through measurements.
 
-    How smooth is chosen by generalised cross-validation (P. Craven and G. Wahba, 1979).
+    Its smoothness is chosen by generalised cross-validation (P. Craven and G. Wahba, 1979).
     """
     known = np.isfinite(x)
     if known.sum() < 5:
@@ -74,8 +80,13 @@ def smooth(t: Array, x: Array) -> Array:
     return np.stack([spline(t), spline.derivative()(t)])
 
 
-def fitted(t: Array, x: Array, spacing: float) -> Array:
-    """The same by least squares with a knot every ``spacing`` [s]: quick for long recordings."""
+def fitted(
+    t: Float[np.ndarray, " sample"], x: Float[np.ndarray, " sample"], spacing: float
+) -> Float[np.ndarray, "2 sample"]:
+    """Position and velocity of a least-squares spline with a knot every ``spacing`` [s].
+
+    Quick for long recordings.
+    """
     known = np.isfinite(x)
     if known.sum() < 5:
         return np.zeros((2, len(t)))

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 from wt.prove import guard, tally
 from wt.prove.answer import Answer
 from wt.prove.bench import Report, workers
+from wt.prove.case_result import CaseResult, finite
 from wt.prove.contenders import OURS
 from wt.prove.folder import Folder, write_json
-from wt.prove.marks import Row, row
+from wt.prove.marks import mark_case
 from wt.prove.real import REAL
 from wt.prove.tally import Scores
 
@@ -28,24 +29,24 @@ def score(folder: Folder, answers: Mapping[str, Answer], jobs: int, say: Report)
 
     Args:
         folder: the trial, its seals open.
-        answers: case → what is hidden in it.
+        answers: case → its answer.
         jobs: processes.
-        say: told of progress.
+        say: called with progress.
     """
     plan = folder.plan
-    rows: list[Row] = []
+    cases: list[CaseResult] = []
     with workers(min(jobs, len(answers))) as pool:
         futures = [
-            pool.submit(row, folder.cases / name, name, answer, said(folder, name))
+            pool.submit(mark_case, folder.cases / name, name, answer, diagnoses(folder, name))
             for name, answer in answers.items()
         ]
         for future in as_completed(futures):
-            rows.append(future.result())
+            cases.append(future.result())
             say(
-                f"marked {len(rows)} of {len(answers)} cases",
-                0.95 + 0.05 * len(rows) / len(answers),
+                f"marked {len(cases)} of {len(answers)} cases",
+                0.95 + 0.05 * len(cases) / len(answers),
             )
-    rows.sort(key=lambda r: str(r["name"]))
+    cases.sort(key=lambda case: case.name)
     results = {
         "schema": 1,
         "set": plan.set,
@@ -55,42 +56,50 @@ def score(folder: Folder, answers: Mapping[str, Answer], jobs: int, say: Report)
         "guard": guard.strength(),
         "code": plan.code,
         "code_changed": plan.code != folder.ledger["code"],
-        **summary(rows, plan.who),
-        "cases": rows,
+        **summary(cases, plan.who),
+        "cases": [case.to_json() for case in cases],
     }
     write_json(folder.path / RESULTS, results)
     return results
 
 
-def said(folder: Folder, name: str) -> dict[str, Path]:
-    """Who → folder of what that one said of a case."""
+def diagnoses(folder: Folder, name: str) -> dict[str, Path]:
+    """Contender → folder of its diagnosis of a case."""
     return {who: folder.said(who, name) for who in folder.plan.who}
 
 
-def summary(rows: Sequence[Row], who: Sequence[str]) -> Results:
-    """Scores of everybody, and the curves and tables of ours."""
-    every = {one: tally.scores(rows, one) for one in who}
+def summary(cases: Sequence[CaseResult], who: Sequence[str]) -> Results:
+    """Scores, curves and tables of all contenders.
+
+    Args:
+        cases: results of all cases.
+        who: the contenders; the first is compared with each of the others.
+    """
+    scores = {contender: tally.scores(cases, contender) for contender in who}
     first = who[0]
     return {
-        "scores": every,
-        "targets": tally.targets(every[first]),
-        "ahead": {one: tally.ahead(every[first], every[one]) for one in who[1:]},
-        "confusion": {one: tally.confusion(rows, one) for one in who},
-        "power": {one: tally.power(rows, one) for one in who},
-        "calibration": {one: tally.calibration(rows, one) for one in who},
-        "machines": [_machine(row) for row in rows if row["kind"] == REAL],
+        "scores": scores,
+        "targets": tally.targets(scores[first]),
+        "ahead": {rival: tally.ahead(scores[first], scores[rival]) for rival in who[1:]},
+        "confusion": {contender: tally.confusion(cases, contender) for contender in who},
+        "power": {contender: tally.power(cases, contender) for contender in who},
+        "calibration": {contender: tally.calibration(cases, contender) for contender in who},
+        "machines": [_machine(case) for case in cases if case.kind == REAL],
     }
 
 
-def _machine(row: Row) -> Results:
-    """What is known of a real machine: errors on held-out motions, and how runs differ."""
-    return {
-        "name": row["rig"],
-        "before_rmse": row["before_rmse"],
-        "after_rmse": row["after_rmse"],
-        "repeat_rmse": row["noise_rms"],
-        "findings": {who: said["findings"] for who, said in row["said"].items()},
-    }
+def _machine(case: CaseResult) -> Results:
+    """Errors on a real machine's held-out motions, and the deviation between its runs."""
+    errors: Results = finite(
+        {
+            "name": case.rig,
+            "before_rmse": case.before_rmse,
+            "after_rmse": case.after_rmse,
+            "repeat_rmse": case.noise_rms,
+            "findings": {who: result.findings for who, result in case.contenders.items()},
+        }
+    )
+    return errors
 
 
 LABELS = {
@@ -109,7 +118,7 @@ LABELS = {
     "seconds": "seconds a case",
     "errors": "ended in an error",
 }
-"""What scores are called on a page, in order."""
+"""Labels of the scores on a page, in order."""
 
 
 def table(results: Results) -> Table:
@@ -132,14 +141,14 @@ def table(results: Results) -> Table:
 
 def cell(name: str, score: Scores | float | int | None) -> str:
     """A score as text."""
-    found = tally.value(score)
-    if found is None:
+    number = tally.value(score)
+    if number is None:
         return "–"
     if isinstance(score, dict):
-        return f"{100 * found:.0f} %"
+        return f"{100 * number:.0f} %"
     if name in ("parameter_error", "error_left"):
-        return f"{100 * found:.0f} %" if found > 0.1 else f"{100 * found:.2g} %"
-    return f"{found:.1f}" if name == "error_over_noise" else f"{found:.0f}"
+        return f"{100 * number:.0f} %" if number > 0.1 else f"{100 * number:.2g} %"
+    return f"{number:.1f}" if name == "error_over_noise" else f"{number:.0f}"
 
 
 def machines(results: Results) -> Table | None:
@@ -152,29 +161,29 @@ def machines(results: Results) -> Table | None:
     shown.add_column("held-out error, mrad", no_wrap=True)
     for head in ("given", *(map(title, results["scores"])), "floor"):
         shown.add_column(head, justify="right", no_wrap=True)
-    for one in results["machines"]:
-        errors = (one["before_rmse"], *one["after_rmse"].values(), one["repeat_rmse"])
-        shown.add_row(one["name"], *("–" if e is None else f"{1e3 * e:.1f}" for e in errors))
+    for machine in results["machines"]:
+        errors = (machine["before_rmse"], *machine["after_rmse"].values(), machine["repeat_rmse"])
+        shown.add_row(machine["name"], *("–" if e is None else f"{1e3 * e:.1f}" for e in errors))
     return shown
 
 
 def title(who: str) -> str:
-    """What a contender is called on a page."""
+    """Name of a contender on a page."""
     return "wt diagnose" if who == OURS else who
 
 
 def lines(results: Results) -> list[str]:
-    """What is to be said beside the table."""
-    found = []
+    """Remarks below the table."""
+    remarks = []
     missed = [t for t in results["targets"] if t["met"] is False]
     for target in missed:
         wanted = f"{100 * target['from']:.0f} to {100 * target['to']:.0f} %"
         reached = f"{100 * target['reached']:.1f} %"
-        found.append(f"missed: {LABELS[target['score']]} {reached}, wanted {wanted}")
+        remarks.append(f"missed: {LABELS[target['score']]} {reached}, wanted {wanted}")
     for who, scores in results["ahead"].items():
         behind = [LABELS[name] for name, better in scores.items() if better is False]
         if behind:
-            found.append(f"behind {who}: {', '.join(behind)}")
+            remarks.append(f"behind {who}: {', '.join(behind)}")
     if results["code_changed"]:
-        found.append("note: the code was changed while the trial ran")
-    return found
+        remarks.append("note: the code was changed while the trial ran")
+    return remarks

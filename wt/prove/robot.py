@@ -1,4 +1,4 @@
-"""What a robot of the trials is: a chain of links in open air, and the MJCF that it is given as.
+"""The robots of the trials: chains of links in open air, and their MJCF.
 
 Position servos give τ = kp·(u − q) − kv·q̇, motors give τ = u; both are clipped at ``limit``. Links
 are capsules whose masses are given, so that everybody computes the same inertias from the file.
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Link:
+class RigLink:
     """One body of the chain with the joint that carries it.
 
     Attributes:
@@ -23,8 +23,8 @@ class Link:
         mass: mass [kg].
         radius: capsule radius [m].
         span: joint range (low, high) [rad].
-        middle: what motions move around [rad].
-        amplitude: how far motions go from there [rad].
+        middle: centre of motions [rad].
+        amplitude: largest excursion of motions from there [rad].
         armature: rotor inertia at the joint [kg·m²].
         damping: viscous friction [N·m·s/rad].
         kp: servo stiffness [N·m/rad].
@@ -63,11 +63,11 @@ class Rig:
         motor: torque motors instead of position servos; ``kp`` and ``kv`` are then those of the
             controller outside the model.
         step: time step of the hidden world [s].
-        tempo: how fast motions are, relative to the six-joint arm's.
+        tempo: speed of motions relative to the six-joint arm's.
     """
 
     name: str
-    links: tuple[Link, ...]
+    links: tuple[RigLink, ...]
     motor: bool
     step: float
     tempo: float
@@ -89,10 +89,10 @@ class Rig:
 
     def hanging(self, pose: Iterable[float]) -> list[float]:
         """A pose [rad] with its passive joints hanging down, in a chain of parallel axes."""
-        found: list[float] = []
+        angles: list[float] = []
         for link, angle in zip(self.links, pose, strict=True):
-            found.append(float(angle) if link.driven else -sum(found))
-        return found
+            angles.append(float(angle) if link.driven else -sum(angles))
+        return angles
 
     def xml(self, step: float, gain: float, gyro: bool) -> str:
         """The MJCF; see :func:`wt.prove.rigs.nominal_xml`."""
@@ -114,7 +114,7 @@ class Rig:
         )
 
     @staticmethod
-    def shape(link: Link) -> str:
+    def shape(link: RigLink) -> str:
         """One link's body, which is left open."""
         return (
             f'<body name="{link.body}" pos="{text(link.pos)}">'
@@ -124,7 +124,7 @@ class Rig:
             f'fromto="0 0 0 {text(link.to)}" mass="{link.mass}"/>'
         )
 
-    def drive(self, link: Link, gain: float) -> str:
+    def drive(self, link: RigLink, gain: float) -> str:
         """One actuator."""
         common = f'name="{link.joint}_drive" joint="{link.joint}"'
         if self.motor:

@@ -1,31 +1,30 @@
-"""How much torque, speed and travel ordinary motions of a rig have, to scale effects by."""
+"""Torque, speed and travel of a rig's ordinary motions, by which effects are scaled."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.prove import legged_motions
-from wt.prove.hidden import Plant
+from wt.prove.hidden import Controller, Plant
 from wt.prove.legged_rigs import Legged
 from wt.prove.motions import reference
 from wt.prove.rigs import RIGS, Rig
-from wt.prove.trace import Trace
+from wt.prove.trajectory import HiddenTrajectory
 
-Array = np.ndarray
 _ON_LEGS = {
     "quadruped": {"multisine": "sway", "triangle": "twist", "jumps": "trot", "moves": "squat"},
     "humanoid": {"multisine": "sway", "triangle": "twist", "jumps": "swing", "moves": "squat"},
 }
-"""What a robot on legs does instead of an arm's motions."""
+"""Motions of robots on legs that stand for an arm's."""
 
 
 @dataclass(frozen=True)
-class Scales:
-    """Per joint, all (joints,).
+class RigScales:
+    """Scales of the joints.
 
     Attributes:
         torque: rms torque of the drive [N·m].
@@ -39,19 +38,19 @@ class Scales:
         inertia: about each joint [kg·m²].
     """
 
-    torque: Array
-    hold: Array
-    peak: Array
-    speed: Array
-    dash: Array
-    acceleration: Array
-    low: Array
-    high: Array
-    inertia: Array
+    torque: Float[np.ndarray, " joint"]
+    hold: Float[np.ndarray, " joint"]
+    peak: Float[np.ndarray, " joint"]
+    speed: Float[np.ndarray, " joint"]
+    dash: Float[np.ndarray, " joint"]
+    acceleration: Float[np.ndarray, " joint"]
+    low: Float[np.ndarray, " joint"]
+    high: Float[np.ndarray, " joint"]
+    inertia: Float[np.ndarray, " joint"]
 
 
 @functools.lru_cache
-def scales(name: str) -> Scales:
+def scales(name: str) -> RigScales:
     """Measured on the rig with nothing hidden, as position servos."""
     rig = RIGS[name.removesuffix("_motor")]
     plant = Plant(rig, [], 1.0, np.ones((2, len(rig.links))), step=0.001)
@@ -64,11 +63,11 @@ def scales(name: str) -> Scales:
     acceleration = np.sqrt(((np.diff(wave, axis=0) / plant.h) ** 2).mean(axis=0))
     driven = np.array([link.driven for link in rig.links])
 
-    def drives(torque: Array) -> Array:
+    def drives(torque: Float[np.ndarray, " joint"]) -> Float[np.ndarray, " joint"]:
         # nothing drives a passive joint: what counts there is what swings it
         return np.where(driven, torque, inertia * acceleration)
 
-    return Scales(
+    return RigScales(
         torque=drives(np.sqrt((tau**2).mean(axis=0))),
         hold=drives(np.quantile(np.abs(traces["triangle"].fine_tau), 0.95, axis=0)),
         peak=drives(np.quantile(np.abs(traces["jumps"].fine_tau), 0.99, axis=0)),
@@ -81,7 +80,7 @@ def scales(name: str) -> Scales:
     )
 
 
-def _in_air(rig: Rig, plant: Plant) -> dict[str, Trace]:
+def _in_air(rig: Rig, plant: Plant) -> dict[str, HiddenTrajectory]:
     middle = np.array([link.middle for link in rig.links])
     amplitude = np.array([link.amplitude for link in rig.links])
     t = np.arange(0, 8, 0.01)
@@ -94,7 +93,7 @@ def _in_air(rig: Rig, plant: Plant) -> dict[str, Trace]:
     return traces
 
 
-def _on_legs(rig: Legged, plant: Plant) -> dict[str, Trace]:
+def _on_legs(rig: Legged, plant: Plant) -> dict[str, HiddenTrajectory]:
     """The motions that come closest; none falls on a rig with nothing hidden."""
     t = np.arange(0, 8, 0.01)
     traces = {}
@@ -104,5 +103,5 @@ def _on_legs(rig: Legged, plant: Plant) -> dict[str, Trace]:
     return traces
 
 
-def _follow(path: Array) -> Callable[[int, Array, Array], Array]:
+def _follow(path: Float[np.ndarray, "sample joint"]) -> Controller:
     return lambda row, q, v: np.asarray(path[row])

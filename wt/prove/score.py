@@ -1,15 +1,16 @@
-"""Marking: a diagnosis, as its JSON, against what was hidden."""
+"""Marks of a diagnosis, as its JSON, against the hidden effects."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.prove import machine
-from wt.prove.cases import Case, Truth
+from wt.prove.cases import Case, HiddenEffect
 from wt.prove.machine import Machine
 from wt.prove.rigs import RIGS
 
@@ -66,7 +67,7 @@ _END = 1.959964
 
 
 @dataclass(frozen=True)
-class Score:
+class CaseScore:
     """Marks of one case.
 
     Attributes:
@@ -78,9 +79,9 @@ class Score:
             difference over the length; of angles the difference [rad].
         covered: parameter → whether its 95 % interval holds the truth, where one was given.
         after: held-out RMSE after over the noise floor; NaN where none was given.
-        said: for each hidden effect what was said at its place, "" if nothing was.
-        off: parameter → how far the truth is from the estimate in standard deviations, taken from
-            the end of the 95 % interval on the truth's side; of vectors ``name[i]``.
+        said: for each hidden effect the claim at its place, "" if there is none.
+        off: parameter → distance of the truth from the estimate in standard deviations, taken
+            from the end of the 95 % interval on the truth's side; of vectors ``name[i]``.
     """
 
     location: bool | None
@@ -93,8 +94,30 @@ class Score:
     said: tuple[str, ...] = ()
     off: Mapping[str, float] = field(default_factory=dict)
 
+    def to_json(self) -> dict[str, Any]:
+        """As in ``results.json``, but for numbers that are not finite."""
+        return asdict(self)
 
-def score(diagnosis: Mapping[str, Any], case: Case) -> Score:
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> CaseScore:
+        """Read the marks of ``results.json``, where None stands for a number without end."""
+
+        def endless(values: Mapping[str, float | None]) -> dict[str, float]:
+            return {name: np.inf if v is None else float(v) for name, v in values.items()}
+
+        after = data["after"]
+        return cls(
+            **{key: data[key] for key in ("location", "effect", "effect_top_or_confusable")},
+            false_claims=data["false_claims"],
+            errors=endless(data["errors"]),
+            covered=data["covered"],
+            after=float("nan") if after is None else float(after),
+            said=tuple(data["said"]),
+            off=endless(data["off"]),
+        )
+
+
+def score(diagnosis: Mapping[str, Any], case: Case) -> CaseScore:
     """Mark a diagnosis.
 
     As many findings as effects were hidden are looked at, from the first on, each against the
@@ -102,24 +125,24 @@ def score(diagnosis: Mapping[str, Any], case: Case) -> Score:
 
     Args:
         diagnosis: the diagnosis JSON as a dict.
-        case: what was hidden.
+        case: the case, with its hidden effects.
     """
     return mark(diagnosis, case.truth, machine.of_rig(RIGS[case.rig]), case.excused)
 
 
 def mark(
     diagnosis: Mapping[str, Any],
-    truth: Sequence[Truth],
+    truth: Sequence[HiddenEffect],
     names: Machine,
     excused: Sequence[tuple[str, str, str]] = (),
-) -> Score:
-    """Mark a diagnosis against what was hidden in a machine.
+) -> CaseScore:
+    """Mark a diagnosis against the effects hidden in a machine.
 
     Args:
         diagnosis: the diagnosis JSON as a dict.
-        truth: what was hidden.
-        names: which of the machine's names are one place.
-        excused: (effect, kind, name) that may be said beyond it.
+        truth: the hidden effects.
+        names: the machine's names, and which are one place.
+        excused: (effect, kind, name) that may be claimed beyond them.
     """
     findings = [
         finding
@@ -128,49 +151,49 @@ def mark(
     ]
     after = _after(diagnosis)
     if not truth:
-        return Score(None, None, None, len(findings), after=after)
-    found = _match(truth, names, findings[: len(truth)])
-    named = {i: f for i, f in found.items() if f["effect"] == truth[i].effect}
+        return CaseScore(None, None, None, len(findings), after=after)
+    matches = _match(truth, names, findings[: len(truth)])
+    named = {i: f for i, f in matches.items() if f["effect"] == truth[i].effect}
     errors: dict[str, float] = {}
     covered: dict[str, bool] = {}
     off: dict[str, float] = {}
     for i, finding in named.items():
         _mark_parameters(truth[i], finding, errors, covered, off)
-    every = range(len(truth))
-    return Score(
-        location=len(found) == len(truth),
+    indices = range(len(truth))
+    return CaseScore(
+        location=len(matches) == len(truth),
         effect=len(named) == len(truth),
         effect_top_or_confusable=all(
-            i in found and truth[i].effect in _names(found[i]) for i in every
+            i in matches and truth[i].effect in _names(matches[i]) for i in indices
         ),
         false_claims=max(len(findings) - len(truth), 0),
         errors=errors,
         covered=covered,
         after=after,
-        said=tuple(found[i]["effect"] if i in found else "" for i in every),
+        said=tuple(matches[i]["effect"] if i in matches else "" for i in indices),
         off=off,
     )
 
 
 def _match(
-    truth: Sequence[Truth], names: Machine, findings: Sequence[Finding]
+    truth: Sequence[HiddenEffect], names: Machine, findings: Sequence[Finding]
 ) -> dict[int, Finding]:
     """Truth index → the finding at its place, those with the right effect first."""
-    found: dict[int, Finding] = {}
+    matches: dict[int, Finding] = {}
     left = list(findings)
     for exact in (True, False):
-        for i, one in enumerate(truth):
+        for i, effect in enumerate(truth):
             for finding in left:
-                right = not exact or finding["effect"] == one.effect
-                if i not in found and right and _same_place(one, names, finding):
-                    found[i] = finding
+                right = not exact or finding["effect"] == effect.effect
+                if i not in matches and right and _same_place(effect, names, finding):
+                    matches[i] = finding
                     left.remove(finding)
                     break
-    return found
+    return matches
 
 
-def _same_place(truth: Truth, names: Machine, finding: Finding) -> bool:
-    """Whether a finding is where the truth is, or at a place that is as right."""
+def _same_place(truth: HiddenEffect, names: Machine, finding: Finding) -> bool:
+    """True if a finding is at the place of the truth, or at one that is as right."""
     right = [(truth.kind, truth.name), *truth.accept]
     at = finding["at"]
     return names.place(at["kind"], at["name"]) in [names.place(*place) for place in right]
@@ -181,7 +204,7 @@ def _names(finding: Finding) -> list[str]:
 
 
 def _mark_parameters(
-    truth: Truth,
+    truth: HiddenEffect,
     finding: Finding,
     errors: dict[str, float],
     covered: dict[str, bool],
@@ -216,9 +239,12 @@ def _mark_parameters(
 
 
 def _along(
-    normal: np.ndarray, value: np.ndarray, right: np.ndarray, ends: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """The same along a direction, (1,): where on a face somebody points is nobody's secret."""
+    normal: Float[np.ndarray, " 3"],
+    value: Float[np.ndarray, " 3"],
+    right: Float[np.ndarray, " 3"],
+    ends: Float[np.ndarray, "3 2"] | None,
+) -> tuple[Float[np.ndarray, " 1"], Float[np.ndarray, " 1"], Float[np.ndarray, "1 2"] | None]:
+    """Value, truth and ends along a face's normal: only the distance of the face counts."""
     along = np.array([normal @ value]), np.array([normal @ right])
     if ends is None:
         return *along, None
@@ -227,8 +253,8 @@ def _along(
     return *along, np.array([[along[0][0] - half[0], along[0][0] + half[1]]])
 
 
-def _ends(interval: object, size: int) -> np.ndarray | None:
-    """Lower and upper ends of a parameter's intervals, (size, 2); None where none was given.
+def _ends(interval: object, size: int) -> Float[np.ndarray, "element 2"] | None:
+    """Lower and upper ends of a parameter's intervals; None where none was given.
 
     A vector's may be given as (lower ends, upper ends), or as one pair for each element.
     """
@@ -240,8 +266,12 @@ def _ends(interval: object, size: int) -> np.ndarray | None:
     return ends if ends.shape == (size, 2) else None
 
 
-def _distances(value: np.ndarray, right: np.ndarray, ends: np.ndarray) -> list[float]:
-    """Truth less estimate, in standard deviations by the interval's end on the truth's side."""
+def _distances(
+    value: Float[np.ndarray, " element"],
+    right: Float[np.ndarray, " element"],
+    ends: Float[np.ndarray, "element 2"],
+) -> list[float]:
+    """Truth minus estimate, in standard deviations by the interval's end on the truth's side."""
     above = right >= value
     half = np.where(above, ends[:, 1] - value, value - ends[:, 0])
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,4 +1,4 @@
-"""What a user records of a hidden world: encoders, clocks and noise.
+"""Recordings of a hidden world as a user makes them: encoders, clocks and noise.
 
 Order: true position, sensor effects (delay, scale, offset), noise, encoder step. The servo inside
 the robot uses the true position throughout.
@@ -12,20 +12,20 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from wt.prove.base_sensing import BaseSensing
 from wt.prove.hidden import Parameters
 from wt.prove.rigs import Rig
-from wt.prove.trace import Trace
+from wt.prove.trajectory import HiddenTrajectory
 
-Array = np.ndarray
 SensorEffect = tuple[str, str, Parameters]
 """Effect id, joint (or ``all``), parameters."""
 
 
 @dataclass(frozen=True)
 class Sensing:
-    """How a robot is recorded.
+    """The sensors and clock of a robot.
 
     Attributes:
         rate: samples (and commands) per second [Hz].
@@ -42,7 +42,7 @@ class Sensing:
             positions, low-passed).
         qvel_noise: rms of the velocity sensor's noise [rad/s].
         gyro: whether ``sensor/encoder/0`` and ``sensor/gyro/0…2`` are recorded.
-        base: how the trunk of a robot on legs is recorded; None without one.
+        base: sensors of the trunk of a robot on legs; None without one.
     """
 
     rate: float
@@ -69,13 +69,15 @@ class Sensing:
         return math.sqrt(self.noise**2 + self.encoder_step**2 / 12.0)
 
 
-def sample_steps(sensing: Sensing, seconds: float, h: float, rng: np.random.Generator) -> Array:
+def sample_steps(
+    sensing: Sensing, seconds: float, h: float, rng: np.random.Generator
+) -> Int[np.ndarray, " sample"]:
     """Steps of the hidden world at which the loop samples and sends, increasing, from 0."""
     count = int(seconds * sensing.rate)
-    every = 1.0 / (sensing.rate * h)
-    at = np.arange(count) * every
+    interval = 1.0 / (sensing.rate * h)
+    at = np.arange(count) * interval
     if sensing.clock == "loop":
-        at += np.clip(rng.normal(0, sensing.jitter, count), -0.45, 0.45) * every
+        at += np.clip(rng.normal(0, sensing.jitter, count), -0.45, 0.45) * interval
     at[0] = 0.0
     keep = np.ones(count, dtype=bool)
     if sensing.missing == "rows":
@@ -84,7 +86,9 @@ def sample_steps(sensing: Sensing, seconds: float, h: float, rng: np.random.Gene
     return np.maximum.accumulate(np.rint(at[keep]).astype(int))
 
 
-def stamps(sensing: Sensing, steps: Array, h: float, rng: np.random.Generator) -> Array:
+def stamps(
+    sensing: Sensing, steps: Int[np.ndarray, " sample"], h: float, rng: np.random.Generator
+) -> Float[np.ndarray, " sample"]:
     """Time stamps of samples [s], increasing."""
     t = steps * h
     if sensing.clock == "stamps" and sensing.jitter:
@@ -97,23 +101,23 @@ def stamps(sensing: Sensing, steps: Array, h: float, rng: np.random.Generator) -
 def measure(
     rig: Rig,
     sensing: Sensing,
-    trace: Trace,
-    steps: Array,
+    trace: HiddenTrajectory,
+    steps: Int[np.ndarray, " sample"],
     effects: Sequence[SensorEffect],
     rng: np.random.Generator,
-) -> tuple[dict[str, Array], Array]:
-    """The measured columns of one recording, and the position error that is nobody's fault.
+) -> tuple[dict[str, Float[np.ndarray, " sample"]], Float[np.ndarray, "sample joint"]]:
+    """The measured columns of one recording, and their error without hidden effects.
 
     Args:
         rig: the robot.
-        sensing: how it is recorded.
-        trace: what happened.
-        steps: at which steps, (n,).
-        effects: what is wrong with the sensors.
+        sensing: its sensors and clock.
+        trace: its trajectory.
+        steps: steps of the samples.
+        effects: hidden sensor effects.
         rng: decides the noise.
 
     Returns:
-        Columns by name, each (n,), and noise with quantization, (n, joints) [rad].
+        Columns by name, and noise with quantization [rad].
     """
     q, v = _transform(rig, trace, steps, effects)
     noise = _noise(sensing, q.shape, rng)
@@ -141,8 +145,11 @@ def measure(
 
 
 def _transform(
-    rig: Rig, trace: Trace, steps: Array, effects: Sequence[SensorEffect]
-) -> tuple[Array, Array]:
+    rig: Rig,
+    trace: HiddenTrajectory,
+    steps: Int[np.ndarray, " sample"],
+    effects: Sequence[SensorEffect],
+) -> tuple[Float[np.ndarray, "sample joint"], Float[np.ndarray, "sample joint"]]:
     q, v = trace.q.copy(), trace.v.copy()
     for effect, place, parameters in effects:
         which = range(len(rig.links)) if place == "all" else [rig.joints.index(place)]
@@ -161,7 +168,9 @@ def _transform(
     return q, v
 
 
-def _noise(sensing: Sensing, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+def _noise(
+    sensing: Sensing, shape: tuple[int, int], rng: np.random.Generator
+) -> Float[np.ndarray, "sample joint"]:
     white = rng.normal(0, sensing.noise, shape)
     if not sensing.colour:
         return np.asarray(white)
@@ -174,8 +183,12 @@ def _noise(sensing: Sensing, shape: tuple[int, ...], rng: np.random.Generator) -
 
 
 def _velocity(
-    sensing: Sensing, measured: Array, v: Array, t: Array, rng: np.random.Generator
-) -> Array | None:
+    sensing: Sensing,
+    measured: Float[np.ndarray, "sample joint"],
+    v: Float[np.ndarray, "sample joint"],
+    t: Float[np.ndarray, " sample"],
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "sample joint"] | None:
     if sensing.qvel == "none":
         return None
     if sensing.qvel == "noisy":

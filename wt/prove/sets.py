@@ -1,20 +1,20 @@
-"""Which effects are hidden on which rig in which set; a row is what a case is drawn from.
+"""The sets of the trials: effects, rigs and levels that their cases are drawn from.
 
-Rows keep their places: a new one is appended to :func:`_more`, so that the cases that were there
-keep their names and seeds.
+Specifications keep their places: a new one is appended to :func:`_more`, so that earlier cases keep
+their names and seeds.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal, get_args
 
 from wt.errors import ConfigError
+from wt.prove.case_spec import LEVELS, CaseSpec
+from wt.prove.case_spec import Decoy as Decoy
 from wt.prove.catalog import LIBRARY, OUTSIDERS
 from wt.prove.legged_sets import legged
 from wt.prove.places import places
-from wt.prove.row import LEVELS
-from wt.prove.row import Decoy as Decoy
-from wt.prove.row import Row as Row
 
 SetName = Literal[
     "brief", "quick", "full", "nulls", "singles", "pairs", "triples", "outsiders", "faintest",
@@ -67,97 +67,114 @@ _DECOYS: tuple[Decoy, ...] = (
     "", "coarse_step", "coloured_noise", "", "tight_servo", "poor_excitation",
 )  # fmt: skip
 _FIRST_OUTSIDERS = 5
-"""Outsiders of the first rows; later ones have theirs in :func:`_more`."""
+"""Outsiders of the first specifications; later ones have theirs in :func:`_more`."""
 _BRIEF = (
     "arm3-joint.friction_coulomb", "pendulum-actuator.delay", "arm3-joint.backlash",
     "arm3_motor-actuator.gain", "pendulum-joint.friction_viscous", "arm2_passive-joint.stiffness",
     "arm3-body.payload_fixed+", "pendulum-outsider.detent", "pendulum-nothing",
     "arm3-coloured_noise",
 )  # fmt: skip
-"""What the cases of the shortest set begin with after their number, one each."""
+"""Labels of the cases of the shortest set, or their beginnings; one case each."""
 
 
-def rows(set: str) -> list[Row]:
-    """The rows of a set, in order.
+def specs(set: str) -> list[CaseSpec]:
+    """The specifications of a set, in order.
 
     Raises:
         ConfigError: no such set.
     """
     if set not in get_args(SetName):
         raise ConfigError(f"set of trials '{set}'; allowed: {', '.join(get_args(SetName))}")
-    if set == "legged":
-        return legged()
-    if set == "quick":
-        found = [row for row in _singles() if row[0][0] not in _SLOW][::6]
-        return found + _pairs()[::4] + _outsiders()[::3] + _nulls()[::7]
-    every = _singles() + _pairs() + _outsiders() + _nulls() + _more()
-    if set == "faintest":
-        return [row for row in every if row[2] == BELOW]
-    if set == "brief":
-        return [next(r for r in every if _label(r).startswith(name)) for name in _BRIEF]
+    if set in _WHOLE_SETS:
+        return _WHOLE_SETS[set]()
     kind = set.removesuffix("s")
-    return every if set == "full" else [row for row in every if row[3] == kind]
+    return [spec for spec in _full() if spec.kind == kind]
 
 
-def _label(row: Row) -> str:
-    effects, rig, _, _, decoy = row
-    return f"{rig}-{'+'.join(effects) or decoy or 'nothing'}"
+def _full() -> list[CaseSpec]:
+    return _singles() + _pairs() + _outsiders() + _nulls() + _more()
 
 
-def _singles() -> list[Row]:
-    found: list[Row] = []
+def _quick() -> list[CaseSpec]:
+    singles = [spec for spec in _singles() if spec.effects[0] not in _SLOW][::6]
+    return singles + _pairs()[::4] + _outsiders()[::3] + _nulls()[::7]
+
+
+def _brief() -> list[CaseSpec]:
+    full = _full()
+    return [next(s for s in full if s.label.startswith(label)) for label in _BRIEF]
+
+
+def _faintest() -> list[CaseSpec]:
+    return [spec for spec in _full() if spec.level == BELOW]
+
+
+def _singles() -> list[CaseSpec]:
+    specs: list[CaseSpec] = []
     for i, effect in enumerate(LIBRARY):
-        found.append(((effect,), "arm6", LEVELS[i % 3], "single", ""))
-        found.append(((effect,), "arm3", LEVELS[(i + 1) % 3], "single", ""))
+        specs.append(CaseSpec((effect,), "arm6", LEVELS[i % 3], "single"))
+        specs.append(CaseSpec((effect,), "arm3", LEVELS[(i + 1) % 3], "single"))
         if effect in _ON_MOTOR:
-            found.append(((effect,), "arm3_motor", LEVELS[(i + 2) % 3], "single", ""))
+            specs.append(CaseSpec((effect,), "arm3_motor", LEVELS[(i + 2) % 3], "single"))
         if effect in _ON_PENDULUM:
             rig = "pendulum_motor" if i % 4 == 0 and effect in _ON_MOTOR else "pendulum"
-            found.append(((effect,), rig, LEVELS[(i + 2) % 3], "single", ""))
-    return found
+            specs.append(CaseSpec((effect,), rig, LEVELS[(i + 2) % 3], "single"))
+    return specs
 
 
-def _pairs() -> list[Row]:
+def _pairs() -> list[CaseSpec]:
     rigs = ("arm6", "arm3")
-    return [(pair, rigs[i % 2], "obvious", "pair", "") for i, pair in enumerate(_PAIRED)]
+    return [CaseSpec(pair, rigs[i % 2], "obvious", "pair") for i, pair in enumerate(_PAIRED)]
 
 
-def _outsiders() -> list[Row]:
+def _outsiders() -> list[CaseSpec]:
     return _outside(OUTSIDERS[:_FIRST_OUTSIDERS])
 
 
-def _outside(effects: tuple[str, ...]) -> list[Row]:
+def _outside(effects: tuple[str, ...]) -> list[CaseSpec]:
     return [
-        ((effect,), rig, "obvious" if i % 2 else "clear", "outsider", "")
+        CaseSpec((effect,), rig, "obvious" if i % 2 else "clear", "outsider")
         for i, effect in enumerate(effects)
         for rig in ("arm6", "arm3", "pendulum")
         if places(effect, rig)
     ]
 
 
-def _nulls() -> list[Row]:
-    found: list[Row] = []
+def _nulls() -> list[CaseSpec]:
+    specs: list[CaseSpec] = []
     for i in range(42):
         decoy, rig = _DECOYS[i % 6], ARMS[(i + i // 6) % 6]
         # a motor has no servo to tighten
         rig = rig.removesuffix("_motor") if decoy == "tight_servo" else rig
-        found.append(((), rig, "", "null", decoy))
-    return found
+        specs.append(CaseSpec((), rig, "", "null", decoy))
+    return specs
 
 
-def _more() -> list[Row]:
-    """What came later: three at once, a passive joint, below the noise, a mass that is wrong."""
-    found: list[Row] = [
-        (three, ("arm6", "arm3")[i % 2], LEVELS[i % 2], "triple", "")
-        for i, three in enumerate(_TRIPLED)
+def _more() -> list[CaseSpec]:
+    """Later additions: three at once, a passive joint, below the noise, a mass that is wrong."""
+    specs: list[CaseSpec] = [
+        CaseSpec(triple, ("arm6", "arm3")[i % 2], LEVELS[i % 2], "triple")
+        for i, triple in enumerate(_TRIPLED)
     ]
-    found += [
-        ((effect,), "arm2_passive", LEVELS[i % 3], "single", "")
+    specs += [
+        CaseSpec((effect,), "arm2_passive", LEVELS[i % 3], "single")
         for i, effect in enumerate(_ON_PASSIVE)
     ]
-    found += [((effect,), rig, BELOW, "single", "") for effect, rig in _BELOW]
-    found += _outside(OUTSIDERS[_FIRST_OUTSIDERS:])
-    found += [((), rig, "", "null", "wrong_mass") for rig in ("arm6", "arm3") * 3]
-    found += [((), rig, "", "null", "") for rig in ("arm2_passive", "pendulum_motor") * 2]
-    found += [((), rig, "", "null", "coloured_noise") for rig in ("arm2_passive", "arm3_motor")]
-    return found
+    specs += [CaseSpec((effect,), rig, BELOW, "single") for effect, rig in _BELOW]
+    specs += _outside(OUTSIDERS[_FIRST_OUTSIDERS:])
+    specs += [CaseSpec((), rig, "", "null", "wrong_mass") for rig in ("arm6", "arm3") * 3]
+    specs += [CaseSpec((), rig, "", "null") for rig in ("arm2_passive", "pendulum_motor") * 2]
+    specs += [
+        CaseSpec((), rig, "", "null", "coloured_noise") for rig in ("arm2_passive", "arm3_motor")
+    ]
+    return specs
+
+
+_WHOLE_SETS: dict[str, Callable[[], list[CaseSpec]]] = {
+    "brief": _brief,
+    "quick": _quick,
+    "full": _full,
+    "faintest": _faintest,
+    "legged": legged,
+}
+"""Sets that are not one kind of case of the full set."""

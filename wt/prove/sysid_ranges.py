@@ -1,4 +1,4 @@
-"""Between which values ``wt.prove.sysid_rival`` looks for a parameter, and where it starts.
+"""Ranges in which ``wt.prove.sysid_rival`` looks for a parameter, and its starts.
 
 The ranges are those of an engineer who knows the model and has looked at the recordings: what adds
 to something of the model's own may also take it away, and no loss needs more than the largest
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.errors import ConfigError, suggest
 from wt.physics.effect import Effect, effects
@@ -19,10 +20,8 @@ from wt.physics.motion import Motion
 from wt.physics.planted import Planted
 from wt.types import Location
 
-Array = np.ndarray
-
 Free = tuple[str, str]
-"""What is to be fitted: id of an effect, and the name of the joint or actuator it stands at."""
+"""An effect to be fitted: its id, and the name of its joint or actuator."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,27 +29,27 @@ class Freed:
     """An effect whose parameters are free.
 
     Attributes:
-        effect: what.
-        at: where.
-        lower: least parameters, (n_theta,); negative for what the model has too much of.
-        upper: largest parameters, (n_theta,).
-        nominal: those of the model as it is, (n_theta,).
+        effect: the effect.
+        at: its place.
+        lower: least parameters; negative for those of which the model has too much.
+        upper: largest parameters.
+        nominal: those of the model as it is.
     """
 
     effect: Effect
     at: Location
-    lower: Array
-    upper: Array
-    nominal: Array
+    lower: Float[np.ndarray, " theta"]
+    upper: Float[np.ndarray, " theta"]
+    nominal: Float[np.ndarray, " theta"]
 
     @property
-    def share(self) -> Array:
-        """The nominal parameters as shares of their ranges, (n_theta,)."""
+    def share(self) -> Float[np.ndarray, " theta"]:
+        """The nominal parameters as shares of their ranges."""
         return np.asarray((self.nominal - self.lower) / (self.upper - self.lower))
 
 
-def planted(freed: Sequence[Freed], shares: Array) -> tuple[Planted, ...]:
-    """The effects with their parameters, from shares of all ranges, (p,)."""
+def planted(freed: Sequence[Freed], shares: Float[np.ndarray, " parameter"]) -> tuple[Planted, ...]:
+    """The effects with their parameters, from shares of all ranges."""
     left = iter(shares)
     return tuple(
         Planted(f.effect, f.at, f.lower + (f.upper - f.lower) * list(islice(left, len(f.lower))))
@@ -135,5 +134,5 @@ def _effort(motion: Motion, dof: int) -> float:
     return max(float(np.abs(torques).max()), 1e-6)
 
 
-def _rms(signal: Array) -> float:
+def _rms(signal: Float[np.ndarray, " sample"]) -> float:
     return float(np.sqrt(np.mean(signal**2)))

@@ -1,9 +1,9 @@
 """A rival: parameters that somebody else chose, fitted with ``mujoco.sysid``.
 
-It has what we have: the same smoothed initial states, commands averaged over the same fine physics
-steps, the same stretches of the same recordings, the same patches of the MJCF. What it returns is
-judged by the code that judges us. Where its defaults would spoil its result or its time it gets
-better ones, and comments say so. It has to be told *which* parameters are free;
+It gets what our diagnosis gets: the same smoothed initial states, commands averaged over the same
+fine physics steps, the same stretches of the same recordings, the same patches of the MJCF. Its
+results are proved by the same code. Where its defaults would spoil its result or its time it gets
+better ones, and comments say so. The caller says *which* parameters are free;
 :func:`every_parameter` is what an engineer frees who does not know.
 """
 
@@ -21,13 +21,14 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from jaxtyping import Float, Int
 
 from wt.diagnose.pipeline import STEP_S
 from wt.diagnose.recordings.prepare import Source, prepare
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import forgets, stretches_of
 from wt.diagnose.result import Proof
-from wt.diagnose.selection.holdout import hold, prove
+from wt.diagnose.selection.holdout import prepare_holdout, prove
 from wt.errors import WorkError
 from wt.mjcf.edit import patched_xml
 from wt.physics.effect import effects
@@ -37,11 +38,10 @@ from wt.physics.replay import Stretch
 from wt.physics.scene import Scene
 from wt.prove.sysid_ranges import Free, Freed, all_freed, planted
 
-Array = np.ndarray
 Theirs = Any  # of sysid's, which is imported late and has no types
 
 EVERY = ("joint.armature", "joint.friction_viscous", "joint.friction_coulomb", "actuator.gain")
-"""What :func:`every_parameter` frees everywhere."""
+"""Effects that :func:`every_parameter` frees everywhere."""
 TUNED = {
     # finite differences, in shares of a parameter's range, far above the constraint solver's noise
     "eps": 1e-4,
@@ -51,33 +51,33 @@ TUNED = {
 }
 """Options with which sysid comes to the same end in less time, mostly in much less."""
 _STRAY = 0.3
-"""How far from the first start others are drawn, in shares of a parameter's range."""
+"""Largest distance of other starts from the first, in shares of a parameter's range."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """What sysid made of recordings.
+    """The outcome of a fit with sysid.
 
     Attributes:
         hypothesis: the effects with their parameters, ready for replays; what adds to something
             of the model's own may be negative.
-        seconds: what the optimisation took, without smoothing [s].
+        seconds: duration of the optimisation, without smoothing [s].
         xml: the model with the parameters written into it.
-        squares: sum of squared open-loop errors of each joint over the fitted samples, (nv,).
-        count: fitted samples of each joint, (nv,).
-        jacobian: of all errors in the parameters, one row a sample and joint, (n, p).
+        squares: sum of squared open-loop errors of each joint over the fitted samples.
+        count: fitted samples of each joint.
+        jacobian: of all errors in the parameters, one row a sample and joint.
     """
 
     hypothesis: tuple[Planted, ...]
     seconds: float
     xml: str
-    squares: Array
-    count: Array
-    jacobian: Array
+    squares: Float[np.ndarray, " dof"]
+    count: Int[np.ndarray, " dof"]
+    jacobian: Float[np.ndarray, "error parameter"]
 
     @property
-    def theta(self) -> dict[Free, Array]:
-        """Parameters of each effect, (n_theta,), as in the table of effects."""
+    def theta(self) -> dict[Free, Float[np.ndarray, " _theta"]]:
+        """Parameters of each effect, as in the table of effects."""
         return {(p.effect.id, p.at.name): p.theta for p in self.hypothesis}
 
     @property
@@ -190,8 +190,8 @@ class Rival:
     @quiet()  # bad parameters explode
     def _optimum(
         self, knobs: Theirs, residual: Theirs, options: Mapping[str, float], until: float
-    ) -> tuple[Array, Array]:
-        """Where sysid is at its end or at a time, as shares of ranges, and its last Jacobian."""
+    ) -> tuple[Float[np.ndarray, " parameter"], Float[np.ndarray, "error parameter"]]:
+        """Parameters at sysid's end or at a time, as shares of ranges, and its last Jacobian."""
 
         def watch(steps: Sequence[Theirs]) -> None:
             if steps[-1].step is not None and time.perf_counter() > until:
@@ -201,17 +201,17 @@ class Rival:
             return np.zeros(0), np.zeros((0, 0))
         silent = {"verbose": False, "output": io.StringIO(), "iter_callback": watch}
         try:
-            _, found = self._sysid.optimize(knobs, residual, **silent, **options)
+            _, optimum = self._sysid.optimize(knobs, residual, **silent, **options)
         except TimeoutError as late:
             last = late.args[0]
             return np.ravel(last.candidate + last.step), last.jacobian
-        return found.x, found.jac
+        return optimum.x, optimum.jac
 
     def prove(self, fitted: Fitted, holdout: Sequence[Source], seed: int = 0) -> Proof:
-        """What a fit is worth on other recordings, by the code that proves a diagnosis.
+        """Proof of a fit on other recordings, by the code that proves a diagnosis.
 
         Args:
-            fitted: what came out.
+            fitted: the fit.
             holdout: recordings that it has not seen.
             seed: of the intervals' bootstrap.
 
@@ -219,19 +219,21 @@ class Rival:
             RecordingError: a recording cannot be used.
         """
         prepared = prepare(self.scene, holdout, holdout)
-        held = hold(smooth(self.scene, prepared.held), self._forgets)
-        return prove(held, fitted.hypothesis, STEP_S, prepared.split, seed)
+        holdout_motion = prepare_holdout(smooth(self.scene, prepared.held), self._forgets)
+        return prove(holdout_motion, fitted.hypothesis, STEP_S, prepared.split, seed)
 
-    def _measured(self, pairs: Sequence[tuple[Stretch, Array]]) -> list[Theirs]:
+    def _measured(
+        self, pairs: Sequence[tuple[Stretch, Float[np.ndarray, "_sample joint"]]]
+    ) -> list[Theirs]:
         """The stretches in sysid's words."""
         sysid, model = self._sysid, self._spec.compile()
-        h, found = float(model.opt.timestep), []
+        h, sequences = float(model.opt.timestep), []
         for i, (stretch, q) in enumerate(pairs):
             t = stretch.t - stretch.t[0]
             steps = int(np.ceil(t[-1] / h - 1e-6))
             # sysid does not simulate the last command
             grid = h * np.arange(steps + 1)
-            found.append(
+            sequences.append(
                 sysid.ModelSequences(
                     name=self.scene.path.stem,
                     spec=self._spec,
@@ -241,20 +243,22 @@ class Rival:
                     sensordata=sysid.TimeSeries.from_names(t, q, model),
                 )
             )
-        return found
+        return sequences
 
     def _knobs(self, freed: Sequence[Freed]) -> Theirs:
         """The parameters in sysid's words, each component as a share of its range."""
         knobs = self._sysid.ParameterDict()
-        for one in freed:
-            low, high = np.zeros_like(one.share), np.ones_like(one.share)
-            knobs.add(self._sysid.Parameter(f"{one.effect.id} at {one.at}", one.share, low, high))
+        for part in freed:
+            low, high = np.zeros_like(part.share), np.ones_like(part.share)
+            knobs.add(
+                self._sysid.Parameter(f"{part.effect.id} at {part.at}", part.share, low, high)
+            )
         return knobs.move_off_bounds()
 
     def _builder(self, freed: Sequence[Freed]) -> Callable[..., mujoco.MjModel]:
         """Compiles a model; the same one for all stretches, which sysid would compile anew."""
 
-        @functools.lru_cache(maxsize=sum(one.effect.n_theta for one in freed) + 2)
+        @functools.lru_cache(maxsize=sum(part.effect.n_theta for part in freed) + 2)
         def compiled(shares: bytes) -> mujoco.MjModel:
             spec = self._spec.copy()
             for part in planted(freed, np.frombuffer(shares)):
@@ -270,9 +274,9 @@ class Rival:
         measured: Theirs,
         model: mujoco.MjModel,
         *_: object,
-        state: Array,
-    ) -> tuple[Array, Theirs, Theirs]:
-        """Errors in radians, which is what is judged; 0 where a sample is missing.
+        state: Float[np.ndarray, "time state"],
+    ) -> tuple[Float[np.ndarray, "sample joint"], Theirs, Theirs]:
+        """Errors in radians, by which results are proved; 0 where a sample is missing.
 
         sysid's own are shares of each signal's size in each stretch, so that a joint that rests
         near zero would outweigh all others. Positions are the state's: those of MuJoCo's sensors
@@ -286,10 +290,10 @@ class Rival:
 
 
 def _sysid() -> Theirs:
-    """``mujoco.sysid``, which imports as an empty module where a package of its is missing.
+    """``mujoco.sysid``, which imports as an empty module where a package that it needs is missing.
 
     Raises:
-        WorkError: so it does.
+        WorkError: a package is missing.
     """
     sysid = importlib.import_module("mujoco.sysid")
     if not hasattr(sysid, "TimeSeries"):

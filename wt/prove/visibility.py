@@ -1,4 +1,4 @@
-"""How much of what is hidden can be seen in recordings at all, over their noise."""
+"""The change that hidden effects make in recordings, over their noise."""
 
 from __future__ import annotations
 
@@ -7,18 +7,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 
-from wt.prove.case import Case, Truth
+from wt.prove.case import Case, HiddenEffect
 from wt.prove.rigs import RIGS
 from wt.prove.sensing import measure
-from wt.prove.trace import Trace
+from wt.prove.trajectory import HiddenTrajectory
 from wt.prove.world import OUTER_KP, hidden_plant, record, sensor_effects
-
-Array = np.ndarray
 
 
 def visibility(case: Case, calm: Sequence[float] = ()) -> float:
-    """Rms change of recordings by what is hidden, over their noise; see :func:`visibilities`."""
+    """Rms change of recordings by all hidden effects over their noise; see :func:`visibilities`."""
     return _change(case, case.truth, (), calm)
 
 
@@ -29,11 +28,11 @@ def visibilities(case: Case, calm: Sequence[float] = ()) -> tuple[float, ...]:
     other hidden effects acting in both worlds; sensor effects are counted too. The controller of
     a torque-controlled rig is outside the model and hides in its commands what a servo shows in
     positions: there, the change of its torque over its stiffness counts as well. Of a trunk its
-    height, roll and pitch count, not where it has got to, which any difference adds up in.
+    height, roll and pitch count, not its place, in which any difference adds up.
 
     Args:
         case: the trial.
-        calm: of its world.
+        calm: shares of the motions' usual sizes, of its world.
     """
     return tuple(
         _change(case, case.truth, tuple(o for o in case.truth if o is not truth), calm)
@@ -42,7 +41,10 @@ def visibilities(case: Case, calm: Sequence[float] = ()) -> tuple[float, ...]:
 
 
 def _change(
-    case: Case, some: Sequence[Truth], others: Sequence[Truth], calm: Sequence[float]
+    case: Case,
+    acting: Sequence[HiddenEffect],
+    others: Sequence[HiddenEffect],
+    calm: Sequence[float],
 ) -> float:
     rig = RIGS[case.rig]
     sharp = replace(case.sensing, noise=0.0, bits=30, drops=0.0)
@@ -50,13 +52,13 @@ def _change(
     change = 0.0
     for index in range(len(case.motions) - 1):
         seen, sent, traces = [], [], []
-        for hidden in (some, others):
+        for hidden in (acting, others):
             size = calm[index] if calm else 1.0
             trace, steps = record(case, hidden_plant(case, hidden), index, size)
-            found = measure(
+            columns = measure(
                 rig, sharp, trace, steps, sensor_effects(case, hidden), np.random.default_rng(0)
             )[0]
-            seen.append(np.stack([found[f"qpos/{joint}"] for joint in rig.joints]))
+            seen.append(np.stack([columns[f"qpos/{joint}"] for joint in rig.joints]))
             sent.append(trace.u.T)
             traces.append(trace)
         apart = ((seen[0] - seen[1]) ** 2).mean(axis=1)
@@ -71,7 +73,7 @@ def _change(
     return change
 
 
-def _lean(trace: Trace) -> Array:
-    """Height [m], and the world's vertical in the trunk's x and y [rad], (n, 3)."""
+def _lean(trace: HiddenTrajectory) -> Float[np.ndarray, "sample 3"]:
+    """Height [m], and the world's vertical in the trunk's x and y [rad]."""
     w, x, y, z = trace.base_q[:, 3:].T
     return np.stack([trace.base_q[:, 2], 2 * (x * z - w * y), 2 * (y * z + w * x)], axis=1)

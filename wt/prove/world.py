@@ -1,38 +1,38 @@
-"""``build(case)``: what a user of the hidden robot would have, MJCF and recordings."""
+"""``build(case)``: MJCF and recordings as a user of the hidden robot would have them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from wt.errors import WorkError
 from wt.prove import legged_motions
 from wt.prove.base_sensing import measure_base
-from wt.prove.case import Case, Truth
-from wt.prove.hidden import Plant
+from wt.prove.case import Case, HiddenEffect
+from wt.prove.hidden import Controller, Plant
 from wt.prove.laws import LAWS as LAWS
 from wt.prove.legged_rigs import Legged
 from wt.prove.legged_world import CALM, tolerances, upright
 from wt.prove.motions import reference
 from wt.prove.rigs import RIGS, Rig, nominal_xml
 from wt.prove.sensing import SensorEffect, measure, sample_steps, stamps
-from wt.prove.trace import Trace
+from wt.prove.trajectory import HiddenTrajectory
 from wt.types import Recording
 
-Array = np.ndarray
 LEAD_S = 1.5  # the robot settles under the first command
 OUTER_KP = 0.4
 """Stiffness of the controller outside the model, as a share of the servo's."""
 
 
 class FallsError(WorkError):
-    """A robot cannot even stand with what is hidden in it."""
+    """The robot cannot even stand with the effects hidden in it."""
 
 
 @dataclass(frozen=True)
-class World:
+class HiddenWorld:
     """One trial, ready to be diagnosed.
 
     Attributes:
@@ -42,18 +42,18 @@ class World:
         noise_rms: joint → rms error of recorded positions from noise and quantization [rad]. Time
             stamps that err are not in it, nor are hidden sensor effects other than quantization.
         clean: for each recording, fit then held out: joint → true positions at its rows [rad].
-        calm: for each recording, what share of a motion's usual size keeps the robot upright.
+        calm: for each recording, the share of a motion's usual size that keeps the robot upright.
     """
 
     nominal_xml: str
     fit: tuple[Recording, ...]
     holdout: tuple[Recording, ...]
     noise_rms: Mapping[str, float]
-    clean: tuple[Mapping[str, Array], ...]
+    clean: tuple[Mapping[str, Float[np.ndarray, " _sample"]], ...]
     calm: tuple[float, ...] = ()
 
 
-def build(case: Case) -> World:
+def build(case: Case) -> HiddenWorld:
     """Simulate a case; the same for the same case."""
     rig = RIGS[case.rig]
     plant = hidden_plant(case)
@@ -71,7 +71,7 @@ def build(case: Case) -> World:
         errors.append(error)
         calm.append(size)
     rms = np.sqrt((np.concatenate(errors) ** 2).mean(axis=0))
-    return World(
+    return HiddenWorld(
         nominal_xml=nominal_xml(rig, case.step, case.gain, _reads_imu(case)),
         fit=tuple(recordings[:-1]),
         holdout=tuple(recordings[-1:]),
@@ -86,8 +86,10 @@ def _reads_imu(case: Case) -> bool:
     return case.sensing.gyro or (base is not None and base.imu)
 
 
-def _steady(case: Case, plant: Plant, index: int) -> tuple[Trace, Array, float]:
-    """Record as much of a motion as what is hidden lets the robot do without falling.
+def _steady(
+    case: Case, plant: Plant, index: int
+) -> tuple[HiddenTrajectory, Int[np.ndarray, " sample"], float]:
+    """Record a motion at the largest size at which the robot does not fall.
 
     Raises:
         FallsError: it cannot even stand.
@@ -99,8 +101,8 @@ def _steady(case: Case, plant: Plant, index: int) -> tuple[Trace, Array, float]:
     raise FallsError(f"case '{case.name}': the robot falls whatever it does; choose another seed")
 
 
-def hidden_plant(case: Case, hidden: Sequence[Truth] | None = None) -> Plant:
-    """The hidden world of a case, with all that is hidden in it or with a part of that."""
+def hidden_plant(case: Case, hidden: Sequence[HiddenEffect] | None = None) -> Plant:
+    """The hidden world of a case, with all of its effects or those among ``hidden``."""
     rig = RIGS[case.rig]
     acting = [truth for truth in case.truth if not truth.law.startswith("sensor.")]
     laws = [
@@ -110,17 +112,17 @@ def hidden_plant(case: Case, hidden: Sequence[Truth] | None = None) -> Plant:
     ]
     rng = np.random.default_rng([case.seed, 3])
     shape = (2, len(rig.links))
-    off = 1.0 + rng.choice([-1.0, 1.0], shape) * rng.uniform(0.01, 0.03, shape)
+    factors = 1.0 + rng.choice([-1.0, 1.0], shape) * rng.uniform(0.01, 0.03, shape)
     if case.decoy == "wrong_mass":
         wrong = rig.bodies.index(case.excused[0][2])
-        off[0, wrong] = 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(0.06, 0.1)
-    # what is off comes first, so that a hidden friction is the one that acts
+        factors[0, wrong] = 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(0.06, 0.1)
+    # tolerances come first, so that a hidden friction is the one that acts
     usual = tolerances(case, rig) if isinstance(rig, Legged) else []
-    return Plant(rig, [*usual, *laws], case.gain, off)
+    return Plant(rig, [*usual, *laws], case.gain, factors)
 
 
-def sensor_effects(case: Case, hidden: Sequence[Truth] | None = None) -> list[SensorEffect]:
-    """What is wrong with the sensors of a case, or a part of that."""
+def sensor_effects(case: Case, hidden: Sequence[HiddenEffect] | None = None) -> list[SensorEffect]:
+    """The hidden sensor effects of a case, or those among ``hidden``."""
     return [
         (truth.law, truth.name, truth.parameters)
         for truth in case.truth
@@ -128,14 +130,16 @@ def sensor_effects(case: Case, hidden: Sequence[Truth] | None = None) -> list[Se
     ]
 
 
-def record(case: Case, plant: Plant, index: int, calm: float = 1.0) -> tuple[Trace, Array]:
-    """Run one recording; what happened, and at which steps the loop sampled.
+def record(
+    case: Case, plant: Plant, index: int, calm: float = 1.0
+) -> tuple[HiddenTrajectory, Int[np.ndarray, " sample"]]:
+    """Run one recording; its trajectory, and the steps at which the loop sampled.
 
     Args:
         case: the trial.
         plant: its world.
         index: of the recording.
-        calm: how much of a motion's usual size a robot on legs dares.
+        calm: share of a motion's usual size.
     """
     rig = plant.rig
     path, steps = commands(case, plant, index, calm)
@@ -144,16 +148,23 @@ def record(case: Case, plant: Plant, index: int, calm: float = 1.0) -> tuple[Tra
     return trace, steps
 
 
-def commands(case: Case, plant: Plant, index: int, calm: float = 1.0) -> tuple[Array, Array]:
-    """Positions that a recording's motion is to take, (n, joints) [rad], and the n steps of it."""
+def commands(
+    case: Case, plant: Plant, index: int, calm: float = 1.0
+) -> tuple[Float[np.ndarray, "sample joint"], Int[np.ndarray, " sample"]]:
+    """Positions commanded in a recording [rad], and the steps at which they are sent."""
     rng = np.random.default_rng([case.seed, 4, index])
     steps = sample_steps(case.sensing, case.seconds, plant.h, rng)
     return _path(case, plant.rig, case.motions[index], steps * plant.h, calm, rng), steps
 
 
 def _path(
-    case: Case, rig: Rig, kind: str, t: Array, calm: float, rng: np.random.Generator
-) -> Array:
+    case: Case,
+    rig: Rig,
+    kind: str,
+    t: Float[np.ndarray, " sample"],
+    calm: float,
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "sample joint"]:
     if isinstance(rig, Legged):
         return legged_motions.reference(rig, kind, t, calm, rng)
     middle = np.array([link.middle for link in rig.links])
@@ -165,11 +176,13 @@ def _path(
     return reference(kind, t, middle, amplitude, rig.tempo, rng)
 
 
-def _commands(path: Array) -> Callable[[int, Array, Array], Array]:
+def _commands(path: Float[np.ndarray, "sample joint"]) -> Controller:
     return lambda row, q, v: path[row]
 
 
-def _motor_loop(rig: Rig, path: Array, t: Array) -> Callable[[int, Array, Array], Array]:
+def _motor_loop(
+    rig: Rig, path: Float[np.ndarray, "sample joint"], t: Float[np.ndarray, " sample"]
+) -> Controller:
     """A PD controller with gravity compensation outside the model: its torque is the command."""
     nominal = Plant(rig, [], 1.0, np.ones((2, len(rig.links))))
     # softer than the servos, since it acts at the sampling rate
@@ -178,7 +191,9 @@ def _motor_loop(rig: Rig, path: Array, t: Array) -> Callable[[int, Array, Array]
     speed = np.gradient(path, t, axis=0)
     limit = nominal.limit
 
-    def control(row: int, q: Array, v: Array) -> Array:
+    def control(
+        row: int, q: Float[np.ndarray, " joint"], v: Float[np.ndarray, " joint"]
+    ) -> Float[np.ndarray, " joint"]:
         tau = kp * (path[row] - q) + kv * (np.clip(speed[row], -3, 3) - v) + hold[row]
         return np.clip(tau, -limit, limit)
 

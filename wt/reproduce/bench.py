@@ -1,4 +1,4 @@
-"""What exhibits work with: runs of the paper's tasks, and models that are trained at most once.
+"""The workbench of exhibits: runs of the paper's tasks, and models trained at most once.
 
 Everything lies below the output folder, one run of ``wt fit`` per task. A variant of a method is
 one more model of that run, kept under the hash of what was changed; whatever is finished is found
@@ -13,15 +13,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wt.baselines.base import Baseline
-from wt.config import Fit, load, to_yaml
+from wt.config import FitConfig, load, to_yaml
 from wt.data.transitions import digest
 from wt.errors import WorkError
-from wt.evaluate.representation import Features, features, some
+from wt.evaluate.representation import Features, features, whole_episodes
 from wt.evaluate.results import OURS, PAPERS_OWN, Results
 from wt.evaluate.single_step import Errors, errors
 from wt.fit import fit, open_folder
 from wt.nets.world_model import WorldModel
-from wt.reproduce.tasks import Task
+from wt.reproduce.tasks import PaperTask
 from wt.run.folder import CONFIG
 from wt.run.jobs import Job, run_jobs
 from wt.run.study import Listener, Study
@@ -61,7 +61,7 @@ PLUS = Variant(OURS, OURS)
 
 @dataclass
 class Bench:
-    """Where exhibits find data and models.
+    """Data and models for exhibits.
 
     Attributes:
         conf: folder of the configurations.
@@ -74,18 +74,18 @@ class Bench:
 
     conf: Path
     out: Path
-    tasks: Sequence[Task]
+    tasks: Sequence[PaperTask]
     overrides: Sequence[str]
     quick: bool
     listener: Listener
     _open: dict[str, Study] = field(default_factory=dict)
-    _read: dict[tuple[str, ...], Fit] = field(default_factory=dict)
+    _read: dict[tuple[str, ...], FitConfig] = field(default_factory=dict)
 
-    def task(self, name: str) -> Task:
+    def task(self, name: str) -> PaperTask:
         """The task of that name, which can be run."""
         return next(task for task in self.tasks if task.name == name)
 
-    def config(self, name: str, extra: Sequence[str] = ()) -> Fit:
+    def config(self, name: str, extra: Sequence[str] = ()) -> FitConfig:
         """A task's configuration."""
         key = (name, *extra)
         if key not in self._read:
@@ -99,8 +99,8 @@ class Bench:
         configs = {name: to_yaml(self.config(name)) for name in there}
         return digest({"tasks": configs, "quick": self.quick})
 
-    def results(self, task: Task) -> Results:
-        """What ``wt fit`` finds on a task: those that lie in its folder, or of its run."""
+    def results(self, task: PaperTask) -> Results:
+        """Results of ``wt fit`` on a task: those that lie in its folder, or of its run."""
         folder = self.out / task.name
         begun = (folder / CONFIG).is_file()
         config = open_folder(self.config(task.name), folder, resume=begun)
@@ -161,8 +161,8 @@ class Bench:
     def looked_at(self, study: Study) -> tuple[Transitions, Transitions]:
         """The transitions of S and of R that representations are looked at on."""
         count = FEATURES_QUICK if self.quick else FEATURES
-        return some(study.data.sim, count), some(study.data.real, count)
+        return whole_episodes(study.data.sim, count), whole_episodes(study.data.real, count)
 
     def features(self, study: Study, variant: Variant, seed: int) -> tuple[Features, Features]:
-        """What a trained model makes of them."""
+        """Features that a trained model makes of these transitions."""
         return features(self.model(study, variant, seed), *self.looked_at(study))

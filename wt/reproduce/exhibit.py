@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from wt.reproduce.bench import Bench
 
 Numbers = dict[str, Any]
-"""What an exhibit measured: nested dictionaries and lists of numbers and text, fit for JSON."""
+"""Measurements of an exhibit: nested dictionaries and lists of numbers and text, fit for JSON."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class Section:
-    """What the report says of one exhibit.
+    """One exhibit in the report.
 
     Attributes:
         text: what was measured and how, one paragraph.
@@ -86,15 +86,15 @@ class Exhibit(ABC):
         """Train what is not yet trained, and measure."""
 
     @abstractmethod
-    def present(self, found: Numbers) -> Section:
-        """What the report says of what :meth:`measure` returned."""
+    def present(self, numbers: Numbers) -> Section:
+        """Turn what :meth:`measure` returned into a section of the report."""
 
     def depends_on(self, bench: Bench) -> str:
-        """What else than the tasks' configurations decides its numbers; they are kept for it."""
+        """Anything but the tasks' configurations that decides the numbers; they are kept for it."""
         return ""
 
     def can_run(self, tasks: Sequence[str]) -> bool:
-        """Whether these tasks are enough."""
+        """True if these tasks are enough."""
         there = [task in tasks for task in self.tasks]
         return any(there) if self.any_task else all(there)
 

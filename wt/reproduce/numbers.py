@@ -1,4 +1,4 @@
-"""What exhibits measured, kept as ``numbers/<name>.json`` and found again."""
+"""Measurements of exhibits, kept as ``numbers/<name>.json`` and found again."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ SCHEMA = 1
 
 def obtain(exhibit: Exhibit, bench: Bench) -> Numbers:
     """The numbers of an exhibit: those that are kept, or newly measured and then kept."""
-    found = kept(exhibit, bench)
-    if found is None:
-        found = exhibit.measure(bench)
-        content = {"schema": SCHEMA, "exhibit": exhibit.name, "found": found}
+    numbers = kept(exhibit, bench)
+    if numbers is None:
+        numbers = exhibit.measure(bench)
+        content = {"schema": SCHEMA, "exhibit": exhibit.name, "found": numbers}
         content["of"] = _identity(exhibit, bench)
         path = _path(exhibit, bench)
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, json.dumps(content, ensure_ascii=False) + "\n")
         # as they will be read: an exhibit must not rely on what JSON does not keep
-        found = kept(exhibit, bench)
-    return found or {}
+        numbers = kept(exhibit, bench)
+    return numbers or {}
 
 
 def kept(exhibit: Exhibit, bench: Bench) -> Numbers | None:
@@ -42,16 +42,16 @@ def kept(exhibit: Exhibit, bench: Bench) -> Numbers | None:
         content = json.loads(path.read_text(encoding="utf-8"))
         if content["schema"] != SCHEMA or content["of"] != _identity(exhibit, bench):
             return None
-        found: Numbers = content["found"]
+        numbers: Numbers = content["found"]
     except (ValueError, KeyError, TypeError) as error:
         raise DataError(
             f"{path} is no result of this command ({error!r}); delete it and run again"
         ) from error
-    return found
+    return numbers
 
 
 def _identity(exhibit: Exhibit, bench: Bench) -> str:
-    """What decides an exhibit's numbers."""
+    """Identity of an exhibit's numbers: a change of it makes them void."""
     return " ".join([bench.identity(exhibit.tasks), exhibit.depends_on(bench)]).strip()
 
 

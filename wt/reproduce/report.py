@@ -1,4 +1,4 @@
-"""What ``wt reproduce`` leaves: ``report.md``, ``report.html`` and every figure as a PNG.
+"""The report of ``wt reproduce``: ``report.md``, ``report.html`` and every figure as a PNG.
 
 The page is one file: its pictures are in it, and it needs nothing but a browser.
 """

@@ -12,7 +12,7 @@ from wt.reproduce.bench import Bench
 from wt.reproduce.exhibit import Exhibit, exhibits
 from wt.reproduce.numbers import kept, obtain
 from wt.reproduce.report import Entry, write
-from wt.reproduce.tasks import FULL, QUICK, Task, chosen
+from wt.reproduce.tasks import FULL, QUICK, PaperTask, chosen
 from wt.run.study import Listener
 
 Bars = Callable[[], AbstractContextManager[Listener]]
@@ -65,12 +65,12 @@ def reproduce(
             continue
         try:
             with bars() as listener:
-                found = obtain(exhibit, replace(bench, listener=listener))
+                numbers = obtain(exhibit, replace(bench, listener=listener))
         except WorkError as error:  # the others do not depend on it
             failed.append(f"{exhibit.name}: {error}")
             entries.append(Entry(exhibit, None, str(error)))
             continue
-        entries.append(Entry(exhibit, exhibit.present(found)))
+        entries.append(Entry(exhibit, exhibit.present(numbers)))
         say(entries[-1])
     page = write(out, entries, _about(there, left_out, words, quick))
     if failed:
@@ -81,18 +81,18 @@ def reproduce(
 
 
 def _known(exhibit: Exhibit, bench: Bench, names: Sequence[str]) -> Entry:
-    """What an earlier command measured, or why there is nothing."""
+    """Entry of an exhibit that was not asked for: earlier numbers, or why there are none."""
     if not exhibit.can_run(names):
         missing = ", ".join(task for task in exhibit.tasks if task not in names)
         return Entry(exhibit, None, f"it needs {missing}, not chosen or without a configuration")
-    found = kept(exhibit, bench)
-    if found is None:
+    numbers = kept(exhibit, bench)
+    if numbers is None:
         return Entry(exhibit, None, f"wt reproduce --only {exhibit.name} does it")
-    return Entry(exhibit, exhibit.present(found))
+    return Entry(exhibit, exhibit.present(numbers))
 
 
 def _about(
-    tasks: Sequence[Task], left_out: Sequence[Task], words: Sequence[str], quick: bool
+    tasks: Sequence[PaperTask], left_out: Sequence[PaperTask], words: Sequence[str], quick: bool
 ) -> str:
     size = "Small models and little data: shows that it runs, not how well. " if quick else ""
     seeds = next((word.partition("=")[2] for word in reversed(words) if "seeds=" in word), "[0]")

@@ -10,7 +10,7 @@ from wt.errors import ConfigError, suggest
 
 
 @dataclass(frozen=True)
-class Task:
+class PaperTask:
     """One task of the paper.
 
     Attributes:
@@ -27,12 +27,12 @@ class Task:
 
 
 TASKS = (
-    Task("g1_flat", "G1 humanoid", "flat", "g1_flat.yaml"),
-    Task("g1_uneven", "G1 humanoid", "uneven", "g1_uneven.yaml"),
-    Task("go2_flat", "Go2 quadruped", "flat", "go2_flat.yaml"),
-    Task("go2_payload", "Go2 quadruped", "payload", "go2_payload.yaml"),
-    Task("r5_normal", "R5 manipulator", "normal", "r5_normal.yaml"),
-    Task("r5_force", "R5 manipulator", "force", "r5.yaml"),
+    PaperTask("g1_flat", "G1 humanoid", "flat", "g1_flat.yaml"),
+    PaperTask("g1_uneven", "G1 humanoid", "uneven", "g1_uneven.yaml"),
+    PaperTask("go2_flat", "Go2 quadruped", "flat", "go2_flat.yaml"),
+    PaperTask("go2_payload", "Go2 quadruped", "payload", "go2_payload.yaml"),
+    PaperTask("r5_normal", "R5 manipulator", "normal", "r5_normal.yaml"),
+    PaperTask("r5_force", "R5 manipulator", "force", "r5.yaml"),
 )
 """In the order of the paper's figure 3: of each robot what is hidden little, then much."""
 
@@ -40,7 +40,7 @@ WALKING = tuple(task.name for task in TASKS if task.config.startswith(("g1", "go
 """Names of those with a robot on legs."""
 
 FULL = ("seeds=[0,1,2]",)
-"""What the configurations do not say: the spread needs several seeds."""
+"""Overrides of a full run: the spread needs several seeds."""
 
 QUICK = (
     "seeds=[0]",
@@ -54,7 +54,7 @@ QUICK = (
 """Overrides that make a task run through in a minute or two; its numbers only show that it runs."""
 
 
-def chosen(names: Sequence[str], conf: Path) -> tuple[list[Task], list[Task]]:
+def chosen(names: Sequence[str], conf: Path) -> tuple[list[PaperTask], list[PaperTask]]:
     """The tasks with these names, or all: those whose configuration is there, and the others.
 
     Args:

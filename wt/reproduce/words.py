@@ -24,7 +24,7 @@ def spread(values: Sequence[float]) -> str:
 
 
 def order(ours: Mapping[str, float], papers: Mapping[str, float], what: str) -> str:
-    """One sentence: whether ours stand in the paper's order, smallest first.
+    """One sentence that compares our order with the paper's, smallest first.
 
     Args:
         ours: a number by name.
@@ -40,7 +40,7 @@ def order(ours: Mapping[str, float], papers: Mapping[str, float], what: str) -> 
 
 
 def gain(plain: Sequence[float], other: Sequence[float]) -> str:
-    """How much smaller the other error is, seed by seed: ``12 % less ± 3 %``.
+    """Change from the plain error to the other one, seed by seed: ``12 % less ± 3 %``.
 
     Args:
         plain: errors of the plain method, one a seed.

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol, TypeVar, runtime_checkable
 
-from wt.config import Tracking
+from wt.config import TrackingConfig
 from wt.errors import ConfigError
 from wt.run.track import Run, run
 from wt.schema import flat, to_yaml
@@ -23,7 +23,7 @@ T = TypeVar("T")
 class Tracked(Protocol):
     """A configuration that says where its run is tracked."""
 
-    tracking: Tracking
+    tracking: TrackingConfig
 
 
 def claim(config: T, folder: Path, load: Callable[[Path], T], resume: bool) -> T:

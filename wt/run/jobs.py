@@ -25,7 +25,7 @@ import torch
 import yaml
 
 from wt.baselines.base import find
-from wt.config import Fit, Method, parse, to_yaml, vary
+from wt.config import FitConfig, Method, parse, to_yaml, vary
 from wt.data.transitions import digest
 from wt.errors import WorkError
 from wt.evaluate.results import OURS, PAPERS_OWN
@@ -59,7 +59,7 @@ class Job(NamedTuple):
         """Under what the run's folder keeps it: the method's name, and a variant's hash."""
         return f"{self.method}-{digest(list(self.changes))}" if self.changes else self.method
 
-    def settings(self, config: Fit) -> Method:
+    def settings(self, config: FitConfig) -> Method:
         """Of a World Translation model, the paper's, ours or a variant."""
         return vary(config.plus if self.method == OURS else config.paper, self.changes)
 
@@ -163,7 +163,7 @@ _opened: list[Study] = []
 def _open(config: str, folder: str, messages: Any) -> None:  # noqa: ANN401 – see _Sender
     threading.Thread(target=_end_with_parent, daemon=True).start()
     torch.set_num_threads(1)
-    fit = parse(Fit, yaml.safe_load(config), "")
+    fit = parse(FitConfig, yaml.safe_load(config), "")
     _opened.append(Study.open(fit, Path(folder), _Sender(messages)))
 
 

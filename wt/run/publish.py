@@ -12,11 +12,11 @@ from registry import parity, store
 from registry.card import HeldOut, describe
 from registry.push import push
 from registry.store import Version
-from wt.config import Fit
+from wt.config import FitConfig
 from wt.data.transitions import content_hash
 from wt.errors import ConfigError, RegistryError
 from wt.evaluate import figures
-from wt.evaluate.results import ASSUMPTION, OURS, PAPERS_OWN, Results, Score
+from wt.evaluate.results import ASSUMPTION, OURS, PAPERS_OWN, MethodScore, Results
 from wt.evaluate.rollout_view import write_rollout
 from wt.evaluate.single_step import Errors, first_episode, poses
 from wt.export.onnx import eager, export
@@ -54,7 +54,7 @@ class Published:
     seed: int
 
 
-def check_name(config: Fit) -> None:
+def check_name(config: FitConfig) -> None:
     """Refuse a name that the model could not be registered under in the end.
 
     Raises:
@@ -107,7 +107,7 @@ def tabulate(
         m: tuple(np.mean([by_seed[s][m].rmse for s in seeds], axis=0).tolist()) for m in methods
     }
     scores = {
-        m: Score.of_seeds(
+        m: MethodScore.of_seeds(
             [by_seed[s][m].mse for s in seeds], [by_seed[s][m].mse_change for s in seeds]
         )
         for m in methods

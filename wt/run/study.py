@@ -13,10 +13,10 @@ import torch
 from torch import nn
 
 from wt.baselines.base import Baseline, find
-from wt.config import Fit, Method, to_yaml
+from wt.config import FitConfig, Method, to_yaml
 from wt.data.transitions import content_hash, digest
 from wt.errors import ConfigError
-from wt.evaluate.single_step import Scales
+from wt.evaluate.single_step import ErrorScales
 from wt.nets.world_model import WorldModel
 from wt.show.files import write_whole
 from wt.train import device
@@ -28,7 +28,7 @@ from wt.worlds.recorded import Recorded
 WEIGHTS = "model.pt"
 
 
-def check(config: Fit) -> None:
+def check(config: FitConfig) -> None:
     """Refuse what could not be run, before anything is written.
 
     Raises:
@@ -73,15 +73,15 @@ class Study:
         listener: told of progress, metrics and warnings.
     """
 
-    config: Fit
+    config: FitConfig
     world: World
     data: Collected
-    scales: Scales
+    scales: ErrorScales
     folder: Path
     listener: Listener
 
     @classmethod
-    def open(cls, config: Fit, folder: Path, listener: Listener) -> Study:
+    def open(cls, config: FitConfig, folder: Path, listener: Listener) -> Study:
         """Build the world and collect, or reuse, its transitions.
 
         Args:
@@ -91,7 +91,7 @@ class Study:
         """
         world = make(config.world)
         data = collect(world, config.data, listener.progress)
-        return cls(config, world, data, Scales.of(data.real, world.spec), folder, listener)
+        return cls(config, world, data, ErrorScales.of(data.real, world.spec), folder, listener)
 
     @property
     def held_out(self) -> str:

@@ -13,10 +13,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Float, Num
 
 from wt.show.text import short
 
-Array = np.ndarray
+Scale = Callable[[np.ndarray], np.ndarray]
+"""Takes values of an axis to coordinates of the page."""
 
 Mark = Literal["line", "dots", "beads"]
 """A line, a cloud of points, or a line with a bead at each point."""
@@ -30,18 +32,18 @@ _LOG_FLOOR = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """What is drawn over x.
+    """One quantity over x.
 
     Attributes:
         css: class that gives it its colour, e.g. ``"before"``.
-        x: (N,), increasing where ``mark`` is a line.
-        y: (N,), NaN where there is nothing to draw.
-        mark: how it is drawn.
+        x: places of the points, increasing where ``mark`` is a line.
+        y: their values, NaN where there is nothing to draw.
+        mark: style of the drawing.
     """
 
     css: str
-    x: Array
-    y: Array
+    x: Num[np.ndarray, " point"]
+    y: Num[np.ndarray, " point"]
     mark: Mark = "line"
 
 
@@ -52,7 +54,7 @@ class Axes:
     Attributes:
         x: label below, with its unit.
         y: label at the left, with its unit.
-        alt: what a listener hears instead of seeing the chart.
+        alt: description for readers who hear the chart instead of seeing it.
         log: whether both scales are logarithmic.
         spans: (start, end) pairs along x that are shaded.
         floor: half height of a band around zero, or None; below it is only noise.
@@ -91,7 +93,7 @@ def chart(series: Sequence[Series], axes: Axes) -> str:
     return "".join(parts) + "</svg>"
 
 
-def ticks(low: float, high: float, most: int = 6) -> Array:
+def ticks(low: float, high: float, most: int = 6) -> Float[np.ndarray, " tick"]:
     """Round numbers (1, 2 or 5 times a power of ten) between two ends, at most ``most`` of them."""
     power = 10.0 ** math.floor(math.log10((high - low) / most))
     for step in (power * m for m in (1, 2, 5, 10, 20)):
@@ -101,14 +103,16 @@ def ticks(low: float, high: float, most: int = 6) -> Array:
     return step * np.arange(first, last + 1)
 
 
-def _limits(values: Sequence[Array], log: bool, margin: float) -> tuple[float, float]:
-    every = [v[np.isfinite(v)] for v in values]
+def _limits(
+    values: Sequence[Num[np.ndarray, " _"]], log: bool, margin: float
+) -> tuple[float, float]:
+    drawable = [v[np.isfinite(v)] for v in values]
     if log:
-        every = [v[v > 0] for v in every]
-    every = [v for v in every if v.size]
-    if not every:
+        drawable = [v[v > 0] for v in drawable]
+    drawable = [v for v in drawable if v.size]
+    if not drawable:
         return (0.1, 1.0) if log else (0.0, 1.0)
-    low, high = min(float(v.min()) for v in every), max(float(v.max()) for v in every)
+    low, high = min(float(v.min()) for v in drawable), max(float(v.max()) for v in drawable)
     if log:
         grown = max(math.log10(high / low), 0.3) * max(margin, 0.02)
         return low / 10**grown, high * 10**grown
@@ -118,10 +122,8 @@ def _limits(values: Sequence[Array], log: bool, margin: float) -> tuple[float, f
     return low - grown, high + grown
 
 
-def _scale(
-    low: float, high: float, start: float, end: float, log: bool
-) -> Callable[[Array], Array]:
-    def to_page(value: Array) -> Array:
+def _scale(low: float, high: float, start: float, end: float, log: bool) -> Scale:
+    def to_page(value: Num[np.ndarray, " point"]) -> Float[np.ndarray, " point"]:
         if log:
             value, a, b = np.log10(value), math.log10(low), math.log10(high)
         else:
@@ -131,19 +133,19 @@ def _scale(
     return to_page
 
 
-def _spans(axes: Axes, to_x: Callable[[Array], Array], ends: tuple[float, float]) -> list[str]:
-    found = []
+def _spans(axes: Axes, to_x: Scale, ends: tuple[float, float]) -> list[str]:
+    shades = []
     for span in axes.spans:
         a, b = to_x(np.clip(np.array(span), *ends))
         if b > a:
-            found.append(
+            shades.append(
                 f'<rect class="span" x="{a:.1f}" y="{_TOP:g}" width="{max(b - a, 1.5):.1f}" '
                 f'height="{HEIGHT - _TOP - _BOTTOM:g}"/>'
             )
-    return found
+    return shades
 
 
-def _floor(axes: Axes, to_y: Callable[[Array], Array]) -> list[str]:
+def _floor(axes: Axes, to_y: Scale) -> list[str]:
     if axes.floor is None:
         return []
     bottom, top = to_y(np.array([-axes.floor, axes.floor]))
@@ -156,8 +158,8 @@ def _floor(axes: Axes, to_y: Callable[[Array], Array]) -> list[str]:
 def _grid(
     axes: Axes,
     limits: tuple[float, float, float, float],
-    to_x: Callable[[Array], Array],
-    to_y: Callable[[Array], Array],
+    to_x: Scale,
+    to_y: Scale,
 ) -> list[str]:
     x0, x1, y0, y1 = limits
     parts = []
@@ -165,10 +167,10 @@ def _grid(
     for value, y in _placed(_values(y0, y1, axes.log, 6), to_y):
         css = "zero" if value == 0 else "grid"
         parts.append(f'<path class="{css}" d="M{_LEFT:g} {y:.1f}H{right:g}"/>')
-        parts.append(f'<text class="y" x="{_LEFT - 6:g}" y="{y + 4:.1f}">{_said(value)}</text>')
+        parts.append(f'<text class="y" x="{_LEFT - 6:g}" y="{y + 4:.1f}">{_label(value)}</text>')
     for value, x in _placed(_values(x0, x1, axes.log, 7), to_x):
         parts.append(f'<path class="grid" d="M{x:.1f} {bottom:g}v4"/>')
-        parts.append(f'<text class="x" x="{x:.1f}" y="{bottom + 17:g}">{_said(value)}</text>')
+        parts.append(f'<text class="x" x="{x:.1f}" y="{bottom + 17:g}">{_label(value)}</text>')
     middle = (_LEFT + right) / 2
     label = f'<text class="x label" x="{middle:g}" y="{HEIGHT - 5:g}">{html.escape(axes.x)}</text>'
     half = (_TOP + bottom) / 2
@@ -179,29 +181,31 @@ def _grid(
     return [*parts, label, side]
 
 
-def _values(low: float, high: float, log: bool, most: int) -> Array:
+def _values(low: float, high: float, log: bool, most: int) -> Float[np.ndarray, " tick"]:
     if not log:
         return ticks(low, high, most)
     powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     for steps in ((1, 2, 5), (1, 3), (1,)):
-        found = [m * 10.0**p for p in powers for m in steps if low <= m * 10.0**p <= high]
-        if len(found) <= most:
+        values = [m * 10.0**p for p in powers for m in steps if low <= m * 10.0**p <= high]
+        if len(values) <= most:
             break
-    if len(found) < 3:  # less than a decade
-        found = [m * 10.0**p for p in powers for m in (1, 2, 3, 5, 7) if low <= m * 10.0**p <= high]
-    return np.array(found)
+    if len(values) < 3:  # less than a decade
+        values = [
+            m * 10.0**p for p in powers for m in (1, 2, 3, 5, 7) if low <= m * 10.0**p <= high
+        ]
+    return np.array(values)
 
 
-def _placed(values: Array, to_page: Callable[[Array], Array]) -> list[tuple[float, float]]:
+def _placed(values: Float[np.ndarray, " tick"], to_page: Scale) -> list[tuple[float, float]]:
     return list(zip(values.tolist(), to_page(values).tolist(), strict=True)) if values.size else []
 
 
-def _said(value: float) -> str:
+def _label(value: float) -> str:
     return "0" if abs(value) < 1e-14 else short(value).replace("-", "−")
 
 
-def _thin(series: Series) -> tuple[Array, Array]:
-    """A line's envelope, or evenly chosen dots, of which there are few enough for a page."""
+def _thin(series: Series) -> tuple[Num[np.ndarray, " point"], Num[np.ndarray, " point"]]:
+    """A line's envelope, or evenly chosen dots: few enough points for a page."""
     x, y = series.x, series.y
     if series.mark == "dots":
         step = max(1, -(-len(x) // _DOTS))
@@ -219,7 +223,7 @@ def _thin(series: Series) -> tuple[Array, Array]:
     return x[rows], y[rows]
 
 
-def _marked(series: Series, x: Array, y: Array) -> str:
+def _marked(series: Series, x: Float[np.ndarray, " point"], y: Float[np.ndarray, " point"]) -> str:
     """One ``<path>``; a gap where y is not finite."""
     points = [
         f"{a:.1f} {b:.1f}" if math.isfinite(b) else ""

@@ -8,28 +8,27 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 import rerun as rr
+from jaxtyping import Float
 from rerun.components import FillMode
 
 from wt.show.colors import Color
-
-Array = np.ndarray
 
 _FIRST_HIDDEN_GROUP = 3  # MuJoCo's viewers draw geom groups 0–2 unless told otherwise
 
 
 @dataclass(frozen=True)
-class Motion:
-    """Where the B bodies of one robot are, in its own world.
+class BodyPoses:
+    """Poses of one robot's bodies over time, in its own world.
 
     Attributes:
-        pos: origins of the body frames, (T, B, 3) [m].
-        quat: their orientations, wxyz, (T, B, 4).
-        com: centres of mass, (T, B, 3) [m].
+        pos: origins of the body frames [m].
+        quat: their orientations.
+        com: centres of mass [m].
     """
 
-    pos: Array
-    quat: Array
-    com: Array
+    pos: Float[np.ndarray, "time body xyz=3"]
+    quat: Float[np.ndarray, "time body wxyz=4"]
+    com: Float[np.ndarray, "time body xyz=3"]
 
     @property
     def reach(self) -> float:
@@ -37,10 +36,10 @@ class Motion:
         return float(np.linalg.norm(self.pos[:, 1:] - self.pos[:, 1:2], axis=-1).max())
 
 
-def motion_of(model: mujoco.MjModel, qpos: Array) -> Motion:
-    """Where the bodies are for generalised positions ``qpos``, (T, nq)."""
+def body_poses(model: mujoco.MjModel, qpos: Float[np.ndarray, "time qpos"]) -> BodyPoses:
+    """Poses of the bodies at generalised positions."""
     data = mujoco.MjData(model)
-    motion = Motion(
+    poses = BodyPoses(
         pos=np.empty((len(qpos), model.nbody, 3)),
         quat=np.empty((len(qpos), model.nbody, 4)),
         com=np.empty((len(qpos), model.nbody, 3)),
@@ -48,8 +47,8 @@ def motion_of(model: mujoco.MjModel, qpos: Array) -> Motion:
     for k, q in enumerate(qpos):
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
-        motion.pos[k], motion.quat[k], motion.com[k] = data.xpos, data.xquat, data.xipos
-    return motion
+        poses.pos[k], poses.quat[k], poses.com[k] = data.xpos, data.xquat, data.xipos
+    return poses
 
 
 def log_robot(
@@ -57,17 +56,17 @@ def log_robot(
     model: mujoco.MjModel,
     time: rr.TimeColumn,
     name: str,
-    motion: Motion,
+    motion: BodyPoses,
     color: Color,
 ) -> None:
     """Log a robot below ``world/<name>``: label and geoms static, bodies' poses over ``time``.
 
     Args:
-        recording: what to log to.
+        recording: the one to log to.
         model: whose geoms are drawn, each as Rerun's primitive below its body.
-        time: the T time stamps.
+        time: the time stamps.
         name: the robot's label and place among the entities.
-        motion: where its bodies are at each of them.
+        motion: poses of its bodies at each of them.
         color: of the whole robot.
     """
     drawn = [g for g in range(model.ngeom) if model.geom_group[g] < _FIRST_HIDDEN_GROUP]
@@ -125,7 +124,9 @@ def _shape(model: mujoco.MjModel, geom: int, color: Color) -> rr.AsComponents | 
     )  # fmt: skip
 
 
-def _rotate(quat: Array, vector: Array) -> Array:
+def _rotate(
+    quat: Float[np.ndarray, "wxyz=4"], vector: Float[np.ndarray, "xyz=3"]
+) -> Float[np.ndarray, "xyz=3"]:
     rotated = np.empty(3)
     mujoco.mju_rotVecQuat(rotated, vector, quat)
     return rotated

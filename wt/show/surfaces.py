@@ -7,16 +7,18 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 from scipy.spatial import ConvexHull
 
-Array = np.ndarray
+Faces = Float[np.ndarray, "face corner=4 xyz=3"]
+"""Faces of four corners; a triangle repeats its last one."""
 
 MOST_FACES = 400
 """A mesh with more is replaced by the hull of its outermost points."""
 
 
-def surface(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Array:
-    """A geom's faces in the world, (F, 4, 3) [m]; a triangle repeats its last corner."""
+def surface(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Faces:
+    """A geom's faces in the world [m]."""
     size = model.geom_size[geom]
     match mujoco.mjtGeom(model.geom_type[geom]):
         case mujoco.mjtGeom.mjGEOM_SPHERE:
@@ -39,13 +41,13 @@ def surface(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Array:
     return local @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
 
 
-def _arc() -> Array:
+def _arc() -> Float[np.ndarray, " latitude"]:
     """Latitudes from pole to pole, an even number so that none is the equator [rad]."""
     return np.linspace(-np.pi / 2, np.pi / 2, 10)
 
 
-def _turned(profile: Sequence[tuple[float, float]], sides: int = 20) -> Array:
-    """The surface of revolution of a profile of (radius, height), (F, 4, 3)."""
+def _turned(profile: Sequence[tuple[float, float]], sides: int = 20) -> Faces:
+    """The surface of revolution of a profile of (radius, height)."""
     angles = np.linspace(0.0, 2 * np.pi, sides + 1)
     ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     rings = [np.column_stack([r * ring, np.full(len(ring), h)]) for r, h in profile]
@@ -56,7 +58,7 @@ def _turned(profile: Sequence[tuple[float, float]], sides: int = 20) -> Array:
     return np.concatenate(faces)
 
 
-def _cube() -> Array:
+def _cube() -> Faces:
     square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
     faces = []
     for axis in range(3):
@@ -66,7 +68,7 @@ def _cube() -> Array:
     return np.stack(faces)
 
 
-def _mesh(model: mujoco.MjModel, mesh: int) -> Array:
+def _mesh(model: mujoco.MjModel, mesh: int) -> Faces:
     start, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
     vertices = model.mesh_vert[start : start + count].astype(float)
     start, count = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]

@@ -1,4 +1,4 @@
-"""What each training step sees: a pure function of the seed and the step.
+"""The data of each training step: a pure function of the seed and the step.
 
 Step k draws its rows and its noise from a generator seeded with (seed, k) alone. A run that is
 killed and resumed therefore sees exactly what an uninterrupted one sees, with no random state to
@@ -16,7 +16,7 @@ from torch import Tensor
 
 from wt.nets.frame import Frame
 from wt.train.device import seeded
-from wt.train.segments import Segment, Segments
+from wt.train.segments import Segments, TrajectorySegment
 from wt.types import Transitions
 
 CHUNK = 16384
@@ -80,7 +80,7 @@ class StepBatch(NamedTuple):
     vae: tuple[DomainData, DomainData]
     gan: tuple[DomainData, DomainData]
     noise: Tensor
-    segment: Segment | None = None
+    segment: TrajectorySegment | None = None
 
 
 class StepBatches:

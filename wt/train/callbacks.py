@@ -71,7 +71,7 @@ class Log(lightning.Callback):
 
 @dataclass(frozen=True)
 class CollapseLimits:
-    """When a run counts as collapsed.
+    """Limits beyond which a run counts as collapsed.
 
     Attributes:
         patience: logs in a row that must agree.

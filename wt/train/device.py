@@ -1,4 +1,4 @@
-"""Where networks are trained: on the CPU, or on a CUDA device where there is one.
+"""The device of a training: the CPU, or a CUDA device where there is one.
 
 All tensors of a training are made inside ``with on(…):``, so that no function has to be told where
 it works. What is kept of a training is on the CPU, and so are evaluation and export.

@@ -17,11 +17,13 @@ from torch import Tensor
 
 from wt.config import Method
 from wt.nets.mlp import Ensemble
+from wt.nets.simulator_use import use_of
 from wt.nets.world_model import WorldModel
 from wt.train.batches import StepBatches, in_frame
 from wt.train.callbacks import CollapseWatch, Log, MetricSink, StartAtOwnStep
 from wt.train.checkpoints import WholeCheckpoints
 from wt.train.mean_field import (
+    Scores,
     fit_mean_field,
     fit_normalizers,
     gaussian_transport,
@@ -34,9 +36,7 @@ from wt.train.segments import Segments
 from wt.types import Pairs, Transitions, TransitionSpec
 
 STRENGTHS = tuple(k / 10 for k in range(11))
-"""Shares of the translation that are tried on the validation pairs."""
-SHIFTS = (1.0, 0.75, 0.5, 0.25, 0.0)
-"""… and of the difference of the domains' averages."""
+"""Shares of an anchored translation that are tried on the validation pairs."""
 
 
 def _ignore(metrics: Mapping[str, float], step: int) -> None:
@@ -116,7 +116,7 @@ def _mean_field(
         model.frame.requires_grad_(False)
         return
     scores = _scores(model, pairs)
-    fit_mean_field(model.frame, sim, real, model.method.mean, seed, progress, *scores)
+    fit_mean_field(model.frame, sim, real, model.method.mean, seed, progress, scores)
     folder.mkdir(parents=True, exist_ok=True)
     torch.save(model.frame.state_dict(), kept.with_suffix(".tmp"))
     kept.with_suffix(".tmp").replace(kept)
@@ -131,24 +131,25 @@ def _within(model: WorldModel, data: Transitions) -> Transitions:
     return data.select(model.frame.within(x, reach).cpu().numpy())
 
 
-def _scores(model: WorldModel, pairs: PairTensors) -> tuple[Score | None, ...]:
+def _scores(model: WorldModel, pairs: PairTensors) -> Scores:
     """Errors on the validation pairs that stop δ, n and the reader from being over-trained."""
-    mean, frame = model.method.mean, model.frame
-    if mean.kind == "none":
-        return ()
-    if mean.averages:
+    frame, use = model.frame, use_of(model.method.mean)
+    if not use.has_shift:
+        return Scores()
+    if use.scored_alone:
         # averages, so that the rest of S's answer, which only a translation can tell, is left out
         x = frame.conditions(pairs.o, pairs.a)
         seen = frame.within(x, model.method.translation.reach)
         o, x = pairs.o[seen], x[seen]
         simulated, real = (frame.changes(o, s[seen]) for s in (pairs.sim_next, pairs.real_next))
-        return (
+        return Scores(
             _score(lambda: frame.nominal_change(x) + frame.shift_change(x, simulated) - real),
             _score(lambda: frame.nominal_change(x) - simulated),
             _score(lambda: frame.read_change(x, simulated) - real),
         )
     # an untrained decoder has no say only where its difference is added to the simulator's answer
-    return ((lambda: errors(model, pairs)[0]) if model.method.translation.anchored else None,)
+    anchored = model.method.translation.anchored
+    return Scores((lambda: errors(model, pairs)[0]) if anchored else None)
 
 
 def _score(error: Callable[[], Tensor]) -> Score:
@@ -219,22 +220,20 @@ def _change_std(real: Transitions, spec: TransitionSpec) -> torch.Tensor:
 def _choose_transport(
     model: WorldModel, sim: Transitions, real: Transitions, pairs: PairTensors
 ) -> None:
-    """Take the closed-form transport if the validation pairs are better off with it.
+    """Take the closed-form transport, and as large shares as :class:`SimulatorUse` has tried.
 
-    Where S's average answer stands in for what (o, a) says, S knows the rest only roughly at R's
-    (o, a): as large a share of it is taken as helps. So it is with the difference of the averages:
-    where both domains do nearly the same, its noise is more than it corrects.
+    The validation pairs decide.
     """
     if not model.method.translation.transport:
         return
-    frame, averages = model.frame, model.method.mean.averages
+    frame, use = model.frame, use_of(model.method.mean)
     plain, shift = frame.transport.clone(), copy.deepcopy(frame.shift)
     best = math.inf, plain, shift
-    for part in SHIFTS if averages else (1.0,):
+    for part in use.shift_shares:
         frame.shift = _scaled(shift, part)
         source, target = in_frame(frame, sim, real)
         for option in (plain, gaussian_transport(source.y, target.y)):
-            for share in STRENGTHS if averages else (1.0,):
+            for share in use.outcome_shares:
                 frame.transport.copy_(share * option)
                 error = errors(model, pairs)[0]
                 if error < best[0]:

@@ -1,18 +1,18 @@
-"""What is the same whatever is hidden: regressors n and δ, and the linear transport.
+"""The mean field, the same whatever is hidden: regressors n and δ, and the linear transport.
 
 ``n`` imitates the simulator with nothing hidden, so that an exported graph can tell from
 (o, a, o′) what the hidden variable did. ``δ`` is what R does differently then. Where the hidden
 variable is often absent, δ is the most frequent difference rather than the average one
 (``mean.kind: mode``): the average is biased by whatever (o, a) gives away of the hidden variable.
 
-Where it is never absent there is no answer with nothing hidden, and ``n`` is S's average answer
-instead (``mean.simulator: mean``). Beside it, regressors that read S's answer may have a share of
-the prediction (``mean.simulator: blend``).
+What n and δ learn, and what stands beside them, depends on ``mean.simulator``: one class each in
+``wt.nets.simulator_use``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -21,8 +21,9 @@ from wt.config import Mean
 from wt.losses.robust import cauchy
 from wt.nets.frame import Frame
 from wt.nets.mlp import Ensemble
+from wt.nets.simulator_use import DomainSamples, Examples, use_of
 from wt.train.device import seeded
-from wt.train.regression import Progress, Regression, Score, mean_square, regress
+from wt.train.regression import Loss, Progress, Regression, Score, mean_square, regress
 from wt.types import Transitions
 
 RIDGE = 1e-4
@@ -39,6 +40,20 @@ def fit_normalizers(frame: Frame, sim: Transitions, real: Transitions) -> None:
     frame.state.fit(real.s_next)
 
 
+class Scores(NamedTuple):
+    """Errors on validation pairs, which stop regressors from being over-trained; None for no stop.
+
+    Attributes:
+        shift: of δ.
+        nominal: of n.
+        reader: of the regressors that read S's answer.
+    """
+
+    shift: Score | None = None
+    nominal: Score | None = None
+    reader: Score | None = None
+
+
 def fit_mean_field(
     frame: Frame,
     sim: Transitions,
@@ -46,9 +61,7 @@ def fit_mean_field(
     settings: Mean,
     seed: int,
     progress: Progress | None = None,
-    score: Score | None = None,
-    nominal_score: Score | None = None,
-    reader_score: Score | None = None,
+    scores: Scores | None = None,
 ) -> None:
     """Train n on the simulator and δ on R against it; nothing for kind ``none``.
 
@@ -56,55 +69,69 @@ def fit_mean_field(
         frame: a frame with fitted normalisers; its regressors are trained in place.
         sim: transitions of S; read are (o, a) and the nominal answer, or what came out.
         real: transitions of R.
-        settings: kind and budget.
+        settings: kind, use of the simulator and budget.
         seed: same seed, same regressors.
         progress: called with (done, total) steps.
-        score: error on validation pairs, which stops δ from being over-trained.
-        nominal_score: the same for n.
-        reader_score: the same for the regressors that read S's answer.
+        scores: errors on validation pairs; None keeps the last weights of all.
     """
     if frame.shift is None:
         return
-    x_real, nominal_real, r_real = _tensors(frame, real)
-    n_real = nominal_real
-    total, done = regressions(settings) * settings.steps, 0
-    if frame.nominal is None:
-        n_real = torch.zeros_like(n_real)
-    else:
-        x_sim, n_sim, s_sim = _tensors(frame, sim)
-        nominal, x, n = frame.nominal, torch.cat([x_sim, x_real]), torch.cat([n_sim, n_real])
-        if settings.averages:
-            x, n = x_sim, s_sim
+    use, of_real = use_of(settings), samples(frame, real)
+    parts, scores = _parts(progress, settings), scores or Scores()
+    nominal = frame.nominal
+    if nominal is not None:
+        x, n = use.nominal_examples(samples(frame, sim), of_real)
         regress(
             nominal,
             lambda rows: nominal(x[rows]) - n[rows],
             len(x),
             _budget(settings, seed),
-            progress=_after(progress, done, total),
-            score=nominal_score,
+            progress=next(parts),
+            score=scores.nominal,
         )
-        done += settings.steps
-        if settings.averages:
-            n_real = _answers(nominal, x_real)
-    inputs = torch.cat([x_real, n_real], dim=1) if frame.reads_simulator else x_real
-    jobs = [(frame.shift, inputs, r_real - n_real, score)]
+    reference = use.reference(lambda x: _answers(frame.nominal_change, x), of_real)
+    shift = use.shift_examples(of_real, reference)
+    _fit_ensemble(frame.shift, shift, settings, seed, parts, scores.shift)
     if frame.reader is not None:
-        answers = torch.cat([x_real, nominal_real], dim=1)
-        jobs.append((frame.reader, answers, r_real - nominal_real, reader_score))
-    for ensemble, reads, target, judged in jobs:
-        for k, alone in _one_by_one(ensemble):
-            _fit_member(alone, reads, target, settings, seed + 1000 * k,
-                        _after(progress, done, total), judged)  # fmt: skip
-            done += settings.steps
+        reader = use.reader_examples(of_real)
+        _fit_ensemble(frame.reader, reader, settings, seed, parts, scores.reader)
     frame.requires_grad_(False)
 
 
 def regressions(settings: Mean) -> int:
-    """How many regressions of ``settings.steps`` each a mean field takes."""
-    if settings.kind == "none":
-        return 0
-    ensembles = 2 if settings.simulator == "blend" else 1
-    return ensembles * settings.members + (settings.simulator != "ignored")
+    """Number of regressions of ``settings.steps`` each that a mean field takes."""
+    return use_of(settings).regressions(settings.members)
+
+
+def shift_loss(settings: Mean) -> Loss:
+    """Loss of δ, by ``mean.kind``: towards the average difference, or the most frequent one."""
+
+    def mode(error: Tensor, progress: float) -> Tensor:
+        return cauchy(error, settings.mode_width)
+
+    return mode if settings.kind == "mode" else mean_square
+
+
+@torch.no_grad()
+def samples(frame: Frame, data: Transitions) -> DomainSamples:
+    """Transitions in a frame, as its regressors see them."""
+    o = torch.tensor(data.o)
+    x = frame.conditions(o, torch.tensor(data.a))
+    nominal = frame.changes(o, torch.tensor(data.nominal))
+    return DomainSamples(x, nominal, frame.changes(o, torch.tensor(data.s_next)))
+
+
+def _fit_ensemble(
+    ensemble: Ensemble,
+    examples: Examples,
+    settings: Mean,
+    seed: int,
+    parts: Iterator[Progress | None],
+    score: Score | None,
+) -> None:
+    """Train all members on the same examples, each with a seed of its own."""
+    for k, member in _one_by_one(ensemble):
+        _fit_member(member, examples, settings, seed + 1000 * k, next(parts), score)
 
 
 def _one_by_one(ensemble: Ensemble) -> Iterator[tuple[int, nn.Module]]:
@@ -118,15 +145,15 @@ def _one_by_one(ensemble: Ensemble) -> Iterator[tuple[int, nn.Module]]:
 
 def _fit_member(
     member: nn.Module,
-    inputs: Tensor,
-    target: Tensor,
+    examples: Examples,
     settings: Mean,
     seed: int,
     progress: Progress | None,
     score: Score | None,
 ) -> None:
-    """Train one regressor of δ."""
+    """Train one regressor of an ensemble."""
     noise = seeded(seed)
+    inputs, target = examples
 
     def error(rows: Tensor) -> Tensor:
         x = inputs[rows]
@@ -134,15 +161,19 @@ def _fit_member(
             x = x + settings.input_noise * torch.randn(x.shape, generator=noise)
         return member(x) - target[rows]
 
-    def mode(error: Tensor, done: float) -> Tensor:
-        return cauchy(error, settings.mode_width)
-
-    loss = mode if settings.kind == "mode" else mean_square
-    regress(member, error, len(inputs), _budget(settings, seed), loss, progress, score)
+    budget = _budget(settings, seed)
+    regress(member, error, len(inputs), budget, shift_loss(settings), progress, score)
 
 
 def _budget(settings: Mean, seed: int) -> Regression:
     return Regression(settings.steps, settings.batch, settings.learning_rate, seed)
+
+
+def _parts(progress: Progress | None, settings: Mean) -> Iterator[Progress | None]:
+    """Progress of one regression after the other, as parts of all of them."""
+    total = regressions(settings) * settings.steps
+    for done in range(0, total, settings.steps):
+        yield _after(progress, done, total)
 
 
 def _after(progress: Progress | None, done: int, total: int) -> Progress | None:
@@ -179,15 +210,6 @@ def _power(matrix: Tensor, exponent: float) -> Tensor:
 
 
 @torch.no_grad()
-def _answers(net: nn.Module, x: Tensor) -> Tensor:
+def _answers(net: Callable[[Tensor], Tensor], x: Tensor) -> Tensor:
     """A regressor's answers, (N, channels), a part at a time."""
     return torch.cat([net(part) for part in x.split(8192)])
-
-
-@torch.no_grad()
-def _tensors(frame: Frame, data: Transitions) -> tuple[Tensor, Tensor, Tensor]:
-    """Normalised condition, nominal change and actual change."""
-    o = torch.tensor(data.o)
-    x = frame.conditions(o, torch.tensor(data.a))
-    nominal = frame.changes(o, torch.tensor(data.nominal))
-    return x, nominal, frame.changes(o, torch.tensor(data.s_next))

@@ -21,6 +21,9 @@ from wt.train.segments import segment_error
 WARM_UP = 100
 """Steps over which learning rates rise; they then fall along a cosine to zero."""
 
+_COLUMNS = {"discriminators": "judges"}
+"""Optimizers whose metrics have an older name, by which runs are compared."""
+
 
 class WorldTranslation(lightning.LightningModule):
     """Trains a :class:`WorldModel`; ``training_step`` reads like Algorithm 1.
@@ -53,9 +56,9 @@ class WorldTranslation(lightning.LightningModule):
             "vae": [m.encoder, m.decoder, m.classifier],
             "blind": [m.blind],
             "generators": [m.to_real, m.to_sim],
-            "judges": [m.judge_real, m.judge_sim],
+            "discriminators": [m.discriminator_real, m.discriminator_sim],
         }
-        gan = {"generators", "judges"}
+        gan = {"generators", "discriminators"}
         return [
             torch.optim.Adam(
                 _parameters(modules),
@@ -69,7 +72,7 @@ class WorldTranslation(lightning.LightningModule):
     def training_step(self, batch: StepBatch, batch_idx: int) -> None:
         """One iteration of Algorithm 1's loop."""
         self._set_learning_rates()
-        vae, blind, generators, judges = self._each_optimizer()
+        vae, blind, generators, discriminators = self._each_optimizer()
         # Backward Dynamics Extraction: update φ, θ, ξ, then ψ with z detached
         loss, metrics, z = phases.extraction(self.model, batch)
         if batch.segment is not None:
@@ -85,8 +88,8 @@ class WorldTranslation(lightning.LightningModule):
         loss, more, fakes = phases.generators(self.model, batch.gan, z_sim, z_real)
         self._update(generators, loss)
         metrics |= more
-        loss, more = phases.judges(self.model, batch.gan, z_sim, z_real, fakes)
-        self._update(judges, loss)
+        loss, more = phases.discriminators(self.model, batch.gan, z_sim, z_real, fakes)
+        self._update(discriminators, loss)
         metrics |= more
         self._follow_average()
         self.metrics = {name: value.detach() for name, value in metrics.items()}
@@ -110,7 +113,7 @@ class WorldTranslation(lightning.LightningModule):
     def gradient_norms(self) -> dict[str, Tensor]:
         """Norm of the last gradient of each optimizer's parameters."""
         return {
-            f"gradient/{name}": torch.nn.utils.get_total_norm(
+            f"gradient/{_COLUMNS.get(name, name)}": torch.nn.utils.get_total_norm(
                 [p.grad for p in _parameters(modules) if p.grad is not None]
             )
             for name, modules in self._groups.items()

@@ -14,11 +14,12 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from wt.losses.robust import cauchy
+from wt.nets.simulator_use import use_of
 from wt.nets.world_model import WorldModel
 from wt.train import phases
 from wt.train.batches import StepBatch, StepBatches, in_frame
 from wt.train.device import seeded
+from wt.train.mean_field import samples, shift_loss
 from wt.types import Transitions
 
 BETAS = (0.5, 0.9)
@@ -50,7 +51,7 @@ class OnlineAdaptation:
             [m.encoder, m.decoder, m.classifier],
             [m.blind],
             [m.to_real, m.to_sim],
-            [m.judge_real, m.judge_sim],
+            [m.discriminator_real, m.discriminator_sim],
         ]
         parameters = [[p for net in group for p in net.parameters()] for group in groups]
         for group in parameters:
@@ -88,33 +89,27 @@ class OnlineAdaptation:
 
     def _iterate(self, batch: StepBatch) -> None:
         """One iteration of Algorithm 1."""
-        vae, blind, makers, judges = self._optimizers
+        vae, blind, generators, discriminators = self._optimizers
         loss, _, z = phases.extraction(self.model, batch)
         _update(vae, loss)
         _update(blind, phases.blind(self.model, batch, z)[0])
         z_sim, z_real = phases.encode(self.model, batch)
         loss, _, fakes = phases.generators(self.model, batch.gan, z_sim, z_real)
-        _update(makers, loss)
-        _update(judges, phases.judges(self.model, batch.gan, z_sim, z_real, fakes)[0])
+        _update(generators, loss)
+        loss, _ = phases.discriminators(self.model, batch.gan, z_sim, z_real, fakes)
+        _update(discriminators, loss)
 
     def _follow_shift(self, optimizer: torch.optim.Optimizer) -> None:
         """Let δ follow: it carries what nothing hidden decides, wherever there is a mean field."""
         frame, mean, online = self.model.frame, self.model.method.mean, self.model.method.online
-        seen = _joined(self._stream)
-        o, a, s_next, base = map(torch.tensor, (seen.o, seen.a, seen.s_next, seen.nominal))
-        x = frame.conditions(o, a)
-        nominal = frame.changes(o, base)
-        if frame.nominal is None:
-            nominal = torch.zeros_like(nominal)
-        elif mean.averages:
-            nominal = frame.nominal_change(x).detach()
-        target = frame.changes(o, s_next) - nominal
-        generator = seeded(self._seed + self._seen)
+        seen = samples(frame, _joined(self._stream))
+        reference = use_of(mean).reference(lambda x: frame.nominal_change(x).detach(), seen)
+        target = seen.change - reference
+        loss, generator = shift_loss(mean), seeded(self._seed + self._seen)
         for _ in range(online.iterations):
-            rows = torch.randint(len(x), (mean.batch,), generator=generator)
-            error = frame.shift_change(x[rows], nominal[rows]) - target[rows]
-            mode = mean.kind == "mode"
-            _update(optimizer, cauchy(error, mean.mode_width) if mode else (error**2).mean())
+            rows = torch.randint(len(target), (mean.batch,), generator=generator)
+            error = frame.shift_change(seen.x[rows], reference[rows]) - target[rows]
+            _update(optimizer, loss(error, 0.0))
 
 
 def _joined(parts: Sequence[Transitions]) -> Transitions:

@@ -23,21 +23,21 @@ Metrics = dict[str, Tensor]
 
 @runtime_checkable
 class Translator(Protocol):
-    """What translates and is judged: a world model, or what does without features.
+    """Generators and discriminators: a world model's, or those that do without features.
 
     Attributes:
         method: weights and kind of the losses.
         to_real: G_{S→R}.
         to_sim: G_{R→S}.
-        judge_real: D_R.
-        judge_sim: D_S.
+        discriminator_real: D_R.
+        discriminator_sim: D_S.
     """
 
     method: Method
     to_real: Generator
     to_sim: Generator
-    judge_real: Discriminator
-    judge_sim: Discriminator
+    discriminator_real: Discriminator
+    discriminator_sim: Discriminator
 
 
 def sample(
@@ -117,8 +117,8 @@ def generators(
     kind = settings.adversarial
     x_sim, x_real = data[0].x, data[1].x
     fake_real, fake_sim = model.to_real(z_sim, x_sim), model.to_sim(z_real, x_real)
-    adversarial = gan.generator(kind, model.judge_real(fake_real, x_sim))
-    adversarial = adversarial + gan.generator(kind, model.judge_sim(fake_sim, x_real))
+    adversarial = gan.generator(kind, model.discriminator_real(fake_real, x_sim))
+    adversarial = adversarial + gan.generator(kind, model.discriminator_sim(fake_sim, x_real))
     cycle = gan.distance(z_sim, model.to_sim(fake_real, x_sim))
     cycle = cycle + gan.distance(z_real, model.to_real(fake_sim, x_real))
     loss = adversarial + settings.cycle * cycle
@@ -131,7 +131,7 @@ def generators(
     return loss, metrics, (fake_real, fake_sim)
 
 
-def judges(
+def discriminators(
     model: Translator,
     data: tuple[DomainData, DomainData],
     z_sim: Tensor,
@@ -142,8 +142,8 @@ def judges(
     kind = model.method.translation.adversarial
     x_sim, x_real = data[0].x, data[1].x
     fake_real, fake_sim = fakes[0].detach(), fakes[1].detach()
-    real = model.judge_real(z_real, x_real), model.judge_real(fake_real, x_sim)
-    sim = model.judge_sim(z_sim, x_sim), model.judge_sim(fake_sim, x_real)
+    real = model.discriminator_real(z_real, x_real), model.discriminator_real(fake_real, x_sim)
+    sim = model.discriminator_sim(z_sim, x_sim), model.discriminator_sim(fake_sim, x_real)
     loss = gan.discriminator(kind, *real) + gan.discriminator(kind, *sim)
     accuracy = 0.5 * (gan.accuracy(kind, *real) + gan.accuracy(kind, *sim))
     return loss, {"gan/discriminator": loss, "gan/accuracy": accuracy}

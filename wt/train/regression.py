@@ -21,7 +21,7 @@ Score = Callable[[], float]
 """Error of the network as it is now, on pairs that it is not trained on."""
 
 LOOKS = 10
-"""How often during training the score is taken."""
+"""Number of times that the score is taken during training."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from wt.nets.world_model import WorldModel
 from wt.types import Transitions
 
 
-class Segment(NamedTuple):
+class TrajectorySegment(NamedTuple):
     """Stretches of consecutive transitions of R, physical units.
 
     Attributes:
@@ -48,20 +48,20 @@ class Segments:
         last = np.arange(len(real)) + length - 1
         inside = last < len(real)
         last = np.minimum(last, len(real) - 1)
-        whole = inside & (real.episode[last] == real.episode)
-        whole &= real.step[last] == real.step + length - 1
-        self._starts = torch.tensor(np.flatnonzero(whole))
+        complete = inside & (real.episode[last] == real.episode)
+        complete &= real.step[last] == real.step + length - 1
+        self._starts = torch.tensor(np.flatnonzero(complete))
 
-    def draw(self, generator: torch.Generator) -> Segment | None:
+    def draw(self, generator: torch.Generator) -> TrajectorySegment | None:
         """Some segments; None if no episode is so long."""
         if not len(self._starts):
             return None
         picked = torch.randint(len(self._starts), (self._count,), generator=generator)
         rows = self._starts[picked][:, None] + self._along
-        return Segment(*(x[rows] for x in self._data))
+        return TrajectorySegment(*(x[rows] for x in self._data))
 
 
-def segment_error(model: WorldModel, segment: Segment) -> Tensor:
+def segment_error(model: WorldModel, segment: TrajectorySegment) -> Tensor:
     """Mean squared error of the normalised state along segments, each step from the last's outcome.
 
     The first step starts from an observation; single-step training has it already, so it is left

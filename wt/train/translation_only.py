@@ -1,7 +1,7 @@
 """The second half of Algorithm 1 by itself, on observations or on features that are given.
 
 On observations it is the ablation that the paper shows to collapse (section "Translation in Latent
-Space"): generators map (o, a, o′) of one domain to o′ of the other, and discriminators judge whole
+Space"): generators map (o, a, o′) of one domain to o′ of the other, and discriminators see whole
 transitions, so that what (o, a) gives away of the domain is theirs for free. On features, which
 the discriminators see without (o, a), it is the paper's translation with a finished encoder.
 """
@@ -28,8 +28,8 @@ class OutcomeTranslator(nn.Module):
         method: sizes and weights.
         to_real: G_{S→R}.
         to_sim: G_{R→S}.
-        judge_real: D_R.
-        judge_sim: D_S.
+        discriminator_real: D_R.
+        discriminator_sim: D_S.
     """
 
     def __init__(self, outcome: int, condition: int, method: Method) -> None:
@@ -45,7 +45,7 @@ class OutcomeTranslator(nn.Module):
         self.method = replace(method, translation=settings)
         size = (outcome, condition, method.nets.translator_width, method.nets.translator_depth)
         self.to_real, self.to_sim = Generator(*size), Generator(*size)
-        self.judge_real, self.judge_sim = Discriminator(*size), Discriminator(*size)
+        self.discriminator_real, self.discriminator_sim = Discriminator(*size), Discriminator(*size)
 
 
 @dataclass(frozen=True)
@@ -82,13 +82,16 @@ def train_translation(
         progress: called with (done, total) steps.
     """
     train = model.method.train
-    makers, judges = (
+    generators, discriminators = (
         torch.optim.Adam(
             [p for net in nets for p in net.parameters()],
             lr=train.gan_learning_rate,
             betas=(0.5, 0.9),
         )
-        for nets in ((model.to_real, model.to_sim), (model.judge_real, model.judge_sim))
+        for nets in (
+            (model.to_real, model.to_sim),
+            (model.discriminator_real, model.discriminator_sim),
+        )
     )
     batches = StepBatches(sim, real, train.batch, model.method.nets.latent, seed)
     steps: list[int] = []
@@ -97,9 +100,9 @@ def train_translation(
         data = batches.at(step).gan
         y_sim, y_real = data[0].y, data[1].y
         loss, metrics, fakes = phases.generators(model, data, y_sim, y_real)
-        _update(makers, loss)
-        loss, more = phases.judges(model, data, y_sim, y_real, fakes)
-        _update(judges, loss)
+        _update(generators, loss)
+        loss, more = phases.discriminators(model, data, y_sim, y_real, fakes)
+        _update(discriminators, loss)
         if (step + 1) % train.log_every == 0:
             steps.append(step + 1)
             for name, values in losses.items():

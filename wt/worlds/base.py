@@ -1,9 +1,9 @@
-"""What a task provides: the contract of a world, its registry, and how to add one.
+"""The contract of a world, its registry, and the recipe for adding one.
 
 Adding a world is one new file in this package (and its test): define a dataclass of options and
 a class with the methods of :class:`World` and the attribute ``options``, decorate the class with
 ``@register("name")``, and write ``conf/name.yaml`` with ``world.name: name``. The file is found
-by itself; a name used twice is refused.
+by itself, in a package of its own too (``wt.worlds.walking``); a name used twice is refused.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
 import mujoco
 import numpy as np
+from jaxtyping import Float, Float32
 
 import wt.worlds
 from wt.config import parse
 from wt.errors import ConfigError, suggest
 from wt.types import Domain, Pairs, Transitions, TransitionSpec
 
-Array = np.ndarray
 Progress = Callable[[int, int], None]
 """Called with (done, total) transitions while a world collects."""
 
@@ -39,11 +39,11 @@ class World(Protocol):
     Attributes:
         options: dataclass of the ``world:`` section; the constructor takes an instance.
         spec: layout of the task's transitions.
-        shard: how many transitions are worth one file of a collection.
+        shard: number of transitions in one file of a collection.
         force_body: body that a hidden force acts on, if that is what h is (first three channels,
             world frame); it is drawn as an arrow.
-        note: what a table of errors assumes, in words; None where it is the paper's assumption,
-            that S is given R's hidden variable.
+        note: assumption behind a table of errors, in words; None for the paper's assumption, that S
+            is given R's hidden variable.
     """
 
     options: ClassVar[type]
@@ -72,16 +72,21 @@ class World(Protocol):
         """
         ...
 
-    def sim_step(self, o: Array, a: Array, hidden: Array | None) -> Array:
+    def sim_step(
+        self,
+        o: Float[np.ndarray, "sample obs"],
+        a: Float[np.ndarray, "sample action"],
+        hidden: Float[np.ndarray, "sample hidden"] | None,
+    ) -> Float32[np.ndarray, "sample state"]:
         """S's answer to (o, a) under a hidden variable.
 
         Args:
-            o: observations S is reset to, (N, n_obs).
-            a: actions, (N, n_action).
-            hidden: hidden variable during the step, (N, n_hidden); None for nothing hidden.
+            o: observations that S is reset to.
+            a: actions.
+            hidden: hidden variable during the step; None for nothing hidden.
 
         Returns:
-            S's state channels one control step later, (N, n_state), float32.
+            S's state channels one control step later.
         """
         ...
 
@@ -126,8 +131,8 @@ def kind_of(section: Mapping[str, Any]) -> type[Any]:
     Raises:
         ConfigError: no world has that name.
     """
-    for module in pkgutil.iter_modules(wt.worlds.__path__):
-        importlib.import_module(f"wt.worlds.{module.name}")
+    for module in pkgutil.walk_packages(wt.worlds.__path__, "wt.worlds."):
+        importlib.import_module(module.name)
     name = str(section.get("name", ""))
     if name not in _WORLDS:
         raise ConfigError(f"world.name {name!r} is not known: {suggest(name, _WORLDS)}")

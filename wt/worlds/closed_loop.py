@@ -1,4 +1,4 @@
-"""What a world adds so that its policy can be run on predicted states (multi-step rollouts).
+"""Contract of a world whose policy can be run on predicted states (multi-step rollouts).
 
 A rollout starts from a state of R and goes on without R: the policy acts on the prediction, the
 simulator answers, a method turns its answer into the next prediction, and the simulator's
@@ -12,29 +12,30 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+from jaxtyping import Bool, Float, Float32
 
 from wt.types import Domain, TransitionSpec
 
-Array = np.ndarray
-
 
 @dataclass(frozen=True)
-class Truth:
-    """N robots of R under the policy: what rollouts start from and are compared with.
+class ReferenceRollouts:
+    """Robots of R under the policy, from which rollouts start and with which they are compared.
+
+    Each has past + horizon steps, hence one more instant.
 
     Attributes:
-        o: observations, (N, past + horizon + 1, n_obs); rollouts start at index ``past``.
-        a: actions that R's policy took, (N, past + horizon, n_action).
-        hidden: hidden variables, (N, past + horizon + 1, n_hidden).
-        context: what the policy sees beside the observation, (N, past + horizon, n_context): it
-            depends on time and commands alone, so that it is the same for every rollout.
-        past: steps before the start, as a history for those who read one.
+        o: observations; rollouts start at instant ``past``.
+        a: actions that R's policy took.
+        hidden: hidden variables.
+        context: inputs of the policy besides the observation: they depend on time and commands
+            alone, so that they are the same for every rollout.
+        past: steps before the start, as a history for methods that read one.
     """
 
-    o: Array
-    a: Array
-    hidden: Array
-    context: Array
+    o: Float[np.ndarray, "robot instant obs"]
+    a: Float[np.ndarray, "robot step action"]
+    hidden: Float[np.ndarray, "robot instant hidden"]
+    context: Float[np.ndarray, "robot step context"]
     past: int
 
     def __len__(self) -> int:
@@ -56,43 +57,59 @@ class ClosedLoop(Protocol):
 
     spec: TransitionSpec
 
-    def sim_step(self, o: Array, a: Array, hidden: Array | None) -> Array:
+    def sim_step(
+        self,
+        o: Float[np.ndarray, "robot obs"],
+        a: Float[np.ndarray, "robot action"],
+        hidden: Float[np.ndarray, "robot hidden"] | None,
+    ) -> Float32[np.ndarray, "robot state"]:
         """S's answer, also with nothing hidden; see :class:`wt.worlds.base.World`."""
         ...
 
-    def truth(self, count: int, past: int, horizon: int, seed: int) -> Truth:
+    def truth(self, count: int, past: int, horizon: int, seed: int) -> ReferenceRollouts:
         """R under its policy, without exploration noise; at most ``count`` robots.
 
         Robots that leave the bounds of :meth:`astray` in R itself are left out.
         """
         ...
 
-    def act(self, o: Array, context: Array) -> Array:
-        """The policy's actions at observations (N, n_obs), (N, n_action)."""
+    def act(
+        self, o: Float[np.ndarray, "robot obs"], context: Float[np.ndarray, "robot context"]
+    ) -> Float[np.ndarray, "robot action"]:
+        """The policy's actions."""
         ...
 
-    def advance(self, domain: Domain, o: Array, a: Array, hidden: Array) -> tuple[Array, Array]:
+    def advance(
+        self,
+        domain: Domain,
+        o: Float[np.ndarray, "robot obs"],
+        a: Float[np.ndarray, "robot action"],
+        hidden: Float[np.ndarray, "robot hidden"],
+    ) -> tuple[Float32[np.ndarray, "robot state"], Float[np.ndarray, "robot hidden"]]:
         """One control step of a domain, set to a state.
 
         Returns:
-            The state channels one control step later, (N, n_state), float32, and the hidden
-            variables then, (N, n_hidden).
+            The state channels one control step later, and the hidden variables then.
         """
         ...
 
-    def stance(self, answer: Array, target: Array, hidden: Array) -> Array:
-        """What is hidden in S, where its standing feet stay when its observable state changes.
+    def stance(
+        self,
+        answer: Float[np.ndarray, "robot state"],
+        target: Float[np.ndarray, "robot state"],
+        hidden: Float[np.ndarray, "robot hidden"],
+    ) -> Float[np.ndarray, "robot hidden"]:
+        """S's hidden variables with which standing feet stay when its observable state changes.
 
         Args:
-            answer: S's state channels after a step, (N, n_state).
-            target: those that overwrite them, (N, n_state).
-            hidden: S's hidden variables after the step, (N, n_hidden).
-
-        Returns:
-            (N, n_hidden).
+            answer: S's state channels after a step.
+            target: state channels that overwrite them.
+            hidden: S's hidden variables after the step.
         """
         ...
 
-    def astray(self, s: Array, hidden: Array) -> Array:
-        """Which states (N, n_state) with their hidden variables are out of bounds, (N,) bool."""
+    def astray(
+        self, s: Float[np.ndarray, "robot state"], hidden: Float[np.ndarray, "robot hidden"]
+    ) -> Bool[np.ndarray, " robot"]:
+        """True where a state with its hidden variables is out of bounds."""
         ...

@@ -9,7 +9,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from wt.config import Data
+from wt.config import DataConfig
 from wt.data.transitions import Shard, digest, obtain, plan
 from wt.errors import DataError
 from wt.types import Domain, Pairs, Recording, Transitions
@@ -17,7 +17,7 @@ from wt.worlds.base import World
 from wt.worlds.recorded import Recorded
 
 Report = Callable[[str, int, int], None]
-"""Called with (what, done, total) transitions."""
+"""Called with a collection's name and its transitions (done, total)."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Collected:
     test: Pairs
 
 
-def collect(world: World, settings: Data, report: Report | None = None) -> Collected:
+def collect(world: World, settings: DataConfig, report: Report | None = None) -> Collected:
     """Collect or reuse the four collections of a task.
 
     Args:
@@ -49,28 +49,28 @@ def collect(world: World, settings: Data, report: Report | None = None) -> Colle
         DataError: a stored part is damaged.
     """
     models = {domain: model_hash(world.model(domain)) for domain in ("sim", "real")}
-    found: dict[str, Transitions | Pairs] = {}
+    collections: dict[str, Transitions | Pairs] = {}
     for what, count, seed in _parts(settings):
         shards = plan(count, seed, world.shard)
         identity = {"what": what, **world.identity(), "models": models}
-        found[what] = obtain(
+        collections[what] = obtain(
             Path(settings.dir), identity, world.spec, shards, _maker(world, what, count, report)
         )
     return Collected(
-        _transitions(found["sim"]),
-        _transitions(found["real"]),
-        _pairs(found["validation"]),
-        _pairs(found["test"]),
+        _transitions(collections["sim"]),
+        _transitions(collections["real"]),
+        _pairs(collections["validation"]),
+        _pairs(collections["test"]),
     )
 
 
-def recorded(world: Recorded, settings: Data, robots: int) -> list[Recording]:
+def recorded(world: Recorded, settings: DataConfig, robots: int) -> list[Recording]:
     """Recordings of the very walks that R's unpaired transitions are from, the first of them.
 
     Args:
         world: one that can be recorded.
         settings: of the collection.
-        robots: how many recordings.
+        robots: number of recordings.
 
     Raises:
         WorkError: too few robots walk through an episode.
@@ -80,8 +80,8 @@ def recorded(world: Recorded, settings: Data, robots: int) -> list[Recording]:
     return world.record(first.count, first.seed, robots)
 
 
-def _parts(settings: Data) -> Iterator[tuple[str, int, int]]:
-    """What is collected, how much of it, and with which seed."""
+def _parts(settings: DataConfig) -> Iterator[tuple[str, int, int]]:
+    """(name, size, seed) of each collection."""
     counts = {
         "sim": settings.transitions,
         "real": settings.real_transitions or settings.transitions,
@@ -122,13 +122,13 @@ def _maker(
     return make
 
 
-def _transitions(found: Transitions | Pairs) -> Transitions:
-    if isinstance(found, Transitions):
-        return found
+def _transitions(collection: Transitions | Pairs) -> Transitions:
+    if isinstance(collection, Transitions):
+        return collection
     raise DataError("a collection of pairs lies where transitions belong; delete that folder")
 
 
-def _pairs(found: Transitions | Pairs) -> Pairs:
-    if isinstance(found, Pairs):
-        return found
+def _pairs(collection: Transitions | Pairs) -> Pairs:
+    if isinstance(collection, Pairs):
+        return collection
     raise DataError("a collection of transitions lies where pairs belong; delete that folder")

@@ -1,4 +1,4 @@
-"""A robot's MJCF from a file instead of the one that is built here: what a diagnosis wrote."""
+"""A robot's MJCF from a file, such as a diagnosis writes, in place of the one built here."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import mujoco
 
 from wt.errors import ModelError
 from wt.worlds.go2_model import BALL
-from wt.worlds.legged import RATE_HZ, Robot
+from wt.worlds.legged import RATE_HZ, LeggedRobot
 from wt.worlds.legged_model import BASE, STAND
 
 
-def load(path: Path | str, robot: Robot) -> mujoco.MjModel:
+def load(path: Path | str, robot: LeggedRobot) -> mujoco.MjModel:
     """Compile an MJCF and check that it is one of this robot.
 
     Names decide: joints, their drives, the trunk's free joint, feet and the keyframe in which it
@@ -35,8 +35,8 @@ def load(path: Path | str, robot: Robot) -> mujoco.MjModel:
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
-        said = " ".join(str(error).split())
-        raise ModelError(f"model '{path}' is no MJCF that MuJoCo reads: {said}") from error
+        reason = " ".join(str(error).split())
+        raise ModelError(f"model '{path}' is no MJCF that MuJoCo reads: {reason}") from error
     if wrong := next(_differences(model, robot), None):
         raise ModelError(
             f"model '{path}' is no model of the {robot.name}: {wrong}; give the MJCF of this robot "
@@ -45,8 +45,8 @@ def load(path: Path | str, robot: Robot) -> mujoco.MjModel:
     return model
 
 
-def _differences(model: mujoco.MjModel, robot: Robot) -> Iterator[str]:
-    """What keeps a model from being one of a robot, the plainest first."""
+def _differences(model: mujoco.MjModel, robot: LeggedRobot) -> Iterator[str]:
+    """Reasons why a model is not one of a robot, the plainest first."""
     kinds = mujoco.mjtObj
     needed = (
         ("joint", kinds.mjOBJ_JOINT, (BASE, *robot.joints)),

@@ -5,8 +5,8 @@ Menagerie and the maker's unitree_mujoco agree; foot friction and impedance and 
 :data:`PUBLISHED` are those of unitree_rl_mjlab, joint friction is that of unitree_mujoco. Feet,
 knees and the trunk's box touch the ground, nothing touches the robot itself.
 
-A :class:`Payload` is a box on the back with a ball that rolls in it. The ball is a free body of the
-world whose joint comes last: the addresses of the robot's own joints do not depend on it.
+A :class:`BallPayload` is a box on the back with a ball that rolls in it. The ball is a free body of
+the world whose joint comes last: the addresses of the robot's own joints do not depend on it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,16 @@ import mujoco
 
 from wt.errors import ConfigError
 from wt.worlds import legged_model
-from wt.worlds.legged_model import DARK, LIGHT, UNIT, Color, Joint, LeggedPhysics, Link, Triple
+from wt.worlds.legged_model import (
+    DARK,
+    LIGHT,
+    UNIT,
+    Color,
+    Joint,
+    LeggedLink,
+    LeggedPhysics,
+    Triple,
+)
 
 LEGS = ("FL", "FR", "RL", "RR")
 JOINTS = tuple(f"{leg}_{part}_joint" for leg in LEGS for part in ("hip", "thigh", "calf"))
@@ -55,7 +64,7 @@ _PLATE = 0.05  # m, half of what the ball feels
 
 
 @dataclass(frozen=True)
-class Payload:
+class BallPayload:
     """A box on the back and a ball that rolls in it.
 
     Attributes:
@@ -99,19 +108,19 @@ class Payload:
 
     @property
     def ball_rest(self) -> Triple:
-        """Where the ball lies in the middle of the box, in the trunk's frame [m]."""
+        """The ball's place at rest in the middle of the box, in the trunk's frame [m]."""
         return (0.0, 0.0, self.floor_height + self.ball_radius)
 
 
 def build(
-    physics: LeggedPhysics, timestep: float, payload: Payload | None = None, floor: bool = True
+    physics: LeggedPhysics, timestep: float, payload: BallPayload | None = None, floor: bool = True
 ) -> mujoco.MjModel:
     """Compile the :func:`spec`; its arguments."""
     return spec(physics, timestep, payload, floor).compile()
 
 
 def spec(
-    physics: LeggedPhysics, timestep: float, payload: Payload | None = None, floor: bool = True
+    physics: LeggedPhysics, timestep: float, payload: BallPayload | None = None, floor: bool = True
 ) -> mujoco.MjSpec:
     """A Go2 with the given physics.
 
@@ -143,10 +152,10 @@ def spec(
     return go2
 
 
-def _links() -> list[Link]:
+def _links() -> list[LeggedLink]:
     """The 13 links in the order of the joints; right legs are the left ones' reflections."""
     links = [
-        Link(TRUNK, "", (0.0, 0.0, 0.0), UNIT, 6.921, (0.021112, 0.0, -0.005366),
+        LeggedLink(TRUNK, "", (0.0, 0.0, 0.0), UNIT, 6.921, (0.021112, 0.0, -0.005366),
              (-0.000543471, 0.713435, -0.00173769, 0.700719),
              (0.107027, 0.0980771, 0.0244531), None, trunk=True),
     ]  # fmt: skip
@@ -159,16 +168,16 @@ def _links() -> list[Link]:
         ("RL", "RR", -1, rear_hip, (-0.5236, 4.5379)),
     ):
         leg = [
-            Link(f"{left}_hip", TRUNK, (sign * _HIP_AT[0], _HIP_AT[1], 0.0), UNIT,
+            LeggedLink(f"{left}_hip", TRUNK, (sign * _HIP_AT[0], _HIP_AT[1], 0.0), UNIT,
                  0.678, (-0.0054 * sign, 0.00194, -0.000105), hip_inertia,
                  (0.00088403, 0.000596003, 0.000479967),
                  Joint(f"{left}_hip_joint", "x", (-1.0472, 1.0472), _HIP_EFFORT, _ARMATURE)),
-            Link(f"{left}_thigh", f"{left}_hip", (0.0, _THIGH_AT, 0.0), UNIT,
+            LeggedLink(f"{left}_thigh", f"{left}_hip", (0.0, _THIGH_AT, 0.0), UNIT,
                  1.152, (-0.00374, -0.0223, -0.0327),
                  (0.829533, 0.0847635, -0.0200632, 0.551623),
                  (0.00594973, 0.00584149, 0.000878787),
                  Joint(f"{left}_thigh_joint", "y", thigh_limits, _HIP_EFFORT, _ARMATURE)),
-            Link(f"{left}_calf", f"{left}_thigh", (0.0, 0.0, -_LENGTH), UNIT,
+            LeggedLink(f"{left}_calf", f"{left}_thigh", (0.0, 0.0, -_LENGTH), UNIT,
                  0.241352, (0.00629595, -0.000622121, -0.141417),
                  (0.710672, 0.00154099, -0.00450087, 0.703508),
                  (0.0014901, 0.00146356, 5.31397e-05),
@@ -211,7 +220,7 @@ def _add_leg_shapes(
     calf.add_site(name=f"{leg}_foot", pos=_FOOT_AT, group=3)
 
 
-def _add_box(trunk: mujoco.MjsBody, payload: Payload) -> None:
+def _add_box(trunk: mujoco.MjsBody, payload: BallPayload) -> None:
     """A body without joint: six plates as the ball feels them, floor and low rim to look at.
 
     The plates are far thicker than they look, outward: a ball that hits one hard sinks in, and is
@@ -257,7 +266,7 @@ def _draw_plate(body: mujoco.MjsBody, half: Triple, axis: int, sign: int, height
     )
 
 
-def _add_ball(spec: mujoco.MjSpec, payload: Payload, at: Triple) -> None:
+def _add_ball(spec: mujoco.MjSpec, payload: BallPayload, at: Triple) -> None:
     body = spec.worldbody.add_body(name=BALL, pos=at)
     body.add_freejoint(name=BALL)
     body.explicitinertial = True

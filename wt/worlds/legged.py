@@ -1,10 +1,10 @@
-"""Legged robots in motion: what training, collection and evaluation of policies share.
+"""Legged robots in motion, for the training, collection and evaluation of policies.
 
-A :class:`Robot` says what a policy may rely on. A :class:`Herd` is many simulations of one robot,
-stepped together at the control rate. The observation is proprioceptive and the same everywhere
-(:meth:`Robot.channels`): angular velocity of the trunk and direction of gravity in the trunk's
-frame, joint positions (absolute, as an encoder reports them) and velocities, and the last action.
-The command (forward and sideways velocity, turning rate) is known but no observation.
+A :class:`LeggedRobot` says what a policy may rely on. A :class:`Herd` is many simulations of one
+robot, stepped together at the control rate. The observation is proprioceptive and the same
+everywhere (:meth:`LeggedRobot.channels`): angular velocity of the trunk and direction of gravity in
+the trunk's frame, joint positions (absolute, as an encoder reports them) and velocities, and the
+last action. The command (forward and sideways velocity, turning rate) is known but no observation.
 
 An action ``a`` is in units of the robot's ``action_scale``: drives get ``default + scale · a``.
 """
@@ -16,15 +16,14 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from jaxtyping import Bool, Float, Float32, Int
 from mujoco.batch import Batch
 
 from wt.errors import ConfigError
 from wt.types import Channel
-from wt.worlds.go2_model import Payload
+from wt.worlds.go2_model import BallPayload
 from wt.worlds.legged_model import STAND, LeggedPhysics
-from wt.worlds.terrain import Blocks, Ground
-
-Array = np.ndarray
+from wt.worlds.terrain import Blocks, GroundHeights
 
 RATE_HZ = 50.0
 TIMESTEP = 0.005
@@ -33,24 +32,24 @@ COMMAND = ("forward", "sideways", "turn")
 
 
 @dataclass(frozen=True)
-class Scene:
-    """What surrounds a robot.
+class LeggedScene:
+    """The surroundings and the load of a robot.
 
     Attributes:
         payload: a ball that rolls in a box on the back (Go2 only); None for nothing.
         blocks: irregular terrain; None for a flat floor.
     """
 
-    payload: Payload | None = None
+    payload: BallPayload | None = None
     blocks: Blocks | None = None
 
 
-FLAT = Scene()
+FLAT = LeggedScene()
 
 
 @dataclass(frozen=True)
-class Robot:
-    """What a walking policy may rely on.
+class LeggedRobot:
+    """The facts that a walking policy may rely on.
 
     Attributes:
         name: of the robot, e.g. ``"go2"``.
@@ -61,7 +60,7 @@ class Robot:
         feet: sites at the feet.
         sole_bodies: bodies whose contacts are the feet's, unless ``sole_geoms`` names geoms.
         sole_geoms: the geoms that are the feet, where a foot's body has others.
-        turns: when each foot begins to stand in a rhythm, as a share of its period.
+        turns: beginning of each foot's stance in a rhythm, as a share of its period.
         height: of the trunk over the floor in the default pose [m].
         foot_rest: height of a foot's site over the floor when it stands [m].
         command: largest command either way (m/s, m/s, rad/s), as in :data:`COMMAND`.
@@ -86,7 +85,7 @@ class Robot:
     fall_tilt: float
     fall_height: float
     physics: LeggedPhysics
-    describe: Callable[[LeggedPhysics, float, Scene], mujoco.MjSpec]
+    describe: Callable[[LeggedPhysics, float, LeggedScene], mujoco.MjSpec]
 
     def channels(self) -> tuple[Channel, ...]:
         """Names and units of the observation, in order; the command is not among them."""
@@ -99,25 +98,29 @@ class Robot:
             *(Channel(f"last_action/{joint}", "1") for joint in n),
         )
 
-    def addresses(self, model: mujoco.MjModel) -> tuple[Array, Array]:
-        """Where its joints are in ``qpos`` and in ``qvel``, (n,) each."""
+    def addresses(
+        self, model: mujoco.MjModel
+    ) -> tuple[Int[np.ndarray, " joint"], Int[np.ndarray, " joint"]]:
+        """Addresses of its joints in ``qpos`` and in ``qvel``."""
         # by name: a model that a diagnosis has patched may have others in between
         joints = [model.joint(joint) for joint in self.joints]
         q, v = zip(*((int(j.qposadr[0]), int(j.dofadr[0])) for j in joints), strict=True)
         return np.array(q), np.array(v)
 
-    def targets(self, action: Array) -> Array:
-        """Joint targets that actions (N, n) ask for, (N, n) [rad]."""
+    def targets(self, action: Float[np.ndarray, "robot joint"]) -> Float[np.ndarray, "robot joint"]:
+        """Joint targets [rad] that actions ask for."""
         return np.asarray(np.array(self.default) + np.array(self.action_scale) * action)
 
-    def actions(self, targets: Array) -> Array:
-        """Actions that ask for joint targets, the inverse of :meth:`targets`."""
+    def actions(
+        self, targets: Float[np.ndarray, "robot joint"]
+    ) -> Float[np.ndarray, "robot joint"]:
+        """Actions that ask for joint targets [rad], the inverse of :meth:`targets`."""
         return np.asarray((targets - np.array(self.default)) / np.array(self.action_scale))
 
 
 @dataclass(frozen=True)
 class Start:
-    """How robots stand when an episode begins.
+    """Spread of the states in which episodes begin.
 
     Attributes:
         joints: largest deviation from the default pose [rad].
@@ -140,24 +143,32 @@ class Herd:
     """``size`` simulations of one robot, each with its own state, stepped together.
 
     Attributes:
-        robot: what stands in the model.
+        robot: the one in the model.
         model: the compiled model.
         batch: the simulations; ``qpos``, ``qvel`` and ``ctrl`` below are live views of it.
         ground: heights of the terrain.
         dt: control step [s].
-        action: the last action, (N, n), float32.
-        steps: control steps since each robot started, (N,).
+        action: the last action.
+        steps: control steps since each robot started.
     """
 
+    action: Float32[np.ndarray, "robot joint"]
+    steps: Int[np.ndarray, " robot"]
+
     def __init__(
-        self, robot: Robot, model: mujoco.MjModel, size: int, scene: Scene = FLAT, threads: int = 0
+        self,
+        robot: LeggedRobot,
+        model: mujoco.MjModel,
+        size: int,
+        scene: LeggedScene = FLAT,
+        threads: int = 0,
     ) -> None:
         """Make the simulations; all stand in the default pose at the origin.
 
         Args:
-            robot: what stands in the model.
+            robot: the one in the model.
             model: compiled from the robot's description.
-            size: number of simulations N.
+            size: number of simulations.
             scene: what the model was described with.
             threads: physics threads; 0 for one per core.
         """
@@ -169,7 +180,7 @@ class Herd:
             )
         self.robot, self.model, self.size = robot, model, size
         self.batch = Batch(model, size, threads)
-        self.ground = Ground(scene.blocks)
+        self.ground = GroundHeights(scene.blocks)
         self.dt = 1.0 / RATE_HZ
         self._substeps = round(substeps)
         self._n = len(robot.joints)
@@ -185,31 +196,33 @@ class Herd:
         self.steps = np.zeros(size, int)
 
     @property
-    def time(self) -> Array:
-        """Since each robot started, (N,) [s]."""
+    def time(self) -> Float[np.ndarray, " robot"]:
+        """Time since each robot started [s]."""
         return self.steps * self.dt
 
     @property
     def weight(self) -> float:
-        """Of one robot with its load [N]."""
+        """Weight of one robot with its load [N]."""
         return float(self.model.body_mass.sum() * -self.model.opt.gravity[2])
 
     @property
-    def joint_pos(self) -> Array:
-        """Joint positions, (N, n) [rad]."""
+    def joint_pos(self) -> Float[np.ndarray, "robot joint"]:
+        """Joint positions [rad]."""
         return self.qpos[:, self.q]
 
     @property
-    def joint_vel(self) -> Array:
-        """Joint velocities, (N, n) [rad/s]."""
+    def joint_vel(self) -> Float[np.ndarray, "robot joint"]:
+        """Joint velocities [rad/s]."""
         return self.qvel[:, self.v]
 
-    def reset(self, ids: Array, rng: np.random.Generator, start: Start) -> None:
+    def reset(
+        self, ids: Int[np.ndarray, " restarted"], rng: np.random.Generator, start: Start
+    ) -> None:
         """Let some robots start anew, facing anywhere.
 
         Args:
-            ids: which, (K,) integers.
-            rng: decides about the rest.
+            ids: indices of these robots.
+            rng: of their initial states.
             start: spread of the initial state.
         """
         if not len(ids):
@@ -234,11 +247,15 @@ class Herd:
         self.qvel[ids, :2] = rng.uniform(-start.speed, start.speed, (k, 2))
         self.qvel[ids, 5] = rng.uniform(-0.5 * start.speed, 0.5 * start.speed, k)
 
-    def step(self, action: Array, watch: Callable[[], None] | None = None) -> None:
+    def step(
+        self,
+        action: Float[np.ndarray, "robot joint"],
+        watch: Callable[[], None] | None = None,
+    ) -> None:
         """One control step of all robots.
 
         Args:
-            action: (N, n), in units of the scale.
+            action: in units of the scale.
             watch: called before every physics step of it.
         """
         self.action[:] = action
@@ -251,8 +268,8 @@ class Herd:
                 self.batch.step()
         self.steps += 1
 
-    def observe(self) -> Array:
-        """What the robots' own sensors say, (N, 6 + 3n), float32: :meth:`Robot.channels`."""
+    def observe(self) -> Float32[np.ndarray, "robot obs"]:
+        """Readings of the robots' own sensors: :meth:`LeggedRobot.channels`."""
         n = self._n
         out = np.empty((self.size, 6 + 3 * n), np.float32)
         out[:, :3] = self.qvel[:, 3:6]  # MuJoCo's free joint: angular velocity in the body's frame
@@ -262,16 +279,16 @@ class Herd:
         out[:, 6 + 2 * n :] = self.action
         return out
 
-    def gravity(self) -> Array:
-        """Direction of gravity in the trunk's frame, (N, 3): (0, 0, −1) when upright."""
+    def gravity(self) -> Float[np.ndarray, "robot xyz=3"]:
+        """Direction of gravity in the trunk's frame: (0, 0, −1) when upright."""
         w, x, y, z = self.qpos[:, 3:7].T
         # −(third row of the rotation matrix)
         return np.stack(
             [2 * (w * y - x * z), -2 * (w * x + y * z), 2 * (x * x + y * y) - 1], axis=1
         )
 
-    def velocity(self) -> Array:
-        """Velocity of the trunk as commands mean it, (N, 3), and upward, (N, 4) in all.
+    def velocity(self) -> Float[np.ndarray, "robot velocity=4"]:
+        """Velocity of the trunk as commands mean it (three numbers), and upward.
 
         Forward and sideways [m/s] in the frame that is turned with the trunk's heading, turning
         rate about the vertical [rad/s], vertical velocity [m/s].
@@ -289,11 +306,11 @@ class Herd:
         out[:, 3] = vz
         return out
 
-    def height(self) -> Array:
-        """Height of the trunk over the ground under it, (N,) [m]."""
+    def height(self) -> Float[np.ndarray, " robot"]:
+        """Height of the trunk over the ground under it [m]."""
         return self.qpos[:, 2] - self.ground.height(self.qpos[:, 0], self.qpos[:, 1])
 
-    def fallen(self) -> Array:
-        """Which robots have fallen: tilted or sunk too far, (N,) bool."""
+    def fallen(self) -> Bool[np.ndarray, " robot"]:
+        """True where a robot has fallen: tilted or sunk too far."""
         upright = -self.gravity()[:, 2]
         return (upright < np.cos(self.robot.fall_tilt)) | (self.height() < self.robot.fall_height)

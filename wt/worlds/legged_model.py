@@ -1,7 +1,7 @@
-"""What the models of legged robots share: the physics that may differ, and how a tree is built.
+"""Common parts of legged robots' models: the physics that may differ, and building a tree.
 
-A robot is a table of :class:`Link`, built with MjSpec below a free joint. Only its feet and the
-few parts that carry a fallen robot touch anything, and only the ground: every geom of the robot
+A robot is a table of :class:`LeggedLink`, built with MjSpec below a free joint. Only its feet and
+the few parts that carry a fallen robot touch anything, and only the ground: every geom of the robot
 has ``contype`` 0 and listens to :data:`GROUND`, the bit of the floor and, by MuJoCo's default, of
 any terrain put beside it. Friction belongs to the robot's geoms (``priority`` 1), so that a floor
 and blocks of terrain feel the same.
@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
+from jaxtyping import Float64
 
 from wt.errors import ConfigError
 
@@ -36,7 +37,7 @@ _AXES: dict[str, Triple] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.
 
 @dataclass(frozen=True)
 class LeggedPhysics:
-    """What may differ between two robots of one kind.
+    """The physics that may differ between two robots of one kind.
 
     The first four have one value per joint, in the model's order, or a single one for all. Rotor
     inertia is published per joint and stays.
@@ -75,7 +76,7 @@ class LeggedPhysics:
                 )
 
     def per_joint(self, name: str, joints: int) -> tuple[float, ...]:
-        """The values of one of the first four attributes for a robot with so many joints."""
+        """The values of one of the first four attributes for a robot with that many joints."""
         values: tuple[float, ...] = tuple(getattr(self, name))
         if len(values) not in (1, joints):
             raise ConfigError(
@@ -105,7 +106,7 @@ class Joint:
 
 
 @dataclass(frozen=True)
-class Link:
+class LeggedLink:
     """One body.
 
     Attributes:
@@ -133,7 +134,7 @@ class Link:
     trunk: bool = False
 
 
-def mirrored(left: Link, rename: tuple[str, str]) -> Link:
+def mirrored(left: LeggedLink, rename: tuple[str, str]) -> LeggedLink:
     """The link's reflection across the robot's plane y = 0.
 
     Args:
@@ -192,7 +193,7 @@ def start(name: str, timestep: float, floor: bool) -> mujoco.MjSpec:
 
 
 def add_robot(
-    spec: mujoco.MjSpec, links: Sequence[Link], physics: LeggedPhysics, height: float
+    spec: mujoco.MjSpec, links: Sequence[LeggedLink], physics: LeggedPhysics, height: float
 ) -> dict[str, mujoco.MjsBody]:
     """Add a tree of links below a free joint, and a position actuator for each hinge.
 
@@ -292,7 +293,7 @@ def add_imu(spec: mujoco.MjSpec, trunk: mujoco.MjsBody, pos: Triple) -> None:
         spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site.name)
 
 
-def frozen(values: Sequence[float]) -> np.ndarray:
+def frozen(values: Sequence[float]) -> Float64[np.ndarray, " value"]:
     """A read-only array of floats."""
     array = np.array(values, dtype=float)
     array.flags.writeable = False

@@ -14,16 +14,15 @@ from dataclasses import dataclass
 import mink
 import mujoco
 import numpy as np
+from jaxtyping import Float
 from scipy.interpolate import CubicSpline
 
 from wt.errors import ConfigError
 
-Array = np.ndarray
-
 
 @dataclass(frozen=True)
 class MotionSettings:
-    """How reference motions are made.
+    """Settings of reference motions.
 
     Attributes:
         routes: number of independent routes in the library.
@@ -56,7 +55,7 @@ class MotionSettings:
 
 def plan_routes(
     model: mujoco.MjModel, body: str, settings: MotionSettings, rate_hz: float, seed: int
-) -> Array:
+) -> Float[np.ndarray, "route sample joint"]:
     """Joint-space routes that visit random end-effector poses.
 
     Goals are poses of ``body`` at random joint positions, hence inside the workspace; the way
@@ -70,7 +69,7 @@ def plan_routes(
         seed: same seed, same routes.
 
     Returns:
-        Joint positions, (routes, samples, nq) [rad].
+        Joint positions [rad].
     """
     solved = math.ceil(settings.route_seconds * settings.solve_hz) + 1
     times = np.arange(solved) / settings.solve_hz
@@ -91,7 +90,7 @@ def _solve_route(
     settings: MotionSettings,
     samples: int,
     rng: np.random.Generator,
-) -> Array:
+) -> Float[np.ndarray, "sample joint"]:
     middle, half = model.jnt_range.mean(axis=1), np.ptp(model.jnt_range, axis=1) / 2
     low, high = middle - settings.workspace * half, middle + settings.workspace * half
     dt = 1.0 / settings.solve_hz

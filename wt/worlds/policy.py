@@ -1,9 +1,10 @@
 """A trained walking policy: an ONNX graph and the card that says what it may be used for.
 
 The folder of a policy holds ``policy.onnx`` and ``card.json``. The graph has one input
-``observation``, (batch, n_in): :meth:`wt.worlds.legged.Robot.channels` in order, then the command,
-then the clock of :mod:`wt.worlds.gait` if the policy walks to one; and one output ``action``,
-(batch, n), in units of the robot's ``action_scale``. The observation normaliser is part of it.
+``observation``, (batch, n_in): :meth:`wt.worlds.legged.LeggedRobot.channels` in order, then the
+command, then the clock of :mod:`wt.worlds.gait` if the policy walks to one; and one output
+``action``, (batch, n), in units of the robot's ``action_scale``. The observation normaliser is part
+of it.
 """
 
 from __future__ import annotations
@@ -16,27 +17,26 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from jaxtyping import Float, Float32
 
 from wt.errors import ModelError
-from wt.worlds.gait import CLOCK, Clock
-from wt.worlds.legged import COMMAND, RATE_HZ, Robot
+from wt.worlds.gait import CLOCK, GaitClock
+from wt.worlds.legged import COMMAND, RATE_HZ, LeggedRobot
 from wt.worlds.legged_model import LeggedPhysics
 
 if TYPE_CHECKING:
     import onnxruntime
 
-Array = np.ndarray
-
 GRAPH = "policy.onnx"
 CARD = "card.json"
 SCHEMA = 1
 SHIPPED = Path(__file__).with_name("policies")
-"""Where the policies of the package are, one folder each."""
+"""Folder of the package's policies, one folder each."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyCard:
-    """What one must know to use a policy and to trust it.
+    """The facts that are needed to use a policy and to trust it.
 
     Attributes:
         name: of the policy.
@@ -54,8 +54,8 @@ class PolicyCard:
         made_by: the command that made it.
         training: iterations, seconds, samples.
         config: the resolved configuration.
-        clock_period: T of the clock's channels [s], as :class:`wt.worlds.gait.Clock` reads it; None
-            without a clock.
+        clock_period: T of the clock's channels [s], as :class:`wt.worlds.gait.GaitClock` reads it;
+            None without a clock.
         clock_rests: whether the clock rests while the robot is told to stand.
         evaluation: figures of ``wt.locomotion.evaluate``.
         created: UTC, ISO 8601.
@@ -115,14 +115,14 @@ class PolicyCard:
             raise ModelError(f"{path}: {error}; export the policy again") from error
 
 
-def gains(robot: Robot, physics: LeggedPhysics) -> tuple[list[float], list[float]]:
+def gains(robot: LeggedRobot, physics: LeggedPhysics) -> tuple[list[float], list[float]]:
     """Position and velocity gain of each joint's drive."""
     n = len(robot.joints)
     stiffness, speed = (physics.per_joint(x, n) for x in ("stiffness", "velocity_gain"))
     return list(stiffness), list(speed)
 
 
-def observation_names(robot: Robot, has_clock: bool) -> list[str]:
+def observation_names(robot: LeggedRobot, has_clock: bool) -> list[str]:
     """Channels of a policy's input, in order."""
     names = [channel.name for channel in robot.channels()] + [f"command/{c}" for c in COMMAND]
     return names + [f"clock/{c}" for c in CLOCK] if has_clock else names
@@ -141,7 +141,11 @@ class Policy:
 
     @classmethod
     def load(
-        cls, path: Path | str, robot: Robot, physics: LeggedPhysics | None = None, threads: int = 1
+        cls,
+        path: Path | str,
+        robot: LeggedRobot,
+        physics: LeggedPhysics | None = None,
+        threads: int = 1,
     ) -> Policy:
         """Load a policy and check that it fits.
 
@@ -176,23 +180,25 @@ class Policy:
         session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
         return cls(card, session)
 
-    def clock(self, size: int) -> Clock:
-        """Clocks for so many robots, whose reading :meth:`act` takes."""
-        return Clock(self.card.clock_period, size, self.card.clock_rests)
+    def clock(self, size: int) -> GaitClock:
+        """Clocks for ``size`` robots, whose reading :meth:`act` takes."""
+        return GaitClock(self.card.clock_period, size, self.card.clock_rests)
 
-    def act(self, observation: Array, command: Array, clock: Array) -> Array:
-        """Actions for N robots.
+    def act(
+        self,
+        observation: Float[np.ndarray, "robot obs"],
+        command: Float[np.ndarray, "robot command=3"],
+        clock: Float[np.ndarray, "robot clock"],
+    ) -> Float32[np.ndarray, "robot joint"]:
+        """Actions in units of the action scale.
 
         Args:
-            observation: of :meth:`wt.worlds.legged.Herd.observe`, (N, n_obs).
-            command: (N, 3) [m/s, m/s, rad/s].
-            clock: what those of :meth:`clock` say, (N, 2); (N, 0) without a rhythm.
-
-        Returns:
-            Actions, (N, n), float32, in units of the action scale.
+            observation: of :meth:`wt.worlds.legged.Herd.observe`.
+            command: velocities [m/s, m/s, rad/s].
+            clock: reading of :meth:`clock`: two numbers a robot, none without a rhythm.
         """
-        whole = np.concatenate([observation, command, clock], axis=1, dtype=np.float32)
-        action: Array = self._session.run(["action"], {"observation": whole})[0]
+        inputs = np.concatenate([observation, command, clock], axis=1, dtype=np.float32)
+        action: np.ndarray = self._session.run(["action"], {"observation": inputs})[0]
         return action
 
 
@@ -215,7 +221,7 @@ def folder_of(path: Path) -> Path:
     return path
 
 
-def _check(card: PolicyCard, robot: Robot, physics: LeggedPhysics, folder: Path) -> None:
+def _check(card: PolicyCard, robot: LeggedRobot, physics: LeggedPhysics, folder: Path) -> None:
     """Compare a card with what is to be walked, the plainest first."""
     stiffness, velocity_gain = gains(robot, physics)
     expected: Mapping[str, object] = {

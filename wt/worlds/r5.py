@@ -18,6 +18,7 @@ from functools import lru_cache
 
 import mujoco
 import numpy as np
+from jaxtyping import Float, Float32
 from mujoco.batch import Batch
 
 from wt.errors import ConfigError
@@ -27,8 +28,6 @@ from wt.worlds.base import NOTHING_HIDDEN, Progress, register
 from wt.worlds.motion import MotionSettings, plan_routes
 from wt.worlds.r5_force import ForceSettings, HiddenForce
 from wt.worlds.r5_model import GRIPPER, JOINTS, ArmPhysics
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)
@@ -171,11 +170,22 @@ class R5World:
         nominal = self.sim_step(fields["o"], fields["a"], None)
         return Transitions(nominal=nominal, **fields)
 
-    def sim_step(self, o: Array, a: Array, hidden: Array | None) -> Array:
+    def sim_step(
+        self,
+        o: Float[np.ndarray, "arm obs"],
+        a: Float[np.ndarray, "arm joint"],
+        hidden: Float[np.ndarray, "arm hidden"] | None,
+    ) -> Float32[np.ndarray, "arm state"]:
         """S's answer to (o, a) under a hidden force; see :class:`World`."""
         return self.domain_step("sim", o, a, hidden)
 
-    def domain_step(self, domain: Domain, o: Array, a: Array, hidden: Array | None) -> Array:
+    def domain_step(
+        self,
+        domain: Domain,
+        o: Float[np.ndarray, "arm obs"],
+        a: Float[np.ndarray, "arm joint"],
+        hidden: Float[np.ndarray, "arm hidden"] | None,
+    ) -> Float32[np.ndarray, "arm state"]:
         """One control step of a domain from a given observation, action and force.
 
         Returns:
@@ -208,7 +218,7 @@ class R5World:
 
     def _episodes(
         self, domain: Domain, arms: int, first: int, rng: np.random.Generator
-    ) -> dict[str, Array]:
+    ) -> dict[str, np.ndarray]:
         """One episode of each arm, flattened to (arms · steps, …) in episode order."""
         options, model = self._options, self._models[domain]
         steps, dt = options.episode_steps, 1.0 / options.rate_hz
@@ -256,10 +266,12 @@ class R5World:
             "step": index % steps,
         }
 
-    def _routes(self) -> Array:
+    def _routes(self) -> Float[np.ndarray, "route sample joint"]:
         return _cached_routes(self._models["sim"], self._options.motion, self._options.rate_hz)
 
 
 @lru_cache(maxsize=4)
-def _cached_routes(model: mujoco.MjModel, motion: MotionSettings, rate_hz: float) -> Array:
+def _cached_routes(
+    model: mujoco.MjModel, motion: MotionSettings, rate_hz: float
+) -> Float[np.ndarray, "route sample joint"]:
     return plan_routes(model, GRIPPER, motion, rate_hz, seed=0)

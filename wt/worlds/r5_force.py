@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from jaxtyping import Float32
 from mujoco.batch import Batch
 
 from wt.errors import ConfigError
 from wt.worlds.r5_model import GRIPPER, JOINTS
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)
@@ -81,8 +80,8 @@ class HiddenForce:
         self._on = np.zeros(arms, bool)
         self._force = np.zeros((arms, 3))
 
-    def draw(self, batch: Batch) -> Array:
-        """Advance the process one control step and apply it; returns the force, (arms, 3) [N]."""
+    def draw(self, batch: Batch) -> Float32[np.ndarray, "arm xyz=3"]:
+        """Advance the process one control step and apply it; returns the force [N]."""
         s, rng, n = self._settings, self._rng, len(self._on)
         chance = rng.uniform(size=n)
         appear = ~self._on & (chance < s.appear)

@@ -1,4 +1,4 @@
-"""What a world adds so that its R can be diagnosed: recordings, and S's description."""
+"""Contract of a world whose R can be diagnosed: recordings, and S's description."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ class Recorded(Protocol):
     shard: int
 
     def record(self, count: int, seed: int, robots: int) -> list[Recording]:
-        """What sensors would have recorded of R while ``collect("real", count, seed)`` went on.
+        """Recordings of R by its sensors while ``collect("real", count, seed)`` goes on.
 
         Args:
             count: of transitions.
             seed: of the collection.
-            robots: how many recordings, one an episode.
+            robots: number of recordings, one an episode.
         """
         ...
 

@@ -6,21 +6,21 @@ import mujoco
 
 from wt.errors import ConfigError, suggest
 from wt.worlds import g1_model, go2_model
-from wt.worlds.legged import Robot, Scene
+from wt.worlds.legged import LeggedRobot, LeggedScene
 from wt.worlds.legged_model import LeggedPhysics
 from wt.worlds.terrain import add_blocks
 
 _SHARE = 0.25  # of a drive's torque limit, which the action 1 asks for: mjlab's rule
 
 
-def _go2(physics: LeggedPhysics, timestep: float, scene: Scene) -> mujoco.MjSpec:
+def _go2(physics: LeggedPhysics, timestep: float, scene: LeggedScene) -> mujoco.MjSpec:
     spec = go2_model.spec(physics, timestep, scene.payload)
     if scene.blocks is not None:
         add_blocks(spec, scene.blocks)
     return spec
 
 
-def _g1(physics: LeggedPhysics, timestep: float, scene: Scene) -> mujoco.MjSpec:
+def _g1(physics: LeggedPhysics, timestep: float, scene: LeggedScene) -> mujoco.MjSpec:
     if scene.payload is not None:
         raise ConfigError("scene.payload: the G1 has no box for a ball; take the go2 or none")
     spec = g1_model.spec(physics, timestep)
@@ -35,7 +35,7 @@ def _g1_scale() -> tuple[float, ...]:
     return tuple(round(float(x), 4) for x in _SHARE * efforts / gains)
 
 
-GO2 = Robot(
+GO2 = LeggedRobot(
     name="go2",
     joints=go2_model.JOINTS,
     default=tuple(go2_model.DEFAULT.tolist()),
@@ -53,7 +53,7 @@ GO2 = Robot(
     physics=go2_model.PUBLISHED,
     describe=_go2,
 )
-G1 = Robot(
+G1 = LeggedRobot(
     name="g1",
     joints=g1_model.JOINTS,
     default=tuple(g1_model.DEFAULT.tolist()),
@@ -74,7 +74,7 @@ G1 = Robot(
 ROBOTS = {robot.name: robot for robot in (GO2, G1)}
 
 
-def robot_of(name: str) -> Robot:
+def robot_of(name: str) -> LeggedRobot:
     """The robot of that name.
 
     Raises:

@@ -20,6 +20,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from jaxtyping import Float, Float32, Int
 from mujoco.batch import Batch
 
 from wt.errors import ConfigError
@@ -29,7 +30,13 @@ from wt.worlds.base import NOTHING_HIDDEN, Progress, register
 from wt.worlds.so101_model import ARM_JOINTS, JAW, JOINTS, LIMITS, ServoPhysics
 from wt.worlds.so101_motions import TEST, TRAIN, VALIDATION, Motions, vary
 
-Array = np.ndarray
+_Windows = tuple[
+    Float[np.ndarray, "window obs"],
+    Float[np.ndarray, "window joint"],
+    Float[np.ndarray, "window state"],
+    Int[np.ndarray, " window"],
+]
+"""Observations, actions, next states and step numbers of transitions."""
 
 RATE_HZ = 49.85
 N = len(ARM_JOINTS)
@@ -170,18 +177,23 @@ class SO101:
         sim = self._transitions(parts, count, progress)
         return replace(sim, s_next=sim.nominal)
 
-    def sim_step(self, o: Array, a: Array, hidden: Array | None) -> Array:
+    def sim_step(
+        self,
+        o: Float[np.ndarray, "sample obs"],
+        a: Float[np.ndarray, "sample joint"],
+        hidden: Float[np.ndarray, "sample hidden"] | None,
+    ) -> Float32[np.ndarray, "sample state"]:
         """S reset to o's positions and velocities, one control step later.
 
         Commands still under way (``delay``) are those in o. The jaw is held half open.
 
         Args:
-            o: observations, (N, n_obs).
-            a: actions, (N, 5) [rad].
-            hidden: ignored: nothing is hidden; (N, 0) or None.
+            o: observations.
+            a: actions of the five arm joints [rad].
+            hidden: ignored: nothing is hidden, so it has no columns or is None.
 
         Returns:
-            positions [rad] and backward-difference velocities [rad/s], (N, 10), float32.
+            Positions [rad] and backward-difference velocities [rad/s].
         """
         del hidden
         parts = [
@@ -195,8 +207,8 @@ class SO101:
 
         Args:
             split: ``"validation"`` or ``"test"``.
-            count: how many; all there are if there are fewer.
-            seed: which piece of each motion is taken.
+            count: number of pairs; all there are if there are fewer.
+            seed: decides which piece of each motion is taken.
 
         Raises:
             ConfigError: another split.
@@ -220,7 +232,7 @@ class SO101:
         return self._transitions(pieces, min(count, total), progress)
 
     def _transitions(
-        self, parts: Sequence[tuple[Array, ...]], count: int, progress: Progress | None
+        self, parts: Sequence[tuple[np.ndarray, ...]], count: int, progress: Progress | None
     ) -> Transitions:
         """Join the episodes (o, a, s_next, step), cut to ``count``, add S's nominal answers."""
         o, a, s, step = (np.concatenate(x)[:count] for x in zip(*parts, strict=True))
@@ -232,23 +244,25 @@ class SO101:
             progress(count, count)
         return Transitions(o, a, s, nominal, np.empty((count, 0)), episode, step)
 
-    def _from_recording(self, recording: Recording) -> tuple[Array, ...]:
+    def _from_recording(self, recording: Recording) -> _Windows:
         q, c = (_stack(recording, kind, ARM_JOINTS) for kind in ("qpos", "ctrl"))
         o, a, s, step = self._windows(q, c)
         # a window is used only if none of its samples is missing or late
         late = np.abs(np.diff(recording.t) * RATE_HZ - 1.0) > _UNEVEN
         bad = np.concatenate([[0], np.cumsum(late)])
         lead = self._history + 1
-        whole = bad[lead + 1 :] == bad[: len(bad) - lead - 1]
-        whole &= np.isfinite(np.hstack([o, a, s])).all(axis=1)
-        return o[whole], a[whole], s[whole], step[whole]
+        unbroken = bad[lead + 1 :] == bad[: len(bad) - lead - 1]
+        unbroken &= np.isfinite(np.hstack([o, a, s])).all(axis=1)
+        return o[unbroken], a[unbroken], s[unbroken], step[unbroken]
 
-    def _windows(self, q: Array, c: Array) -> tuple[Array, ...]:
+    def _windows(
+        self, q: Float[np.ndarray, "step joint"], c: Float[np.ndarray, "step joint"]
+    ) -> _Windows:
         """Every transition (o, a, s_next, step) of one sequence.
 
         Args:
-            q: positions at each control step, (T, 5) [rad].
-            c: command in force from that step on, (T, 5) [rad].
+            q: positions of the arm joints at each control step [rad].
+            c: command in force from that step on [rad].
         """
         lead = self._history + 1
         now = np.arange(lead, len(q) - 1)
@@ -257,8 +271,10 @@ class SO101:
         o = np.hstack([q[now], velocity[now - 1], c[now - 1], *lags])
         return o, c[now], np.hstack([q[now + 1], velocity[now]]), now - lead
 
-    def _step_chunk(self, o: Array, a: Array) -> Array:
-        """S's answers, (n, 10), for n ≤ _CHUNK observations and actions."""
+    def _step_chunk(
+        self, o: Float[np.ndarray, "sample obs"], a: Float[np.ndarray, "sample joint"]
+    ) -> Float[np.ndarray, "sample state"]:
+        """S's answers to at most ``_CHUNK`` observations and actions."""
         n, q = len(o), o[:, :N]
         batch = Batch(self._model, n, self._options.threads)
         batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE.value)
@@ -278,8 +294,12 @@ class SO101:
         waiting = round(self._delay * RATE_HZ * self._substeps) - substep
         return max(0, -(-waiting // self._substeps))
 
-    def _closed_loop(self, commands: Array, start: Array) -> Iterator[Array]:
-        """Positions of S, (episodes, 6) [rad], at each control step under the commands."""
+    def _closed_loop(
+        self,
+        commands: Float[np.ndarray, "episode step joint"],
+        start: Float[np.ndarray, "episode joint"],
+    ) -> Iterator[np.ndarray]:
+        """Positions of S, (episode, joint) [rad], at each control step under the commands."""
         episodes, length, _ = commands.shape
         batch = Batch(self._model, episodes, self._options.threads)
         batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE.value)
@@ -292,7 +312,9 @@ class SO101:
                 batch.step()
 
 
-def _stack(recording: Recording, kind: str, joints: Sequence[str]) -> Array:
+def _stack(
+    recording: Recording, kind: str, joints: Sequence[str]
+) -> Float[np.ndarray, "step joint"]:
     return np.stack([recording.columns[f"{kind}/{joint}"] for joint in joints], axis=1)
 
 

@@ -1,4 +1,4 @@
-"""The SO-101's motions: which are for training, reading them, and drawing variations of them.
+"""The SO-101's motions: their splits, reading them, and drawing variations of them.
 
 Motions are split whole, and a repeat of a motion is on the motion's own side. Fast, slow over a
 wide range, and steps: each side has all three. The repeats of the PRBS motion matter for
@@ -11,12 +11,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.data.importers.sage_so101 import SageSO101
 from wt.errors import ConfigError, DataError
 from wt.types import Recording
-
-Array = np.ndarray
 
 TRAIN = (
     "multisine", "prbs_excitation", "repeats/prbs_excitation", "friction_gravity",
@@ -81,17 +80,22 @@ class Motions:
         return self._read[split]
 
 
-def vary(motions: Sequence[Array], count: int, length: int, rng: np.random.Generator) -> Array:
+def vary(
+    motions: Sequence[Float[np.ndarray, "_ joint"]],
+    count: int,
+    length: int,
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "{count} {length} joint"]:
     """Random pieces of command sequences at another tempo and with a shift.
 
     Args:
-        motions: command sequences, each (T, joint) [rad], at the control rate.
-        count: how many pieces.
+        motions: command sequences of any length [rad], at the control rate.
+        count: number of pieces.
         length: samples of each piece.
         rng: decides which piece, its phase, its tempo and its shift.
 
     Returns:
-        (count, length, joint) [rad]; a motion shorter than a piece holds its last command.
+        Commands [rad]; a motion shorter than a piece holds its last command.
     """
     sizes = np.array([len(motion) for motion in motions], dtype=float)
     joints = motions[0].shape[1]

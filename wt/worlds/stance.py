@@ -1,4 +1,4 @@
-"""Feet that stand keep standing when what a robot observes of itself is overwritten.
+"""Feet that stand keep standing when a robot's observation of itself is overwritten.
 
 New joint angles and angular velocities alone would lift, press down and drag the feet that carry
 the robot, and a millimetre of a foot in the ground is a force of its own. So the trunk's height and
@@ -12,22 +12,21 @@ from collections.abc import Callable
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from wt.worlds.legged import Robot
-
-Array = np.ndarray
+from wt.worlds.legged import LeggedRobot
 
 LOADED = 0.004
 """Height above the ground over which a foot ceases to count as standing [m]."""
 HEIGHT, HEADING, VELOCITY = 2, 3, slice(4, 7)
-"""Where they are in hidden variables."""
+"""Indices of the trunk's height, heading and velocity in hidden variables."""
 
 
-class Feet:
-    """Where the feet of one robot are, and how they move, from what it observes of itself."""
+class FootKinematics:
+    """Places and velocities of one robot's feet, from the robot's observation of itself."""
 
-    def __init__(self, robot: Robot, model: mujoco.MjModel) -> None:
+    def __init__(self, robot: LeggedRobot, model: mujoco.MjModel) -> None:
         """Prepare for one model.
 
         Args:
@@ -39,26 +38,27 @@ class Feet:
         self._sites = [model.site(name).id for name in robot.feet]
         self._q, self._v = robot.addresses(model)
 
-    def motion(self, s: Array, heading: Array) -> tuple[Array, Array]:
+    def motion(
+        self, s: Float[np.ndarray, "robot state"], heading: Float[np.ndarray, " robot"]
+    ) -> tuple[Float[np.ndarray, "robot foot xyz=3"], Float[np.ndarray, "robot foot xyz=3"]]:
         """Feet of robots whose trunk rests at the origin.
 
         Args:
             s: state channels (angular velocity, direction of gravity, joint positions and
-                velocities), (N, n_state) or wider.
-            heading: of the trunks, (N,) [rad].
+                velocities), and maybe more behind them.
+            heading: of the trunks [rad].
 
         Returns:
-            Places along the world's axes (N, feet, 3) [m], and velocities along the trunk's, (N,
-            feet, 3) [m/s].
+            Places along the world's axes [m], and velocities along the trunk's [m/s].
         """
         model, data, n = self._model, self._data, len(self._q)
         turn = upright(s[:, 3:6].astype(float), heading)
         place = np.empty((len(s), len(self._sites), 3))
         velocity = np.empty_like(place)
-        seen, found = s.astype(float), np.zeros(6)
+        observed, twist = s.astype(float), np.zeros(6)
         quats = Rotation.from_matrix(turn).as_quat()[:, [3, 0, 1, 2]]
         data.qpos[:3], data.qvel[:] = 0.0, 0.0
-        for i, (row, quat) in enumerate(zip(seen, quats, strict=True)):
+        for i, (row, quat) in enumerate(zip(observed, quats, strict=True)):
             data.qpos[3:7], data.qpos[self._q] = quat, row[6 : 6 + n]
             data.qvel[3:6], data.qvel[self._v] = row[:3], row[6 + n : 6 + 2 * n]
             mujoco.mj_kinematics(model, data)
@@ -66,17 +66,19 @@ class Feet:
             mujoco.mj_comVel(model, data)
             place[i] = data.site_xpos[self._sites]
             for k, site in enumerate(self._sites):
-                mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_SITE, site, found, 0)
-                velocity[i, k] = found[3:]
+                mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_SITE, site, twist, 0)
+                velocity[i, k] = twist[3:]
         velocity = np.einsum("nji,nfj->nfi", turn, velocity)
         return place, velocity
 
-    def standing(self, s: Array, hidden: Array) -> Array:
-        """Trunks that stand on their lowest foot on flat ground, and move as if it were at rest.
+    def standing(
+        self, s: Float[np.ndarray, "robot state"], hidden: Float[np.ndarray, "robot hidden"]
+    ) -> Float[np.ndarray, "robot hidden"]:
+        """Hidden variables of robots on flat ground whose lowest foot carries them and is at rest.
 
         Args:
-            s: state channels, (N, n_state) or wider.
-            hidden: hidden variables, (N, n_hidden), of which height and velocity are replaced.
+            s: state channels, and maybe more behind them.
+            hidden: hidden variables, of which height and velocity are replaced.
         """
         place, velocity = self.motion(s, hidden[:, HEADING])
         rows, out = np.arange(len(s)), hidden.copy()
@@ -87,18 +89,18 @@ class Feet:
 
     def kept(
         self,
-        answer: Array,
-        target: Array,
-        hidden: Array,
-        ground: Callable[[Array, Array], Array | float],
-    ) -> Array:
+        answer: Float[np.ndarray, "robot state"],
+        target: Float[np.ndarray, "robot state"],
+        hidden: Float[np.ndarray, "robot hidden"],
+        ground: Callable[[np.ndarray, np.ndarray], np.ndarray | float],
+    ) -> Float[np.ndarray, "robot hidden"]:
         """Hidden variables with which the feet that stand in S's answer do so in its place too.
 
         Args:
-            answer: S's state channels, (N, n_state).
-            target: those that overwrite them, (N, n_state).
-            hidden: S's hidden variables after the step, (N, n_hidden).
-            ground: height of the terrain at x (…) and y (…) [m].
+            answer: S's state channels.
+            target: state channels that overwrite them.
+            hidden: S's hidden variables after the step.
+            ground: height of the terrain [m] at any number of places x and y [m].
 
         Returns:
             The same, the trunk's height and velocity moved. Where no foot is near the ground,
@@ -116,12 +118,14 @@ class Feet:
         return out
 
 
-def upright(gravity: Array, heading: Array) -> Array:
-    """Orientation of trunks, (N, 3, 3), from the direction of gravity and the heading.
+def upright(
+    gravity: Float[np.ndarray, "robot xyz=3"], heading: Float[np.ndarray, " robot"]
+) -> Float[np.ndarray, "robot 3 3"]:
+    """Rotation matrices of trunks, from the direction of gravity and the heading.
 
     Args:
-        gravity: in the trunk's frame, (N, 3), of about unit length.
-        heading: of the trunk's x axis seen from above, (N,) [rad].
+        gravity: its direction in the trunk's frame, of about unit length.
+        heading: of the trunk's x axis seen from above [rad].
     """
     z = -gravity / np.linalg.norm(gravity, axis=1, keepdims=True)
     y = np.cross(z, (1.0, 0.0, 0.0))

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.errors import ConfigError
 from wt.worlds.legged_model import GROUND
-
-Array = np.ndarray
 
 _DEPTH = 0.1  # m, how far a box reaches below the floor: no edge of it can be stepped under
 _GREYS = (0.45, 0.85)  # of the lowest and the highest block
@@ -63,12 +62,12 @@ class Blocks:
         """Blocks along one side of the field."""
         return int(2 * self.extent / self.cell)
 
-    def centers(self) -> Array:
-        """Coordinates of the blocks' centres along either axis, (side,) [m]."""
+    def centers(self) -> Float[np.ndarray, " side"]:
+        """Coordinates of the blocks' centres along either axis [m]."""
         return (np.arange(self.side) - (self.side - 1) / 2) * self.cell
 
-    def tops(self) -> Array:
-        """Heights of the blocks over the floor by place along x and y, (side, side) [m]."""
+    def tops(self) -> Float[np.ndarray, "side side"]:
+        """Heights of the blocks over the floor [m], by place along x and y."""
         heights = np.random.default_rng(self.seed).uniform(0, self.height, (self.side, self.side))
         near = np.abs(self.centers()) - self.block / 2 < self.flat
         heights[np.ix_(near, near)] = 0.0
@@ -92,8 +91,8 @@ def add_blocks(spec: mujoco.MjSpec, blocks: Blocks) -> None:
             geom.contype, geom.conaffinity = GROUND, 0
 
 
-class Ground:
-    """How high the ground is: for rewards, critics and starts, never for an actor."""
+class GroundHeights:
+    """Height of the ground: for rewards, critics and starts, never for an actor."""
 
     def __init__(self, blocks: Blocks | None) -> None:
         """Look up the field's heights.
@@ -104,12 +103,14 @@ class Ground:
         self._blocks = blocks
         self._tops = None if blocks is None else blocks.tops()
 
-    def height(self, x: Array, y: Array) -> Array | float:
-        """Height under places (…) [m]; a gap counts as the nearer block."""
+    def height(
+        self, x: Float[np.ndarray, "*place"], y: Float[np.ndarray, "*place"]
+    ) -> Float[np.ndarray, "*place"] | float:
+        """Height under places x, y [m]; a gap counts as the nearer block."""
         if self._blocks is None or self._tops is None:
             return 0.0
         side, cell = self._blocks.side, self._blocks.cell
         i, j = (np.floor(v / cell + side / 2).astype(int) for v in (x, y))
         inside = (i >= 0) & (i < side) & (j >= 0) & (j < side)
-        heights: Array = self._tops[np.clip(i, 0, side - 1), np.clip(j, 0, side - 1)]
+        heights: np.ndarray = self._tops[np.clip(i, 0, side - 1), np.clip(j, 0, side - 1)]
         return np.where(inside, heights, 0.0)

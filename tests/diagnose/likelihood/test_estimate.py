@@ -6,7 +6,7 @@ from unittest.mock import Mock
 
 import numpy as np
 
-from wt.diagnose.likelihood.estimate import Estimated, _named, least_certain, least_spread
+from wt.diagnose.likelihood.estimate import Estimated, _named, distances_from_nothing, least_spread
 from wt.diagnose.likelihood.objective import Assessed
 from wt.diagnose.result import Estimate
 from wt.diagnose.thresholds import THRESHOLDS
@@ -30,29 +30,34 @@ def estimated(*found: tuple[str, dict[str, tuple[float, float, float]]]) -> Esti
     return Estimated(Mock(spec=Assessed, hypothesis=hypothesis), estimates)
 
 
+def nearest_to_nothing(some: Estimated) -> int:
+    distances = distances_from_nothing(some)
+    return min(distances, key=distances.__getitem__)
+
+
 def test_an_interval_that_holds_the_neutral_value_is_nothing_certain() -> None:
     friction = ("joint.friction_coulomb", {"coulomb": (0.0, 0.001, 0.002)})
     gain = ("actuator.gain", {"factor": (1.01, 1.1, 1.2)})
-    assert least_certain(estimated(gain, friction)) == 1
-    assert least_certain(estimated(gain)) is None
-    assert least_certain(estimated(("actuator.gain", {"factor": (0.9, 1.1, 1.2)}))) == 0
+    assert nearest_to_nothing(estimated(gain, friction)) == 1
+    assert distances_from_nothing(estimated(gain)) == {}
+    assert nearest_to_nothing(estimated(("actuator.gain", {"factor": (0.9, 1.1, 1.2)}))) == 0
 
 
 def test_the_nearest_to_nothing_goes_first() -> None:
     nearer = ("joint.friction_coulomb", {"coulomb": (0.0, 0.001, 0.4)})
     farther = ("joint.friction_viscous", {"coefficient": (-0.01, 0.19, 0.4)})
-    assert least_certain(estimated(farther, nearer)) == 1
+    assert nearest_to_nothing(estimated(farther, nearer)) == 1
 
 
 def test_all_that_could_be_nothing_must_be() -> None:
     """Friction that only load makes has no constant part."""
     parts = {"coulomb": (0.0, 0.01, 0.03), "fraction": (0.1, 0.2, 0.3)}
-    assert least_certain(estimated(("joint.friction_load", parts))) is None
+    assert distances_from_nothing(estimated(("joint.friction_load", parts))) == {}
 
 
 def test_an_effect_without_a_neutral_value_is_something() -> None:
     parts = {"stiffness": (0.01, 5.0, 10.0), "damping": (0.0, 0.0, 0.1)}
-    assert least_certain(estimated(("joint.elasticity", parts))) is None
+    assert distances_from_nothing(estimated(("joint.elasticity", parts))) == {}
 
 
 def test_a_vector_is_nothing_where_all_of_it_may_be() -> None:
@@ -62,10 +67,10 @@ def test_a_vector_is_nothing_where_all_of_it_may_be() -> None:
         Mock(spec=Assessed, hypothesis=(force,)),
         ({"force": Estimate((0.1, 0.0, 2.0), "N", ends)},),
     )
-    assert least_certain(known) is None
+    assert distances_from_nothing(known) == {}
     ends = ((-0.1, -0.1, -1.0), (0.3, 0.1, 3.0))
     known = Estimated(known.assessed, ({"force": Estimate((0.1, 0.0, 2.0), "N", ends)},))
-    assert least_certain(known) == 0
+    assert nearest_to_nothing(known) == 0
 
 
 def planted(name: str, *theta: float) -> Planted:

@@ -79,4 +79,4 @@ def test_what_data_do_not_tell_stays_where_it_is_held() -> None:
 def test_positions_of_loads_are_held(name: str) -> None:
     """Along a body's only axis nothing tells where a load sits."""
     (position,) = [p for p in effects()[name].parameters if p.name == "position"]
-    assert position.hold < 1.0
+    assert position.prior_std < 1.0

@@ -12,14 +12,14 @@ import pytest
 
 from tests.diagnose.hidden_forces import RATE, REFINE, STEP, chain
 from wt.data.recording import check_against
+from wt.diagnose.evidence import MeasuredForce, SensorError
 from wt.diagnose.observed.forces import measured, sentence
 from wt.diagnose.pipeline import diagnose
 from wt.diagnose.recordings.prepare import prepare
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.report.page import text
 from wt.diagnose.residual.screen import Screen
-from wt.diagnose.result import MeasuredForce, SensorError
-from wt.diagnose.selection.holdout import hold
+from wt.diagnose.selection.holdout import prepare_holdout
 from wt.physics.effect import effects
 from wt.physics.planted import Hypothesis, Planted
 from wt.physics.scene import Scene
@@ -102,7 +102,7 @@ def seen(
         recordings.append(Recording(recording.t, columns))
         check_against(recordings[-1], scene.model)
     prepared = prepare(scene, recordings[:1], recordings[1:])
-    held = hold(smooth(scene, prepared.held), True)
+    held = prepare_holdout(smooth(scene, prepared.held), True)
     found = measured(prepared, Screen(smooth(scene, prepared.fit), 0), held, hypothesis, STEP)
     return Seen(
         {f.actuator: f for f in found.forces}, {s.name: s for s in found.sensors}, found.notes

@@ -9,11 +9,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from tests.worlds.test_concealed import QUICK, to_xml
-from tests.worlds.test_walking import world
+from tests.worlds.walking.test_concealed import QUICK, to_xml
+from tests.worlds.walking.test_world import world
+from wt.diagnose.evidence import Interval
 from wt.diagnose.observed.translation import Observer, Translation, sentences, timed, translated
 from wt.diagnose.recordings.prepare import prepare
-from wt.diagnose.result import Interval, Located
+from wt.diagnose.result import Located
 from wt.errors import ModelError, RecordingError
 from wt.physics.scene import Scene
 from wt.types import Array, Channel, Location, Recording

@@ -28,8 +28,8 @@ def test_a_lost_sample_keeps_its_command(tmp_path: Path) -> None:
     part = recording(tmp_path, slice(200, 203))
     (found,) = samples_of(scene(tmp_path), [part])
     assert len(found.t) == 400
-    assert np.isnan(found.q[200:203]).all() and np.isfinite(found.held).all()
-    assert found.held[201, 0] == np.sin(3.0 * found.t[201])
+    assert np.isnan(found.q[200:203]).all() and np.isfinite(found.command).all()
+    assert found.command[201, 0] == np.sin(3.0 * found.t[201])
 
 
 def test_a_long_gap_ends_a_segment(tmp_path: Path) -> None:

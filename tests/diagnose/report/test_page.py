@@ -12,24 +12,18 @@ import numpy as np
 import pytest
 
 from tests.diagnose import synthetic
-from wt.diagnose.report.drawing import draw, joint_of
-from wt.diagnose.report.page import report, text
-from wt.diagnose.result import (
+from wt.diagnose.evidence import (
     ChannelLeft,
-    Considered,
-    Diagnosis,
     Distance,
-    Error,
-    Estimate,
-    Finding,
     Interval,
-    Located,
     Measured,
     MeasuredForce,
     SensorError,
     Translated,
-    Used,
 )
+from wt.diagnose.report.drawing import draw, joint_of
+from wt.diagnose.report.page import report, text
+from wt.diagnose.result import Decision, Diagnosis, Error, Estimate, Finding, Located, Used
 from wt.types import Location
 
 VOID = {"meta", "br", "link", "img", "input"}
@@ -96,7 +90,7 @@ def test_it_says_what_was_found(source: str) -> None:
         "was refined to 0.5 ms",
         "Coulomb, Théorie des machines simples",
         'frictionloss="0.8"',
-        "3 hypotheses were considered",
+        "4 decisions at 2 places",
         "held.parquet, held out",
         "over the velocity of j2",
     ):
@@ -147,8 +141,8 @@ def test_something_missing_without_a_name_is_not_called_nothing(tmp_path: Path) 
 def test_names_cannot_break_the_page(diagnosis: Diagnosis) -> None:
     evil = "<script>alert(1)</script>&"
     odd = dataclasses.replace(
-        diagnosis, model_path=evil, notes=(evil,), considered=(
-            Considered(evil, synthetic.J2, 1.0, "screened", evil),
+        diagnosis, model_path=evil, notes=(evil,), decisions=(
+            Decision(evil, synthetic.J2, "replayed", False, 1.0, 2.0, evil),
         ),
     )  # fmt: skip
     source = report(odd)

@@ -16,8 +16,9 @@ import rerun_cli
 from rerun.chunk import RrdReader
 
 from tests.diagnose import synthetic
+from wt.diagnose.evidence import Interval
 from wt.diagnose.report.rerun import PAUSE_S, playback
-from wt.diagnose.result import Interval, Located
+from wt.diagnose.result import Located
 
 
 def read(path: Path) -> dict[str, list[dict[str, Any]]]:

@@ -14,9 +14,9 @@ from wt.diagnose.thresholds import THRESHOLDS
 
 def test_a_model_is_corrected_by_what_it_can_hold(tmp_path: Path) -> None:
     some = nuisances(scene(tmp_path))
-    kinds = {n.planted.effect.id for n in some if n.correctable}
+    kinds = {n.planted.effect.id for n in some if n.effect.correctable}
     assert kinds == {"body.mass", "joint.armature", "actuator.gain"}  # this arm has no damping
-    assert any(not n.correctable for n in some)  # timing
+    assert any(not n.effect.correctable for n in some)  # timing
 
 
 def test_no_correction_makes_a_rotor_lighter_than_nothing(tmp_path: Path) -> None:

@@ -18,8 +18,8 @@ from wt.diagnose.selection.holdout import (
     Holdout,
     gain_of,
     gains,
-    hold,
     left_in_turn,
+    prepare_holdout,
     where_mute,
 )
 from wt.diagnose.thresholds import THRESHOLDS
@@ -64,7 +64,7 @@ def test_a_single_effect_is_compared_with_none(tmp_path: Path) -> None:
 def held_out(some: Objective, swing: float) -> Holdout:
     """Another recording of the same chain."""
     parts = [Part(record(MADE_BY, None, 16.0, 7, swing), 0)]
-    return hold(smooth(some.scene, parts), True, step=STEP)
+    return prepare_holdout(smooth(some.scene, parts), True, step=STEP)
 
 
 @pytest.mark.parametrize("swing", [0.0, 0.3])

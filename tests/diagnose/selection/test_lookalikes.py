@@ -13,7 +13,7 @@ from tests.diagnose.hidden_forces import World, chain, on_joint, world
 from wt.diagnose.likelihood.estimate import estimate
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.alternatives import Lookalikes
-from wt.diagnose.selection.candidates import ALIKE, alike, near
+from wt.diagnose.selection.candidates import near
 from wt.diagnose.selection.search import Accepted
 from wt.physics.effect import effects
 from wt.physics.motion import Motion
@@ -51,13 +51,6 @@ def settled(some: World, effect: str, at: Location, *theta: float) -> Accepted:
     (found,), estimated = lookalikes(some).settled(given, estimate(some.objective, (planted,)))
     assert estimated.hypothesis[0].key == found.planted.key
     return found
-
-
-def test_groups_name_effects_and_likeness_is_mutual() -> None:
-    assert {name for group in ALIKE for name in group} <= set(effects())
-    for name in effects():
-        assert name not in alike(name)
-        assert all(name in alike(other) for other in alike(name))
 
 
 def test_a_law_that_only_looks_like_the_right_one_gives_way_to_it(pushed: World) -> None:

@@ -47,7 +47,7 @@ def acting(found: Law, joint: str = "j1") -> Planted:
 
 
 def replayed(folder: Path, hypothesis: tuple[Planted, ...], run: Run) -> np.ndarray:
-    stretch = Stretch(0, run.t, run.held, run.q[0], run.v[0])
+    stretch = Stretch(0, run.t, run.command, run.q[0], run.v[0])
     return Replayer(scene(folder, ARM), [stretch]).run([hypothesis]).q[0]
 
 

@@ -1,4 +1,4 @@
-"""Whether what was imported can be: units and signs that contradict each other, and delays.
+"""Checks of what was imported: units and signs that contradict each other, and delays.
 
 A velocity that is not the slope of its position is refused, since physics leaves no choice. A
 command that its joint does not follow is only doubted: a torque may well act against the motion.
@@ -9,19 +9,18 @@ Both name the column and the map's key that mends it; naming the column in the m
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.data.importers import _mapping
 from wt.data.importers._mapping import Map
 from wt.errors import DataError
 from wt.types import Recording
 
-Array = np.ndarray
-
 DEGREE = np.pi / 180.0
 _ALIKE = 0.8  # correlation from which two signals are the same quantity
 _TURNS = 4.0 * np.pi  # rad, more than a joint of a limb sweeps
 _MAX_DELAY = 0.4  # s, longest delay looked for
-_SHORT_DELAY = 0.06  # s, longest that an answer's sign is judged at
+_SHORT_DELAY = 0.06  # s, longest at which an answer's sign is checked
 
 
 def refuse_contradictions(recording: Recording, mapping: Map) -> None:
@@ -52,33 +51,33 @@ def refuse_contradictions(recording: Recording, mapping: Map) -> None:
 
 
 def doubts(recording: Recording, mapping: Map) -> list[str]:
-    """What looks wrong without being impossible, a line each, with the map's key to set.
+    """Doubts about columns that look wrong without being impossible, with the map's key to set.
 
     Args:
         recording: what was imported, after the map.
         mapping: the map; what it says of a column itself is believed.
     """
-    found = []
+    lines = []
     for joint in _joints(recording):
         position, velocity, command = (f"{kind}/{joint}" for kind in ("qpos", "qvel", "ctrl"))
         r, factor = _velocity_over_slope(recording, joint)
         units_open = not _mapping.says(mapping, "units", position, velocity)
         if r > _ALIKE and not 0.5 < factor < 2.0 and units_open:
-            found.append(
+            lines.append(
                 f"column '{velocity}' is {factor:.3g} times the slope of '{position}'; if it is "
                 f"in another unit, set in the map 'units: {{{velocity}: {1.0 / factor:.3g}}}'"
             )
         sweep = np.nanmax(recording.columns[position]) - np.nanmin(recording.columns[position])
         if sweep > _TURNS and velocity not in recording.columns and units_open:
-            found.append(
+            lines.append(
                 f"column '{position}' sweeps {sweep:.3g} rad; if these are degrees, set in the "
                 f"map 'units: {{{position}: deg}}' (or 'units: deg' for all)"
             )
         if _lag(recording, command, f"force/{joint}") is None:
             # no torque command: the position should follow it
-            found += _doubts_of_follower(recording, mapping, command, position)
-        found += _doubts_of_follower(recording, mapping, command, f"force/{joint}")
-    return found
+            lines += _doubts_of_follower(recording, mapping, command, position)
+        lines += _doubts_of_follower(recording, mapping, command, f"force/{joint}")
+    return lines
 
 
 def delays(recording: Recording) -> dict[str, float]:
@@ -92,7 +91,7 @@ def delays(recording: Recording) -> dict[str, float]:
     Args:
         recording: what was imported.
     """
-    found = {}
+    by_actuator = {}
     for column in recording.columns:
         name = column.removeprefix("ctrl/")
         if name == column:
@@ -100,9 +99,9 @@ def delays(recording: Recording) -> dict[str, float]:
         for answer in (f"force/{name}", f"qpos/{name}"):
             delay = _lag(recording, column, answer)
             if delay is not None:
-                found[name] = delay
+                by_actuator[name] = delay
                 break
-    return found
+    return by_actuator
 
 
 def _joints(recording: Recording) -> list[str]:
@@ -174,20 +173,24 @@ def _lag(recording: Recording, command: str, answer: str) -> float | None:
     return float((k + 0.5 * (r[k - 1] - r[k + 1]) / bend) * step)
 
 
-def _on_a_clock(recording: Recording, *names: str) -> tuple[float, list[Array]] | None:
+def _on_a_clock(
+    recording: Recording, *names: str
+) -> tuple[float, list[Float[np.ndarray, " time"]]] | None:
     """Median step [s] and two columns at even times; NaN stays. None if they cannot be compared."""
     step = float(np.median(np.diff(recording.t)))
     clock = np.arange(recording.t[0], recording.t[-1], step)
     columns = [recording.columns.get(name) for name in names]
-    found = [np.interp(clock, recording.t, x) for x in columns if x is not None]
+    resampled = [np.interp(clock, recording.t, x) for x in columns if x is not None]
     enough = 3 * int(_MAX_DELAY / step)
-    if len(found) < len(names) or enough < 3:
+    if len(resampled) < len(names) or enough < 3:
         return None
-    moving = [np.isfinite(x).sum() > enough and np.nanstd(np.diff(x)) > 1e-6 for x in found]
-    return (step, found) if all(moving) else None
+    moving = [np.isfinite(x).sum() > enough and np.nanstd(np.diff(x)) > 1e-6 for x in resampled]
+    return (step, resampled) if all(moving) else None
 
 
-def _lagged_correlation(u: Array, x: Array, longest: int) -> Array:
+def _lagged_correlation(
+    u: Float[np.ndarray, " time"], x: Float[np.ndarray, " time"], longest: int
+) -> Float[np.ndarray, " lag"]:
     """Correlation of u with x delayed by 0…longest samples, over the pairs without NaN."""
     r = np.zeros(longest + 1)
     for k in range(longest + 1):

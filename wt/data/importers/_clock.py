@@ -6,10 +6,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-
-Array = np.ndarray
+from jaxtyping import Float64, Int
 
 _GAP = 5.0  # median periods: a longer silence of a measured stream is a gap, not a slow sample
+
+
+Columns = dict[str, Float64[np.ndarray, " stamp"]]
 
 
 @dataclass(frozen=True)
@@ -17,12 +19,12 @@ class Stream:
     """Quantities that came together.
 
     Attributes:
-        stamps: when, nanoseconds, strictly increasing, (N,), int64.
-        columns: the quantities by recording column, (N,) each; NaN where one was not in a sample.
+        stamps: when, nanoseconds, strictly increasing.
+        columns: the quantities by recording column; NaN where one was not in a sample.
     """
 
-    stamps: Array
-    columns: Mapping[str, Array]
+    stamps: Int[np.ndarray, " sample"]
+    columns: Mapping[str, Float64[np.ndarray, " sample"]]
 
 
 def stream(stamps: Iterable[int], rows: Iterable[Mapping[str, float]]) -> Stream:
@@ -39,12 +41,12 @@ def stream(stamps: Iterable[int], rows: Iterable[Mapping[str, float]]) -> Stream
     return Stream(np.array(list(by_time), dtype=np.int64), columns)
 
 
-def held(commands: Stream, stamps: Array) -> dict[str, Array]:
+def held(commands: Stream, stamps: Int[np.ndarray, " stamp"]) -> Columns:
     """The command in force at each stamp: the last one sent until then; NaN before the first.
 
     Args:
         commands: what was sent when; a sample that lacks a command leaves it as it was.
-        stamps: nanoseconds, (M,).
+        stamps: nanoseconds.
     """
     columns = {}
     for name, values in commands.columns.items():
@@ -54,12 +56,12 @@ def held(commands: Stream, stamps: Array) -> dict[str, Array]:
     return columns
 
 
-def interpolated(measured: Stream, stamps: Array) -> dict[str, Array]:
+def interpolated(measured: Stream, stamps: Int[np.ndarray, " stamp"]) -> Columns:
     """Measured quantities at other stamps, linear between samples; NaN outside and in gaps.
 
     Args:
         measured: what was measured when.
-        stamps: nanoseconds, (M,).
+        stamps: nanoseconds.
     """
     columns = {}
     for name, values in measured.columns.items():

@@ -22,11 +22,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.errors import DataError, suggest
 from wt.types import Recording
 
-Array = np.ndarray
+Column = Float[np.ndarray, " time"]
 Map = Mapping[str, Any]
 """The content of ``--map F.yaml``; what it may say stands here and at each importer."""
 
@@ -81,7 +82,7 @@ def apply(recording: Recording, mapping: Map) -> Recording:
 
 
 def matching(
-    pattern: str, columns: Mapping[str, Array], key: str, spread: bool = True
+    pattern: str, columns: Mapping[str, Column], key: str, spread: bool = True
 ) -> list[str]:
     """The columns that a pattern of the map names; ``*`` does not reach over a slash.
 
@@ -95,14 +96,14 @@ def matching(
         DataError: it matches none.
     """
     expression = re.compile("[^/]*".join(re.escape(part) for part in pattern.split("*")))
-    found = [name for name in columns if expression.fullmatch(name)]
-    if not found and spread:
+    matches = [name for name in columns if expression.fullmatch(name)]
+    if not matches and spread:
         raise DataError(f"map {key}: {pattern!r} is no column; {suggest(pattern, columns)}")
-    return found
+    return matches
 
 
 def says(mapping: Map, key: str, *columns: str) -> bool:
-    """Whether the map settles ``key`` (units, signs) of one of these columns by itself."""
+    """True if the map settles ``key`` (units, signs) of one of these columns by itself."""
     entries = _entries(mapping, key)
     named = {c: np.empty(0) for c in columns}
     return any(matching(p, named, key, spread=False) for p in entries)
@@ -117,11 +118,11 @@ def _entries(mapping: Map, key: str) -> dict[str, Any]:
     return {str(name): value for name, value in entries.items()}
 
 
-def _renamed(columns: Mapping[str, Array], mapping: Map) -> dict[str, Array]:
+def _renamed(columns: Mapping[str, Column], mapping: Map) -> dict[str, Column]:
     names = {key: _entries(mapping, key) for key in ("joints", "commands", "sensors")}
     used: set[tuple[str, str]] = set()
     sources: dict[str, set[str]] = {key: set() for key in names}
-    renamed: dict[str, Array] = {}
+    renamed: dict[str, Column] = {}
     for column, values in columns.items():
         match = _COLUMN.fullmatch(column)
         if match is None:

@@ -1,4 +1,4 @@
-"""What ROS 2 messages of the known types say, as streams of recording columns.
+"""ROS 2 messages of the known types as streams of recording columns.
 
 Stamps are given from outside, nanoseconds, one a message.
 """
@@ -10,11 +10,12 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from jaxtyping import Shaped
 
 from wt.data.importers._clock import Stream, stream
 from wt.errors import DataError
 
-Array = np.ndarray
+_Values = Shaped[np.ndarray, " _"] | Sequence[float]
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
@@ -167,7 +168,7 @@ def _continuous(made: Stream, prefix: str, first: int) -> Stream:
     return Stream(made.stamps, {**made.columns, **dict(zip(names, q.T, strict=True))})
 
 
-def _chosen(topic: str, by_field: dict[str, Array], field: str | None) -> Array:
+def _chosen(topic: str, by_field: dict[str, _Values], field: str | None) -> _Values:
     given = [name for name in FIELDS if len(by_field[name])]
     if not given or (field is not None and field not in given):
         raise DataError(
@@ -177,7 +178,7 @@ def _chosen(topic: str, by_field: dict[str, Array], field: str | None) -> Array:
     return by_field[field or given[0]]
 
 
-def _same_length(topic: str, what: str, names: Sequence[str], values: Array) -> None:
+def _same_length(topic: str, what: str, names: Sequence[str], values: _Values) -> None:
     if len(names) != len(values):
         raise DataError(
             f"topic '{topic}': a {what} has {len(values)} values for {len(names)} names; the "

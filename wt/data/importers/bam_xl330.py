@@ -39,7 +39,7 @@ class BamXL330:
     general: ClassVar[bool] = False
 
     def recognises(self, path: Path) -> bool:
-        """Whether ``path`` is such a log."""
+        """True if ``path`` is such a log."""
         if path.suffix != ".json" or not path.is_file():
             return False
         with path.open("rb") as file:

@@ -1,4 +1,4 @@
-"""What reads a foreign format: the contract of an importer, its registry, and how to add one.
+"""The contract of an importer of a foreign format, its registry, and how to add one.
 
 Adding a format is one new file in this package and its test: define a class with the members of
 :class:`Importer` and decorate it with ``@register``. The file is found by itself; a name used
@@ -41,7 +41,7 @@ class Importer(Protocol):
     general: ClassVar[bool]
 
     def recognises(self, path: Path) -> bool:
-        """Whether ``path`` looks like this format; must be quick and never raise."""
+        """True if ``path`` looks like this format; must be quick and never raise."""
         ...
 
     def read(self, path: Path, mapping: Map) -> Recording:
@@ -112,7 +112,7 @@ def read(path: str | Path, mapping: Map | None = None) -> Recording:
 
 
 def doubts(recording: Recording, mapping: Map | None = None) -> list[str]:
-    """What looks wrong in units or signs without being impossible; a line each.
+    """Doubts about units or signs that look wrong without being impossible; a line each.
 
     Args:
         recording: what :func:`read` gave.

@@ -17,12 +17,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Float64
 
 from wt.data.importers.base import Map, refuse_unknown_keys, register
 from wt.errors import DataError, suggest
 from wt.types import Recording
-
-Array = np.ndarray
 
 
 @register
@@ -35,7 +34,7 @@ class CsvTable:
     general: ClassVar[bool] = True
 
     def recognises(self, path: Path) -> bool:
-        """Whether ``path`` is a CSV file."""
+        """True if ``path`` is a CSV file."""
         return path.is_file() and path.suffix.lower() == ".csv"
 
     def read(self, path: Path, mapping: Map) -> Recording:
@@ -58,7 +57,7 @@ class CsvTable:
         return Recording(_column(path, table, mapping["time"]), columns, meta)
 
 
-def _column(path: Path, table: pd.DataFrame, wanted: object) -> Array:
+def _column(path: Path, table: pd.DataFrame, wanted: object) -> Float64[np.ndarray, " row"]:
     entry: dict[str, Any] = wanted if isinstance(wanted, dict) else {"column": wanted}
     refuse_unknown_keys(entry, {"column", "scale", "offset"})
     name = str(entry.get("column"))

@@ -37,7 +37,7 @@ class DfkiDoublePendulum:
     general: ClassVar[bool] = False
 
     def recognises(self, path: Path) -> bool:
-        """Whether ``path`` is such a file, or the folder of one."""
+        """True if ``path`` is such a file, or the folder of one."""
         path = path / _FILE if path.is_dir() else path
         if path.suffix != ".csv" or not path.is_file():
             return False

@@ -23,12 +23,11 @@ from typing import Any, ClassVar
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from jaxtyping import Float64
 
 from wt.data.importers.base import Map, register
 from wt.errors import DataError
 from wt.types import Recording
-
-Array = np.ndarray
 
 _INFO = Path("meta") / "info.json"
 _KINDS = {
@@ -38,7 +37,7 @@ _KINDS = {
     "observation.effort": "force",
 }
 _ENDINGS = {".pos": None, ".vel": "qvel", ".effort": "force", ".torque": "force"}
-"""What an ending says of an element of the state; ``.pos`` says nothing new."""
+"""Kind of an element of the state by the ending of its name; ``.pos`` changes nothing."""
 
 
 @register
@@ -51,7 +50,7 @@ class LeRobot:
     general: ClassVar[bool] = False
 
     def recognises(self, path: Path) -> bool:
-        """Whether ``path`` is such a folder, or a Parquet file with an action."""
+        """True if ``path`` is such a folder, or a Parquet file with an action."""
         if path.is_dir():
             return (path / _INFO).is_file()
         if path.suffix != ".parquet" or not path.is_file():
@@ -77,7 +76,7 @@ class LeRobot:
             t = np.arange(len(table)) / info["fps"]
         else:
             raise DataError(f"'{path}' has neither a column 'timestamp' nor fps in {_INFO}")
-        columns: dict[str, Array] = {}
+        columns: dict[str, Float64[np.ndarray, " row"]] = {}
         for feature, kind in _KINDS.items():
             if feature in table.column_names:
                 values = _lists(path, table, feature)
@@ -108,23 +107,25 @@ def _episode(path: Path, files: list[Path], wanted: object) -> pa.Table:
     """The rows of one episode in time's order, over all files that hold some of it."""
     try:
         tables = [_known_columns(file) for file in files]
-        found = sorted({e for table in tables for e in table["episode_index"].to_pylist()})
+        episodes = sorted({e for table in tables for e in table["episode_index"].to_pylist()})
     except KeyError as error:
         raise DataError(f"'{path}' is no LeRobot dataset: it has no column {error}") from error
     except (pa.ArrowException, OSError, ValueError) as error:
         raise DataError(
             f"'{path}' is not whole Parquet (cut off, or only a pointer to it?): {error}"
         ) from error
-    if not found:
+    if not episodes:
         raise DataError(f"'{path}' holds no episode; download its data folder too")
-    if wanted is None and len(found) > 1:
+    if wanted is None and len(episodes) > 1:
         raise DataError(
-            f"'{path}' holds {len(found)} episodes, {found[0]} to {found[-1]}; choose one in the "
-            "map with 'episode: N', or give one episode's file"
+            f"'{path}' holds {len(episodes)} episodes, {episodes[0]} to {episodes[-1]}; choose one "
+            "in the map with 'episode: N', or give one episode's file"
         )
-    episode = found[0] if wanted is None else wanted
-    if episode not in found:
-        raise DataError(f"map episode: {episode!r} is not there; there are {found[0]}…{found[-1]}")
+    episode = episodes[0] if wanted is None else wanted
+    if episode not in episodes:
+        raise DataError(
+            f"map episode: {episode!r} is not there; there are {episodes[0]}…{episodes[-1]}"
+        )
     parts = [t.filter(pa.compute.equal(t["episode_index"], episode)) for t in tables]
     table = pa.concat_tables(part for part in parts if len(part))
     return table.sort_by("frame_index") if "frame_index" in table.column_names else table
@@ -138,8 +139,8 @@ def _known_columns(file: Path) -> pa.Table:
     return table
 
 
-def _lists(path: Path, table: pa.Table, feature: str) -> Array:
-    """A feature's rows, (N, k)."""
+def _lists(path: Path, table: pa.Table, feature: str) -> Float64[np.ndarray, "row element"]:
+    """A feature's rows."""
     try:
         rows = np.array(table[feature].to_pylist(), dtype=np.float64)
     except (ValueError, TypeError) as error:

@@ -22,15 +22,16 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+from jaxtyping import Float64, Shaped
 
 from wt.data.importers.base import Map, refuse_unknown_keys, register
 from wt.errors import DataError, suggest
 from wt.types import Recording
 
-Array = np.ndarray
-
 _TIMES = ("t", "time", "timestamps")
 _NAMES = {"qpos": "joints", "qvel": "joints", "ctrl": "actuators", "force": "actuators"}
+
+_Arrays = Mapping[str, Shaped[np.ndarray, " ..."]]
 
 
 @register
@@ -43,7 +44,7 @@ class Npz:
     general: ClassVar[bool] = True
 
     def recognises(self, path: Path) -> bool:
-        """Whether ``path`` is an archive by its name."""
+        """True if ``path`` is an archive by its name."""
         return path.is_file() and path.suffix.lower() == ".npz"
 
     def read(self, path: Path, mapping: Map) -> Recording:
@@ -60,8 +61,8 @@ class Npz:
                 f"'{path}' is not a whole archive of plain arrays (cut off, or with Python "
                 f"objects inside?): {error}"
             ) from error
-        found = [name for name in _TIMES if name in arrays]
-        time = mapping.get("time", found[0] if found else None)
+        time_names = [name for name in _TIMES if name in arrays]
+        time = mapping.get("time", time_names[0] if time_names else None)
         if time is None:
             raise DataError(
                 f"'{path}' has no array {', '.join(_TIMES)} but {', '.join(arrays)}; name one in "
@@ -79,7 +80,7 @@ class Npz:
         return Recording(_picked(path, arrays, time), columns, meta)
 
 
-def _by_name(path: Path, arrays: Mapping[str, Array]) -> dict[str, Array]:
+def _by_name(path: Path, arrays: _Arrays) -> dict[str, Float64[np.ndarray, " _"]]:
     columns = {}
     for name, array in arrays.items():
         kind, slash, _ = name.partition("/")
@@ -99,8 +100,8 @@ def _by_name(path: Path, arrays: Mapping[str, Array]) -> dict[str, Array]:
     return columns
 
 
-def _picked(path: Path, arrays: Mapping[str, Array], wanted: object) -> Array:
-    """One column of an array, scaled: (N,)."""
+def _picked(path: Path, arrays: _Arrays, wanted: object) -> Float64[np.ndarray, " time"]:
+    """One column of an array, scaled."""
     entry: dict[str, Any] = wanted if isinstance(wanted, dict) else {"array": wanted}
     refuse_unknown_keys(entry, {"array", "index", "scale"})
     name = str(entry.get("array"))
@@ -119,5 +120,5 @@ def _picked(path: Path, arrays: Mapping[str, Array], wanted: object) -> Array:
     scale = entry.get("scale", 1.0)
     if isinstance(scale, bool) or not isinstance(scale, int | float):
         raise DataError(f"map: scale of {name!r} is {scale!r}; it must be a number")
-    scaled: Array = float(scale) * array.astype(np.float64)
+    scaled: np.ndarray = float(scale) * array.astype(np.float64)
     return scaled

@@ -67,7 +67,7 @@ class Ros2:
     general: ClassVar[bool] = False
 
     def recognises(self, path: Path) -> bool:
-        """Whether ``path`` is such a file or folder by its name."""
+        """True if ``path`` is such a file or folder by its name."""
         if path.is_dir():
             return (path / "metadata.yaml").is_file()
         return path.is_file() and path.suffix in (".mcap", ".db3")
@@ -160,7 +160,7 @@ def _raw(path: Path) -> Iterator[tuple[str, str, int, bytes]]:
 
 
 def _roles(path: Path, topics: list[_Topic], wanted: object) -> dict[str, list[_Topic]]:
-    """Which topics are state, command, imu and odometry: by the map, else by type and name."""
+    """Topics by role (state, command, imu, odometry): by the map, else by type and name."""
     roles: dict[str, list[_Topic]] = {role: [] for role in _ROLES}
     for topic in topics:
         sent = topic.type in (ros.TRAJECTORY, ros.MULTI_ARRAY) or _COMMANDS.search(topic.name)
@@ -206,7 +206,7 @@ def _stamps(topics: list[_Topic]) -> tuple[dict[str, list[int]], str]:
 
 
 def _moves(measured: Stream) -> tuple[bool, bool]:
-    """Whether it has positions of hinges or slides, and whether it has positions at all."""
+    """True for positions of hinges or slides; True for positions at all."""
     positions = [name for name in measured.columns if name.startswith("qpos/")]
     return any(not name[-2:].startswith("/") for name in positions), bool(positions)
 

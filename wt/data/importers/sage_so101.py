@@ -18,12 +18,11 @@ from typing import ClassVar
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Float64
 
 from wt.data.importers.base import Map, register
 from wt.errors import DataError, suggest
 from wt.types import Recording
-
-Array = np.ndarray
 
 JOINTS = {
     "Rotation": "shoulder_pan",
@@ -51,7 +50,7 @@ class SageSO101:
     general: ClassVar[bool] = False
 
     def recognises(self, path: Path) -> bool:
-        """Whether ``path`` is such a folder."""
+        """True if ``path`` is such a folder."""
         return (path / _CONTROL).is_file() and (path / _STATE).is_file()
 
     def read(self, path: Path, mapping: Map) -> Recording:
@@ -74,7 +73,7 @@ class SageSO101:
         if _is_register(velocity, state["torques"]):
             velocity = velocity * COUNT
         jaw = names[list(JOINTS).index("Jaw")]
-        columns: dict[str, Array] = {}
+        columns: dict[str, Float64[np.ndarray, " row"]] = {}
         for i, name in enumerate(names):
             command, position, speed = control["positions"][:, i], state["positions"][:, i], 1.0
             if name == jaw:
@@ -101,8 +100,8 @@ def _joint_names(path: Path, renamed: dict[str, str]) -> list[str]:
     return list((JOINTS | renamed).values())
 
 
-def _table(path: Path, lists: list[str], width: int) -> dict[str, Array]:
-    """The time stamps [µs], (N, 1), and the bracketed lists of a file, (N, width) each."""
+def _table(path: Path, lists: list[str], width: int) -> dict[str, Float64[np.ndarray, "row _"]]:
+    """The time stamps [µs] as one column, and the bracketed lists of a file."""
     try:
         table = pd.read_csv(path)
         columns = {"timestamp": table["timestamp"].to_numpy(np.float64)[:, None]}
@@ -118,12 +117,14 @@ def _table(path: Path, lists: list[str], width: int) -> dict[str, Array]:
     return columns
 
 
-def _is_register(velocity: Array, torque: Array) -> bool:
-    """Whether these are the servo's whole-numbered registers rather than SI values."""
+def _is_register(
+    velocity: Float64[np.ndarray, "row joint"], torque: Float64[np.ndarray, "row joint"]
+) -> bool:
+    """True for the servo's whole-numbered registers, False for SI values."""
     return all((x == np.round(x)).all() for x in (velocity, torque))
 
 
-def _swept(jaw: Array, otherwise: float) -> float:
+def _swept(jaw: Float64[np.ndarray, " row"], otherwise: float) -> float:
     """Servo angle between jaw 0 and 1 [rad]: its smallest step is one encoder count."""
     steps = np.diff(np.unique(jaw))
     return float(COUNT / steps.min()) if len(steps) else otherwise

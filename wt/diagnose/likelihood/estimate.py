@@ -28,8 +28,6 @@ BLOCK_S = 2.0
 """Length of a block [s]: longer than a servo's or a gravity-loaded joint's memory."""
 _NEAR = 0.02
 """Nuisances linearised within this share of the parameters are not linearised again."""
-_HOLDING = ("body.mass", "actuator.gain")
-"""Errors of any rig that say how high a machine on soft legs stands."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,19 +70,18 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     return Estimated(now, tuple(estimates))
 
 
-def least_certain(estimated: Estimated) -> int | None:
-    """The effect that may as well be nothing; None if all are certainly something.
+def distances_from_nothing(estimated: Estimated) -> dict[int, float]:
+    """Effects that may as well be nothing, by index: their distance from it [interval widths].
 
-    That is one whose intervals hold all of its neutral values (A. Wald, 1943). Of several it is
-    the one nearest to them, in interval widths: the others may be certain without it.
+    Those are the effects whose intervals hold all of their neutral values (A. Wald, 1943).
     """
-    away: dict[int, float] = {}
+    distances: dict[int, float] = {}
     for i, planted in enumerate(estimated.hypothesis):
         known = [p for p in planted.effect.parameters if p.neutral is not None]
         widths = [_from_neutral(p, estimated.estimates[i][p.name]) for p in known]
         if widths and np.isfinite(widths).all():
-            away[i] = max(widths)
-    return min(away, key=away.__getitem__, default=None)
+            distances[i] = max(widths)
+    return distances
 
 
 def _from_neutral(parameter: Parameter, estimate: Estimate) -> float:
@@ -107,7 +104,7 @@ def _spread(objective: Objective, now: Assessed, slope: Array) -> Array:
         settled[p:] |= [(n.planted.effect.id, n.planted.at) in alike for n in objective.some]
         # soft drives hold all bodies: what pulls at one may be the weight of another
         if any(q.at.kind == "body" for q in now.hypothesis):
-            settled[p:] |= [n.planted.effect.id in _HOLDING for n in objective.some]
+            settled[p:] |= [n.effect.at_rest for n in objective.some]
     scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     scaled, free = hessian / scale / scale[:, None], np.flatnonzero(~settled)
     inverse = np.zeros((n, n))

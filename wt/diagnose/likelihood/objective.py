@@ -282,7 +282,7 @@ class Objective:
         lower: Array,
         upper: Array,
         damping: float,
-        hold: Array | float = np.inf,
+        prior_std: Array | float = np.inf,
     ) -> tuple[Array, Array]:
         """One bounded Gauss-Newton step of parameters and nuisances together.
 
@@ -292,7 +292,7 @@ class Objective:
             lower: smallest step, (p,).
             upper: largest step, (p,).
             damping: Levenberg-Marquardt, relative to the diagonal.
-            hold: spread of a prior on each step, (p,).
+            prior_std: spread of a prior on each step, (p,).
 
         Returns:
             (nuisances, step of the parameters).
@@ -300,7 +300,7 @@ class Objective:
         squares = self._around.squares_beside(now.error, jacobian)
         p, size = jacobian.shape[2], boxes(self.some, now.hypothesis)
         low, high = np.concatenate([lower, -size]), np.concatenate([upper, size])
-        prior = np.concatenate([np.full(p, 1.0) / np.square(hold), np.ones(len(size))])
+        prior = np.concatenate([np.full(p, 1.0) / np.square(prior_std), np.ones(len(size))])
         damped = np.concatenate([np.full(p, damping), np.zeros(len(size))])
         x = squares.step(self.channels.weights(now.variance), low, high, prior, damped)
         return x[p:], x[:p]

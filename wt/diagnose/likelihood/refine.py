@@ -4,8 +4,8 @@ All hypotheses and their finite-difference neighbours are replayed in one batch;
 damped step, bounded, with the nuisances adapting along (the bounded linear problem is scipy's).
 
 A parameter that data hardly tell, such as where along its only axis a load sits, would drift from
-step to step to its bound: a proximal term, its ``hold``, keeps it where it was. It is on the step
-and not on the parameter, so that what data do tell is found without bias (Rockafellar, 1976).
+step to step to its bound: a proximal term of its ``prior_std`` keeps it where it was. It is on the
+step and not on the parameter, so that what data do tell is found without bias (Rockafellar, 1976).
 """
 
 from __future__ import annotations
@@ -120,10 +120,12 @@ def _step(objective: Objective, climbs: Sequence[_Climb]) -> list[_Climb]:
         free = [climb.now.hypothesis[i] for i in climb.free]
         reach = [p.reach() for p in free]
         lower, upper = (np.concatenate(ends) for ends in zip(*reach, strict=True))
-        hold = np.array([q.hold for p in free for q in p.effect.parameters for _ in range(q.size)])
+        prior_std = np.array(
+            [q.prior_std for p in free for q in p.effect.parameters for _ in range(q.size)]
+        )
         for factor in _TRIALS:
             damping = climb.damping * factor
-            nuisance, step = objective.solve(climb.now, slope, lower, upper, damping, hold)
+            nuisance, step = objective.solve(climb.now, slope, lower, upper, damping, prior_std)
             ends = np.cumsum([p.effect.n_theta for p in free])[:-1]
             moved = [p.moved(own) for p, own in zip(free, np.split(step, ends), strict=True)]
             trials.append(unpack(climb.now.hypothesis, climb.free, np.concatenate(moved)))

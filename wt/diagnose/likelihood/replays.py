@@ -117,7 +117,7 @@ class Nearby:
         self.nudge = ROUGH if once else 1.0
         self._step = _STEP * self.nudge
         self.some = tuple(some)
-        self.able = np.array([n.correctable for n in some], dtype=bool)
+        self.able = np.array([n.effect.correctable for n in some], dtype=bool)
         self._known: tuple[tuple[Key, ...], Array, Array] | None = None
 
     def on(self, replays: Extrapolated) -> Nearby:
@@ -129,7 +129,7 @@ class Nearby:
     def rig(self, sizes: Array) -> tuple[Planted, ...]:
         """Errors of so many deviations, those that a model can hold."""
         pairs = zip(self.some, sizes, strict=True)
-        return tuple(n.scaled(float(x)) for n, x in pairs if n.correctable and x)
+        return tuple(n.scaled(float(x)) for n, x in pairs if n.effect.correctable and x)
 
     def around(self, hypothesis: Sequence[Planted], centre: Array) -> tuple[Array, Array, Array]:
         """Replay a hypothesis with the rig's errors at ``centre`` [deviations].
@@ -143,7 +143,7 @@ class Nearby:
         if self._known is not None and self._known[0] == keys:
             return self._replays.around(here, [])[0], *self._known[1:]
         moved = [
-            (*hypothesis, *self.rig(centre + one)) if n.correctable else (*here, n.planted)
+            (*hypothesis, *self.rig(centre + one)) if n.effect.correctable else (*here, n.planted)
             for n, one in zip(self.some, self._step * np.eye(len(self.some)), strict=True)
         ]
         q, changes = self._replays.around(here, moved)

@@ -11,11 +11,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from wt.diagnose.evidence import Measured, MeasuredForce, Side
 from wt.diagnose.observed.sensors import sensed
 from wt.diagnose.recordings.prepare import Prepared
 from wt.diagnose.recordings.samples import Part, stamps
 from wt.diagnose.residual.screen import Screen, leftover
-from wt.diagnose.result import Measured, MeasuredForce, Side
 from wt.diagnose.selection.holdout import Holdout
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.motion import Motion
@@ -28,19 +28,19 @@ _LEAST_ROWS = 50
 
 
 def measured(
-    prepared: Prepared, screen: Screen, held: Holdout, hypothesis: Hypothesis, step: float
+    prepared: Prepared, screen: Screen, holdout: Holdout, hypothesis: Hypothesis, step: float
 ) -> Measured:
     """Compare what was measured besides the joints with model and replays.
 
     Args:
         prepared: the recordings.
         screen: the force residual of the fitted ones.
-        held: the held-out ones.
+        holdout: the held-out ones.
         hypothesis: the findings.
         step: physics step of replays [s].
     """
     forces = _forces(prepared.fit, screen)
-    sensors, left_out = sensed(prepared.held, held, hypothesis, step)
+    sensors, left_out = sensed(prepared.held, holdout, hypothesis, step)
     notes = [said for f in forces if (said := sentence(f))]
     if left_out:
         names = ", ".join(left_out)

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
+from wt.diagnose.evidence import SensorError
 from wt.diagnose.recordings.samples import Part, stamps
-from wt.diagnose.result import SensorError
 from wt.diagnose.selection.holdout import Holdout
 from wt.physics.acting import is_live
 from wt.physics.hooks import OnOutputs
@@ -27,25 +27,29 @@ Array = np.ndarray
 
 
 def sensed(
-    parts: Sequence[Part], held: Holdout, hypothesis: Hypothesis, step: float
+    parts: Sequence[Part], holdout: Holdout, hypothesis: Hypothesis, step: float
 ) -> tuple[tuple[SensorError, ...], tuple[str, ...]]:
     """Errors of replays of held-out recordings at every further sensor that was recorded.
 
     Args:
         parts: the held-out recordings.
-        held: the same, ready to be replayed.
+        holdout: the same, ready to be replayed.
         hypothesis: the findings.
         step: physics step of the replays [s].
 
     Returns:
         (errors, names of sensors that cannot be compared).
     """
-    scene = held.smoothed.motion.scene
-    channels, left_out = _recorded(scene, parts, held.stretches)
+    scene = holdout.smoothed.motion.scene
+    channels, left_out = _recorded(scene, parts, holdout.stretches)
     if not channels:
         return (), left_out
-    before = predicted(scene, held, (), step, channels)
-    after = predicted(scene, held, held.here(hypothesis), step, channels) if hypothesis else before
+    before = predicted(scene, holdout, (), step, channels)
+    after = (
+        predicted(scene, holdout, holdout.here(hypothesis), step, channels)
+        if hypothesis
+        else before
+    )
     found = []
     for channel in channels:
         errors = [_rms(x[channel.name], channel) for x in (before, after)]
@@ -175,10 +179,10 @@ class Channel:
 
 
 def predicted(
-    scene: Scene, held: Holdout, hypothesis: Hypothesis, step: float, channels: Sequence[Channel]
+    scene: Scene, holdout: Holdout, hypothesis: Hypothesis, step: float, channels: Sequence[Channel]
 ) -> dict[str, Array]:
     """What each sensor reports in replays, (N, dim) each; NaN where that is not known."""
-    replayer = Replayer(scene, [_beside(s, step) for s in held.stretches], step)
+    replayer = Replayer(scene, [_beside(s, step) for s in holdout.stretches], step)
     told = replayer.run([hypothesis])
     path, reported = told, (told.q[0], told.v[0])
     sensing = [p for p in hypothesis if isinstance(p.effect, OnOutputs)]
@@ -189,9 +193,9 @@ def predicted(
         path = Replayer(scene, starts, step).run([bodily])
     state = _States(scene, replayer, hypothesis)
     found = {c.name: np.full((2, *c.measured.shape), np.nan) for c in channels}
-    thin = max(1, sum(len(s.t) for s in held.stretches) // _MOST_ROWS)
+    thin = max(1, sum(len(s.t) for s in holdout.stretches) // _MOST_ROWS)
     start = fine = 0
-    for s in held.stretches:
+    for s in holdout.stretches:
         rows, beside = slice(start, start + len(s.t)), slice(fine, fine + 3 * len(s.t) - 2)
         start, fine = rows.stop, beside.stop
         (_, q, _), (early, v, late) = (_apart(x[0, beside]) for x in (path.q, path.v))
@@ -218,10 +222,10 @@ def _near(s: Stretch, step: float) -> float:
 
 def _beside(s: Stretch, step: float) -> Stretch:
     """The same stretch, sampled just before and just after each sample too."""
-    near, before = _near(s, step), np.vstack([s.held[:1], s.held[:-1]])
+    near, before = _near(s, step), np.vstack([s.command[:1], s.command[:-1]])
     t = np.stack([s.t - near, s.t, s.t + near], axis=1).reshape(-1)
-    held = np.stack([before, s.held, s.held], axis=1).reshape(len(t), -1)
-    return replace(s, t=t[1:-1], held=held[1:-1])
+    command = np.stack([before, s.command, s.command], axis=1).reshape(len(t), -1)
+    return replace(s, t=t[1:-1], command=command[1:-1])
 
 
 def _apart(path: Array) -> tuple[Array, Array, Array]:

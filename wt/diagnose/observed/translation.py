@@ -24,8 +24,9 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
+from wt.diagnose.evidence import ChannelLeft, Distance, Interval, Translated
 from wt.diagnose.recordings.prepare import Prepared
-from wt.diagnose.result import ChannelLeft, Distance, Interval, Located, Translated
+from wt.diagnose.result import Located
 from wt.diagnose.selection.condition import merged, standing_out
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.errors import ModelError, RecordingError

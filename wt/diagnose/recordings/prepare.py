@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from wt.data import recording as recordings
+from wt.diagnose.evidence import Role
 from wt.diagnose.recordings.odometry import located
 from wt.diagnose.recordings.samples import Part, stamps
-from wt.diagnose.result import Role, Used
+from wt.diagnose.result import Used
 from wt.errors import RecordingError
 from wt.physics.scene import Scene
 from wt.types import Recording

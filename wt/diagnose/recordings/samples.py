@@ -51,14 +51,14 @@ class Samples:
         t: time since the recording's start, (K,) [s].
         q: measured positions, (K, nv); NaN where missing.
         v: measured velocities, (K, nv); NaN where missing or not recorded.
-        held: commands, (K, nu).
+        command: commands, (K, nu).
     """
 
     recording: int
     t: Array
     q: Array
     v: Array
-    held: Array
+    command: Array
 
     @property
     def dt(self) -> float:

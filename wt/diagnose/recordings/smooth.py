@@ -68,7 +68,7 @@ def resmooth(smoothed: Smoothed, rng: np.random.Generator) -> Motion:
         noisy_q = q + smoothed.noise * rng.standard_normal(q.shape)
         noisy_v = v + np.nan_to_num(smoothed.noise_v) * rng.standard_normal(v.shape)
         noisy_q[np.isnan(s.q)], noisy_v[np.isnan(s.v)] = np.nan, np.nan
-        renewed.append(Samples(s.recording, s.t, noisy_q, noisy_v, s.held))
+        renewed.append(Samples(s.recording, s.t, noisy_q, noisy_v, s.command))
     nv = smoothed.noise.size
     chosen = [
         [_fit(s, j, spacing[j], smoothed.noise[j], smoothed.noise_v[j]) for j in range(nv)]
@@ -182,7 +182,7 @@ def _assemble(
         # the command in force at a grid point is the last one sent
         last = np.clip(np.searchsorted(s.t, grid + 1e-6 * s.dt, side="right") - 1, 0, len(s.t) - 1)
         on_grid = [np.stack([f(grid, d) for f in splines], axis=1) for d in range(3)]
-        parts.append((grid, *on_grid, s.held[last]))
+        parts.append((grid, *on_grid, s.command[last]))
         segments.append(Segment(slice(start, start + count), s.recording, s.dt))
         start += count
         q, v, a = (np.stack([f(s.t, d) for f in splines], axis=1) for d in range(3))

@@ -46,7 +46,7 @@ def cut(smoothed: Smoothed, index: int, rows: slice) -> Stretch:
     s, (q, v, _) = smoothed.samples[index], smoothed.at_samples[index]
     first, segment = rows.start, smoothed.motion.segments[index]
     known = (q[first], v[first], segment, smoothed.motion)
-    return Stretch(s.recording, s.t[rows], s.held[rows], *known)
+    return Stretch(s.recording, s.t[rows], s.command[rows], *known)
 
 
 def stretches_of(

@@ -10,21 +10,19 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from wt.diagnose.evidence import Trace
 from wt.diagnose.report.drawing import draw, joint_of
 from wt.diagnose.report.text import error as said_error
 from wt.diagnose.report.text import name_of, number, scaled, short_name, tied
-from wt.diagnose.result import Diagnosis, Finding, Trace
+from wt.diagnose.result import Diagnosis, Finding
 from wt.physics import base
+from wt.physics.effect import effects
 from wt.physics.scene import drives
 from wt.show.charts import Axes, Series, chart
 from wt.types import Location
 
 Array = np.ndarray
 
-_OVER_VELOCITY = ("friction", "speed_limit", "drag", "delay", "lag")
-_OVER_ACCELERATION = ("armature", "body.inertia")
-_OVER_DRIVE = ("gain", "deadband", "saturation")
-_OVER_TIME = ("fade", "force_intermittent", "payload_moving")
 _BINS, _LEAST = 36, 5
 _MOST_TRACES = 4
 _MOST_SHADED = 0.8  # of a trace, from which shading tells nothing
@@ -219,23 +217,16 @@ def _variable(
 ) -> tuple[str, str, list[Array]]:
     """Name, label with unit, and values, one array a trace, of what the effect depends on."""
     traces, joint, unit = diagnosis.traces, diagnosis.joints[column], diagnosis.unit
-    kind = "position"
-    for kinds, said in (
-        (_OVER_VELOCITY, "velocity"),
-        (_OVER_ACCELERATION, "acceleration"),
-        (_OVER_DRIVE, "drive"),
-        (_OVER_TIME, "time"),
-    ):
-        if any(part in finding.effect for part in kinds):
-            kind = said
+    known = effects().get(finding.effect)
+    kind: str = known.plotted_over if known else "position"
     if finding.depends_on:
         group, _, name = finding.depends_on[0].partition("/")
         kind = {"qvel": "velocity", "ctrl": "command", "t": "time"}.get(group, "position")
         if group in ("qpos", "qvel") and name in diagnosis.joints:
             joint, column = name, diagnosis.joints.index(name)
     command = _actuator(finding, joint, model)
-    known = all(command in t.command for t in traces)
-    if kind == "drive" and known and model is not None:
+    recorded = all(command in t.command for t in traces)
+    if kind == "drive" and recorded and model is not None:
         drive = next(d for d in drives(model) if d.name == command)
         values = [
             drive.force(t.command[command], t.recorded[:, column], t.velocity[:, column])
@@ -243,7 +234,7 @@ def _variable(
         ]
         force = f"force of {command} in the model"
         return f"the {force}", f"{force} [{_force_unit(model, joint)}]", values
-    if kind in ("command", "drive") and known:
+    if kind in ("command", "drive") and recorded:
         values = [t.command[command] for t in traces]
         return f"the command of {command}", f"command of {command}", values
     if kind == "time":

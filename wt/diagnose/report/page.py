@@ -8,28 +8,29 @@ from __future__ import annotations
 
 import difflib
 import html
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import PurePath
 
 import numpy as np
 
+from wt.diagnose.evidence import Translated
 from wt.diagnose.observed.translation import sentences
 from wt.diagnose.report import charts, text
 from wt.diagnose.report.drawing import SHADES
-from wt.diagnose.result import Diagnosis, Error, Finding, Translated
+from wt.diagnose.result import Decision, Diagnosis, Error, Finding
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.show.charts import Axes, Series, chart
 from wt.show.page import bar, escaped, items, section, table, template
+from wt.types import Location
 
 _MOST_DIFF = 400
-_MOST_CONSIDERED = 200
 
 
 def report(diagnosis: Diagnosis) -> str:
     """The page."""
     sections: tuple[Callable[[Diagnosis], str], ...] = (
         _opening, _where, _parameters, _dependence, _errors, proof, translation, _confusable, _diff,
-        _considered, _sources,
+        _decisions, _sources,
     )  # fmt: skip
     title = f"Diagnosis of {PurePath(diagnosis.model_path).name}"
     return template().substitute(
@@ -214,25 +215,49 @@ def _diff(d: Diagnosis) -> str:
     )
 
 
-def _considered(d: Diagnosis) -> str:
-    if not d.considered:
+def _decisions(d: Diagnosis) -> str:
+    """Every decision, one table a place: why this name, and why not that one."""
+    if not d.decisions:
         return ""
-    by = {"screened": "forces", "replayed": "replays"}
-    rows = [
-        f"<tr{' class=best' if c.verdict == 'accepted' else ''}>"
-        f"<td><code>{escaped(c.effect)}</code></td>"
-        f'<td>{escaped(str(c.at))}</td><td class="n">{text.number(c.gain)}</td>'
-        f"<td>{by[c.stage]}</td><td>{escaped(c.verdict)}</td></tr>"
-        for c in d.considered[:_MOST_CONSIDERED]
-    ]
-    head = ("effect", "place", "#gain [nats]", "judged by", "outcome")
+    places: dict[Location, list[Decision]] = {}
+    for decision in d.decisions:
+        places.setdefault(decision.at, []).append(decision)
+    claimed = [f.at for f in d.findings]
+    ordered = sorted(places, key=lambda at: (at not in claimed, -_interest(places[at])))
     said = (
-        "Gain: of log-likelihood over the model without it, less the price of its parameters. "
-        "Judged first by the force that the motion demands, the best then by replays."
+        "Judged first by the force that the motion demands, the best then by replays, and what "
+        "joined by data that it was not fitted to. Statistic and threshold: in nats unless the "
+        "stage says otherwise; the documentation of diagnosis.json has them."
     )
+    tables = "".join(_decided(d, at, places[at], at in claimed) for at in ordered)
     return (
-        f"<details><summary>{len(d.considered)} hypotheses were considered</summary>"
-        f'<p class="soft">{escaped(said)}</p>{table(head, rows)}</details>'
+        f"<details><summary>Why this name, and why not another: {len(d.decisions)} decisions at "
+        f'{len(places)} places</summary><p class="soft">{escaped(said)}</p>'
+        f'<p><label>Show places, effects or stages that contain <input type="search" '
+        f'data-filter="decisions"></label></p><div id="decisions">{tables}</div></details>'
+    )
+
+
+def _interest(decisions: Sequence[Decision]) -> int:
+    """Decisions that took more than a look at the forces."""
+    return sum(c.stage != "screened" for c in decisions)
+
+
+def _decided(d: Diagnosis, at: Location, decisions: Sequence[Decision], claimed: bool) -> str:
+    rows = [
+        f"<tr{' class=best' if c.kept else ''}><td><code>{escaped(c.effect)}</code></td>"
+        f"<td>{c.stage}</td><td>{'stays' if c.kept else 'goes'}</td>"
+        f'<td class="n">{"–" if c.statistic is None else text.number(c.statistic)}</td>'
+        f'<td class="n">{text.number(c.threshold)}</td><td>{escaped(c.reason)}</td></tr>'
+        for c in decisions
+        if c.stage != "screened" or _interest(decisions) == 0
+    ]
+    head = ("effect", "stage", "outcome", "#statistic", "#threshold", "why")
+    screened = len(decisions) - len(rows)
+    rest = f" {screened} more were screened out by forces." if screened else ""
+    return (
+        f"<details{' open' if claimed else ''}><summary>{escaped(str(at))}, {len(decisions)} "
+        f"decisions</summary>{table(head, rows)}<p class=note>{rest}</p></details>"
     )
 
 

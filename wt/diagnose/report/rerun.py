@@ -25,11 +25,12 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from wt.diagnose.evidence import Trace
 from wt.diagnose.report import text
 from wt.diagnose.report.charts import filled, full_pose, joint_order, model_of
-from wt.diagnose.result import Diagnosis, Trace
+from wt.diagnose.result import Diagnosis
 from wt.show import colors
-from wt.show.robot_view import Motion, log_robot, motion_of, send_columns
+from wt.show.robot_view import BodyPoses, body_poses, log_robot, send_columns
 
 Array = np.ndarray
 
@@ -76,7 +77,7 @@ def playback(diagnosis: Diagnosis) -> bytes:
     said = [*text.sentences(diagnosis), text.fit(diagnosis), *diagnosis.notes]
     summary = rr.TextDocument("\n\n".join(said), media_type=rr.MediaType.MARKDOWN)
     recording.log("summary", summary, static=True, strict=True)
-    motions: dict[str, Motion] = {}
+    motions: dict[str, BodyPoses] = {}
     if film.traces:
         if model is not None:
             motions = _log_robots(recording, diagnosis, film, model)
@@ -105,13 +106,13 @@ def _positions(trace: Trace, robot: str) -> Array:
 
 def _log_robots(
     recording: rr.RecordingStream, diagnosis: Diagnosis, film: Film, model: mujoco.MjModel
-) -> dict[str, Motion]:
+) -> dict[str, BodyPoses]:
     """Three robots side by side, the recorded one leftmost."""
     motions, time = {}, np.zeros(0)
     for robot in _robots(diagnosis):
         whole = [filled(t.t, _positions(t, robot)) for t in film.traces]
         time, positions = film.joined(_POSES_HZ, whole)
-        motions[robot] = motion_of(model, full_pose(model, diagnosis.joints, positions))
+        motions[robot] = body_poses(model, full_pose(model, diagnosis.joints, positions))
     along, _ = _directions(motions)
     places = np.concatenate([m.pos[:, 1:].reshape(-1, 3) for m in motions.values()]) @ along
     apart = float(np.ptp(places)) + _GAP * model.stat.extent
@@ -184,7 +185,7 @@ def _log_events(recording: rr.RecordingStream, diagnosis: Diagnosis, film: Film)
         recording.log("log", rr.TextLog(words, level=level), strict=True)
 
 
-def _blueprint(diagnosis: Diagnosis, motions: Mapping[str, Motion]) -> rrb.Blueprint:
+def _blueprint(diagnosis: Diagnosis, motions: Mapping[str, BodyPoses]) -> rrb.Blueprint:
     """Robots and events at the left; at the right one tab a joint, the worst first."""
     tabs = [
         rrb.Vertical(
@@ -213,7 +214,7 @@ def _blueprint(diagnosis: Diagnosis, motions: Mapping[str, Motion]) -> rrb.Bluep
     )
 
 
-def _directions(motions: Mapping[str, Motion]) -> tuple[Array, Array]:
+def _directions(motions: Mapping[str, BodyPoses]) -> tuple[Array, Array]:
     """Horizontal unit vectors: along which robots stand, and towards who sees most motion."""
     moving = np.concatenate([m.pos[:, 1:, :2].reshape(-1, 2) for m in motions.values()])
     _, vectors = np.linalg.eigh(np.cov(moving.T, bias=True) + 1e-12 * np.diag([0.0, 1.0]))
@@ -221,7 +222,7 @@ def _directions(motions: Mapping[str, Motion]) -> tuple[Array, Array]:
     return np.array([-y, x, 0.0]), np.array([x, y, 0.0])
 
 
-def _scene(motions: Mapping[str, Motion]) -> rrb.Spatial3DView:
+def _scene(motions: Mapping[str, BodyPoses]) -> rrb.Spatial3DView:
     along, towards = _directions(motions)
     points = np.concatenate([motion.pos[:, 1:].reshape(-1, 3) for motion in motions.values()])
     low, high = points.min(axis=0), points.max(axis=0)

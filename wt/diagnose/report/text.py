@@ -10,8 +10,13 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 import numpy as np
+from rich import box
+from rich.table import Table
+from rich.text import Text
 
-from wt.diagnose.result import Diagnosis, Error, Estimate, Finding, Interval
+from wt.diagnose.evidence import Interval
+from wt.diagnose.result import Decision, Diagnosis, Error, Estimate, Finding
+from wt.errors import UserError
 from wt.show.text import NBSP, tied
 
 if TYPE_CHECKING:
@@ -212,9 +217,6 @@ def parameter_rows(findings: Sequence[Finding]) -> list[tuple[str, str, str, str
 
 def print_summary(diagnosis: Diagnosis, console: Console) -> None:
     """Print the sentences, the fit, a table of the parameters, and the notes."""
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
 
     def say(sentence: str, style: str = "") -> None:
         # rich would break lines at no-break spaces
@@ -246,6 +248,31 @@ def print_summary(diagnosis: Diagnosis, console: Console) -> None:
         ]
     for line in [*said, *diagnosis.proof.left_over, *diagnosis.notes]:
         say(f"note: {line}", "dim")
+
+
+def why(decisions: Sequence[Decision], place: str) -> Table:
+    """Table of every decision at a place, in order of time: why this name, and not that one.
+
+    Raises:
+        UserError: nothing was considered at such a place.
+    """
+    places = sorted({str(d.at) for d in decisions})
+    wanted = [d for d in decisions if place in (d.at.name, str(d.at))]
+    if not wanted:
+        known = ", ".join(places) or "none, since nothing errs"
+        raise UserError(f"--why {place}: nothing was considered there; places: {known}")
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    for head in ("effect", "at", "stage", "outcome"):
+        table.add_column(head, overflow="fold")
+    for head in ("statistic", "threshold"):
+        table.add_column(head, justify="right", no_wrap=True)
+    table.add_column("why", overflow="fold", ratio=1)
+    for d in wanted:
+        figure = "–" if d.statistic is None else number(d.statistic)
+        outcome = "stays" if d.kept else "goes"
+        cells = (d.effect, str(d.at), d.stage, outcome, figure, number(d.threshold), d.reason)
+        table.add_row(*(Text(cell) for cell in cells), style="bold" if d.kept else "")
+    return table
 
 
 def to_html(diagnosis: Diagnosis) -> str:

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from wt.diagnose.evidence import Trace
 from wt.diagnose.recordings.prepare import Prepared
 from wt.diagnose.recordings.smooth import Smoothed
 from wt.diagnose.recordings.stretches import cut
 from wt.diagnose.residual.signature import elsewhere, reduced
-from wt.diagnose.result import Trace
 from wt.physics.planted import Hypothesis
 from wt.physics.rollout import Replayer
 
@@ -56,7 +56,8 @@ def traces(
                     force_before=_at(s.t, grid, some.motion.residual[segment.rows]),
                     force_after=_at(s.t, grid, after[segment.rows]),
                     command={
-                        scene.model.actuator(i).name: s.held[:, i] for i in range(s.held.shape[1])
+                        scene.model.actuator(i).name: s.command[:, i]
+                        for i in range(s.command.shape[1])
                     },
                 )
             )

@@ -24,10 +24,11 @@ from wt.diagnose.likelihood.estimate import Estimated, estimate
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import refine
 from wt.diagnose.residual.screen import Screen
-from wt.diagnose.selection.candidates import alike, excluded, near
+from wt.diagnose.selection.candidates import excluded, near
+from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.search import Accepted
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.physics.effect import Shape, effects
+from wt.physics.effect import Shape, alternatives, effects
 from wt.physics.hooks import shaped
 from wt.physics.planted import Hypothesis, Key, Planted, without
 
@@ -46,15 +47,17 @@ class Lookalikes:
 
     Attributes:
         screen: the force residual, for where they start.
-        some: replays of a part of the fitted data, for their first steps.
+        search_replays: replays of a part of the fitted data, for their first steps.
         objective: replays of all of them.
-        whole: makes replays of these and of the held-out recordings, once it is asked.
+        all_replays: makes replays of these and of the held-out recordings, once it is asked.
+        log: grows by every decision.
     """
 
     screen: Screen
-    some: Objective
+    search_replays: Objective
     objective: Objective
-    whole: Callable[[], Objective]
+    all_replays: Callable[[], Objective]
+    log: DecisionLog
 
     def settled(
         self, accepted: tuple[Accepted, ...], estimated: Estimated, known: Container[Key] = ()
@@ -74,6 +77,7 @@ class Lookalikes:
             options = self._compared(present.hypothesis, i, [p for p, _ in starts])
             ahead, best = max(options, key=lambda option: option[0])
             law = best[i]
+            self._log(now.planted, i, options)
             if ahead > THRESHOLDS.evident_nats:
                 now = Accepted(law, _shape(starts, law), ())
                 parts = (*present.hypothesis[:i], law, *present.hypothesis[i + 1 :])
@@ -86,13 +90,32 @@ class Lookalikes:
             estimated = estimate(self.objective, present.hypothesis)
         return accepted, estimated
 
+    def _log(
+        self, planted: Planted, index: int, options: Sequence[tuple[float, Hypothesis]]
+    ) -> None:
+        """Log the lookalikes of an effect; ``options`` as in :meth:`_compared`, itself first."""
+        ahead, best = max(options, key=lambda option: option[0])
+        given_up = ahead > THRESHOLDS.evident_nats
+        for lead, hypothesis in options:
+            law, won = hypothesis[index], hypothesis is best and given_up
+            if law is planted or hypothesis is options[0][1]:
+                kept, reason = not given_up, "no law that looks alike is more likely"
+                if given_up:
+                    reason = f"gives way to {best[index]}, {ahead:.3g} nats ahead on all recordings"
+                lead = ahead
+            else:
+                kept, reason = won, f"takes the place of {planted}" if won else f"not {planted}"
+            self.log.add(law, "alternative", kept, lead, THRESHOLDS.evident_nats, reason)
+
     def _starts(self, accepted: Sequence[Accepted], now: Assessed, index: int) -> list[Start]:
         """Lookalikes of an effect at its place or close to it, each from where it may start."""
         hypothesis, rivals = now.hypothesis, accepted[index].rivals
         found, rest = hypothesis[index], without(hypothesis, index)
         motion = self.screen.motion
         wanted = {
-            (name, at) for name in alike(found.effect.id) for at in near(self.screen, found.at)
+            (name, at)
+            for name in alternatives(found.effect.id)
+            for at in near(self.screen, found.at)
         } | {(r.effect.id, r.at) for r in rivals}
         known = [(p, a.shape) for p, a in zip(hypothesis, accepted, strict=True) if p is not found]
         ranked = [s for s in self.screen.rank(known, wanted) if np.isfinite(s.gain)]
@@ -125,18 +148,20 @@ class Lookalikes:
         self, hypothesis: Hypothesis, index: int, starts: Sequence[Planted]
     ) -> list[tuple[float, Hypothesis]]:
         """Lookalikes in the place of an effect, and it: how many nats each is ahead of it."""
-        present = self.some.reference(hypothesis)
+        present = self.search_replays.reference(hypothesis)
         tried = [(*hypothesis[:index], p, *hypothesis[index + 1 :]) for p in starts]
-        begun = _best_of_each(self.some.evaluate(tried), index, _STARTS)
+        begun = _best_of_each(self.search_replays.evaluate(tried), index, _STARTS)
         for _ in range(2):
-            fits = refine(self.some, [f.hypothesis for f in begun], [[index]] * len(begun), _STEPS)
+            fits = refine(
+                self.search_replays, [f.hypothesis for f in begun], [[index]] * len(begun), _STEPS
+            )
             near_it = [f for f in fits if f.loglik > present.loglik - _FAR]
             begun = _best_of_each(near_it, index, 1)
-        going = [f.hypothesis for f in begun if worth(self.some, f, present) > -_HOPELESS]
+        going = [f.hypothesis for f in begun if worth(self.search_replays, f, present) > -_HOPELESS]
         if not going:
             return [(0.0, hypothesis)]
         events = any(p.observed() for p in hypothesis)  # at other times in other recordings
-        judge = self.objective if events else self.whole()
+        judge = self.objective if events else self.all_replays()
         judge.reference(hypothesis)
         everything = [range(len(hypothesis))] * (len(going) + 1)
         now, *others = refine(judge, [hypothesis, *going], everything, _STEPS)
@@ -170,7 +195,10 @@ def _due(one: Hypothesis, other: Hypothesis) -> float:
 
 
 def simplified(
-    objective: Objective, accepted: tuple[Accepted, ...], estimated: Estimated
+    objective: Objective,
+    accepted: tuple[Accepted, ...],
+    estimated: Estimated,
+    log: DecisionLog,
 ) -> tuple[tuple[Accepted, ...], Estimated]:
     """The same effects by the simplest laws that leave no more to explain.
 
@@ -178,6 +206,7 @@ def simplified(
         objective: replays of the fitted recordings.
         accepted: effects.
         estimated: their parameters.
+        log: grows by every decision.
     """
     for i, planted in enumerate(estimated.hypothesis):
         intervals = {name: e.ci95 for name, e in estimated.estimates[i].items()}
@@ -188,7 +217,10 @@ def simplified(
         others = tuple(law if k == i else p for k, p in enumerate(estimated.hypothesis))
         again = estimate(objective, others)
         before, after = (erring_joints(objective, e.assessed) for e in (estimated, again))
-        if set(after) <= set(before):
+        simple_enough, sizes = set(after) <= set(before), (planted.effect.n_free, law.effect.n_free)
+        reason = f"its further parameters are not needed: {law}" if simple_enough else "needed"
+        log.add(planted, "simplified", not simple_enough, sizes[0], sizes[1], reason)
+        if simple_enough:
             now = _by(law, accepted[i], objective)
             accepted = (*accepted[:i], now, *accepted[i + 1 :])
             estimated = again

@@ -13,7 +13,7 @@ from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.residual.screen import Scored, Screen
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.acting import is_live
-from wt.physics.effect import Shape, effects
+from wt.physics.effect import Shape, alternatives, effects
 from wt.physics.planted import Planted
 from wt.types import Location
 
@@ -23,30 +23,8 @@ WORST = 2
 """At so many joints, those whose replays err most, every effect of theirs is replayed."""
 KEPT = 10
 """At most so many of the screen's hypotheses are replayed in a round."""
-USUAL = (
-    "joint.friction_coulomb",
-    "joint.friction_viscous",
-    "actuator.bias",
-    "actuator.gain",
-    "actuator.delay",
-)
-"""What hardly a real joint is without: replayed wherever replays err."""
-LOADS = ("body.payload_fixed", "body.mass", "body.com")
-"""… and what is often mounted on a machine: the likeliest is replayed where several joints err."""
 EACH = 2
 """… and so many at each joint: another joint may just be worse."""
-ALIKE = (
-    ("joint.friction_coulomb", "joint.friction_stribeck", "joint.friction_load"),
-    ("joint.friction_viscous", "joint.friction_quadratic", "joint.friction_stribeck"),
-    ("actuator.delay", "actuator.lag", "sensor.delay"),
-    ("actuator.gain", "actuator.deadband", "actuator.fade", "actuator.saturation"),
-    ("joint.stiffness", "joint.hysteresis", "actuator.bias"),
-    ("actuator.bias", "actuator.deadband", "joint.backlash", "sensor.offset"),
-    ("joint.armature", "body.inertia"),
-    ("body.force", "body.tether"),
-    ("body.mass", "body.com", "body.payload_fixed", "body.payload_moving"),
-)
-"""Effects that look alike: where one of a group ranks, the others are replayed close to it."""
 
 
 def candidates(
@@ -69,11 +47,11 @@ def candidates(
     floating = bool(screen.motion.scene.free)
     strong, erring = _strong(screen, ranked), erring_joints(objective, now)
     if not floating and len(erring) > 1:
-        strong += [s for s in ranked if s.planted.effect.id in LOADS and s not in strong][:1]
+        strong += [s for s in ranked if s.planted.effect.common == "often" and s not in strong][:1]
     wanted = {
         (name, place)
         for s in strong
-        for name in alike(s.planted.effect.id)
+        for name in alternatives(s.planted.effect.id)
         for place in near(screen, s.planted.at)
     }
     # where replays err and forces show nothing, every effect of that joint gets its chance
@@ -86,7 +64,7 @@ def candidates(
     for s in ranked:
         at = s.planted.at
         cheap, dof = not is_live(s.planted.effect), dof_of(screen, at)
-        usual = s.planted.effect.id in USUAL and dof in erring
+        usual = s.planted.effect.common == "always" and dof in erring
         if (s.planted.effect.id, at) in wanted or (cheap and dof in worst) or usual:
             chosen.setdefault(s.planted.key, s)
     found: list[tuple[Planted, Shape | None]] = [(s.planted, s.shape) for s in chosen.values()]
@@ -130,11 +108,6 @@ def _first_of_each(ranked: Sequence[Scored], label: Callable[[Scored], Hashable]
         if count[label(s)] <= EACH:
             found.append(s)
     return found
-
-
-def alike(effect: str) -> frozenset[str]:
-    """Ids of the effects that look like one."""
-    return frozenset(x for group in ALIKE if effect in group for x in group) - {effect}
 
 
 def near(screen: Screen, at: Location) -> list[Location]:

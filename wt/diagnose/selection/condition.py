@@ -9,8 +9,8 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.stats import ttest_ind
 
+from wt.diagnose.evidence import Interval
 from wt.diagnose.residual.screen import Screen
-from wt.diagnose.result import Interval
 from wt.diagnose.thresholds import THRESHOLDS
 
 Array = np.ndarray
@@ -191,7 +191,7 @@ def _just_changed(screen: Screen, dof: int) -> Array:
         if drive.dof != dof:
             continue
         for s in m.segments:
-            u = m.held[s.rows, drive.index]
+            u = m.command[s.rows, drive.index]
             step = np.abs(np.diff(u, prepend=u[0])) > 1e-6 * (np.ptp(u) + 1e-12)
             last = np.maximum.accumulate(np.where(step, np.arange(len(u)), -(10**9)))
             recent[s.rows] |= np.arange(len(u)) - last <= _SINCE_S / s.dt

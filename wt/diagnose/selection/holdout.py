@@ -87,7 +87,9 @@ class Holdout:
         return elsewhere(self.smoothed.motion, hypothesis)
 
 
-def hold(smoothed: Smoothed, forgets: bool, seconds: float = np.inf, step: float = 5e-4) -> Holdout:
+def prepare_holdout(
+    smoothed: Smoothed, forgets: bool, seconds: float = np.inf, step: float = 5e-4
+) -> Holdout:
     """Prepare held-out recordings, at most so many seconds, for replays of so long steps [s]."""
     pairs = stretches_of(smoothed, forgets, seconds)
     stretches = tuple(s for s, _ in pairs)
@@ -119,37 +121,38 @@ def blocks_of(label: Array, t: Array) -> tuple[Array, Array]:
     return found[0], found[1]
 
 
-def errors(held: Holdout, hypotheses: Sequence[Hypothesis], step: float) -> Array:
+def errors(holdout: Holdout, hypotheses: Sequence[Hypothesis], step: float) -> Array:
     """Open-loop errors, (H, N, nv); NaN where nothing was measured.
 
     Where a machine remembers how it began, each stretch's initial state, which was estimated and
     not measured, adapts within its uncertainty.
     """
-    here = [held.here(h) for h in hypotheses]
-    replayer = Replayer(held.smoothed.motion.scene, held.stretches, step)
+    here = [holdout.here(h) for h in hypotheses]
+    replayer = Replayer(holdout.smoothed.motion.scene, holdout.stretches, step)
     q = replayer.run(here).q
-    found = np.where(np.isfinite(q), q, held.measured + RAN_AWAY) - held.measured
-    if held.forgets:
+    found = np.where(np.isfinite(q), q, holdout.measured + RAN_AWAY) - holdout.measured
+    if holdout.forgets:
         return found
-    measured = np.isfinite(held.measured)
-    first = here[:1] if not held.smoothed.motion.scene.free else here
-    response = [held.response(h, replayer) * measured[:, :, None] for h in first]
+    measured = np.isfinite(holdout.measured)
+    first = here[:1] if not holdout.smoothed.motion.scene.free else here
+    response = [holdout.response(h, replayer) * measured[:, :, None] for h in first]
     response *= len(here) // len(first)
     return np.stack(
         [
-            np.where(measured, _begun(held, e, r), np.nan)
+            np.where(measured, _begun(holdout, e, r), np.nan)
             for e, r in zip(found, response, strict=True)
         ]
     )
 
 
-def _begun(held: Holdout, error: Array, response: Array) -> Array:
+def _begun(holdout: Holdout, error: Array, response: Array) -> Array:
     """An error (N, nv) once the initial states have adapted."""
-    ends = np.cumsum([len(s.t) for s in held.stretches])
-    rows = [slice(int(e) - len(s.t), int(e)) for e, s in zip(ends, held.stretches, strict=True)]
+    ends = np.cumsum([len(s.t) for s in holdout.stretches])
+    rows = [slice(int(e) - len(s.t), int(e)) for e, s in zip(ends, holdout.stretches, strict=True)]
     left = error = np.nan_to_num(error)
+    noise = np.nan_to_num(holdout.smoothed.noise, nan=1.0)
     for _ in range(REWEIGHTED):
-        mse = np.maximum(np.mean(left**2, axis=0), np.nan_to_num(held.smoothed.noise, nan=1.0) ** 2)
+        mse = np.maximum(np.mean(left**2, axis=0), noise**2)
         left = project(error, initial_states(rows, response, mse))
     return left
 
@@ -181,20 +184,20 @@ class Gain:
 
 
 def gains(
-    held: Holdout, hypothesis: Hypothesis, without: Sequence[Hypothesis], step: float
+    holdout: Holdout, hypothesis: Hypothesis, without: Sequence[Hypothesis], step: float
 ) -> list[Gain]:
     """Held-out gain of a hypothesis over each of some lesser ones; p-values pay for all."""
-    full, *lesser = scaled(errors(held, [hypothesis, *without], step), held.smoothed.noise)
-    found = [gain_of(less, full, (held.block, held.fine)) for less in lesser]
+    full, *lesser = scaled(errors(holdout, [hypothesis, *without], step), holdout.smoothed.noise)
+    found = [gain_of(less, full, (holdout.block, holdout.fine)) for less in lesser]
     n = len(found)
     return [
         replace(g, p_value=min(1.0, g.p_value * n), least_p=min(1.0, g.least_p * n)) for g in found
     ]
 
 
-def gain(held: Holdout, hypothesis: Hypothesis, other: Hypothesis, step: float) -> Gain:
+def gain(holdout: Holdout, hypothesis: Hypothesis, other: Hypothesis, step: float) -> Gain:
     """Held-out gain of one hypothesis over another."""
-    (found,) = gains(held, hypothesis, [other], step)
+    (found,) = gains(holdout, hypothesis, [other], step)
     return found
 
 
@@ -240,18 +243,21 @@ def _tested(difference: Array) -> Array:
     return most if most.mean() < _SELDOM else np.ones(len(size), bool)
 
 
-def prove(held: Holdout, hypothesis: Hypothesis, step: float, split: str, seed: int = 0) -> Proof:
+def prove(
+    holdout: Holdout, hypothesis: Hypothesis, step: float, split: str, seed: int = 0
+) -> Proof:
     """Compare the given and the patched model on held-out recordings."""
-    before, after = errors(held, [(), hypothesis], step)
-    noise = np.nan_to_num(held.smoothed.noise)
-    joints = held.smoothed.motion.scene.joints
-    used = [j for j in range(len(joints)) if np.isfinite(held.measured[:, j]).any()]
-    overall = _error(before[:, used], after[:, used], noise[used], held.block, seed)
+    before, after = errors(holdout, [(), hypothesis], step)
+    noise = np.nan_to_num(holdout.smoothed.noise)
+    joints = holdout.smoothed.motion.scene.joints
+    used = [j for j in range(len(joints)) if np.isfinite(holdout.measured[:, j]).any()]
+    overall = _error(before[:, used], after[:, used], noise[used], holdout.block, seed)
     per_joint = {
-        joints[j]: _error(before[:, [j]], after[:, [j]], noise[[j]], held.block, seed) for j in used
+        joints[j]: _error(before[:, [j]], after[:, [j]], noise[[j]], holdout.block, seed)
+        for j in used
     }
-    horizons = {h: _ahead(held, hypothesis, step, h) for h in HORIZONS_S}
-    return Proof(overall, per_joint, horizons, _ahead(held, hypothesis, step, 0.0), split=split)
+    horizons = {h: _ahead(holdout, hypothesis, step, h) for h in HORIZONS_S}
+    return Proof(overall, per_joint, horizons, _ahead(holdout, hypothesis, step, 0.0), split=split)
 
 
 def _error(before: Array, after: Array, noise: Array, block: Array, seed: int) -> Error:
@@ -283,15 +289,19 @@ def _block_sums(values: Array, block: Array) -> Array:
 
 
 def _ahead(
-    held: Holdout, hypothesis: Hypothesis, step: float, horizon: float
+    holdout: Holdout, hypothesis: Hypothesis, step: float, horizon: float
 ) -> tuple[float, float]:
     """RMSE of replays restarted every ``horizon`` seconds (0: every sample), before and after."""
     stretches, measured = [], []
-    for i, s in enumerate(held.smoothed.samples):
+    for i, s in enumerate(holdout.smoothed.samples):
         for first, last in _windows(s, horizon):
-            stretches.append(cut(held.smoothed, i, slice(first, last)))
+            stretches.append(cut(holdout.smoothed, i, slice(first, last)))
             measured.append(s.q[first:last])
-    q = Replayer(held.smoothed.motion.scene, stretches, step).run([(), held.here(hypothesis)]).q
+    q = (
+        Replayer(holdout.smoothed.motion.scene, stretches, step)
+        .run([(), holdout.here(hypothesis)])
+        .q
+    )
     late = np.concatenate([np.arange(len(m)) > 0 for m in measured])
     error = (q - np.concatenate(measured))[:, late]
     before, after = np.sqrt(np.nanmean(error**2, axis=(1, 2)))
@@ -312,7 +322,7 @@ PARTS = 4
 
 def where_mute(
     objective: Objective,
-    held: Holdout,
+    holdout: Holdout,
     hypothesis: Hypothesis,
     full: Hypothesis,
     found: Sequence[Gain],
@@ -322,7 +332,7 @@ def where_mute(
 
     Args:
         objective: replays of all fitted data, linear around the hypothesis.
-        held: held-out recordings.
+        holdout: held-out recordings.
         hypothesis: the effects.
         full: the same, and after them corrections of what any rig is off by.
         found: gain of each effect over all others, with corrections of their own.
@@ -331,7 +341,7 @@ def where_mute(
     found = list(found)
     unproven = [i for i, g in enumerate(found) if g.p_value > THRESHOLDS.significant]
     # corrections make up for what is missing, and differ: an effect itself may change less
-    alone = gains(held, full, [without(full, i) for i in unproven], step) if unproven else []
+    alone = gains(holdout, full, [without(full, i) for i in unproven], step) if unproven else []
     for i, changed in zip(unproven, alone, strict=True):
         found[i] = replace(found[i], potential=changed.potential)
     asked = [

@@ -19,12 +19,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wt.diagnose.likelihood.bic import erring, erring_joints
-from wt.diagnose.likelihood.estimate import Estimated, estimate, least_certain
+from wt.diagnose.likelihood.estimate import Estimated, distances_from_nothing, estimate
 from wt.diagnose.likelihood.objective import Objective
 from wt.diagnose.residual.scoring import STRIDE, WINDOW
 from wt.diagnose.residual.screen import Screen, leftover
 from wt.diagnose.residual.signature import signature
 from wt.diagnose.selection.alternatives import Lookalikes, simplified
+from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.holdout import Gain, Holdout, gain, gains, where_mute
 from wt.diagnose.selection.search import Accepted
 from wt.diagnose.thresholds import THRESHOLDS
@@ -40,15 +41,15 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
-    """What stands.
+class Claims:
+    """Effects that are claimed, and what is left unknown.
 
     Attributes:
         accepted: named effects.
         estimated: their parameters.
         gains: what each is worth on held-out data.
-        unknown: what no known effect explains.
-        corrections: of what any rig is off by, beside the findings.
+        unknown: forces that no known effect explains.
+        corrections: of the model's tolerances, beside the findings.
     """
 
     accepted: tuple[Accepted, ...]
@@ -58,14 +59,14 @@ class Judged:
     corrections: Hypothesis = ()
 
     def unexplained(self, objective: Objective) -> dict[str, float]:
-        """Where nothing was found and still replays err by much: joint → share of it."""
+        """Joints whose replays err by much although nothing was found, with their shares of it."""
         if self.accepted or self.unknown:
             return {}
         return erring(self.estimated.assessed, objective)
 
     @property
     def patch(self) -> Hypothesis:
-        """What is written into the model: named effects and corrections."""
+        """Effects that are written into the model: named ones and corrections."""
         return (*self.estimated.hypothesis, *self.corrections)
 
     @property
@@ -91,34 +92,76 @@ class Judged:
 
 
 @dataclass(frozen=True, eq=False)
-class Court:
-    """What is needed to judge.
+class Naming:
+    """Decides which effects are claimed, by all the evidence there is.
 
     Attributes:
         screen: the force residual.
-        some: replays that the search compared hypotheses by.
+        search_replays: replays by which the search compared hypotheses.
         objective: replays of all fitted data.
-        whole: makes replays of these and of the held-out recordings, once it is asked.
-        held: held-out recordings.
+        all_replays: makes replays of these and of the held-out recordings, once it is asked.
+        holdout: held-out recordings.
         step: physics step of replays [s].
         seed: of everything random.
+        log: grows by every decision.
     """
 
     screen: Screen
-    some: Objective
+    search_replays: Objective
     objective: Objective
-    whole: Callable[[], Objective]
-    held: Holdout
+    all_replays: Callable[[], Objective]
+    holdout: Holdout
     step: float
     seed: int
+    log: DecisionLog
 
-    def judge(self, proven: Judged) -> Judged:
-        """Doubt names, look at what is left, and correct what any rig is off by."""
-        judged = self._doubted(proven)
-        found = calibration(self.objective, self.held, judged.hypothesis, self.step)
-        return replace(judged, corrections=found)
+    def proven(
+        self, accepted: tuple[Accepted, ...], attempts: int = 1, known: Container[Key] = ()
+    ) -> Claims:
+        """Only what is certain and improves the held-out fit stays, estimated without the rest.
 
-    def _doubted(self, proven: Judged) -> Judged:
+        Args:
+            accepted: effects that the search found.
+            attempts: how often held-out data have been asked; all that is asked has to be paid.
+            known: effects that were compared with their lookalikes before.
+        """
+        objective, log = self.objective, self.log
+        estimated = estimate(objective, tuple(a.planted for a in accepted))
+        lookalikes = Lookalikes(self.screen, self.search_replays, objective, self.all_replays, log)
+        accepted, estimated = lookalikes.settled(accepted, estimated, known)
+        accepted, estimated = simplified(objective, accepted, estimated, log)
+        largest_p = THRESHOLDS.significant / attempts
+        while accepted:
+            widths = distances_from_nothing(estimated)
+            if widths:
+                weakest = min(widths, key=widths.__getitem__)
+                reason = "its 95 % interval holds nothing at all"
+                log.add(accepted[weakest].planted, "certainty", False, widths[weakest], 0.5, reason)
+            else:
+                each = self._gains(estimated)
+                weakest = int(np.argmax([g.p_value for g in each]))
+                if each[weakest].p_value <= largest_p:
+                    for a, g in zip(accepted, each, strict=True):
+                        log.add(a.planted, "holdout", True, g.p_value, largest_p, "proven")
+                    return Claims(accepted, estimated, tuple(each), ())
+                p, reason = each[weakest].p_value, "held-out replays do not clearly gain by it"
+                log.add(accepted[weakest].planted, "holdout", False, p, largest_p, reason)
+            accepted = tuple(a for i, a in enumerate(accepted) if i != weakest)
+            estimated = estimate(objective, without(estimated.hypothesis, weakest))
+        return Claims((), estimated, (), ())
+
+    def claimed(self, proven: Claims) -> Claims:
+        """Doubt names, learn what is left, and correct the model's tolerances."""
+        claims = self._doubted(proven)
+        found = calibration(self.objective, self.holdout, claims.hypothesis, self.step, self.log)
+        return replace(claims, corrections=found)
+
+    def clean(self, claims: Claims) -> bool:
+        """Whether nothing but noise is left of the fitted recordings."""
+        return not erring_joints(self.objective, claims.estimated.assessed)
+
+    def _doubted(self, proven: Claims) -> Claims:
+        """The named effects, or what is left of them without those that are given up."""
         named = self._with_unknown(proven)
         doubtful = [i for i in range(len(proven.accepted)) if self._doubtful(proven, i)]
         if not doubtful:
@@ -127,77 +170,57 @@ class Court:
         unnamed = self._with_unknown(self.proven(rest))
         return unnamed if self._better(unnamed, named) else named
 
-    def proven(
-        self, accepted: tuple[Accepted, ...], attempts: int = 1, known: Container[Key] = ()
-    ) -> Judged:
-        """Only what is certain and improves the held-out fit stays, estimated without the rest.
-
-        Args:
-            accepted: what the search found.
-            attempts: how often held-out data have been asked; all that is asked has to be paid.
-            known: effects that were compared with their lookalikes before.
-        """
-        estimated = estimate(self.objective, tuple(a.planted for a in accepted))
-        alike = Lookalikes(self.screen, self.some, self.objective, self.whole)
-        accepted, estimated = alike.settled(accepted, estimated, known)
-        accepted, estimated = simplified(self.objective, accepted, estimated)
-        while accepted:
-            weakest = least_certain(estimated)
-            if weakest is None:
-                gains = self._gains(estimated)
-                weakest = int(np.argmax([g.p_value for g in gains]))
-                if gains[weakest].p_value <= THRESHOLDS.significant / attempts:
-                    return Judged(accepted, estimated, tuple(gains), ())
-            accepted = tuple(a for i, a in enumerate(accepted) if i != weakest)
-            estimated = estimate(self.objective, without(estimated.hypothesis, weakest))
-        return Judged((), estimated, (), ())
-
     def _gains(self, estimated: Estimated) -> list[Gain]:
         """Gain of each effect: all of them against all but this one.
 
         On held-out data, or on the fitted ones where those cannot say; either kind of test pays
         for how many there are of it.
         """
-        whole, objective = estimated.assessed, self.objective
-        all_but_one = [without(whole.hypothesis, i) for i in range(len(whole.hypothesis))]
-        sides = [whole, *objective.evaluate(all_but_one)]
-        # what the rig is off by is known from replays that leave nothing else to explain
-        known = not erring_joints(objective, whole)
+        assessed, objective = estimated.assessed, self.objective
+        all_but_one = [without(assessed.hypothesis, i) for i in range(len(assessed.hypothesis))]
+        sides = [assessed, *objective.evaluate(all_but_one)]
+        # tolerances are known from replays that leave nothing else to explain
+        known = not erring_joints(objective, assessed)
         full, *lesser = [
             (*s.hypothesis, *(objective.calibration(s) if known else ())) for s in sides
         ]
-        each = gains(self.held, full, lesser, self.step)
-        return where_mute(objective, self.held, whole.hypothesis, full, each, self.step)
+        each = gains(self.holdout, full, lesser, self.step)
+        return where_mute(objective, self.holdout, assessed.hypothesis, full, each, self.step)
 
-    def clean(self, judged: Judged) -> bool:
-        """Whether nothing but noise is left of the fitted recordings."""
-        return not erring_joints(self.objective, judged.estimated.assessed)
-
-    def _with_unknown(self, judged: Judged) -> Judged:
+    def _with_unknown(self, claims: Claims) -> Claims:
         """Learn what is left, as long as that improves the held-out fit."""
-        if self.clean(judged):
-            return judged
+        if self.clean(claims):
+            return claims
         found: list[Unknown] = []
-        assessed = judged.estimated.assessed
+        assessed = claims.estimated.assessed
         while len(found) < THRESHOLDS.most_unknown:
             unknown = find(
-                self.screen, self.objective, assessed, self.held, step=self.step, seed=self.seed
+                self.screen, self.objective, assessed, self.holdout, step=self.step, seed=self.seed
             )
             if unknown is None or any(unknown.planted.at == u.planted.at for u in found):
                 break
             found.append(unknown)
+            p, limit = unknown.gain.p_value, THRESHOLDS.significant
+            self.log.add(unknown.planted, "unknown", True, p, limit, "a learned law predicts it")
             assessed = self.objective.reference((*assessed.hypothesis, unknown.planted))
-        return Judged(judged.accepted, judged.estimated, judged.gains, tuple(found))
+        return replace(claims, unknown=tuple(found))
 
-    def _doubtful(self, judged: Judged, index: int) -> bool:
-        rivalry = rivals_nonparametric(self.screen, judged.hypothesis, index, seed=self.seed)
-        return rivalry is not None and rivalry.ratio < THRESHOLDS.doubtful
+    def _doubtful(self, claims: Claims, index: int) -> bool:
+        rivalry = rivals_nonparametric(self.screen, claims.hypothesis, index, seed=self.seed)
+        if rivalry is None:
+            return False
+        doubtful = rivalry.ratio < THRESHOLDS.doubtful
+        columns = ", ".join(rivalry.depends_on)
+        reason = f"a force of any shape of {columns} predicts {'far' if doubtful else 'no'} better"
+        planted = claims.hypothesis[index]
+        self.log.add(planted, "doubted", not doubtful, rivalry.ratio, THRESHOLDS.doubtful, reason)
+        return doubtful
 
-    def _better(self, one: Judged, other: Judged) -> bool:
+    def _better(self, one: Claims, other: Claims) -> bool:
         """Whether the held-out fit is better."""
         if not one.unknown:
             return False
-        return gain(self.held, one.hypothesis, other.hypothesis, self.step).share > 0.0
+        return gain(self.holdout, one.hypothesis, other.hypothesis, self.step).share > 0.0
 
 
 @dataclass(frozen=True)
@@ -262,21 +285,30 @@ def _joint(scene: Scene, at: Location) -> str | None:
 
 
 def calibration(
-    objective: Objective, held: Holdout, hypothesis: Hypothesis, step: float
+    objective: Objective,
+    holdout: Holdout,
+    hypothesis: Hypothesis,
+    step: float,
+    log: DecisionLog,
 ) -> Hypothesis:
-    """Corrections inside the box of what any rig is off by; none unless all together are proven.
+    """Corrections within the model's tolerances; none unless all together are proven.
 
     Args:
         objective: replays of all fitted data.
-        held: held-out recordings.
+        holdout: held-out recordings.
         hypothesis: the findings; without any, nothing is corrected.
         step: physics step of replays [s].
+        log: grows by every decision.
     """
     if not hypothesis:
         return ()
-    found = objective.calibration(objective.reference(hypothesis))
-    gained = gain(held, (*hypothesis, *found), hypothesis, step)
-    return found if gained.p_value <= THRESHOLDS.significant else ()
+    corrections = objective.calibration(objective.reference(hypothesis))
+    gained = gain(holdout, (*hypothesis, *corrections), hypothesis, step)
+    kept = gained.p_value <= THRESHOLDS.significant
+    reason = "within tolerance, no finding"
+    for planted in corrections:
+        log.add(planted, "calibrated", kept, gained.p_value, THRESHOLDS.significant, reason)
+    return corrections if kept else ()
 
 
 def comments(corrections: Hypothesis) -> list[str]:

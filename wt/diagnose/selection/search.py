@@ -16,8 +16,9 @@ from wt.diagnose.likelihood.bic import earns, erring_joints, exhausted, simplest
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import refine
 from wt.diagnose.residual.screen import Scored, Screen
-from wt.diagnose.result import Considered
+from wt.diagnose.result import Stage
 from wt.diagnose.selection.candidates import candidates, dof_of, excluded
+from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Shape
 from wt.physics.planted import Hypothesis, Key, Planted, without
@@ -29,37 +30,28 @@ FEW = 3
 """So many effects that joined in one round are all looked for again."""
 
 
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """What the search found.
-
-    Attributes:
-        accepted: effects in the order they were added.
-        considered: every hypothesis that was screened high or replayed.
-    """
-
-    accepted: tuple[Accepted, ...]
-    considered: tuple[Considered, ...]
-
-
 def search(
     screen: Screen,
     objective: Objective,
+    log: DecisionLog,
     report: Report | None = None,
     start: Sequence[Accepted] = (),
     banned: Container[Key] = frozenset(),
-) -> Outcome:
+) -> tuple[Accepted, ...]:
     """Add effects while they earn their place.
 
     Args:
         screen: the force residual.
         objective: the replays.
+        log: grows by every decision.
         report: called with (what is being done, share of the whole 0…1).
         start: effects to start from.
         banned: effects at places that have been found to predict nothing.
+
+    Returns:
+        The effects in the order in which they were added.
     """
     accepted = list(start)
-    considered: list[Considered] = []
     now = objective.reference(tuple(a.planted for a in accepted))
     while len(accepted) < THRESHOLDS.most_effects and not exhausted(objective, now):
         if report:
@@ -67,19 +59,18 @@ def search(
             report(what, 0.15 + 0.55 * len(accepted) / THRESHOLDS.most_effects)
         room = THRESHOLDS.most_effects - len(accepted)
         before = {a.planted.key for a in accepted}
-        found = addition(screen, objective, now, accepted, considered, room, banned)
+        found = addition(screen, objective, now, accepted, log, room, banned)
         if not found:
             break
         accepted += found
         now = _fitted(objective, (*now.hypothesis, *(a.planted for a in found)))
-        accepted, now = _prune(objective, accepted, now)
-        accepted, now = _reconsidered(screen, objective, accepted, now, considered, banned, found)
+        accepted, now = _prune(objective, accepted, now, log)
+        accepted, now = _reconsidered(screen, objective, accepted, now, log, banned, found)
         if {a.planted.key for a in accepted} <= before:
             break  # what was added lasted no longer than its round
-    final = [
+    return tuple(
         replace(a, planted=planted) for a, planted in zip(accepted, now.hypothesis, strict=True)
-    ]
-    return Outcome(tuple(final), tuple(considered))
+    )
 
 
 def _fitted(objective: Objective, hypothesis: Hypothesis) -> Assessed:
@@ -94,7 +85,7 @@ def _reconsidered(
     objective: Objective,
     accepted: list[Accepted],
     now: Assessed,
-    considered: list[Considered],
+    log: DecisionLog,
     banned: Container[Key],
     found: Sequence[Accepted],
 ) -> tuple[list[Accepted], Assessed]:
@@ -114,11 +105,22 @@ def _reconsidered(
         rest = [a for i, a in enumerate(accepted) if i != index]
         base = _fitted(objective, without(now.hypothesis, index))
         kept = [replace(a, planted=p) for a, p in zip(rest, base.hypothesis, strict=True)]
-        others = addition(screen, objective, base, kept, considered, 1, banned)
+        others = addition(screen, objective, base, kept, log, 1, banned)
         names = {a.planted.key for a in accepted}
         if any(a.planted.key not in names for a in others):
             other = _fitted(objective, (*base.hypothesis, others[0].planted))
-            if worth(objective, other, now) > THRESHOLDS.equivalent_nats:
+            lead = worth(objective, other, now)
+            replaced = lead > THRESHOLDS.equivalent_nats
+            log.add(
+                accepted[index].planted,
+                "reconsidered",
+                not replaced,
+                lead,
+                THRESHOLDS.equivalent_nats,
+                f"beside the others, {others[0].planted} "
+                + ("takes its place" if replaced else "is not clearly ahead"),
+            )
+            if replaced:
                 accepted, now = [*rest, *others], other
                 continue
         now = objective.reference(now.hypothesis, now.nuisance)
@@ -126,7 +128,7 @@ def _reconsidered(
 
 
 def _prune(
-    objective: Objective, accepted: list[Accepted], now: Assessed
+    objective: Objective, accepted: list[Accepted], now: Assessed, log: DecisionLog
 ) -> tuple[list[Accepted], Assessed]:
     """Drop effects that the later ones made superfluous."""
     while len(accepted) > 1:
@@ -136,6 +138,9 @@ def _prune(
         weakest = int(np.argmin(losses))
         if losses[weakest] > THRESHOLDS.min_nats and earns(objective, now, fits[weakest]):
             break
+        reason = "the others say as much without it"
+        planted, loss = accepted[weakest].planted, losses[weakest]
+        log.add(planted, "pruned", False, loss, THRESHOLDS.min_nats, reason)
         accepted = [a for i, a in enumerate(accepted) if i != weakest]
         now = objective.reference(fits[weakest].hypothesis, fits[weakest].nuisance)
     return accepted, now
@@ -148,9 +153,7 @@ _EACH = 2
 _STARTED = 5
 """… and so many at each joint get a step at least."""
 _PAIRED, _PAIRS = 8, 3
-"""So many at a joint are also paired, and so many of the pairs replayed, …"""
-_FRICTION = ("joint.friction_coulomb", "joint.friction_viscous")
-"""… beside friction, which hardly a joint is without."""
+"""So many at a joint are also paired, and so many of the pairs replayed, beside friction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +176,7 @@ def addition(
     objective: Objective,
     now: Assessed,
     accepted: Sequence[Accepted],
-    considered: list[Considered],
+    log: DecisionLog,
     most: int,
     banned: Container[Key] = frozenset(),
 ) -> list[Accepted]:
@@ -184,7 +187,7 @@ def addition(
         objective: the replays, linearised around the present hypothesis.
         now: the present hypothesis.
         accepted: its effects.
-        considered: grows by everything that was looked at.
+        log: grows by every decision.
         most: at most so many additions.
         banned: what must not join.
     """
@@ -192,11 +195,9 @@ def addition(
     ranked = [s for s in screen.rank(known) if s.planted.key not in banned]
     tried = [c for c in candidates(screen, ranked, objective, now) if c[0].key not in banned]
     replayed = {p.key for p, _ in tried}
-    considered += [
-        Considered(s.planted.effect.id, s.planted.at, s.gain, "screened", "not replayed")
-        for s in ranked
-        if s.planted.key not in replayed
-    ]
+    for s in (s for s in ranked if s.planted.key not in replayed):
+        least = THRESHOLDS.replay_share * ranked[0].gain
+        log.add(s.planted, "screened", False, s.gain, least, "not replayed: others show far more")
     fits = _replayed(screen, objective, now, [p for p, _ in tried])
     pairs = [(*now.hypothesis, *p) for p in _pairs(screen, objective, known, ranked, fits)]
     fits += _refined(objective, pairs, now, 3)
@@ -205,13 +206,16 @@ def addition(
         return []
     best = simplest(objective, fits, now)
     ok = earns(objective, best, now)
-    considered += _reasons(objective, fits, now, best, ok)
+    _log_replays(log, objective, fits, now, best if ok else None)
     if not ok:
         return []
     shapes = {s.planted.key: s.shape for s in ranked} | {p.key: shape for p, shape in tried}
     found = _accepted(objective, best, fits, now, shapes)
     for more in _beside(screen, objective, best, fits, now):
         found += _accepted(objective, more.fit, more.fits, more.reference, shapes)
+        gain = worth(objective, more.fit, more.reference)
+        planted = more.fit.hypothesis[-1]
+        log.add(planted, "joined", True, gain, THRESHOLDS.min_nats, f"beside {found[0].planted}")
     return found[:most]
 
 
@@ -265,14 +269,19 @@ def _pairs(
         if not tried or any(dof not in erring_joints(objective, f) for f in tried):
             continue
         here = [s for s in ranked if dof_of(screen, s.planted.at) == dof]
-        usual = [s for s in here[_PAIRED:] if s.planted.effect.id in _FRICTION]
+        usual = [s for s in here[_PAIRED:] if _usual(s.planted)]
         groups.append([*here[:_PAIRED], *usual])
     found = []
     for pairs in screen.pairs(known, groups):
         allowed = [(p.first, p.second) for p in pairs if not excluded(p.first, p.second)]
-        friction = [p for p in allowed[_PAIRS:] if {x.effect.id for x in p} == set(_FRICTION)]
+        friction = [p for p in allowed[_PAIRS:] if all(_usual(x) for x in p)]
         found += [*allowed[:_PAIRS], *friction]
     return found
+
+
+def _usual(planted: Planted) -> bool:
+    """Tell whether hardly a joint is without it: dry and viscous friction."""
+    return planted.effect.kind == "joint" and planted.effect.common == "always"
 
 
 @dataclass(frozen=True, eq=False)
@@ -371,18 +380,23 @@ def _leading(
     return found
 
 
-def _reasons(
-    objective: Objective, fits: Sequence[Assessed], now: Assessed, best: Assessed, ok: bool
-) -> list[Considered]:
-    """What became of each hypothesis that was replayed."""
-    found = []
+def _log_replays(
+    log: DecisionLog,
+    objective: Objective,
+    fits: Sequence[Assessed],
+    now: Assessed,
+    best: Assessed | None,
+) -> None:
+    """Log what became of each hypothesis that was replayed; ``best`` joins, if there is one."""
     for fit in fits:
-        planted = fit.hypothesis[-1]
+        planted, gain = fit.hypothesis[-1], worth(objective, fit, now)
         pair = len(fit.hypothesis) > len(now.hypothesis) + 1
         beside = f" (beside {fit.hypothesis[-2]})" if pair else ""
-        verdict = "accepted" if fit is best else f"beaten by {best.hypothesis[-1]}"
-        if not ok:
-            verdict = "gains too little"
-        gain = worth(objective, fit, now)
-        found.append(Considered(planted.effect.id, planted.at, gain, "replayed", verdict + beside))
-    return found
+        if best is None:
+            reason, threshold = "gains too little", THRESHOLDS.min_nats
+        elif fit is best:
+            reason, threshold = "the best addition", THRESHOLDS.min_nats
+        else:
+            reason, threshold = f"beaten by {best.hypothesis[-1]}", worth(objective, best, now)
+        stage: Stage = "joined" if fit is best else "replayed"
+        log.add(planted, stage, fit is best, gain, threshold, reason + beside)

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 from wt.diagnose.likelihood.bic import erring_joints
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.result import Confusable, Finding, Verdict
-from wt.diagnose.selection.naming import Judged
+from wt.diagnose.selection.naming import Claims
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.planted import Planted
 from wt.types import Location
@@ -60,25 +60,25 @@ def bearing(shares: Mapping[str, float], most: float) -> tuple[str, ...]:
     return tuple(name for name, sum_ in zip(names, before, strict=False) if sum_ < most)
 
 
-def verdict(judged: Judged, objective: Objective, others: Sequence[Finding] = ()) -> Verdict:
+def verdict(claims: Claims, objective: Objective, others: Sequence[Finding] = ()) -> Verdict:
     """In one word, by what the findings leave in replays, in units of noise.
 
     Args:
-        judged: what stands.
+        claims: what stands.
         objective: replays of all fitted data.
         others: findings that replays do not show.
     """
-    if judged.unknown:
-        return "partly_explained" if judged.accepted else "unexplained"
-    if not judged.accepted:
-        if judged.unexplained(objective):
+    if claims.unknown:
+        return "partly_explained" if claims.accepted else "unexplained"
+    if not claims.accepted:
+        if claims.unexplained(objective):
             return "unexplained"
         return "explained" if others else "no_mismatch"
-    left = erring_joints(objective, judged.estimated.assessed)
+    left = erring_joints(objective, claims.estimated.assessed)
     return "partly_explained" if left else "explained"
 
 
-def findings(judged: Judged) -> tuple[Finding, ...]:
+def findings(claims: Claims) -> tuple[Finding, ...]:
     """For people, the most important first."""
     found = [
         Finding(
@@ -92,10 +92,10 @@ def findings(judged: Judged) -> tuple[Finding, ...]:
             reference=planted.effect.reference,
         )
         for a, planted, values, gain in zip(
-            judged.accepted,
-            judged.estimated.hypothesis,
-            judged.estimated.estimates,
-            judged.gains,
+            claims.accepted,
+            claims.estimated.hypothesis,
+            claims.estimated.estimates,
+            claims.gains,
             strict=True,
         )
     ]
@@ -110,7 +110,7 @@ def findings(judged: Judged) -> tuple[Finding, ...]:
             depends_on=u.depends_on,
             formula=u.formula,
         )
-        for u in judged.unknown
+        for u in claims.unknown
     ]
     return tuple(sorted(found, key=lambda f: -f.holdout_gain))
 

@@ -140,7 +140,7 @@ def find(
     screen: Screen,
     objective: Objective,
     assessed: Assessed,
-    held: Holdout,
+    holdout: Holdout,
     *,
     step: float,
     seed: int = 0,
@@ -151,7 +151,7 @@ def find(
         screen: the fitted recordings.
         objective: replays of them.
         assessed: the accepted effects.
-        held: recordings that nothing is fitted to; they decide.
+        holdout: recordings that nothing is fitted to; they decide.
         step: physics step of replays [s].
         seed: of the folds.
 
@@ -171,7 +171,7 @@ def find(
         joint = scene.joints[int(dof)]
         every = np.ones(len(screen.rows), bool)
         data = Data(screen, joint, rest.left[:, dof], every, seed, COARSE * step)
-        unknown = _learn(data, assessed, held, step)
+        unknown = _learn(data, assessed, holdout, step)
         if (
             unknown
             and unknown.gain.p_value <= THRESHOLDS.significant
@@ -193,7 +193,7 @@ def graphed(hypothesis: Hypothesis) -> tuple[Hypothesis, bytes | None]:
     return tuple(named), to_onnx(laws) if laws else None
 
 
-def _learn(data: Data, assessed: Assessed, held: Holdout, step: float) -> Unknown | None:
+def _learn(data: Data, assessed: Assessed, holdout: Holdout, step: float) -> Unknown | None:
     """The best law of one joint's force, judged on held-out replays."""
     fit, tried = choose(data)
     if fit.r2 < THRESHOLDS.unknown_r2:
@@ -209,7 +209,7 @@ def _learn(data: Data, assessed: Assessed, held: Holdout, step: float) -> Unknow
         # the accepted effects and nuisances had to bear what now has a law of its own
         hypothesis = (*assessed.hypothesis, planted)
         data.force = leftover(data.screen, hypothesis).without(-1)[data.rows, data.dof]
-    share, chance = _gain(held, hypothesis, data.dof, step)
+    share, chance = _gain(holdout, hypothesis, data.dof, step)
     # forces of blocks not seen and replays of recordings not seen: two proofs on other data
     sure = share > 0.0 and chance < THRESHOLDS.unknown_chance
     p_value = float(combine_pvalues([blank, chance]).pvalue) if sure else 1.0
@@ -239,16 +239,16 @@ def _formula(data: Data, fit: Fit, assessed: Assessed) -> Fit:
     return options[options[1].r2 > options[0].r2 + _WORSE]
 
 
-def _gain(held: Holdout, hypothesis: Hypothesis, dof: int, step: float) -> tuple[float, float]:
+def _gain(holdout: Holdout, hypothesis: Hypothesis, dof: int, step: float) -> tuple[float, float]:
     """What the last effect removes of the held-out squared error of all joints, and its p-value.
 
     The test reads the joint alone: others may have errors of their own that drown the change.
     """
-    found = errors(held, [hypothesis[:-1], hypothesis], step) / held.smoothed.noise
+    found = errors(holdout, [hypothesis[:-1], hypothesis], step) / holdout.smoothed.noise
     if not np.isfinite(found[1]).any() or np.isinf(np.nanmax(np.abs(found[1]))):
         return 0.0, 1.0
     before, after = np.nansum(found**2, axis=(1, 2))
-    own = [np.sqrt(np.bincount(held.block, np.nan_to_num(e[:, dof]) ** 2)) for e in found]
+    own = [np.sqrt(np.bincount(holdout.block, np.nan_to_num(e[:, dof]) ** 2)) for e in found]
     return float(1.0 - after / before), _improves(own[0], own[1])
 
 

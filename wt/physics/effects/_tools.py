@@ -1,4 +1,4 @@
-"""What several effects need: drives with another law, units, exact edits of an MJCF."""
+"""Tools that several effects share: drives with another law, units, exact edits of an MJCF."""
 
 from __future__ import annotations
 
@@ -159,7 +159,7 @@ def weighed(spec: mujoco.MjSpec, body: str) -> mujoco.MjsBody:
 
 
 def _in_numbers(body: mujoco.MjsBody) -> bool:
-    """Whether a body's inertia stands in the file as the compiler would write it."""
+    """Tell whether a body's inertia stands in the file as the compiler would write it."""
     quaternion = body.ialt.type == mujoco.mjtOrientation.mjORIENTATION_QUAT
     return bool(body.explicitinertial and quaternion and np.isnan(body.fullinertia[0]))
 
@@ -209,7 +209,7 @@ def place_of_load(
 
 
 def within_reach(scene: Scene, body: str, position: Float[np.ndarray, " 3"]) -> bool:
-    """Whether a load at a position (3,) [m] in a body's frame may be fixed to that body.
+    """Tell whether a load at a position [m] in a body's frame may be fixed to that body.
 
     A load on a trunk moves, but for little, like one that sticks out far from a hip: it has to be
     inside the body, or close to it and, in radii of each, no closer to the bodies next to it.

@@ -39,7 +39,7 @@ class ActuatorDeadband(OnSteps):
     def columns(
         self, motion: Motion, at: Location, shape: Shape
     ) -> Float[np.ndarray, "sample dof coefficient"]:
-        """What the drive swallows."""
+        """Force that the drive swallows."""
         drive = motion.scene.drive(at.name)
         return motion.on(drive.dof, -np.clip(motion.force(drive), -shape[0], shape[0]))
 

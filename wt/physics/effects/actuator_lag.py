@@ -49,7 +49,7 @@ class ActuatorLag(OnInputs):
         drive = motion.scene.drive(at.name)
         late = np.empty(len(motion))
         for s in motion.segments:
-            u = motion.held[s.rows, drive.index]
+            u = motion.command[s.rows, drive.index]
             # two half intervals a sample: the mean over the one centred on a sample is
             # that of the half before it and the half after
             halves = _lagged(np.repeat(u, 2), 0.5 * s.dt, shape[0])

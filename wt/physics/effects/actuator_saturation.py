@@ -33,7 +33,7 @@ class ActuatorSaturation(Effect):
     def columns(
         self, motion: Motion, at: Location, shape: Shape
     ) -> Float[np.ndarray, "sample dof coefficient"]:
-        """What the clipped drive lacks; the coefficient of the true torque is 1."""
+        """Force that the clipped drive lacks; the coefficient of the true torque is 1."""
         drive = motion.scene.drive(at.name)
         force = motion.force(drive)
         return motion.on(drive.dof, np.clip(force, -shape[0], shape[0]) - force)

@@ -45,7 +45,7 @@ class ActuatorSpeedLimit(OnSteps):
     def columns(
         self, motion: Motion, at: Location, shape: Shape
     ) -> Float[np.ndarray, "sample dof coefficient"]:
-        """What the drive lacks; the coefficient of the true limits is 1."""
+        """Force that the drive lacks; the coefficient of the true limits is 1."""
         drive = motion.scene.drive(at.name)
         force = motion.force(drive)
         limited = _limited(force, motion.v[:, drive.dof], *shape)

@@ -21,7 +21,7 @@ _THRESHOLDS = (4.0, 8.0)  # robust deviations above the usual
 _SHORTEST, _GAP = 0.04, 0.1  # s
 _FILTERS_S, _CALM = (0.06, 0.12, 0.24), 0.25
 _BURST_S, _BURSTS = 0.25, 2
-"""So long, and so many, are the moments that stand out most as a force other than usual."""
+"""Length [s] and number of the moments that stand out most as a force other than usual."""
 
 
 @register
@@ -167,7 +167,7 @@ def _mean_force(
 def _usual(
     motion: Motion, segment: Segment
 ) -> tuple[Float[np.ndarray, " dof"], Float[np.ndarray, " sample"]]:
-    """What a residual usually is in a segment, (nv,), and how much each moment counts, (T,)."""
+    """Usual size of a residual in a segment, and how much each of its moments counts."""
     calm = motion.calm[segment.rows]
     left = motion.unexplained[segment.rows]
     usual = np.median(np.abs(left[calm] if calm.any() else left), axis=0)

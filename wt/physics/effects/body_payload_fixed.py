@@ -32,7 +32,7 @@ class BodyPayloadFixed(Linearised):
     kind = "body"
     parameters = (
         Parameter("mass", "kg", 0.0, 1e3, 1e-3),
-        Parameter("position", "m", -5.0, 5.0, 1e-3, ("x", "y", "z"), hold=0.1),
+        Parameter("position", "m", -5.0, 5.0, 1e-3, ("x", "y", "z"), prior_std=0.1),
     )
     reference = "C. H. An, C. G. Atkeson and J. M. Hollerbach, Model-Based Control of a Robot, 1988"
     signed = (1, 0, 0, 0)
@@ -64,14 +64,14 @@ class BodyPayloadFixed(Linearised):
         return np.array([coefficients[0], *place_of_load(coefficients, shape)])
 
     def around(self, theta: Float[np.ndarray, " parameter"]) -> Shape:
-        """Where the load sits."""
+        """The position of the load."""
         x, y, z = theta[1:]
         return (float(x), float(y), float(z))
 
     def plausible(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> bool:
-        """Whether the body can carry it there."""
+        """Tell whether the body can carry it there."""
         return within_reach(motion.scene, at.name, theta[1:])
 
     def patch(

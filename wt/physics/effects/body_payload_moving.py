@@ -12,7 +12,7 @@ from jaxtyping import Float
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import place_of_load, point_load, within_reach
 from wt.physics.hooks import Beyond, FromRecordings, Nested, Stateful
-from wt.physics.loose import Centre, Law, columns, path_of
+from wt.physics.loose import Centre, LooseLaw, columns, path_of
 from wt.physics.loose_search import laws_that_fit, likeliest_laws
 from wt.physics.motion import Motion
 from wt.physics.replay import Hidden, Stretch
@@ -43,7 +43,7 @@ class BodyPayloadMoving(FromRecordings, Nested, Stateful):
     parameters = (
         Parameter("mass", "kg", 0.0, 1e3, 1e-3, inexact=0.15),
         Parameter("travel", "m", 1e-3, 2.0, 1e-3, inexact=0.25),
-        Parameter("position", "m", -5.0, 5.0, 1e-3, _AXES, hold=0.1),
+        Parameter("position", "m", -5.0, 5.0, 1e-3, _AXES, prior_std=0.1),
     )
     reference = "H. N. Abramson, The dynamic behavior of liquids, NASA SP-106, 1966, chapter 6"
     excludes = ("body.payload_fixed",)
@@ -90,7 +90,7 @@ class BodyPayloadMoving(FromRecordings, Nested, Stateful):
         return np.array([coefficients[0], max(shape[:3]), *place])
 
     def starts(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " parameter"]]:
-        """What was read off, with none of it put down to what any rig is off by."""
+        """The load that was read off, none of it put down to a model's usual error of mass."""
         if not self.shape:
             return []
         return [np.array([self.shape[9], max(self.shape[:3]), *_centre(self.shape)])]
@@ -143,7 +143,7 @@ class BodyPayloadMoving(FromRecordings, Nested, Stateful):
     def started(
         self, at: Location, theta: Float[np.ndarray, " parameter"], stretch: Stretch
     ) -> Mapping[str, Hidden]:
-        """Where the load had got to, from how the body had moved until then."""
+        """State that the load had reached, from how the body had moved until then."""
         law = self._law(theta)
         s, v = np.zeros((2, 3))
         if stretch.motion is not None and stretch.segment is not None:
@@ -161,14 +161,14 @@ class BodyPayloadMoving(FromRecordings, Nested, Stateful):
     def plausible(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> bool:
-        """Whether the body can carry it there, and it moved at all."""
+        """Tell whether the body can carry it there, and it moved at all."""
         if not within_reach(motion.scene, at.name, theta[2:]):
             return False
         path = path_of(motion, at.name, self._centre(theta), self._law(theta))
         return bool(np.std(path.s, axis=0).max() > _AT_REST)
 
     def observed(self) -> Mapping[str, tuple[str, tuple[float, ...]]]:
-        """How it moves: travel along x, y and z as shares of the longest, and what holds it."""
+        """The law it moves by: shares of the longest travel along x, y and z, and what holds it."""
         if not self.shape:
             return {}
         law = _law(self.shape)
@@ -180,14 +180,14 @@ class BodyPayloadMoving(FromRecordings, Nested, Stateful):
             "rolling": ("-", (law.rolling,)),
         }
 
-    def _law(self, theta: Float[np.ndarray, " parameter"]) -> Law:
+    def _law(self, theta: Float[np.ndarray, " parameter"]) -> LooseLaw:
         """The bound law with another travel."""
         if not self.shape:  # nothing read off yet: free along x
-            return Law((float(theta[1]), 0.0, 0.0), 1.0, 0.0, 0.0)
+            return LooseLaw((float(theta[1]), 0.0, 0.0), 1.0, 0.0, 0.0)
         law = _law(self.shape)
         scale = float(theta[1]) / max(law.travel)
         x, y, z = (scale * travel for travel in law.travel)
-        return Law((x, y, z), law.damping, law.spring, law.rolling)
+        return LooseLaw((x, y, z), law.damping, law.spring, law.rolling)
 
     def _centre(self, theta: Float[np.ndarray, " parameter"]) -> Centre:
         """The bound centre: where exactly it is matters little to a path, and each costs time."""
@@ -211,9 +211,9 @@ class BodyPayloadMoving(FromRecordings, Nested, Stateful):
         return f"{at.name} tilted slowly both ways, then shaken and stopped"
 
 
-def _law(shape: Shape) -> Law:
+def _law(shape: Shape) -> LooseLaw:
     x, y, z, damping, spring, rolling = shape[:6]
-    return Law((x, y, z), damping, spring, rolling)
+    return LooseLaw((x, y, z), damping, spring, rolling)
 
 
 def _centre(shape: Shape) -> Centre:

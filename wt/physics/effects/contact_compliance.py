@@ -47,7 +47,7 @@ class ContactCompliance(ReplayOnly):
     def plausible(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> bool:
-        """Whether it is further from the model's than soles and floors are from each other."""
+        """Tell whether it is further from the model's than soles and floors are from each other."""
         m = motion.scene.model
         now = m.geom_solref[deciding(m, m.geom(at.name).id), 0]
         return unlike(float(theta[0]), now, _UNLIKE)

@@ -42,7 +42,7 @@ class ContactFriction(ReplayOnly):
         return touchable(scene)
 
     def starts(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " parameter"]]:
-        """What slipping contacts show of it."""
+        """Friction that slipping contacts show."""
         geom = motion.scene.model.geom(at.name).id
         geoms, friction = _seen(motion)
         mine = friction[(geoms == geom).any(axis=1)]
@@ -54,7 +54,7 @@ class ContactFriction(ReplayOnly):
     def plausible(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> bool:
-        """Whether it is further from the model's than floors are from each other."""
+        """Tell whether it is further from the model's than floors are from each other."""
         m = motion.scene.model
         now = m.geom_friction[deciding(m, m.geom(at.name).id), 0]
         return unlike(float(theta[0]), now, _UNLIKE)

@@ -39,7 +39,7 @@ class ContactObstacle(ReplayOnly):
     reference = "S. Haddadin, A. De Luca and A. Albu-Schäffer, Robot collisions, IEEE T-RO 33, 2017"
 
     def starts(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " parameter"]]:
-        """What the machine runs into, whether it slips or holds."""
+        """The face that the machine runs into, slippery and not."""
         found = face(motion)
         if found is None:
             return []

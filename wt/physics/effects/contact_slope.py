@@ -39,7 +39,7 @@ class ContactSlope(ReplayOnly):
         return [Location("geom", name) for name in names if name]
 
     def starts(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " parameter"]]:
-        """Where the feet say that the floor is."""
+        """The plane on which the feet stand."""
         geom = motion.scene.model.geom(at.name).id
         return [
             np.array([floor.angle, floor.direction, floor.height])

@@ -64,7 +64,7 @@ class FrictionLoad(Nested, OnSteps):
     def plausible(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> bool:
-        """Where the load adds next to nothing it is plain dry friction."""
+        """Refuse what is plain dry friction: the load adds next to nothing."""
         return bool(theta[1] * _load(motion, at) > _NEGLIGIBLE * theta[0])
 
     def simpler(

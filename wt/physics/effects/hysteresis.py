@@ -68,7 +68,7 @@ class Hysteresis(Effect):
     def plausible(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> bool:
-        """What yields within a quarter of a degree is dry friction before it slides."""
+        """Refuse what yields within a quarter of a degree: dry friction before it slides."""
         return bool(theta[1] > 0.004 * theta[0])
 
     def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:

@@ -47,7 +47,7 @@ class SensorDelay(OnOutputs, Tolerated):
     def columns(
         self, motion: Motion, at: Location, shape: Shape
     ) -> Float[np.ndarray, "sample dof coefficient"]:
-        """How the force residual changes when the sensor errs so."""
+        """Change of the force residual when the sensor errs so."""
         lead = np.zeros_like(motion.q)
         lead[:, self._dofs(motion.scene, at)] = shape[0]
         # true motion at t is the recorded one at t + delay: to second order
@@ -64,7 +64,7 @@ class SensorDelay(OnOutputs, Tolerated):
     def sense(
         self, outputs: Outputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> None:
-        """What the encoder reports."""
+        """Report what the encoder makes of the truth."""
         late = outputs.t - theta[0]
         for dof in self._dofs(scene, at):
             q, v = outputs.q[:, dof].copy(), outputs.v[:, dof].copy()

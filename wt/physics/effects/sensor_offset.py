@@ -29,7 +29,7 @@ class SensorOffset(OnOutputs):
     def columns(
         self, motion: Motion, at: Location, shape: Shape
     ) -> Float[np.ndarray, "sample dof coefficient"]:
-        """How the force residual changes when the sensor errs so."""
+        """Change of the force residual when the sensor errs so."""
         dof = motion.scene.dof(at.name)
         size = 1e-3
         moved = np.zeros_like(motion.q)
@@ -45,7 +45,7 @@ class SensorOffset(OnOutputs):
     def sense(
         self, outputs: Outputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> None:
-        """What the encoder reports."""
+        """Report what the encoder makes of the truth."""
         outputs.q[:, scene.dof(at.name)] += theta[0]
 
     def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:

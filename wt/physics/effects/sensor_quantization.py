@@ -27,7 +27,7 @@ class SensorQuantization(OnOutputs, ReplayOnly):
     def sense(
         self, outputs: Outputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> None:
-        """What the encoder reports."""
+        """Report what the encoder makes of the truth."""
         dof = scene.dof(at.name)
         outputs.q[:, dof] = theta[0] * np.round(outputs.q[:, dof] / theta[0])
 

@@ -28,7 +28,7 @@ class SensorScale(OnOutputs):
     def columns(
         self, motion: Motion, at: Location, shape: Shape
     ) -> Float[np.ndarray, "sample dof coefficient"]:
-        """How the force residual changes when the sensor errs so."""
+        """Change of the force residual when the sensor errs so."""
         dof = motion.scene.dof(at.name)
         size = 1e-3
         dq, dv, da = (np.zeros_like(motion.q) for _ in range(3))
@@ -46,7 +46,7 @@ class SensorScale(OnOutputs):
     def sense(
         self, outputs: Outputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> None:
-        """What the encoder reports."""
+        """Report what the encoder makes of the truth."""
         dof = scene.dof(at.name)
         outputs.q[:, dof] *= theta[0]
         outputs.v[:, dof] *= theta[0]

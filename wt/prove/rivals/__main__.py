@@ -9,9 +9,9 @@ from pathlib import Path
 
 from wt.errors import WTError
 from wt.prove.rivals import coulomb, sindy, sysid
-from wt.prove.rivals.base import Claim, Task, write
+from wt.prove.rivals.base import Claim, RivalTask, write
 
-RIVALS: dict[str, Callable[[Task], list[Claim]]] = {
+RIVALS: dict[str, Callable[[RivalTask], list[Claim]]] = {
     "sysid": sysid.every,
     "sysid-bic": sysid.bic,
     "sindy": sindy.claims,
@@ -29,7 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--seconds", type=float, default=600.0)
     args = parser.parse_args(argv)
-    task = Task(args.model, tuple(args.fit), tuple(args.holdout), args.seconds)
+    task = RivalTask(args.model, tuple(args.fit), tuple(args.holdout), args.seconds)
     try:
         write(task, RIVALS[args.rival](task), args.out)
     except WTError as error:

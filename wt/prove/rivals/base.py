@@ -1,4 +1,4 @@
-"""What a rival is given and what it says."""
+"""The interface of a rival: its task and its claims."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.diagnose.recordings.prepare import prepare
 from wt.diagnose.recordings.smooth import smooth
@@ -21,22 +22,20 @@ from wt.physics.planted import Planted
 from wt.physics.scene import Scene
 from wt.types import Location
 
-Array = np.ndarray
-
 SURE = 1.96
 """Standard deviations from the middle to the end of a 95 % interval."""
 
 
 @dataclass(frozen=True)
-class Task:
-    """What a rival is given.
+class RivalTask:
+    """The task of a rival.
 
     Attributes:
         model: the MJCF.
         fit: recordings to learn from.
         holdout: recordings that nothing may be fitted to.
-        seconds: how long it may take; what is begun then may be finished [s].
-        began: when it was given this.
+        seconds: time budget; a step begun within it may be finished [s].
+        began: start of the task, by the monotonic clock [s].
     """
 
     model: Path
@@ -67,16 +66,16 @@ class Claim:
 
     Attributes:
         effect: its id.
-        at: where.
-        theta: its parameters, (n,); empty for ``unknown``.
-        sigma: their standard deviations, (n,).
+        at: its place.
+        theta: its parameters; empty for ``unknown``.
+        sigma: their standard deviations.
         formula: an unknown force, in words.
     """
 
     effect: str
     at: Location
-    theta: Array
-    sigma: Array
+    theta: Float[np.ndarray, " theta"]
+    sigma: Float[np.ndarray, " _sigma"]
     formula: str | None = None
 
     def to_json(self) -> dict[str, Any]:
@@ -100,7 +99,7 @@ class Claim:
         }
 
 
-def write(task: Task, claims: Sequence[Claim], out: Path) -> None:
+def write(task: RivalTask, claims: Sequence[Claim], out: Path) -> None:
     """Write claims, most important first, as ``diagnosis.json`` and ``model.xml``."""
     known = effects()
     hypothesis = [Planted(known[c.effect], c.at, c.theta) for c in claims if c.theta.size]
@@ -111,5 +110,5 @@ def write(task: Task, claims: Sequence[Claim], out: Path) -> None:
     (out / "diagnosis.json").write_text(json.dumps(said, indent=2, allow_nan=False) + "\n")
 
 
-def _plain(values: Array) -> float | list[float]:
+def _plain(values: Float[np.ndarray, " element"]) -> float | list[float]:
     return float(values[0]) if values.size == 1 else [float(v) for v in values]

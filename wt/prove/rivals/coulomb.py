@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from wt.prove.rivals.base import Claim, Task
+from wt.prove.rivals.base import Claim, RivalTask
 from wt.types import Location
 
 _STANDS = 0.02
-"""Below this speed nobody knows which way friction acts [rad/s]."""
+"""Speed below which the direction of friction is not known [rad/s]."""
 
 
-def claims(task: Task) -> list[Claim]:
+def claims(task: RivalTask) -> list[Claim]:
     """One claim: the residual's part along the direction of motion, by least squares."""
     motion = task.motion
     size = np.sqrt((motion.residual**2).mean(axis=0))

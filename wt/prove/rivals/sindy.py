@@ -9,16 +9,15 @@ are said as such, others as an unknown force with its formula.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.errors import WorkError
 from wt.physics.motion import Motion
-from wt.prove.rivals.base import Claim, Task
+from wt.prove.rivals.base import Claim, RivalTask
 from wt.types import Location
-
-Array = np.ndarray
 
 _THRESHOLDS = np.geomspace(0.003, 0.5, 12)
 """Of coefficients, the residual and the terms being scaled to unit size."""
@@ -39,7 +38,7 @@ EFFECTS = {
 """Terms that are an effect by themselves; the spring and the bias need more than a name."""
 
 
-def claims(task: Task) -> list[Claim]:
+def claims(task: RivalTask) -> list[Claim]:
     """Claims of all joints, those first that explain most of their joint's residual."""
     try:
         import pysindy
@@ -47,18 +46,18 @@ def claims(task: Task) -> list[Claim]:
         raise WorkError(
             "pysindy is not installed; install it: pip install 'world-translation[rivals]'"
         ) from error
-    found: list[tuple[float, Claim]] = []
+    ranked: list[tuple[float, Claim]] = []
     for dof, joint in enumerate(task.scene.joints):
         names, terms = library(task.motion, dof)
         force = task.motion.residual[:, dof]
         size, scale = np.sqrt((terms**2).mean(axis=0)) + 1e-12, float(force.std()) + 1e-12
         coefficients = _sparse(pysindy, terms / size, force / scale) * scale / size
-        found += _said(task, joint, names, terms, force, coefficients)
-    return [claim for _, claim in sorted(found, key=lambda pair: -pair[0])]
+        ranked += _said(task, joint, names, terms, force, coefficients)
+    return [claim for _, claim in sorted(ranked, key=lambda pair: -pair[0])]
 
 
-def library(motion: Motion, dof: int) -> tuple[list[str], Array]:
-    """Names and values of the terms at a joint, (T, k).
+def library(motion: Motion, dof: int) -> tuple[list[str], Float[np.ndarray, "sample term"]]:
+    """Names and values of the terms at a joint.
 
     The drive's force is not among them: with it and what the bodies demand, the residual would be
     explained by its own definition.
@@ -71,8 +70,10 @@ def library(motion: Motion, dof: int) -> tuple[list[str], Array]:
     return list(terms), np.stack(list(terms.values()), axis=1)
 
 
-def _sparse(pysindy: object, terms: Array, force: Array) -> Array:
-    """Coefficients, (k,)."""
+def _sparse(
+    pysindy: object, terms: Float[np.ndarray, "sample term"], force: Float[np.ndarray, " sample"]
+) -> Float[np.ndarray, " term"]:
+    """Coefficients of the terms."""
     cut = int(0.75 * len(force))
     fits = []
     for threshold in _THRESHOLDS:
@@ -88,16 +89,18 @@ def _sparse(pysindy: object, terms: Array, force: Array) -> Array:
 
 
 def _said(
-    task: Task, joint: str, names: list[str], terms: Array, force: Array, coefficients: Array
+    task: RivalTask,
+    joint: str,
+    names: list[str],
+    terms: Float[np.ndarray, "sample term"],
+    force: Float[np.ndarray, " sample"],
+    coefficients: Float[np.ndarray, " term"],
 ) -> Iterator[tuple[float, Claim]]:
     """Each active term as a claim, with the share of the residual that it explains."""
     active = np.flatnonzero(coefficients)
     if not active.size:
         return
-    left = force - terms @ coefficients
-    chosen = terms[:, active]
-    inverse = np.linalg.pinv(chosen.T @ chosen)
-    sigma = np.sqrt(np.maximum(np.diag(inverse), 0.0)) * float(left.std())
+    sigma = _deviations(terms, force, coefficients)
     weight = {names[i]: float(coefficients[i]) for i in active}
     error = {names[i]: float(s) for i, s in zip(active, sigma, strict=True)}
     total = float(np.mean(force**2)) + 1e-30
@@ -105,23 +108,46 @@ def _said(
     at, other = Location("joint", joint), {}
     drive = next((d.name for d in task.scene.drives if d.joint == joint), "")
     for name, value in weight.items():
-        sigma_ = np.array([error[name]])
         if worth[name] < _WORTH:
             continue
-        if name in EFFECTS and value > 0.0:
-            yield worth[name], Claim(EFFECTS[name], at, np.array([value]), sigma_)
-        elif name == "q" and value > 0.0:
-            reference = weight.get("1", 0.0) / value
-            theta = np.array([value, reference])
-            yield worth[name], Claim("joint.stiffness", at, theta, np.append(sigma_, 0.05))
-        elif name == "1" and drive:
-            if "q" not in weight:
-                bias = Location("actuator", drive)
-                yield worth[name], Claim("actuator.bias", bias, np.array([value]), sigma_)
-        else:
+        claim = _named(name, weight, np.array([error[name]]), at, drive)
+        if claim is not None:
+            yield worth[name], claim
+        elif name != "1" or not drive:
             other[name] = value
     if other:
         formula = " + ".join(f"{value:.3g}·{name}" for name, value in other.items())
         nothing = np.zeros(0)
         share = max(worth[name] for name in other)
         yield share, Claim("unknown", at, nothing, nothing, formula)
+
+
+def _named(
+    name: str,
+    weight: Mapping[str, float],
+    sigma: Float[np.ndarray, " 1"],
+    at: Location,
+    drive: str,
+) -> Claim | None:
+    """A term as an effect of the vocabulary; None if it is none, or belongs to the spring's."""
+    value = weight[name]
+    if name in EFFECTS and value > 0.0:
+        return Claim(EFFECTS[name], at, np.array([value]), sigma)
+    if name == "q" and value > 0.0:
+        theta = np.array([value, weight.get("1", 0.0) / value])
+        return Claim("joint.stiffness", at, theta, np.append(sigma, 0.05))
+    if name == "1" and drive and "q" not in weight:
+        return Claim("actuator.bias", Location("actuator", drive), np.array([value]), sigma)
+    return None
+
+
+def _deviations(
+    terms: Float[np.ndarray, "sample term"],
+    force: Float[np.ndarray, " sample"],
+    coefficients: Float[np.ndarray, " term"],
+) -> Float[np.ndarray, " active"]:
+    """Standard deviations of the coefficients that are not zero."""
+    left = force - terms @ coefficients
+    chosen = terms[:, np.flatnonzero(coefficients)]
+    inverse = np.linalg.pinv(chosen.T @ chosen)
+    return np.asarray(np.sqrt(np.maximum(np.diag(inverse), 0.0)) * float(left.std()))

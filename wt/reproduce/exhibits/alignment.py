@@ -1,4 +1,4 @@
-"""Beyond the paper: how the simulator follows a translation."""
+"""Beyond the paper: ways in which the simulator follows a translation."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Alignments(Exhibit):
         """Roll out the paper's method and ours in every way; nothing is trained for it."""
         study = bench.study(TASK)
         bench.train(study, [PLUS, FULL])
-        found: Numbers = {}
+        numbers: Numbers = {}
         total = 1 + len(METHODS) * len(ALIGNMENTS)
         for seed in study.config.seeds:
             world, truth = truth_of(study, bench.quick, seed)
@@ -41,10 +41,10 @@ class Alignments(Exhibit):
                     bench.listener.progress(f"rollouts, seed {seed}", len(rolled), total)
                     rolled[label] = roll_out(world, truth, step, scale, alignment)
             for label, one in rolled.items():
-                keep(found, label, one)
-        return found
+                keep(numbers, label, one)
+        return numbers
 
-    def present(self, found: Numbers) -> Section:
+    def present(self, numbers: Numbers) -> Section:
         """Curves, tables and the gain at the longest horizon."""
         return Section(
             'The same models and starts as in the rollouts above. "state": the simulator\'s '
@@ -53,11 +53,11 @@ class Alignments(Exhibit):
             'stand in the simulator\'s answer otherwise would. "action": the simulator '
             "takes the action under which it comes nearest to the translation by itself (one "
             "damped Gauss-Newton step), and stays consistent with what it keeps inside.",
-            [Grid(*table) for table in horizon_tables(found)],
-            {"alignment": draw(found)},
+            [Grid(*table) for table in horizon_tables(numbers)],
+            {"alignment": draw(numbers)},
             [
                 f"{name}, error with {what}: "
-                f"{gains(found, f'{name}, state', f'{name}, {alignment}')}."
+                f"{gains(numbers, f'{name}, state', f'{name}, {alignment}')}."
                 for name, _ in METHODS
                 for alignment, what in (
                     ("stance", "standing feet that stay"),

@@ -40,20 +40,20 @@ class Collapse(Exhibit):
 
     def measure(self, bench: Bench) -> Numbers:
         """Train on features and on observations, and on those of a policy that leaks less."""
-        found: Numbers = {}
+        numbers: Numbers = {}
         for name, extra in CASES.items():
             study = bench.study("r5_force", extra, "noisy" if extra else "")
             if not extra:
                 bench.train(study, [FULL])
-                found[FEATURES_CASE] = [
+                numbers[FEATURES_CASE] = [
                     self._on_features(bench, study, seed) for seed in study.config.seeds
                 ]
-            found[name] = [
+            numbers[name] = [
                 self._on_observations(study, seed)
                 | {"leak": condition_accuracy(_frame(study), *bench.looked_at(study), seed)}
                 for seed in study.config.seeds
             ]
-        return found
+        return numbers
 
     def _on_features(self, bench: Bench, study: Study, seed: int) -> dict[str, Any]:
         sim, real = bench.features(study, FULL, seed)
@@ -83,9 +83,9 @@ class Collapse(Exhibit):
         mse = errors(predicted, data.test, study.scales).mse
         return _said(seen) | {"mse": mse, "raw": raw}
 
-    def present(self, found: Numbers) -> Section:
+    def present(self, numbers: Numbers) -> Section:
         """Curves of the first seed, and where all seeds end."""
-        lines = {name: runs[0] for name, runs in found.items()}
+        lines = {name: runs[0] for name, runs in numbers.items()}
         panels = [
             (label, {n: (np.array(run["step"]), np.array(run[key])) for n, run in lines.items()})
             for key, label in (
@@ -97,7 +97,7 @@ class Collapse(Exhibit):
         head = ["translated", "(o, a) tells c", "generators", "discriminators", "told apart",
                 "MSE / RawSim"]  # fmt: skip
         rows = []
-        for name, runs in found.items():
+        for name, runs in numbers.items():
             ends = [spread([_end(r[k]) for r in runs]) for k in _KEYS]
             leak = spread([r["leak"] for r in runs]) if "leak" in runs[0] else "–"
             mse = spread([r["mse"] / r["raw"] for r in runs]) if "mse" in runs[0] else "–"
@@ -109,7 +109,7 @@ class Collapse(Exhibit):
             "tell half apart.",
             [Grid(head, rows)],
             {"collapse": curves(panels, "step")},
-            _differences(found),
+            _differences(numbers),
         )
 
 
@@ -131,10 +131,10 @@ def _end(values: list[float]) -> float:
     return mean(values[-max(1, int(TAIL * len(values))) :])
 
 
-def _differences(found: Numbers) -> list[str]:
+def _differences(numbers: Numbers) -> list[str]:
     lines = []
-    for name, runs in found.items():
-        told = mean([_end(run["accuracy"]) for run in runs])
-        verdict = "collapsed" if told > 0.95 else "did not collapse"
-        lines.append(f"{name}: {verdict}, {100 * told:.0f} % told apart at the end.")
+    for name, runs in numbers.items():
+        accuracy = mean([_end(run["accuracy"]) for run in runs])
+        verdict = "collapsed" if accuracy > 0.95 else "did not collapse"
+        lines.append(f"{name}: {verdict}, {100 * accuracy:.0f} % told apart at the end.")
     return lines

@@ -1,4 +1,4 @@
-"""What each auxiliary part of feature extraction is worth: blind decoder, classifier, FiLM."""
+"""Worth of each auxiliary part of feature extraction: blind decoder, classifier, FiLM."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Components(Exhibit):
         """Train each variant; probe the domain in its features."""
         study = bench.study("r5_force")
         bench.train(study, VARIANTS)
-        found: Numbers = {}
+        numbers: Numbers = {}
         for variant in VARIANTS:
             values: dict[str, list[float]] = {}
             for seed in study.config.seeds:
@@ -39,24 +39,24 @@ class Components(Exhibit):
                 row["mse"] = bench.errors(study, variant, seed).mse
                 for key, value in row.items():
                     values.setdefault(key, []).append(value)
-            found[variant.name] = values
-        return found
+            numbers[variant.name] = values
+        return numbers
 
-    def present(self, found: Numbers) -> Section:
+    def present(self, numbers: Numbers) -> Section:
         """One row a variant."""
         head = ["variant", "MSE", *(f"{name} as {name[-1]}" for name in ROWS.values())]
         rows = [
             [name, *(spread(values[key]) for key in ("mse", *ROWS))]
-            for name, values in found.items()
+            for name, values in numbers.items()
         ]
-        full = found["full"]["mse"]
+        full = numbers["full"]["mse"]
         return Section(
             "Single-step error of the paper's method, and how often a probe takes features for "
             "the domain they are meant to be of. The paper has no table of these.",
             [Grid(head, rows)],
             differences=[
                 f"{name[:1].upper()}{name[1:]}: error {gain(full, values['mse'])} than in full."
-                for name, values in found.items()
+                for name, values in numbers.items()
                 if name != "full"
             ],
         )

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from wt.evaluate.results import ASSUMPTION, OURS, PAPERS_OWN, Results
 from wt.reproduce.bench import Bench
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
-from wt.reproduce.tasks import TASKS, Task
+from wt.reproduce.tasks import TASKS, PaperTask
 from wt.reproduce.words import order
 from wt.show import colors
 from wt.show.text import short
@@ -23,7 +23,7 @@ METHODS = (
 PAPER = "paper's"
 _DARK = "#222222"
 
-Found = Mapping[Task, Results]
+ResultsByTask = Mapping[PaperTask, Results]
 
 
 @register
@@ -40,10 +40,10 @@ class SingleStep(Exhibit):
         """The results of each task's run."""
         return {task.name: bench.results(task).to_json() for task in bench.tasks}
 
-    def present(self, found: Numbers) -> Section:
+    def present(self, numbers: Numbers) -> Section:
         """One table and figure, in units of RawSim's error."""
         results = {
-            task: Results.from_json(found[task.name]) for task in TASKS if task.name in found
+            task: Results.from_json(numbers[task.name]) for task in TASKS if task.name in numbers
         }
         return Section(
             "MSE of the normalised next state under teacher forcing, in units of RawSim's; mean "
@@ -54,38 +54,38 @@ class SingleStep(Exhibit):
         )
 
 
-def _difference(task: Task, results: Results) -> str:
+def _difference(task: PaperTask, results: Results) -> str:
     ours = {m: results.relative(m) for m in results.single_step if m != OURS}
     papers = {m: _papers(results, m) for m in results.paper}
     best = f" {OURS} makes {short(results.ratio_to_best_baseline)} of the best baseline's error."
     return order(ours, papers, f"{task.robot}, {task.condition}") + best
 
 
-def _models(found: Found) -> list[str]:
-    kept = [f"{r.model}/{r.version}" for r in found.values() if r.model]
+def _models(by_task: ResultsByTask) -> list[str]:
+    kept = [f"{r.model}/{r.version}" for r in by_task.values() if r.model]
     return [f"Registered: {', '.join(kept)}."] if kept else []
 
 
-def head(found: Found) -> list[str]:
+def head(by_task: ResultsByTask) -> list[str]:
     """Columns of the table."""
     columns = ["method / RawSim"]
-    for task in found:
+    for task in by_task:
         columns += [f"{task.robot.split()[0]} {task.condition}", PAPER]
     return columns
 
 
-def rows(found: Found) -> list[list[str]]:
+def rows(by_task: ResultsByTask) -> list[list[str]]:
     """Error of each method in units of RawSim's, with its spread; then our ratio to the best.
 
     Absolute errors of different worlds cannot be compared; ratios to the simulator can.
     """
     table = []
     for method in METHODS:
-        if any(method in results.single_step for results in found.values()):
-            cells = [_cells(results, method) for results in found.values()]
+        if any(method in results.single_step for results in by_task.values()):
+            cells = [_cells(results, method) for results in by_task.values()]
             table.append([method, *(cell for pair in cells for cell in pair)])
     table.append([f"{OURS} / best baseline"])
-    for results in found.values():
+    for results in by_task.values():
         known = results.paper
         others = [known[m] for m in known if m != PAPERS_OWN]
         theirs = short(known[PAPERS_OWN] / min(others)) if others else "–"
@@ -104,20 +104,20 @@ def _cells(results: Results, method: str) -> tuple[str, str]:
     return short(results.relative(method)) + (f" ± {spread:.1g}" if spread else ""), theirs
 
 
-def figure(found: Found) -> Figure:
+def figure(by_task: ResultsByTask) -> Figure:
     """Bars of each method, a panel a robot and a group a condition; the paper's are diamonds."""
-    robots = list(dict.fromkeys(task.robot for task in found))
+    robots = list(dict.fromkeys(task.robot for task in by_task))
     drawn = Figure(figsize=(1.6 + 3.4 * len(robots), 4.2), layout="constrained")
     panels = drawn.subplots(1, len(robots), sharey=True, squeeze=False)[0]
     for axes, robot in zip(panels, robots, strict=True):
-        tasks = [task for task in found if task.robot == robot]
+        tasks = [task for task in by_task if task.robot == robot]
         for i, method in enumerate(METHODS):
             shift = 0.84 * ((i + 0.5) / len(METHODS) - 0.5)
             places = np.arange(len(tasks)) + shift
-            ours = [_relative(found[task], method) for task in tasks]
+            ours = [_relative(by_task[task], method) for task in tasks]
             color = tuple(c / 255 for c in colors.of_method(method))
             axes.bar(places, ours, width=0.84 / len(METHODS), color=color, label=method)
-            theirs = [_papers(found[task], method) for task in tasks]
+            theirs = [_papers(by_task[task], method) for task in tasks]
             axes.plot(
                 places, theirs, "D", color="white", markeredgecolor=_DARK, markersize=4.5,
                 label="in the paper" if method == METHODS[0] else None,

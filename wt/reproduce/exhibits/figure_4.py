@@ -21,7 +21,7 @@ from wt.reproduce.bench import FULL, PLUS, Bench
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
 from wt.reproduce.words import gain, mean, spread
 from wt.run.study import Study
-from wt.worlds.closed_loop import ClosedLoop, Truth
+from wt.worlds.closed_loop import ClosedLoop, ReferenceRollouts
 
 TASK = "go2_payload"
 HORIZON = 50
@@ -34,7 +34,7 @@ START_SEED = 1000
 """Of the starts of rollouts; the same for every method."""
 
 
-def truth_of(study: Study, quick: bool, seed: int) -> tuple[ClosedLoop, Truth]:
+def truth_of(study: Study, quick: bool, seed: int) -> tuple[ClosedLoop, ReferenceRollouts]:
     """A task's closed loop, and what R does in it from one set of starts."""
     world = study.world
     if not isinstance(world, ClosedLoop):
@@ -44,10 +44,10 @@ def truth_of(study: Study, quick: bool, seed: int) -> tuple[ClosedLoop, Truth]:
     return world, world.truth(count, past, HORIZON, START_SEED + seed)
 
 
-def keep(found: Numbers, label: str, rolled: Rolled) -> None:
+def keep(numbers: Numbers, label: str, rolled: Rolled) -> None:
     """Add one seed's rollouts; NaN, where every rollout has diverged, is kept as null."""
     mse = [float(x) if np.isfinite(x) else None for x in rolled.mse]
-    values = found.setdefault(label, {"mse": [], "diverged": []})
+    values = numbers.setdefault(label, {"mse": [], "diverged": []})
     values["mse"].append(mse)
     values["diverged"].append([float(x) for x in rolled.diverged])
 
@@ -65,7 +65,7 @@ class MultiStep(Exhibit):
         """Roll out every method with every seed from the same starts."""
         study = bench.study(TASK)
         bench.train(study, [PLUS, FULL], BASELINES)
-        found: Numbers = {}
+        numbers: Numbers = {}
         for seed in study.config.seeds:
             world, truth = truth_of(study, bench.quick, seed)
             steps: dict[str, Step] = {
@@ -78,10 +78,10 @@ class MultiStep(Exhibit):
                 bench.listener.progress(f"rollouts, seed {seed}", i, len(steps))
                 alignment = alignment_of(study.config, method)
                 rolled = roll_out(world, truth, step, study.scales.state, alignment)
-                keep(found, method, rolled)
-        return found
+                keep(numbers, method, rolled)
+        return numbers
 
-    def present(self, found: Numbers) -> Section:
+    def present(self, numbers: Numbers) -> Section:
         """Curves, and a table at some horizons."""
         return Section(
             "Each method runs on its own predictions for 50 control steps (1 s) from states of R: "
@@ -91,31 +91,31 @@ class MultiStep(Exhibit):
             "diverged once the trunk's height, tilt, velocity or turning rate is out of bounds; "
             "the error is the mean over those that have not. RawSim starts from R's true hidden "
             "state, as all do.",
-            [Grid(*table) for table in horizon_tables(found)],
-            {"multi_step": draw(found)},
-            _differences(found),
+            [Grid(*table) for table in horizon_tables(numbers)],
+            {"multi_step": draw(numbers)},
+            _differences(numbers),
         )
 
 
-def draw(found: Numbers) -> Figure:
+def draw(numbers: Numbers) -> Figure:
     """Divergence and error over the horizon, mean over seeds."""
     horizon = np.arange(1, HORIZON + 1)
-    rates = {m: (horizon, 100 * over(v["diverged"])) for m, v in found.items()}
-    errors = {m: (horizon, over(v["mse"])) for m, v in found.items()}
+    rates = {m: (horizon, 100 * over(v["diverged"])) for m, v in numbers.items()}
+    errors = {m: (horizon, over(v["mse"])) for m, v in numbers.items()}
     return curves([("diverged rollouts [%]", rates), ("MSE of the normalised state", errors)],
                   "horizon [control steps]", zoom=True)  # fmt: skip
 
 
-def gains(found: Numbers, plain: str, other: str) -> str:
-    """How much one method's error is below another's, from the same starts."""
+def gains(numbers: Numbers, plain: str, other: str) -> str:
+    """Gain of one method over another at some horizons, from the same starts."""
     said = []
     for horizon in GAINS_AT:
         ends = [
-            [row[horizon - 1] for row in found[name]["mse"] if row[horizon - 1] is not None]
+            [row[horizon - 1] for row in numbers[name]["mse"] if row[horizon - 1] is not None]
             for name in (plain, other)
         ]
-        whole = len(ends[0]) == len(ends[1]) > 0
-        said.append(f"{gain(*ends) if whole else 'diverged'} at horizon {horizon}")
+        comparable = len(ends[0]) == len(ends[1]) > 0
+        said.append(f"{gain(*ends) if comparable else 'diverged'} at horizon {horizon}")
     return ", ".join(said)
 
 
@@ -124,37 +124,37 @@ def over(by_seed: list[list[float | None]]) -> np.ndarray:
     return np.mean([[np.nan if x is None else x for x in row] for row in by_seed], axis=0)
 
 
-def horizon_tables(found: Numbers) -> list[tuple[list[str], list[list[str]]]]:
+def horizon_tables(numbers: Numbers) -> list[tuple[list[str], list[list[str]]]]:
     """Error and divergence at some horizons: head and rows of each table."""
-    return [_errors(found), _divergence(found)]
+    return [_errors(numbers), _divergence(numbers)]
 
 
-def _errors(found: Numbers) -> tuple[list[str], list[list[str]]]:
+def _errors(numbers: Numbers) -> tuple[list[str], list[list[str]]]:
     rows = [
         [m, *(spread([row[h - 1] for row in v["mse"] if row[h - 1] is not None]) for h in SHOWN)]
-        for m, v in found.items()
+        for m, v in numbers.items()
     ]
     head = ["MSE at horizon", *map(str, SHOWN)]
     return head, rows
 
 
-def _divergence(found: Numbers) -> tuple[list[str], list[list[str]]]:
+def _divergence(numbers: Numbers) -> tuple[list[str], list[list[str]]]:
     rows = []
-    for method, values in found.items():
+    for method, values in numbers.items():
         cells = [spread([100 * row[h - 1] for row in values["diverged"]]) for h in SHOWN]
         papers = paper.DIVERGED_AT_50.get(method)
         rows.append([method, *cells, "–" if papers is None else f"{100 * papers:g}"])
     head = ["% diverged at horizon", *map(str, SHOWN), "paper's at 50"]
-    if PAPERS_OWN in found:
+    if PAPERS_OWN in numbers:
         return head, rows
     # among variants there is nothing of the paper's to compare with
     return head[:-1], [row[:-1] for row in rows]
 
 
-def _differences(found: Numbers) -> list[str]:
-    raw, lines = over(found["RawSim"]["mse"]), []
+def _differences(numbers: Numbers) -> list[str]:
+    raw, lines = over(numbers["RawSim"]["mse"]), []
     for method in (PAPERS_OWN, OURS):
-        mse, rate = over(found[method]["mse"]), over(found[method]["diverged"])
+        mse, rate = over(numbers[method]["mse"]), over(numbers[method]["diverged"])
         below = mse < raw
         until = HORIZON if below.all() else int(np.argmin(below))
         lines.append(
@@ -163,7 +163,7 @@ def _differences(found: Numbers) -> list[str]:
             f"to about {paper.LOWEST_UNTIL} and diverges in "
             f"{100 * paper.DIVERGED_AT_50[PAPERS_OWN]:g} %."
         )
-    at = {m: mean([row[-1] for row in v["diverged"]]) for m, v in found.items()}
+    at = {m: mean([row[-1] for row in v["diverged"]]) for m, v in numbers.items()}
     worst = max(at, key=lambda m: at[m])
     most = f"{worst} diverges most, {100 * at[worst]:.1f} %" if at[worst] else "None diverges"
     lines.append(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from wt.evaluate import paper
@@ -15,8 +16,6 @@ from wt.reproduce.tasks import WALKING
 from wt.reproduce.words import mean, order, spread
 from wt.show import colors
 from wt.types import Pairs
-
-Array = np.ndarray
 
 BASELINES = ("RawSim", "DirectPred", "RSSM", "ResDyn")
 """Those of the paper."""
@@ -45,10 +44,10 @@ class Influence(Exhibit):
             task.name: _by_part(bench, task.name) for task in bench.tasks if task.name in self.tasks
         }
 
-    def present(self, found: Numbers) -> Section:
+    def present(self, numbers: Numbers) -> Section:
         """A table a task, and the order of the paper's methods at both ends."""
         grids, lines = [], []
-        for task, parts in found.items():
+        for task, parts in numbers.items():
             rows = [
                 [name, *(spread(mse) for mse in values.values())] for name, values in parts.items()
             ]
@@ -62,22 +61,22 @@ class Influence(Exhibit):
             "hidden, in R's standard deviations: by what is hidden in them, and by no method's "
             "error.",
             grids,
-            {"influence": _figure(found)},
+            {"influence": _figure(numbers)},
             lines,
         )
 
 
-def influence(pairs: Pairs, scale: Array) -> Array:
-    """How much of each step is hidden: mean squared difference of S's answers with and without h.
+def influence(pairs: Pairs, scale: Float[np.ndarray, " state"]) -> Float[np.ndarray, " pair"]:
+    """Influence of h on each step: mean squared difference of S's answers with and without it.
 
     Args:
         pairs: R's transitions and S's answers.
-        scale: standard deviations of the state, (n_state,).
+        scale: standard deviations of the state.
 
     Returns:
-        One number a pair, (N,), in units of R's variance.
+        One number a pair, in units of R's variance.
     """
-    shift: Array = (pairs.sim_next - pairs.real.nominal) / scale
+    shift: Float[np.ndarray, "pair state"] = (pairs.sim_next - pairs.real.nominal) / scale
     return np.mean(np.square(shift, dtype=np.float64), axis=1)
 
 
@@ -86,21 +85,21 @@ def _by_part(bench: Bench, task: str) -> dict[str, dict[str, list[float]]]:
     bench.train(study, [FULL, PLUS], BASELINES)
     test, scale = study.data.test, study.scales.state
     rows = np.argsort(influence(test, scale), kind="stable")
-    found: dict[str, dict[str, list[float]]] = {}
+    errors: dict[str, dict[str, list[float]]] = {}
     for name in (*BASELINES, PAPERS_OWN, OURS):
         for seed in study.config.seeds:
             error = (study.prediction(seed, name).astype(np.float64) - test.real.s_next) / scale
             mse = np.mean(error**2, axis=1)
             for part, (low, high) in SHARES.items():
                 those = mse[rows[int(low * len(rows)) : int(high * len(rows))]]
-                found.setdefault(name, {}).setdefault(part, []).append(float(those.mean()))
-    return found
+                errors.setdefault(name, {}).setdefault(part, []).append(float(those.mean()))
+    return errors
 
 
-def _figure(found: Mapping[str, Errors]) -> Figure:
-    drawn = Figure(figsize=(2.4 + 2.6 * len(found), 4.0), layout="constrained")
-    panels = drawn.subplots(1, len(found), sharey=True, squeeze=False)[0]
-    for axes, (task, parts) in zip(panels, found.items(), strict=True):
+def _figure(by_task: Mapping[str, Errors]) -> Figure:
+    drawn = Figure(figsize=(2.4 + 2.6 * len(by_task), 4.0), layout="constrained")
+    panels = drawn.subplots(1, len(by_task), sharey=True, squeeze=False)[0]
+    for axes, (task, parts) in zip(panels, by_task.items(), strict=True):
         for name, values in parts.items():
             color = tuple(c / 255 for c in colors.of_method(name))
             axes.plot([mean(mse) for mse in values.values()], "o-", color=color, label=name)

@@ -30,17 +30,17 @@ class LastingForces(Exhibit):
         study = bench.study(TASK, LASTING, "lasting")
         bench.train(study, [FULL], BASELINES)
         test, scales = study.data.test, study.scales
-        found: dict[str, list[float]] = {}
+        numbers: dict[str, list[float]] = {}
         for seed in study.config.seeds:
             for name in BASELINES:
                 mse = errors(study.prediction(seed, name), test, scales).mse
-                found.setdefault(name, []).append(mse)
-            found.setdefault(PAPERS_OWN, []).append(bench.errors(study, FULL, seed).mse)
-        return {"single": found}
+                numbers.setdefault(name, []).append(mse)
+            numbers.setdefault(PAPERS_OWN, []).append(bench.errors(study, FULL, seed).mse)
+        return {"single": numbers}
 
-    def present(self, found: Numbers) -> Section:
+    def present(self, numbers: Numbers) -> Section:
         """Errors in units of RawSim's, the paper's beside them."""
-        single: dict[str, list[float]] = found["single"]
+        single: dict[str, list[float]] = numbers["single"]
         known = paper.SINGLE_STEP[TASK]
         raw = mean(single["RawSim"])
         relative = {name: mean(mse) / raw for name, mse in single.items()}

@@ -44,17 +44,17 @@ class LatentSpace(Exhibit):
         points = {name: np.round(part.astype(float), 3).tolist() for name, part in parts.items()}
         return {"embedding": how, "points": points, "apart": apart}
 
-    def present(self, found: Numbers) -> Section:
+    def present(self, numbers: Numbers) -> Section:
         """The picture, and how far apart the centres lie."""
-        parts = {name: np.array(points) for name, points in found["points"].items()}
-        axis = NAMES[found["embedding"]]
+        parts = {name: np.array(points) for name, points in numbers["points"].items()}
+        axis = NAMES[numbers["embedding"]]
         drawn = latent_picture(parts["s"], parts["translated"], parts["r"], axis)
-        apart = found["apart"]
+        apart = numbers["apart"]
         line = (
             f"The centre of S's features lies {apart['s']:.2f} from that of R's, after translation "
             f"{apart['translated']:.2f}"
         )
-        how = "" if found["embedding"] == "umap" else (
+        how = "" if numbers["embedding"] == "umap" else (
             f" {axis}, since UMAP is not installed (pip install 'world-translation[report]')."
         )  # fmt: skip
         return Section(

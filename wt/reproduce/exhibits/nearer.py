@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wt.config import Fit, parse
+from wt.config import FitConfig, parse
 from wt.evaluate import paper
 from wt.evaluate.single_step import errors
 from wt.reproduce.bench import Bench
@@ -20,13 +20,13 @@ from wt.run.study import Study
 from wt.show.text import short
 from wt.worlds.legged_model import LeggedPhysics
 from wt.worlds.robots import robot_of
-from wt.worlds.walking import WalkingWorld
-from wt.worlds.walking_options import WalkingOptions
+from wt.worlds.walking.options import WalkingOptions
+from wt.worlds.walking.world import WalkingWorld
 
 WAYS = (0.0, 0.5, 0.75, 0.9)
 """Shares of the way from S to R; nothing but RawSim depends on them."""
 BLIND = ("DirectPred", "RSSM")
-"""What never sees S: its errors are those of figure 3, wherever S is."""
+"""Baselines that never see S: their errors are those of figure 3, wherever S is."""
 
 
 @register
@@ -41,12 +41,12 @@ class Nearer(Exhibit):
 
     def measure(self, bench: Bench) -> Numbers:
         """Step such simulators from each test pair; the others are those of the runs."""
-        found: Numbers = {}
+        numbers: Numbers = {}
         for task in (task.name for task in bench.tasks if task.name in self.tasks):
             study = bench.study(task)
             bench.train(study, [], BLIND)
             test, scales = study.data.test, study.scales
-            found[task] = {
+            numbers[task] = {
                 **{_row(way): _raw(study, way) for way in WAYS},
                 **{
                     name: mean(
@@ -58,18 +58,18 @@ class Nearer(Exhibit):
                     for name in BLIND
                 },
             }
-        return found
+        return numbers
 
-    def present(self, found: Numbers) -> Section:
+    def present(self, numbers: Numbers) -> Section:
         """One row a simulator, and where RawSim changes sides."""
-        rows = [[name, *(short(mse[name]) for mse in found.values())] for name in _names()]
+        rows = [[name, *(short(mse[name]) for mse in numbers.values())] for name in _names()]
         return Section(
             "Drives, friction and masses of S moved some of the way to those of R. What never sees "
             "S makes the same error wherever it is, so that its place beside RawSim says how "
             "far S is from R.",
-            [Grid(["MSE", *found], rows)],
+            [Grid(["MSE", *numbers], rows)],
             {},
-            [_side(task, mse) for task, mse in found.items()],
+            [_side(task, mse) for task, mse in numbers.items()],
         )
 
 
@@ -82,7 +82,7 @@ def between(sim: LeggedPhysics, real: LeggedPhysics, way: float) -> LeggedPhysic
     return parse(LeggedPhysics, values, "")
 
 
-def world(config: Fit, way: float) -> WalkingWorld:
+def world(config: FitConfig, way: float) -> WalkingWorld:
     """A task's world with a simulator that share of the way from S to R."""
     section = {key: value for key, value in config.world.items() if key != "name"}
     options = parse(WalkingOptions, section, "world.")
@@ -102,7 +102,7 @@ def _raw(study: Study, way: float) -> float:
 
 
 def _side(task: str, mse: Mapping[str, float]) -> str:
-    """Where on the way RawSim comes to stand below DirectPred, and where the paper has it."""
+    """Sentences on where RawSim falls below DirectPred on the way, and where the paper has it."""
     known = paper.SINGLE_STEP[task]
     papers = "below" if known["RawSim"] < known["DirectPred"] else "above"
     below = [way for way in WAYS if mse[_row(way)] < mse["DirectPred"]]

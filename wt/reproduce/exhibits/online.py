@@ -49,7 +49,7 @@ class OnlineExhibit(Exhibit):
         worn = make(bench.config("r5_force", WORN).world)
         part = PART_QUICK if bench.quick else PART
         iterations = vary(study.config.paper, ADAPTING).online.iterations
-        found: Numbers = {
+        numbers: Numbers = {
             "part": part,
             "iterations": iterations,
             "rate_hz": study.world.spec.rate_hz,
@@ -60,30 +60,30 @@ class OnlineExhibit(Exhibit):
             count = PAIRS_QUICK if bench.quick else PAIRS
             pairs = worn.pairs("test", count, PAIRS_SEED + seed)
             raw = float(np.mean(((pairs.sim_next - pairs.real.s_next) / study.scales.state) ** 2))
-            found["mse"].setdefault("RawSim", []).append([raw] * (PARTS + 1))
+            numbers["mse"].setdefault("RawSim", []).append([raw] * (PARTS + 1))
             for i, (name, variant) in enumerate(METHODS):
                 bench.listener.progress(f"streams, seed {seed}", i, len(METHODS))
                 along = _adapt(bench, study, variant, seed, stream, pairs)
-                found["mse"].setdefault(name, []).append([along[0]] * len(along))
-                found["mse"].setdefault(f"{name}, adapting", []).append(along)
-        return found
+                numbers["mse"].setdefault(name, []).append([along[0]] * len(along))
+                numbers["mse"].setdefault(f"{name}, adapting", []).append(along)
+        return numbers
 
-    def present(self, found: Numbers) -> Section:
+    def present(self, numbers: Numbers) -> Section:
         """Error over the length of the stream."""
-        part, rate = found["part"], found["rate_hz"]
+        part, rate = numbers["part"], numbers["rate_hz"]
         seconds = np.arange(PARTS + 1) * part / rate
-        lines = {name: (seconds, np.mean(runs, axis=0)) for name, runs in found["mse"].items()}
+        lines = {name: (seconds, np.mean(runs, axis=0)) for name, runs in numbers["mse"].items()}
         head = ["MSE on the changed robot", "before", "halfway", "at the end"]
         rows = [
             [name, *(spread([run[k] for run in runs]) for k in (0, PARTS // 2, PARTS))]
-            for name, runs in found["mse"].items()
+            for name, runs in numbers["mse"].items()
         ]
-        ends = {name: [run[-1] for run in runs] for name, runs in found["mse"].items()}
+        ends = {name: [run[-1] for run in runs] for name, runs in numbers["mse"].items()}
         return Section(
             "The R5 of domain R has changed after training: weaker drives, more friction, a "
             f"heavier load. Its transitions come in parts of {part / rate:g} s under the hidden "
             "forces, unpaired; after each part Algorithm 1 goes on for "
-            f"{found['iterations']} iterations, with the old transitions of S. "
+            f"{numbers['iterations']} iterations, with the old transitions of S. "
             "The error is on pairs of the changed robot.",
             [Grid(head, rows)],
             {"online": curves([("MSE on the changed robot", lines)], "seconds of stream")},

@@ -37,24 +37,24 @@ class Ours(Exhibit):
         """Train each variant with every seed."""
         study = bench.study("r5_force")
         bench.train(study, VARIANTS)
-        found: Numbers = {}
+        numbers: Numbers = {}
         for seed in study.config.seeds:
             for variant in VARIANTS:
                 mse = bench.errors(study, variant, seed).mse
-                found.setdefault(variant.name, []).append(mse)
+                numbers.setdefault(variant.name, []).append(mse)
             model = bench.model(study, PLUS, seed)
             scales = model.frame.state.std, model.frame.change.std
             model.strength.data.fill_(0.0)
             alone = errors(model, PairTensors.of(study.data.test, *scales))[0]
-            found.setdefault(NO_TRANSLATION, []).append(alone)
-        return found
+            numbers.setdefault(NO_TRANSLATION, []).append(alone)
+        return numbers
 
-    def present(self, found: Numbers) -> Section:
+    def present(self, numbers: Numbers) -> Section:
         """One row a variant, and each against the paper's and ours."""
-        plain = found["the paper's"]
+        plain = numbers["the paper's"]
         rows = [
             [name, spread(values), f"{mean(values) / mean(plain):.3g}"]
-            for name, values in found.items()
+            for name, values in numbers.items()
         ]
         return Section(
             "Single-step error on the R5 under forces. Ours: a mean field that carries what "
@@ -63,8 +63,8 @@ class Ours(Exhibit):
             [Grid(["variant", "MSE", "/ the paper's"], rows)],
             differences=[
                 f"{name[:1].upper()}{name[1:]}: error {gain(plain, values)} than the paper's, "
-                f"{gain(found[OURS], values)} than ours."
-                for name, values in found.items()
+                f"{gain(numbers[OURS], values)} than ours."
+                for name, values in numbers.items()
                 if name not in ("the paper's", OURS)
             ],
         )

@@ -25,24 +25,24 @@ class Privileged(Exhibit):
 
     def measure(self, bench: Bench) -> Numbers:
         """Train those three on each task, with every seed."""
-        found: Numbers = {}
+        numbers: Numbers = {}
         for task in (task.name for task in bench.tasks):
             study = bench.study(task)
             bench.train(study, [], METHODS)
             test, scales = study.data.test, study.scales
-            found[task] = {
+            numbers[task] = {
                 name: [
                     errors(study.prediction(seed, name), test, scales).mse
                     for seed in study.config.seeds
                 ]
                 for name in METHODS
             }
-        return found
+        return numbers
 
-    def present(self, found: Numbers) -> Section:
+    def present(self, numbers: Numbers) -> Section:
         """A row a task; what RSSM gains of what there is to gain."""
         rows, lines = [], []
-        for task, mse in found.items():
+        for task, mse in numbers.items():
             direct, known = mean(mse["DirectPred"]), paper.SINGLE_STEP[task]
             rows.append([
                 task,

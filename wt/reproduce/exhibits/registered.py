@@ -46,15 +46,15 @@ class RegisteredModels(Exhibit):
         models = {name: _measured(bench, name, model) for name, (model, _) in there.items()}
         return {"missing": missing, "models": models}
 
-    def present(self, found: Numbers) -> Section:
+    def present(self, numbers: Numbers) -> Section:
         """A row a task, then the rollouts."""
-        models: dict[str, Any] = found["models"]
+        models: dict[str, Any] = numbers["models"]
         rows = []
         for task, one in models.items():
             known = paper.SINGLE_STEP[task]
-            told = "other test pairs" if one["card"] is None else short(one["card"])
+            card_error = "other test pairs" if one["card"] is None else short(one["card"])
             rows.append([
-                task, one["model"], short(one["raw"]), short(one["mse"]), told,
+                task, one["model"], short(one["raw"]), short(one["mse"]), card_error,
                 short(one["mse"] / one["raw"]), short(known[PAPERS_OWN] / known["RawSim"]),
             ])  # fmt: skip
         head = ["task", "model", "RawSim", "MSE", "its card's", "/ RawSim", "paper's / RawSim"]
@@ -67,7 +67,7 @@ class RegisteredModels(Exhibit):
                 *(Grid(*table) for one in rolled for table in figure_4.horizon_tables(one)),
             ],
             {},
-            [f"{task}: {said}." for task, said in found["missing"].items()],
+            [f"{task}: {said}." for task, said in numbers["missing"].items()],
         )
 
 

@@ -28,7 +28,7 @@ class SegmentTraining(Exhibit):
         """Train each variant on the same data and seeds, and roll it out from the same starts."""
         study = bench.study(TASK)
         bench.train(study, VARIANTS)
-        found: Numbers = {"single": {}, "rolled": {}}
+        numbers: Numbers = {"single": {}, "rolled": {}}
         # where nothing is translated, as by RawSim, it does not matter
         alignment = alignment_of(study.config, FULL.method)
         for seed in study.config.seeds:
@@ -36,26 +36,26 @@ class SegmentTraining(Exhibit):
             steps = {v.name: of_model(bench.model(study, v, seed)) for v in VARIANTS}
             for label, step in {"RawSim": simulator, **steps}.items():
                 rolled = roll_out(world, truth, step, study.scales.state, alignment)
-                keep(found["rolled"], label, rolled)
+                keep(numbers["rolled"], label, rolled)
             for variant in VARIANTS:
                 mse = bench.errors(study, variant, seed).mse
-                found["single"].setdefault(variant.name, []).append(mse)
-        return found
+                numbers["single"].setdefault(variant.name, []).append(mse)
+        return numbers
 
-    def present(self, found: Numbers) -> Section:
+    def present(self, numbers: Numbers) -> Section:
         """Curves, tables and the gain."""
-        plain, *others = found["single"]
+        plain, *others = numbers["single"]
         lines = []
         for name in others:
-            single = gain(found["single"][plain], found["single"][name])
+            single = gain(numbers["single"][plain], numbers["single"][name])
             lines.append(
                 f"{name[:1].upper()}{name[1:]} against single steps: single-step error {single}, "
-                f"{gains(found['rolled'], plain, name)}."
+                f"{gains(numbers['rolled'], plain, name)}."
             )
         return Section(
             "The paper's method on Go2 with payload. With segments, the decoder is also trained to "
             "go on from its own predictions, with features of the observed transitions.",
-            [Grid(*table) for table in horizon_tables(found["rolled"])],
-            {"segments": draw(found["rolled"])},
+            [Grid(*table) for table in horizon_tables(numbers["rolled"])],
+            {"segments": draw(numbers["rolled"])},
             lines,
         )

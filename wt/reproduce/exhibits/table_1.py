@@ -1,4 +1,4 @@
-"""Table I: what representations say of the hidden force."""
+"""Table I: the hidden force, read off representations."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class HiddenProbes(Exhibit):
         """One probe a representation and seed, for the full and the basic model."""
         study = bench.study("r5_force")
         bench.train(study, [FULL, BASIC])
-        found: Numbers = {"baseline": {}, "full": {}, "w/o": {}}
+        numbers: Numbers = {"baseline": {}, "full": {}, "w/o": {}}
         for seed in study.config.seeds:
             for variant in (FULL, BASIC):
                 sim, real = bench.features(study, variant, seed)
@@ -31,39 +31,40 @@ class HiddenProbes(Exhibit):
                     tables["baseline"] = hidden_baseline(sim, real, seed)
                 for column, table in tables.items():
                     for row, value in table.items():
-                        found[column].setdefault(row, []).append(value)
-        return found
+                        numbers[column].setdefault(row, []).append(value)
+        return numbers
 
-    def present(self, found: Numbers) -> Section:
+    def present(self, numbers: Numbers) -> Section:
         """The paper's rows, and what the auxiliary parts cost."""
         rows = [
-            [row, spread(found["baseline"][row]), "", str(theirs), ""]
+            [row, spread(numbers["baseline"][row]), "", str(theirs), ""]
             for row, theirs in paper.HIDDEN_R2_BASELINE.items()
         ]
         for row in paper.HIDDEN_R2["full"]:
-            ours = [spread(found[column][row]) for column in ("w/o", "full")]
+            ours = [spread(numbers[column][row]) for column in ("w/o", "full")]
             theirs = [str(paper.HIDDEN_R2[column][row]) for column in ("w/o", "full")]
             rows.append([row, *ours, *theirs])
         return Section(
             "R² with which a small network tells the magnitude of the external force from a "
-            "representation; it learns on one half of the episodes and is judged on the other. "
+            "representation; it learns on one half of the episodes and is tested on the other. "
             '"w/o" is the basic VAE without domain classifier and FiLM.',
             [Grid(["input", "w/o", "full", "paper w/o", "paper full"], rows)],
-            differences=_differences(found),
+            differences=_differences(numbers),
         )
 
 
-def _differences(found: Numbers) -> list[str]:
-    full, basic, seen = found["full"], found["w/o"], found["baseline"]
+def _differences(numbers: Numbers) -> list[str]:
+    full, basic, seen = numbers["full"], numbers["w/o"], numbers["baseline"]
     kept = {d: mean(full[f"(o, a){d}, z{way}"]) / mean(full[f"(o, a){d}, z{d}"])
             for d, way in (("S", "S→R"), ("R", "R→S"))}  # fmt: skip
     cost = mean([mean(full[row]) - mean(basic[row]) for row in full])
     leak = [mean(seen[f"(o, a){d}"]) for d in "SR"]
-    whole = [mean(seen[f"(o, a, o′){d}"]) for d in "SR"]
+    transition = [mean(seen[f"(o, a, o′){d}"]) for d in "SR"]
     papers = paper.HIDDEN_R2_BASELINE
     return [
         f"(o, a) alone gives away {leak[0]:.2f} and {leak[1]:.2f} of the force, the whole "
-        f"transition {whole[0]:.2f} and {whole[1]:.2f} (in the paper {papers['(o, a)S']} and "
+        f"transition {transition[0]:.2f} and {transition[1]:.2f} (in the paper "
+        f"{papers['(o, a)S']} and "
         f"{papers['(o, a)R']}, {papers['(o, a, o′)S']} and {papers['(o, a, o′)R']}): how much "
         "(o, a) leaks depends on how long a force lasts and how the collecting policy reacts; here "
         "forces come and go within a few control steps.",

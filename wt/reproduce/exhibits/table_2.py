@@ -1,4 +1,4 @@
-"""Table II: what representations say of the domain."""
+"""Table II: the domain, read off representations."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ class DomainProbes(Exhibit):
         """Three probes a seed, for the full and the basic model."""
         study = bench.study("r5_force")
         bench.train(study, [FULL, BASIC])
-        found: Numbers = {"full": {}, "w/o": {}}
+        numbers: Numbers = {"full": {}, "w/o": {}}
         for seed in study.config.seeds:
             for variant in (FULL, BASIC):
                 sim, real = bench.features(study, variant, seed)
                 for row, value in domain_table(sim, real, seed).items():
-                    found[variant.name].setdefault(row, []).append(value)
-        return found
+                    numbers[variant.name].setdefault(row, []).append(value)
+        return numbers
 
-    def present(self, found: Numbers) -> Section:
+    def present(self, numbers: Numbers) -> Section:
         """The paper's rows with the domain that each is meant to be of."""
         rows = []
-        for row in found["full"]:
+        for row in numbers["full"]:
             alone = row in paper.DOMAIN_BASELINE
-            ours = [spread(found[column][row]) for column in ("w/o", "full")]
+            ours = [spread(numbers[column][row]) for column in ("w/o", "full")]
             theirs = [
                 f"{(paper.DOMAIN_BASELINE if alone else paper.DOMAIN[column])[row]:.3g}"
                 for column in ("w/o", "full")
@@ -50,15 +50,15 @@ class DomainProbes(Exhibit):
             "translated ones of the other half are shown beside the (o, a) of the domain they "
             "come from, as in use.",
             [Grid(head, rows)],
-            differences=_differences(found),
+            differences=_differences(numbers),
         )
 
 
-def _differences(found: Numbers) -> list[str]:
-    leak = [mean(found["full"][f"(o, a){d}"]) for d in "SR"]
+def _differences(numbers: Numbers) -> list[str]:
+    leak = [mean(numbers["full"][f"(o, a){d}"]) for d in "SR"]
     papers = paper.DOMAIN_BASELINE
-    basic, full = (mean(found[column][COMBINED]) for column in ("w/o", "full"))
-    own = mean(found["full"]["zS"])
+    basic, full = (mean(numbers[column][COMBINED]) for column in ("w/o", "full"))
+    own = mean(numbers["full"]["zS"])
     shown = paper.DOMAIN
     return [
         f"(o, a) alone tells the domain in {100 * leak[0]:.0f} % (S) and {100 * leak[1]:.0f} % (R) "

@@ -1,4 +1,4 @@
-"""Table III: what cycle consistency and the identity loss are worth."""
+"""Table III: the worth of cycle consistency and of the identity loss."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class TranslationLosses(Exhibit):
         study = bench.study("r5_force")
         sets = {"ours": (FULL, NO_CYCLE, NO_IDENTITY, NEITHER), "heavy": AT_HEAVY}
         bench.train(study, [variant for variants in sets.values() for variant in variants])
-        found: Numbers = {}
+        numbers: Numbers = {}
         for weights, variants in sets.items():
             for variant in variants:
                 values: dict[str, list[float]] = {column: [] for column in COLUMNS}
@@ -44,23 +44,23 @@ class TranslationLosses(Exhibit):
                     values["cycle"].append(0.5 * (sim.cycle_error + real.cycle_error))
                     values["identity"].append(real.identity_error)
                     values["prediction"].append(bench.errors(study, variant, seed).mse)
-                found.setdefault(weights, {})[variant.name] = values
+                numbers.setdefault(weights, {})[variant.name] = values
         settings = study.config.paper.translation
-        found["weights"] = [settings.cycle, settings.identity]
-        return found
+        numbers["weights"] = [settings.cycle, settings.identity]
+        return numbers
 
-    def present(self, found: Numbers) -> Section:
+    def present(self, numbers: Numbers) -> Section:
         """Both sets of weights beside the paper's table."""
-        cycle, identity = found["weights"]
+        cycle, identity = numbers["weights"]
         ours = f"Weights of the configuration: cycle {cycle:g}, identity {identity:g}."
         return Section(
             "Cycle error ‖z − G(G(z))‖ of both domains, identity error ‖zR − G(zR)‖ of the "
             "generator into R, both L1 per channel, and the single-step error on the test pairs.",
             [
-                Grid(_HEAD, _rows(found["ours"]), ours),
-                Grid(_HEAD, _rows(found["heavy"]), "CycleGAN's weights: cycle 10, identity 5."),
+                Grid(_HEAD, _rows(numbers["ours"]), ours),
+                Grid(_HEAD, _rows(numbers["heavy"]), "CycleGAN's weights: cycle 10, identity 5."),
             ],
-            differences=_differences(found),
+            differences=_differences(numbers),
         )
 
 
@@ -79,14 +79,14 @@ def _rows(table: Numbers) -> list[list[str]]:
     return rows
 
 
-def _differences(found: Numbers) -> list[str]:
+def _differences(numbers: Numbers) -> list[str]:
     lines = []
     for i, column in enumerate(COLUMNS):
         papers = {name: row[i] for name, row in paper.ABLATION.items()}
         for weights, said in (("ours", "at our weights"), ("heavy", "at CycleGAN's")):
-            ours = {name: mean(found[weights][name][column]) for name in papers}
+            ours = {name: mean(numbers[weights][name][column]) for name in papers}
             lines.append(order(ours, papers, f"{column.capitalize()} error {said}"))
-    errors = {name: values["prediction"] for name, values in found["ours"].items()}
+    errors = {name: values["prediction"] for name, values in numbers["ours"].items()}
     worth = {name: gain(errors[name], errors["full"]) for name in errors}
     lines.append(
         f"With both losses the error is {worth[NO_CYCLE.name]} than without cycle, "

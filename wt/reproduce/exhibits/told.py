@@ -9,13 +9,13 @@ from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
 from wt.reproduce.exhibits.figure_4 import TASK, draw, gains, horizon_tables, keep, truth_of
 
 BASELINES = ("DirectPred", "RSSM")
-"""What reads nothing of the simulator: the same as without being told."""
+"""Baselines that read nothing of the simulator: the same as without being told."""
 SUFFIX = ", told"
 
 
 @register
 class Told(Exhibit):
-    """How much of the error of long rollouts comes from hidden state that has gone astray."""
+    """Share of the error of long rollouts that comes from hidden state gone astray."""
 
     name = "told"
     order = 21
@@ -26,7 +26,7 @@ class Told(Exhibit):
         """Roll out with the hidden state as it goes, and with R's own."""
         study = bench.study(TASK)
         bench.train(study, [PLUS, FULL], BASELINES)
-        found: Numbers = {}
+        numbers: Numbers = {}
         for seed in study.config.seeds:
             world, truth = truth_of(study, bench.quick, seed)
             blind = {b: of_baseline(bench.baseline(study, b, seed), world) for b in BASELINES}
@@ -37,23 +37,23 @@ class Told(Exhibit):
             }
             runs = [(name, step, False) for name, step in (blind | reading).items()]
             runs += [(name, step, True) for name, step in reading.items()]
-            for i, (name, step, told) in enumerate(runs):
+            for i, (name, step, true_hidden) in enumerate(runs):
                 bench.listener.progress(f"rollouts, seed {seed}", i, len(runs))
                 alignment = alignment_of(study.config, name)
-                rolled = roll_out(world, truth, step, study.scales.state, alignment, told)
-                keep(found, name + SUFFIX * told, rolled)
-        return found
+                rolled = roll_out(world, truth, step, study.scales.state, alignment, true_hidden)
+                keep(numbers, name + SUFFIX * true_hidden, rolled)
+        return numbers
 
-    def present(self, found: Numbers) -> Section:
+    def present(self, numbers: Numbers) -> Section:
         """Curves, a table at some horizons, and what being told is worth."""
         return Section(
             "Where the trunk is, how fast it moves and where the ball rolls stays in a rollout as "
             'the simulator left it, and goes astray. "told": R\'s own at every step, which only '
             "an experiment can give. What reads no simulator has no use for it.",
-            [Grid(*table) for table in horizon_tables(found)],
-            {"told": draw(found)},
+            [Grid(*table) for table in horizon_tables(numbers)],
+            {"told": draw(numbers)},
             [
-                f"{name}, error where told: {gains(found, name, name + SUFFIX)}."
+                f"{name}, error where told: {gains(numbers, name, name + SUFFIX)}."
                 for name in ("RawSim", PAPERS_OWN, OURS)
             ],
         )

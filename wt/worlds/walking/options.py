@@ -1,4 +1,4 @@
-"""What ``conf/go2_*.yaml`` and ``conf/g1_*.yaml`` may say of their worlds."""
+"""The ``world:`` section of ``conf/go2_*.yaml`` and ``conf/g1_*.yaml``."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 from wt.errors import ConfigError
 from wt.types import Domain
-from wt.worlds.go2_model import Payload
-from wt.worlds.legged import TIMESTEP, Scene, Start
+from wt.worlds.go2_model import BallPayload
+from wt.worlds.legged import TIMESTEP, LeggedScene, Start
 from wt.worlds.legged_model import LeggedPhysics
 from wt.worlds.terrain import Blocks
 
@@ -41,7 +41,7 @@ class WalkingOptions:
         robots: simulations stepped together.
         episode_steps: control steps before a robot starts anew.
         command: share of the policy's largest command that is asked for at most [-].
-        command_seconds: how long a command holds on average [s].
+        command_seconds: mean time that a command holds [s].
         noise: standard deviation of the exploration noise, in units of the action scale [-].
         noise_seconds: its correlation time [s].
         start: spread of the states in which episodes begin.
@@ -52,7 +52,7 @@ class WalkingOptions:
     policy: str
     sim: LeggedPhysics
     real: LeggedPhysics
-    payload: Payload | None = None
+    payload: BallPayload | None = None
     concealed: bool = False
     blocks: Blocks | None = None
     model: str | None = None
@@ -85,12 +85,12 @@ class WalkingOptions:
 
     @property
     def note(self) -> str | None:
-        """What a table of errors assumes; see :class:`wt.worlds.base.World`."""
+        """Assumption behind a table of errors; see :class:`wt.worlds.base.World`."""
         if self.model:
             return GIVEN_MODEL
         return CONCEALED if self.concealed else None
 
-    def scene(self, domain: Domain) -> Scene:
-        """What surrounds the robot in a domain."""
+    def scene(self, domain: Domain) -> LeggedScene:
+        """The robot's surroundings and load in a domain."""
         carries = domain == "real" or not self.concealed
-        return Scene(self.payload if carries else None, self.blocks)
+        return LeggedScene(self.payload if carries else None, self.blocks)

@@ -5,34 +5,38 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from wt.errors import WorkError
-from wt.worlds.closed_loop import Truth
-from wt.worlds.legged import Herd, Robot, Start
+from wt.worlds.closed_loop import ReferenceRollouts
+from wt.worlds.legged import Herd, LeggedRobot, Start
 from wt.worlds.policy import Policy
 from wt.worlds.stance import HEIGHT, VELOCITY
-from wt.worlds.walking_state import TRUNK
-
-Array = np.ndarray
+from wt.worlds.walking.state import TRUNK
 
 SETTLE = 25
 """Control steps that R walks before anything is recorded: episodes begin standing."""
 MOST_SPEED = 4.0
 """Speed of the trunk that no Go2 or G1 reaches [m/s]."""
 MOST_SPIN = 20.0
-"""… and turning rate [rad/s]."""
+"""Turning rate that they do not reach either [rad/s]."""
 MOST_HEIGHT = 2.0
 """Height of the trunk that it does not jump to, in units of its standing height [-]."""
 
 
-def astray(robot: Robot, s: Array, hidden: Array, ground: Array | float) -> Array:
-    """Which robots are where none can be: base height, tilt or velocity out of bounds, (N,) bool.
+def astray(
+    robot: LeggedRobot,
+    s: Float[np.ndarray, "robot state"],
+    hidden: Float[np.ndarray, "robot hidden"],
+    ground: Float[np.ndarray, " robot"] | float,
+) -> Bool[np.ndarray, " robot"]:
+    """True where no robot can be: base height, tilt or velocity out of bounds.
 
     Args:
-        robot: whose bounds they are.
-        s: state channels, (N, n_state): angular velocity [rad/s] and direction of gravity first.
-        hidden: hidden variables, (N, n_hidden): position [m], heading, velocity [m/s] of the trunk.
-        ground: height of the ground under it, (N,), or one for all [m].
+        robot: has the bounds.
+        s: state channels: angular velocity [rad/s] and direction of gravity first.
+        hidden: hidden variables: position [m], heading [rad], velocity [m/s] of the trunk first.
+        ground: height of the ground under the trunk [m], or one for all.
     """
     with np.errstate(invalid="ignore", over="ignore"):
         height = hidden[:, HEIGHT] - ground
@@ -47,24 +51,24 @@ def astray(robot: Robot, s: Array, hidden: Array, ground: Array | float) -> Arra
 def walk(
     herd: Herd,
     policy: Policy,
-    read: Callable[[Herd], Array],
+    read: Callable[[Herd], np.ndarray],
     *,
     start: Start,
-    limits: Array,
+    limits: Float[np.ndarray, "command=3"],
     command_seconds: float,
     past: int,
     horizon: int,
     rng: np.random.Generator,
-) -> Truth:
+) -> ReferenceRollouts:
     """A herd under its policy, without exploration noise, under changing commands.
 
     Args:
-        herd: N robots.
+        herd: the robots.
         policy: that walks.
-        read: the hidden variables of a herd, (N, n_hidden).
+        read: reads the hidden variables of a herd, (robot, hidden).
         start: spread of the states in which they begin.
-        limits: largest command either way, (3,).
-        command_seconds: how long a command holds on average [s].
+        limits: largest command either way [m/s, m/s, rad/s].
+        command_seconds: mean time that a command holds [s].
         past: steps before the start of a rollout.
         horizon: steps of a rollout.
         rng: of starts and commands.
@@ -76,7 +80,7 @@ def walk(
     herd.reset(np.arange(size), rng, start)
     command = rng.uniform(-limits, limits, (size, 3))
     clock = policy.clock(size)
-    rows: dict[str, list[Array]] = {"o": [], "a": [], "hidden": [], "context": []}
+    rows: dict[str, list[np.ndarray]] = {"o": [], "a": [], "hidden": [], "context": []}
     lost = np.zeros(size, bool)
     for k in range(-SETTLE, past + horizon + 1):
         changed = rng.random(size) < herd.dt / command_seconds
@@ -94,5 +98,11 @@ def walk(
                 rows[name].append(value.astype(np.float32))
     if lost.all():
         raise WorkError("all robots fell in R: the policy does not walk there; train one that does")
-    whole = {name: np.stack(values, axis=1)[~lost] for name, values in rows.items()}
-    return Truth(whole["o"], whole["a"][:, :-1], whole["hidden"], whole["context"][:, :-1], past)
+    histories = {name: np.stack(values, axis=1)[~lost] for name, values in rows.items()}
+    return ReferenceRollouts(
+        histories["o"],
+        histories["a"][:, :-1],
+        histories["hidden"],
+        histories["context"][:, :-1],
+        past,
+    )

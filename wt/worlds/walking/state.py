@@ -1,23 +1,22 @@
-"""What a walking robot's own sensors do not say of its state, and how a state is put together.
+"""The hidden part of a walking robot's state, and putting a state together from both parts.
 
-Hidden are where the trunk is, where it heads and how fast it moves; with a ball in a box, where the
-ball is and how it rolls; and whatever else moves in a model, as the load on slides that a diagnosis
-puts in. With the observation they are the whole state of the simulation.
+Hidden from its own sensors are where the trunk is, where it heads and how fast it moves; with a
+ball in a box, where the ball is and how it rolls; and whatever else moves in a model, as the load
+on slides that a diagnosis puts in. With the observation they are the whole state of the simulation.
 """
 
 from __future__ import annotations
 
 import mujoco
 import numpy as np
+from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
 from wt.types import Channel
 from wt.worlds.go2_model import BALL
-from wt.worlds.legged import Herd, Robot
+from wt.worlds.legged import Herd, LeggedRobot
 from wt.worlds.legged_model import BASE, STAND
-from wt.worlds.stance import HEADING, VELOCITY, Feet, upright
-
-Array = np.ndarray
+from wt.worlds.stance import HEADING, VELOCITY, FootKinematics, upright
 
 _TRUNK = (
     *(Channel(f"position/{axis}", "m") for axis in "xyz"),
@@ -30,7 +29,7 @@ _BALL = (
     *(Channel(f"ball/spin/{axis}", "rad/s") for axis in "xyz"),
 )
 TRUNK = len(_TRUNK)
-"""So many channels of every hidden variable are the trunk's, the first ones."""
+"""Number of the trunk's channels, which are the first ones of every hidden variable."""
 
 
 class WalkingState:
@@ -41,19 +40,21 @@ class WalkingState:
             its velocity [m/s] along its own axes; with a ball, place and velocity of the ball
             relative to the trunk, along the trunk's axes, and its angular velocity in the world;
             then positions and velocities of the other slides [m, m/s] and hinges [rad, rad/s].
-        feet: where they are, from what is observed.
-        rest: what is hidden beyond the trunk, where nothing is known of it: a ball lies still in
-            the middle of its box, all else as it does where the robot stands.
+        feet: their places and velocities, from what is observed.
+        rest: hidden variables beyond the trunk's, where nothing is known of them: a ball lies still
+            in the middle of its box, all else as it does where the robot stands.
     """
 
-    def __init__(self, robot: Robot, model: mujoco.MjModel) -> None:
+    rest: Float[np.ndarray, " inner"]
+
+    def __init__(self, robot: LeggedRobot, model: mujoco.MjModel) -> None:
         """Prepare for one model.
 
         Args:
             robot: whose joints are observed.
             model: everything that moves in it.
         """
-        self._robot, self._ball, self.feet = robot, False, Feet(robot, model)
+        self._robot, self._ball, self.feet = robot, False, FootKinematics(robot, model)
         stand = model.key(STAND).qpos
         joints = [model.joint(i) for i in range(model.njnt)]
         others = [joint for joint in joints if joint.name not in (BASE, BALL, *robot.joints)]
@@ -76,47 +77,64 @@ class WalkingState:
                 rest = np.concatenate([at, np.zeros(6), rest])
         self.channels, self.rest = (*_TRUNK, *channels), rest
 
-    def hidden(self, herd: Herd) -> Array:
-        """Hidden variables of all robots, (N, n_hidden)."""
+    def hidden(self, herd: Herd) -> Float[np.ndarray, "robot hidden"]:
+        """Hidden variables of all robots."""
         turn = _rotation(herd.qpos[:, 3:7])
         axis = turn[:, :, 0]
         velocity = _into(turn, herd.qvel[:, :3])
-        found = [herd.qpos[:, :3], np.arctan2(axis[:, 1], axis[:, 0])[:, None], velocity]
+        parts = [herd.qpos[:, :3], np.arctan2(axis[:, 1], axis[:, 0])[:, None], velocity]
         if self._ball:
             pose, twist = herd.qpos[:, self._ball_q :][:, :7], herd.qvel[:, self._ball_v :][:, :6]
             spin = np.einsum("nij,nj->ni", _rotation(pose[:, 3:]), twist[:, 3:])
             at, to = pose[:, :3], twist[:, :3]
-            found += [_into(turn, at - herd.qpos[:, :3]), _into(turn, to) - velocity, spin]
-        found += [herd.qpos[:, self._q], herd.qvel[:, self._v]]
-        return np.concatenate(found, axis=1)
+            parts += [_into(turn, at - herd.qpos[:, :3]), _into(turn, to) - velocity, spin]
+        parts += [herd.qpos[:, self._q], herd.qvel[:, self._v]]
+        return np.concatenate(parts, axis=1)
 
-    def restore(self, herd: Herd, o: Array, hidden: Array | None) -> None:
-        """Set robots to observations (N, n_obs) and hidden variables (N, n_hidden).
+    def restore(
+        self,
+        herd: Herd,
+        o: Float[np.ndarray, "robot obs"],
+        hidden: Float[np.ndarray, "robot hidden"] | None,
+    ) -> None:
+        """Set the first robots of a herd to observations and hidden variables; others stand.
 
         Args:
-            herd: at least N robots; the first N are set, the others stand.
+            herd: at least as many robots as observations.
             o: observations; the last action is the next step's business.
-            hidden: None for what :meth:`nominal` says; beyond the trunk's channels, what is NaN or
-                not there is at :attr:`rest`.
+            hidden: None for :meth:`nominal`; beyond the trunk's channels, NaN or a missing channel
+                stands for :attr:`rest`.
         """
         rows = np.arange(len(o))
         herd.batch.reset(rows, stage=mujoco.mjtStage.mjSTAGE_NONE)
         h = self.nominal(o) if hidden is None else self._completed(hidden)
         self._set(herd, rows, o, h)
 
-    def overwrite(self, herd: Herd, s: Array, hidden: Array, rows: Array) -> None:
-        """Set what robots observe of themselves, and leave what else the simulation keeps.
+    def overwrite(
+        self,
+        herd: Herd,
+        s: Float[np.ndarray, "robot state"],
+        hidden: Float[np.ndarray, "robot hidden"],
+        rows: Int[np.ndarray, " chosen"],
+    ) -> None:
+        """Set the observable state of some robots, and leave what else the simulation keeps.
 
         Args:
-            herd: N robots.
-            s: state channels of all of them, (N, n_state): angular velocity, direction of gravity,
-                joint positions and velocities.
+            herd: the robots.
+            s: state channels of all of them: angular velocity, direction of gravity, joint
+                positions and velocities.
             hidden: their hidden variables as they are, :meth:`hidden`, and will be.
-            rows: which are set, (K,) integers.
+            rows: indices of the robots that are set.
         """
         self._set(herd, rows, s[rows], hidden[rows])
 
-    def _set(self, herd: Herd, rows: Array, o: Array, h: Array) -> None:
+    def _set(
+        self,
+        herd: Herd,
+        rows: Int[np.ndarray, " chosen"],
+        o: Float[np.ndarray, "chosen obs"],
+        h: Float[np.ndarray, "chosen hidden"],
+    ) -> None:
         turn = upright(o[:, 3:6].astype(float), h[:, HEADING])
         quat = Rotation.from_matrix(turn).as_quat()[:, [3, 0, 1, 2]]
         velocity, n = h[:, VELOCITY], len(self._robot.joints)
@@ -136,8 +154,8 @@ class WalkingState:
         qvel[:, self._v] = h[:, h.shape[1] - inner :]
         herd.qpos[rows], herd.qvel[rows] = qpos, qvel
 
-    def nominal(self, o: Array) -> Array:
-        """What is believed of the hidden variables where nothing is known, (N, n_hidden).
+    def nominal(self, o: Float[np.ndarray, "robot obs"]) -> Float[np.ndarray, "robot hidden"]:
+        """Hidden variables that are assumed where nothing is known of them.
 
         The robot stands on flat ground at the origin, on its lowest foot, which is at rest; a ball
         lies still in the middle of its box, and all else is at :attr:`rest` too.
@@ -145,8 +163,10 @@ class WalkingState:
         unknown = np.concatenate([np.zeros(TRUNK), self.rest])
         return self.feet.standing(o, np.tile(unknown, (len(o), 1)))
 
-    def _completed(self, hidden: Array) -> Array:
-        """Hidden variables with what is at rest where they say nothing, (N, n_hidden)."""
+    def _completed(
+        self, hidden: Float[np.ndarray, "robot given"]
+    ) -> Float[np.ndarray, "robot hidden"]:
+        """Hidden variables with :attr:`rest` where they say nothing."""
         beyond = np.full((len(hidden), len(self.rest)), np.nan)
         if hidden.shape[1] == len(self.channels):
             beyond = hidden[:, TRUNK:].astype(float)
@@ -154,11 +174,13 @@ class WalkingState:
         return np.hstack([hidden[:, :TRUNK].astype(float), known])
 
 
-def _rotation(quat: Array) -> Array:
-    """Rotation matrices of quaternions wxyz, (N, 3, 3)."""
+def _rotation(quat: Float[np.ndarray, "robot wxyz=4"]) -> Float[np.ndarray, "robot 3 3"]:
+    """Rotation matrices of quaternions."""
     return np.asarray(Rotation.from_quat(quat[:, [1, 2, 3, 0]]).as_matrix())
 
 
-def _into(turn: Array, vector: Array) -> Array:
-    """World vectors (N, 3) along the axes of frames (N, 3, 3)."""
+def _into(
+    turn: Float[np.ndarray, "robot 3 3"], vector: Float[np.ndarray, "robot xyz=3"]
+) -> Float[np.ndarray, "robot xyz=3"]:
+    """World vectors along the axes of frames."""
     return np.asarray(np.einsum("nji,nj->ni", turn, vector))

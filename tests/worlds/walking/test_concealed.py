@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from tests.worlds.test_walking import SMALL, world
+from tests.worlds.walking.test_world import SMALL, world
 from wt.data.recording import check_against
 from wt.errors import ConfigError, ModelError
 from wt.worlds import g1_model
-from wt.worlds.walking import WalkingWorld
+from wt.worlds.walking.world import WalkingWorld
 
 QUICK = {**SMALL, "timestep": 0.005}
 TRUNK = 7

@@ -13,11 +13,11 @@ from wt.config import load
 from wt.errors import ConfigError, ModelError, WorkError
 from wt.types import Transitions
 from wt.worlds.base import make
-from wt.worlds.walking import WalkingWorld
-from wt.worlds.walking_options import WalkingOptions
-from wt.worlds.walking_state import upright
+from wt.worlds.walking.options import WalkingOptions
+from wt.worlds.walking.state import upright
+from wt.worlds.walking.world import WalkingWorld
 
-CONF = Path(__file__).resolve().parents[2] / "conf"
+CONF = Path(__file__).resolve().parents[3] / "conf"
 SMALL = {"robots": 8, "episode_steps": 50, "threads": 1}
 
 

@@ -9,19 +9,17 @@ from wt.types import Recording
 from wt.worlds.legged import Herd
 from wt.worlds.legged_model import BASE
 
-Array = np.ndarray
-
 RATE_HZ = 200.0
-"""Of the samples; every physics step, where these are longer."""
+"""Rate of the samples [Hz]; every physics step, where these are longer."""
 POSITION, TURN = 5e-4, 1e-3
 """Noise of the trunk's position [m] and of its orientation about each axis [rad], rms."""
 VELOCITY, TURNING = 1e-2, 3e-3
-"""… of its velocity [m/s] and of its angular velocity [rad/s]."""
+"""Noise of its velocity [m/s] and of its angular velocity [rad/s], rms."""
 ENCODER, SPEED = 2e-4, 1e-2
-"""… of joint positions [rad] and velocities [rad/s]."""
+"""Noise of joint positions [rad] and velocities [rad/s], rms."""
 
 
-class Recorder:
+class HerdRecorder:
     """Watches the first robots of a herd; see ``watch`` of :meth:`Herd.step`."""
 
     def __init__(self, herd: Herd, robots: int) -> None:
@@ -29,12 +27,12 @@ class Recorder:
 
         Args:
             herd: the robots.
-            robots: how many of them are watched.
+            robots: number of them that are watched.
         """
         self._herd, self._robots = herd, robots
         self._every = max(1, round(1.0 / (RATE_HZ * herd.model.opt.timestep)))
         self._calls = 0
-        self._rows: list[tuple[Array, Array, Array]] = []
+        self._rows: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
 
     def __call__(self) -> None:
         """Keep the present state, and the command that is in force from now on."""
@@ -44,10 +42,10 @@ class Recorder:
         self._calls += 1
 
     def recording(self, robot: int, rng: np.random.Generator) -> Recording:
-        """What was measured of one robot.
+        """The measurements of one robot.
 
         Args:
-            robot: which, below the number that is watched.
+            robot: its index, below the number that is watched.
             rng: of the noise.
         """
         herd = self._herd

@@ -26,23 +26,22 @@ from dataclasses import asdict, replace
 
 import mujoco
 import numpy as np
+from jaxtyping import Bool, Float, Float32, Int
 
 from wt.errors import WorkError
 from wt.types import Channel, Domain, Pairs, Recording, Transitions, TransitionSpec
 from wt.worlds import given_model
 from wt.worlds.base import Progress, register
-from wt.worlds.closed_loop import Truth
+from wt.worlds.closed_loop import ReferenceRollouts
 from wt.worlds.legged import RATE_HZ, Herd
 from wt.worlds.policy import Policy
 from wt.worlds.robots import robot_of
-from wt.worlds.terrain import Ground
-from wt.worlds.walking_episodes import episodes
-from wt.worlds.walking_options import WalkingOptions
-from wt.worlds.walking_recording import Recorder
-from wt.worlds.walking_rollout import astray, walk
-from wt.worlds.walking_state import TRUNK, WalkingState
-
-Array = np.ndarray
+from wt.worlds.terrain import GroundHeights
+from wt.worlds.walking.episodes import episodes
+from wt.worlds.walking.options import WalkingOptions
+from wt.worlds.walking.recording import HerdRecorder
+from wt.worlds.walking.rollout import astray, walk
+from wt.worlds.walking.state import TRUNK, WalkingState
 
 MOST_FALLS = 6.0
 """Falls per robot and minute beyond which a policy does not walk here."""
@@ -73,7 +72,7 @@ class WalkingWorld:
         else:
             self._models["sim"] = given_model.load(options.model, self._robot)
         self._state = {d: WalkingState(self._robot, model) for d, model in self._models.items()}
-        self._ground = Ground(options.blocks)
+        self._ground = GroundHeights(options.blocks)
         self.shard = options.robots * options.episode_steps
         joints, condition = self._robot.joints, "flat"
         if options.payload or options.blocks:
@@ -143,12 +142,12 @@ class WalkingWorld:
         return Transitions(nominal=nominal, **fields)
 
     def record(self, count: int, seed: int, robots: int) -> list[Recording]:
-        """What an estimator would have recorded of R while :meth:`collect` went on.
+        """Recordings of R by an estimator while :meth:`collect` goes on.
 
         Args:
             count: as in ``collect("real", count, seed)``, of which these are the same walks.
             seed: likewise.
-            robots: as many recordings as there are, one an episode; of the first that do not fall.
+            robots: number of recordings, one an episode, of the first robots that do not fall.
 
         Raises:
             WorkError: fewer robots walk through an episode.
@@ -157,7 +156,7 @@ class WalkingWorld:
         size = min(options.robots, -(-count // options.episode_steps))
         (first,) = np.random.SeedSequence(seed).spawn(1)
         herd, rng = self._herd("real", size), np.random.default_rng(first)
-        recorder = Recorder(herd, size)
+        recorder = HerdRecorder(herd, size)
         part, _ = episodes(
             herd, self._policy, self._read("real"), self.spec, options, rng, recorder
         )
@@ -171,7 +170,12 @@ class WalkingWorld:
         noise = np.random.default_rng((seed, 1))
         return [recorder.recording(int(i), noise) for i in walked]
 
-    def sim_step(self, o: Array, a: Array, hidden: Array | None) -> Array:
+    def sim_step(
+        self,
+        o: Float[np.ndarray, "robot obs"],
+        a: Float[np.ndarray, "robot joint"],
+        hidden: Float[np.ndarray, "robot hidden"] | None,
+    ) -> Float32[np.ndarray, "robot state"]:
         """S's answer to (o, a) under a hidden variable; see :class:`World`.
 
         Without one the robot stands on flat ground, moves as its lowest foot, which is at rest,
@@ -179,19 +183,31 @@ class WalkingWorld:
         """
         return self.domain_step("sim", o, a, hidden)
 
-    def domain_step(self, domain: Domain, o: Array, a: Array, hidden: Array | None) -> Array:
+    def domain_step(
+        self,
+        domain: Domain,
+        o: Float[np.ndarray, "robot obs"],
+        a: Float[np.ndarray, "robot joint"],
+        hidden: Float[np.ndarray, "robot hidden"] | None,
+    ) -> Float32[np.ndarray, "robot state"]:
         """One control step of a domain from a given observation, action and hidden variable.
 
         Returns:
-            The state channels one control step later, (N, n_state), float32.
+            The state channels one control step later.
         """
         return self._stepped(domain, o, a, hidden)[0]
 
-    def advance(self, domain: Domain, o: Array, a: Array, hidden: Array) -> tuple[Array, Array]:
+    def advance(
+        self,
+        domain: Domain,
+        o: Float[np.ndarray, "robot obs"],
+        a: Float[np.ndarray, "robot joint"],
+        hidden: Float[np.ndarray, "robot hidden"],
+    ) -> tuple[Float32[np.ndarray, "robot state"], Float32[np.ndarray, "robot hidden_after"]]:
         """One control step, and the hidden variables after it; see :class:`ClosedLoop`."""
         return self._stepped(domain, o, a, hidden)
 
-    def truth(self, count: int, past: int, horizon: int, seed: int) -> Truth:
+    def truth(self, count: int, past: int, horizon: int, seed: int) -> ReferenceRollouts:
         """R under its policy; see :class:`ClosedLoop`."""
         options = self._options
         truth = walk(
@@ -214,18 +230,27 @@ class WalkingWorld:
         hidden[:, :steps] = self._followed(o, a, h, step)[1].reshape(n, steps, -1)
         return replace(truth, hidden=hidden)
 
-    def act(self, o: Array, context: Array) -> Array:
+    def act(
+        self, o: Float[np.ndarray, "robot obs"], context: Float[np.ndarray, "robot context"]
+    ) -> Float[np.ndarray, "robot joint"]:
         """The policy's joint targets; see :class:`ClosedLoop`."""
         n = self.spec.n_state
         seen = np.hstack([o[:, :n], self._robot.actions(o[:, n:])])
         return self._robot.targets(self._policy.act(seen, context[:, :3], context[:, 3:]))
 
-    def stance(self, answer: Array, target: Array, hidden: Array) -> Array:
+    def stance(
+        self,
+        answer: Float[np.ndarray, "robot state"],
+        target: Float[np.ndarray, "robot state"],
+        hidden: Float[np.ndarray, "robot hidden"],
+    ) -> Float[np.ndarray, "robot hidden"]:
         """Hidden variables with which standing feet stay; see :class:`ClosedLoop`."""
         return self._state["sim"].feet.kept(answer, target, hidden, self._ground.height)
 
-    def astray(self, s: Array, hidden: Array) -> Array:
-        """Which robots cannot be where they are; see :class:`ClosedLoop`."""
+    def astray(
+        self, s: Float[np.ndarray, "robot state"], hidden: Float[np.ndarray, "robot hidden"]
+    ) -> Bool[np.ndarray, " robot"]:
+        """True where a robot cannot be; see :class:`ClosedLoop`."""
         ground = self._ground.height(hidden[:, 0], hidden[:, 1])
         return astray(self._robot, s, hidden, ground)
 
@@ -239,7 +264,7 @@ class WalkingWorld:
 
     @property
     def _apart(self) -> bool:
-        """Whether something else moves in S than in R."""
+        """True if something else moves in S than in R."""
         return self._state["sim"].channels != self._state["real"].channels
 
     def _herd(self, domain: Domain, size: int) -> Herd:
@@ -247,8 +272,8 @@ class WalkingWorld:
         scene = options.scene(domain)
         return Herd(self._robot, self._models[domain], size, scene, options.threads)
 
-    def _read(self, domain: Domain) -> Callable[[Herd], Array]:
-        """How the hidden variables of a domain's herd are read; NaN where R says nothing of S's."""
+    def _read(self, domain: Domain) -> Callable[[Herd], np.ndarray]:
+        """A reader of a domain's hidden variables; NaN where R says nothing of S's."""
         read = self._state[domain].hidden
         if domain == "sim" or not self._apart:
             return read
@@ -258,8 +283,12 @@ class WalkingWorld:
         )
 
     def _stepped(
-        self, domain: Domain, o: Array, a: Array, hidden: Array | None
-    ) -> tuple[Array, Array]:
+        self,
+        domain: Domain,
+        o: Float[np.ndarray, "robot obs"],
+        a: Float[np.ndarray, "robot joint"],
+        hidden: Float[np.ndarray, "robot hidden"] | None,
+    ) -> tuple[Float32[np.ndarray, "robot state"], Float32[np.ndarray, "robot hidden_after"]]:
         size, n = min(len(o), 2048), self.spec.n_state
         herd, read = self._herd(domain, size), self._read(domain)
         known = TRUNK if domain == "real" and self._apart else len(self.spec.hidden)
@@ -273,17 +302,23 @@ class WalkingWorld:
             out[rows], after[rows] = herd.observe()[:, :n], read(herd)
         return out, after
 
-    def _followed(self, o: Array, a: Array, hidden: Array, step: Array) -> tuple[Array, Array]:
+    def _followed(
+        self,
+        o: Float[np.ndarray, "step obs"],
+        a: Float[np.ndarray, "step joint"],
+        hidden: Float[np.ndarray, "step hidden"],
+        step: Int[np.ndarray, " step"],
+    ) -> tuple[Float32[np.ndarray, "step state"], Float[np.ndarray, "step hidden"]]:
         """S along R's motion, its load going on from step to step; see the module.
 
         Args:
-            o: R's observations, episode after episode, (N, n_obs).
-            a: actions, (N, n_action).
-            hidden: R's hidden variables, (N, n_hidden), NaN beyond the trunk's.
-            step: number of the step in its episode, (N,), from 0 without gaps.
+            o: R's observations, episode after episode.
+            a: actions.
+            hidden: R's hidden variables, NaN beyond the trunk's.
+            step: number of the step in its episode, from 0 without gaps.
 
         Returns:
-            S's answers, (N, n_state), float32, and the hidden variables with S's own filled in.
+            S's answers, and the hidden variables with S's own filled in.
         """
         answers = np.empty((len(o), self.spec.n_state), np.float32)
         hidden, after = hidden.copy(), np.empty_like(hidden)

@@ -3,18 +3,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.worlds.test_walking import world
-from wt.worlds.closed_loop import ClosedLoop, Truth
-from wt.worlds.walking import WalkingWorld
+from tests.worlds.walking.test_world import world
+from wt.worlds.closed_loop import ClosedLoop, ReferenceRollouts
+from wt.worlds.walking.world import WalkingWorld
 
 
 @pytest.fixture(scope="module", params=["go2_payload", "g1_uneven"])
-def rolled(request: pytest.FixtureRequest) -> tuple[WalkingWorld, Truth]:
+def rolled(request: pytest.FixtureRequest) -> tuple[WalkingWorld, ReferenceRollouts]:
     w = world(request.param)
     return w, w.truth(6, 4, 10, seed=1)
 
 
-def test_r_goes_on_from_its_own_states(rolled: tuple[WalkingWorld, Truth]) -> None:
+def test_r_goes_on_from_its_own_states(rolled: tuple[WalkingWorld, ReferenceRollouts]) -> None:
     """One step of R from what was recorded leads to what was recorded next."""
     w, truth = rolled
     assert isinstance(w, ClosedLoop)
@@ -28,7 +28,7 @@ def test_r_goes_on_from_its_own_states(rolled: tuple[WalkingWorld, Truth]) -> No
 
 
 def test_the_policy_acts_on_observations_and_context_alone(
-    rolled: tuple[WalkingWorld, Truth],
+    rolled: tuple[WalkingWorld, ReferenceRollouts],
 ) -> None:
     w, truth = rolled
     for k in (0, 5):
@@ -37,7 +37,7 @@ def test_the_policy_acts_on_observations_and_context_alone(
 
 
 def test_nobody_is_astray_who_walks_and_everybody_who_cannot_be_there(
-    rolled: tuple[WalkingWorld, Truth],
+    rolled: tuple[WalkingWorld, ReferenceRollouts],
 ) -> None:
     w, truth = rolled
     s, hidden = truth.o[:, 4, : w.spec.n_state], truth.hidden[:, 4]
