@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.mjcf.test_physics import drive, error, load, planted, unhidden, write
+from tests.mjcf.written import drive, error, load, planted, unhidden, write
 from tests.physics.arm import ARM, Run, scene
 from tests.physics.truths import TRUTHS
 from wt.diagnose.unknown.force import UnknownForce, graphed
@@ -47,7 +47,7 @@ def acting(found: Law, joint: str = "j1") -> Planted:
 
 
 def replayed(folder: Path, hypothesis: tuple[Planted, ...], run: Run) -> np.ndarray:
-    stretch = Stretch(0, run.t, run.command, run.q[0], run.v[0])
+    stretch = Stretch(0, run.t, run.held, run.q[0], run.v[0])
     return Replayer(scene(folder, ARM), [stretch]).run([hypothesis]).q[0]
 
 
