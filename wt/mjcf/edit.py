@@ -28,6 +28,7 @@ from wt.mjcf.compare import (
     keys,
 )
 from wt.mjcf.compare import Path as Place
+from wt.mjcf.keyframes import balance
 from wt.mjcf.standalone import compiles_to, standalone
 from wt.mjcf.text import Document, Element, remark
 from wt.physics.planted import Hypothesis
@@ -38,6 +39,8 @@ _ALTERNATIVES = (
     {"diaginertia", "fullinertia"},
 )
 _LONG = re.compile(r"-?\d*\.\d{9,}(e-?\d+)?")
+_KEYFRAMES = (("keyframe", "#0"),)
+_BALANCED = "with the joints and filters that were added, in balance"
 _REWRITTEN = "the file could not be changed in place, so this is MuJoCo's own writing of the model"
 
 
@@ -131,7 +134,12 @@ def _patch(
             unwritten.append(f"{statement} (MuJoCo has no element for it; see diagnosis.json.)")
         elif not planted.effect.native:
             statement = f"{statement} (The nearest that MuJoCo has; see diagnosis.json.)"
-        said += [(place, statement) for place in places]
+        # what MuJoCo makes of keyframes is undone below
+        said += [(place, statement) for place in places if place[:1] != _KEYFRAMES]
+        last = now
+    if balance(spec, scene, hypothesis):
+        now = as_written(spec)
+        said += [(place, _BALANCED) for place in _places(last, now)]
         last = now
     return _Patched(spec, before, last, tuple(said), tuple(unwritten))
 

@@ -46,15 +46,13 @@ class Physics:
         Joints that the patch added are put in balance with data.qpos and data.qvel.
         """
         m, self._t = self.model, None
+        filters = mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT
         for i in np.flatnonzero(m.actuator_ctrlnum == 1):
             u, late = data.ctrl[m.actuator_ctrladr[i]], int(m.actuator_history[i, 0])
             if late:
                 times = data.time - m.opt.timestep * np.arange(late, 0.0, -1.0)
                 mujoco.mj_initCtrlHistory(m, data, i, times[:, None], np.full((late, 1), u))
-            if m.actuator_dyntype[i] in (
-                mujoco.mjtDyn.mjDYN_FILTER,
-                mujoco.mjtDyn.mjDYN_FILTEREXACT,
-            ):
+            if int(m.actuator_dyntype[i]) in filters:
                 data.act[m.actuator_actadr[i]] = u
         # <start>
 

@@ -156,6 +156,25 @@ class Stateful(Effect):
         """Joints that the patch adds → the user's joint from whose state each one starts."""
         return {}
 
+    def balanced(
+        self,
+        at: Location,
+        theta: Float[np.ndarray, " parameter"],
+        scene: Scene,
+        joints: Mapping[str, tuple[float, float]],
+        command: Float[np.ndarray, " actuator"],
+    ) -> Mapping[str, tuple[float, float]]:
+        """Positions and velocities of the added joints beside those of a machine at rest.
+
+        Args:
+            at: where it stands.
+            theta: its parameters.
+            scene: the machine as given.
+            joints: position and velocity of the machine's hinges and slides.
+            command: of its actuators.
+        """
+        return {name: joints[leader] for name, leader in self.followers(at).items()}
+
     @abc.abstractmethod
     def started(
         self, at: Location, theta: Float[np.ndarray, " parameter"], stretch: Stretch
