@@ -59,6 +59,10 @@ class FromRecordings(Effect):
         """The effect as it shows in other recordings; events have times of their own there."""
         return self
 
+    def beside(self, elsewhere: Effect) -> Effect:
+        """The effect with what other recordings show of it, too; events have all their times."""
+        return self
+
     def observed(self) -> Mapping[str, tuple[str, tuple[float, ...]]]:
         """Figures that were read off, by name: (unit, values)."""
         return {}

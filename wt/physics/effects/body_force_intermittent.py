@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
-from wt.physics.effect import Parameter, Shape, register
+from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.hooks import FromRecordings, OnInputs
 from wt.physics.motion import Motion, Segment
 from wt.physics.replay import Inputs
@@ -57,6 +57,12 @@ class BodyForceIntermittent(FromRecordings, OnInputs):
     ) -> BodyForceIntermittent:
         """The same force, at the times at which these recordings show it."""
         return self.shaped(_acting(motion, _on(motion, at.name), theta))
+
+    def beside(self, elsewhere: Effect) -> BodyForceIntermittent:
+        """The same force, at the times of both."""
+        more = elsewhere.windows if isinstance(elsewhere, BodyForceIntermittent) else ()
+        spans = dict.fromkeys([*_triples(self.windows), *_triples(more)])
+        return self.shaped(tuple(x for span in spans for x in span))
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Times at which the residual, as a force on the body, stands out.
