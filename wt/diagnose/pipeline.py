@@ -171,10 +171,10 @@ def _diagnosis(
         proof=prove(
             holdout,
             claims.complete,
-            (replays.before, replays.physics, replays.model),
             naming.step,
             prepared.split,
             naming.seed,
+            (replays.before, replays.physics, replays.model),
         ),
         given_xml=given_xml,
         patched_xml=files.model_xml,

@@ -52,7 +52,7 @@ class Replayed:
 
     model: Errors
     physics: Errors
-    before: Errors
+    before: Float[np.ndarray, "given joint"]
 
 
 def holdout_npz(holdout: Holdout, hypothesis: Hypothesis, recordings: Sequence[str]) -> bytes:
@@ -104,7 +104,7 @@ def replayed(folder: Path, before: Path | None = None) -> Replayed:
     """
     with tempfile.TemporaryDirectory() as scratch:
         out = Path(scratch) / "replayed.npz"
-        program = [sys.executable, "-I", wt.mjcf.plain.__file__, str(folder.resolve()), str(out)]
+        program = [sys.executable, "-IB", wt.mjcf.plain.__file__, str(folder.resolve()), str(out)]
         program += [str(before.resolve())] if before else []
         # where MuJoCo writes its log of replays that explode
         done = subprocess.run(program, cwd=scratch, env=_alone(), capture_output=True, text=True)

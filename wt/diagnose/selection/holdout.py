@@ -246,23 +246,24 @@ def _tested(difference: Array) -> Array:
 def prove(
     holdout: Holdout,
     hypothesis: Hypothesis,
-    replayed: tuple[Array, Array, Array],
     step: float,
     split: str,
     seed: int = 0,
+    files: tuple[Array, Array, Array] | None = None,
 ) -> Proof:
     """Compare the given and the patched model on held-out recordings.
 
     Args:
         holdout: the recordings.
         hypothesis: what was found.
-        replayed: errors, (N, nv), of plain replays of the model as given, of the written files
-            together, and of the written MJCF alone.
-        step: physics step of the shorter replays [s].
+        step: physics step of replays [s].
         split: how the recordings were chosen, in words.
         seed: of the interval.
+        files: errors, (N, nv), of plain replays of the model as given, of the written files
+            together, and of the written MJCF alone; without them, the search's own are taken.
     """
-    before, after, alone = replayed
+    before, after = files[:2] if files else errors(holdout, [(), hypothesis], step)
+    alone = files[2] if files else after
     noise = np.nan_to_num(holdout.smoothed.noise)
     joints = holdout.smoothed.motion.scene.joints
     used = [j for j in range(len(joints)) if np.isfinite(holdout.measured[:, j]).any()]
