@@ -36,10 +36,10 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
+from wt.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from wt.diagnose import diagnose as diagnose
-
-__version__ = "0.1.0"
 
 
 def __getattr__(name: str) -> object:

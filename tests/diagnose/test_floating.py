@@ -17,6 +17,7 @@ from wt.diagnose.pipeline import diagnose
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import FLOATING_S, forgets, stretches_of
+from wt.diagnose.report.write import write
 from wt.diagnose.residual.screen import Scored, Screen
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
@@ -157,7 +158,7 @@ def test_a_whole_diagnosis_is_silent_where_nothing_is_hidden(
     recorded = [stool.recording(seed, seconds=5.0) for seed in (1, 2, 3)]
     found = diagnose(machine.path, recorded[:2], recorded[2:])
     assert found.verdict == "no_mismatch" and not found.findings
-    found.write(tmp_path / "out")
+    write(found, tmp_path / "out")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "model.xml"))
     assert model.joint("root").type == mujoco.mjtJoint.mjJNT_FREE
     assert "root/x" not in (tmp_path / "out" / "report.html").read_text().split("<svg")[1]

@@ -23,13 +23,13 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-import wt
 from wt.errors import UserError, WorkError
 from wt.physics.planted import Planted
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.runner import Divisible
 from wt.physics.scene import Scene
+from wt.version import __version__
 
 if TYPE_CHECKING:
     from ray import ObjectRef
@@ -218,7 +218,7 @@ def _gather(pending: Sequence[ObjectRef]) -> list[Float[np.ndarray, "2 _ _ dof"]
         if isinstance(cause, ImportError) or "failed to import" in str(cause):
             raise UserError(
                 "a node of the Ray cluster lacks this package: install world-translation "
-                f"{wt.__version__} on all of its nodes"
+                f"{__version__} on all of its nodes"
             ) from error
         if isinstance(cause, Exception):
             raise cause from error  # as it would have been raised here
@@ -231,7 +231,7 @@ def _gather(pending: Sequence[ObjectRef]) -> list[Float[np.ndarray, "2 _ _ dof"]
 
 def _versions() -> dict[str, str]:
     """Versions of all that numbers may depend on."""
-    return {"wt": wt.__version__, "mujoco": mujoco.__version__, "numpy": np.__version__}
+    return {"wt": __version__, "mujoco": mujoco.__version__, "numpy": np.__version__}
 
 
 def _packed(path: Path) -> _Model:

@@ -23,6 +23,7 @@ from wt.diagnose.evidence import (
 )
 from wt.diagnose.report.drawing import draw, joint_of
 from wt.diagnose.report.page import report, text
+from wt.diagnose.report.report import Report
 from wt.diagnose.result import Decision, Diagnosis, Error, Estimate, Finding, Located, Used
 from wt.types import Location
 
@@ -241,7 +242,7 @@ def test_lines_on_a_terminal_keep_them_too(
 ) -> None:
     for end in range(30):
         longer = dataclasses.replace(diagnosis, notes=("x" * end + " within 95 % of 0.81 N·m",))
-        longer.show()
+        Report.of(longer).show()
     printed = capsys.readouterr().out
     assert "\u00a0" not in printed
     assert not re.search(r"(95|0\.81)\n", printed)

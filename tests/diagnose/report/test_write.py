@@ -13,6 +13,7 @@ from jaxtyping import TypeCheckError
 
 import wt
 from tests.diagnose import synthetic
+from wt.diagnose.report.report import Report
 from wt.diagnose.report.write import write
 from wt.errors import ModelError, UserError
 
@@ -103,13 +104,13 @@ def test_a_file_is_not_a_folder(tmp_path: Path) -> None:
 def test_a_diagnosis_shows_and_writes_itself(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found = synthetic.diagnosis(str(synthetic.write_model(tmp_path)))
+    found = Report.of(synthetic.diagnosis(str(synthetic.write_model(tmp_path))))
     found.write(str(tmp_path / "out"))
     assert listing(tmp_path / "out") == NAMES
     found.show()
     assert "Joint j2 loses 0.81 N·m" in capsys.readouterr().out
     assert "<b>Joint j2 loses 0.81\u00a0N·m" in found._repr_html_()
-    assert "&amp; qpos/j1" in synthetic.unexplained()._repr_html_()
+    assert "&amp; qpos/j1" in Report.of(synthetic.unexplained())._repr_html_()
 
 
 def test_the_package_is_called_like_the_function() -> None:
