@@ -130,10 +130,11 @@ def _patch(
         planted.effect.patch(spec, planted.at, planted.theta)
         now = as_written(spec)
         places = _places(last, now)
+        where = "see diagnosis.json" if planted.effect.native else "physics.py has it"
         if not places:
-            unwritten.append(f"{statement} (MuJoCo has no element for it; see diagnosis.json.)")
+            unwritten.append(f"{statement} (MuJoCo has no element for it; {where}.)")
         elif not planted.effect.native:
-            statement = f"{statement} (The nearest that MuJoCo has; see diagnosis.json.)"
+            statement = f"{statement} (The nearest that MuJoCo has; {where}.)"
         # what MuJoCo makes of keyframes is undone below
         said += [(place, statement) for place in places if place[:1] != _KEYFRAMES]
         last = now

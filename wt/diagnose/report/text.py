@@ -66,6 +66,11 @@ def fit(diagnosis: Diagnosis) -> str:
     )
 
 
+def files(diagnosis: Diagnosis) -> str:
+    """What a user has to load."""
+    return "model.xml and physics.py" if diagnosis.physics_py else "model.xml"
+
+
 def by_files(diagnosis: Diagnosis) -> str:
     """What each of the files leaves; "" if ``model.xml`` is all there is."""
     alone, both = diagnosis.proof.model_only, diagnosis.proof.holdout
