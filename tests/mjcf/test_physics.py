@@ -12,9 +12,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from tests.mjcf.written import drive, error, load, planted, unhidden, write
+from tests.mjcf.written import drive, error, load, module, planted, unhidden, write
 from tests.physics.arm import ARM, H, commands, scene, simulate
 from tests.physics.truths import TRUTHS, Truth
+from wt.mjcf.physics import physics_py
 from wt.physics.effect import effects
 from wt.physics.hooks import shaped
 from wt.physics.planted import Planted
@@ -170,3 +171,27 @@ def test_commands_are_those_of_the_machine() -> None:
     run = simulate(ARM, seconds=0.1)
     np.testing.assert_array_equal(run.t, t)
     np.testing.assert_array_equal(run.held, held)
+
+
+def test_events_have_their_times_in_each_recording(tmp_path: Path) -> None:
+    pushes = Planted(
+        shaped(effects()["body.force_intermittent"], (0.0, 0.3, 0.6, 1.0, 0.1, 0.2)),
+        Location("body", "b2"),
+        np.array([3.0, -2.0, 4.0]),
+    )
+    of = scene(tmp_path)
+    path = tmp_path / "physics.py"
+    path.write_text(str(physics_py(of, (pushes,), ("a.parquet", "b.parquet"), 1)))
+    physics = module(path).Physics(of.model)
+    assert physics.recordings == ("a.parquet", "b.parquet")
+    at = np.zeros((2, 3)), np.zeros((2, 3)), np.zeros((2, 3)), np.array([0.15, 0.45])
+    jacobian, data = np.zeros((3, 3)), mujoco.MjData(of.model)
+    mujoco.mj_forward(of.model, data)
+    mujoco.mj_jacBodyCom(of.model, data, jacobian, None, of.model.body("b2").id)
+    pushed = np.array([3.0, -2.0, 4.0]) @ jacobian
+    for recording, row in ((1, 0), (0, 1)):
+        assert recording == 0 or physics.recording == 1
+        physics.recording = recording
+        found = physics.forces(*at)
+        np.testing.assert_allclose(found[row], pushed, atol=1e-9)
+        np.testing.assert_array_equal(found[1 - row], 0.0)
