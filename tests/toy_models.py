@@ -10,7 +10,7 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 from registry.card import HeldOut, describe
-from wt.types import Array, TransitionSpec
+from wt.types import TransitionSpec
 
 HELD_OUT = HeldOut("test pairs", "data", "mse", 0.5)
 
@@ -19,8 +19,8 @@ def save(
     folder: Path,
     spec: TransitionSpec,
     nodes: Sequence[onnx.NodeProto],
-    constants: Mapping[str, Array],
-    golden: tuple[Array, Array, Array, Array],
+    constants: Mapping[str, np.ndarray],
+    golden: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
     *,
     name: str = "wt-toy",
     metrics: Mapping[str, float] | None = None,

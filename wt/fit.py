@@ -1,4 +1,4 @@
-"""The main job: collect, train, compare, export, register; what ``wt fit`` runs.
+"""The main job, which ``wt fit`` runs: collect, train, compare, export, register.
 
 A run's folder holds the resolved configuration, the results, the exported model with its card,
 the Rerun recording and, under ``work/``, what an interrupted run continues from: checkpoints and
@@ -93,9 +93,9 @@ class _Logged:
 
 def _evaluate(study: Study, seed: int, tracked: Run) -> dict[str, Errors]:
     """Errors of every method with one seed; the first and only look at the test pairs."""
-    found = {}
+    by_method = {}
     for method in (*study.config.baselines.names, PAPERS_OWN, OURS):
-        found[method] = errors(study.prediction(seed, method), study.data.test, study.scales)
-        values = {"mse": found[method].mse, "mse_change": found[method].mse_change}
+        by_method[method] = errors(study.prediction(seed, method), study.data.test, study.scales)
+        values = {"mse": by_method[method].mse, "mse_change": by_method[method].mse_change}
         tracked.metrics({f"test/{method}/{k}": v for k, v in values.items()}, seed)
-    return found
+    return by_method

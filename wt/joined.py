@@ -44,9 +44,9 @@ from wt.worlds.recorded import Recorded
 HORIZON = 30
 """Control steps of a rollout."""
 PAST = 100
-"""Control steps that R has walked before one begins: in these a load in S forgets how it began."""
+"""Control steps that R has walked before one begins: in these a load in S forgets its start."""
 START_SEED = 1000
-"""Of the starts of rollouts; the same for every method."""
+"""Seed of the starts of rollouts; the same for every method."""
 RAW = "RawSim"
 AS_GIVEN, PATCHED = "as given", "patched"
 ROWS = (
@@ -90,7 +90,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Joined:
-    """What came out of all three.
+    """The outcome of all three.
 
     Attributes:
         task: its name.
@@ -120,10 +120,10 @@ class Joined:
         ]  # fmt: skip
 
     def sentences(self) -> list[str]:
-        """What was found, and what it was good for."""
-        said = [f["statement"] for f in self.diagnosis["findings"]]
+        """Sentences on the findings, and on their use."""
+        statements = [f["statement"] for f in self.diagnosis["findings"]]
         return [
-            *(said or ["The diagnosis found nothing that the simulator leaves out."]),
+            *(statements or ["The diagnosis found nothing that the simulator leaves out."]),
             f"On the patched simulator, World Translation (ours) makes {self.ratio:.3g} of the "
             "error one step ahead that it makes alone.",
         ]
@@ -137,7 +137,7 @@ class Joined:
 
     def save(self, folder: Path) -> None:
         """Write ``joined.json`` and ``joined.md``."""
-        said = {
+        content = {
             "schema": 1,
             "task": self.task,
             "seeds": list(self.seeds),
@@ -154,7 +154,7 @@ class Joined:
         text += [*(f"- {sentence}" for sentence in self.sentences()), ""]
         write_together(
             folder,
-            {"joined.md": "\n".join(text), "joined.json": json.dumps(said, indent=1) + "\n"},
+            {"joined.md": "\n".join(text), "joined.json": json.dumps(content, indent=1) + "\n"},
         )
 
 
@@ -185,8 +185,8 @@ def join(config: FitConfig, folder: Path, listener: Listener) -> Joined:
         *_lines(AS_GIVEN, Study.open(config, folder, listener), settings),
         *_lines(PATCHED, Study.open(again, begun, listener), settings),
     ]
-    said = json.loads((model.parent / "diagnosis.json").read_text(encoding="utf-8"))
-    joined = Joined(config.task, tuple(config.seeds), tuple(lines), said)
+    diagnosis = json.loads((model.parent / "diagnosis.json").read_text(encoding="utf-8"))
+    joined = Joined(config.task, tuple(config.seeds), tuple(lines), diagnosis)
     joined.save(folder)
     return joined
 
@@ -211,11 +211,11 @@ def _diagnosed(config: FitConfig, settings: Diagnose, folder: Path, listener: Li
     def progress(what: str, share: float) -> None:
         listener.progress("diagnosis", round(100 * share), 100)
 
-    found = diagnose(
+    diagnosis = diagnose(
         folder / "simulator.xml", paths[:fitted], paths[fitted:],
         seed=config.data.seed, progress=progress,
     )  # fmt: skip
-    write(found, out)
+    write(diagnosis, out)
     return out / "model.xml"
 
 
@@ -236,8 +236,8 @@ def _lines(simulated: str, study: Study, settings: Diagnose) -> list[Line]:
         }
         for method, step in steps.items():
             alignment = alignment_of(config, method)
-            found = roll_out(world, truth, step, study.scales.state, alignment)
-            end = float(found.mse[-1]), float(found.diverged[-1])
+            rollouts = roll_out(world, truth, step, study.scales.state, alignment)
+            end = float(rollouts.mse[-1]), float(rollouts.diverged[-1])
             rolled.setdefault(method, []).append(end)
     return [
         Line(simulated, method, what, single[method].mse, *_means(rolled[method]))

@@ -1,4 +1,4 @@
-"""A registered model by itself: what ``wt evaluate`` runs, and ``wt diagnose --translation`` reads.
+"""A registered model by itself, as ``wt evaluate`` runs and ``wt diagnose --translation`` reads it.
 
 Only the ONNX graph and its card are read, so this is what anybody who pulls the model can expect
 of it. Probes need features of both domains: they are the business of the models that ``wt
@@ -12,6 +12,7 @@ from io import BytesIO
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float, Float32
 from matplotlib.figure import Figure
 
 from registry import parity
@@ -19,7 +20,7 @@ from registry.card import MODEL_FILE, Card
 from registry.pull import pull
 from registry.store import Store
 from wt.config import FitConfig
-from wt.diagnose.observed.translation import Translation
+from wt.diagnose.observed.translation import TrainedTranslation
 from wt.errors import ConfigError, ModelError
 from wt.evaluate import figures
 from wt.evaluate.multi_step import Now, Step, alignment_of, roll_out, simulator
@@ -32,8 +33,6 @@ from wt.show.files import write_together
 from wt.types import Pairs, TransitionSpec
 from wt.worlds.closed_loop import ClosedLoop
 
-Array = np.ndarray
-
 HORIZON, ROLLOUTS = 50, 256
 """Control steps and number of rollouts of a world whose policy can be run on predictions."""
 
@@ -42,7 +41,7 @@ class Registered:
     """An exported model that fits a task.
 
     Attributes:
-        card: what it says about itself.
+        card: its description.
     """
 
     def __init__(self, graph: Path, card: Card, spec: TransitionSpec, threads: int = 0) -> None:
@@ -74,23 +73,28 @@ class Registered:
                 )
         self._session = parity.session(graph, threads)
 
-    def predict(self, o: Array, a: Array, sim_next: Array) -> Array:
-        """R's state after the step, (N, n_state), for S's, (N, n_state), physical units."""
+    def predict(
+        self,
+        o: Float[np.ndarray, "row obs"],
+        a: Float[np.ndarray, "row action"],
+        sim_next: Float[np.ndarray, "row state"],
+    ) -> Float[np.ndarray, "row state"]:
+        """R's state after the step for S's, physical units."""
         n = self._spec.n_state
         # channels behind the state are handed through: what stands there does not matter
         o_next = np.hstack([sim_next, o[:, n:]]).astype(np.float32)
         inputs = {"o": o.astype(np.float32), "a": a.astype(np.float32), "o_next_sim": o_next}
-        found: Array = self._session.run(None, inputs)[0]
-        return found[:, :n]
+        outcome: np.ndarray = self._session.run(None, inputs)[0]
+        return outcome[:, :n]
 
-    def on(self, pairs: Pairs) -> Array:
-        """Predictions for pairs, (N, n_state)."""
+    def on(self, pairs: Pairs) -> Float[np.ndarray, "pair state"]:
+        """Predictions for pairs."""
         return self.predict(pairs.real.o, pairs.real.a, pairs.sim_next)
 
     def step(self) -> Step:
         """The model as a method of multi-step rollouts."""
 
-        def step(now: Now) -> Array:
+        def step(now: Now) -> Float[np.ndarray, "robot state"]:
             return self.predict(now.o[:, -1], now.a[:, -1], now.sim_next)
 
         return step
@@ -123,7 +127,7 @@ def load(reference: str, spec: TransitionSpec, uri: str | None = None) -> Regist
         return Registered(Path(name) / "model" / MODEL_FILE, card, spec)
 
 
-def translation(reference: str, uri: str | None = None) -> Translation:
+def translation(reference: str, uri: str | None = None) -> TrainedTranslation:
     """A registered model as a diagnosis reads it, with the features behind its answer.
 
     Args:
@@ -138,17 +142,25 @@ def translation(reference: str, uri: str | None = None) -> Translation:
         version, card = pull(reference, Path(name) / "model", uri=uri)
         session = parity.session(Path(name) / "model" / MODEL_FILE)
     outputs = [OUTPUT, *FEATURES]
-    if [found.name for found in session.get_outputs()] != outputs:
+    if [output.name for output in session.get_outputs()] != outputs:
         raise ModelError(
             f"{version} was exported without its features; train it again: wt fit --config …"
         )
 
-    def run(o: Array, a: Array, o_next: Array) -> tuple[Array, Array, Array]:
+    def run(
+        o: Float32[np.ndarray, "step obs"],
+        a: Float32[np.ndarray, "step action"],
+        o_next: Float32[np.ndarray, "step obs"],
+    ) -> tuple[
+        Float32[np.ndarray, "step obs"],
+        Float32[np.ndarray, "step latent"],
+        Float32[np.ndarray, "step latent"],
+    ]:
         o_next_real, z, z_translated = session.run(outputs, {"o": o, "a": a, "o_next_sim": o_next})
         return o_next_real, z, z_translated
 
     channels = {port.name: port.channels for port in card.inputs}
-    return Translation(str(version), card.rate_hz, channels["o"], channels["a"], run)
+    return TrainedTranslation(str(version), card.rate_hz, channels["o"], channels["a"], run)
 
 
 def _names(card: Card, port: str) -> list[str]:
@@ -156,7 +168,7 @@ def _names(card: Card, port: str) -> list[str]:
 
 
 def _first_difference(given: object, wanted: object) -> tuple[str, str]:
-    """What is said of two values that differ; of lists, where they first do."""
+    """Words for two values that differ; for lists, at the first difference."""
     if not isinstance(given, list) or not isinstance(wanted, list):
         return repr(given), repr(wanted)
     if len(given) != len(wanted):
@@ -187,11 +199,11 @@ def evaluate(reference: str, config: FitConfig, folder: Path, listener: Listener
         study = Study.open(config, folder, listener)
         model = Registered(Path(name) / "model" / MODEL_FILE, card, study.world.spec)
         pairs, scales = study.data.test, study.scales
-        found = {
+        by_method = {
             "RawSim": errors(pairs.sim_next, pairs, scales),
             OURS: errors(model.on(pairs), pairs, scales),
         }
-        results = tabulate(study, {0: found}, version)
+        results = tabulate(study, {0: by_method}, version)
         drawn = {
             "single_step": figures.bar_table(results),
             "per_channel": figures.per_channel(

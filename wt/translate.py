@@ -17,7 +17,7 @@ def translate_state(
     a: Float[Tensor, "batch action"],
     sim_next: Float[Tensor, "batch state"],
 ) -> Float[Tensor, "batch state"]:
-    """What R would have done where S went to ``sim_next`` (equation "pipeline" of the paper).
+    """Answer of R where S went to ``sim_next`` (equation "pipeline" of the paper).
 
     Encode the simulator's transition, translate its feature, decode it as R's outcome:
 
@@ -96,7 +96,7 @@ class _Encoded(NamedTuple):
     Attributes:
         x: (o, a).
         change: of S's state.
-        nominal: what of it needs no translation, n(o, a).
+        nominal: the part of it that needs no translation, n(o, a).
         y: the rest, moved to where R's is.
         z: its feature.
     """
@@ -114,7 +114,7 @@ def _encoded(
     a: Float[Tensor, "batch action"],
     sim_next: Float[Tensor, "batch state"],
 ) -> _Encoded:
-    """What translation begins with; arguments as :func:`translate_state`'s."""
+    """Transitions with which translation begins; arguments as :func:`translate_state`'s."""
     frame = model.frame
     x, change = frame.conditions(o, a), frame.changes(o, sim_next)
     nominal = frame.nominal_change(x)

@@ -1,7 +1,7 @@
 """The frozen nouns that travel between stages; each checks itself when it is made.
 
 Arrays are copied in and made read-only: what one stage was given, no other stage can change.
-Units are SI, angles radians, and every array's shape stands at its field.
+Units are SI and angles radians.
 """
 
 from __future__ import annotations
@@ -12,16 +12,15 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Bool, Float, Float32, Int, Int32, Shaped
 
 from wt.errors import DataError, RecordingError
 
 Domain = Literal["sim", "real"]
 """S ("sim", the source of translation) or R ("real", its target)."""
 
-Array = np.ndarray
-
 Kind = Literal["joint", "actuator", "body", "geom", "sensor", "world", "pair"]
-"""What a location names: an element of the MJCF, the whole scene, or two that act together."""
+"""Things that a location names: an element of the MJCF, the whole scene, or two acting together."""
 
 
 @dataclass(frozen=True, order=True)
@@ -29,7 +28,7 @@ class Location:
     """A place in a model where physics can be missing.
 
     Attributes:
-        kind: what ``name`` names.
+        kind: kind of the thing that is named.
         name: an MJCF name; ``"world"`` for the whole scene, ``"all"`` for every channel,
             ``"a+b"`` for a pair.
     """
@@ -42,8 +41,8 @@ class Location:
         return self.name if self.kind == "world" else f"{self.kind} {self.name}"
 
 
-def _frozen_array(value: Array, dtype: type) -> Array:
-    array: Array = np.array(value, dtype=dtype, order="C")
+def _frozen_array(value: Shaped[np.ndarray, "*shape"], dtype: type) -> Shaped[np.ndarray, "*shape"]:
+    array: np.ndarray = np.array(value, dtype=dtype, order="C")
     array.flags.writeable = False
     return array
 
@@ -75,7 +74,7 @@ class TransitionSpec:
         rate_hz: control rate [Hz]; one transition lasts 1 / rate_hz seconds.
         joints: joint names in the order of the position channels.
         observation: all channels of o.
-        n_state: how many leading channels of o are predicted.
+        n_state: number of leading channels of o that are predicted.
         action: channels of a.
         hidden: channels of h; empty when nothing is hidden.
         pose: indices into o of the joint positions, in the order of ``joints``.
@@ -112,28 +111,28 @@ class TransitionSpec:
 
 @dataclass(frozen=True)
 class Transitions:
-    """N transitions of one domain, ordered by episode and, inside it, by step.
+    """Transitions of one domain, ordered by episode and, inside it, by step.
 
     Attributes:
-        o: observation before the step, (N, n_obs), float32.
-        a: action in force during the step, (N, n_action), float32.
-        s_next: state channels after the step, (N, n_state), float32.
+        o: observation before the step.
+        a: action in force during the step.
+        s_next: state channels after the step.
         nominal: state channels after the step of the *simulator with nothing hidden*, reset to
-            this transition's (o, a), (N, n_state), float32. For either domain it may be computed
-            without knowing what is hidden.
-        hidden: hidden variable in force during the step, (N, n_hidden), float32; NaN where
-            unknown, as on a real robot. For probes and paired evaluation, never for training.
-        episode: episode (or recording) each transition belongs to, (N,), int32.
-        step: index of the transition inside its episode, (N,), int32.
+            this transition's (o, a). For either domain it may be computed without knowing what is
+            hidden.
+        hidden: hidden variable in force during the step; NaN where unknown, as on a real robot.
+            For probes and paired evaluation, never for training.
+        episode: episode (or recording) that each transition belongs to.
+        step: index of the transition inside its episode.
     """
 
-    o: Array
-    a: Array
-    s_next: Array
-    nominal: Array
-    hidden: Array
-    episode: Array
-    step: Array
+    o: Float32[np.ndarray, "row obs"]
+    a: Float32[np.ndarray, "row action"]
+    s_next: Float32[np.ndarray, "row state"]
+    nominal: Float32[np.ndarray, "row state"]
+    hidden: Float32[np.ndarray, "row hidden"]
+    episode: Int32[np.ndarray, " row"]
+    step: Int32[np.ndarray, " row"]
 
     def __post_init__(self) -> None:
         """Copy the arrays in, make them read-only and check that their lengths agree."""
@@ -158,8 +157,8 @@ class Transitions:
         """Number of transitions."""
         return len(self.o)
 
-    def select(self, rows: Array) -> Transitions:
-        """The transitions at ``rows`` (an index or boolean array), in that order."""
+    def select(self, rows: Int[np.ndarray, " selected"] | Bool[np.ndarray, " row"]) -> Transitions:
+        """The transitions at some rows, in that order, or where a mask is true."""
         return Transitions(
             **{f.name: getattr(self, f.name)[rows] for f in dataclasses.fields(self)}
         )
@@ -172,12 +171,12 @@ class Pairs:
     Only evaluation and model selection may read them; they are never trained on.
 
     Attributes:
-        real: R's transitions, N of them; history is available through episode and step.
-        sim_next: S's state channels after the step, (N, n_state), float32.
+        real: R's transitions; history is available through episode and step.
+        sim_next: S's state channels after the step.
     """
 
     real: Transitions
-    sim_next: Array
+    sim_next: Float32[np.ndarray, "row state"]
 
     def __post_init__(self) -> None:
         """Copy ``sim_next`` in, make it read-only and check its shape."""
@@ -202,13 +201,13 @@ class Recording:
     ``sensor/<name>/<i>``. NaN is a missing sample.
 
     Attributes:
-        t: time stamps, (N,), strictly increasing [s].
-        columns: every other column by name, each (N,), float64.
+        t: time stamps, strictly increasing [s].
+        columns: every other column by name.
         meta: free metadata: robot, source, licence, rate, notes.
     """
 
-    t: Array
-    columns: Mapping[str, Array]
+    t: Float[np.ndarray, " sample"]
+    columns: Mapping[str, Float[np.ndarray, " sample"]]
     meta: Mapping[str, object] = field(default_factory=dict)
 
     MIN_SECONDS = 2.0

@@ -21,11 +21,10 @@ from tests.diagnose import synthetic
 from tests.end_to_end.conftest import METHODS, STEPS, Place, Wt
 from wt.config import load, to_yaml
 from wt.diagnose import pipeline
-from wt.diagnose.observed.translation import Translation
+from wt.diagnose.observed.translation import TrainedTranslation
 from wt.diagnose.result import Diagnosis
 from wt.nets.world_model import WorldModel
 from wt.translate import translate_state
-from wt.types import Array
 from wt.worlds.base import make
 
 if TYPE_CHECKING:
@@ -58,7 +57,7 @@ def table(data: Path, what: str) -> pa.Table:
     return pa.concat_tables(pq.read_table(part) for part in sorted(folder.glob("part-*.parquet")))
 
 
-def columns(of: pa.Table, prefix: str, names: Sequence[str]) -> Array:
+def columns(of: pa.Table, prefix: str, names: Sequence[str]) -> np.ndarray:
     return np.stack([of[f"{prefix}/{name}"].to_numpy() for name in names], axis=1)
 
 
@@ -208,9 +207,9 @@ def test_a_diagnosis_reads_the_registered_model(
     wt: Wt, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its answer to the golden rows, and features that differ where o′ is R's or S's."""
-    asked: list[Translation] = []
+    asked: list[TrainedTranslation] = []
 
-    def stand_in(*_: object, translation: Translation, **__: object) -> Diagnosis:
+    def stand_in(*_: object, translation: TrainedTranslation, **__: object) -> Diagnosis:
         asked.append(translation)
         return synthetic.diagnosis(str(model))
 

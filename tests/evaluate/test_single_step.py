@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wt.evaluate.single_step import ErrorScales, errors, first_episode, poses
-from wt.types import Array, Channel, Pairs, Transitions, TransitionSpec
+from wt.types import Channel, Pairs, Transitions, TransitionSpec
 
 SPEC = TransitionSpec(
     task="toy",
@@ -23,7 +23,10 @@ SPEC = TransitionSpec(
 
 
 def transitions(
-    before: Array, after: Array, episode: Array | None = None, step: Array | None = None
+    before: np.ndarray,
+    after: np.ndarray,
+    episode: np.ndarray | None = None,
+    step: np.ndarray | None = None,
 ) -> Transitions:
     n = len(after)
     return Transitions(

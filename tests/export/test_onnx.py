@@ -12,7 +12,7 @@ import torch
 from registry import parity
 from wt.errors import ModelError
 from wt.export.onnx import eager, export
-from wt.types import Array, Channel, TransitionSpec
+from wt.types import Channel, TransitionSpec
 
 SPEC = TransitionSpec(
     task="toy",
@@ -44,7 +44,7 @@ class Net(torch.nn.Module):
         return o_next_sim + self.outer(self.drop(h)) * self.scale
 
 
-def example(rows: int) -> tuple[Array, Array, Array]:
+def example(rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(rows)
     return tuple(rng.normal(size=(rows, n)).astype(np.float32) * 3 for n in (6, 2, 6))
 

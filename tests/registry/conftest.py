@@ -12,7 +12,7 @@ from onnx import helper
 
 from registry.card import HeldOut
 from tests.toy_models import save
-from wt.types import Array, Channel, TransitionSpec
+from wt.types import Channel, TransitionSpec
 
 MakeFolder = Callable[..., Path]
 WEIGHT = np.array([[0.5, -1.0, 0.25], [2.0, 0.0, -0.125]], dtype=np.float32)
@@ -49,13 +49,13 @@ def spec() -> TransitionSpec:
 
 
 @pytest.fixture(scope="session")
-def truth() -> Callable[[Array, Array, Array], Array]:
+def truth() -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
     """o' of R = o' of S + o / 10 + a W, which the graph above computes too."""
     return lambda o, a, o_next_sim: (o_next_sim + 0.1 * o + a @ WEIGHT).astype(np.float32)
 
 
 @pytest.fixture(scope="session")
-def rows() -> tuple[Array, Array, Array]:
+def rows() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(3)
     return tuple(rng.normal(size=(5, n)).astype(np.float32) for n in (3, 2, 3))
 
@@ -63,8 +63,8 @@ def rows() -> tuple[Array, Array, Array]:
 @pytest.fixture
 def make_folder(
     tmp_path: Path,
-    truth: Callable[[Array, Array, Array], Array],
-    rows: tuple[Array, Array, Array],
+    truth: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
+    rows: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> MakeFolder:
     """Makes folders with ``model.onnx`` and ``card.json``, ready to push."""
 

@@ -14,7 +14,6 @@ import pytest
 
 from registry.card import Card
 from wt.errors import RegistryError
-from wt.types import Array
 
 
 def test_says_what_the_spec_says(make_folder: Callable[..., Path]) -> None:
@@ -39,7 +38,9 @@ def test_says_what_the_spec_says(make_folder: Callable[..., Path]) -> None:
 
 
 def test_round_trip_is_exact(
-    make_folder: Callable[..., Path], rows: tuple[Array, Array, Array], tmp_path: Path
+    make_folder: Callable[..., Path],
+    rows: tuple[np.ndarray, np.ndarray, np.ndarray],
+    tmp_path: Path,
 ) -> None:
     card = Card.load(make_folder())
     card.save(tmp_path)

@@ -11,10 +11,9 @@ import pytest
 from registry import parity
 from registry.card import Card
 from wt.errors import ModelError, RegistryError
-from wt.types import Array
 
-Model = Callable[[Array, Array, Array], Array]
-Rows = tuple[Array, Array, Array]
+Model = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+Rows = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def test_equal_models_pass_at_every_batch_size(
@@ -22,7 +21,7 @@ def test_equal_models_pass_at_every_batch_size(
 ) -> None:
     sizes = []
 
-    def counted(o: Array, a: Array, o_next_sim: Array) -> Array:
+    def counted(o: np.ndarray, a: np.ndarray, o_next_sim: np.ndarray) -> np.ndarray:
         sizes.append(len(o))
         return truth(o, a, o_next_sim)
 
@@ -34,7 +33,7 @@ def test_equal_models_pass_at_every_batch_size(
 def test_a_small_error_in_one_value_is_found_and_placed(
     make_folder: Callable[..., Path], truth: Model, rows: Rows, error: float
 ) -> None:
-    def wrong(o: Array, a: Array, o_next_sim: Array) -> Array:
+    def wrong(o: np.ndarray, a: np.ndarray, o_next_sim: np.ndarray) -> np.ndarray:
         answer = truth(o, a, o_next_sim)
         if len(answer) > 7:
             answer[200, 1] = 0.5 + error if np.isnan(error) else answer[200, 1] * (1 + 9 * error)

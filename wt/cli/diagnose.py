@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from typer._click.core import Context  # typer.Context is a subclass
 
-    from wt.diagnose.observed.translation import Translation
+    from wt.diagnose.observed.translation import TrainedTranslation
     from wt.diagnose.result import Decision, Diagnosis
 
 EXPERIMENT = "diagnose"
@@ -142,7 +142,7 @@ def command(
         _track(found, out, seed, console)
 
 
-def _registered(reference: str) -> Translation:
+def _registered(reference: str) -> TrainedTranslation:
     from wt.registered import translation
 
     return translation(reference)

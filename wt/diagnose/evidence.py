@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-
-Array = np.ndarray
+from jaxtyping import Float
 
 Role = Literal["fit", "holdout"]
 
@@ -29,9 +28,10 @@ class Interval:
 
 
 Side = Literal["drive", "behind", "both", "measurement", "neither"]
-"""Where a measured force says that physics is missing: in the drive, that is before the measurement
-(or the recorded position is not the one that the drive works with); behind it, in joint or bodies;
-in both; in the measurement itself, which then agrees with nothing; in neither."""
+"""Side of a measured force on which physics is missing: in the drive, that is before
+the measurement (or the recorded position is not the one that the drive works with); behind it, in
+joint or bodies; in both; in the measurement itself, which then agrees with nothing; in
+neither."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class MeasuredForce:
         off_motion: force that the motion demands of the model, less the measured one.
         lacking: force that the motion demands, less the model's law: the sum of the two.
         unit: of these.
-        side: where something is missing.
+        side: of the measurement on which something is missing.
     """
 
     actuator: str
@@ -63,7 +63,7 @@ class MeasuredForce:
 
 @dataclass(frozen=True)
 class SensorError:
-    """Root mean square error of what replays of held-out recordings say that a sensor reports.
+    """Root mean square error of a sensor's readings in replays of held-out recordings.
 
     Attributes:
         name: of the MJCF sensor, or ``force/<actuator>`` of a measured actuator force.
@@ -80,13 +80,13 @@ class SensorError:
 
 @dataclass(frozen=True)
 class Measured:
-    """What the robot reports besides its joints' motion.
+    """Reports of the robot besides its joints' motion.
 
     Attributes:
         forces: measured actuator forces.
         sensors: further sensors, and the forces again, in replays.
-        notes: one sentence on each force that says where something is missing, and on sensors
-            that were not compared.
+        notes: one sentence on each force that tells on which side something is missing, and on
+            sensors that were not compared.
     """
 
     forces: tuple[MeasuredForce, ...] = ()
@@ -102,7 +102,7 @@ class ChannelLeft:
         name: channel of the translation's state.
         unit: of the errors.
         before: of the model's own answer.
-        after: of the translated one: what no translation of this model recovers.
+        after: of the translated one, which no translation of this model recovers.
     """
 
     name: str
@@ -113,28 +113,28 @@ class ChannelLeft:
 
 @dataclass(frozen=True, eq=False)
 class Distance:
-    """How far features of one recording are from those that a translation expects.
+    """Distance of one recording's features from those that a translation expects.
 
     Attributes:
         name: of the recording.
-        t: beginnings of control steps, (K,) [s].
-        size: in units of the usual distance, (K,).
+        t: beginnings of control steps [s].
+        size: in units of the usual distance.
     """
 
     name: str
-    t: Array
-    size: Array
+    t: Float[np.ndarray, " step"]
+    size: Float[np.ndarray, " step"]
 
 
 @dataclass(frozen=True, eq=False)
 class Translated:
-    """What a trained translation says of the recordings; :mod:`wt.diagnose.observed.translation`.
+    """Evidence of a trained translation; :mod:`wt.diagnose.observed.translation`.
 
     Attributes:
         name: of the translation.
         channels: errors before and after translation.
         distances: one a recording.
-        events: when something hidden acted in the fitted recordings.
+        events: intervals of the fitted recordings in which something hidden acted.
     """
 
     name: str
@@ -150,28 +150,28 @@ class Translated:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """One recording and its replays, for pictures. Arrays are (T, n_joints) unless said.
+    """One recording and its replays, for pictures.
 
     Attributes:
         name: the recording's file name.
-        role: whether it was fitted or held out.
-        t: time, (T,) [s].
+        role: fitted or held out.
+        t: time [s].
         recorded: measured positions, NaN where missing [rad or m].
         before: positions replayed on the model as given.
         after: positions replayed on the patched model.
-        velocity: smoothed velocities.
+        velocity: smoothed velocities [rad/s or m/s].
         force_before: generalised force that the given model lacks [N·m].
-        force_after: what the patched model still lacks.
-        command: commands by actuator name, (T,) each.
+        force_after: force that the patched model still lacks.
+        command: commands by actuator name.
     """
 
     name: str
     role: Role
-    t: Array
-    recorded: Array
-    before: Array
-    after: Array
-    velocity: Array
-    force_before: Array
-    force_after: Array
-    command: Mapping[str, Array]
+    t: Float[np.ndarray, " sample"]
+    recorded: Float[np.ndarray, "sample joint"]
+    before: Float[np.ndarray, "sample joint"]
+    after: Float[np.ndarray, "sample joint"]
+    velocity: Float[np.ndarray, "sample joint"]
+    force_before: Float[np.ndarray, "sample joint"]
+    force_after: Float[np.ndarray, "sample joint"]
+    command: Mapping[str, Float[np.ndarray, " sample"]]

@@ -13,7 +13,7 @@ import numpy as np
 
 from wt.diagnose.likelihood.objective import Objective
 from wt.diagnose.observed.forces import measured
-from wt.diagnose.observed.translation import Translation, sentences, timed, translated
+from wt.diagnose.observed.translation import TrainedTranslation, sentences, timed, translated
 from wt.diagnose.recordings.grid import coarse_steps, located
 from wt.diagnose.recordings.prepare import Prepared, Source, prepare
 from wt.diagnose.recordings.smooth import Smoothed, smooth
@@ -76,7 +76,7 @@ def diagnose(
     *,
     seed: int = 0,
     progress: Report | None = None,
-    translation: Translation | None = None,
+    translation: TrainedTranslation | None = None,
 ) -> Diagnosis:
     """Find what a model leaves out, from recordings of the real machine.
 

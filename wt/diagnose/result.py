@@ -10,12 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-import numpy as np
-
 from wt.diagnose.evidence import Interval, Measured, Role, Trace, Translated
 from wt.types import Location
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)
@@ -25,7 +21,7 @@ class Error:
     Attributes:
         before: of the model as it was given.
         after: of the patched model.
-        noise_floor: what measurement noise alone would give.
+        noise_floor: error that measurement noise alone would give.
         ratio: after / before.
         ratio_ci95: its 95 % interval, from blocks longer than the errors' memory.
     """
@@ -47,7 +43,7 @@ class Proof:
         horizons: seconds ahead → (before, after) RMSE of replays restarted that often.
         one_step: RMSE one sample ahead, before and after.
         left_over: tests on the patched model's residual, one sentence each; empty if clean.
-        split: how the held-out data was chosen, in words.
+        split: choice of the held-out data, in words.
         model_only: as ``holdout``, of ``model.xml`` alone; None if that is all there is.
     """
 
@@ -98,8 +94,8 @@ class Decision:
     Attributes:
         effect: its id.
         at: where.
-        stage: where it was decided.
-        kept: whether it stayed.
+        stage: of the diagnosis, that decided.
+        kept: true where it stayed.
         statistic: figure that decided, in the unit of its stage; None if it is not finite.
         threshold: figure that it was compared with.
         reason: one clause for people.
@@ -152,8 +148,8 @@ class Estimate:
 
     def to_json(self) -> dict[str, Any]:
         """As in ``diagnosis.json``."""
-        said = {"value": self.value, "unit": self.unit, "ci95": list(self.ci95)}
-        return said | ({"warning": self.warning} if self.warning else {})
+        entry = {"value": self.value, "unit": self.unit, "ci95": list(self.ci95)}
+        return entry | ({"warning": self.warning} if self.warning else {})
 
 
 @dataclass(frozen=True)
@@ -176,7 +172,7 @@ class Finding:
         statement: one plain sentence.
         holdout_gain: share of the held-out squared error that it removes.
         p_value: of that gain being chance, over the whole search.
-        confusable_with: what could not be told apart.
+        confusable_with: effects that could not be told apart from it.
         depends_on: columns an unknown effect depends on.
         formula: an unknown effect's force in those columns.
         reference: literature of the law.
@@ -265,29 +261,29 @@ class Used:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Diagnosis:
-    """Everything a diagnosis found, with what a report needs to show it.
+    """All that a diagnosis found, with the data of its report.
 
     Attributes:
         model_path: the MJCF that was given.
         model_sha256: hash of its bytes.
         joints: joint names, the columns of the traces.
-        recordings: what was used, and for what.
+        recordings: those that were used, and their roles.
         verdict: in one word.
-        locations: where, ranked.
-        findings: what is missing, most important first; empty if nothing is.
+        locations: places of the mismatch, ranked.
+        findings: physics that is missing, most important first; empty if none is.
         proof: the held-out fit.
         given_xml: the MJCF as given.
         patched_xml: the MJCF with the findings.
-        decisions: everything that was considered, and why it stayed or went, in order of time.
+        decisions: all that was considered, and why it stayed or went, in order of time.
         traces: recordings and replays.
-        measured: what measured forces and further sensors say.
-        translated: what a trained translation says of the recordings, if one was given.
-        suggestions: what to record next, in words.
+        measured: evidence of measured forces and further sensors.
+        translated: evidence of a trained translation, if one was given.
+        suggestions: experiments to record next, in words.
         notes: warnings and remarks, e.g. a refined time step.
         residual_onnx: learned remainder as ONNX bytes, if one was needed.
-        physics_py: what MJCF cannot say of the findings, as Python; None if it says it all.
-        holdout_npz: where replays of the held-out recordings begin; see ``report/verify.py``.
-        seconds: how long it took [s].
+        physics_py: all of the findings that MJCF cannot say, as Python; None if it says it all.
+        holdout_npz: starts of the held-out replays; see ``report/verify.py``.
+        seconds: time that it took [s].
         unit: of positions.
     """
 

@@ -56,11 +56,11 @@ class Job(NamedTuple):
 
     @property
     def key(self) -> str:
-        """Under what the run's folder keeps it: the method's name, and a variant's hash."""
+        """Name under which the run's folder keeps it: the method's name, and a variant's hash."""
         return f"{self.method}-{digest(list(self.changes))}" if self.changes else self.method
 
     def settings(self, config: FitConfig) -> Method:
-        """Of a World Translation model, the paper's, ours or a variant."""
+        """Settings of a World Translation model, the paper's, ours or a variant."""
         return vary(config.plus if self.method == OURS else config.paper, self.changes)
 
 
@@ -210,7 +210,7 @@ def _train(job: Job) -> None:
 
 
 def _hand_on(messages: Any, study: Study) -> None:  # noqa: ANN401 – see _Sender
-    """Pass on what workers said, waiting a moment for something to be said."""
+    """Pass on the messages of workers, waiting a moment for the next."""
     try:
         while True:
             kind, arguments = messages.get(timeout=POLL_SECONDS)

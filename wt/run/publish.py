@@ -1,4 +1,4 @@
-"""What a run leaves for others: tables, figures, a recording, an exported and registered model."""
+"""Results of a run for others: tables, figures, a recording, an exported and registered model."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ GOLDEN = 8
 
 @dataclass(frozen=True)
 class Published:
-    """What came out of a run.
+    """The outcome of a run.
 
     Attributes:
         results: the table.

@@ -1,4 +1,4 @@
-"""What the steps of a run share, and what an interrupted run finds again under ``work/``."""
+"""The nouns that the steps of a run share, and its results kept under ``work/`` for resuming."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
+from jaxtyping import Float
 from torch import nn
 
 from wt.baselines.base import Baseline, find
@@ -48,7 +49,7 @@ def check(config: FitConfig) -> None:
 
 @runtime_checkable
 class Listener(Protocol):
-    """Whoever wants to know how a run is going."""
+    """A follower of a run's progress."""
 
     def progress(self, what: str, done: int, total: int) -> None:
         """Something is ``done`` of ``total`` through."""
@@ -68,7 +69,7 @@ class Study:
         config: the resolved configuration.
         world: the task.
         data: the four collections.
-        scales: what errors are measured in.
+        scales: units of errors.
         folder: the run's folder.
         listener: told of progress, metrics and warnings.
     """
@@ -104,18 +105,18 @@ class Study:
         return digest(to_yaml(self.config))
 
     def home(self, seed: int, method: str) -> Path:
-        """Where a method's checkpoints and weights lie."""
+        """Folder of a method's checkpoints and weights."""
         return self.folder / "work" / f"seed{seed}" / method
 
     def finished(self, seed: int, method: str) -> bool:
-        """Whether a method is trained and has predicted the test pairs."""
+        """Tell whether a method is trained and has predicted the test pairs."""
         return self._predicted(seed, method).exists()
 
-    def prediction(self, seed: int, method: str) -> np.ndarray:
-        """Next states that a finished method predicts for the test pairs, (N, n_state)."""
+    def prediction(self, seed: int, method: str) -> Float[np.ndarray, "pair state"]:
+        """Next states that a finished method predicts for the test pairs."""
         return np.load(self._predicted(seed, method))
 
-    def keep(self, seed: int, method: str, predicted: np.ndarray) -> None:
+    def keep(self, seed: int, method: str, predicted: Float[np.ndarray, "pair state"]) -> None:
         """Keep a method's prediction, which marks it as finished."""
         path = self._predicted(seed, method)
         path.parent.mkdir(parents=True, exist_ok=True)

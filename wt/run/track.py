@@ -43,7 +43,7 @@ class Source:
 
     Attributes:
         commit: its git commit, ``"unknown"`` outside git.
-        diff: what was changed since that commit, as a patch; untracked files are not in it.
+        diff: changes since that commit, as a patch; untracked files are not in it.
     """
 
     commit: str
@@ -71,7 +71,7 @@ def run(
 
     Args:
         experiment: experiment it belongs to, made if new.
-        name: what the run is called in the UI.
+        name: of the run in the UI.
         uri: the store; None for the default one.
         run_id: continue this run instead of beginning one.
 
@@ -196,11 +196,11 @@ class Run:
 
 
 def _begin(client: MlflowClient, uri: str, experiment: str, name: str) -> Run:
-    found = client.get_experiment_by_name(experiment)
+    known = client.get_experiment_by_name(experiment)
     experiment_id = (
         client.create_experiment(experiment, artifact_location(uri, experiment))
-        if found is None
-        else found.experiment_id
+        if known is None
+        else known.experiment_id
     )
     code = source()
     # The second tag is the one that MLflow's UI shows.

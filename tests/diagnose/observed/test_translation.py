@@ -12,12 +12,18 @@ import pytest
 from tests.worlds.walking.test_concealed import QUICK, to_xml
 from tests.worlds.walking.test_world import world
 from wt.diagnose.evidence import Interval
-from wt.diagnose.observed.translation import Observer, Translation, sentences, timed, translated
+from wt.diagnose.observed.observer import Observer
+from wt.diagnose.observed.translation import (
+    TrainedTranslation,
+    sentences,
+    timed,
+    translated,
+)
 from wt.diagnose.recordings.prepare import prepare
 from wt.diagnose.result import Located
 from wt.errors import ModelError, RecordingError
 from wt.physics.scene import Scene
-from wt.types import Array, Channel, Location, Recording
+from wt.types import Channel, Location, Recording
 
 RATE = 50.0
 PUSHED = (2.0, 2.3)
@@ -31,7 +37,7 @@ OBSERVATION = (
     Channel("last_action/m", "rad"),
 )
 ACTION = (Channel("ctrl/m", "rad"),)
-Run = Callable[[Array, Array, Array], tuple[Array, Array, Array]]
+Run = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 
 def recorded(seconds: float = 6.0, drop: slice | None = None) -> Recording:
@@ -54,7 +60,9 @@ def recorded(seconds: float = 6.0, drop: slice | None = None) -> Recording:
     return Recording(t, {"qpos/j": q, "qvel/j": v, "ctrl/m": u}, {"source": "pushed"})
 
 
-def plain(o: Array, a: Array, o_next: Array) -> tuple[Array, Array, Array]:
+def plain(
+    o: np.ndarray, a: np.ndarray, o_next: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Translates nothing; its features are the outcome's change."""
     change = o_next[:, :2] - o[:, :2]
     return o_next, change, change
@@ -66,8 +74,10 @@ def scene(tmp_path: Path) -> Scene:
     return Scene(tmp_path / "arm.xml")
 
 
-def translation(run: Run = plain, observation: tuple[Channel, ...] = OBSERVATION) -> Translation:
-    return Translation("wt-arm/1", RATE, observation, ACTION, run)
+def translation(
+    run: Run = plain, observation: tuple[Channel, ...] = OBSERVATION
+) -> TrainedTranslation:
+    return TrainedTranslation("wt-arm/1", RATE, observation, ACTION, run)
 
 
 def test_a_push_stands_out_when_it_acts(scene: Scene) -> None:
@@ -86,7 +96,9 @@ def test_what_translation_leaves_is_what_the_model_lacks(scene: Scene) -> None:
     """A translation that knows R's friction leaves the push and nothing else."""
     real = mujoco.MjModel.from_xml_string(ARM.replace('damping="0.1"', 'damping="0.3"'))
 
-    def knows(o: Array, a: Array, o_next: Array) -> tuple[Array, Array, Array]:
+    def knows(
+        o: np.ndarray, a: np.ndarray, o_next: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         data, out = mujoco.MjData(real), o_next.copy()
         for k, (row, u) in enumerate(zip(o, a, strict=True)):
             data.qpos[0], data.qvel[0], data.ctrl[0] = row[0], row[1], u[0]

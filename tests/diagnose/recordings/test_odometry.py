@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.physics import stool
-from wt.diagnose.observed.translation import Observer
+from wt.diagnose.observed.observer import Observer
 from wt.diagnose.recordings.odometry import located
 from wt.diagnose.recordings.prepare import prepare
 from wt.diagnose.recordings.smooth import smooth

@@ -11,7 +11,7 @@ from tests.diagnose.hidden_forces import STEP, World, on_joint, world
 from wt.diagnose.selection.naming import rivals_nonparametric
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.choice import choose
-from wt.diagnose.unknown.fit import Data
+from wt.diagnose.unknown.fit import ForceData
 from wt.diagnose.unknown.force import find
 from wt.diagnose.unknown.law import Atom, Law
 from wt.diagnose.unknown.onnx import to_onnx
@@ -114,7 +114,7 @@ def test_drift_is_not_predicted(worlds: Callable[[str], World]) -> None:
     w = worlds("nothing")
     noise = np.random.default_rng(3).standard_normal(len(w.screen.rows))
     drift = gaussian_filter1d(noise, 0.4 / 0.025)  # remembers for about a second
-    data = Data(w.screen, "j2", drift, np.ones(len(drift), bool), 0, STEP)
+    data = ForceData(w.screen, "j2", drift, np.ones(len(drift), bool), 0, STEP)
     fit, tried = choose(data)
     assert tried > 5
     assert fit.r2 < 0.4

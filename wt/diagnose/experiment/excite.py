@@ -1,4 +1,4 @@
-"""A motion to record next: it separates what the recordings so far could not tell apart.
+"""A motion to record next: it separates causes that the recordings so far could not tell apart.
 
 Joints of findings with rivals are moved one after another: slow reversals at three speeds (dry
 friction against viscous, Stribeck), steps (delay against lag), a multisine (inertia, delay against
@@ -17,6 +17,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from jaxtyping import Bool, Float
 
 from wt.diagnose.experiment import signals
 from wt.diagnose.experiment.trial import Trial, command, settled, trial
@@ -24,8 +25,6 @@ from wt.diagnose.result import Diagnosis
 from wt.errors import RecordingError, WorkError
 from wt.physics.scene import Scene
 from wt.types import Location, Recording
-
-Array = np.ndarray
 
 SHORTEST_S = 10.0
 _RAMP_S = 1.5
@@ -51,7 +50,7 @@ def suggest(
     """Commands that separate a diagnosis's findings from their rivals, and the motion to expect.
 
     Args:
-        diagnosis: what was found, with its recordings' traces.
+        diagnosis: of the recordings so far, with their traces.
         model: the MJCF as given.
         seconds: length.
         rate_hz: of the commands; by default that of the recordings.
@@ -97,7 +96,7 @@ def suggest(
 
 @dataclass(frozen=True, eq=False)
 class _Reach:
-    """Where and how fast joints may move; all (nv,) [rad, rad/s].
+    """Positions and speeds that joints may have [rad, rad/s].
 
     Attributes:
         rest: the pose at the start and the end.
@@ -106,10 +105,10 @@ class _Reach:
         speed: greatest speed.
     """
 
-    rest: Array
-    low: Array
-    high: Array
-    speed: Array
+    rest: Float[np.ndarray, " dof"]
+    low: Float[np.ndarray, " dof"]
+    high: Float[np.ndarray, " dof"]
+    speed: Float[np.ndarray, " dof"]
 
 
 def _reach(scene: Scene, diagnosis: Diagnosis) -> _Reach:
@@ -135,8 +134,8 @@ def _reach(scene: Scene, diagnosis: Diagnosis) -> _Reach:
     return _Reach(rest, low, high, speed)
 
 
-def _allowed(scene: Scene) -> tuple[Array, Array]:
-    """Positions that the joints' ranges and the servos' commands allow, each (nv,)."""
+def _allowed(scene: Scene) -> tuple[Float[np.ndarray, " dof"], Float[np.ndarray, " dof"]]:
+    """Least and greatest positions that the joints' ranges and the servos' commands allow."""
     m = scene.model
     low, high = np.full(m.njnt, -np.inf), np.full(m.njnt, np.inf)
     limited = m.jnt_limited.astype(bool)
@@ -180,8 +179,8 @@ def _joints(scene: Scene, at: Location) -> Sequence[str]:
 
 def _motion(
     scene: Scene, reach: _Reach, focus: Sequence[str], n: int, dt: float, rng: np.random.Generator
-) -> Array:
-    """Joint positions, (n, nv): focused joints in turn, or all together if there are none."""
+) -> Float[np.ndarray, "sample dof"]:
+    """Joint positions: focused joints in turn, or all together if there are none."""
     q = np.tile(reach.rest, (n, 1))
     if not focus:
         driven = dict.fromkeys(drive.joint for drive in scene.drives)
@@ -200,8 +199,10 @@ def _motion(
     return q
 
 
-def _programme(reach: _Reach, dof: int, n: int, dt: float, rng: np.random.Generator) -> Array:
-    """Reversals, steps, sines and rests of one joint in the middle of its reach, (n,)."""
+def _programme(
+    reach: _Reach, dof: int, n: int, dt: float, rng: np.random.Generator
+) -> Float[np.ndarray, " sample"]:
+    """Reversals, steps, sines and rests of one joint in the middle of its reach."""
     rest, speed = float(reach.rest[dof]), float(reach.speed[dof])
     centre = 0.5 * float(reach.low[dof] + reach.high[dof])
     half = 0.5 * float(reach.high[dof] - reach.low[dof])
@@ -222,8 +223,10 @@ def _programme(reach: _Reach, dof: int, n: int, dt: float, rng: np.random.Genera
     return np.concatenate([there, centre + np.concatenate(parts), there[::-1]])
 
 
-def _mild(scene: Scene, reach: _Reach, joint: str, n: int, dt: float, turn: int) -> Array:
-    """A small multisine of one joint around its rest, (n,)."""
+def _mild(
+    scene: Scene, reach: _Reach, joint: str, n: int, dt: float, turn: int
+) -> Float[np.ndarray, " sample"]:
+    """A small multisine of one joint around its rest."""
     dof = scene.dof(joint)
     servo = any(d.servo for d in scene.drives if d.joint == joint)
     half = 0.5 * float(reach.high[dof] - reach.low[dof])
@@ -243,8 +246,8 @@ def _ramp(start: float, end: float, speed: float, dt: float) -> int:
     return round(max(_RAMP_S, 1.875 * abs(end - start) / speed) / dt)
 
 
-def _wrong(scene: Scene, reach: _Reach, tried: Trial, rate: float) -> Array:
-    """Joints whose motion has to become smaller, (nv,) bool."""
+def _wrong(scene: Scene, reach: _Reach, tried: Trial, rate: float) -> Bool[np.ndarray, " dof"]:
+    """Joints whose motion has to become smaller."""
     m = scene.model
     if not np.isfinite(tried.q).all() or len(tried.touched):
         return np.ones(len(scene.joints), bool)
@@ -253,7 +256,7 @@ def _wrong(scene: Scene, reach: _Reach, tried: Trial, rate: float) -> Array:
     limited = m.jnt_limited.astype(bool)
     low[limited] = np.maximum(low, m.jnt_range[:, 0])[limited]
     high[limited] = np.minimum(high, m.jnt_range[:, 1])[limited]
-    wrong: Array = np.any((tried.q < low) | (tried.q > high), axis=0)
+    wrong: np.ndarray = np.any((tried.q < low) | (tried.q > high), axis=0)
     # between samples, since a stiff servo jumps after every held command
     speed = np.abs(np.diff(tried.q, axis=0)) * rate
     wrong |= np.any(speed > 1.3 * reach.speed, axis=0)

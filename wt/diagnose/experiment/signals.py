@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-
-Array = np.ndarray
+from jaxtyping import Float
 
 _EDGE = 0.1  # share of a multisine in which it fades in, and out
 
 
-def move(start: float, end: float, n: int) -> Array:
-    """Minimum-jerk move from one position to another, (n,).
+def move(start: float, end: float, n: int) -> Float[np.ndarray, " sample"]:
+    """Minimum-jerk move from one position to another.
 
     Source: T. Flash and N. Hogan, The coordination of arm movements, J. Neuroscience 5(7), 1985.
     """
@@ -18,14 +17,14 @@ def move(start: float, end: float, n: int) -> Array:
     return start + (end - start) * (10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5)
 
 
-def reversals(n: int, dt: float, speed: float, amplitude: float) -> Array:
-    """Triangle of constant speed with at least two whole periods, (n,).
+def reversals(n: int, dt: float, speed: float, amplitude: float) -> Float[np.ndarray, " sample"]:
+    """Triangle of constant speed with at least two whole periods.
 
     Args:
         n: samples.
         dt: their distance [s].
         speed: of the joint between the reversals [rad/s].
-        amplitude: at most so far from the centre [rad].
+        amplitude: greatest distance from the centre [rad].
     """
     seconds = n * dt
     periods = max(2, int(np.ceil(speed * seconds / (4.0 * amplitude))))
@@ -36,8 +35,10 @@ def reversals(n: int, dt: float, speed: float, amplitude: float) -> Array:
     return np.asarray(triangle * speed * seconds / periods)
 
 
-def steps(n: int, dt: float, speed: float, amplitude: float, rng: np.random.Generator) -> Array:
-    """Jumps between random levels at intervals of 0.4 to 1.2 s, as fast as ``speed``, (n,)."""
+def steps(
+    n: int, dt: float, speed: float, amplitude: float, rng: np.random.Generator
+) -> Float[np.ndarray, " sample"]:
+    """Jumps between random levels at intervals of 0.4 to 1.2 s, as fast as ``speed``."""
     amplitude = min(amplitude, 0.9 * speed)  # rad: from where one second brings it back
     levels = np.zeros(n)
     at, side = 0, 1.0
@@ -49,8 +50,10 @@ def steps(n: int, dt: float, speed: float, amplitude: float, rng: np.random.Gene
     return _slewed(levels, speed * dt)
 
 
-def holds(n: int, dt: float, speed: float, amplitude: float, count: int = 5) -> Array:
-    """Rests at angles from one end to the other, (n,): every load, with nothing moving."""
+def holds(
+    n: int, dt: float, speed: float, amplitude: float, count: int = 5
+) -> Float[np.ndarray, " sample"]:
+    """Rests at angles from one end to the other: every load, with nothing moving."""
     each = n // (count + 1)
     # a minimum-jerk move is 1.875 times as fast as the mean of its speed; at least 40 % is rest
     amplitude = min(amplitude, 0.6 * each * dt * speed / 1.875)
@@ -65,8 +68,8 @@ def holds(n: int, dt: float, speed: float, amplitude: float, count: int = 5) -> 
 
 def multisine(
     n: int, dt: float, speed: float, amplitude: float, band: tuple[float, float], turn: int = 0
-) -> Array:
-    """Sum of sines of equal speed with Schroeder's phases, (n,): much power, low peaks.
+) -> Float[np.ndarray, " sample"]:
+    """Sum of sines of equal speed with Schroeder's phases: much power, low peaks.
 
     Source: M. R. Schroeder, Synthesis of low-peak-factor signals, IEEE Trans. Information Theory
     16(1), 1970.
@@ -93,7 +96,7 @@ def multisine(
     return np.asarray(signal * min(amplitude / peak, speed / fastest))
 
 
-def _slewed(levels: Array, rate: float) -> Array:
+def _slewed(levels: Float[np.ndarray, " sample"], rate: float) -> Float[np.ndarray, " sample"]:
     """Follow levels with at most ``rate`` per sample."""
     followed = np.empty_like(levels)
     now = 0.0

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from jaxtyping import Float, Int
 
 from wt.physics.scene import Drive, Scene
-
-Array = np.ndarray
 
 _STEP_S = 5e-4
 _SETTLE_S = 20.0
@@ -19,27 +18,27 @@ _CALM = 10.0  # 1/s: damping per inertia while a machine settles
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """Commands and the simulated motion, at n samples.
+    """Commands and the simulated motion.
 
     Attributes:
-        ctrl: commands, (n, n_actuators).
-        q: joint positions, (n, nv) [rad].
-        force: actuator forces, (n, n_actuators) [N·m].
-        touched: bodies that touched although they do not at rest, (k, 2).
+        ctrl: commands.
+        q: joint positions [rad].
+        force: actuator forces [N·m].
+        touched: pairs of bodies that touched although they do not at rest.
     """
 
-    ctrl: Array
-    q: Array
-    force: Array
-    touched: Array
+    ctrl: Float[np.ndarray, "sample actuator"]
+    q: Float[np.ndarray, "sample dof"]
+    force: Float[np.ndarray, "sample actuator"]
+    touched: Int[np.ndarray, "pair 2"]
 
 
-def trial(scene: Scene, wanted: Array, rate: float) -> Trial:
+def trial(scene: Scene, wanted: Float[np.ndarray, "sample dof"], rate: float) -> Trial:
     """Command a motion and simulate it on the model as given.
 
     Args:
         scene: the machine.
-        wanted: joint positions, (n, nv) [rad]; the first one is where it starts, at rest.
+        wanted: joint positions [rad]; the first one is where it starts, at rest.
         rate: samples per second [Hz].
     """
     model = copy.copy(scene.model)
@@ -63,8 +62,10 @@ def trial(scene: Scene, wanted: Array, rate: float) -> Trial:
     return Trial(ctrl, q, force, np.array(sorted(touched), int).reshape(-1, 2))
 
 
-def commands(scene: Scene, wanted: Array, dt: float) -> Array:
-    """Commands for a motion on the model as given, (n, n_actuators).
+def commands(
+    scene: Scene, wanted: Float[np.ndarray, "sample dof"], dt: float
+) -> Float[np.ndarray, "sample actuator"]:
+    """Commands for a motion on the model as given.
 
     A servo gets the position, plus what carries the weight there; a torque motor gets the torque
     of inverse dynamics.
@@ -96,15 +97,15 @@ def commands(scene: Scene, wanted: Array, dt: float) -> Array:
 
 
 def command(drive: Drive, q: float, v: float, torque: float) -> float:
-    """What makes a drive give a torque on its joint [N·m] at a position and speed of it."""
+    """Command that makes a drive give a torque on its joint [N·m] at a position and speed of it."""
     if drive.gain == 0.0 or drive.gear == 0.0:
         return 0.0
     passive = drive.bias[0] + drive.gear * (drive.bias[1] * q + drive.bias[2] * v)
     return float((torque / drive.gear - passive) / drive.gain)
 
 
-def settled(scene: Scene, pose: Array) -> Array:
-    """Where a machine comes to rest when its torque motors give nothing, (nv,) [rad].
+def settled(scene: Scene, pose: Float[np.ndarray, " dof"]) -> Float[np.ndarray, " dof"]:
+    """Pose in which a machine comes to rest when its torque motors give nothing [rad].
 
     Servos hold their joints; a machine that only has servos stays as it is.
     """
@@ -125,14 +126,16 @@ def settled(scene: Scene, pose: Array) -> Array:
     return np.where(held, pose, data.qpos)
 
 
-def _charge(model: mujoco.MjModel, data: mujoco.MjData, ctrl: Array) -> None:
+def _charge(
+    model: mujoco.MjModel, data: mujoco.MjData, ctrl: Float[np.ndarray, " actuator"]
+) -> None:
     """Let filters and integrators of actuators start where their commands are."""
     for i in range(model.nactuator):
         if model.actuator_actnum[i] == 1:
             data.act[model.actuator_actadr[i]] = ctrl[i]
 
 
-def _integrators(model: mujoco.MjModel) -> Array:
+def _integrators(model: mujoco.MjModel) -> Int[np.ndarray, " integrator"]:
     return np.flatnonzero(model.actuator_dyntype == int(mujoco.mjtDyn.mjDYN_INTEGRATOR))
 
 

@@ -1,4 +1,4 @@
-"""What the robot reports besides its joints' motion, as evidence: forces, and further sensors.
+"""Reports of the robot besides its joints' motion, as evidence: forces, and further sensors.
 
 A measured actuator force splits the missing force in two: what the drive gives beyond the model's
 law, and what the motion demands beyond what the drive gives. Where the first is large the fault is
@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from wt.diagnose.evidence import Measured, MeasuredForce, Side
 from wt.diagnose.observed.sensors import sensed
@@ -21,8 +22,6 @@ from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.motion import Motion
 from wt.physics.planted import Hypothesis
 from wt.physics.scene import Drive
-
-Array = np.ndarray
 
 _LEAST_ROWS = 50
 
@@ -41,7 +40,7 @@ def measured(
     """
     forces = _forces(prepared.fit, screen)
     sensors, left_out = sensed(prepared.held, holdout, hypothesis, step)
-    notes = [said for f in forces if (said := sentence(f))]
+    notes = [note for note in map(sentence, forces) if note]
     if left_out:
         names = ", ".join(left_out)
         notes.append(f"Not compared, since the joints' motion alone does not decide it: {names}.")
@@ -49,7 +48,7 @@ def measured(
 
 
 def sentence(force: MeasuredForce) -> str:
-    """What a measured force says, in a sentence; "" where nothing is missing."""
+    """A measured force in a sentence; "" where nothing is missing."""
     law, motion = (f"{x:.2g} {force.unit}" for x in (force.off_law, force.off_motion))
     who = f"The measured force of actuator {force.actuator}"
     where = f"what is missing at joint {force.joint} lies"
@@ -78,19 +77,19 @@ def sentence(force: MeasuredForce) -> str:
 
 def _forces(parts: Sequence[Part], screen: Screen) -> tuple[MeasuredForce, ...]:
     motion = screen.motion
-    found = []
+    compared = []
     left = leftover(screen, ()).left
     for drive in motion.scene.drives:
         force = drive.gear * _on_grid(parts, motion, f"force/{drive.name}")
         known = np.isfinite(screen.weak(force)) & screen.keep[:, drive.dof].astype(bool)
         if known.sum() >= _LEAST_ROWS:
-            found.append(_compared(screen, drive, force, known, left))
-    return tuple(found)
+            compared.append(_compared(screen, drive, force, known, left))
+    return tuple(compared)
 
 
-def _on_grid(parts: Sequence[Part], motion: Motion, name: str) -> Array:
-    """A column of recordings at the samples of their smooth motion, (T,); NaN where missing."""
-    found = np.full(len(motion), np.nan)
+def _on_grid(parts: Sequence[Part], motion: Motion, name: str) -> Float[np.ndarray, " sample"]:
+    """A column of recordings at the samples of their smooth motion; NaN where missing."""
+    values = np.full(len(motion), np.nan)
     for part in parts:
         column = part.recording.columns.get(name)
         if column is None:
@@ -100,16 +99,20 @@ def _on_grid(parts: Sequence[Part], motion: Motion, name: str) -> Array:
             if s.recording == part.index and fine.any():
                 t = motion.t[s.rows]
                 near = clock[fine][np.clip(np.searchsorted(clock[fine], t), 0, fine.sum() - 1)]
-                value = np.interp(t, clock[fine], column[fine], left=np.nan, right=np.nan)
+                piece = np.interp(t, clock[fine], column[fine], left=np.nan, right=np.nan)
                 # what lies in a gap of the column is not known
-                found[s.rows] = np.where(np.abs(near - t) < 3.0 * s.dt, value, np.nan)
-    return found
+                values[s.rows] = np.where(np.abs(near - t) < 3.0 * s.dt, piece, np.nan)
+    return values
 
 
 def _compared(
-    screen: Screen, drive: Drive, force: Array, known: Array, left: Array
+    screen: Screen,
+    drive: Drive,
+    force: Float[np.ndarray, " sample"],
+    known: Bool[np.ndarray, " row"],
+    left: Float[np.ndarray, "row dof"],
 ) -> MeasuredForce:
-    """One measured force (T,) on its joint, in the weak rows (R,) in which it is known."""
+    """One measured force on its joint, in the weak rows in which it is known."""
     motion, dof = screen.motion, drive.dof
     off = force - motion.force(drive)
     off_law, lacking = screen.weak(off), np.where(known, screen.residual[:, dof], np.nan)
@@ -137,8 +140,13 @@ def _compared(
     )
 
 
-def _read(screen: Screen, drive: Drive, off_law: Array, off_motion: Array) -> Array:
-    """What the moment of reading adds to a measured force in weak rows, (R,).
+def _read(
+    screen: Screen,
+    drive: Drive,
+    off_law: Float[np.ndarray, " row"],
+    off_motion: Float[np.ndarray, " row"],
+) -> Float[np.ndarray, " row"]:
+    """Force that the moment of reading adds to a measured one, in weak rows.
 
     A sample is read before its command acts, or after, or is an average: half an interval early
     to half an interval late. The moment is taken at which the force agrees best with the model's
@@ -146,9 +154,9 @@ def _read(screen: Screen, drive: Drive, off_law: Array, off_motion: Array) -> Ar
 
     Args:
         screen: the recordings.
-        drive: what the force is of.
-        off_law: measured force less the law, (R,); NaN where not measured.
-        off_motion: what the motion demands less the measured force, (R,); likewise.
+        drive: the drive whose force was measured.
+        off_law: measured force less the law; NaN where not measured.
+        off_motion: force that the motion demands less the measured one; likewise.
     """
     half = 0.5 * screen.motion.dt
     early, late = (
@@ -165,24 +173,25 @@ def _read(screen: Screen, drive: Drive, off_law: Array, off_motion: Array) -> Ar
 
 
 def _side(sizes: Sequence[float], allowed: Sequence[float], missing: bool) -> Side:
-    """Where something is missing.
+    """The side of a measured force on which something is missing.
 
     Args:
         sizes: measured less law, demanded less measured, demanded less law.
-        allowed: what the first two may be for no reason.
-        missing: whether the third is more than any rig is off by.
+        allowed: largest values of the first two that mean nothing.
+        missing: whether the third is beyond the model tolerances.
     """
     off_law, off_motion = (x > most for x, most in zip(sizes[:2], allowed, strict=True))
     little = [x < THRESHOLDS.measured_small * max(sizes) for x in sizes]
-    if off_law and off_motion and (little[2] or not missing):
+    both = off_law and off_motion
+    if both and (little[2] or not missing):
         return "measurement"
     if not missing or not (off_law or off_motion):
         return "neither"
-    if off_law and (little[1] or not off_motion):
+    if not both:
+        return "drive" if off_law else "behind"
+    if little[1]:
         return "drive"
-    if off_motion and (little[0] or not off_law):
-        return "behind"
-    return "both"
+    return "behind" if little[0] else "both"
 
 
 def _averaging(screen: Screen) -> float:
@@ -191,5 +200,5 @@ def _averaging(screen: Screen) -> float:
     return float(np.std(screen.weak(white)))
 
 
-def _rms(values: Array) -> float:
+def _rms(values: Float[np.ndarray, " row"]) -> float:
     return float(np.sqrt(np.mean(values**2)))

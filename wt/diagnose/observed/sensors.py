@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.diagnose.evidence import SensorError
 from wt.diagnose.recordings.samples import Part, stamps
@@ -20,10 +21,8 @@ from wt.physics.acting import is_live
 from wt.physics.hooks import OnOutputs
 from wt.physics.planted import Hypothesis, Planted
 from wt.physics.replay import Inputs, Outputs, Stretch
-from wt.physics.rollout import Replayer
+from wt.physics.rollout import Replayer, Replays
 from wt.physics.scene import Scene
-
-Array = np.ndarray
 
 
 def sensed(
@@ -50,21 +49,21 @@ def sensed(
         if hypothesis
         else before
     )
-    found = []
+    compared = []
     for channel in channels:
         errors = [_rms(x[channel.name], channel) for x in (before, after)]
         if errors[0] is not None:
-            found.append(SensorError(channel.name, channel.unit, errors[0], errors[1]))
-    return tuple(found), left_out
+            compared.append(SensorError(channel.name, channel.unit, errors[0], errors[1]))
+    return tuple(compared), left_out
 
 
 def _recorded(
     scene: Scene, parts: Sequence[Part], stretches: Sequence[Stretch]
-) -> tuple[list[Channel], tuple[str, ...]]:
-    """What was recorded besides the joints, at the samples of all stretches."""
+) -> tuple[list[SensorChannel], tuple[str, ...]]:
+    """Recorded sensors besides the joints, at the samples of all stretches."""
     columns = {name for part in parts for name in part.recording.columns}
-    found = [
-        Channel(
+    channels = [
+        SensorChannel(
             f"force/{d.name}",
             _units(scene, d.joint)["f"],
             _at_samples(parts, stretches, [f"force/{d.name}"]),
@@ -85,10 +84,10 @@ def _recorded(
         if unit is None:
             left_out.append(name)
             continue
-        said = unit.format(**_units(scene, joint_of_sensor(m, i)))
+        shown = unit.format(**_units(scene, joint_of_sensor(m, i)))
         measured = _at_samples(parts, stretches, own)
-        found.append(Channel(name, said, measured, kind, name, float(m.sensor_delay[i])))
-    return found, tuple(left_out)
+        channels.append(SensorChannel(name, shown, measured, kind, name, float(m.sensor_delay[i])))
+    return channels, tuple(left_out)
 
 
 def _units(scene: Scene, joint: str) -> Mapping[str, str]:
@@ -96,20 +95,22 @@ def _units(scene: Scene, joint: str) -> Mapping[str, str]:
     return {"q": "m", "f": "N"} if slide else {"q": "rad", "f": "N·m"}
 
 
-def _at_samples(parts: Sequence[Part], stretches: Sequence[Stretch], names: Sequence[str]) -> Array:
-    """Columns of recordings at the samples of stretches, (N, names); NaN where missing."""
-    whole = {part.index: part.recording for part in parts}
-    clocks = {index: stamps(recording) for index, recording in whole.items()}
+def _at_samples(
+    parts: Sequence[Part], stretches: Sequence[Stretch], names: Sequence[str]
+) -> Float[np.ndarray, "sample column"]:
+    """Columns of recordings at the samples of stretches; NaN where missing."""
+    recordings = {part.index: part.recording for part in parts}
+    clocks = {index: stamps(recording) for index, recording in recordings.items()}
     tables = []
     for s in stretches:
         rows = np.searchsorted(clocks[s.recording], s.t)
         missing = np.full(len(s.t), np.nan)
-        have = whole[s.recording].columns
+        have = recordings[s.recording].columns
         tables.append(np.stack([have[n][rows] if n in have else missing for n in names], axis=1))
     return np.concatenate(tables)
 
 
-def _rms(predicted: Array, channel: Channel) -> float | None:
+def _rms(predicted: Float[np.ndarray, "sample reading"], channel: SensorChannel) -> float | None:
     measured = channel.measured
     if channel.kind == "FRAMEQUAT":  # a rotation has two quaternions
         measured = measured * np.where((predicted * measured).sum(axis=1) < 0, -1.0, 1.0)[:, None]
@@ -147,31 +148,31 @@ FORCES = {
 }
 """Sensors that need the forces too; {f} is the unit of the joint's force."""
 _MOST_ROWS = 8000
-"""At most so many samples are compared, evenly spread."""
+"""Samples that are compared at most, evenly spread."""
 
 
 @dataclass(frozen=True, eq=False)
-class Channel:
+class SensorChannel:
     """A sensor that was recorded.
 
     Attributes:
         name: as in :class:`SensorError`.
         unit: of what it reports.
-        measured: (N, dim), NaN where missing.
+        measured: its readings; NaN where missing.
         kind: of an MJCF sensor, without the prefix; ``ACTUATORFRC`` of a measured force too.
         source: name of the MJCF sensor, or of the actuator.
-        delay: with which the model says that it reports [s].
+        delay: of its reports, as the model has it [s].
     """
 
     name: str
     unit: str
-    measured: Array
+    measured: Float[np.ndarray, "sample reading"]
     kind: str
     source: str
     delay: float = 0.0
 
-    def of(self, model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-        """What it reports in a state, (dim,)."""
+    def of(self, model: mujoco.MjModel, data: mujoco.MjData) -> Float[np.ndarray, " reading"]:
+        """Its reading in a state."""
         if self.name.startswith("force/"):
             return np.array(data.actuator_force[[model.actuator(self.source).id]])
         start = int(model.sensor(self.source).adr[0])
@@ -179,48 +180,80 @@ class Channel:
 
 
 def predicted(
-    scene: Scene, holdout: Holdout, hypothesis: Hypothesis, step: float, channels: Sequence[Channel]
-) -> dict[str, Array]:
-    """What each sensor reports in replays, (N, dim) each; NaN where that is not known."""
-    replayer = Replayer(scene, [_beside(s, step) for s in holdout.stretches], step)
-    told = replayer.run([hypothesis])
-    path, reported = told, (told.q[0], told.v[0])
-    sensing = [p for p in hypothesis if isinstance(p.effect, OnOutputs)]
-    if sensing:
-        # what only the joints' encoders say moves no other sensor
-        bodily = tuple(p for p in hypothesis if p not in sensing)
-        starts = [_true_start(scene, s, sensing) for s in replayer.stretches]
-        path = Replayer(scene, starts, step).run([bodily])
+    scene: Scene,
+    holdout: Holdout,
+    hypothesis: Hypothesis,
+    step: float,
+    channels: Sequence[SensorChannel],
+) -> dict[str, Float[np.ndarray, "sample _"]]:
+    """Readings of each sensor in replays; NaN where they are not known."""
+    replayer = Replayer(scene, [_with_neighbours(s, step) for s in holdout.stretches], step)
+    replays = replayer.run([hypothesis])
+    path = _true_path(scene, replayer, hypothesis, step) or replays
     state = _States(scene, replayer, hypothesis)
-    found = {c.name: np.full((2, *c.measured.shape), np.nan) for c in channels}
+    readings = {c: np.full((2, *c.measured.shape), np.nan) for c in channels}
     thin = max(1, sum(len(s.t) for s in holdout.stretches) // _MOST_ROWS)
     start = fine = 0
     for s in holdout.stretches:
-        rows, beside = slice(start, start + len(s.t)), slice(fine, fine + 3 * len(s.t) - 2)
-        start, fine = rows.stop, beside.stop
-        (_, q, _), (early, v, late) = (_apart(x[0, beside]) for x in (path.q, path.v))
-        # just before a sample's command acts, and just after
-        rates = (v - early, late - v)
-        rates[0][0], rates[1][-1] = rates[1][0], rates[0][-1]
-        for when, (rate, u) in enumerate(zip(rates, state.commands(s), strict=True)):
-            states = (q, v, rate / _near(s, step), u)
-            _read(state, states, thin, {c: found[c.name][when, rows] for c in channels})
-        for c in channels:
+        rows, dense = slice(start, start + len(s.t)), slice(fine, fine + 3 * len(s.t) - 2)
+        start, fine = rows.stop, dense.stop
+        here = {c: values[:, rows] for c, values in readings.items()}
+        _read_stretch(state, s, thin, _near(s, step), (path.q[0, dense], path.v[0, dense]), here)
+        for c, values in here.items():
             if c.kind in ENCODERS:
-                which = reported[list(ENCODERS).index(c.kind)]
-                found[c.name][:, rows, 0] = _apart(which[beside])[1][:, _dof(scene, c)]
+                reported = (replays.q, replays.v)[list(ENCODERS).index(c.kind)]
+                values[:, :, 0] = _apart(reported[0, dense])[1][:, _dof(scene, c)]
             if c.delay > 0.0:
-                for values in found[c.name][:, rows]:
-                    values[:] = _late(s.t, values, c.delay)
-    return {c.name: _moment(found[c.name], c.measured) for c in channels}
+                for moment in values:
+                    moment[:] = _late(s.t, moment, c.delay)
+    return {c.name: _moment(values, c.measured) for c, values in readings.items()}
+
+
+def _true_path(
+    scene: Scene, replayer: Replayer, hypothesis: Hypothesis, step: float
+) -> Replays | None:
+    """Replays of where the machine is, not of what its encoders say; None if they say the same."""
+    sensing = [p for p in hypothesis if isinstance(p.effect, OnOutputs)]
+    if not sensing:
+        return None
+    # what only the joints' encoders say moves no other sensor
+    bodily = tuple(p for p in hypothesis if p not in sensing)
+    starts = [_true_start(scene, s, sensing) for s in replayer.stretches]
+    return Replayer(scene, starts, step).run([bodily])
+
+
+def _read_stretch(
+    state: _States,
+    s: Stretch,
+    thin: int,
+    near: float,
+    path: tuple[Float[np.ndarray, "dense dof"], Float[np.ndarray, "dense dof"]],
+    into: Mapping[SensorChannel, Float[np.ndarray, "2 sample _"]],
+) -> None:
+    """Read sensors along a stretch, just before each sample's command acts and just after.
+
+    Args:
+        state: the machine.
+        s: the stretch.
+        thin: one of this many samples is read.
+        near: distance of a sample from its neighbours in the path [s].
+        path: positions and velocities with neighbours.
+        into: readings before and after, written in place.
+    """
+    (_, q, _), (early, v, late) = (_apart(x) for x in path)
+    rates = (v - early, late - v)
+    rates[0][0], rates[1][-1] = rates[1][0], rates[0][-1]
+    for when, (rate, u) in enumerate(zip(rates, state.commands(s), strict=True)):
+        moment = {channel: values[when] for channel, values in into.items()}
+        _read(state, (q, v, rate / near, u), thin, moment)
 
 
 def _near(s: Stretch, step: float) -> float:
-    """How close to a sample the path is looked at for its acceleration [s]."""
+    """Distance from a sample at which the path is looked at for its acceleration [s]."""
     return min(step, 0.25 * s.dt)
 
 
-def _beside(s: Stretch, step: float) -> Stretch:
+def _with_neighbours(s: Stretch, step: float) -> Stretch:
     """The same stretch, sampled just before and just after each sample too."""
     near, before = _near(s, step), np.vstack([s.command[:1], s.command[:-1]])
     t = np.stack([s.t - near, s.t, s.t + near], axis=1).reshape(-1)
@@ -228,19 +261,30 @@ def _beside(s: Stretch, step: float) -> Stretch:
     return replace(s, t=t[1:-1], command=command[1:-1])
 
 
-def _apart(path: Array) -> tuple[Array, Array, Array]:
-    """What comes just before, at and just after each sample of a path (3 K − 2, n), (K, n) each."""
+def _apart(
+    path: Float[np.ndarray, "dense dof"],
+) -> tuple[
+    Float[np.ndarray, "sample dof"],
+    Float[np.ndarray, "sample dof"],
+    Float[np.ndarray, "sample dof"],
+]:
+    """A path just before, at and just after each of K samples, from its 3 K − 2 points."""
     three = np.vstack([path[:1], path, path[-1:]]).reshape(-1, 3, path.shape[1])
     return three[:, 0], three[:, 1], three[:, 2]
 
 
 def _read(
     state: _States,
-    path: tuple[Array, Array, Array, Array],
+    path: tuple[
+        Float[np.ndarray, "sample dof"],
+        Float[np.ndarray, "sample dof"],
+        Float[np.ndarray, "sample dof"],
+        Float[np.ndarray, "sample command"],
+    ],
     thin: int,
-    into: Mapping[Channel, Array],
+    into: Mapping[SensorChannel, Float[np.ndarray, "sample _"]],
 ) -> None:
-    """Read sensors along a path of position, velocity, acceleration (K, nv) and command (K, nu)."""
+    """Read sensors along a path of position, velocity, acceleration and command."""
     for k in range(0, len(path[0]), thin):
         if all(np.isfinite(x[k]).all() for x in path[:3]):
             model, data = state.set(*(x[k] for x in path))
@@ -249,8 +293,10 @@ def _read(
                     values[k] = channel.of(model, data)
 
 
-def _moment(both: Array, measured: Array) -> Array:
-    """What a sensor reads before and after commands act, (2, N, dim), mixed as fits best.
+def _moment(
+    both: Float[np.ndarray, "2 sample reading"], measured: Float[np.ndarray, "sample reading"]
+) -> Float[np.ndarray, "sample reading"]:
+    """Readings of a sensor before and after commands act, mixed as fits best.
 
     Accelerations and forces jump where a command does, and nobody says when a sample is read.
     """
@@ -261,12 +307,14 @@ def _moment(both: Array, measured: Array) -> Array:
     return np.asarray(before + np.clip(share, 0.0, 1.0) * change)
 
 
-def _dof(scene: Scene, channel: Channel) -> int:
+def _dof(scene: Scene, channel: SensorChannel) -> int:
     return scene.dof(joint_of_sensor(scene.model, int(scene.model.sensor(channel.source).id)))
 
 
-def _late(t: Array, values: Array, delay: float) -> Array:
-    """A signal (K, dim) that arrives late, for those rows that are known."""
+def _late(
+    t: Float[np.ndarray, " sample"], values: Float[np.ndarray, "sample reading"], delay: float
+) -> Float[np.ndarray, "sample reading"]:
+    """A signal that arrives late, for those rows that are known."""
     known = np.isfinite(values).all(axis=1)
     if not known.any():
         return values
@@ -276,17 +324,17 @@ def _late(t: Array, values: Array, delay: float) -> Array:
 
 def _true_start(scene: Scene, s: Stretch, sensing: Sequence[Planted]) -> Stretch:
     """A stretch that starts where the machine was, and not where its encoders said."""
-    said = Outputs(s.recording, s.t[:1], s.q0[None].copy(), s.v0[None].copy())
+    reported = Outputs(s.recording, s.t[:1], s.q0[None].copy(), s.v0[None].copy())
     for p in sensing:
-        p.sense(said, scene)
-    return replace(s, q0=2.0 * s.q0 - said.q[0], v0=2.0 * s.v0 - said.v[0])
+        p.sense(reported, scene)
+    return replace(s, q0=2.0 * s.q0 - reported.q[0], v0=2.0 * s.v0 - reported.v[0])
 
 
 class _States:
     """States of a machine in which sensors are read.
 
     Attributes:
-        exact: whether all forces that a hypothesis adds are known from the joints' state alone.
+        exact: true where all forces that a hypothesis adds follow from the joints' state alone.
             Rotors of their own, laws that act step by step and pushes are not.
     """
 
@@ -311,8 +359,10 @@ class _States:
             for _ in range(model.actuator_ctrlnum[i])
         ]
 
-    def commands(self, s: Stretch) -> tuple[Array, Array]:
-        """Commands in force just before and just after the samples of a stretch, (K, nu) each."""
+    def commands(
+        self, s: Stretch
+    ) -> tuple[Float[np.ndarray, "sample command"], Float[np.ndarray, "sample command"]]:
+        """Commands in force just before and just after the samples of a stretch."""
         steps = int(np.ceil((s.t[-1] - s.t[0]) / self.step)) + 1
         t = s.t[0] + self.step * np.arange(steps)
         inputs = Inputs(s.recording, t, self.step, s.commands(self.step, steps))
@@ -322,8 +372,14 @@ class _States:
         at = np.round((s.t - s.t[0]) / self.step).astype(int)
         return inputs.u[np.maximum(at - 1, 0)], inputs.u[np.minimum(at + 1, steps - 1)]
 
-    def set(self, q: Array, v: Array, a: Array, u: Array) -> tuple[mujoco.MjModel, mujoco.MjData]:
-        """Position, velocity, acceleration and command of the joints, (nv,) and (nu,)."""
+    def set(
+        self,
+        q: Float[np.ndarray, " dof"],
+        v: Float[np.ndarray, " dof"],
+        a: Float[np.ndarray, " dof"],
+        u: Float[np.ndarray, " command"],
+    ) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """Model and data at a position, velocity, acceleration and command."""
         m, d = self.model, self.data
         d.qpos[self._q], d.qvel[self._v], d.ctrl[:] = q, v, u[self._u]
         mujoco.mj_fwdPosition(m, d)

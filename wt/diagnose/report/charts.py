@@ -9,10 +9,11 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.diagnose.evidence import Trace
 from wt.diagnose.report.drawing import draw, joint_of
-from wt.diagnose.report.text import error as said_error
+from wt.diagnose.report.text import error as error_text
 from wt.diagnose.report.text import name_of, number, scaled, short_name, tied
 from wt.diagnose.result import Diagnosis, Finding
 from wt.physics import base
@@ -20,8 +21,6 @@ from wt.physics.effect import effects
 from wt.physics.scene import drives
 from wt.show.charts import Axes, Series, chart
 from wt.types import Location
-
-Array = np.ndarray
 
 _BINS, _LEAST = 36, 5
 _MOST_TRACES = 4
@@ -45,16 +44,20 @@ def model_of(diagnosis: Diagnosis) -> mujoco.MjModel | None:
     return None
 
 
-def full_pose(model: mujoco.MjModel, joints: Sequence[str], positions: Array) -> Array:
-    """Generalised positions (T, nq) for those of the named joints (T, n); the rest at rest."""
+def full_pose(
+    model: mujoco.MjModel, joints: Sequence[str], positions: Float[np.ndarray, "sample joint"]
+) -> Float[np.ndarray, "sample position"]:
+    """Generalised positions for those of the named joints; the rest at rest."""
     qpos = np.tile(model.qpos0, (len(positions), 1))
     for column, name in enumerate(joints):
         qpos[:, int(model.joint(name).qposadr[0])] = positions[:, column]
     return qpos
 
 
-def filled(t: Array, values: Array) -> Array:
-    """Values (T, n) with what is not finite interpolated over time; zero where nothing is known."""
+def filled(
+    t: Float[np.ndarray, " sample"], values: Float[np.ndarray, "sample joint"]
+) -> Float[np.ndarray, "sample joint"]:
+    """Values, interpolated over time where they are not finite; zero where nothing is known."""
     out = np.array(values, float)
     for column in out.T:
         known = np.isfinite(column)
@@ -67,7 +70,7 @@ def robot(diagnosis: Diagnosis, model: mujoco.MjModel) -> str:
     names: dict[Location, list[str]] = {}
     for f in diagnosis.findings:
         names.setdefault(f.at, []).append(name_of(f.effect))
-    marked = {at: ", ".join(some) for at, some in names.items()}
+    marked = {at: ", ".join(effects_there) for at, effects_there in names.items()}
     if not marked and diagnosis.verdict != "no_mismatch":
         marked = {place.at: "unexplained" for place in diagnosis.locations[:1]}
     poses, when = np.tile(model.qpos0, (1, 1)), ""
@@ -105,41 +108,41 @@ def over_time(diagnosis: Diagnosis, trace: Trace) -> Iterator[str]:
         error = diagnosis.proof.joints.get(name)
         rms = [np.sqrt(np.nanmean(e**2)) * factor for e in (before, after)]
         series = [Series("before", trace.t, before * factor)]
-        said = f"Joint {name}: error RMS {number(float(rms[0]))} {unit}"
+        caption = f"Joint {name}: error RMS {number(float(rms[0]))} {unit}"
         if diagnosis.findings:
             series.append(Series("after", trace.t, after * factor))
-            left = said_error(float(rms[1]), error.noise_floor * factor if error else 0.0)
-            said += f" with the model as given, {left} {unit} with the patched one"
+            left = error_text(float(rms[1]), error.noise_floor * factor if error else 0.0)
+            caption += f" with the model as given, {left} {unit} with the patched one"
         axes = Axes(
             x="time [s]",
             y=f"error of {name} [{unit}]",
-            alt=f"{said}, over time in {trace.name}",
+            alt=f"{caption}, over time in {trace.name}",
             spans=spans(diagnosis, trace),
             floor=2 * error.noise_floor * factor if error else None,
         )
-        yield _figure(chart(series, axes), f"{said}.")
+        yield _figure(chart(series, axes), f"{caption}.")
 
 
 def spans(diagnosis: Diagnosis, trace: Trace) -> tuple[tuple[float, float], ...]:
-    """When the largest mismatch shows in a trace; empty if it does throughout, or in another."""
+    """Intervals of the largest mismatch in a trace; empty if it is throughout, or in another."""
     first, last = float(trace.t[0]), float(trace.t[-1])
-    found = tuple(
+    intervals = tuple(
         (max(i.start, first), min(i.end, last))
         for i in (diagnosis.locations[0].intervals if diagnosis.locations else ())
         if i.recording == trace.name and i.end > first and i.start < last
     )
-    covered = sum(end - start for start, end in found)
-    return found if covered < _MOST_SHADED * (last - first) else ()
+    covered = sum(end - start for start, end in intervals)
+    return intervals if covered < _MOST_SHADED * (last - first) else ()
 
 
 def shown_traces(diagnosis: Diagnosis) -> tuple[Trace, ...]:
-    """What fits into a report: held-out recordings first."""
+    """As many traces as fit into a report: held-out recordings first."""
     order = sorted(diagnosis.traces, key=lambda t: t.role != "holdout")
     return tuple(order[:_MOST_TRACES])
 
 
 def dependence(diagnosis: Diagnosis, finding: Finding, model: mujoco.MjModel | None) -> str:
-    """The missing force over what a finding's law depends on; empty without traces."""
+    """The missing force over the variable of a finding's law; empty without traces."""
     column = _joint(diagnosis, finding.at, model)
     if not diagnosis.traces or column is None:
         return ""
@@ -150,22 +153,22 @@ def dependence(diagnosis: Diagnosis, finding: Finding, model: mujoco.MjModel | N
     x = _usual(x)
     series = []
     forces = [
-        np.concatenate([f[:, column] for f in some])
-        for some in zip(*((t.force_before, t.force_after) for t in diagnosis.traces), strict=True)
+        np.concatenate([f[:, column] for f in parts])
+        for parts in zip(*((t.force_before, t.force_after) for t in diagnosis.traces), strict=True)
     ]
-    told = not np.allclose(forces[0], forces[1], equal_nan=True)
+    changed = not np.allclose(forces[0], forces[1], equal_nan=True)
     for css, force in zip(("before", "after"), (_usual(f) for f in forces), strict=True):
-        if css == "after" and not told:
+        if css == "after" and not changed:
             continue
         fine = np.isfinite(x) & np.isfinite(force)
         order = np.flatnonzero(fine)[np.random.default_rng(0).permutation(int(fine.sum()))]
         series.append(Series(css, x[order], force[order], "dots"))
         series.append(Series(css, *_binned(x[fine], force[fine]), "beads"))
     series.sort(key=lambda s: s.mark == "beads")  # means lie on the clouds
-    said = f"The force at joint {name} that the model leaves out, over {variable}"
-    axes = Axes(x=label, y=f"missing force [{unit}]", alt=said)
-    caption = f"{said}: dots are samples of all recordings, beads their means."
-    if not told:
+    title = f"The force at joint {name} that the model leaves out, over {variable}"
+    axes = Axes(x=label, y=f"missing force [{unit}]", alt=title)
+    caption = f"{title}: dots are samples of all recordings, beads their means."
+    if not changed:
         caption += " What the finding takes of it shows in replays alone."
     return _figure(chart(series, axes), caption)
 
@@ -181,16 +184,16 @@ def horizon(diagnosis: Diagnosis) -> str:
     series = [Series("before", x, both[:, 0] * factor, "beads")]
     if diagnosis.findings:
         series.append(Series("after", x, both[:, 1] * factor, "beads"))
-    said = "Error of replays that are restarted from the recording, over how far they look ahead"
-    axes = Axes(x="seconds ahead", y=f"RMSE [{unit}]", alt=said, log=True)
-    return _figure(chart(series, axes), f"{said}.")
+    title = "Error of replays that are restarted from the recording, over how far they look ahead"
+    axes = Axes(x="seconds ahead", y=f"RMSE [{unit}]", alt=title, log=True)
+    return _figure(chart(series, axes), f"{title}.")
 
 
 def _figure(svg: str, caption: str) -> str:
     return f"<figure>{svg}<figcaption>{html.escape(tied(caption))}</figcaption></figure>"
 
 
-def _usual(values: Array) -> Array:
+def _usual(values: Float[np.ndarray, " value"]) -> Float[np.ndarray, " value"]:
     """Values with the extreme ones left out, as NaN."""
     low, high = np.nanquantile(values, [_EXTREME, 1.0 - _EXTREME])
     return np.where((values >= low) & (values <= high), values, np.nan)
@@ -214,39 +217,51 @@ def _joint(diagnosis: Diagnosis, at: Location, model: mujoco.MjModel | None) -> 
 
 def _variable(
     diagnosis: Diagnosis, finding: Finding, column: int, model: mujoco.MjModel | None
-) -> tuple[str, str, list[Array]]:
-    """Name, label with unit, and values, one array a trace, of what the effect depends on."""
-    traces, joint, unit = diagnosis.traces, diagnosis.joints[column], diagnosis.unit
-    known = effects().get(finding.effect)
-    kind: str = known.plotted_over if known else "position"
-    if finding.depends_on:
-        group, _, name = finding.depends_on[0].partition("/")
-        kind = {"qvel": "velocity", "ctrl": "command", "t": "time"}.get(group, "position")
-        if group in ("qpos", "qvel") and name in diagnosis.joints:
-            joint, column = name, diagnosis.joints.index(name)
+) -> tuple[str, str, list[Float[np.ndarray, " _"]]]:
+    """The variable that an effect depends on: name, label with unit, and values of each trace."""
+    traces, unit = diagnosis.traces, diagnosis.unit
+    kind, column = _depends(diagnosis, finding, column)
+    joint = diagnosis.joints[column]
     command = _actuator(finding, joint, model)
-    recorded = all(command in t.command for t in traces)
-    if kind == "drive" and recorded and model is not None:
-        drive = next(d for d in drives(model) if d.name == command)
-        values = [
-            drive.force(t.command[command], t.recorded[:, column], t.velocity[:, column])
-            for t in traces
-        ]
-        force = f"force of {command} in the model"
-        return f"the {force}", f"{force} [{_force_unit(model, joint)}]", values
-    if kind in ("command", "drive") and recorded:
-        values = [t.command[command] for t in traces]
-        return f"the command of {command}", f"command of {command}", values
+    if kind in ("command", "drive") and all(command in t.command for t in traces):
+        if kind == "command" or model is None:
+            values = [t.command[command] for t in traces]
+            return f"the command of {command}", f"command of {command}", values
+        label = f"force of {command} in the model"
+        values = _drive_forces(diagnosis, model, command, column)
+        return f"the {label}", f"{label} [{_force_unit(model, joint)}]", values
     if kind == "time":
         return "time", "time [s]", [t.t for t in traces]
     if kind == "velocity":
-        values = [t.velocity[:, column] for t in traces]
-        return f"the velocity of {joint}", f"velocity of {joint} [{unit}/s]", values
-    if kind == "acceleration":
-        values = [np.gradient(t.velocity[:, column], t.t) for t in traces]
-        return f"the acceleration of {joint}", f"acceleration of {joint} [{unit}/s²]", values
-    values = [t.recorded[:, column] for t in traces]
-    return f"the position of {joint}", f"position of {joint} [{unit}]", values
+        per, values = "/s", [t.velocity[:, column] for t in traces]
+    elif kind == "acceleration":
+        per, values = "/s²", [np.gradient(t.velocity[:, column], t.t) for t in traces]
+    else:
+        kind, per, values = "position", "", [t.recorded[:, column] for t in traces]
+    return f"the {kind} of {joint}", f"{kind} of {joint} [{unit}{per}]", values
+
+
+def _drive_forces(
+    diagnosis: Diagnosis, model: mujoco.MjModel, actuator: str, column: int
+) -> list[Float[np.ndarray, " _"]]:
+    """Forces of the model's drive at the recorded commands and motion, one array a trace."""
+    drive = next(d for d in drives(model) if d.name == actuator)
+    return [
+        drive.force(t.command[actuator], t.recorded[:, column], t.velocity[:, column])
+        for t in diagnosis.traces
+    ]
+
+
+def _depends(diagnosis: Diagnosis, finding: Finding, column: int) -> tuple[str, int]:
+    """Kind of the variable that an effect depends on, and the column of its joint."""
+    if not finding.depends_on:
+        known = effects().get(finding.effect)
+        return (known.plotted_over if known else "position"), column
+    group, _, name = finding.depends_on[0].partition("/")
+    if group in ("qpos", "qvel") and name in diagnosis.joints:
+        column = diagnosis.joints.index(name)
+    kinds = {"qvel": "velocity", "ctrl": "command", "t": "time"}
+    return kinds.get(group, "position"), column
 
 
 def _force_unit(model: mujoco.MjModel | None, joint: str) -> str:
@@ -270,7 +285,9 @@ def _actuator(finding: Finding, joint: str, model: mujoco.MjModel | None) -> str
     return ""
 
 
-def _binned(x: Array, y: Array) -> tuple[Array, Array]:
+def _binned(
+    x: Float[np.ndarray, " sample"], y: Float[np.ndarray, " sample"]
+) -> tuple[Float[np.ndarray, " bin"], Float[np.ndarray, " bin"]]:
     """Means of y in equal bins of x, leaving out thin bins."""
     if not x.size:
         return x, y
@@ -281,5 +298,5 @@ def _binned(x: Array, y: Array) -> tuple[Array, Array]:
         for b in range(_BINS)
         if (bins == b).sum() >= _LEAST
     ]
-    found = np.array(means).reshape(-1, 2)
-    return found[:, 0], found[:, 1]
+    beads = np.array(means).reshape(-1, 2)
+    return beads[:, 0], beads[:, 1]

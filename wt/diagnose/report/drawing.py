@@ -9,26 +9,26 @@ replaced by the hull of their outermost points.
 from __future__ import annotations
 
 import html
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from wt.show.surfaces import surface
 from wt.types import Location
-
-Array = np.ndarray
 
 WIDTH, HEIGHT = 560.0, 420.0
 SHADES = 8
 """Classes ``s0`` (darkest) … ``s7`` of the faces."""
 _MARGIN, _LEADER, _LETTER = 26.0, 34.0, 8.2
+"""Around all; from the robot to its labels; width of a label's letter."""
 _FREE = 6  # joints of a body that floats: they have no place in a picture
-"""Around everything; from the robot to its labels; width of a label's letter."""
 _LIGHT = np.array([0.35, -0.45, 0.82])
 _FIRST_HIDDEN_GROUP = 3
 _MOST_LABELS = 12
+_SHORTEST = 8  # letters that labels have room for at least
 _LINE = 19.0
 
 
@@ -37,75 +37,62 @@ class Camera:
     """An orthographic view.
 
     Attributes:
-        axes: right, up and towards the viewer as rows, (3, 3), in world coordinates.
+        axes: right, up and towards the viewer as rows, in world coordinates.
         scale: page units per metre.
-        shift: where the world's origin is on the page, (2,).
-        side: where labels begin on the page.
+        shift: the world's origin on the page.
+        side: abscissa at which labels begin on the page.
     """
 
-    axes: Array
+    axes: Float[np.ndarray, "3 3"]
     scale: float
-    shift: Array
+    shift: Float[np.ndarray, " 2"]
     side: float
 
-    def page(self, points: Array) -> Array:
-        """Places on the page of points (..., 3) [m]: (..., 2)."""
+    def page(self, points: Float[np.ndarray, "*point 3"]) -> Float[np.ndarray, "*point 2"]:
+        """Places on the page of points [m]."""
         flat = points @ self.axes[:2].T
         return np.stack(
             [self.shift[0] + self.scale * flat[..., 0], self.shift[1] - self.scale * flat[..., 1]],
             axis=-1,
         )
 
-    def depth(self, points: Array) -> Array:
-        """How near to the viewer points (..., 3) are [m]."""
+    def depth(self, points: Float[np.ndarray, "*point 3"]) -> Float[np.ndarray, "*point"]:
+        """Nearness of points to the viewer [m]."""
         return np.asarray(points @ self.axes[2])
 
 
 def draw(
     model: mujoco.MjModel,
-    qpos: Array,
+    qpos: Float[np.ndarray, " position"],
     marked: Mapping[Location, str],
-    poses: Sequence[Array] = (),
+    poses: Sequence[Float[np.ndarray, " position"]] = (),
 ) -> str:
-    """The robot at ``qpos`` (nq,) as an ``<svg>`` element.
+    """The robot at ``qpos`` as an ``<svg>`` element.
 
     Args:
         model: whose geoms are drawn.
         qpos: the pose.
-        marked: what each marked place is labelled with.
-        poses: other poses (nq,), so that the view shows the plane of the motion.
+        marked: label of each marked place.
+        poses: other poses, so that the view shows the plane of the motion.
     """
     data = mujoco.MjData(model)
-    centers = []
-    for pose in [*poses, qpos]:
-        data.qpos[:] = pose
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        centers.append(data.xpos[1:].copy())
-    geoms = [
-        g
-        for g in range(model.ngeom)
-        if model.geom_group[g] < _FIRST_HIDDEN_GROUP
-        and model.geom_type[g] != mujoco.mjtGeom.mjGEOM_PLANE
-    ]
-    culprits = {at: _body_of(model, at) for at in marked}
-    surfaces = [surface(model, data, g) for g in geoms]
+    moving = np.concatenate([_posed(model, data, pose) for pose in [*poses, qpos]])
+    surfaces = {g: surface(model, data, g) for g in _drawn(model)}
     own = [j for j in range(model.njnt) if model.body_jntnum[model.jnt_bodyid[j]] < _FREE]
     anchors = {model.joint(j).name: data.xanchor[j].copy() for j in own}
-    everything = [*surfaces, *(a[None, None] for a in anchors.values())]
-    longest = max(
-        [8, *(len(str(at)) for at in marked), *map(len, marked.values()), *map(len, anchors)]
-    )
+    corners = [faces.reshape(-1, 3) for faces in surfaces.values()]
+    corners += [anchor[None] for anchor in anchors.values()]
+    longest = max(map(len, [" " * _SHORTEST, *map(str, marked), *marked.values(), *anchors]))
     gutter = min(_LETTER * longest, 0.45 * WIDTH)
-    camera = _camera(np.concatenate(centers), [s.reshape(-1, 3) for s in everything], gutter)
-    hot = {body for at, body in culprits.items() if at.kind in ("body", "geom")}
+    camera = _camera(moving, corners, gutter)
+    hot = {_body_of(model, at) for at in marked if at.kind in ("body", "geom")}
     faces = [
         (face, int(model.geom_bodyid[g]) in hot)
-        for g, surface in zip(geoms, surfaces, strict=True)
-        for face in surface
+        for g, own_faces in surfaces.items()
+        for face in own_faces
     ]
-    said = ", ".join(str(at) for at in marked)
-    alt = f"Drawing of the robot; marked: {said}" if said else "Drawing of the robot"
+    places = ", ".join(map(str, marked))
+    alt = f"Drawing of the robot; marked: {places}" if places else "Drawing of the robot"
     return "".join(
         [
             f'<svg class="robot" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" '
@@ -115,6 +102,26 @@ def draw(
             "</svg>",
         ]
     )
+
+
+def _posed(
+    model: mujoco.MjModel, data: mujoco.MjData, pose: Float[np.ndarray, " position"]
+) -> Float[np.ndarray, "body 3"]:
+    """Positions of the bodies in a pose, in which the data is left [m]."""
+    data.qpos[:] = pose
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    return np.array(data.xpos[1:])
+
+
+def _drawn(model: mujoco.MjModel) -> list[int]:
+    """Geoms that are drawn: no hidden ones, and no floor."""
+    return [
+        g
+        for g in range(model.ngeom)
+        if model.geom_group[g] < _FIRST_HIDDEN_GROUP
+        and model.geom_type[g] != mujoco.mjtGeom.mjGEOM_PLANE
+    ]
 
 
 def joint_of(model: mujoco.MjModel, at: Location) -> str | None:
@@ -151,7 +158,9 @@ def _body_of(model: mujoco.MjModel, at: Location) -> int:
     return -1
 
 
-def _camera(moving: Array, points: Sequence[Array], gutter: float) -> Camera:
+def _camera(
+    moving: Float[np.ndarray, "place 3"], points: Sequence[Float[np.ndarray, "_ 3"]], gutter: float
+) -> Camera:
     """Look at the plane of the motion, a little from the side and from above; fit to the page."""
     spread = np.cov(moving[:, :2].T, bias=True) + 1e-9 * np.diag([1.0, 2.0])
     _, vectors = np.linalg.eigh(spread)
@@ -175,7 +184,9 @@ def _camera(moving: Array, points: Sequence[Array], gutter: float) -> Camera:
     return Camera(axes, scale, shift, float(start + width + _LEADER))
 
 
-def _painted(faces: Sequence[tuple[Array, bool]], camera: Camera) -> list[str]:
+def _painted(
+    faces: Sequence[tuple[Float[np.ndarray, "corner 3"], bool]], camera: Camera
+) -> list[str]:
     """Faces that look at the viewer, far ones first; neighbours of one shade share a path."""
     seen = []
     light = _LIGHT / np.linalg.norm(_LIGHT)
@@ -205,11 +216,11 @@ def _labels(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     camera: Camera,
-    anchors: Mapping[str, Array],
+    anchors: Mapping[str, Float[np.ndarray, " 3"]],
     marked: Mapping[Location, str],
 ) -> list[str]:
     """Names in the gutter at the right, each with a line to its place; marked ones stand out."""
-    places: list[tuple[Array, str, str]] = []
+    places: list[tuple[np.ndarray, str, str]] = []
     named = set()
     for at, text in marked.items():
         body, joint = _body_of(model, at), joint_of(model, at)
@@ -226,19 +237,22 @@ def _labels(
     parts = []
     left = camera.side
     for (place, name, text), height in zip(places, heights, strict=True):
-        x, y = place.tolist()
-        css = "mark" if text else "quiet"
-        parts.append(
-            f'<path class="leader {css}" d="M{x:.1f} {y:.1f}L{left - 6:g} {height:.1f}"/>'
-            f'<circle class="dot {css}" cx="{x:.1f}" cy="{y:.1f}" r="{8 if text else 2.5:g}"/>'
-            f'<text class="{css}" x="{left:g}" y="{height + 4:.1f}">{html.escape(name)}</text>'
-        )
-        if text:
-            below = height + 4 + _LINE - 3
-            parts.append(
-                f'<text class="why" x="{left:g}" y="{below:.1f}">{html.escape(text)}</text>'
-            )
+        parts += _label(place.tolist(), left, height, name, text)
     return parts
+
+
+def _label(
+    place: Sequence[float], left: float, height: float, name: str, text: str
+) -> Iterator[str]:
+    """A name with a line to its place, and below it the text of a marked one."""
+    x, y = place
+    css, radius = ("mark", 8.0) if text else ("quiet", 2.5)
+    yield f'<path class="leader {css}" d="M{x:.1f} {y:.1f}L{left - 6:g} {height:.1f}"/>'
+    yield f'<circle class="dot {css}" cx="{x:.1f}" cy="{y:.1f}" r="{radius:g}"/>'
+    yield f'<text class="{css}" x="{left:g}" y="{height + 4:.1f}">{html.escape(name)}</text>'
+    if text:
+        below = height + 4 + _LINE - 3
+        yield f'<text class="why" x="{left:g}" y="{below:.1f}">{html.escape(text)}</text>'
 
 
 def _apart(heights: Sequence[float], lines: Sequence[float]) -> list[float]:

@@ -53,7 +53,7 @@ def _shades() -> str:
 
 def _opening(d: Diagnosis) -> str:
     own = len(d.findings)
-    said = [
+    sentences = [
         f'<li class="more">{escaped(s)}</li>' if 0 < own <= i else f"<li>{escaped(s)}</li>"
         for i, s in enumerate(text.sentences(d))
     ]
@@ -80,7 +80,7 @@ def _opening(d: Diagnosis) -> str:
     figures_ = "".join(f"<div><b>{escaped(a)}</b><span>{escaped(b)}</span></div>" for a, b in tiles)
     return (
         f"<header><h1>Diagnosis of <strong>{escaped(PurePath(d.model_path).name)}</strong></h1>"
-        f'<ul class="lead">{"".join(said)}</ul>'
+        f'<ul class="lead">{"".join(sentences)}</ul>'
         f'<p><span class="verdict {css}">{text.VERDICTS[d.verdict]}</span>'
         f"{escaped(text.fit(d))}</p>"
         f'<div class="figures">{figures_}</div></header>'
@@ -119,15 +119,15 @@ def _parameters(d: Diagnosis) -> str:
             f'<td class="n">{escaped(interval)}</td></tr>'
         )
     head = ("place", "effect", "parameter", "#value", "unit", "#95 % interval")
-    found = table(head, rows) if rows else ""
+    values = table(head, rows) if rows else ""
     evidence = "".join(f"<li>{_evidence(d, f)}</li>" for f in d.findings)
-    said = "p is the chance of such a gain if the effect were not there."
-    body = f'{found}<ul class="next">{evidence}</ul><p class="soft">{said}</p>'
+    legend = "p is the chance of such a gain if the effect were not there."
+    body = f'{values}<ul class="next">{evidence}</ul><p class="soft">{legend}</p>'
     return section("How large, and how sure", "", body)
 
 
 def _evidence(d: Diagnosis, f: Finding) -> str:
-    """What speaks for a finding, and the law of an unknown one."""
+    """Evidence for a finding, and the law of an unknown one."""
     p = text.p_value(f.p_value)
     name = text.name_of(f.effect)
     parts = [
@@ -137,10 +137,10 @@ def _evidence(d: Diagnosis, f: Finding) -> str:
         ),
         escaped(text.borne_out(d, f)),
     ]
-    said = " ".join(filter(None, parts))
+    words = " ".join(filter(None, parts))
     if f.depends_on:
-        said += f"<br>Depends on {escaped(', '.join(f.depends_on))}."
-    return said + (f"<br>Force: <code>{html.escape(f.formula)}</code>" if f.formula else "")
+        words += f"<br>Depends on {escaped(', '.join(f.depends_on))}."
+    return words + (f"<br>Force: <code>{html.escape(f.formula)}</code>" if f.formula else "")
 
 
 def _dependence(d: Diagnosis) -> str:
@@ -149,11 +149,11 @@ def _dependence(d: Diagnosis) -> str:
     if not drawn:
         return ""
     keys = f"<p>{charts.BEFORE_AFTER}</p>"
-    said = (
+    intro = (
         "Force that the recorded motion demands, by inverse dynamics, less what the model supplies."
     )
     drawings = f'{keys}<div class="grid">{"".join(dict.fromkeys(drawn))}</div>'
-    return section("What the missing force depends on", said, drawings)
+    return section("What the missing force depends on", intro, drawings)
 
 
 def _errors(d: Diagnosis) -> str:
@@ -171,13 +171,13 @@ def _errors(d: Diagnosis) -> str:
             parts.append(f"<details><summary>{name}</summary>{grid}</details>")
     if not parts:
         return ""
-    said = (
+    intro = (
         "Simulated position minus the recorded one; the simulation runs open loop, from the "
         "recorded commands alone. The grey band is twice the measurement noise."
     )
     title = "Error before and after" if d.findings else "Error over time"
     keys = f"<p>{charts.BEFORE_AFTER}</p>" if d.findings else ""
-    return section(title, said, keys + "".join(parts))
+    return section(title, intro, keys + "".join(parts))
 
 
 def _confusable(d: Diagnosis) -> str:
@@ -216,7 +216,7 @@ def _diff(d: Diagnosis) -> str:
 
 
 def _decisions(d: Diagnosis) -> str:
-    """Every decision, one table a place: why this name, and why not that one."""
+    """Every decision, one table a place: the reasons for each name and against the others."""
     if not d.decisions:
         return ""
     places: dict[Location, list[Decision]] = {}
@@ -224,18 +224,25 @@ def _decisions(d: Diagnosis) -> str:
         places.setdefault(decision.at, []).append(decision)
     claimed = [f.at for f in d.findings]
     ordered = sorted(places, key=lambda at: (at not in claimed, -_interest(places[at])))
-    said = (
-        "Judged first by the force that the motion demands, the best then by replays, and what "
-        "joined by data that it was not fitted to. Statistic and threshold: in nats unless the "
-        "stage says otherwise; the documentation of diagnosis.json has them."
+    intro = (
+        "Each effect is judged first by the force that the motion demands, the best of them by "
+        "replays, and those that joined by data that they were not fitted to. Statistic and "
+        "threshold are in nats unless the stage says otherwise; the documentation of "
+        "diagnosis.json lists them."
     )
-    tables = "".join(_decided(d, at, places[at], at in claimed) for at in ordered)
-    return (
-        f"<details><summary>Why this name, and why not another: {len(d.decisions)} decisions at "
-        f'{len(places)} places</summary><p class="soft">{escaped(said)}</p>'
-        f'<p><label>Show places, effects or stages that contain <input type="search" '
-        f'data-filter="decisions"></label></p><div id="decisions">{tables}</div></details>'
+    tables = "".join(_decided(at, places[at], at in claimed) for at in ordered)
+    count = f"{_counted(len(d.decisions), 'decision')} at {_counted(len(places), 'place')}"
+    body = (
+        f"<details><summary>{escaped(count)}</summary>"
+        '<p><label class="filter">Show places, effects or stages that contain '
+        '<input type="search" data-filter="decisions"></label></p>'
+        f'<div id="decisions" class="decisions">{tables}</div></details>'
     )
+    return section("Why this name, and why not another", intro, body)
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def _interest(decisions: Sequence[Decision]) -> int:
@@ -243,7 +250,7 @@ def _interest(decisions: Sequence[Decision]) -> int:
     return sum(c.stage != "screened" for c in decisions)
 
 
-def _decided(d: Diagnosis, at: Location, decisions: Sequence[Decision], claimed: bool) -> str:
+def _decided(at: Location, decisions: Sequence[Decision], claimed: bool) -> str:
     rows = [
         f"<tr{' class=best' if c.kept else ''}><td><code>{escaped(c.effect)}</code></td>"
         f"<td>{c.stage}</td><td>{'stays' if c.kept else 'goes'}</td>"
@@ -254,10 +261,12 @@ def _decided(d: Diagnosis, at: Location, decisions: Sequence[Decision], claimed:
     ]
     head = ("effect", "stage", "outcome", "#statistic", "#threshold", "why")
     screened = len(decisions) - len(rows)
-    rest = f" {screened} more were screened out by forces." if screened else ""
+    were = "more was" if screened == 1 else "more were"
+    rest = f"<p class=note>{screened} {were} screened out by forces.</p>" if screened else ""
+    count = _counted(len(decisions), "decision")
     return (
-        f"<details{' open' if claimed else ''}><summary>{escaped(str(at))}, {len(decisions)} "
-        f"decisions</summary>{table(head, rows)}<p class=note>{rest}</p></details>"
+        f"<details{' open' if claimed else ''}><summary>{escaped(f'{at}, {count}')}</summary>"
+        f"{table(head, rows)}{rest}</details>"
     )
 
 
@@ -291,7 +300,7 @@ def proof(d: Diagnosis) -> str:
     left_head = ("#left",) if d.findings else ()
     head = ("joint", *(f"{e} [{unit}]" for e in errors), *left_head, "")
     split = f" Held out: {p.split}." if p.split else ""
-    said = (
+    intro = (
         f"Root mean square errors of open-loop replays on data that nothing was fitted to.{split}"
     )
     ahead = charts.horizon(d)
@@ -302,7 +311,7 @@ def proof(d: Diagnosis) -> str:
         f"<h3>Left over</h3>{items(p.left_over)}" if p.left_over else "",
         f'<div class="grid">{ahead}</div>' if ahead else "",
     ]
-    return section("Proof" if d.findings else "Errors", said, "".join(parts))
+    return section("Proof" if d.findings else "Errors", intro, "".join(parts))
 
 
 def _error_row(d: Diagnosis, name: str, e: Error, largest: float, css: str) -> str:
@@ -342,12 +351,12 @@ def _measured(d: Diagnosis) -> str:
         )
     if not rows:
         return ""
-    said = "The same replays, at the other sensors that were recorded; nothing was fitted to them."
+    intro = "The same replays, at the other sensors that were recorded; nothing was fitted to them."
     if any(s.after is None for s in d.measured.sensors):
-        said += " –: forces that the replay of the patched model does not tell."
+        intro += " –: forces that the replay of the patched model does not tell."
     errors = ("#before", "#after", "#left") if d.findings else ("#error",)
     shown = table(("sensor", *errors, ""), rows)
-    return f'<h3>What else the robot reports</h3><p class="soft">{escaped(said)}</p>{shown}'
+    return f'<h3>What else the robot reports</h3><p class="soft">{escaped(intro)}</p>{shown}'
 
 
 _MOST = 4
@@ -356,20 +365,22 @@ _MOST = 4
 
 def translation(d: Diagnosis) -> str:
     """The section; empty if no translation was given."""
-    found = d.translated
-    if found is None:
+    evidence = d.translated
+    if evidence is None:
         return ""
-    said = (
-        f"{found.name} saw every control step: the model's answer from the recorded state, "
+    intro = (
+        f"{evidence.name} saw every control step: the model's answer from the recorded state, "
         "translated, beside what the machine did."
     )
-    rows = [_row(found, kind) for kind in dict.fromkeys(_kind(c.name) for c in found.channels)]
+    rows = [
+        _row(evidence, kind) for kind in dict.fromkeys(_kind(c.name) for c in evidence.channels)
+    ]
     errors = table(("channels", "#model's answer", "#translated", "#left", ""), rows)
-    drawings = "".join(_chart(d, found, i) for i in range(min(len(found.distances), _MOST)))
+    drawings = "".join(_chart(d, evidence, i) for i in range(min(len(evidence.distances), _MOST)))
     return section(
         "What a trained translation says",
-        said,
-        f'{items(sentences(found))}{errors}<div class="grid">{drawings}</div>',
+        intro,
+        f'{items(sentences(evidence))}{errors}<div class="grid">{drawings}</div>',
     )
 
 
@@ -377,9 +388,9 @@ def _kind(name: str) -> str:
     return name.partition("/")[0]
 
 
-def _row(found: Translated, kind: str) -> str:
+def _row(evidence: Translated, kind: str) -> str:
     """Root mean squares over the channels of one kind."""
-    mine = [c for c in found.channels if _kind(c.name) == kind]
+    mine = [c for c in evidence.channels if _kind(c.name) == kind]
     before, after = (
         float(np.sqrt(np.mean([getattr(c, which) ** 2 for c in mine])))
         for which in ("before", "after")
@@ -397,10 +408,10 @@ def _row(found: Translated, kind: str) -> str:
     )
 
 
-def _chart(d: Diagnosis, found: Translated, index: int) -> str:
-    distance = found.distances[index]
+def _chart(d: Diagnosis, evidence: Translated, index: int) -> str:
+    distance = evidence.distances[index]
     name = text.short_name(d, distance.name)
-    spans = tuple((e.start, e.end) for e in found.events if e.recording == distance.name)
+    spans = tuple((e.start, e.end) for e in evidence.events if e.recording == distance.name)
     axes = Axes(
         x="time [s]",
         y="distance of features [usual ones]",

@@ -24,6 +24,7 @@ import mujoco
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from jaxtyping import Float
 
 from wt.diagnose.evidence import Trace
 from wt.diagnose.report import text
@@ -31,8 +32,6 @@ from wt.diagnose.report.charts import filled, full_pose, joint_order, model_of
 from wt.diagnose.result import Diagnosis
 from wt.show import colors
 from wt.show.robot_view import BodyPoses, body_poses, log_robot, send_columns
-
-Array = np.ndarray
 
 RECORDED, BEFORE, AFTER = "recorded", "before", "after"
 COLORS: Mapping[str, colors.Color] = {
@@ -52,15 +51,17 @@ class Film:
     """All traces after each other.
 
     Attributes:
-        starts: where on the timeline each trace begins [s].
+        starts: begin of each trace on the timeline [s].
         traces: the traces, held-out ones first.
     """
 
     starts: tuple[float, ...]
     traces: tuple[Trace, ...]
 
-    def joined(self, rate: float, values: Sequence[Array]) -> tuple[Array, Array]:
-        """Time on the timeline and values (…, n) of all traces, thinned to about ``rate`` [Hz]."""
+    def joined(
+        self, rate: float, values: Sequence[Float[np.ndarray, "_ ..."]]
+    ) -> tuple[Float[np.ndarray, " time"], Float[np.ndarray, "time ..."]]:
+        """Time on the timeline and values of all traces, thinned to about ``rate`` [Hz]."""
         times, kept = [], []
         for start, trace, value in zip(self.starts, self.traces, values, strict=True):
             step = max(1, round(1.0 / (rate * float(np.median(np.diff(trace.t))))))
@@ -74,8 +75,8 @@ def playback(diagnosis: Diagnosis) -> bytes:
     recording = rr.RecordingStream("wt diagnose", send_properties=False)
     memory = recording.memory_recording()
     film, model = _film(diagnosis), model_of(diagnosis)
-    said = [*text.sentences(diagnosis), text.fit(diagnosis), *diagnosis.notes]
-    summary = rr.TextDocument("\n\n".join(said), media_type=rr.MediaType.MARKDOWN)
+    sentences = [*text.sentences(diagnosis), text.fit(diagnosis), *diagnosis.notes]
+    summary = rr.TextDocument("\n\n".join(sentences), media_type=rr.MediaType.MARKDOWN)
     recording.log("summary", summary, static=True, strict=True)
     motions: dict[str, BodyPoses] = {}
     if film.traces:
@@ -100,7 +101,7 @@ def _film(diagnosis: Diagnosis) -> Film:
     return Film(tuple(starts), tuple(chosen))
 
 
-def _positions(trace: Trace, robot: str) -> Array:
+def _positions(trace: Trace, robot: str) -> Float[np.ndarray, "sample joint"]:
     return {RECORDED: trace.recorded, BEFORE: trace.before, AFTER: trace.after}[robot]
 
 
@@ -110,8 +111,8 @@ def _log_robots(
     """Three robots side by side, the recorded one leftmost."""
     motions, time = {}, np.zeros(0)
     for robot in _robots(diagnosis):
-        whole = [filled(t.t, _positions(t, robot)) for t in film.traces]
-        time, positions = film.joined(_POSES_HZ, whole)
+        full = [filled(t.t, _positions(t, robot)) for t in film.traces]
+        time, positions = film.joined(_POSES_HZ, full)
         motions[robot] = body_poses(model, full_pose(model, diagnosis.joints, positions))
     along, _ = _directions(motions)
     places = np.concatenate([m.pos[:, 1:].reshape(-1, 3) for m in motions.values()]) @ along
@@ -152,7 +153,7 @@ def _send(
     recording: rr.RecordingStream,
     film: Film,
     path: list[str],
-    values: Sequence[Array],
+    values: Sequence[Float[np.ndarray, " _"]],
     color: colors.Color,
 ) -> None:
     time, joined = film.joined(_SERIES_HZ, values)
@@ -214,7 +215,9 @@ def _blueprint(diagnosis: Diagnosis, motions: Mapping[str, BodyPoses]) -> rrb.Bl
     )
 
 
-def _directions(motions: Mapping[str, BodyPoses]) -> tuple[Array, Array]:
+def _directions(
+    motions: Mapping[str, BodyPoses],
+) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
     """Horizontal unit vectors: along which robots stand, and towards who sees most motion."""
     moving = np.concatenate([m.pos[:, 1:, :2].reshape(-1, 2) for m in motions.values()])
     _, vectors = np.linalg.eigh(np.cov(moving.T, bias=True) + 1e-12 * np.diag([0.0, 1.0]))

@@ -14,7 +14,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from wt.diagnose.evidence import Interval
+from wt.diagnose.evidence import Interval, MeasuredForce
 from wt.diagnose.result import Decision, Diagnosis, Error, Estimate, Finding
 from wt.errors import UserError
 from wt.show.text import NBSP, tied
@@ -32,22 +32,22 @@ _MOST_SPANS = 6
 
 
 def sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """What was found, one plain sentence each; also if that is nothing, or not understood."""
-    said = [f.statement for f in diagnosis.findings]
+    """The findings, one plain sentence each; also if there are none, or none is understood."""
+    words = [f.statement for f in diagnosis.findings]
     if diagnosis.verdict == "no_mismatch":
-        said.append(
+        words.append(
             "Nothing is missing: these recordings show no physics that the model leaves out."
         )
-    elif not said:
-        said.append(
+    elif not words:
+        words.append(
             f"Something is missing{_where(diagnosis)}, and what it is could not be told: no known "
             "effect explains it on data that it was not fitted to."
         )
     elif diagnosis.verdict == "unexplained":
-        said.append("The cause is not known: this names where it acts and what it depends on.")
+        words.append("The cause is not known: this names where it acts and what it depends on.")
     elif diagnosis.verdict == "partly_explained":
-        said.append("That is not all: a part of the mismatch is left over.")
-    return tuple(said)
+        words.append("That is not all: a part of the mismatch is left over.")
+    return tuple(words)
 
 
 def fit(diagnosis: Diagnosis) -> str:
@@ -101,7 +101,7 @@ def short_name(diagnosis: Diagnosis, path: str) -> str:
 
 
 def times(diagnosis: Diagnosis, intervals: Sequence[Interval]) -> list[str]:
-    """When, one line a recording; without its name where there is only one."""
+    """Intervals in words, one line a recording; without its name where there is only one."""
     lengths = {r.path: r.seconds for r in diagnosis.recordings if r.role == "fit"}
     lines = []
     for path in dict.fromkeys(i.recording for i in intervals):
@@ -118,16 +118,12 @@ def times(diagnosis: Diagnosis, intervals: Sequence[Interval]) -> list[str]:
 
 
 def borne_out(diagnosis: Diagnosis, finding: Finding) -> str:
-    """Whether measured forces speak for or against a finding, in a sentence; "" for neither."""
-    group, at = finding.effect.partition(".")[0], finding.at.name
+    """A sentence on measured forces that speak for or against a finding; "" where none does."""
+    group = finding.effect.partition(".")[0]
     # play, elasticity and the rotor lie on either side of a force, as it is measured
     if finding.effect in ("joint.backlash", "joint.elasticity", "joint.armature"):
         return ""
-    near = {
-        "actuator": [f for f in diagnosis.measured.forces if f.actuator == at],
-        "joint": [f for f in diagnosis.measured.forces if f.joint == at],
-        "body": [f for f in diagnosis.measured.forces if at in f.moves],
-    }.get(group, [])
+    near = [f for f in diagnosis.measured.forces if _near(f, group, finding.at.name)]
     expected, other = ("drive", "behind") if group == "actuator" else ("behind", "drive")
     agreeing = [f.actuator for f in near if f.side in (expected, "both")]
     opposing = [f.actuator for f in near if f.side == other]
@@ -136,6 +132,12 @@ def borne_out(diagnosis: Diagnosis, finding: Finding) -> str:
     names = ", ".join(agreeing or opposing)
     verb = "bears this out" if agreeing else "speaks against this"
     return f"The measured force of {names} {verb}."
+
+
+def _near(force: MeasuredForce, group: str, place: str) -> bool:
+    """Tell whether a measured force passes through a place of a group of effects."""
+    places = {"actuator": (force.actuator,), "joint": (force.joint,), "body": force.moves}
+    return place in places.get(group, ())
 
 
 def ratio(error: Error) -> str:
@@ -157,7 +159,7 @@ VERDICTS = {
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A number with so many significant digits, a true minus and powers of ten as people write."""
+    """A number to some significant digits, with a true minus and powers of ten as people write."""
     if not math.isfinite(value):
         return "–"
     if value == 0:
@@ -165,8 +167,8 @@ def number(value: float, digits: int = 3) -> str:
     mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
     power = int(exponent)
     if -4 < power < 6:
-        said = f"{round(value, digits - 1 - power):.{max(digits - 1 - power, 0)}f}"
-        return said.replace("-", "−")
+        rounded = f"{round(value, digits - 1 - power):.{max(digits - 1 - power, 0)}f}"
+        return rounded.replace("-", "−")
     return f"{mantissa}·10{str(power).translate(_SUPERSCRIPT)}".replace("-", "−")
 
 
@@ -227,8 +229,8 @@ def parameter_rows(findings: Sequence[Finding]) -> list[tuple[str, str, str, str
             axes = "xyz" if len(components) == 3 else range(1, len(components) + 1)
             warning = estimate.warning
             for axis, (value, interval) in zip(axes, components, strict=True):
-                said = name if len(components) == 1 else f"{name} {axis}"
-                row = (finding.effect, str(finding.at), said, value, unit, interval, warning)
+                label = name if len(components) == 1 else f"{name} {axis}"
+                row = (finding.effect, str(finding.at), label, value, unit, interval, warning)
                 rows.append(row)
                 warning = ""  # said once
     return rows
@@ -257,15 +259,15 @@ def print_summary(diagnosis: Diagnosis, console: Console) -> None:
         for effect, at, name, value, unit, interval, _ in rows:
             table.add_row(*(Text(x) for x in (effect, at, name, f"{value} {unit}", interval)))
         console.print(table)
-    said = []
+    notes = []
     for finding in diagnosis.findings:
         known = finding.parameters.items()
-        said += [f"{finding.at}, {name}: {e.warning}" for name, e in known if e.warning]
-        said += [
+        notes += [f"{finding.at}, {name}: {e.warning}" for name, e in known if e.warning]
+        notes += [
             f"not told apart from {c.effect} at {c.at}; would tell: {c.separating_experiment}"
             for c in finding.confusable_with
         ]
-    for line in [*said, *diagnosis.proof.left_over, *diagnosis.notes]:
+    for line in [*notes, *diagnosis.proof.left_over, *diagnosis.notes]:
         say(f"note: {line}", "dim")
 
 

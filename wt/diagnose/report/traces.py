@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.diagnose.evidence import Trace
 from wt.diagnose.recordings.prepare import Prepared
@@ -13,8 +14,6 @@ from wt.diagnose.recordings.stretches import cut
 from wt.diagnose.residual.signature import elsewhere, reduced
 from wt.physics.planted import Hypothesis
 from wt.physics.rollout import Replayer
-
-Array = np.ndarray
 
 
 def traces(
@@ -28,23 +27,23 @@ def traces(
         hypothesis: the findings.
         step: physics step of the replays [s].
     """
-    found = []
-    for role, some in (("holdout", smoothed[1]), ("fit", smoothed[0])):
-        scene = some.motion.scene
-        stretches = [cut(some, i, slice(0, len(s.t))) for i, s in enumerate(some.samples)]
+    shown = []
+    for role, motions in (("holdout", smoothed[1]), ("fit", smoothed[0])):
+        scene = motions.motion.scene
+        stretches = [cut(motions, i, slice(0, len(s.t))) for i, s in enumerate(motions.samples)]
         here = hypothesis
         if role == "holdout":  # what happens at times happens at theirs
-            here = elsewhere(some.motion, hypothesis)
+            here = elsewhere(motions.motion, hypothesis)
         both = Replayer(scene, stretches, step).run([(), here]).q
-        after = reduced(some.motion, here).residual
+        after = reduced(motions.motion, here).residual
         start = 0
         for s, state, segment in zip(
-            some.samples, some.at_samples, some.motion.segments, strict=True
+            motions.samples, motions.at_samples, motions.motion.segments, strict=True
         ):
             rows = slice(start, start + len(s.t))
             start = rows.stop
-            grid = some.motion.t[segment.rows]
-            found.append(
+            grid = motions.motion.t[segment.rows]
+            shown.append(
                 Trace(
                     name=prepared.names[s.recording],
                     role="holdout" if role == "holdout" else "fit",
@@ -53,7 +52,7 @@ def traces(
                     before=both[0, rows],
                     after=both[1, rows],
                     velocity=state[1],
-                    force_before=_at(s.t, grid, some.motion.residual[segment.rows]),
+                    force_before=_at(s.t, grid, motions.motion.residual[segment.rows]),
                     force_after=_at(s.t, grid, after[segment.rows]),
                     command={
                         scene.model.actuator(i).name: s.command[:, i]
@@ -61,9 +60,14 @@ def traces(
                     },
                 )
             )
-    return tuple(found)
+    return tuple(shown)
 
 
-def _at(t: Array, grid: Array, values: Array) -> Array:
+def _at(
+    t: Float[np.ndarray, " sample"],
+    grid: Float[np.ndarray, " grid"],
+    values: Float[np.ndarray, "grid dof"],
+) -> Float[np.ndarray, "sample dof"]:
+    """Values on a grid of times, interpolated to samples."""
     columns = [np.interp(t, grid, values[:, j]) for j in range(values.shape[1])]
     return np.stack(columns, axis=1)

@@ -27,7 +27,7 @@ def write(diagnosis: Diagnosis, out: Path) -> None:
     what took minutes to find is not lost for them.
 
     Args:
-        diagnosis: what was found.
+        diagnosis: the findings with their proof and pictures.
         out: the folder; made if it is not there.
 
     Raises:
@@ -37,21 +37,21 @@ def write(diagnosis: Diagnosis, out: Path) -> None:
     if out.exists() and not out.is_dir():
         raise UserError(f"--out {out} is a file; name a folder")
     # JSON has no NaN; a value that is not finite would be a mistake of ours
-    said = json.dumps(diagnosis.to_json(), indent=2, ensure_ascii=False, allow_nan=False)
-    found: dict[str, str | bytes] = {"model.xml": diagnosis.patched_xml}
+    as_json = json.dumps(diagnosis.to_json(), indent=2, ensure_ascii=False, allow_nan=False)
+    contents: dict[str, str | bytes] = {"model.xml": diagnosis.patched_xml}
     if diagnosis.residual_onnx:
-        found[RESIDUAL] = diagnosis.residual_onnx
+        contents[RESIDUAL] = diagnosis.residual_onnx
     if diagnosis.physics_py:
-        found[PHYSICS] = diagnosis.physics_py
+        contents[PHYSICS] = diagnosis.physics_py
     if diagnosis.holdout_npz:
-        found[HOLDOUT] = diagnosis.holdout_npz
-    last = {"diagnosis.json": said + "\n"}  # where it is, the rest is
+        contents[HOLDOUT] = diagnosis.holdout_npz
+    last = {"diagnosis.json": as_json + "\n"}  # where it is, the rest is
     try:
         html, film = report(diagnosis), playback(diagnosis)
     except Exception:
-        _replace(out, {**found, **last})
+        _replace(out, {**contents, **last})
         raise
-    _replace(out, {**found, REPORT: html, PLAYBACK: film, **last})
+    _replace(out, {**contents, REPORT: html, PLAYBACK: film, **last})
 
 
 def _replace(out: Path, contents: Mapping[str, str | bytes]) -> None:

@@ -30,7 +30,7 @@ from wt.diagnose.selection.holdout import Gain, Holdout, gain, gains, where_mute
 from wt.diagnose.selection.search import Accepted
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.choice import freest
-from wt.diagnose.unknown.fit import Data
+from wt.diagnose.unknown.fit import ForceData
 from wt.diagnose.unknown.force import Unknown, find
 from wt.diagnose.unknown.memory import recorded
 from wt.physics.planted import Hypothesis, Key, without
@@ -265,7 +265,7 @@ def rivals_nonparametric(
     dof = screen.motion.scene.dof(joint)
     rest = leftover(screen, hypothesis)
     rows = rest.keep[:, dof]
-    data = Data(screen, joint, rest.without(index)[:, dof], rows, seed, step)
+    data = ForceData(screen, joint, rest.without(index)[:, dof], rows, seed, step)
     fit, _ = freest(data)
     count, floor = len(data.force), float(screen.floor[dof]) ** 2
     named = max(float(np.mean(rest.left[rows, dof] ** 2)), floor)

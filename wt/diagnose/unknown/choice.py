@@ -14,11 +14,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.signal import lombscargle
 
-from wt.diagnose.unknown.fit import Data, Fit, crossval, smooth_terms
+from wt.diagnose.unknown.fit import ForceData, LawFit, crossval, smooth_terms
 from wt.diagnose.unknown.law import Atom, Term
 from wt.diagnose.unknown.memory import Kind, Memory, memory_of
-
-Array = np.ndarray
 
 MOST_COLUMNS = 4
 _LEADING = 4  # columns that are tried in pairs with all others
@@ -33,8 +31,8 @@ _BANDWIDTH = 0.7  # of the rows' own, up to which a pace can be told
 _AT_ONCE = 2_000_000  # rows times paces that are compared at once, to bound memory
 
 
-def choose(data: Data) -> tuple[Fit, int]:
-    """The columns that the force depends on, and how many sets were tried.
+def choose(data: ForceData) -> tuple[LawFit, int]:
+    """The columns that the force depends on, and the number of sets that were tried.
 
     A drive that holds a position answers an unknown force with one of its own, so that command
     and drive force predict it without being its cause: they count only where the state, which
@@ -47,7 +45,7 @@ def choose(data: Data) -> tuple[Fit, int]:
     return (with_drive if with_drive.r2 > fit.r2 + _LITTLE else fit), tried + more
 
 
-def freest(data: Data) -> tuple[Fit, int]:
+def freest(data: ForceData) -> tuple[LawFit, int]:
     """The best of what positions, velocities and time, now and before, say of the force."""
     fit, tried = choose_among(data, data.state())
     if fit.r2 >= _ENOUGH:
@@ -60,22 +58,20 @@ def freest(data: Data) -> tuple[Fit, int]:
     return fit, tried
 
 
-def choose_among(data: Data, names: Sequence[str]) -> tuple[Fit, int]:
-    """The smallest set of columns within one standard error of the best, and how many were tried.
+def choose_among(data: ForceData, names: Sequence[str]) -> tuple[LawFit, int]:
+    """The smallest set of columns within one standard error of the best, and the number tried.
 
     Args:
         data: the force.
         names: columns to choose from.
     """
 
-    def fitted(some: Sequence[str]) -> Fit:
-        return crossval(data, some, smooth_terms(data, some))
+    def fitted(columns: Sequence[str]) -> LawFit:
+        return crossval(data, columns, smooth_terms(data, columns))
 
     singles = sorted((fitted([n]) for n in names), key=_total)
     leading = [f.names[0] for f in singles[:_LEADING]]
-    own = names[:2]
-    pairs = {tuple(sorted((a, b), key=names.index)) for a in {*leading, *own} for b in names}
-    tried = [*singles, *(fitted(p) for p in sorted(pairs) if p[0] != p[1])]
+    tried = [*singles, *(fitted(pair) for pair in _pairs(names, leading))]
     best = min(tried, key=_total)
     while len(best.names) in range(2, MOST_COLUMNS) and best.r2 < _ENOUGH:
         larger = [fitted([*best.names, n]) for n in names if n not in best.names]
@@ -84,31 +80,43 @@ def choose_among(data: Data, names: Sequence[str]) -> tuple[Fit, int]:
         if grown is best or not _clearly(grown, best):
             break
         best = grown
-    good = [f for f in tried if not _clearly(best, f)]
-    fewest = min(len(f.names) for f in good)
-    return min((f for f in good if len(f.names) == fewest), key=_total), len(tried)
+    return _smallest(tried, best), len(tried)
 
 
-def remembers(fit: Fit) -> bool:
-    """Whether a regression is a formula already: of a hidden state, or of a pace."""
+def _pairs(names: Sequence[str], leading: Sequence[str]) -> list[tuple[str, ...]]:
+    """The leading columns and the joint's own, the first two, each with every other one."""
+    own = names[:2]
+    pairs = {tuple(sorted((a, b), key=names.index)) for a in {*leading, *own} for b in names}
+    return [pair for pair in sorted(pairs) if pair[0] != pair[1]]
+
+
+def _smallest(tried: Sequence[LawFit], best: LawFit) -> LawFit:
+    """The best of the fewest columns among what is not clearly worse than the best of all."""
+    good = [fit for fit in tried if not _clearly(best, fit)]
+    fewest = min(len(fit.names) for fit in good)
+    return min((fit for fit in good if len(fit.names) == fewest), key=_total)
+
+
+def remembers(fit: LawFit) -> bool:
+    """Tell whether a regression is a formula already: of a hidden state, or of a pace."""
     paced = any(a.kind == "sin" for term in fit.terms for a in term)
     return paced or any(memory_of(name) for name in fit.names)
 
 
-def _creep(data: Data) -> tuple[Fit, int]:
+def _creep(data: ForceData) -> tuple[LawFit, int]:
     """A spring that yields, over time constants."""
 
-    def fitted(rate: float) -> Fit:
+    def fitted(rate: float) -> LawFit:
         return _linear(data, [_named("creep", data.joint, rate)])
 
     fit, tried = _polished(fitted, [(tau,) for tau in _CREEPS_S], [_CREEPS_S[1] / _CREEPS_S[0]])
     return _leaner(data, fit), tried
 
 
-def _swing(data: Data) -> tuple[Fit, int]:
+def _swing(data: ForceData) -> tuple[LawFit, int]:
     """A mass on a spring that is dragged along, over frequencies and damping ratios."""
 
-    def fitted(rate: float, damping: float) -> Fit:
+    def fitted(rate: float, damping: float) -> LawFit:
         kinds: tuple[Kind, ...] = ("swing", "swing_rate")
         return _linear(data, [_named(k, data.joint, rate, damping) for k in kinds])
 
@@ -118,7 +126,7 @@ def _swing(data: Data) -> tuple[Fit, int]:
     return _leaner(data, fit), tried
 
 
-def _beat(data: Data) -> tuple[Fit, int] | None:
+def _beat(data: ForceData) -> tuple[LawFit, int] | None:
     """A force that turns at a pace of its own, whatever the machine does."""
     motion = data.screen.motion
     t = motion.t[data.screen.rows[data.rows]]
@@ -132,7 +140,7 @@ def _beat(data: Data) -> tuple[Fit, int] | None:
     power = np.concatenate([lombscargle(t, data.force, part) for part in parts])
     pace = float(grid[np.argmax(power)])
 
-    def fitted(rate: float) -> Fit:
+    def fitted(rate: float) -> LawFit:
         terms: list[Term] = [(Atom(0, "sin", 0.0, rate),), (Atom(0, "cos", 0.0, rate),)]
         return crossval(data, ["t"], terms, penalise=False)
 
@@ -145,14 +153,14 @@ def _named(kind: Kind, joint: str, rate: float, damping: float = 0.0) -> str:
     return Memory(kind, joint, rate, damping).name
 
 
-def _linear(data: Data, names: Sequence[str]) -> Fit:
+def _linear(data: ForceData, names: Sequence[str]) -> LawFit:
     """Columns that remember, beside the joint's position and speed, each with one factor."""
     own = [n for n in data.state()[:2] if n != "t"]
     every = [*names, *own]
     return crossval(data, every, [(Atom(i, "linear"),) for i in range(len(every))], penalise=False)
 
 
-def _leaner(data: Data, fit: Fit) -> Fit:
+def _leaner(data: ForceData, fit: LawFit) -> LawFit:
     """The regression without what does not clearly add to its hidden state."""
     names = list(fit.names)
     for name in [n for n in fit.names if memory_of(n) is None]:
@@ -165,13 +173,13 @@ def _leaner(data: Data, fit: Fit) -> Fit:
 
 
 def _polished(
-    fitted: Callable[..., Fit], grid: Sequence[tuple[float, ...]], gaps: Sequence[float]
-) -> tuple[Fit, int]:
-    """The best regression over some rates, and how many were tried.
+    fitted: Callable[..., LawFit], grid: Sequence[tuple[float, ...]], gaps: Sequence[float]
+) -> tuple[LawFit, int]:
+    """The best regression over some rates, and the number of those tried.
 
     Args:
         fitted: the regression at given rates.
-        grid: where to look first.
+        grid: rates to try first.
         gaps: factor between neighbours along each rate; ever smaller roots of it are tried then.
     """
     tried = {at: fitted(*at) for at in grid}
@@ -184,11 +192,11 @@ def _polished(
     return min(tried.values(), key=_total), len(tried)
 
 
-def _total(fit: Fit) -> float:
+def _total(fit: LawFit) -> float:
     return float(fit.error.sum())
 
 
-def _clearly(better: Fit, worse: Fit) -> bool:
-    """Whether the difference is more than a standard error, over blocks."""
+def _clearly(better: LawFit, worse: LawFit) -> bool:
+    """Tell whether the difference is more than a standard error, over blocks."""
     difference = worse.error - better.error
     return bool(difference.sum() > np.sqrt(len(difference)) * difference.std(ddof=1) + 1e-30)

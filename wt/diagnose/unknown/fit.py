@@ -12,43 +12,48 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.unknown.law import Atom, Law, Term
 from wt.diagnose.unknown.memory import along
-
-Array = np.ndarray
 
 FOLDS, BLOCK_S, MOMENT_S = 6, 1.5, 0.5
 _RIDGES = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)  # relative to the number of rows
 _BUMPS = 14
 
 
-class Data:
+class ForceData:
     """One joint's unexplained force beside the columns that it may depend on.
 
     Attributes:
         screen: the recordings.
         joint: the joint.
         dof: its degree of freedom.
-        force: weak force, (n,) [N·m], of the rows that count.
-        rows: which of the screen's rows count, (R,) bool.
-        block: index of the block of time each row belongs to, (n,).
-        fold: of the block, (n,).
-        moment: index of a shorter stretch, yet longer than the noise of a force remembers, (n,).
+        force: weak force [N·m], of the n rows that count.
+        rows: the rows of the screen that count, as a mask.
+        block: index of the block of time that each of the n rows belongs to.
+        fold: of the block, likewise.
+        moment: index of a shorter stretch, yet longer than the noise of a force remembers.
         ease: speed over which a sign is rounded [rad/s]: a stiffer law would not be integrable.
     """
 
     def __init__(
-        self, screen: Screen, joint: str, force: Array, rows: Array, seed: int, step: float
+        self,
+        screen: Screen,
+        joint: str,
+        force: Float[np.ndarray, " row"],
+        rows: Bool[np.ndarray, " row"],
+        seed: int,
+        step: float,
     ) -> None:
         """Prepare.
 
         Args:
             screen: the recordings.
             joint: the joint.
-            force: its unexplained weak force, (R,).
-            rows: rows that count, (R,) bool.
+            force: its unexplained weak force [N·m].
+            rows: the rows that count.
             seed: assigns blocks to folds.
             step: coarsest physics step of replays [s].
         """
@@ -76,8 +81,8 @@ class Data:
         self._bumps = int(np.clip(len(self.force) / 25, 6, _BUMPS))
 
     @lru_cache(maxsize=256)  # noqa: B019 – lives and dies with a diagnosis
-    def column(self, name: str) -> Array:
-        """Values along the motion, (T,)."""
+    def column(self, name: str) -> Float[np.ndarray, " sample"]:
+        """Values along the motion."""
         return along(self.screen.motion, [name])[:, 0]
 
     def span(self, name: str) -> tuple[float, float]:
@@ -98,26 +103,32 @@ class Data:
     def _varying(self, names: Sequence[str]) -> list[str]:
         return [n for n in names if self.span(n)[1] - self.span(n)[0] > 1e-6]
 
-    def centres(self, name: str) -> Array:
+    def centres(self, name: str) -> Float[np.ndarray, " centre"]:
         """Evenly spaced centres of bumps over what a column covers."""
         low, high = np.quantile(self.column(name), [0.005, 0.995])
         # fine bumps in time would interpolate between blocks whatever drifts
         return np.linspace(low, high, 3 if name == "t" else self._bumps)
 
-    def feature(self, names: Sequence[str], term: Term) -> Array:
-        """A term in the weak form, (n,)."""
+    def feature(self, names: Sequence[str], term: Term) -> Float[np.ndarray, " row"]:
+        """A term in the weak form."""
         value = np.ones(len(self.screen.motion))
         for atom in term:
             value = value * atom.value(self.column(names[atom.column]))
         return np.asarray(self.screen.weak(value)[self.rows])
 
-    def features(self, names: Sequence[str], terms: Sequence[Term]) -> Array:
-        """Terms in the weak form, (n, len(terms))."""
-        found = [self.feature(names, t) for t in terms]
-        return np.stack(found, axis=1) if found else np.zeros((len(self.force), 0))
+    def features(
+        self, names: Sequence[str], terms: Sequence[Term]
+    ) -> Float[np.ndarray, "row term"]:
+        """Terms in the weak form."""
+        columns = [self.feature(names, t) for t in terms]
+        return np.stack(columns, axis=1) if columns else np.zeros((len(self.force), 0))
 
     def law(
-        self, names: Sequence[str], terms: Sequence[Term], weights: Array, beyond: float = 0.0
+        self,
+        names: Sequence[str],
+        terms: Sequence[Term],
+        weights: Float[np.ndarray, " term"],
+        beyond: float = 0.0,
     ) -> Law:
         """A law of terms over the range that was seen, of all but positions widened by a share.
 
@@ -132,27 +143,27 @@ class Data:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class LawFit:
     """A regression on some columns.
 
     Attributes:
         names: the columns.
-        terms: what it is linear in.
+        terms: products of functions of columns, in which it is linear.
         ridge: the penalty that predicts best.
-        left: error of predicting each row without having seen its block, (n,).
-        error: its square, summed over each block, (blocks,).
+        left: error of predicting each row without having seen its block [N·m].
+        error: its square, summed over each block.
         r2: predicted share of the force's square.
     """
 
     names: tuple[str, ...]
     terms: tuple[Term, ...]
     ridge: float
-    left: Array
-    error: Array
+    left: Float[np.ndarray, " row"]
+    error: Float[np.ndarray, " block"]
     r2: float
 
 
-def smooth_terms(data: Data, names: Sequence[str]) -> list[Term]:
+def smooth_terms(data: ForceData, names: Sequence[str]) -> list[Term]:
     """Bumps along each column, alone and times simple functions of each other column."""
     alone: list[list[Term]] = []
     for i, name in enumerate(names):
@@ -160,22 +171,24 @@ def smooth_terms(data: Data, names: Sequence[str]) -> list[Term]:
         width = 1.2 * float(centres[1] - centres[0])
         bumps: list[Term] = [(Atom(i, "bump", float(c), width),) for c in centres]
         alone.append([*bumps, *((a,) for a in simple(data, i, name))])
-    found = [term for some in alone for term in some]
+    terms = [term for column_terms in alone for term in column_terms]
     for i, j in itertools.permutations(range(len(names)), 2):
         bumps = [t for t in alone[i] if t[0].kind == "bump"]
-        found += [(*t, a) for t in bumps for a in simple(data, j, names[j])]
-    return [(), *found]
+        terms += [(*t, a) for t in bumps for a in simple(data, j, names[j])]
+    return [(), *terms]
 
 
-def simple(data: Data, index: int, name: str) -> list[Atom]:
-    """What multiplies another column's bumps: the value, and for velocities its sign."""
+def simple(data: ForceData, index: int, name: str) -> list[Atom]:
+    """Factors of another column's bumps: the value, and for velocities its sign."""
     atoms = [Atom(index, "linear")]
     if name.startswith("qvel/"):
         atoms.append(Atom(index, "sign", 0.0, data.ease))
     return atoms
 
 
-def crossval(data: Data, names: Sequence[str], terms: Sequence[Term], penalise: bool = True) -> Fit:
+def crossval(
+    data: ForceData, names: Sequence[str], terms: Sequence[Term], penalise: bool = True
+) -> LawFit:
     """Predict every block from the other folds; the best ridge."""
     f, y = data.features(names, terms), data.force
     size = np.sqrt(np.mean(f**2, axis=0)) + 1e-12
@@ -193,11 +206,11 @@ def crossval(data: Data, names: Sequence[str], terms: Sequence[Term], penalise: 
     best = int(np.argmin((left**2).sum(axis=1)))
     error = np.bincount(data.block, left[best] ** 2)
     r2 = 1.0 - float(error.sum() / max((y**2).sum(), 1e-300))
-    return Fit(tuple(names), tuple(terms), float(ridges[best]), left[best], error, r2)
+    return LawFit(tuple(names), tuple(terms), float(ridges[best]), left[best], error, r2)
 
 
-def solve(data: Data, fit: Fit, beyond: float = 0.0) -> Law:
-    """The law of a regression, from all rows; ``beyond`` as in :meth:`Data.law`."""
+def solve(data: ForceData, fit: LawFit, beyond: float = 0.0) -> Law:
+    """The law of a regression, from all rows; ``beyond`` as in :meth:`ForceData.law`."""
     f = data.features(fit.names, fit.terms)
     size = np.sqrt(np.mean(f**2, axis=0)) + 1e-12
     gram = (f / size).T @ (f / size) + fit.ridge * np.eye(len(size))

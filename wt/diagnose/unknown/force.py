@@ -11,6 +11,7 @@ import json
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
 from scipy.stats import combine_pvalues, ttest_1samp, wilcoxon
 
 from wt.diagnose.likelihood.objective import Assessed, Objective
@@ -19,7 +20,7 @@ from wt.diagnose.residual.screen import Screen, leftover
 from wt.diagnose.selection.holdout import Gain, Holdout, errors
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.choice import choose, remembers
-from wt.diagnose.unknown.fit import Data, Fit, solve
+from wt.diagnose.unknown.fit import ForceData, LawFit, solve
 from wt.diagnose.unknown.formula import reduced, sparse
 from wt.diagnose.unknown.law import Law
 from wt.diagnose.unknown.lines import column_lines
@@ -34,12 +35,10 @@ from wt.physics.scene import Scene
 from wt.physics.script import Script, number
 from wt.types import Location
 
-Array = np.ndarray
-
 MOST_JOINTS = 3
 _ROUNDS = 2
 _WORSE = 0.1
-_BEYOND = 0.5  # a formula is trusted so much farther than what was seen, but for positions
+_BEYOND = 0.5  # of the range seen, by which a formula is trusted beyond it, but for positions
 _PEAK = 2.5
 
 
@@ -50,7 +49,7 @@ class UnknownForce(OnSteps):
 
     Attributes:
         law: the force.
-        said: its sentence.
+        sentence: its statement.
         output: its name in ``residual.onnx``.
     """
 
@@ -60,24 +59,30 @@ class UnknownForce(OnSteps):
     reference = "learned from the recordings"
     native = False
 
-    def __init__(self, law: Law, said: str, output: str = "force") -> None:
+    def __init__(self, law: Law, sentence: str, output: str = "force") -> None:
         """Wrap a law."""
-        self.law, self.said, self.output = law, said, output
+        self.law, self.sentence, self.output = law, sentence, output
 
-    def columns(self, motion: Motion, at: Location, shape: Shape) -> Array:
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
         """The law along a motion."""
         m = motion
         return m.on(m.scene.dof(at.name), self.law.force(along(m, self.law.columns)))
 
-    def theta(self, coefficients: Array, shape: Shape) -> Array:
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
         """The coefficient is the amplitude."""
         return coefficients
 
-    def live(self, scene: Scene, at: Location, theta: Array) -> Live:
+    def live(
+        self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
+    ) -> Live:
         """Adds the force at every step."""
         return _Pushing(self.law, scene, scene.dof(at.name), theta)
 
-    def script(self, at: Location, theta: Array) -> Script:
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """The law by ``residual.onnx``, whose inputs are its columns."""
         lines, helpers = column_lines(self.law.columns)
         inside = [f"    {json.dumps(name)}: x{i}," for i, name in enumerate(self.law.columns)]
@@ -91,9 +96,9 @@ class UnknownForce(OnSteps):
         )
         return Script(force=force, helpers=("joint", "residual", *helpers))
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
-        return self.said
+        return self.sentence
 
     def separation(self, at: Location) -> str:
         """See :meth:`Effect.separation`."""
@@ -102,7 +107,9 @@ class UnknownForce(OnSteps):
 
 
 class _Pushing(Live):
-    def __init__(self, law: Law, scene: Scene, dof: int, theta: Array) -> None:
+    def __init__(
+        self, law: Law, scene: Scene, dof: int, theta: Float[np.ndarray, "replay parameter"]
+    ) -> None:
         self.law, self.dof, self.amplitude = law, dof, theta[:, 0]
         self.columns = Remembering(scene, law.columns)
 
@@ -124,7 +131,7 @@ class Unknown:
             (batch, 1): ``depends_on``, or what remembers them (:mod:`wt.diagnose.unknown.memory`).
         r2: share of the joint's unexplained force that is predicted in blocks of time not seen.
         statement: one sentence.
-        gain: what it is worth on held-out recordings.
+        gain: its worth on held-out recordings.
     """
 
     planted: Planted
@@ -164,21 +171,21 @@ def find(
     force = np.where(excess > THRESHOLDS.clean, force, 0.0)
     scene = screen.motion.scene
     force[[scene.dof(j) for j in scene.joints if j not in scene.own_joints]] = 0.0
-    found: list[Unknown] = []
+    unknowns: list[Unknown] = []
     for dof in np.argsort(-force)[:MOST_JOINTS]:
         if force[dof] < THRESHOLDS.unknown_force:
             continue
         joint = scene.joints[int(dof)]
-        every = np.ones(len(screen.rows), bool)
-        data = Data(screen, joint, rest.left[:, dof], every, seed, COARSE * step)
+        rows = np.ones(len(screen.rows), bool)
+        data = ForceData(screen, joint, rest.left[:, dof], rows, seed, COARSE * step)
         unknown = _learn(data, assessed, holdout, step)
         if (
             unknown
             and unknown.gain.p_value <= THRESHOLDS.significant
             and unknown.gain.share >= THRESHOLDS.unknown_share
         ):
-            found.append(unknown)
-    return max(found, key=lambda u: u.gain.share, default=None)
+            unknowns.append(unknown)
+    return max(unknowns, key=lambda u: u.gain.share, default=None)
 
 
 def graphed(hypothesis: Hypothesis) -> tuple[Hypothesis, bytes | None]:
@@ -188,12 +195,12 @@ def graphed(hypothesis: Hypothesis) -> tuple[Hypothesis, bytes | None]:
         if isinstance(p.effect, UnknownForce):
             output = f"force_{len(laws) + 1}" if laws else "force"
             laws[output] = p.effect.law
-            p = replace(p, effect=UnknownForce(p.effect.law, p.effect.said, output))
+            p = replace(p, effect=UnknownForce(p.effect.law, p.effect.sentence, output))
         named.append(p)
     return tuple(named), to_onnx(laws) if laws else None
 
 
-def _learn(data: Data, assessed: Assessed, holdout: Holdout, step: float) -> Unknown | None:
+def _learn(data: ForceData, assessed: Assessed, holdout: Holdout, step: float) -> Unknown | None:
     """The best law of one joint's force, judged on held-out replays."""
     fit, tried = choose(data)
     if fit.r2 < THRESHOLDS.unknown_r2:
@@ -224,10 +231,10 @@ def _learn(data: Data, assessed: Assessed, holdout: Holdout, step: float) -> Unk
     )
 
 
-def _formula(data: Data, fit: Fit, assessed: Assessed) -> Fit:
+def _formula(data: ForceData, fit: LawFit, assessed: Assessed) -> LawFit:
     """The formula of the force with the nuisances' share put back, unless that fits much worse.
 
-    What any rig is off by can hide a part of the force, and a remnant has no simple formula.
+    The model tolerances can hide a part of the force, and a remnant has no simple formula.
     """
     taken = data.force
     rest = leftover(data.screen, assessed.hypothesis)
@@ -240,25 +247,25 @@ def _formula(data: Data, fit: Fit, assessed: Assessed) -> Fit:
 
 
 def _gain(holdout: Holdout, hypothesis: Hypothesis, dof: int, step: float) -> tuple[float, float]:
-    """What the last effect removes of the held-out squared error of all joints, and its p-value.
+    """Share of all joints' held-out squared error that the last effect removes, and its p-value.
 
     The test reads the joint alone: others may have errors of their own that drown the change.
     """
-    found = errors(holdout, [hypothesis[:-1], hypothesis], step) / holdout.smoothed.noise
-    if not np.isfinite(found[1]).any() or np.isinf(np.nanmax(np.abs(found[1]))):
+    misses = errors(holdout, [hypothesis[:-1], hypothesis], step) / holdout.smoothed.noise
+    if not np.isfinite(misses[1]).any() or np.isinf(np.nanmax(np.abs(misses[1]))):
         return 0.0, 1.0
-    before, after = np.nansum(found**2, axis=(1, 2))
-    own = [np.sqrt(np.bincount(holdout.block, np.nan_to_num(e[:, dof]) ** 2)) for e in found]
+    before, after = np.nansum(misses**2, axis=(1, 2))
+    own = [np.sqrt(np.bincount(holdout.block, np.nan_to_num(e[:, dof]) ** 2)) for e in misses]
     return float(1.0 - after / before), _improves(own[0], own[1])
 
 
-def _chance(data: Data, fit: Fit) -> float:
+def _chance(data: ForceData, fit: LawFit) -> float:
     """p-value of predicting moments of blocks not seen no better than by no force at all."""
     sums = [np.sqrt(np.bincount(data.moment, x**2)) for x in (data.force, fit.left)]
     return _improves(sums[0], sums[1])
 
 
-def _improves(before: Array, after: Array) -> float:
+def _improves(before: Float[np.ndarray, " block"], after: Float[np.ndarray, " block"]) -> float:
     """p-value of blocks' errors being no smaller after than before.
 
     Student's test sees a few large gains, Wilcoxon's many small ones; their lesser counts twice.
@@ -270,7 +277,7 @@ def _improves(before: Array, after: Array) -> float:
     return min(1.0, 2.0 * float(np.nanmin([1.0, *(test.pvalue for test in tests)])))
 
 
-def statement(data: Data, law: Law) -> str:
+def statement(data: ForceData, law: Law) -> str:
     """One sentence on a force, from how it acts along the motion."""
     m = data.screen.motion
     force = law.force(along(m, law.columns))
@@ -278,9 +285,9 @@ def statement(data: Data, law: Law) -> str:
     verb = "held back" if power.sum() < -0.5 * np.abs(power).sum() else "pushed"
     words = list(dict.fromkeys(_words(name, data.joint) for name in law.columns))
     depends = words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
-    said = f"Joint {data.joint} is {verb} by something unknown that depends on {depends}"
+    sentence = f"Joint {data.joint} is {verb} by something unknown that depends on {depends}"
     near = _peak(data, law, force)
-    return f"{said}, strongest near {near}." if near else f"{said}."
+    return f"{sentence}, strongest near {near}." if near else f"{sentence}."
 
 
 def _words(name: str, joint: str) -> str:
@@ -296,8 +303,8 @@ def _words(name: str, joint: str) -> str:
     return {"ctrl": "its command", "force": "its drive's force"}.get(kind, "time")
 
 
-def _peak(data: Data, law: Law, force: Array) -> str:
-    """Where along its own position the force is strongest, if it stands out there."""
+def _peak(data: ForceData, law: Law, force: Float[np.ndarray, " sample"]) -> str:
+    """Position of the joint at which its force is strongest; "" where none stands out."""
     name = f"qpos/{data.joint}"
     if name not in law.columns:
         return ""
@@ -318,6 +325,6 @@ def _peak(data: Data, law: Law, force: Array) -> str:
     return f"{float(np.sum(middle * near * size) / np.sum(size * near)):.2g} {unit}"
 
 
-def _hinge(data: Data) -> bool:
+def _hinge(data: ForceData) -> bool:
     model = data.screen.motion.scene.model
     return int(model.joint(data.joint).type[0]) == 3

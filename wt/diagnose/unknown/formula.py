@@ -7,18 +7,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.diagnose.residual.scoring import STRIDE, WINDOW
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.diagnose.unknown.fit import Data, Fit, crossval
+from wt.diagnose.unknown.fit import ForceData, LawFit, crossval
 from wt.diagnose.unknown.law import Atom, Term
-
-Array = np.ndarray
 
 _FAVOUR = 0.9  # a kink must be clearly better than a bump: it changes sign beyond what was seen
 
 
-def sparse(data: Data, names: Sequence[str], most: int = 4) -> Fit:
+def sparse(data: ForceData, names: Sequence[str], most: int = 4) -> LawFit:
     """A formula of few terms: greedy selection from a library, then centres and widths polished.
 
     Orthogonal matching pursuit (Y. C. Pati et al., 1993) that stops by Schwarz' criterion.
@@ -42,8 +41,12 @@ def sparse(data: Data, names: Sequence[str], most: int = 4) -> Fit:
     return crossval(data, names, chosen or [()], penalise=False)
 
 
-def _explained(y: Array, columns: Array, chosen: Array) -> Array:
-    """Squared error that each column would remove beside the chosen ones, (K,)."""
+def _explained(
+    y: Float[np.ndarray, " row"],
+    columns: Float[np.ndarray, "row candidate"],
+    chosen: Float[np.ndarray, "row chosen"],
+) -> Float[np.ndarray, " candidate"]:
+    """Squared error that each column would remove beside the chosen ones."""
     basis, _ = np.linalg.qr(chosen)
     left = y - basis @ (basis.T @ y)
     apart = columns - basis @ (basis.T @ columns)
@@ -52,7 +55,7 @@ def _explained(y: Array, columns: Array, chosen: Array) -> Array:
     return np.where(new, (left @ apart) ** 2 / np.maximum(size, 1e-12) ** 2, 0.0)
 
 
-def reduced(fit: Fit) -> Fit:
+def reduced(fit: LawFit) -> LawFit:
     """The same regression without columns that no term uses."""
     used = sorted({a.column for t in fit.terms for a in t})
     if not used:
@@ -61,41 +64,40 @@ def reduced(fit: Fit) -> Fit:
     return replace(fit, names=tuple(fit.names[i] for i in used), terms=terms)
 
 
-def _library(data: Data, names: Sequence[str]) -> list[Term]:
-    alone: list[list[Atom]] = []
-    for i, name in enumerate(names):
-        atoms = [Atom(i, "linear")]
-        if name.startswith("qvel/"):
-            atoms += [Atom(i, "sign", 0.0, data.ease), Atom(i, "square")]
-        if name.startswith("qpos/"):
-            atoms += [Atom(i, k, 0.0, float(n)) for n in (1, 2, 3, 4, 6) for k in ("sin", "cos")]
-        if not name.startswith("qvel/"):
-            centres = data.centres(name)
-            gap = float(centres[1] - centres[0])
-            atoms += [
-                Atom(i, kind, float(c), w * gap)
-                for kind in ("bump", "kink")
-                for c in centres
-                for w in (0.8, 1.6, 3.2)
-            ]
-        alone.append(atoms)
-    found: list[Term] = [(), *((a,) for some in alone for a in some)]
+def _library(data: ForceData, names: Sequence[str]) -> list[Term]:
+    """Every term that a formula may have: atoms of one column, and products of two columns'."""
+    alone = [_atoms(data, i, name) for i, name in enumerate(names)]
+    terms: list[Term] = [(), *((a,) for a in itertools.chain.from_iterable(alone))]
+    # bumps times bumps would outnumber the rows
+    plain = [[a for a in atoms if a.kind not in ("bump", "kink")] for atoms in alone]
     for i, j in itertools.combinations(range(len(names)), 2):
-        # bumps times bumps would outnumber the rows
-        plain = [[a for a in alone[k] if a.kind not in ("bump", "kink")] for k in (i, j)]
-        found += [(a, b) for a in alone[i] for b in plain[1]]
-        found += [(a, b) for a in plain[0] for b in alone[j] if b not in plain[1]]
-    return found
+        terms += itertools.product(alone[i], plain[j])
+        terms += itertools.product(plain[i], [b for b in alone[j] if b not in plain[j]])
+    return terms
 
 
-def _misfit(data: Data, names: Sequence[str], terms: Sequence[Term]) -> float:
+def _atoms(data: ForceData, index: int, name: str) -> list[Atom]:
+    """Functions of one column: of velocities no bumps, of positions also waves."""
+    atoms = [Atom(index, "linear")]
+    if name.startswith("qvel/"):
+        return [*atoms, Atom(index, "sign", 0.0, data.ease), Atom(index, "square")]
+    if name.startswith("qpos/"):
+        waves = itertools.product((1, 2, 3, 4, 6), ("sin", "cos"))
+        atoms += [Atom(index, kind, 0.0, float(n)) for n, kind in waves]
+    centres = data.centres(name)
+    gap = float(centres[1] - centres[0])
+    shapes = itertools.product(("bump", "kink"), centres, (0.8, 1.6, 3.2))
+    return [*atoms, *(Atom(index, kind, float(c), w * gap) for kind, c, w in shapes)]
+
+
+def _misfit(data: ForceData, names: Sequence[str], terms: Sequence[Term]) -> float:
     f = data.features(names, terms)
     weights, *_ = np.linalg.lstsq(f, data.force, rcond=1e-9)
     left = data.force - f @ weights
     return float(left @ left)
 
 
-def _polish(data: Data, names: Sequence[str], terms: Sequence[Term]) -> list[Term]:
+def _polish(data: ForceData, names: Sequence[str], terms: Sequence[Term]) -> list[Term]:
     """Move centres and widths of the last term's bumps or kinks to where they fit best."""
     last = list(terms[-1])
     for k, atom in enumerate(last):

@@ -8,10 +8,12 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from wt.physics.scene import Scene
 
-Array = np.ndarray
+# What replays call at every physics step has plain arrays: to check shapes would take longer than
+# to compute a force.
 
 AtomKind = Literal["linear", "sign", "square", "sin", "cos", "bump", "kink"]
 
@@ -36,9 +38,9 @@ class Atom:
     a: float = 0.0
     b: float = 1.0
 
-    def value(self, x: Array) -> Array:
+    def value(self, x: np.ndarray) -> np.ndarray:
         """The function of its column's values, elementwise."""
-        result: Array
+        result: np.ndarray
         if self.kind == "linear":
             result = x
         elif self.kind == "sign":
@@ -79,17 +81,17 @@ class Law:
 
     Attributes:
         columns: names, as in recordings.
-        low: smallest value at which each is trusted, (n,).
+        low: smallest value at which each is trusted.
         high: largest.
         terms: products of atoms.
-        weights: (len(terms),) [N·m].
+        weights: one a term [N·m].
     """
 
     columns: tuple[str, ...]
-    low: Array
-    high: Array
+    low: Float[np.ndarray, " column"]
+    high: Float[np.ndarray, " column"]
     terms: tuple[Term, ...]
-    weights: Array
+    weights: Float[np.ndarray, " term"]
 
     @cached_property
     def atoms(self) -> tuple[Atom, ...]:
@@ -97,20 +99,20 @@ class Law:
         return tuple(sorted({a for t in self.terms for a in t}, key=lambda a: (a.kind, a.column)))
 
     @cached_property
-    def factors(self) -> Array:
-        """For each term the indices of its two factors among the atoms, (K, 2); then the one."""
+    def factors(self) -> Int[np.ndarray, "term 2"]:
+        """For each term the indices of its two factors among the atoms; after these, the one."""
         index = {a: i for i, a in enumerate(self.atoms)}
         one = len(self.atoms)
         rows = [[*(index[a] for a in t), one, one][:2] for t in self.terms]
         return np.array(rows, dtype=np.int64).reshape(-1, 2)
 
     @cached_property
-    def margin(self) -> Array:
-        """How far beyond the range the force ends, (n,)."""
+    def margin(self) -> Float[np.ndarray, " column"]:
+        """Distance beyond the range at which the force ends."""
         share = np.array([MARGINS.get(name.partition("/")[0], 1.0) for name in self.columns])
         return np.maximum(share * (self.high - self.low), 1e-6)
 
-    def force(self, x: Array) -> Array:
+    def force(self, x: np.ndarray) -> np.ndarray:
         """Force of column values (N, n), (N,) [N·m]."""
         if not self.terms:
             return np.zeros(len(x))
@@ -140,31 +142,38 @@ def _signed(value: float) -> str:
     return f"{'-' if value < 0.0 else '+'} {abs(value):.3g}"
 
 
-def table(scene: Scene, names: Sequence[str], t: Array, q: Array, v: Array, u: Array) -> Array:
+def table(
+    scene: Scene,
+    names: Sequence[str],
+    t: np.ndarray,
+    q: np.ndarray,
+    v: np.ndarray,
+    u: np.ndarray,
+) -> np.ndarray:
     """Values of columns at some states, (N, len(names)).
 
     Args:
         scene: the machine.
         names: ``t``, ``qpos/<joint>``, ``qvel/<joint>``, ``ctrl/<actuator>`` or
-            ``force/<actuator>``; the last is what the model's drive would give its joint.
+            ``force/<actuator>``; the last is the force of the model's drive on its joint.
         t: times, (N,).
         q: joint positions, (N, nv).
         v: joint velocities, (N, nv).
         u: commands, (N, nu).
     """
-    found = []
+    columns = []
     for name in names:
         kind, _, place = name.partition("/")
         if kind == "qpos":
-            found.append(q[:, scene.dof(place)])
+            columns.append(q[:, scene.dof(place)])
         elif kind == "qvel":
-            found.append(v[:, scene.dof(place)])
+            columns.append(v[:, scene.dof(place)])
         elif kind == "ctrl":
-            found.append(u[:, scene.model.actuator(place).id])
+            columns.append(u[:, scene.model.actuator(place).id])
         elif kind == "force":
             drive = scene.drive(place)
             command, dof = u[:, drive.index], drive.dof
-            found.append(drive.force(command, q[:, dof], v[:, dof]))
+            columns.append(drive.force(command, q[:, dof], v[:, dof]))
         else:
-            found.append(t)
-    return np.stack(found, axis=1)
+            columns.append(t)
+    return np.stack(columns, axis=1)

@@ -23,6 +23,7 @@ from functools import lru_cache
 from typing import Literal, cast
 
 import numpy as np
+from jaxtyping import Float
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
@@ -31,7 +32,9 @@ from wt.physics.live import StepState
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 
-Array = np.ndarray
+# What replays call at every physics step has plain arrays: to check shapes would take longer than
+# to compute a force.
+
 Kind = Literal["creep", "swing", "swing_rate"]
 
 _NAME = re.compile(r"(creep|swing|swing_rate)\[(\S+) [^,]+?(?:, (\S+))?\]\(q(?:pos|vel)/(.+)\)")
@@ -66,18 +69,18 @@ class Memory:
         velocity = f"qvel/{self.joint}"
         return (velocity,) if self.kind == "creep" else (f"qpos/{self.joint}", velocity)
 
-    def begin(self, q: Array, v: Array) -> Array:
+    def begin(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """State at rest beside the joint, (n, 2); q and v are (n,)."""
         start = np.stack([q, v], axis=1)
         return np.zeros_like(start) if self.kind == "creep" else start
 
-    def value(self, state: Array, q: Array, v: Array) -> Array:
+    def value(self, state: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """The column, (n,)."""
         if self.kind == "creep":
             return np.asarray(state[:, 0])
         return np.asarray(state[:, 0] - q if self.kind == "swing" else state[:, 1] - v)
 
-    def advance(self, state: Array, q: Array, v: Array, h: float) -> Array:
+    def advance(self, state: np.ndarray, q: np.ndarray, v: np.ndarray, h: float) -> np.ndarray:
         """State one step of h seconds later; exact for a velocity that is held."""
         moved = _transition(self.kind == "creep", self.rate, self.damping, h)
         return np.asarray(np.column_stack([state, q, v]) @ moved.T)
@@ -85,37 +88,37 @@ class Memory:
 
 def memory_of(name: str) -> Memory | None:
     """The memory with that name; None for what is recorded itself."""
-    found = _NAME.fullmatch(name)
-    if found is None:
+    match = _NAME.fullmatch(name)
+    if match is None:
         return None
-    kind, rate, damping, joint = found.groups()
+    kind, rate, damping, joint = match.groups()
     return Memory(cast(Kind, kind), joint, float(rate), float(damping or 0.0))
 
 
 def recorded(names: Sequence[str]) -> tuple[str, ...]:
     """The recorded columns behind some columns, each once."""
-    found: list[str] = []
+    columns: list[str] = []
     for name in names:
         memory = memory_of(name)
-        found += memory.base if memory else (name,)
-    return tuple(dict.fromkeys(found))
+        columns += memory.base if memory else (name,)
+    return tuple(dict.fromkeys(columns))
 
 
-def along(motion: Motion, names: Sequence[str]) -> Array:
-    """Values of columns along a recorded motion, (T, len(names)); segments begin at rest."""
+def along(motion: Motion, names: Sequence[str]) -> Float[np.ndarray, "sample column"]:
+    """Values of columns along a recorded motion; segments begin at rest."""
     m = motion
-    found = []
+    columns = []
     for name in names:
         memory = memory_of(name)
         if memory is None:
-            found.append(table(m.scene, [name], m.t, m.q, m.v, m.u)[:, 0])
+            columns.append(table(m.scene, [name], m.t, m.q, m.v, m.u)[:, 0])
             continue
         dof = m.scene.dof(memory.joint)
         values = np.empty(len(m))
         for s in m.segments:
             values[s.rows] = _path(memory, m.q[s.rows, dof], m.v[s.rows, dof], s.dt)
-        found.append(values)
-    return np.stack(found, axis=1)
+        columns.append(values)
+    return np.stack(columns, axis=1)
 
 
 class Remembering:
@@ -125,26 +128,28 @@ class Remembering:
         """Prepare for the columns with these names."""
         self._scene, self._names = scene, names
         self._memories = [memory_of(name) for name in names]
-        self._states: list[Array | None] = [None] * len(names)
+        self._states: list[np.ndarray | None] = [None] * len(names)
 
-    def step(self, now: StepState) -> Array:
+    def step(self, now: StepState) -> np.ndarray:
         """Values of the columns, (n, len(names)); the hidden states move on by the step."""
-        found = []
+        columns = []
         for i, (name, memory) in enumerate(zip(self._names, self._memories, strict=True)):
             if memory is None:
-                found.append(table(self._scene, [name], now.t, now.q, now.v, now.u)[:, 0])
+                columns.append(table(self._scene, [name], now.t, now.q, now.v, now.u)[:, 0])
                 continue
             dof = self._scene.dof(memory.joint)
             q, v = now.q[:, dof], now.v[:, dof]
             state = self._states[i]
             state = memory.begin(q, v) if state is None else state
-            found.append(memory.value(state, q, v))
+            columns.append(memory.value(state, q, v))
             self._states[i] = memory.advance(state, q, v, now.h)
-        return np.stack(found, axis=1)
+        return np.stack(columns, axis=1)
 
 
-def _path(memory: Memory, q: Array, v: Array, dt: float) -> Array:
-    """A column along an evenly sampled path, (T,), from rest."""
+def _path(
+    memory: Memory, q: Float[np.ndarray, " sample"], v: Float[np.ndarray, " sample"], dt: float
+) -> Float[np.ndarray, " sample"]:
+    """A column along an evenly sampled path, from rest."""
     moved = _transition(memory.kind == "creep", memory.rate, memory.damping, dt)
     # held is the mean velocity of an interval, so that sampling coarsely delays nothing
     mean = np.append(np.diff(q) / dt, v[-1])
@@ -157,8 +162,8 @@ def _path(memory: Memory, q: Array, v: Array, dt: float) -> Array:
 
 
 @lru_cache(maxsize=512)
-def _transition(creeps: bool, rate: float, damping: float, h: float) -> Array:
-    """Two states h seconds later, from them, the joint's position and its held velocity, (2, 4)."""
+def _transition(creeps: bool, rate: float, damping: float, h: float) -> Float[np.ndarray, "2 4"]:
+    """Two states h seconds later, from them, the joint's position and its held velocity."""
     system = np.zeros((4, 4))
     if creeps:
         system[0] = [-1.0 / rate, 0.0, 0.0, 1.0]
@@ -167,5 +172,5 @@ def _transition(creeps: bool, rate: float, damping: float, h: float) -> Array:
         system[0] = [0.0, 1.0, 0.0, 0.0]
         system[1] = [-pull, -drag, pull, drag]
     system[2, 3] = 1.0  # the position moves with the velocity
-    found: Array = expm(system * h)[:2]
-    return found
+    transition: np.ndarray = expm(system * h)[:2]
+    return transition

@@ -6,11 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 import onnx
+from jaxtyping import Real
 from onnx import TensorProto, helper, numpy_helper
 
 from wt.diagnose.unknown.law import Atom, Law
-
-Array = np.ndarray
 
 _OPSET, _IR = 18, 9
 
@@ -81,7 +80,7 @@ class _Graph:
         self.nodes.append(node)
         return name
 
-    def value(self, constant: Array | float) -> str:
+    def value(self, constant: Real[np.ndarray, "*shape"] | float) -> str:
         """A constant, double or int64."""
         array = np.asarray(constant)
         array = array if array.dtype == np.int64 else array.astype(np.float64)
@@ -95,19 +94,19 @@ class _Graph:
 
     def atoms(self, x: str, kind: str, atoms: tuple[Atom, ...]) -> str:
         """Values of all atoms of a kind, (batch, count)."""
-        some = [a for a in atoms if a.kind == kind]
-        columns = self.value(np.array([a.column for a in some], dtype=np.int64))
+        alike = [a for a in atoms if a.kind == kind]
+        columns = self.value(np.array([a.column for a in alike], dtype=np.int64))
         x = self.add("Gather", x, columns, axis=1)
         if kind == "linear":
             return x
         if kind == "square":
             return self.add("Mul", self.add("Abs", x), x)
-        b = self.value(np.array([s.b for s in some]))
+        b = self.value(np.array([s.b for s in alike]))
         if kind == "sign":
             return self.add("Tanh", self.add("Div", x, b))
         if kind in ("sin", "cos"):
             return self.add(kind.capitalize(), self.add("Mul", x, b))
-        a = self.value(np.array([s.a for s in some]))
+        a = self.value(np.array([s.a for s in alike]))
         s = self.add("Div", self.add("Sub", x, a), b)
         bell = self.add("Exp", self.add("Neg", self.add("Mul", s, s)))
         return bell if kind == "bump" else self.add("Mul", s, bell)
