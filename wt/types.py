@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int, Int32, Shaped
+from jaxtyping import Bool, Int, Real, Shaped
 
 from wt.errors import DataError, RecordingError
 
@@ -111,7 +111,9 @@ class TransitionSpec:
 
 @dataclass(frozen=True)
 class Transitions:
-    """Transitions of one domain, ordered by episode and, inside it, by step.
+    """Transitions of one domain, one a row, ordered by episode and, inside it, by step.
+
+    Kept as float32 and int32.
 
     Attributes:
         o: observation before the step.
@@ -126,13 +128,14 @@ class Transitions:
         step: index of the transition inside its episode.
     """
 
-    o: Float32[np.ndarray, "row obs"]
-    a: Float32[np.ndarray, "row action"]
-    s_next: Float32[np.ndarray, "row state"]
-    nominal: Float32[np.ndarray, "row state"]
-    hidden: Float32[np.ndarray, "row hidden"]
-    episode: Int32[np.ndarray, " row"]
-    step: Int32[np.ndarray, " row"]
+    # as given: other precisions are converted, and numbers of rows that differ are a user's mistake
+    o: Real[np.ndarray, "_ obs"]
+    a: Real[np.ndarray, "_ action"]
+    s_next: Real[np.ndarray, "_ state"]
+    nominal: Real[np.ndarray, "_ state"]
+    hidden: Real[np.ndarray, "_ hidden"]
+    episode: Real[np.ndarray, " _"]
+    step: Real[np.ndarray, " _"]
 
     def __post_init__(self) -> None:
         """Copy the arrays in, make them read-only and check that their lengths agree."""
@@ -176,7 +179,7 @@ class Pairs:
     """
 
     real: Transitions
-    sim_next: Float32[np.ndarray, "row state"]
+    sim_next: Real[np.ndarray, "_ state"]  # as given; a wrong shape is a user's mistake
 
     def __post_init__(self) -> None:
         """Copy ``sim_next`` in, make it read-only and check its shape."""
@@ -206,8 +209,9 @@ class Recording:
         meta: free metadata: robot, source, licence, rate, notes.
     """
 
-    t: Float[np.ndarray, " sample"]
-    columns: Mapping[str, Float[np.ndarray, " sample"]]
+    # as given: lengths that differ are a user's mistake
+    t: Real[np.ndarray, "*_"]
+    columns: Mapping[str, Real[np.ndarray, "*_"]]
     meta: Mapping[str, object] = field(default_factory=dict)
 
     MIN_SECONDS = 2.0

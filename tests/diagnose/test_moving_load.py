@@ -10,7 +10,7 @@ import pytest
 
 from tests.physics import stool
 from wt.diagnose.likelihood.adapt import hidden, responses
-from wt.diagnose.likelihood.tolerances import boxes, nuisances
+from wt.diagnose.likelihood.tolerances import boxes, tolerances
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import Smoothed, smooth
 from wt.diagnose.recordings.stretches import stretches_of
@@ -85,7 +85,7 @@ def test_its_weight_is_no_error_of_the_trunk(tmp_path: Path) -> None:
     machine: Scene = stool.scene(tmp_path)
     effect = effects()["body.payload_moving"]
     (trunk,) = [at for at in effect.places(machine) if at.name == "trunk"]
-    some = nuisances(machine)
+    some = tolerances(machine)
     beside = boxes(some, [Planted(effect, trunk, np.zeros(5))])
     held = [str(n.planted) for n, size in zip(some, beside, strict=True) if size == 0.0]
     assert held == ["body.mass at body trunk"]

@@ -30,6 +30,26 @@ TranslationOption = Annotated[
         help="A model of wt fit between MODEL.xml and this robot, as further evidence.",
     ),
 ]
+HoldoutOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        metavar="RECORDING...",
+        help="Only for the proof; one or several. By default the last ones, or the last quarter of "
+        "a single one.",
+    ),
+]
+SuggestOption = Annotated[
+    Path | None,
+    typer.Option(metavar="OUT.parquet", help="Write the commands to record next."),
+]
+WhyOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="PLACE",
+        help="Print every decision at a joint, actuator or body; without MODEL.xml those of the "
+        "diagnosis in --out.",
+    ),
+]
 JobsOption = Annotated[
     str | None,
     typer.Option(
@@ -72,30 +92,13 @@ def command(
         list[Path] | None, typer.Argument(metavar="RECORDING", help="What the real robot did.")
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the report and the patched model.")],
-    holdout: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="RECORDING...",
-            help="Only for the proof; one or several. By default the last ones, or the last "
-            "quarter of a single one.",
-        ),
-    ] = None,
+    holdout: HoldoutOption = None,
     track: Annotated[bool, typer.Option("--track", help="Log to MLflow too.")] = False,
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
-    suggest_experiment: Annotated[
-        Path | None,
-        typer.Option(metavar="OUT.parquet", help="Write the commands to record next."),
-    ] = None,
+    suggest_experiment: SuggestOption = None,
     translation: TranslationOption = None,
     jobs: JobsOption = None,
-    why: Annotated[
-        str | None,
-        typer.Option(
-            metavar="PLACE",
-            help="Print every decision at a joint, actuator or body; without MODEL.xml those of "
-            "the diagnosis in --out.",
-        ),
-    ] = None,
+    why: WhyOption = None,
 ) -> None:
     """Locate, name, model and prove what the simulator leaves out.
 
@@ -134,7 +137,7 @@ def command(
     console = Console()
     print_summary(found, console)
     console.print(f"\n{out / 'report.html'}", highlight=False, soft_wrap=True)
-    if why is not None:
+    if why:
         _print_decisions(found.decisions, why)
     if suggest_experiment is not None:
         _suggest(found, model, suggest_experiment, console)

@@ -1,4 +1,4 @@
-"""What an edit of an MjSpec changed, by comparing the XML that MuJoCo writes before and after."""
+"""Changes that an edit of an MjSpec made: the XML that MuJoCo writes before and after, compared."""
 
 from __future__ import annotations
 
@@ -73,21 +73,21 @@ def as_written(spec: mujoco.MjSpec) -> ET.Element:
 
 
 def keys(section: str, children: Sequence[tuple[str, Mapping[str, str]]]) -> list[Key]:
-    """What identifies elements among their siblings: a name, or a number where they have none.
+    """Identities of elements among their siblings: a name, or a number where they have none.
 
     Args:
         section: tag of their parent.
         children: tags and attributes of the siblings.
     """
-    found: list[Key] = []
+    identities: list[Key] = []
     for tag, attributes in children:
         # one namespace for all kinds of actuators, since an edit may change the kind
         kind = "any" if section in _ONE_NAMESPACE else tag.replace("freejoint", "joint")
         name = attributes.get("class" if tag == "default" else "name")
         if name is None:
-            name = f"#{sum(k == kind and n.startswith('#') for k, n in found)}"
-        found.append((kind, name))
-    return found
+            name = f"#{sum(k == kind and n.startswith('#') for k, n in identities)}"
+        identities.append((kind, name))
+    return identities
 
 
 def keyed(parent: ET.Element) -> dict[Key, ET.Element]:
@@ -97,7 +97,7 @@ def keyed(parent: ET.Element) -> dict[Key, ET.Element]:
 
 
 def changes(before: ET.Element, after: ET.Element, path: Path = ()) -> Iterator[Change]:
-    """What differs inside two elements at the same place.
+    """Differences inside two elements at the same place.
 
     Raises:
         UnexpectedError: an element is gone.

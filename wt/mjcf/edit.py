@@ -87,27 +87,27 @@ def diff(given: str, patched: str, name: str = "model.xml") -> str:
 
 @dataclass(frozen=True, eq=False)
 class _Patched:
-    """A patched spec, and which sentence stands for which change.
+    """A patched spec, and the sentence that stands for each change.
 
     Attributes:
         spec: with all patches.
         before: the model as given, as XML in the user's notation.
         after: the same of the patched one.
-        said: places that a patch changed, and its sentence.
+        reasons: places that a patch changed, and its sentence.
         unwritten: sentences of what changes nothing in the file.
     """
 
     spec: mujoco.MjSpec
     before: ET.Element
     after: ET.Element
-    said: tuple[tuple[Place, str], ...]
+    reasons: tuple[tuple[Place, str], ...]
     unwritten: tuple[str, ...]
 
     def sentences(self, place: Place, inside: bool = False) -> list[str]:
-        """Why something changed at a place, and possibly inside it."""
+        """Reasons for what changed at a place, and possibly inside it."""
         return list(
             dict.fromkeys(
-                s for p, s in self.said if p == place or (inside and p[: len(place)] == place)
+                s for p, s in self.reasons if p == place or (inside and p[: len(place)] == place)
             )
         )
 
@@ -117,14 +117,14 @@ def _patch(
 ) -> _Patched:
     spec = scene.written()
     before = last = as_written(spec)
-    said: list[tuple[Place, str]] = []
+    reasons: list[tuple[Place, str]] = []
     unwritten = []
     own = float(spec.option.timestep)
     if timestep is not None and timestep != own:
         spec.option.timestep = timestep
         now = as_written(spec)
         why = f"time step refined from {1e3 * own:g} ms to {1e3 * timestep:g} ms"
-        said += [(place, f"{why}, as the recordings need.") for place in _places(last, now)]
+        reasons += [(place, f"{why}, as the recordings need.") for place in _places(last, now)]
         last = now
     for planted, statement in zip(hypothesis, statements, strict=True):
         planted.effect.patch(spec, planted.at, planted.theta)
@@ -136,17 +136,17 @@ def _patch(
         elif not planted.effect.native:
             statement = f"{statement} (The nearest that MuJoCo has; {where}.)"
         # what MuJoCo makes of keyframes is undone below
-        said += [(place, statement) for place in places if place[:1] != _KEYFRAMES]
+        reasons += [(place, statement) for place in places if place[:1] != _KEYFRAMES]
         last = now
     if balance(spec, scene, hypothesis):
         now = as_written(spec)
-        said += [(place, _BALANCED) for place in _places(last, now)]
+        reasons += [(place, _BALANCED) for place in _places(last, now)]
         last = now
-    return _Patched(spec, before, last, tuple(said), tuple(unwritten))
+    return _Patched(spec, before, last, tuple(reasons), tuple(unwritten))
 
 
 def _places(before: ET.Element, after: ET.Element) -> list[Place]:
-    """Where two models differ; inside a new section, every element counts for itself."""
+    """Places at which two models differ; inside a new section, every element counts for itself."""
     places: list[Place] = []
     try:
         for change in changes(before, after):
@@ -177,12 +177,12 @@ def _write_out_folders(spec: mujoco.MjSpec, scene: Scene) -> None:
 def _edited(given: str, patched: _Patched, head: str) -> str:
     document = Document(given)
     located = dict(_located(patched.before, [document.root]))
-    found: list[Change] = list(changes(patched.before, patched.after))
+    differences: list[Change] = list(changes(patched.before, patched.after))
     _head(document, [*([head] if head else []), *patched.unwritten])
-    for change in found:
+    for change in differences:
         if isinstance(change, Added):
             _add(document, located, change, patched)
-    for change in found:
+    for change in differences:
         if isinstance(change, Changed):
             _change(document, located, change, patched)
     return document.text()
@@ -196,7 +196,7 @@ def _head(document: Document, sentences: Sequence[str]) -> None:
 def _located(
     written: ET.Element, elements: list[Element]
 ) -> Iterator[tuple[ET.Element, list[Element]]]:
-    """For elements of MuJoCo's writing where they stand in the text; a section may be in parts."""
+    """Pair elements of MuJoCo's writing with those of the text; a section may be in parts."""
     yield written, elements
     children = [child for element in elements for child in element.children]
     top = written.tag == "mujoco"
@@ -205,8 +205,8 @@ def _located(
     for key, child in zip(named, children, strict=True):
         places.setdefault((child.tag, "") if top else key, []).append(child)
     for key, part in keyed(written).items():
-        if found := places.get((part.tag, "") if top else key):
-            yield from _located(part, found)
+        if written_as := places.get((part.tag, "") if top else key):
+            yield from _located(part, written_as)
 
 
 def _add(

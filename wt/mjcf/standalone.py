@@ -8,6 +8,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from jaxtyping import Shaped
 
 from wt.mjcf.text import Document, Element
 
@@ -71,12 +72,12 @@ def _inlined(path: Path, folder: Path) -> str:
         if element.tag == "include":
             document.replace(element, _included(element, path, folder))
         elif path.parent.resolve() != folder:
-            beside = path.resolve().parent
+            own_folder = path.resolve().parent
             # MuJoCo also looks beside the included file
             changes: dict[str, str | None] = {
-                name: (beside / file).as_posix()
+                name: (own_folder / file).as_posix()
                 for name, file in _relative_files(element).items()
-                if (beside / file).is_file()
+                if (own_folder / file).is_file()
             }
             document.set(element, changes)
     return document.text()
@@ -107,7 +108,7 @@ def _relative_files(element: Element) -> dict[str, str]:
 
 
 def compiles_to(text: str, truth: mujoco.MjModel) -> bool:
-    """Whether an MJCF text, read from another folder, compiles to the numbers of a model."""
+    """Tell whether an MJCF text, read from another folder, compiles to the numbers of a model."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.xml"
         path.write_text(text, encoding="utf-8")
@@ -124,15 +125,15 @@ def compiles_to(text: str, truth: mujoco.MjModel) -> bool:
 
 def _numeric(of: object) -> list[str]:
     """Names of the arrays and numbers of a MuJoCo struct that say something about physics."""
-    found = []
+    names = []
     for name in dir(of):
         value = None if name.startswith("_") else getattr(of, name)
         if isinstance(value, (int, float, np.ndarray)) and "path" not in name:
-            found.append(name)
-    return [n for n in found if n != "nbuffer"]
+            names.append(name)
+    return [n for n in names if n != "nbuffer"]
 
 
-def _equal(a: np.ndarray, b: np.ndarray) -> bool:
+def _equal(a: Shaped[np.ndarray, "*one"], b: Shaped[np.ndarray, "*other"]) -> bool:
     if a.shape != b.shape:
         return False
     if a.dtype.kind in "fc":

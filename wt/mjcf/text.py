@@ -21,7 +21,7 @@ _UNIT = "  "
 
 @dataclass(eq=False)
 class Element:
-    """An element and where it stands; positions are bytes of the UTF-8 text.
+    """An element and its place; positions are bytes of the UTF-8 text.
 
     Attributes:
         tag: its name.
@@ -91,16 +91,16 @@ class Document:
         """Change, add or (None) remove attributes; all others stay where and as they are."""
         name_end = element.start + 1 + len(element.tag.encode())
         last, left = name_end, dict(changes)
-        for found in _ATTRIBUTE.finditer(self._raw, name_end, element.head):
-            last = found.end()
-            name = found[1].decode()
+        for attribute in _ATTRIBUTE.finditer(self._raw, name_end, element.head):
+            last = attribute.end()
+            name = attribute[1].decode()
             if name not in left:
                 continue
             value = left.pop(name)
             if value is None:
-                self._edits.append((found.start(), found.end(), b""))
+                self._edits.append((attribute.start(), attribute.end(), b""))
             else:
-                self._edits.append((found.start(2), found.end(2), _quoted(value)))
+                self._edits.append((attribute.start(2), attribute.end(2), _quoted(value)))
         added = [f" {name}=".encode() + _quoted(v) for name, v in left.items() if v is not None]
         if added:
             self._edits.append((last, last, b"".join(added)))

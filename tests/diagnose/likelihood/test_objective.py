@@ -41,7 +41,7 @@ def test_a_rig_that_is_off_by_much_leaves_nothing_but_noise(tmp_path: Path, forg
     assert np.abs(raw).max() > 30 * NOISE
     found = {
         n.planted.at.name: x
-        for n, x in zip(some.some, now.nuisance, strict=True)
+        for n, x in zip(some.tolerances, now.tolerances, strict=True)
         if n.planted.effect.id == "body.mass"
     }
     assert found["link1"] > 1.0

@@ -9,17 +9,17 @@ from scipy.optimize import lsq_linear
 from wt.diagnose.likelihood.adapt import Adaptable, Squares
 from wt.physics.effect import effects
 
-SAMPLES, JOINTS, NUISANCES, FREE = 200, 3, 4, 2
+SAMPLES, JOINTS, TOLERANCES, FREE = 200, 3, 4, 2
 
 
 @pytest.fixture(params=[(slice(None),), (slice(0, 80), slice(80, SAMPLES))], ids=["one", "two"])
 def made(request: pytest.FixtureRequest) -> tuple[Adaptable, np.ndarray, np.ndarray]:
-    """What nuisances change, an error, and what two parameters change in it; in parts."""
+    """What tolerances change, an error, and what two parameters change in it; in parts."""
     rng = np.random.default_rng(3)
-    changes = rng.standard_normal((JOINTS, SAMPLES, NUISANCES))
+    changes = rng.standard_normal((JOINTS, SAMPLES, TOLERANCES))
     error = 5.0 * rng.standard_normal((SAMPLES, JOINTS))
     jacobian = rng.standard_normal((SAMPLES, JOINTS, FREE))
-    return Adaptable(changes, np.zeros(NUISANCES), request.param), error, jacobian
+    return Adaptable(changes, np.zeros(TOLERANCES), request.param), error, jacobian
 
 
 def sums(around: Adaptable, squares: np.ndarray) -> np.ndarray:
@@ -39,7 +39,7 @@ def test_it_knows_what_is_left(made: tuple[Adaptable, np.ndarray, np.ndarray]) -
 
 
 def test_a_step_is_that_of_the_samples(made: tuple[Adaptable, np.ndarray, np.ndarray]) -> None:
-    """Parameters come first and pay nothing, nuisances pay for every deviation."""
+    """Parameters come first and pay nothing, tolerances pay for every deviation."""
     around, error, jacobian = made
     weight = np.array([1.0, 0.1, 4.0, 0.5, 2.0, 0.2])[: JOINTS * len(around.parts)]
     each = np.concatenate(
@@ -48,11 +48,11 @@ def test_a_step_is_that_of_the_samples(made: tuple[Adaptable, np.ndarray, np.nda
             for w, part in zip(weight.reshape(-1, JOINTS), around.parts, strict=True)
         ]
     )
-    prior = np.array([0.0] * FREE + [1.0] * NUISANCES)
+    prior = np.array([0.0] * FREE + [1.0] * TOLERANCES)
     high = np.array([0.05, 9.0, 9.0, 0.02, 9.0, 9.0])
     rows = np.concatenate([jacobian, around.columns], axis=2) * np.sqrt(each)[:, :, None]
-    stacked = np.vstack([rows.reshape(-1, FREE + NUISANCES), np.diag(np.sqrt(prior))])
-    target = np.concatenate([-(error * np.sqrt(each)).ravel(), np.zeros(FREE + NUISANCES)])
+    stacked = np.vstack([rows.reshape(-1, FREE + TOLERANCES), np.diag(np.sqrt(prior))])
+    target = np.concatenate([-(error * np.sqrt(each)).ravel(), np.zeros(FREE + TOLERANCES)])
     best = lsq_linear(stacked, target, (-high, high), method="bvls").x
     found = around.squares_beside(error, jacobian).step(weight, -high, high, prior)
     np.testing.assert_allclose(found, best, rtol=1e-5, atol=1e-8)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.physics.arm import ARM, motion, scene, simulate
-from wt.diagnose.likelihood.tolerances import nuisances
+from wt.diagnose.likelihood.tolerances import tolerances
 from wt.diagnose.residual.signature import elsewhere, force
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
@@ -47,7 +47,7 @@ def test_what_any_rig_is_off_by_takes_no_event_for_its_own(tmp_path: Path) -> No
     moved = motion(scene(tmp_path), simulate(ARM, pushed))
     event = effects()["body.force_intermittent"].shaped((0.0, 5.0, 6.0))
     push = Planted(event, B2, np.array(PUSH))
-    small = tuple(n.scaled(0.3) for n in nuisances(moved.scene) if n.effect.correctable)
+    small = tuple(n.scaled(0.3) for n in tolerances(moved.scene) if n.effect.correctable)
     assert len(small) > 3
     found = elsewhere(moved, (push, *small))
     assert found[1:] == small

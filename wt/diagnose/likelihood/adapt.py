@@ -14,53 +14,55 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import lsq_linear
+from jaxtyping import Float, Int
 
+from wt.diagnose.likelihood.bounded import NormalEquations
 from wt.physics.planted import Planted
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 
-Array = np.ndarray
-
 _IDLE = 0.01  # change of the weighted error, its standard deviation being one
+_RIDGE = 1e-9  # of the squares
 
 
 @dataclass(frozen=True, eq=False)
 class Squares:
-    """Products over the samples of each of c channels, of an error e and the changes C of it.
+    """Products over the samples of each channel, of an error e and the changes C of it.
 
     Attributes:
-        gram: CᵀC, (c, n, n).
-        right: Cᵀe, (c, n).
-        total: eᵀe, (c,).
+        gram: CᵀC.
+        right: Cᵀe.
+        total: eᵀe.
     """
 
-    gram: Array
-    right: Array
-    total: Array
+    gram: Float[np.ndarray, "channel change change"]
+    right: Float[np.ndarray, "channel change"]
+    total: Float[np.ndarray, " channel"]
 
-    def only(self, some: Array) -> Squares:
+    def only(self, kept: Int[np.ndarray, " kept"]) -> Squares:
         """With some of the changes, given by their indices."""
-        return Squares(self.gram[:, some[:, None], some], self.right[:, some], self.total)
+        return Squares(self.gram[:, kept[:, None], kept], self.right[:, kept], self.total)
 
-    def left(self, x: Array) -> Array:
-        """Sum of squares of e + C x of each channel, (c,)."""
+    def left(self, x: Float[np.ndarray, " change"]) -> Float[np.ndarray, " channel"]:
+        """Sum of squares of e + C x of each channel."""
         return np.maximum(self.total + (2.0 * self.right + self.gram @ x) @ x, 0.0)
 
     def step(
-        self, weight: Array, low: Array, high: Array, prior: Array, damping: Array | float = 0.0
-    ) -> Array:
+        self,
+        weight: Float[np.ndarray, " channel"],
+        low: Float[np.ndarray, " change"],
+        high: Float[np.ndarray, " change"],
+        prior: Float[np.ndarray, " change"],
+        damping: Float[np.ndarray, " change"] | float = 0.0,
+    ) -> Float[np.ndarray, " change"]:
         """The x within bounds that makes the weighted squares of e + C x least.
 
         Args:
-            weight: of each channel's squares, (c,).
-            low: smallest step, (n,).
-            high: largest step, (n,).
-            prior: weight of each parameter's own square, (n,); 1 for nuisances.
-            damping: Levenberg-Marquardt, relative to the diagonal, of each, (n,), or of all.
-
-        Returns:
-            The step, (n,).
+            weight: of each channel's squares.
+            low: smallest step.
+            high: largest step.
+            prior: weight of each parameter's own square; 1 for tolerances.
+            damping: Levenberg-Marquardt, relative to the diagonal, of each or of all.
         """
         n = self.right.shape[1]
         if n == 0:
@@ -68,50 +70,47 @@ class Squares:
         gram = (weight @ self.gram.reshape(len(weight), -1)).reshape(n, n)
         gram[range(n), range(n)] *= 1.0 + damping
         gram[range(n), range(n)] += prior
-        scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        normal = NormalEquations(gram, -(weight @ self.right), _RIDGE)
         # what changes nothing within its bounds stays as it is
-        idle = scale * (high - low) < _IDLE
-        low, high = np.where(idle, 0.0, low), np.where(idle, 0.0, high)
-        scaled = gram / scale / scale[:, None] + 1e-9 * np.eye(n)
-        root = np.linalg.cholesky(scaled)
-        bounds = (low * scale - 1e-12, high * scale + 1e-12)
-        target = np.linalg.solve(root, -(weight @ self.right) / scale)
-        # an active set: reflections from bounds stop short in the long valleys of a quiet sensor
-        found = lsq_linear(root.T, target, bounds, method="bvls")
-        return np.asarray(found.x) / scale
+        idle = normal.scale * (high - low) < _IDLE
+        return normal.active_set(np.where(idle, 0.0, low), np.where(idle, 0.0, high))
 
 
 REWEIGHTED = 4
-"""So often initial states adapt, each time as far as what the last left of the error allows."""
+"""Times that initial states adapt, each as far as what the last left of the error allows."""
 
 
 @dataclass(frozen=True, eq=False)
 class InitialState:
-    """What a plausible other initial state changes in a stretch's replay, K samples.
+    """Changes of a stretch's replay by a plausible other initial state.
 
     Attributes:
         rows: of the stretch among all samples.
-        response: to one deviation of each initial position and velocity, (K·nv, 2nv).
-        solve: ridge solution for the deviations, (2nv, K·nv).
+        response: to one deviation of each initial position and velocity.
+        solve: ridge solution for the deviations.
     """
 
     rows: slice
-    response: Array
-    solve: Array
+    response: Float[np.ndarray, "error state"]
+    solve: Float[np.ndarray, "state error"]
 
 
-def initial_deviations(noise: Array, velocity_noise: Array) -> Array:
-    """Of a stretch's estimated initial positions and velocities, (2nv,), from the sensors'."""
+def initial_deviations(
+    noise: Float[np.ndarray, " dof"], velocity_noise: Float[np.ndarray, " dof"]
+) -> Float[np.ndarray, " 2*dof"]:
+    """Deviations of a stretch's estimated initial positions and velocities, from the sensors'."""
     return np.concatenate([0.5 * np.nan_to_num(noise, nan=1.0), velocity_noise])
 
 
-def responses(replayer: Replayer, hypothesis: Sequence[Planted], deviations: Array) -> Array:
-    """What other initial states change in replays, (N, nv, m).
+def responses(
+    replayer: Replayer, hypothesis: Sequence[Planted], deviations: Float[np.ndarray, " deviation"]
+) -> Float[np.ndarray, "sample dof state"]:
+    """Changes of replays by other initial states.
 
     Args:
         replayer: of the stretches.
         hypothesis: what is replayed; joints that it adds start with states of their own.
-        deviations: of each initial position and velocity, (2nv,).
+        deviations: of each initial position and velocity.
 
     Returns:
         The change per deviation of each position and velocity, those of added joints last.
@@ -132,32 +131,38 @@ def responses(replayer: Replayer, hypothesis: Sequence[Planted], deviations: Arr
 
 def hidden(hypothesis: Sequence[Planted], stretch: Stretch) -> dict[str, tuple[float, float]]:
     """Deviations of the initial states of joints that a hypothesis adds, where there are any."""
-    found: dict[str, tuple[float, float]] = {}
+    deviations: dict[str, tuple[float, float]] = {}
     for p in hypothesis:
         started = p.started(stretch)
-        found |= {name: state.unsure for name, state in started.items() if any(state.unsure)}
-    return found
+        deviations |= {n: state.unsure for n, state in started.items() if any(state.unsure)}
+    return deviations
 
 
-def initial_states(rows: Sequence[slice], response: Array, mse: Array) -> tuple[InitialState, ...]:
+def initial_states(
+    rows: Sequence[slice],
+    response: Float[np.ndarray, "sample dof state"],
+    mse: Float[np.ndarray, "*stretch dof"],
+) -> tuple[InitialState, ...]:
     """Prepare the projection of each stretch.
 
     Args:
         rows: of each stretch.
-        response: of all samples to one deviation of each, (N, nv, 2nv).
-        mse: mean square error that a joint is expected to have, (nv,) or (stretches, nv).
+        response: of all samples to one deviation of each.
+        mse: mean square error that a joint is expected to have, in all or in each stretch.
     """
-    found = []
-    for some, expected in zip(rows, np.broadcast_to(mse, (len(rows), mse.shape[-1])), strict=True):
-        s = response[some]
+    states = []
+    for own, expected in zip(rows, np.broadcast_to(mse, (len(rows), mse.shape[-1])), strict=True):
+        s = response[own]
         n = s.shape[2]
         flat, w = s.reshape(-1, n), (s / expected[:, None]).reshape(-1, n)
-        found.append(InitialState(some, flat, np.linalg.solve(w.T @ flat + np.eye(n), w.T)))
-    return tuple(found)
+        states.append(InitialState(own, flat, np.linalg.solve(w.T @ flat + np.eye(n), w.T)))
+    return tuple(states)
 
 
-def project(error: Array, initial: Sequence[InitialState]) -> Array:
-    """Take out of an error (N, nv) what plausible other initial states explain."""
+def project(
+    error: Float[np.ndarray, "sample dof"], initial: Sequence[InitialState]
+) -> Float[np.ndarray, "sample dof"]:
+    """Take out of an error what plausible other initial states explain."""
     if not initial:
         return error
     left = error.copy()
@@ -173,73 +178,85 @@ class Adaptable:
     """Linearised errors of replays.
 
     Attributes:
-        changes: of the projected error per deviation of each nuisance, (nv, N, n).
-        centre: nuisances that replays are run with unless others are said, in deviations, (n,).
+        changes: of the projected error per deviation of each tolerance.
+        centre: sizes of these that replays are run with unless others are given [deviations].
         parts: samples whose squares are summed apart.
         initial: of the stretches of a machine that does not forget its initial state.
     """
 
-    changes: Array
-    centre: Array
+    changes: Float[np.ndarray, "dof sample tolerance"]
+    centre: Float[np.ndarray, " tolerance"]
     parts: tuple[slice, ...]
     initial: tuple[InitialState, ...] = ()
 
     @property
-    def columns(self) -> Array:
-        """The changes as columns of errors, (N, nv, n)."""
+    def columns(self) -> Float[np.ndarray, "sample dof tolerance"]:
+        """The changes as columns of errors."""
         return self.changes.transpose(1, 0, 2)
 
-    def moved(self, nuisance: Array) -> Array:
-        """What so many deviations of each nuisance change in the error, (N, nv)."""
-        return np.asarray((self.changes @ nuisance).T)
+    def moved(self, sizes: Float[np.ndarray, " tolerance"]) -> Float[np.ndarray, "sample dof"]:
+        """Change of the error by tolerances of such sizes [deviations]."""
+        return np.asarray((self.changes @ sizes).T)
 
-    def project(self, error: Array) -> Array:
-        """Take out of an error (N, nv) what plausible other initial states explain."""
+    def project(self, error: Float[np.ndarray, "sample dof"]) -> Float[np.ndarray, "sample dof"]:
+        """Take out of an error what plausible other initial states explain."""
         return project(error, self.initial)
 
-    def at_origin(self, error: Array, centre: Array) -> Array:
-        """What the error (N, nv) of a replay with some nuisances would be without, projected."""
+    def at_origin(
+        self, error: Float[np.ndarray, "sample dof"], centre: Float[np.ndarray, " tolerance"]
+    ) -> Float[np.ndarray, "sample dof"]:
+        """The error that a replay with tolerances of such sizes would have without, projected."""
         return np.asarray(self.project(error) - self.moved(centre))
 
-    def squares(self, error: Array) -> Squares:
-        """Of an error (N, nv) that the nuisances change; part by part, joint by joint."""
+    def squares(self, error: Float[np.ndarray, "sample dof"]) -> Squares:
+        """Squares of an error that the tolerances change; part by part, joint by joint."""
         total = [np.einsum("ij,ij->j", error[part], error[part]) for part in self.parts]
         return Squares(self._gram, self._times(self.changes, error), np.concatenate(total))
 
-    def squares_beside(self, error: Array, jacobian: Array) -> Squares:
-        """Of an error (N, nv) that p parameters, which come first, and the nuisances change.
+    def squares_beside(
+        self,
+        error: Float[np.ndarray, "sample dof"],
+        jacobian: Float[np.ndarray, "sample dof parameter"],
+    ) -> Squares:
+        """Squares of an error that parameters, which come first, and the tolerances change.
 
         Args:
-            error: (N, nv).
-            jacobian: of the error in the parameters, (N, nv, p).
+            error: of a replay, projected.
+            jacobian: of the error in the parameters.
         """
-        own, some = self.squares(error), np.ascontiguousarray(jacobian.transpose(1, 0, 2))
-        among, across = self._products(some, some), self._products(some, self.changes)
+        own, slopes = self.squares(error), np.ascontiguousarray(jacobian.transpose(1, 0, 2))
+        among, across = self._products(slopes, slopes), self._products(slopes, self.changes)
         gram = np.block([[among, across], [across.transpose(0, 2, 1), own.gram]])
-        return Squares(gram, np.hstack([self._times(some, error), own.right]), own.total)
+        return Squares(gram, np.hstack([self._times(slopes, error), own.right]), own.total)
 
     @functools.cached_property
-    def _gram(self) -> Array:
+    def _gram(self) -> Float[np.ndarray, "channel tolerance tolerance"]:
         return self._products(self.changes, self.changes)
 
-    def _products(self, some: Array, others: Array) -> Array:
-        """Products of changes (nv, N, m) and (nv, N, n), (parts · nv, m, n)."""
-        each = [some[:, part].transpose(0, 2, 1) @ others[:, part] for part in self.parts]
+    def _products(
+        self, one: Float[np.ndarray, "dof sample one"], other: Float[np.ndarray, "dof sample other"]
+    ) -> Float[np.ndarray, "channel one other"]:
+        """Products of changes and other ones, channel by channel."""
+        each = [one[:, part].transpose(0, 2, 1) @ other[:, part] for part in self.parts]
         return np.concatenate(each)
 
-    def _times(self, changes: Array, error: Array) -> Array:
-        """Products of changes (nv, N, n) and an error (N, nv), (parts · nv, n)."""
+    def _times(
+        self,
+        changes: Float[np.ndarray, "dof sample change"],
+        error: Float[np.ndarray, "sample dof"],
+    ) -> Float[np.ndarray, "channel change"]:
+        """Products of changes and an error, channel by channel."""
         each = [(error[part].T[:, None, :] @ changes[:, part])[:, 0] for part in self.parts]
         return np.concatenate(each)
 
 
 def linear(
-    changes: Array,
-    centre: Array,
+    changes: Float[np.ndarray, "tolerance sample dof"],
+    centre: Float[np.ndarray, " tolerance"],
     parts: tuple[slice, ...],
     initial: tuple[InitialState, ...] = (),
 ) -> Adaptable:
-    """What adapts, from the changes of the error per deviation of each nuisance, (n, N, nv)."""
+    """Project the changes of the error per deviation of each tolerance."""
     n, samples, nv = changes.shape
     projected = np.empty((nv, samples, n))
     for k, change in enumerate(changes):

@@ -1,4 +1,4 @@
-"""What an effect must earn: log-likelihood beyond its price, and a share of some joint's error."""
+"""The price of an effect: log-likelihood, and a share of some joint's error, that it must earn."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.planted import Hypothesis
 
-Array = np.ndarray
-
 
 def erring_joints(objective: Objective, assessed: Assessed) -> list[int]:
     """Degrees of freedom whose replays err by more than noise and imperfect laws."""
@@ -22,7 +20,7 @@ def erring_joints(objective: Objective, assessed: Assessed) -> list[int]:
 
 def erring(assessed: Assessed, objective: Objective) -> dict[str, float]:
     """Joints whose replays err by much, with their shares of it."""
-    # a very quiet sensor sees what any rig is off by: that alone is no mismatch
+    # a very quiet sensor sees the model's tolerances: these alone are no mismatch
     left, moved = np.sqrt(assessed.mse), np.nanstd(objective.measured, axis=0)
     large = (left > THRESHOLDS.clean * objective.floor) & (left > THRESHOLDS.mismatch * moved)
     size = np.where(large, (left / objective.noise) ** 2, 0.0)
@@ -42,7 +40,7 @@ def improvable(objective: Objective, now: Assessed) -> list[int]:
 
 
 def exhausted(objective: Objective, now: Assessed) -> bool:
-    """Whether no addition could earn its place: even one that leaves the smallest error."""
+    """Tell whether no addition could earn its place: even one that leaves the smallest error."""
     return room(objective, now) < THRESHOLDS.min_nats or not improvable(objective, now)
 
 
@@ -59,7 +57,7 @@ def simplest(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> A
 
 
 def size(hypothesis: Hypothesis) -> int:
-    """How many figures were chosen for it."""
+    """Number of figures that were chosen for it."""
     return sum(p.effect.n_free for p in hypothesis)
 
 
@@ -78,7 +76,7 @@ def worth(objective: Objective, fit: Assessed, now: Assessed) -> float:
 
 
 def earns(objective: Objective, fit: Assessed, now: Assessed) -> bool:
-    """Whether a hypothesis earns its place in place of the present one."""
+    """Tell whether a hypothesis earns its place in place of the present one."""
     drop = 1.0 - fit.mse / now.mse
     return worth(objective, fit, now) > THRESHOLDS.min_nats and bool(
         (drop > THRESHOLDS.min_drop).any()

@@ -1,8 +1,8 @@
-"""Parameters with honest intervals: all fitted data, all effects together, nuisances beside them.
+"""Parameters with honest intervals: all fitted data, all effects together, beside the tolerances.
 
 The covariance is a sandwich over blocks longer than the errors' memory (H. White, 1982; D. W. K.
 Andrews, 1991): it holds although neighbouring errors resemble each other and the model is not
-exact. The nuisances enter with their prior spread, so that what they could explain widens the
+exact. The tolerances enter with their prior spread, so that what they could explain widens the
 intervals of what they are confused with. What no data of one kind of motion can show is that a
 machine follows a law of a library only roughly: ``thresholds.law_strength`` is added for it.
 """
@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 from scipy.stats import t as student
 
 from wt.diagnose.likelihood.objective import Assessed, Objective
@@ -22,12 +23,10 @@ from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Parameter
 from wt.physics.planted import Hypothesis, Planted
 
-Array = np.ndarray
-
 BLOCK_S = 2.0
 """Length of a block [s]: longer than a servo's or a gravity-loaded joint's memory."""
 _NEAR = 0.02
-"""Nuisances linearised within this share of the parameters are not linearised again."""
+"""Tolerances linearised within this share of the parameters are not linearised again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +56,7 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     (now,) = refine(objective, [start], [parts], iterations=3)
     theta = pack(now.hypothesis, parts)
     if (np.abs(theta - pack(start, parts)) > _NEAR * np.abs(theta) + steps(start, parts)).any():
-        now = objective.reference(now.hypothesis, now.nuisance)
+        now = objective.reference(now.hypothesis, now.tolerances)
     (slope,) = jacobian(objective, [now], [parts])
     spread = np.hypot(_spread(objective, now, slope), least_spread(now.hypothesis))
     lower, upper = bounds(now.hypothesis, parts)
@@ -94,23 +93,27 @@ def _from_neutral(parameter: Parameter, estimate: Estimate) -> float:
     return float((np.abs(np.atleast_1d(estimate.value) - neutral) / (high - low)).max())
 
 
-def _spread(objective: Objective, now: Assessed, slope: Array) -> Array:
-    """Half width of the 95 % intervals of the parameters, (p,)."""
+def _spread(
+    objective: Objective, now: Assessed, slope: Float[np.ndarray, "sample dof parameter"]
+) -> Float[np.ndarray, " parameter"]:
+    """Half width of the 95 % intervals of the parameters."""
     hessian, scores, blocks = _curvature(objective, now, slope)
     p, n = slope.shape[2], len(hessian)
-    settled = np.concatenate([np.zeros(p, bool), boxes(objective.some, now.hypothesis) == 0.0])
+    settled = np.concatenate(
+        [np.zeros(p, bool), boxes(objective.tolerances, now.hypothesis) == 0.0]
+    )
     if objective.scene.free:  # rough derivatives tell them from an effect, and nothing else can
         alike = {(q.effect.id, q.at) for q in now.hypothesis}
-        settled[p:] |= [(n.planted.effect.id, n.planted.at) in alike for n in objective.some]
+        settled[p:] |= [(n.planted.effect.id, n.planted.at) in alike for n in objective.tolerances]
         # soft drives hold all bodies: what pulls at one may be the weight of another
         if any(q.at.kind == "body" for q in now.hypothesis):
-            settled[p:] |= [n.effect.at_rest for n in objective.some]
+            settled[p:] |= [n.effect.at_rest for n in objective.tolerances]
     scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     scaled, free = hessian / scale / scale[:, None], np.flatnonzero(~settled)
     inverse = np.zeros((n, n))
     inverse[np.ix_(free, free)] = np.linalg.pinv(scaled[np.ix_(free, free)], rcond=1e-10)
     meat = scores.T @ scores / scale / scale[:, None]
-    # the nuisances' true values scatter around zero by one standard deviation each
+    # the tolerances' true values scatter around zero by one standard deviation each
     meat[range(p, n), range(p, n)] += 1.0 / scale[p:] ** 2
     covariance = (inverse @ meat @ inverse) / scale / scale[:, None]
     freedom = max(blocks - p, 2)
@@ -123,33 +126,35 @@ def _spread(objective: Objective, now: Assessed, slope: Array) -> Array:
     return np.asarray(np.hypot(student.ppf(0.975, freedom) * deviation, 2.0 * numerical[:p]))
 
 
-def least_spread(hypothesis: Hypothesis) -> Array:
-    """Half width below which no interval makes sense, however much data there is, (p,).
+def least_spread(hypothesis: Hypothesis) -> Float[np.ndarray, " parameter"]:
+    """Half width below which no interval makes sense, however much data there is.
 
     The smallest change that matters; and for what is measured from nothing, a share of it.
     """
-    found: list[float] = []
+    widths: list[float] = []
     for planted in hypothesis:
         offset = 0
         for p in planted.effect.parameters:
             size = float(np.linalg.norm(planted.theta[offset : offset + p.size]))
             offset += p.size
             usual = THRESHOLDS.law_strength if p.lower >= 0.0 and p.unit != "-" else 0.0
-            found += [float(np.hypot(p.step, (p.inexact or usual) * size))] * p.size
-    return np.array(found)
+            widths += [float(np.hypot(p.step, (p.inexact or usual) * size))] * p.size
+    return np.array(widths)
 
 
-def _curvature(objective: Objective, now: Assessed, slope: Array) -> tuple[Array, Array, int]:
-    """What intervals are made of.
+def _curvature(
+    objective: Objective, now: Assessed, slope: Float[np.ndarray, "sample dof parameter"]
+) -> tuple[Float[np.ndarray, "adapting adapting"], Float[np.ndarray, "block adapting"], int]:
+    """Curvature and scores, of which intervals are made.
 
     Args:
         objective: the replays.
         now: the fitted hypothesis.
-        slope: Jacobian of its error in the parameters, (N, nv, p).
+        slope: Jacobian of its error in the parameters.
 
     Returns:
-        (Hessian of parameters and nuisances, the nuisances' prior included; score of each block;
-        number of blocks).
+        (Hessian of parameters and tolerances, the tolerances' prior included; score of each
+        block; number of blocks).
     """
     both = np.concatenate([slope, objective.columns], axis=2)
     p, n = slope.shape[2], both.shape[2]
@@ -165,16 +170,20 @@ def _curvature(objective: Objective, now: Assessed, slope: Array) -> tuple[Array
     return hessian, scores, count
 
 
-def _numerical_score(objective: Objective, now: Assessed, slope: Array) -> Array:
-    """Score that half of the steps' known error would have, (p + nuisances,)."""
+def _numerical_score(
+    objective: Objective, now: Assessed, slope: Float[np.ndarray, "sample dof parameter"]
+) -> Float[np.ndarray, " adapting"]:
+    """Score that half of the steps' known error would have, of parameters and tolerances."""
     both = np.concatenate([slope, objective.columns], axis=2)
     error = objective.channels.precision(now.variance) * objective.numerical_error
     return np.asarray(np.einsum("ijk,ij->k", both, error))
 
 
-def _named(planted: Planted, low: Array, high: Array) -> dict[str, Estimate]:
+def _named(
+    planted: Planted, low: Float[np.ndarray, " parameter"], high: Float[np.ndarray, " parameter"]
+) -> dict[str, Estimate]:
     lower, upper = planted.effect.bounds()
-    found: dict[str, Estimate] = {}
+    estimates: dict[str, Estimate] = {}
     start = 0
     for p in planted.effect.parameters:
         rows = slice(start, start + p.size)
@@ -191,16 +200,16 @@ def _named(planted: Planted, low: Array, high: Array) -> dict[str, Estimate]:
             near_zero = (np.abs(value) <= 1e-3 * span).all()
             if not near_zero:
                 warning = "at the bound of what is admissible: the law may be another one"
-        found[p.name] = Estimate(
+        estimates[p.name] = Estimate(
             _plain(value, bool(p.axes)),
             p.unit,
             (_plain(ends[0], bool(p.axes)), _plain(ends[1], bool(p.axes))),
             warning,
         )
     for name, (unit, values) in planted.observed().items():
-        found[name] = Estimate(values, unit, (values, values))
-    return found
+        estimates[name] = Estimate(values, unit, (values, values))
+    return estimates
 
 
-def _plain(value: Array, vector: bool) -> float | tuple[float, ...]:
+def _plain(value: Float[np.ndarray, " component"], vector: bool) -> float | tuple[float, ...]:
     return tuple(float(x) for x in value) if vector else float(value[0])

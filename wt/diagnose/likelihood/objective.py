@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from wt.diagnose.likelihood.adapt import (
     REWEIGHTED,
@@ -24,14 +25,12 @@ from wt.diagnose.likelihood.adapt import (
     linear,
 )
 from wt.diagnose.likelihood.replays import Extrapolated, Nearby
-from wt.diagnose.likelihood.tolerances import Nuisance, boxes, nuisances
+from wt.diagnose.likelihood.tolerances import ModelTolerance, boxes, tolerances
 from wt.diagnose.likelihood.weights import Channels
 from wt.diagnose.recordings.smooth import Smoothed
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.planted import Hypothesis
 from wt.physics.replay import Stretch
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,23 +40,23 @@ class Assessed:
     Attributes:
         hypothesis: what was replayed.
         loglik: log-likelihood, up to a constant [nats]; −inf if a replay exploded.
-        variance: mean square error after the adaptations, (parts, nv): of all samples where
-            replays are smooth, of each stretch where feet land.
-        nuisance: the adapted errors, in standard deviations.
+        variance: mean square error after the adaptations: of all samples where replays are
+            smooth, of each stretch where feet land.
+        tolerances: their adapted sizes [deviations].
         centre: those that it was replayed with.
-        error: projected error that replays without any nuisance would have, (N, nv).
+        error: projected error that replays without any tolerance would have.
     """
 
     hypothesis: Hypothesis
     loglik: float
-    variance: Array
-    nuisance: Array
-    centre: Array
-    error: Array
+    variance: Float[np.ndarray, "part dof"]
+    tolerances: Float[np.ndarray, " tolerance"]
+    centre: Float[np.ndarray, " tolerance"]
+    error: Float[np.ndarray, "sample dof"]
 
     @property
-    def mse(self) -> Array:
-        """Mean square error that is typical of each joint, (nv,): geometric over the parts."""
+    def mse(self) -> Float[np.ndarray, " dof"]:
+        """Mean square error that is typical of each joint: geometric over the parts."""
         return np.asarray(np.exp(np.log(self.variance).mean(axis=0)))
 
 
@@ -76,13 +75,14 @@ class Objective:
         motion, scene: the recordings, smoothed, and their machine.
         channels: how much each sample counts. The smallest error of a joint is noise, and what
             laws are apart from machines (``thresholds.law_error``).
+        tolerances: of the model.
     """
 
     def __init__(
         self,
         smoothed: Smoothed,
-        stretches: Sequence[tuple[Stretch, Array]],
-        noise_v0: Array,
+        stretches: Sequence[tuple[Stretch, Float[np.ndarray, "_ dof"]]],
+        noise_v0: Float[np.ndarray, " dof"],
         step: float,
         forgets: bool,
     ) -> None:
@@ -90,8 +90,8 @@ class Objective:
 
         Args:
             smoothed: gives scene and noise.
-            stretches: what to replay, each with the measured positions (K, nv).
-            noise_v0: uncertainty of an initial velocity, (nv,).
+            stretches: what to replay, each with the measured positions.
+            noise_v0: uncertainty of an initial velocity.
             step: fine physics step [s].
             forgets: whether the machine forgets its initial state, so that stretches are long.
         """
@@ -117,42 +117,44 @@ class Objective:
         )
         parts = self._rows if self.scene.free else (slice(None),)
         self.channels = Channels(valid, parts, count, np.tile(self.noise, (len(parts), 1)))
-        self.some: tuple[Nuisance, ...] = nuisances(self.scene)
+        self.tolerances: tuple[ModelTolerance, ...] = tolerances(self.scene)
         uncertain = np.zeros(0) if forgets else initial_deviations(self.noise, noise_v0)
         floating = bool(self.scene.free)
-        self._nearby = Nearby(self._replays, self.some, uncertain, once=floating)
+        self._nearby = Nearby(self._replays, self.tolerances, uncertain, once=floating)
         self._relinearised = 1 if floating else _RELINEARISED
         self._able = self._nearby.able
-        none = np.zeros((*self.measured.T.shape, len(self.some)))
-        self._around = Adaptable(none, np.zeros(len(self.some)), parts)
+        none = np.zeros((*self.measured.T.shape, len(self.tolerances)))
+        self._around = Adaptable(none, np.zeros(len(self.tolerances)), parts)
         self._reference: Assessed | None = None
         law = THRESHOLDS.law_error * np.nan_to_num(self.channels.rms(self._raw([()])[0]))
         self.channels = replace(self.channels, floors=np.hypot(self.channels.floors, law))
         self._measured_rough = not floating  # how rough replays are is measured at first use
 
     @property
-    def count(self) -> Array:
-        """Independent samples per joint, (nv,)."""
+    def count(self) -> Float[np.ndarray, " dof"]:
+        """Independent samples per joint."""
         return self.channels.count
 
     @property
-    def floor(self) -> Array:
-        """Error of a replay that leaves nothing to explain, (nv,)."""
+    def floor(self) -> Float[np.ndarray, " dof"]:
+        """Error of a replay that leaves nothing to explain."""
         return self.channels.floor
 
     def evaluate(
-        self, hypotheses: Sequence[Hypothesis], centres: Sequence[Array] | None = None
+        self,
+        hypotheses: Sequence[Hypothesis],
+        centres: Sequence[Float[np.ndarray, " tolerance"]] | None = None,
     ) -> list[Assessed]:
-        """Replay and assess hypotheses, each with nuisances close to those that it will have.
+        """Replay and assess hypotheses, each with tolerances close to those that it will have.
 
         Args:
             hypotheses: what to replay.
-            centres: nuisances of each, in deviations; those of the reference if left out.
+            centres: tolerances of each [deviations]; those of the reference if left out.
         """
         if centres is None:
             centres = [self._around.centre] * len(hypotheses)
         centres = [
-            np.where(self._able & (boxes(self.some, h) > 0.0), c, 0.0)
+            np.where(self._able & (boxes(self.tolerances, h) > 0.0), c, 0.0)
             for h, c in zip(hypotheses, centres, strict=True)
         ]
         raw = self._raw(
@@ -163,14 +165,18 @@ class Objective:
             for h, c, e in zip(hypotheses, centres, raw, strict=True)
         ]
 
-    def _raw(self, hypotheses: Sequence[Hypothesis]) -> Array:
-        """Simulated minus measured positions, (H, N, nv)."""
+    def _raw(self, hypotheses: Sequence[Hypothesis]) -> Float[np.ndarray, "hypothesis sample dof"]:
+        """Simulated minus measured positions."""
         return self._errors(self._replays.run(hypotheses))
 
-    def _errors(self, q: Array) -> Array:
+    def _errors(
+        self, q: Float[np.ndarray, "*hypothesis sample dof"]
+    ) -> Float[np.ndarray, "*hypothesis sample dof"]:
         return np.where(self.channels.valid, q - self.measured, 0.0)
 
-    def reference(self, hypothesis: Hypothesis, nuisance: Array | None = None) -> Assessed:
+    def reference(
+        self, hypothesis: Hypothesis, centre: Float[np.ndarray, " tolerance"] | None = None
+    ) -> Assessed:
         """Linearise what may adapt around a hypothesis, and assess it.
 
         Again around what was found, until replays with it say the same as the linear prediction;
@@ -178,16 +184,16 @@ class Objective:
 
         Args:
             hypothesis: the reference.
-            nuisance: where the rig's errors are believed, in deviations; as before if left out.
+            centre: where the tolerances are believed [deviations]; as before if left out.
         """
         last = self._reference
-        if nuisance is None and last and hypothesis == last.hypothesis:
+        if centre is None and last and hypothesis == last.hypothesis:
             return last
-        if nuisance is not None:
-            self._around = replace(self._around, centre=np.where(self._able, nuisance, 0.0))
+        if centre is not None:
+            self._around = replace(self._around, centre=np.where(self._able, centre, 0.0))
         for _ in range(self._relinearised):
             assessed = self._linearised(hypothesis)
-            centre = np.where(self._able, assessed.nuisance, 0.0)
+            centre = np.where(self._able, assessed.tolerances, 0.0)
             (actual,) = self._raw([(*hypothesis, *self._nearby.rig(centre))])
             apart = self._around.project(actual) - assessed.error - self._around.moved(centre)
             if not (self.channels.rms(apart) > _LINEAR * self.noise).any():
@@ -197,7 +203,7 @@ class Objective:
         return assessed
 
     def _linearised(self, hypothesis: Hypothesis) -> Assessed:
-        """Linearise around a hypothesis and the present nuisances."""
+        """Linearise around a hypothesis and the present tolerances."""
         centre = self._around.centre
         q, changes, response = self._nearby.around(hypothesis, centre)
         error, columns = self._errors(q), np.where(self.channels.valid, changes, 0.0)
@@ -220,85 +226,100 @@ class Objective:
             return self._linearised(hypothesis)
         return assessed
 
-    def _apart(self, hypothesis: Hypothesis, error: Array) -> list[Array]:
-        """What replays with errors of the rig differ by from their linear prediction, (N, nv) each.
+    def _apart(
+        self, hypothesis: Hypothesis, error: Float[np.ndarray, "sample dof"]
+    ) -> list[Float[np.ndarray, "sample dof"]]:
+        """Differences of replays with random tolerances from their linear prediction.
 
         Args:
             hypothesis: the reference.
-            error: of its replay, (N, nv).
+            error: of its replay.
         """
-        rng, found = np.random.default_rng(0), []
-        for size in rng.normal(size=(_ALIKE, len(self.some))) * self._able:
+        rng, differences = np.random.default_rng(0), []
+        for size in rng.normal(size=(_ALIKE, len(self.tolerances))) * self._able:
             (other,) = self._raw([(*hypothesis, *self._nearby.rig(self._around.centre + size))])
             apart = self._around.project(np.nan_to_num(other - error))
-            found.append(apart - self._around.moved(size))
-        return found
+            differences.append(apart - self._around.moved(size))
+        return differences
 
-    def _assess(self, hypothesis: Hypothesis, error: Array, centre: Array) -> Assessed:
-        """Likelihood of a projected error, with the nuisances adapted inside their box."""
+    def _assess(
+        self,
+        hypothesis: Hypothesis,
+        error: Float[np.ndarray, "sample dof"],
+        centre: Float[np.ndarray, " tolerance"],
+    ) -> Assessed:
+        """Likelihood of a projected error, with the tolerances adapted inside their box."""
         if not np.isfinite(error).all():
             bad = np.full(self.channels.floors.shape, np.inf)
-            return Assessed(hypothesis, -np.inf, bad, np.zeros(len(self.some)), centre, error)
-        squares, nuisance = self._around.squares(error), np.zeros(len(self.some))
+            return Assessed(hypothesis, -np.inf, bad, np.zeros(len(centre)), centre, error)
+        squares, sizes = self._around.squares(error), np.zeros(len(centre))
         variance = self.channels.variance(squares.total)
         for _ in range(3):
-            nuisance = self._adapt(squares, variance, boxes(self.some, hypothesis))
-            variance = self.channels.variance(squares.left(nuisance))
-        loglik = self.channels.nats(variance) - 0.5 * float(nuisance @ nuisance)
-        return Assessed(hypothesis, loglik, variance, nuisance, centre, error)
+            sizes = self._adapt(squares, variance, boxes(self.tolerances, hypothesis))
+            variance = self.channels.variance(squares.left(sizes))
+        loglik = self.channels.nats(variance) - 0.5 * float(sizes @ sizes)
+        return Assessed(hypothesis, loglik, variance, sizes, centre, error)
 
-    def left(self, assessed: Assessed) -> Array:
-        """The error once the nuisances have adapted, (N, nv)."""
-        return self.adapted(assessed.error, assessed.nuisance)
+    def left(self, assessed: Assessed) -> Float[np.ndarray, "sample dof"]:
+        """The error once the tolerances have adapted."""
+        return self.adapted(assessed.error, assessed.tolerances)
 
-    def adapted(self, error: Array, nuisance: Array) -> Array:
-        """A projected error (N, nv) with so many deviations of each nuisance."""
-        return np.asarray(error + self._around.moved(nuisance))
+    def adapted(
+        self, error: Float[np.ndarray, "sample dof"], sizes: Float[np.ndarray, " tolerance"]
+    ) -> Float[np.ndarray, "sample dof"]:
+        """A projected error with tolerances of such sizes [deviations]."""
+        return np.asarray(error + self._around.moved(sizes))
 
-    def only(self, rows: Array) -> Objective:
-        """The same replays, judged by some of the samples, (N,) bool."""
-        some = copy.copy(self)
-        some._replays, some._reference = copy.copy(self._replays), None
-        some._nearby = self._nearby.on(some._replays)
-        some.channels = self.channels.only(rows)
-        return some
+    def only(self, rows: Bool[np.ndarray, " sample"]) -> Objective:
+        """The same replays, judged by some of the samples."""
+        other = copy.copy(self)
+        other._replays, other._reference = copy.copy(self._replays), None
+        other._nearby = self._nearby.on(other._replays)
+        other.channels = self.channels.only(rows)
+        return other
 
     def calibration(self, assessed: Assessed) -> Hypothesis:
-        """The nuisances as small corrections of the model, without those that it cannot hold."""
+        """The tolerances as small corrections of the model, without those that it cannot hold."""
         able = np.flatnonzero(self._able)
-        squares, size = self._around.squares(assessed.error), boxes(self.some, assessed.hypothesis)
-        sizes = self._adapt(squares.only(able), assessed.variance, size[able])
-        found = [(self.some[i], float(x)) for i, x in zip(able, sizes, strict=True)]
-        return tuple(n.scaled(x) for n, x in found if abs(x) > _WORTHWHILE)
+        squares = self._around.squares(assessed.error).only(able)
+        box = boxes(self.tolerances, assessed.hypothesis)[able]
+        sizes = self._adapt(squares, assessed.variance, box)
+        pairs = [(self.tolerances[i], float(x)) for i, x in zip(able, sizes, strict=True)]
+        return tuple(tolerance.scaled(x) for tolerance, x in pairs if abs(x) > _WORTHWHILE)
 
-    def _adapt(self, squares: Squares, variance: Array, size: Array) -> Array:
-        """Nuisances inside their boxes."""
-        return squares.step(self.channels.weights(variance), -size, size, np.ones(len(size)))
+    def _adapt(
+        self,
+        squares: Squares,
+        variance: Float[np.ndarray, "part dof"],
+        box: Float[np.ndarray, " tolerance"],
+    ) -> Float[np.ndarray, " tolerance"]:
+        """Tolerances inside their boxes [deviations]."""
+        return squares.step(self.channels.weights(variance), -box, box, np.ones(len(box)))
 
     def solve(
         self,
         now: Assessed,
-        jacobian: Array,
-        lower: Array,
-        upper: Array,
+        jacobian: Float[np.ndarray, "sample dof parameter"],
+        lower: Float[np.ndarray, " parameter"],
+        upper: Float[np.ndarray, " parameter"],
         damping: float,
-        prior_std: Array | float = np.inf,
-    ) -> tuple[Array, Array]:
-        """One bounded Gauss-Newton step of parameters and nuisances together.
+        prior_std: Float[np.ndarray, " parameter"] | float = np.inf,
+    ) -> tuple[Float[np.ndarray, " tolerance"], Float[np.ndarray, " parameter"]]:
+        """One bounded Gauss-Newton step of parameters and tolerances together.
 
         Args:
             now: where the step is taken from.
-            jacobian: of the error in the parameters, (N, nv, p).
-            lower: smallest step, (p,).
-            upper: largest step, (p,).
+            jacobian: of the error in the parameters.
+            lower: smallest step.
+            upper: largest step.
             damping: Levenberg-Marquardt, relative to the diagonal.
-            prior_std: spread of a prior on each step, (p,).
+            prior_std: spread of a prior on each step.
 
         Returns:
-            (nuisances, step of the parameters).
+            (tolerances [deviations], step of the parameters).
         """
         squares = self._around.squares_beside(now.error, jacobian)
-        p, size = jacobian.shape[2], boxes(self.some, now.hypothesis)
+        p, size = jacobian.shape[2], boxes(self.tolerances, now.hypothesis)
         low, high = np.concatenate([lower, -size]), np.concatenate([upper, size])
         prior = np.concatenate([np.full(p, 1.0) / np.square(prior_std), np.ones(len(size))])
         damped = np.concatenate([np.full(p, damping), np.zeros(len(size))])
@@ -307,16 +328,16 @@ class Objective:
 
     @property
     def nudge(self) -> float:
-        """How much larger finite differences are than where replays are smooth."""
+        """Factor by which finite differences are larger than where replays are smooth."""
         return self._nearby.nudge
 
     @property
-    def columns(self) -> Array:
-        """Change of the error per deviation of each nuisance, (N, nv, n)."""
+    def columns(self) -> Float[np.ndarray, "sample dof tolerance"]:
+        """Change of the error per deviation of each tolerance."""
         return self._around.columns
 
     @property
-    def numerical_error(self) -> Array:
-        """Half of the steps' known error, projected, (N, nv): what may still be wrong."""
+    def numerical_error(self) -> Float[np.ndarray, "sample dof"]:
+        """Half of the steps' known error, projected: what may still be wrong."""
         known = np.where(self.channels.valid, self._replays.correction, 0.0)
         return 0.5 * self._around.project(known)

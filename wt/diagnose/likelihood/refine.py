@@ -1,7 +1,7 @@
 """Gauss-Newton on replays, many hypotheses side by side.
 
 All hypotheses and their finite-difference neighbours are replayed in one batch; each then takes a
-damped step, bounded, with the nuisances adapting along (the bounded linear problem is scipy's).
+damped step, bounded, with the tolerances adapting along (the bounded linear problem is scipy's).
 
 A parameter that data hardly tell, such as where along its only axis a load sits, would drift from
 step to step to its bound: a proximal term of its ``prior_std`` keeps it where it was. It is on the
@@ -14,11 +14,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.physics.planted import Hypothesis, Planted
-
-Array = np.ndarray
 
 _RELATIVE_STEP = 0.01
 _DAMPING = 0.03  # to begin with
@@ -55,7 +54,7 @@ def refine(
         objective: what they are judged by; its reference should be close to them.
         starts: where they start.
         free: for each, which of its parts may change.
-        iterations: at most so many steps.
+        iterations: most steps that are taken.
 
     Returns:
         The improved hypotheses, in the order given.
@@ -73,11 +72,11 @@ def refine(
 
 def jacobian(
     objective: Objective, at: Sequence[Assessed], free: Sequence[Sequence[int]]
-) -> list[Array]:
-    """Derivatives of the projected errors in the free parameters, (N, nv, p) each."""
+) -> list[Float[np.ndarray, "sample dof _"]]:
+    """Derivatives of the projected errors in the free parameters of each."""
     neighbours: list[Hypothesis] = []
-    centres: list[Array] = []
-    sizes: list[Array] = []
+    centres: list[Float[np.ndarray, " tolerance"]] = []
+    sizes: list[Float[np.ndarray, " parameter"]] = []
     for assessed, parts in zip(at, free, strict=True):
         theta = pack(assessed.hypothesis, parts)
         lower, upper = bounds(assessed.hypothesis, parts)
@@ -100,22 +99,22 @@ def jacobian(
     return result
 
 
-def _settled(objective: Objective, found: Sequence[Assessed]) -> list[Assessed]:
-    """What was assessed, where the base floats again with the nuisances that each then has.
+def _settled(objective: Objective, assessed: Sequence[Assessed]) -> list[Assessed]:
+    """Assess once more where the base floats, with the tolerances that each hypothesis then has.
 
     There are many links there and they move far from the reference's: what is linear around it
     falls so short that a step away from it seems to lose what it gains.
     """
     if not objective.scene.free:
-        return list(found)
-    again = objective.evaluate([a.hypothesis for a in found], [a.nuisance for a in found])
-    return [max(pair, key=lambda a: a.loglik) for pair in zip(found, again, strict=True)]
+        return list(assessed)
+    again = objective.evaluate([a.hypothesis for a in assessed], [a.tolerances for a in assessed])
+    return [max(pair, key=lambda a: a.loglik) for pair in zip(assessed, again, strict=True)]
 
 
 def _step(objective: Objective, climbs: Sequence[_Climb]) -> list[_Climb]:
     jacobians = jacobian(objective, [c.now for c in climbs], [c.free for c in climbs])
     trials: list[Hypothesis] = []
-    centres: list[Array] = []
+    centres: list[Float[np.ndarray, " tolerance"]] = []
     for climb, slope in zip(climbs, jacobians, strict=True):
         free = [climb.now.hypothesis[i] for i in climb.free]
         reach = [p.reach() for p in free]
@@ -125,11 +124,11 @@ def _step(objective: Objective, climbs: Sequence[_Climb]) -> list[_Climb]:
         )
         for factor in _TRIALS:
             damping = climb.damping * factor
-            nuisance, step = objective.solve(climb.now, slope, lower, upper, damping, prior_std)
+            centre, step = objective.solve(climb.now, slope, lower, upper, damping, prior_std)
             ends = np.cumsum([p.effect.n_theta for p in free])[:-1]
             moved = [p.moved(own) for p, own in zip(free, np.split(step, ends), strict=True)]
             trials.append(unpack(climb.now.hypothesis, climb.free, np.concatenate(moved)))
-            centres.append(nuisance)
+            centres.append(centre)
     assessed = objective.evaluate(trials, centres)
     likeliest = [
         max(range(i, i + len(_TRIALS)), key=lambda k: assessed[k].loglik)
@@ -149,12 +148,14 @@ def _step(objective: Objective, climbs: Sequence[_Climb]) -> list[_Climb]:
     return result
 
 
-def pack(hypothesis: Hypothesis, parts: Sequence[int]) -> Array:
+def pack(hypothesis: Hypothesis, parts: Sequence[int]) -> Float[np.ndarray, " parameter"]:
     """Parameters of some parts of a hypothesis, one after another."""
     return np.concatenate([hypothesis[i].theta for i in parts])
 
 
-def unpack(hypothesis: Hypothesis, parts: Sequence[int], theta: Array) -> Hypothesis:
+def unpack(
+    hypothesis: Hypothesis, parts: Sequence[int], theta: Float[np.ndarray, " parameter"]
+) -> Hypothesis:
     """The hypothesis with other parameters of some parts."""
     changed = list(hypothesis)
     start = 0
@@ -165,12 +166,14 @@ def unpack(hypothesis: Hypothesis, parts: Sequence[int], theta: Array) -> Hypoth
     return tuple(changed)
 
 
-def bounds(hypothesis: Hypothesis, parts: Sequence[int]) -> tuple[Array, Array]:
+def bounds(
+    hypothesis: Hypothesis, parts: Sequence[int]
+) -> tuple[Float[np.ndarray, " parameter"], Float[np.ndarray, " parameter"]]:
     """Smallest and largest admissible parameters of some parts."""
     pairs = [hypothesis[i].effect.bounds() for i in parts]
     return np.concatenate([p[0] for p in pairs]), np.concatenate([p[1] for p in pairs])
 
 
-def steps(hypothesis: Hypothesis, parts: Sequence[int]) -> Array:
+def steps(hypothesis: Hypothesis, parts: Sequence[int]) -> Float[np.ndarray, " parameter"]:
     """Smallest changes that matter of the parameters of some parts."""
     return np.concatenate([hypothesis[i].effect.steps() for i in parts])

@@ -11,22 +11,21 @@ import copy
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from wt.diagnose.likelihood.adapt import responses
-from wt.diagnose.likelihood.tolerances import Nuisance
+from wt.diagnose.likelihood.tolerances import ModelTolerance
 from wt.physics.planted import Key, Planted
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
-
-Array = np.ndarray
 
 COARSE = 2.0
 """Physics step of most replays, in fine ones; the extrapolation needs two."""
 _SLOPE_STEP_S = 2e-3
 """Physics step for small differences between replays, unless coarse ones are longer [s]."""
 _BOUNDED = 0.02
-"""What coarse steps may change, as a share of how far a joint moves; fine ones are taken beyond."""
+"""Most that coarse steps may change, as a share of how far a joint moves; beyond, fine ones do."""
 
 
 class Extrapolated:
@@ -38,7 +37,7 @@ class Extrapolated:
     Attributes:
         coarse: takes the long steps.
         slopes: takes steps that do for differences between hypotheses.
-        correction: what is added to the positions it says, (N, nv).
+        correction: what is added to the positions it says.
     """
 
     def __init__(self, scene: Scene, stretches: Sequence[Stretch], step: float) -> None:
@@ -64,17 +63,19 @@ class Extrapolated:
             self.slopes = bounded(_SLOPE_STEP_S, self.coarse)
         self.correction = np.zeros_like(short)
 
-    def run(self, hypotheses: Sequence[Sequence[Planted]]) -> Array:
-        """Positions, (H, N, nv); NaN where a replay exploded."""
+    def run(
+        self, hypotheses: Sequence[Sequence[Planted]]
+    ) -> Float[np.ndarray, "hypothesis sample dof"]:
+        """Positions; NaN where a replay exploded."""
         return self.coarse.run(hypotheses).q + self.correction
 
     def around(
         self, reference: Sequence[Planted], near: Sequence[Sequence[Planted]]
-    ) -> tuple[Array, Array]:
+    ) -> tuple[Float[np.ndarray, "sample dof"], Float[np.ndarray, "hypothesis sample dof"]]:
         """Replay a reference and what is near it; the reference's correction is everybody's now.
 
         Returns:
-            (positions of the reference, (N, nv); what is different near it, (H, N, nv)).
+            (positions of the reference; what is different near it).
         """
         base, *others = self.slopes.run([reference, *near]).q
         q = base if self.slopes is self.coarse else self.coarse.run([reference]).q[0]
@@ -86,7 +87,7 @@ class Extrapolated:
 _STEP = 0.1
 """Change of an error for its derivative [deviations]: long valleys need good ones."""
 ROUGH = 10.0
-"""So many times as large are differences on legs: a foot lands a physics step earlier or later
+"""Factor by which differences are larger on legs: a foot lands a physics step earlier or later
 after the smallest change, and what that does must not pass for a slope."""
 
 
@@ -97,28 +98,40 @@ class Nearby:
     once there for hypotheses of the same effects, whatever their parameters.
 
     Attributes:
-        nudge: differences are so many times as large as where replays are smooth.
-        some: errors of the rig.
-        able: which of them a model can hold, (n,) bool.
+        nudge: factor by which differences are larger than where replays are smooth.
+        tolerances: of the model.
+        able: which of them a model can hold.
     """
 
     def __init__(
-        self, replays: Extrapolated, some: Sequence[Nuisance], deviations: Array, once: bool
+        self,
+        replays: Extrapolated,
+        tolerances: Sequence[ModelTolerance],
+        deviations: Float[np.ndarray, " state"],
+        once: bool,
     ) -> None:
         """Prepare.
 
         Args:
             replays: of the stretches.
-            some: errors of the rig.
-            deviations: of initial positions and velocities, (2nv,); empty if they are forgotten.
+            tolerances: of the model.
+            deviations: of initial positions and velocities; empty if they are forgotten.
             once: whether to compute what changes once for the same effects.
         """
         self._replays, self._deviations, self._once = replays, deviations, once
         self.nudge = ROUGH if once else 1.0
         self._step = _STEP * self.nudge
-        self.some = tuple(some)
-        self.able = np.array([n.effect.correctable for n in some], dtype=bool)
-        self._known: tuple[tuple[Key, ...], Array, Array] | None = None
+        self.tolerances = tuple(tolerances)
+        able = [tolerance.effect.correctable for tolerance in tolerances]
+        self.able: Bool[np.ndarray, " tolerance"] = np.array(able, dtype=bool)
+        self._known: (
+            tuple[
+                tuple[Key, ...],
+                Float[np.ndarray, "tolerance sample dof"],
+                Float[np.ndarray, "sample dof state"],
+            ]
+            | None
+        ) = None
 
     def on(self, replays: Extrapolated) -> Nearby:
         """The same differences of other replays of the same stretches."""
@@ -126,25 +139,31 @@ class Nearby:
         other._replays = replays
         return other
 
-    def rig(self, sizes: Array) -> tuple[Planted, ...]:
-        """Errors of so many deviations, those that a model can hold."""
-        pairs = zip(self.some, sizes, strict=True)
-        return tuple(n.scaled(float(x)) for n, x in pairs if n.effect.correctable and x)
+    def rig(self, sizes: Float[np.ndarray, " tolerance"]) -> tuple[Planted, ...]:
+        """Tolerances of such sizes [deviations], those that a model can hold."""
+        pairs = zip(self.tolerances, sizes, strict=True)
+        return tuple(t.scaled(float(x)) for t, x in pairs if t.effect.correctable and x)
 
-    def around(self, hypothesis: Sequence[Planted], centre: Array) -> tuple[Array, Array, Array]:
-        """Replay a hypothesis with the rig's errors at ``centre`` [deviations].
+    def around(
+        self, hypothesis: Sequence[Planted], centre: Float[np.ndarray, " tolerance"]
+    ) -> tuple[
+        Float[np.ndarray, "sample dof"],
+        Float[np.ndarray, "tolerance sample dof"],
+        Float[np.ndarray, "sample dof state"],
+    ]:
+        """Replay a hypothesis with the tolerances at ``centre`` [deviations].
 
         Returns:
-            (positions, (N, nv); what changes per deviation of each error, (n, N, nv); what changes
-            per deviation of each initial state, (N, nv, 2nv), of no width if it is forgotten).
+            (positions; what changes per deviation of each tolerance; what changes per deviation
+            of each initial state, of no width if it is forgotten).
         """
         here = (*hypothesis, *self.rig(centre))
         keys = tuple(p.key for p in hypothesis)
         if self._known is not None and self._known[0] == keys:
             return self._replays.around(here, [])[0], *self._known[1:]
         moved = [
-            (*hypothesis, *self.rig(centre + one)) if n.effect.correctable else (*here, n.planted)
-            for n, one in zip(self.some, self._step * np.eye(len(self.some)), strict=True)
+            (*hypothesis, *self.rig(centre + one)) if t.effect.correctable else (*here, t.planted)
+            for t, one in zip(self.tolerances, self._step * np.eye(len(centre)), strict=True)
         ]
         q, changes = self._replays.around(here, moved)
         changes = np.nan_to_num(changes) / np.where(self.able, self._step, 1.0)[:, None, None]

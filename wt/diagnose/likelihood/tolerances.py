@@ -1,4 +1,4 @@
-"""What any rig is off by: small errors of masses, damping, gains and timing that are no finding.
+"""Model tolerances: small errors of masses, damping, gains and timing that are no finding.
 
 A model made of a data sheet is never exact. Each of these errors is known in size, not in value;
 hypotheses are compared with all of them free inside their box, so that what a few per cent of
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
@@ -21,12 +22,10 @@ from wt.physics.planted import Planted
 from wt.physics.scene import Scene
 from wt.types import Location
 
-Array = np.ndarray
-
 
 @dataclass(frozen=True, eq=False)
-class Nuisance:
-    """One small error of unknown sign.
+class ModelTolerance:
+    """One small error of unknown sign, at its place.
 
     Attributes:
         effect: expresses it.
@@ -56,30 +55,35 @@ class Nuisance:
         return Planted(self.effect, self.at, np.maximum(theta, self.tolerance.lowest))
 
 
-def nuisances(scene: Scene) -> tuple[Nuisance, ...]:
+def tolerances(scene: Scene) -> tuple[ModelTolerance, ...]:
     """The errors that any model of this machine may have: of its bodies, its joints, its drives."""
     bodies = [Location("body", name) for name in scene.moving]
     joints = [Location("joint", name) for name in scene.own_joints]
     drives = [Location("actuator", drive.name) for drive in scene.drives]
     order = {at: i for i, at in enumerate([*bodies, *joints, Location("sensor", "all"), *drives])}
-    found = [
-        Nuisance(effect, at, tolerance)
+    unsorted = [
+        ModelTolerance(effect, at, tolerance)
         for effect in effects().values()
         if isinstance(effect, Tolerated)
         for at, tolerance in effect.tolerances(scene).items()
     ]
     # sums are rounded in the order of their terms: for the same answer to the last digit, it stays
-    return tuple(sorted(reversed(found), key=lambda n: order[n.at]))
+    return tuple(sorted(reversed(unsorted), key=lambda t: order[t.at]))
 
 
-def boxes(some: Sequence[Nuisance], hypothesis: Sequence[Planted]) -> Array:
-    """Largest error of each beside a hypothesis, (n,) [deviations]: 0 where that settles it."""
+def boxes(
+    tolerances: Sequence[ModelTolerance], hypothesis: Sequence[Planted]
+) -> Float[np.ndarray, " tolerance"]:
+    """Largest size of each beside a hypothesis [deviations]: 0 where that settles it."""
     settled = {(name, p.at) for p in hypothesis for name in p.effect.settles}
-    beside = [(n.planted.effect.id, n.planted.at) not in settled for n in some]
-    return THRESHOLDS.tolerance_box * np.array(beside, dtype=float)
+    free = [(t.planted.effect.id, t.planted.at) not in settled for t in tolerances]
+    return THRESHOLDS.tolerance_box * np.array(free, dtype=float)
 
 
-def forces(motion: Motion, some: Sequence[Nuisance]) -> list[Array]:
-    """Generalised force of each error, one standard deviation large, (T, nv) each [N·m]."""
-    sizes = [float(n.planted.theta[0] - n.neutral) for n in some]
-    return [n.effect.small(motion, n.at, size) for n, size in zip(some, sizes, strict=True)]
+def forces(
+    motion: Motion, tolerances: Sequence[ModelTolerance]
+) -> list[Float[np.ndarray, "sample dof"]]:
+    """Generalised force of each error, one standard deviation large [N·m]."""
+    sizes = [float(t.planted.theta[0] - t.neutral) for t in tolerances]
+    pairs = zip(tolerances, sizes, strict=True)
+    return [t.effect.small(motion, t.at, size) for t, size in pairs]

@@ -1,4 +1,4 @@
-"""How much each sample of a replay counts: joint by joint and, where feet land, stretch by stretch.
+"""Weights of a replay's samples: joint by joint and, where feet land, stretch by stretch.
 
 Replays of a robot on legs are rough. A foot that lands a moment earlier sends a replay another way,
 and what such a stretch errs by says little of the model. There each stretch counts by its own
@@ -12,79 +12,80 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-
-Array = np.ndarray
+from jaxtyping import Bool, Float, Num, Shaped
 
 
 @dataclass(frozen=True, eq=False)
 class Channels:
-    """The samples (N, nv) of a replay; a channel is a joint in a part of them.
+    """The samples of a replay; a channel is a joint in a part of them.
 
     Attributes:
-        valid: samples that count, (N, nv) bool.
+        valid: samples that count.
         parts: the samples in one part, or each stretch in its own.
-        count: independent samples per joint, (nv,).
-        floors: error of each channel that leaves nothing to explain, (parts, nv).
+        count: independent samples per joint.
+        floors: error of each channel that leaves nothing to explain.
     """
 
-    valid: Array
+    valid: Bool[np.ndarray, "sample dof"]
     parts: tuple[slice, ...]
-    count: Array
-    floors: Array
+    count: Float[np.ndarray, " dof"]
+    floors: Float[np.ndarray, "part dof"]
 
     @cached_property
-    def sizes(self) -> Array:
-        """Samples of each channel, (parts, nv)."""
+    def sizes(self) -> Num[np.ndarray, "part dof"]:
+        """Number of each channel's samples."""
         return self.sums(self.valid)
 
     @property
-    def share(self) -> Array:
-        """Share of each joint's samples that count as independent, (nv,)."""
+    def share(self) -> Float[np.ndarray, " dof"]:
+        """Share of each joint's samples that count as independent."""
         return np.asarray(self.count / np.maximum(self.sizes.sum(axis=0), 1))
 
     @property
-    def floor(self) -> Array:
-        """Error of a joint that leaves nothing to explain, (nv,): geometric over the parts."""
+    def floor(self) -> Float[np.ndarray, " dof"]:
+        """Error of a joint that leaves nothing to explain: geometric over the parts."""
         return np.asarray(np.exp(np.log(self.floors).mean(axis=0)))
 
-    def only(self, rows: Array) -> Channels:
-        """With some of the samples, (N,) bool."""
+    def only(self, rows: Bool[np.ndarray, " sample"]) -> Channels:
+        """With some of the samples."""
         valid = self.valid & rows[:, None]
         return replace(self, valid=valid, count=self.share * valid.sum(axis=0))
 
-    def rougher(self, apart: Sequence[Array]) -> Channels:
-        """With higher floors, for what replays that ought to be alike are apart, (N, nv) each."""
+    def rougher(self, apart: Sequence[Float[np.ndarray, "sample dof"]]) -> Channels:
+        """With higher floors, for what replays that ought to be alike are apart."""
         square = np.mean(np.square(apart), axis=0)
         return replace(self, floors=np.hypot(self.floors, np.sqrt(self.sums(square) / self._known)))
 
-    def sums(self, values: Array) -> Array:
-        """Sums over each channel, (parts, nv), of (N, nv)."""
+    def sums(self, values: Shaped[np.ndarray, "sample dof"]) -> Num[np.ndarray, "part dof"]:
+        """Sums over each channel."""
         return np.stack([values[part].sum(axis=0) for part in self.parts])
 
-    def variance(self, squares: Array) -> Array:
-        """Mean of squares (parts, nv) or (parts · nv,), no less than what the right law leaves."""
+    def variance(
+        self, squares: Float[np.ndarray, "part dof"] | Float[np.ndarray, " channel"]
+    ) -> Float[np.ndarray, "part dof"]:
+        """Mean of each channel's sum of squares, no less than what the right law leaves."""
         return np.asarray(
             np.maximum(squares.reshape(self.sizes.shape) / self._known, self.floors**2)
         )
 
-    def nats(self, variance: Array) -> float:
-        """Log-likelihood of errors with such variances (parts, nv), up to a constant."""
+    def nats(self, variance: Float[np.ndarray, "part dof"]) -> float:
+        """Log-likelihood of errors with such variances, up to a constant."""
         return -0.5 * float((self.share * self.sizes * np.log(variance)).sum())
 
-    def weights(self, variance: Array) -> Array:
-        """With which the samples of each channel together count as its independent ones."""
+    def weights(self, variance: Float[np.ndarray, "part dof"]) -> Float[np.ndarray, " channel"]:
+        """Weights with which the samples of each channel together count as its independent ones."""
         return np.asarray((self.share / variance).ravel())
 
-    def precision(self, variance: Array) -> Array:
-        """One over the variance of each sample, (N, nv)."""
+    def precision(self, variance: Float[np.ndarray, "part dof"]) -> Float[np.ndarray, "sample dof"]:
+        """One over the variance of each sample."""
         pairs = zip(self.parts, variance, strict=True)
         each = [np.broadcast_to(1.0 / v, self.valid[part].shape) for part, v in pairs]
         return np.concatenate(each)
 
-    def rms(self, error: Array) -> Array:
-        """Root mean square per joint, (nv,), of an error (N, nv) that is zero where unknown."""
+    def rms(self, error: Float[np.ndarray, "sample dof"]) -> Float[np.ndarray, " dof"]:
+        """Root mean square per joint of an error that is zero where unknown."""
         return np.asarray(np.sqrt((error**2).sum(axis=0) / np.maximum(self.sizes.sum(axis=0), 1)))
 
     @property
-    def _known(self) -> Array:
+    def _known(self) -> Num[np.ndarray, "part dof"]:
         return np.maximum(self.sizes, 1)

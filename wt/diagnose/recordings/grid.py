@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.result import Estimate, Finding, Located
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
 from wt.types import Location
-
-Array = np.ndarray
 
 _FEWEST = 8  # values on the grid, or nothing moved enough to tell
 _OFF = 0.02  # of a step: what rounding in a file may move a value by
@@ -32,7 +31,7 @@ def coarse_steps(
         held: … and have to be found again in these.
         joints: of the model.
     """
-    found = []
+    findings = []
     for joint in joints:
         values = [_values(parts, joint) for parts in (fitted, held)]
         step = _step(values[0])
@@ -45,28 +44,28 @@ def coarse_steps(
             continue
         # by chance, a value lies so near to a grid line with this probability
         chance = min(1.0, (2.0 * _OFF) ** (len(np.unique(values[1])) - 2))
-        found.append(_finding(joint, step, values[0], chance))
-    return tuple(found)
+        findings.append(_finding(joint, step, values[0], chance))
+    return tuple(findings)
 
 
-def located(found: Sequence[Finding], alone: bool) -> tuple[Located, ...]:
+def located(findings: Sequence[Finding], alone: bool) -> tuple[Located, ...]:
     """The places of coarse encoders; they share the mismatch if there is no other."""
-    share = 1.0 / len(found) if found and alone else 0.0
-    return tuple(Located(f.at, share, condition="whenever it moves, in steps") for f in found)
+    share = 1.0 / len(findings) if findings and alone else 0.0
+    return tuple(Located(f.at, share, condition="whenever it moves, in steps") for f in findings)
 
 
-def _values(parts: Sequence[Part], joint: str) -> Array:
-    found = [np.zeros(0)]
+def _values(parts: Sequence[Part], joint: str) -> Float[np.ndarray, " sample"]:
+    values = [np.zeros(0)]
     for p in parts:
         since = p.recording.t - p.recording.t[0]
         inside = (since >= p.span[0]) & (since < p.span[1])
         column = p.recording.columns.get(f"qpos/{joint}")
         if column is not None:
-            found.append(column[inside & np.isfinite(column)])
-    return np.concatenate(found)
+            values.append(column[inside & np.isfinite(column)])
+    return np.concatenate(values)
 
 
-def _step(values: Array) -> float | None:
+def _step(values: Float[np.ndarray, " sample"]) -> float | None:
     """Spacing of the grid that all values lie on; None if there is none."""
     levels = np.unique(values)
     if len(levels) < _FEWEST or len(levels) > 0.5 * len(values):
@@ -78,13 +77,15 @@ def _step(values: Array) -> float | None:
     return None if _off(values, step) else step
 
 
-def _off(values: Array, step: float) -> bool:
-    """Whether values lie beside the grid."""
+def _off(values: Float[np.ndarray, " sample"], step: float) -> bool:
+    """Tell whether values lie beside the grid."""
     phase = (values - values[0]) / step
     return bool(np.abs(phase - np.round(phase)).max() > _OFF)
 
 
-def _finding(joint: str, step: float, values: Array, chance: float) -> Finding:
+def _finding(
+    joint: str, step: float, values: Float[np.ndarray, " sample"], chance: float
+) -> Finding:
     effect, at = effects()["sensor.quantization"], Location("joint", joint)
     # any step within this of the estimate keeps all values on the grid
     spread = step * _OFF / max(float(np.ptp(values)) / step, 1.0)

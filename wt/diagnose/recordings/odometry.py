@@ -1,4 +1,4 @@
-"""Where a floating base was if nothing recorded it: from an IMU, and from the feet that stand.
+"""The pose of a floating base that nothing recorded: from an IMU, and the feet that stand.
 
 A robot knows of its trunk what an IMU measures, and how its joints move. Whatever stands still on
 the ground says how fast the trunk moves (M. Bloesch et al., State estimation for legged robots,
@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 from scipy.linalg import solveh_banded
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
@@ -26,14 +27,12 @@ from wt.physics import base, ground
 from wt.physics.reach import beside, reaching
 from wt.physics.scene import Scene
 
-Array = np.ndarray
-
 _REACH = 0.05
 """Points of the machine so close [m] to being the lowest one may be standing."""
 _AGREE, _ROUNDS = 0.05, 12
-"""Points whose velocity differs by so much [m/s] count half, found in so many rounds."""
+"""Velocity [m/s] by which a point that differs counts half, and rounds in which it is found."""
 _LIFT = 0.005
-"""The lowest points are believed first: so much higher [m] counts half."""
+"""Height over the lowest point [m] at which one counts half: the lowest are believed first."""
 _SIGMA_V, _SIGMA_A, _SIGMA_BLIND = 0.02, 0.5, 10.0
 """Deviation of a standing point's velocity [m/s], of an accelerometer's reading, with what the
 tilt is off by, and of the trunk's acceleration if there is none [m/s²]."""
@@ -42,53 +41,58 @@ _JOLT = 3.0
 _SIGMA_CLIMB, _SIGMA_GROUND = 0.02, 0.003
 """Deviation of the vertical velocity [m/s], and of a standing point from the plane [m]."""
 _STEADY_S = 1.0
-"""Gravity is averaged over so long [s] to say which way is up."""
+"""Time over which gravity is averaged to say which way is up [s]."""
 _PASSES = 2
-"""So often which way is up and how fast the trunk moves are estimated from one another."""
+"""Times that which way is up and how fast the trunk moves are estimated from one another."""
 _LEVEL = 0.012
 """A plane that falls by less [rad] is taken to be level."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Imu:
-    """What an IMU measured, in the frame of the body that floats, K samples.
+    """Measurements of an IMU, in the frame of the body that floats.
 
     Attributes:
-        turning: angular velocity, (K, 3) [rad/s].
-        force: specific force at the body's origin, (K, 3) [m/s²]; None without an accelerometer.
+        turning: angular velocity [rad/s].
+        force: specific force at the body's origin [m/s²]; None without an accelerometer.
         turned: orientation in the world; None if it was not recorded.
     """
 
-    turning: Array
-    force: Array | None
+    turning: Float[np.ndarray, "sample 3"]
+    force: Float[np.ndarray, "sample 3"] | None
     turned: Rotation | None
 
 
 @dataclass(frozen=True, eq=False)
 class _Feet:
-    """Points that may be standing, P at each of K samples; NaN where there are fewer.
+    """Points that may be standing at each sample; NaN where there are fewer than columns.
 
     Attributes:
-        speed: the velocity of the base, were the point standing, (K, P, 3) [m/s].
-        low: of the point, over the lowest one, (K, P) [m].
-        place: from the base's origin, along the world's axes, (K, P, 3) [m].
+        speed: the velocity of the base, were the point standing [m/s].
+        low: height of the point over the lowest one [m].
+        place: from the base's origin, along the world's axes [m].
         ground: height of the model's floor [m].
     """
 
-    speed: Array
-    low: Array
-    place: Array
+    speed: Float[np.ndarray, "sample point 3"]
+    low: Float[np.ndarray, "sample point"]
+    place: Float[np.ndarray, "sample point 3"]
     ground: float
 
 
-def located(scene: Scene, joint: str, t: Array, columns: Mapping[str, Array]) -> dict[str, Array]:
+def located(
+    scene: Scene,
+    joint: str,
+    t: Float[np.ndarray, " sample"],
+    columns: Mapping[str, Float[np.ndarray, " sample"]],
+) -> dict[str, Float[np.ndarray, " sample"]]:
     """The pose and velocity of a free joint that was not recorded.
 
     Args:
         scene: the machine.
         joint: the free joint.
-        t: time, (K,) [s].
-        columns: of the recording, (K,) each.
+        t: time [s].
+        columns: of the recording.
 
     Returns:
         ``qpos/<joint>/0…6`` and ``qvel/<joint>/0…5``; nothing if all of its pose is recorded.
@@ -110,18 +114,23 @@ def located(scene: Scene, joint: str, t: Array, columns: Mapping[str, Array]) ->
     height, ahead = _on_the_ground(t, feet, speed, weight)
     place = np.stack([*ahead.T, height], axis=1)
     quaternion = now.as_quat(scalar_first=True)
-    found = np.concatenate([place, quaternion], axis=1).T
-    moved = np.concatenate([speed, imu.turning], axis=1).T
-    return {f"qpos/{joint}/{k}": x for k, x in enumerate(found)} | {
-        f"qvel/{joint}/{k}": x for k, x in enumerate(moved)
+    pose = np.concatenate([place, quaternion], axis=1).T
+    rate = np.concatenate([speed, imu.turning], axis=1).T
+    return {f"qpos/{joint}/{k}": x for k, x in enumerate(pose)} | {
+        f"qvel/{joint}/{k}": x for k, x in enumerate(rate)
     }
 
 
-def _imu(scene: Scene, joint: str, t: Array, columns: Mapping[str, Array]) -> _Imu:
+def _imu(
+    scene: Scene,
+    joint: str,
+    t: Float[np.ndarray, " sample"],
+    columns: Mapping[str, Float[np.ndarray, " sample"]],
+) -> _Imu:
     """The IMU on the body of a free joint, however it is mounted there."""
     m = scene.given
     body = int(m.joint(joint).bodyid[0])
-    found: dict[str, Array] = {}
+    readings: dict[str, Float[np.ndarray, "sample axis"]] = {}
     mount, arm = Rotation.identity(), np.zeros(3)
     kinds = {"GYRO": "gyro", "ACCELEROMETER": "accelerometer", "FRAMEQUAT": "orientation"}
     for i in range(m.nsensor):
@@ -133,51 +142,57 @@ def _imu(scene: Scene, joint: str, t: Array, columns: Mapping[str, Array]) -> _I
         if kind not in kinds or not on_site or m.body_weldid[m.site_bodyid[site]] != body:
             continue
         if all(n in columns and np.isfinite(columns[n]).sum() > 1 for n in names):
-            found[kinds[kind]] = _table(t, columns, names)
+            readings[kinds[kind]] = _table(t, columns, names)
             mount = Rotation.from_quat(m.site_quat[site], scalar_first=True)
             arm = np.array(m.site_pos[site])
-    if "gyro" not in found or len(found) < 2:
+    if "gyro" not in readings or len(readings) < 2:
         raise RecordingError(
             f"where the base '{joint}' was is neither recorded nor can be computed: give "
             f"qpos/{joint}/0…6, or a gyro and an accelerometer or an orientation (framequat) of a "
             "site on its body"
         )
-    turning = mount.apply(found["gyro"])
+    turning = mount.apply(readings["gyro"])
     force, turned = None, None
-    if "accelerometer" in found:
+    if "accelerometer" in readings:
         faster = np.gradient(turning, t, axis=0)
         lever = np.cross(faster, arm) + np.cross(turning, np.cross(turning, arm))
-        force = mount.apply(found["accelerometer"]) - lever
-    if "orientation" in found:
-        turned = Rotation.from_quat(found["orientation"], scalar_first=True) * mount.inv()
+        force = mount.apply(readings["accelerometer"]) - lever
+    if "orientation" in readings:
+        turned = Rotation.from_quat(readings["orientation"], scalar_first=True) * mount.inv()
     return _Imu(turning, force, turned)
 
 
-def _table(t: Array, columns: Mapping[str, Array], names: list[str]) -> Array:
-    """Columns side by side, (K, n), missing samples interpolated; NaN for one that is not there."""
-    found = np.full((len(t), len(names)), np.nan)
+def _table(
+    t: Float[np.ndarray, " sample"],
+    columns: Mapping[str, Float[np.ndarray, " sample"]],
+    names: list[str],
+) -> Float[np.ndarray, "sample column"]:
+    """Columns side by side, missing samples interpolated; NaN for one that is not there."""
+    table = np.full((len(t), len(names)), np.nan)
     for k, name in enumerate(names):
         x = columns.get(name)
         if x is not None and (known := np.isfinite(x)).sum() > 1:
-            found[:, k] = np.interp(t, t[known], x[known])
-    return found
+            table[:, k] = np.interp(t, t[known], x[known])
+    return table
 
 
-def _upright(t: Array, imu: _Imu, speed: Array) -> Rotation:
+def _upright(
+    t: Float[np.ndarray, " sample"], imu: _Imu, speed: Float[np.ndarray, "sample 3"]
+) -> Rotation:
     """Orientation from the gyro, kept upright by what gravity is on average.
 
     Args:
-        t: time, (K,) [s].
+        t: time [s].
         imu: with an accelerometer.
-        speed: of the base, (K, 3) [m/s] in the world.
+        speed: of the base in the world [m/s].
     """
     assert imu.force is not None
     steps = 0.5 * (imu.turning[1:] + imu.turning[:-1]) * np.diff(t)[:, None]
-    now, found = Rotation.identity(), [Rotation.identity()]
+    now, turns = Rotation.identity(), [Rotation.identity()]
     for step in Rotation.from_rotvec(steps):
         now = now * step
-        found.append(now)
-    drifting = Rotation.concatenate(found)
+        turns.append(now)
+    drifting = Rotation.concatenate(turns)
     steady = _STEADY_S / float(np.median(np.diff(t)))
     accelerating = np.gradient(speed, t, axis=0)
     up = gaussian_filter1d(drifting.apply(imu.force), steady, axis=0)
@@ -193,8 +208,8 @@ def _upright(t: Array, imu: _Imu, speed: Array) -> Rotation:
     return heading * turned
 
 
-def _pull(imu: _Imu, turned: Rotation) -> Array | None:
-    """Acceleration of the base in the world, (K, 3) [m/s²]."""
+def _pull(imu: _Imu, turned: Rotation) -> Float[np.ndarray, "sample 3"] | None:
+    """Acceleration of the base in the world [m/s²]."""
     if imu.force is None:
         return None
     felt = turned.apply(imu.force)
@@ -202,7 +217,14 @@ def _pull(imu: _Imu, turned: Rotation) -> Array | None:
     return np.asarray(felt - felt.mean(axis=0))
 
 
-def _feet(scene: Scene, joint: str, turned: Rotation, turning: Array, q: Array, v: Array) -> _Feet:
+def _feet(
+    scene: Scene,
+    joint: str,
+    turned: Rotation,
+    turning: Float[np.ndarray, "sample 3"],
+    q: Float[np.ndarray, "sample dof"],
+    v: Float[np.ndarray, "sample dof"],
+) -> _Feet:
     """The points that may be standing at each sample, and what each says of the base's speed."""
     m = scene.model
     planes = ground.planes(m)
@@ -219,7 +241,7 @@ def _feet(scene: Scene, joint: str, turned: Rotation, turning: Array, q: Array, 
     q, v = q.copy(), v.copy()
     q[:, dofs] = np.column_stack([np.zeros((len(q), 2)), np.full(len(q), level + high), angles])
     v[:, dofs] = np.column_stack([np.zeros((len(q), 3)), base.rates(angles, turning)])
-    found = []
+    standing = []
     for pose, rate in zip(q, v, strict=True):
         d.qpos[:] = pose
         mujoco.mj_kinematics(m, d)
@@ -231,16 +253,18 @@ def _feet(scene: Scene, joint: str, turned: Rotation, turning: Array, q: Array, 
         for c in np.flatnonzero(above < _REACH):
             mujoco.mj_jac(m, d, jacobian, None, points[c], bodies[c])
             rows.append((*(-jacobian @ rate), above[c], *(points[c] - pose[dofs[:3]])))
-        found.append(np.array(rows).reshape(-1, 7))
-    most = max((len(rows) for rows in found), default=0)
-    table = np.full((len(found), max(most, 1), 7), np.nan)
-    for row, some in zip(table, found, strict=True):
-        row[: len(some)] = some
+        standing.append(np.array(rows).reshape(-1, 7))
+    most = max((len(rows) for rows in standing), default=0)
+    table = np.full((len(standing), max(most, 1), 7), np.nan)
+    for row, points in zip(table, standing, strict=True):
+        row[: len(points)] = points
     return _Feet(table[..., :3], table[..., 3], table[..., 4:], level)
 
 
-def _agreed(t: Array, feet: _Feet, pull: Array | None) -> tuple[Array, Array]:
-    """The base's velocity, (K, 3) [m/s], and how much each point counts, (K, P), 1 if it stands."""
+def _agreed(
+    t: Float[np.ndarray, " sample"], feet: _Feet, pull: Float[np.ndarray, "sample 3"] | None
+) -> tuple[Float[np.ndarray, "sample 3"], Float[np.ndarray, "sample point"]]:
+    """The base's velocity [m/s], and how much each point counts, 1 if it stands."""
     known, dt = np.isfinite(feet.low), np.diff(t)
     seen = np.nan_to_num(feet.speed)
     trusted = known / (1.0 + (np.nan_to_num(feet.low) / _LIFT) ** 2)
@@ -259,8 +283,13 @@ def _agreed(t: Array, feet: _Feet, pull: Array | None) -> tuple[Array, Array]:
     return speed, weight
 
 
-def _chained(weight: Array, pulled: Array, stiff: Array, jump: Array) -> Array:
-    """Minimise Σ wₖ(xₖ − yₖ)² + Σ sₖ(xₖ₊₁ − xₖ − jₖ)², with ``pulled`` = w·y; (K, n)."""
+def _chained(
+    weight: Float[np.ndarray, " sample"],
+    pulled: Float[np.ndarray, "sample axis"],
+    stiff: Float[np.ndarray, " gap"],
+    jump: Float[np.ndarray, "gap axis"],
+) -> Float[np.ndarray, "sample axis"]:
+    """Minimise Σ wₖ(xₖ − yₖ)² + Σ sₖ(xₖ₊₁ − xₖ − jₖ)², with ``pulled`` = w·y."""
     right = pulled.copy()
     right[1:] += stiff[:, None] * jump
     right[:-1] -= stiff[:, None] * jump
@@ -272,8 +301,13 @@ def _chained(weight: Array, pulled: Array, stiff: Array, jump: Array) -> Array:
     return np.asarray(solveh_banded(banded, right))
 
 
-def _on_the_ground(t: Array, feet: _Feet, speed: Array, weight: Array) -> tuple[Array, Array]:
-    """Height (K,) and place (K, 2) of the base [m], its feet standing on one plane."""
+def _on_the_ground(
+    t: Float[np.ndarray, " sample"],
+    feet: _Feet,
+    speed: Float[np.ndarray, "sample 3"],
+    weight: Float[np.ndarray, "sample point"],
+) -> tuple[Float[np.ndarray, " sample"], Float[np.ndarray, "sample 2"]]:
+    """Height and place of the base [m], its feet standing on one plane."""
     dt = np.diff(t)[:, None]
     moved = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (speed[1:] + speed[:-1]) * dt, 0)])
     place = np.nan_to_num(feet.place)

@@ -1,6 +1,6 @@
-"""Recordings are read, checked against the model, completed, and split.
+"""Reading of recordings: checked against the model, completed, and split.
 
-Completed: with where a floating base was, if only its IMU was recorded. Split: into fitted and
+Completed: with the pose of a floating base, if only its IMU was recorded. Split: into fitted and
 held-out parts.
 """
 
@@ -20,8 +20,6 @@ from wt.diagnose.result import Used
 from wt.errors import RecordingError
 from wt.physics.scene import Scene
 from wt.types import Recording
-
-Array = np.ndarray
 
 Source = str | Path | Recording
 
@@ -62,7 +60,7 @@ def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) ->
     """
     if not given:
         raise RecordingError("no recording was given; give at least one .parquet file")
-    named = _told_apart([_read(scene, source, i) for i, source in enumerate([*given, *holdout])])
+    named = _numbered([_read(scene, source, i) for i, source in enumerate([*given, *holdout])])
     parts = [Part(r, i) for i, (_, r) in enumerate(named)]
     fit, held = parts[: len(given)], parts[len(given) :]
     split = "recordings given with --holdout"
@@ -72,13 +70,13 @@ def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) ->
             held.insert(0, fit.pop())
         split = "the last of the recordings"
     elif not held:
-        (whole,) = fit
-        fit, held = _cut(whole)
+        (single,) = fit
+        fit, held = _cut(single)
         split = "the last quarter of the recording"
     used = [
         Used(named[p.index][0], role, p.seconds, p.recording.rate_hz)
-        for role, some in _roles(fit, held)
-        for p in some
+        for role, parts in _roles(fit, held)
+        for p in parts
     ]
     return Prepared(tuple(fit), tuple(held), tuple(used), tuple(n for n, _ in named), split)
 
@@ -101,13 +99,13 @@ def _read(scene: Scene, source: Source, index: int) -> tuple[str, Recording]:
         raise RecordingError(f"'{name}': {error}") from error
 
 
-def _told_apart(named: list[tuple[str, Recording]]) -> list[tuple[str, Recording]]:
+def _numbered(named: list[tuple[str, Recording]]) -> list[tuple[str, Recording]]:
     """Recordings of one name with a number behind it."""
-    found: list[tuple[str, Recording]] = []
+    numbered: list[tuple[str, Recording]] = []
     for name, recording in named:
-        same = sum(other == name for other, _ in named[: len(found)])
-        found.append((f"{name} ({same + 1})" if same else name, recording))
-    return found
+        same = sum(other == name for other, _ in named[: len(numbered)])
+        numbered.append((f"{name} ({same + 1})" if same else name, recording))
+    return numbered
 
 
 def _check_contents(scene: Scene, recording: Recording) -> None:
@@ -145,17 +143,17 @@ def _completed(scene: Scene, recording: Recording) -> Recording:
 
 
 def _swings(scene: Scene, recording: Recording) -> bool:
-    """Whether some joint moves although no command does, as a released pendulum."""
+    """Tell whether some joint moves although no command does, as a released pendulum."""
     return any(
         np.nanstd(recording.columns.get(f"qpos/{joint}", np.zeros(1))) > 0.02
         for joint in scene.joints
     )
 
 
-def _cut(whole: Part) -> tuple[list[Part], list[Part]]:
+def _cut(part: Part) -> tuple[list[Part], list[Part]]:
     """The first three quarters and the last of one recording."""
-    cut = (1.0 - _HELD_SHARE) * whole.recording.seconds
+    cut = (1.0 - _HELD_SHARE) * part.recording.seconds
     return (
-        [Part(whole.recording, whole.index, (0.0, cut))],
-        [Part(whole.recording, whole.index, (cut, np.inf))],
+        [Part(part.recording, part.index, (0.0, cut))],
+        [Part(part.recording, part.index, (cut, np.inf))],
     )

@@ -6,14 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 from scipy.optimize import isotonic_regression
 
 from wt.errors import RecordingError
 from wt.physics import base
 from wt.physics.scene import Scene
 from wt.types import Recording
-
-Array = np.ndarray
 
 LONG_GAP = 0.15
 """A gap longer than this [s] ends a segment: what happened in it is not known."""
@@ -28,7 +27,7 @@ class Part:
 
     Attributes:
         recording: the whole recording.
-        index: which one it is.
+        index: its position among the recordings.
         span: from when to when it is this part, since the recording's start [s].
     """
 
@@ -48,17 +47,17 @@ class Samples:
 
     Attributes:
         recording: which recording it belongs to.
-        t: time since the recording's start, (K,) [s].
-        q: measured positions, (K, nv); NaN where missing.
-        v: measured velocities, (K, nv); NaN where missing or not recorded.
-        command: commands, (K, nu).
+        t: time since the recording's start [s].
+        q: measured positions [rad or m]; NaN where missing.
+        v: measured velocities; NaN where missing or not recorded.
+        command: commands.
     """
 
     recording: int
-    t: Array
-    q: Array
-    v: Array
-    command: Array
+    t: Float[np.ndarray, " sample"]
+    q: Float[np.ndarray, "sample dof"]
+    v: Float[np.ndarray, "sample dof"]
+    command: Float[np.ndarray, "sample actuator"]
 
     @property
     def dt(self) -> float:
@@ -72,7 +71,7 @@ def samples_of(scene: Scene, parts: Sequence[Part]) -> tuple[Samples, ...]:
     Raises:
         RecordingError: nothing is left.
     """
-    found = []
+    segments = []
     for part in parts:
         recording = part.recording
         t = stamps(recording)
@@ -95,22 +94,24 @@ def samples_of(scene: Scene, parts: Sequence[Part]) -> tuple[Samples, ...]:
         for part_seen in np.split(seen, ends):
             rows = slice(part_seen[0], part_seen[-1] + 1)
             if len(part_seen) >= 12 and t[part_seen[-1]] - t[part_seen[0]] >= SHORTEST:
-                found.append(Samples(part.index, t[rows], q[rows], v[rows], held[rows]))
-    if not found:
+                segments.append(Samples(part.index, t[rows], q[rows], v[rows], held[rows]))
+    if not segments:
         raise RecordingError(
             f"no stretch of {SHORTEST:g} s without a gap has commands and positions; "
             "record at an even rate, with every actuator's command"
         )
-    return tuple(found)
+    return tuple(segments)
 
 
-def _table(length: int, columns: Mapping[str, Array], names: Sequence[str]) -> Array:
+def _table(
+    length: int, columns: Mapping[str, Float[np.ndarray, " sample"]], names: Sequence[str]
+) -> Float[np.ndarray, "sample column"]:
     missing = np.full(length, np.nan)
-    found = [columns.get(name, missing) for name in names]
-    return np.stack(found, axis=1) if found else np.zeros((length, 0))
+    table = [columns.get(name, missing) for name in names]
+    return np.stack(table, axis=1) if table else np.zeros((length, 0))
 
 
-def stamps(recording: Recording) -> Array:
+def stamps(recording: Recording) -> Float[np.ndarray, " sample"]:
     """Time since the start [s]; jitter of the stamps is removed where the clock was even.
 
     If the measured positions lie on a smoother curve over an even grid (rounded by an isotonic
@@ -129,8 +130,8 @@ def stamps(recording: Recording) -> Array:
     return grid - grid[0] if rough[1] <= rough[0] * 1.02 else t
 
 
-def _even(t: Array, dt: float) -> Array:
-    """The even grid, with gaps where samples were dropped, that stamps (K,) are closest to [s].
+def _even(t: Float[np.ndarray, " sample"], dt: float) -> Float[np.ndarray, " sample"]:
+    """The even grid, with gaps where samples were dropped, that stamps are closest to [s].
 
     The median interval is off by a little, over many samples by whole intervals; the interval is
     a whole part of the time in all, and the right part leaves the smallest error.
@@ -149,7 +150,7 @@ def _even(t: Array, dt: float) -> Array:
     return best
 
 
-def _roughness(t: Array, x: Array) -> float:
+def _roughness(t: Float[np.ndarray, " sample"], x: Float[np.ndarray, " sample"]) -> float:
     """Mean square deviation of each sample from the cubic through its four neighbours."""
     ok = np.isfinite(x)
     t, x = t[ok], x[ok]

@@ -1,4 +1,4 @@
-"""Recordings become smooth motions: noise, uneven stamps, gaps and a missing velocity handled.
+"""Smooth motions of recordings: noise, uneven stamps, gaps and a missing velocity handled.
 
 A quintic spline is fitted by least squares to positions and velocities at their own time stamps,
 so that position, velocity and acceleration come from one curve. How fine its knots are is chosen
@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 from scipy import sparse
 from scipy.interpolate import BSpline
 from scipy.sparse.linalg import splu
@@ -19,7 +20,10 @@ from wt.diagnose.recordings.samples import Part, Samples, samples_of
 from wt.physics.motion import Motion, Segment
 from wt.physics.scene import Scene
 
-Array = np.ndarray
+AtSamples = tuple[
+    Float[np.ndarray, "_ dof"], Float[np.ndarray, "_ dof"], Float[np.ndarray, "_ dof"]
+]
+"""Smooth (q, v, a) at the time stamps of one segment's samples."""
 
 DEGREE = 5
 _KNOTS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0)  # samples between knots that are tried
@@ -33,17 +37,17 @@ class Smoothed:
     Attributes:
         samples: the measured segments.
         motion: the smooth motion on an even grid, segment by segment.
-        at_samples: per segment, smooth (q, v, a) at the measured time stamps, (K, nv) each.
-        noise: standard deviation of a position sample, (nv,) [rad or m].
-        noise_v: of a velocity sample, (nv,); NaN where none was recorded.
-        smoother: per segment and joint the spacing of knots, in samples.
+        at_samples: per segment, smooth (q, v, a) at the measured time stamps.
+        noise: standard deviation of a position sample [rad or m].
+        noise_v: of a velocity sample; NaN where none was recorded.
+        spacing: per segment and joint the spacing of knots, in samples.
     """
 
     samples: tuple[Samples, ...]
     motion: Motion
-    at_samples: tuple[tuple[Array, Array, Array], ...]
-    noise: Array
-    noise_v: Array
+    at_samples: tuple[AtSamples, ...]
+    noise: Float[np.ndarray, " dof"]
+    noise_v: Float[np.ndarray, " dof"]
     spacing: tuple[tuple[float, ...], ...]
 
 
@@ -139,7 +143,7 @@ def _fit(s: Samples, joint: int, spacing: float, sigma: float, sigma_v: float) -
     return _Curve(spline, spacing, max(rms, 1e-9), rate, score)
 
 
-def _core_deviation(left: Array) -> float:
+def _core_deviation(left: Float[np.ndarray, " sample"]) -> float:
     """Standard deviation of the middle 80 %, as of a normal distribution.
 
     Where a motion is faster than the knots, a few residuals are large that are no noise.
@@ -149,14 +153,14 @@ def _core_deviation(left: Array) -> float:
     return float(np.sqrt(np.mean(size**2) / 0.4377))
 
 
-def _derivative(knots: Array, n: int) -> sparse.spmatrix:
+def _derivative(knots: Float[np.ndarray, " knot"], n: int) -> sparse.spmatrix:
     """Coefficients of the derivative spline from those of the spline, (n − 1, n)."""
     gap = knots[DEGREE + 1 : DEGREE + n] - knots[1:n]
     factor = DEGREE / gap
     return sparse.diags([-factor, factor], [0, 1], shape=(n - 1, n)).tocsc()
 
 
-def _constant(t: Array, value: float) -> BSpline:
+def _constant(t: Float[np.ndarray, " sample"], value: float) -> BSpline:
     knots = np.concatenate([np.repeat(t[0], DEGREE + 1), np.repeat(t[-1], DEGREE + 1)])
     return BSpline(knots, np.full(DEGREE + 1, value), DEGREE)
 
@@ -170,8 +174,8 @@ def _assemble(
     scene: Scene,
     samples: tuple[Samples, ...],
     chosen: Sequence[Sequence[_Curve]],
-    noise: Array,
-    noise_v: Array,
+    noise: Float[np.ndarray, " dof"],
+    noise_v: Float[np.ndarray, " dof"],
 ) -> Smoothed:
     """Evaluate the curves on even grids and at the stamps."""
     parts, segments, at_samples, start = [], [], [], 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 from scipy.ndimage import uniform_filter1d
 
 from wt.diagnose.recordings.samples import Samples
@@ -12,8 +13,7 @@ from wt.diagnose.recordings.smooth import Smoothed
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 
-Array = np.ndarray
-Block = tuple[int, int, int]
+SampleRange = tuple[int, int, int]
 """A segment, its first sample, and the one after its last."""
 
 WINDOW_S, FLOATING_S = 0.5, 0.25
@@ -21,11 +21,11 @@ WINDOW_S, FLOATING_S = 0.5, 0.25
 legs: what feet do to each other's forces soon makes two replays of the same walk two walks."""
 _TEST_S, _SHOVE, _FORGOTTEN = 1.5, 0.02, 0.3
 _AROUND, _MISFIT = 9, 2.0
-"""Samples around a start over which the curve may miss the measured positions by so much noise."""
+"""Samples around a start, and how much noise the curve may miss the measured positions by there."""
 
 
 def forgets(smoothed: Smoothed, step: float) -> bool:
-    """Whether the model forgets its initial state, as a position servo does and a pendulum not.
+    """Tell whether the model forgets its initial state: a position servo does, a pendulum not.
 
     Replays from two initial states, ``_SHOVE`` rad apart in every joint, must come to within
     ``_FORGOTTEN`` of that. Nothing brings a floating base back to where it was.
@@ -51,13 +51,13 @@ def cut(smoothed: Smoothed, index: int, rows: slice) -> Stretch:
 
 def stretches_of(
     smoothed: Smoothed, forgets: bool, seconds: float = np.inf, telling: float = 0.0
-) -> list[tuple[Stretch, Array]]:
+) -> list[tuple[Stretch, Float[np.ndarray, "_ dof"]]]:
     """Cut recordings into stretches to replay, with the positions measured in them.
 
     Args:
         smoothed: the recordings.
         forgets: long stretches if so, else windows.
-        seconds: at most so much in all; blocks spread evenly over the recordings.
+        seconds: at most this much in all; blocks spread evenly over the recordings.
         telling: share of them that is not, where windows are chosen from more than that: these are
             where forces differ most from the usual. A stop is hit, and a foot slips, now and then.
     """
@@ -71,16 +71,16 @@ def stretches_of(
         for block in _blocks(s, keep * (1.0 - telling), forgets, window)
     ]
     blocks = sorted(blocks + _telling(smoothed, blocks, round(telling * keep * total / window)))
-    ready, found = [_ready(smoothed, i, forgets) for i in range(len(smoothed.samples))], []
+    ready, pieces = [_ready(smoothed, i, forgets) for i in range(len(smoothed.samples))], []
     for i, first, last in blocks:
         later = ready[i][(ready[i] >= first) & (ready[i] <= (first + last) // 2)]
         rows = slice(int(later[0]) if len(later) else first, last)
-        found.append((cut(smoothed, i, rows), smoothed.samples[i].q[rows]))
-    return found
+        pieces.append((cut(smoothed, i, rows), smoothed.samples[i].q[rows]))
+    return pieces
 
 
-def _telling(smoothed: Smoothed, taken: list[Block], count: int) -> list[Block]:
-    """So many more windows, as long as those taken: where what is not explained is most unusual."""
+def _telling(smoothed: Smoothed, taken: list[SampleRange], count: int) -> list[SampleRange]:
+    """``count`` more windows, as long as those taken: where the unexplained is most unusual."""
     if not count:
         return []
     m, scored = smoothed.motion, []
@@ -98,7 +98,7 @@ def _telling(smoothed: Smoothed, taken: list[Block], count: int) -> list[Block]:
     return [block for _, block in scored[:count]]
 
 
-def _ready(smoothed: Smoothed, index: int, forgets: bool) -> Array:
+def _ready(smoothed: Smoothed, index: int, forgets: bool) -> Int[np.ndarray, " start"]:
     """Samples of a segment that a stretch may begin with."""
     s, (q, _, _) = smoothed.samples[index], smoothed.at_samples[index]
     ready = np.flatnonzero(_known(s.q - q, smoothed.noise))
@@ -106,8 +106,10 @@ def _ready(smoothed: Smoothed, index: int, forgets: bool) -> Array:
     return ready if forgets else ready[ready >= max(smoothed.spacing[index])]
 
 
-def _known(misfit: Array, noise: Array) -> Array:
-    """Where the smooth curve is to be trusted as an initial state, (K,) bool.
+def _known(
+    misfit: Float[np.ndarray, "sample dof"], noise: Float[np.ndarray, " dof"]
+) -> Bool[np.ndarray, " sample"]:
+    """Samples at which the smooth curve is to be trusted as an initial state.
 
     Not where it misses the samples, as in a jolt that is faster than its knots.
     """

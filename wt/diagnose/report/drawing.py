@@ -234,7 +234,7 @@ def _labels(
         places += [(camera.page(anchors[name]), name, "") for name in others]
     places.sort(key=lambda p: float(p[0][1]))
     heights = _apart([float(p[0][1]) for p in places], [2.3 if p[2] else 1.0 for p in places])
-    parts = []
+    parts: list[str] = []
     left = camera.side
     for (place, name, text), height in zip(places, heights, strict=True):
         parts += _label(place.tolist(), left, height, name, text)

@@ -1,7 +1,7 @@
-"""How much log-likelihood hypotheses gain on the force residual, everything else free to adapt.
+"""Log-likelihood that hypotheses gain on the force residual, everything else free to adapt.
 
-Linear least squares throughout: accepted effects are free, what any rig is off by adapts inside
-its box, and a hypothesis' coefficients are solved for together with both.
+Linear least squares throughout: accepted effects are free, the model's tolerances adapt inside
+their box, and a hypothesis' coefficients are solved for together with both.
 """
 
 from __future__ import annotations
@@ -11,22 +11,20 @@ from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from scipy.optimize import lsq_linear
+from jaxtyping import Bool, Float, Int
 
-from wt.diagnose.likelihood.tolerances import Nuisance, boxes
+from wt.diagnose.likelihood.bounded import NormalEquations
+from wt.diagnose.likelihood.tolerances import ModelTolerance, boxes
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Effect, Shape
 from wt.physics.hooks import shaped
 from wt.physics.planted import Planted
 from wt.types import Location
 
-Array = np.ndarray
-
 WINDOW, STRIDE = 13, 5
 """Length and spacing of the weak form's cos² windows, in samples."""
-_ATTEMPTS, _PATIENCE = 200, 3  # at finding which nuisances stand at their bounds
-_SLACK = 1e-9
-_IDLE = 1e-16  # of the largest square of a block's columns
+_IDLE = 1e-16  # of the largest square of a signature's columns
+_RIDGE, _FREE_RIDGE = 1e-7, 1e-10  # of the squares, with a hypothesis and without
 
 
 @runtime_checkable
@@ -34,80 +32,82 @@ class WeakResidual(Protocol):
     """The weak force residual, and the weak forces of tolerances; see ``screen.Screen``.
 
     Attributes:
-        residual: (R, nv) [N·m].
-        floor: standard deviation that measurement noise gives it, (nv,) [N·m].
-        keep: rows that count for each degree of freedom, (R, nv).
-        nuisances: the model's tolerances.
-        nuisance: weak force of one deviation of each, (R, nv, n) [N·m].
+        residual: [N·m].
+        floor: standard deviation that measurement noise gives it [N·m].
+        keep: rows that count for each degree of freedom.
+        tolerances: of the model.
+        tolerance_forces: weak force of one deviation of each [N·m].
     """
 
-    residual: Array
-    floor: Array
-    keep: Array
-    nuisances: tuple[Nuisance, ...]
-    nuisance: Array
+    residual: Float[np.ndarray, "row dof"]
+    floor: Float[np.ndarray, " dof"]
+    keep: Bool[np.ndarray, "row dof"]
+    tolerances: tuple[ModelTolerance, ...]
+    tolerance_forces: Float[np.ndarray, "row dof tolerance"]
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
-    """The signature of a hypothesis with its shape given.
+class Signature:
+    """Weak force of a hypothesis with its shape given.
 
     Attributes:
         effect: what.
         at: where.
         shape: its nonlinear parameters.
-        dofs: degrees of freedom that it acts on, (m,).
-        columns: weak force on these per unit of each coefficient, (R, m, k).
+        dofs: degrees of freedom that it acts on.
+        columns: weak force on these per unit of each coefficient.
     """
 
     effect: Effect
     at: Location
     shape: Shape
-    dofs: Array
-    columns: Array
+    dofs: Int[np.ndarray, " acted"]
+    columns: Float[np.ndarray, "row acted coefficient"]
 
     @property
     def usable(self) -> bool:
-        """Whether there is anything to score."""
+        """Tell whether there is anything to score."""
         return bool(self.columns.size and np.isfinite(self.columns).all() and self.columns.any())
 
     @property
-    def alone(self) -> Block:
+    def alone(self) -> Signature:
         """Only its first column: what has no size stays nothing."""
         first = np.arange(self.columns.shape[2]) == 0
         return replace(self, columns=self.columns * first)
 
     @property
-    def signs(self) -> Array:
-        """Sign that each coefficient must have, 0 for any, (k,)."""
-        found = np.zeros(self.columns.shape[2])
-        given = self.effect.signed[: len(found)]
-        found[: len(given)] = given
-        return found
+    def signs(self) -> Float[np.ndarray, " coefficient"]:
+        """Sign that each coefficient must have, 0 for any."""
+        signs = np.zeros(self.columns.shape[2])
+        given = self.effect.signed[: len(signs)]
+        signs[: len(given)] = given
+        return signs
 
-    def on(self, dofs: Sequence[int]) -> Array:
-        """Weak force on some degrees of freedom, (R, len(dofs), k)."""
-        found = np.zeros((len(self.columns), len(dofs), self.columns.shape[2]))
+    def on(self, dofs: Sequence[int]) -> Float[np.ndarray, "row asked coefficient"]:
+        """Weak force on some degrees of freedom, in their order."""
+        columns = np.zeros((len(self.columns), len(dofs), self.columns.shape[2]))
         both = [(dofs.index(d), m) for m, d in enumerate(self.dofs) if d in dofs]
         for here, there in both:
-            found[:, here] = self.columns[:, there]
-        return found
+            columns[:, here] = self.columns[:, there]
+        return columns
 
-    def planted(self, coefficients: Array) -> Planted:
+    def planted(self, coefficients: Float[np.ndarray, " coefficient"]) -> Planted:
         """The effect with the parameters that belong to coefficients."""
         effect = shaped(self.effect, self.shape)
         theta = np.nan_to_num(effect.theta(coefficients, self.shape))
         return Planted(effect, self.at, np.clip(theta, *effect.bounds()))
 
 
-class Base:
-    """What adapts freely beside a hypothesis: accepted effects, and nuisances in their box."""
+class FreeFit:
+    """Fit of all that adapts beside a hypothesis: accepted effects, and tolerances in their box."""
 
-    def __init__(self, screen: WeakResidual, accepted: Sequence[Array]) -> None:
-        """Fit what adapts, given the signatures of the accepted effects, (R, nv, k) each."""
+    def __init__(
+        self, screen: WeakResidual, accepted: Sequence[Float[np.ndarray, "row dof _"]]
+    ) -> None:
+        """Fit what adapts, given the signatures of the accepted effects."""
         self.screen = screen
         self.keep = screen.keep
-        columns = np.concatenate([*accepted, screen.nuisance], axis=2)
+        columns = np.concatenate([*accepted, screen.tolerance_forces], axis=2)
         bound = boxed(columns, screen)
         self.mse = np.maximum(np.mean(screen.residual**2, axis=0), screen.floor**2)
         for _ in range(3):
@@ -124,36 +124,36 @@ class Base:
         self.gram = np.tensordot(1.0 / self.mse, self.grams, 1)
         self.right = self.cross.T @ (1.0 / self.mse)
 
-    def _room(self, blocks: Sequence[Planted]) -> Array:
-        """How far what adapts may move either way, (2, n): to nothing, where a block settles it."""
-        size, room = boxes(self.screen.nuisances, blocks), self.room.copy()
+    def _room(self, hypothesis: Sequence[Planted]) -> Float[np.ndarray, "2 adapting"]:
+        """Room for what adapts to move either way: to nothing, where the hypothesis settles it."""
+        size, room = boxes(self.screen.tolerances, hypothesis), self.room.copy()
         settled = np.flatnonzero(size == 0.0) + room.shape[1] - len(size)
         room[:, settled] = self.room[:, settled].mean(axis=0)
         return room
 
-    def _mse(self, squares: Array) -> Array:
+    def _mse(self, squares: Float[np.ndarray, " dof"]) -> Float[np.ndarray, " dof"]:
         count = np.maximum(self.keep.sum(axis=0), 1)
         return np.maximum(squares / count, self.screen.floor**2)
 
-    def _nats(self, squares: Array) -> Array:
-        """Nats that a row of each joint costs, (nv,); errors within the noise count too."""
+    def _nats(self, squares: Float[np.ndarray, " dof"]) -> Float[np.ndarray, " dof"]:
+        """Nats that a row of each joint costs; errors within the noise count too."""
         mse, mean = self._mse(squares), squares / np.maximum(self.keep.sum(axis=0), 1)
         return np.asarray(0.5 * (np.log(mse) + mean / mse))
 
-    def fit(self, *blocks: Block) -> tuple[float, tuple[Planted, ...]]:
-        """Blocks together, everything else free to adapt.
+    def fit(self, *signatures: Signature) -> tuple[float, tuple[Planted, ...]]:
+        """Fit hypotheses together, everything else free to adapt.
 
         Returns:
             (log-likelihood gained, less half a log of the sample count per parameter; the effects
             with the parameters found).
         """
-        if not all(b.usable for b in blocks):
-            return -np.inf, tuple(b.planted(np.zeros(b.columns.shape[2])) for b in blocks)
-        coefficients, squares = self._solve(blocks)
+        if not all(s.usable for s in signatures):
+            return -np.inf, tuple(s.planted(np.zeros(s.columns.shape[2])) for s in signatures)
+        coefficients, squares = self._solve(signatures)
         planted, price, start = [], 0, 0
-        for block in blocks:
-            end = start + block.columns.shape[2]
-            planted.append(block.planted(coefficients[start:end]))
+        for signature in signatures:
+            end = start + signature.columns.shape[2]
+            planted.append(signature.planted(coefficients[start:end]))
             price += planted[-1].effect.n_free
             start = end
         # neighbouring windows overlap: only every WINDOW / STRIDE-th row is new
@@ -162,11 +162,13 @@ class Base:
         gained -= 0.5 * price * float(np.log(max(count.sum(), 2.0)))
         return gained, tuple(planted)
 
-    def _solve(self, blocks: Sequence[Block]) -> tuple[Array, Array]:
-        """(coefficients of the blocks, with the signs they must have; squares left per joint)."""
-        dofs = sorted({int(d) for b in blocks for d in b.dofs})
-        columns = np.concatenate([b.on(dofs) for b in blocks], axis=2)
-        signs = np.concatenate([b.signs for b in blocks])
+    def _solve(
+        self, signatures: Sequence[Signature]
+    ) -> tuple[Float[np.ndarray, " coefficient"], Float[np.ndarray, " dof"]]:
+        """Coefficients of all signatures, with the signs they must have; squares left per joint."""
+        dofs = sorted({int(d) for s in signatures for d in s.dofs})
+        columns = np.concatenate([s.on(dofs) for s in signatures], axis=2)
+        signs = np.concatenate([s.signs for s in signatures])
         k = columns.shape[2]
         kept = columns * self.keep[:, dofs, None]
         own = [kept[:, m].T @ columns[:, m] for m in range(len(dofs))]
@@ -175,14 +177,15 @@ class Base:
         weight = 1.0 / self.mse[dofs]
         mixed = np.tensordot(weight, cross, 1)
         gram = np.block([[np.tensordot(weight, own, 1), mixed.T], [mixed, self.gram]])
-        room = self._room([Planted(b.effect, b.at, np.zeros(0)) for b in blocks])
+        room = self._room([Planted(s.effect, s.at, np.zeros(0)) for s in signatures])
         low = np.concatenate([np.where(signs > 0, 0.0, -np.inf), room[0]])
         high = np.concatenate([np.where(signs < 0, 0.0, np.inf), room[1]])
         # a push along an axis, say, that moves no joint: its size is anybody's guess
         size = np.diag(gram)[:k]
         idle = np.flatnonzero(size < _IDLE * size.max())
         low[idle], high[idle] = 0.0, 0.0
-        step = _clamped(gram, np.concatenate([weight @ right, self.right]), low, high)
+        both = np.concatenate([weight @ right, self.right])
+        step = NormalEquations(gram, both, _RIDGE).pivoted(low, high)
         x, rest = step[:k], step[k:]
         squares = self.squares - 2.0 * self.cross @ rest + self.grams @ rest @ rest
         for m, d in enumerate(dofs):
@@ -190,61 +193,30 @@ class Base:
         return x, np.maximum(squares, 0.0)
 
 
-def _clamped(gram: Array, right: Array, low: Array, high: Array) -> Array:
-    """Least squares inside a box, by block principal pivoting (Portugal, Júdice, Vicente, 1994).
-
-    What would leave the box is held at its bound, what pulls inwards is let go again: all at a
-    time while that makes fewer of them, else one at a time; scipy's way if that goes in circles.
-    """
-    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    gram = gram / scale / scale[:, None] + 1e-7 * np.eye(len(gram))
-    right, low, high = right / scale, low * scale, high * scale
-    x, free = np.zeros(len(gram)), np.ones(len(gram), bool)
-    fewest, patience = len(gram) + 1, _PATIENCE
-    for _ in range(_ATTEMPTS):
-        held = gram[np.ix_(free, ~free)] @ x[~free]
-        x[free] = np.linalg.solve(gram[np.ix_(free, free)], right[free] - held)
-        pull = right - gram @ x
-        outside = free & ((x < low) | (x > high))
-        inwards = ~free & np.where(x <= low, pull > _SLACK, pull < -_SLACK)
-        wrong = np.flatnonzero(outside | inwards)
-        if not len(wrong):
-            return np.asarray(x / scale)
-        if len(wrong) < fewest:
-            fewest, patience = len(wrong), _PATIENCE
-        elif patience:
-            patience -= 1
-        else:
-            wrong = wrong[-1:]
-        free[wrong] = ~free[wrong]
-        x[~free] = np.clip(x[~free], low[~free], high[~free])
-    factor = np.linalg.cholesky(gram)
-    target, ends = np.linalg.solve(factor, right), (low - 1e-12, high + 1e-12)
-    return np.asarray(lsq_linear(factor.T, target, ends, method="bvls").x / scale)
-
-
-def boxed(columns: Array, screen: WeakResidual) -> Array:
-    """Bounds of columns of which the last are the nuisances: their box, and none for the rest."""
+def boxed(
+    columns: Float[np.ndarray, "row dof adapting"], screen: WeakResidual
+) -> Float[np.ndarray, " adapting"]:
+    """Bounds of columns of which the last are the tolerances: their box, and none for the rest."""
     bound = np.full(columns.shape[2], np.inf)
-    bound[columns.shape[2] - screen.nuisance.shape[2] :] = THRESHOLDS.tolerance_box
+    bound[columns.shape[2] - screen.tolerance_forces.shape[2] :] = THRESHOLDS.tolerance_box
     return bound
 
 
-def bounded(columns: Array, target: Array, weight: Array, bound: Array) -> Array:
-    """Weighted least squares inside ±bound, by way of the Gram matrix' root.
+def bounded(
+    columns: Float[np.ndarray, "row dof adapting"],
+    target: Float[np.ndarray, "row dof"],
+    weight: Float[np.ndarray, "row dof"],
+    bound: Float[np.ndarray, " adapting"],
+) -> Float[np.ndarray, " adapting"]:
+    """Weighted least squares inside ±bound.
 
     Args:
-        columns: (R, nv, n).
-        target: (R, nv).
-        weight: (R, nv).
-        bound: largest coefficients, (n,).
+        columns: change of the target per unit of each coefficient.
+        target: to be met.
+        weight: of each square.
+        bound: largest coefficients.
     """
     root = np.sqrt(weight).reshape(-1, 1)
     flat = columns.reshape(-1, columns.shape[2]) * root
-    gram = flat.T @ flat
-    scale = np.sqrt(np.diag(gram)) + 1e-300
-    right = flat.T @ (target.reshape(-1) * root[:, 0]) / scale
-    gram = gram / scale / scale[:, None] + 1e-10 * np.eye(len(gram))
-    factor = np.linalg.cholesky(gram)
-    found = lsq_linear(factor.T, np.linalg.solve(factor, right), (-bound * scale, bound * scale))
-    return np.asarray(found.x / scale)
+    right = flat.T @ (target.reshape(-1) * root[:, 0])
+    return NormalEquations(flat.T @ flat, right, _FREE_RIDGE).reflected(-bound, bound)

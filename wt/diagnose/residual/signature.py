@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from jaxtyping import Float
 from scipy.optimize import least_squares
 
 from wt.physics.effect import Shape
 from wt.physics.hooks import n_fitted
 from wt.physics.motion import Motion
 from wt.physics.planted import Planted
-
-Array = np.ndarray
 
 _EXACT = 1e-3  # relative misfit of parameters at which a shape counts as theirs
 
@@ -21,7 +20,7 @@ def elsewhere(motion: Motion, hypothesis: Sequence[Planted]) -> tuple[Planted, .
     """A hypothesis as it shows in other recordings: what happens at times happens at theirs.
 
     Those times are read off what the other effects leave of the residual, as large as they are:
-    fitted to it once more, what any rig is off by would take events for its own.
+    fitted to it once more, the model's tolerances would take events for their own.
     """
     if not any(p.observed() for p in hypothesis):
         return tuple(hypothesis)
@@ -32,45 +31,49 @@ def elsewhere(motion: Motion, hypothesis: Sequence[Planted]) -> tuple[Planted, .
     return tuple(p.elsewhere(rest) if p.observed() else p for p in hypothesis)
 
 
-def force(motion: Motion, planted: Planted) -> Array | None:
-    """An effect's generalised force, (T, nv) [N·m]; None if it has no signature in forces."""
-    found = _shaped(motion, planted)
-    if found is None:
+def force(motion: Motion, planted: Planted) -> Float[np.ndarray, "sample dof"] | None:
+    """An effect's generalised force [N·m]; None if it has no signature in forces."""
+    shaped = _shaped(motion, planted)
+    if shaped is None:
         return None
-    columns, shape = found
+    columns, shape = shaped
     effect = planted.effect
     scale = np.abs(planted.theta) + effect.steps()
 
-    def miss(coefficients: Array) -> Array:
+    def miss(coefficients: Float[np.ndarray, " coefficient"]) -> Float[np.ndarray, " parameter"]:
         off = (effect.theta(coefficients, shape) - planted.theta) / scale
         return np.nan_to_num(off, nan=1e3, posinf=1e3, neginf=-1e3)
 
     return np.asarray(columns @ least_squares(miss, np.ones(columns.shape[2])).x)
 
 
-def reduced(motion: Motion, some: Sequence[Planted]) -> Motion:
+def reduced(motion: Motion, hypothesis: Sequence[Planted]) -> Motion:
     """A motion without what some effects, fitted by least squares, explain of its residual."""
-    found = [s for s in (signature(motion, p) for p in some) if s is not None]
-    if not found:
+    signatures = [s for s in (signature(motion, p) for p in hypothesis) if s is not None]
+    if not signatures:
         return motion
     scale = np.std(motion.residual, axis=0) + 1e-12
-    columns = np.concatenate(found, axis=2)
+    columns = np.concatenate(signatures, axis=2)
     design = (columns / scale[:, None]).reshape(motion.residual.size, -1)
     size = np.linalg.norm(design, axis=0) + 1e-12
     x, *_ = np.linalg.lstsq(design / size, (motion.residual / scale).reshape(-1), rcond=1e-8)
     return motion.without(columns @ (x / size))
 
 
-def signature(motion: Motion, planted: Planted) -> Array | None:
-    """An effect's generalised force per coefficient, (T, nv, k), for the shape of its parameters.
+def signature(
+    motion: Motion, planted: Planted
+) -> Float[np.ndarray, "sample dof coefficient"] | None:
+    """An effect's generalised force per coefficient, for the shape of its parameters.
 
     None if it has no signature in forces.
     """
-    found = _shaped(motion, planted)
-    return None if found is None else found[0]
+    shaped = _shaped(motion, planted)
+    return None if shaped is None else shaped[0]
 
 
-def _shaped(motion: Motion, planted: Planted) -> tuple[Array, Shape] | None:
+def _shaped(
+    motion: Motion, planted: Planted
+) -> tuple[Float[np.ndarray, "sample dof coefficient"], Shape] | None:
     """The columns of :func:`signature`, and the shape they are of."""
     effect, at = planted.effect, planted.at
     shapes = effect.shapes(motion, at)
@@ -94,18 +97,21 @@ def _shape(planted: Planted, shapes: Sequence[Shape], k: int) -> Shape:
     best: tuple[float, Shape] = (np.inf, shapes[0])
     for shape in shapes:
 
-        def whole(z: Array, shape: Shape = shape) -> Shape:
+        def completed(z: Float[np.ndarray, " unknown"], shape: Shape = shape) -> Shape:
             return (*(float(s) for s in z[free:]), *shape[fitted:])
 
-        def miss(z: Array, whole: Callable[[Array], Shape] = whole) -> Array:
-            made = effect.theta(np.concatenate([z[:free], ones]), whole(z))
+        def miss(
+            z: Float[np.ndarray, " unknown"],
+            completed: Callable[[Float[np.ndarray, " unknown"]], Shape] = completed,
+        ) -> Float[np.ndarray, " parameter"]:
+            made = effect.theta(np.concatenate([z[:free], ones]), completed(z))
             return np.nan_to_num((made - theta) / scale, nan=1e3, posinf=1e3, neginf=-1e3)
 
         start = np.concatenate([np.full(free, float(np.median(np.abs(theta)))), shape[:fitted]])
-        found = least_squares(miss, start, x_scale=np.abs(start) + 1e-3, max_nfev=40)
-        cost = float(np.sqrt(2.0 * found.cost))
+        fit = least_squares(miss, start, x_scale=np.abs(start) + 1e-3, max_nfev=40)
+        cost = float(np.sqrt(2.0 * fit.cost))
         if cost < best[0]:
-            best = (cost, whole(found.x))
+            best = (cost, completed(fit.x))
         if cost < _EXACT:
             break
     return best[1]

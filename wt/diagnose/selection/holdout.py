@@ -391,9 +391,9 @@ def left_in_turn(objective: Objective, hypothesis: Hypothesis, index: int) -> Ga
     for part in _parts(objective):
         fits = refine(objective.only(~part), pair, free, iterations=2)
         # what the rig is off by is said by the other data too
-        again = objective.evaluate([f.hypothesis for f in fits], [f.nuisance for f in fits])
+        again = objective.evaluate([f.hypothesis for f in fits], [f.tolerances for f in fits])
         for error, whole, fit in zip(errors, again, fits, strict=True):
-            error[part] = objective.adapted(whole.error, fit.nuisance)[part]
+            error[part] = objective.adapted(whole.error, fit.tolerances)[part]
     errors = np.where(objective.channels.valid, np.nan_to_num(errors, nan=RAN_AWAY), np.nan)
     full, less = scaled(errors, objective.noise)
     return gain_of(less, full, blocks_of(objective.recording, objective.t))

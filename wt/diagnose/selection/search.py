@@ -77,7 +77,7 @@ def _fitted(objective: Objective, hypothesis: Hypothesis) -> Assessed:
     """All effects of a hypothesis refined together, with the objective linear around them."""
     now = objective.reference(hypothesis)
     (now,) = refine(objective, [now.hypothesis], [range(len(hypothesis))], iterations=3)
-    return objective.reference(now.hypothesis, now.nuisance)
+    return objective.reference(now.hypothesis, now.tolerances)
 
 
 def _reconsidered(
@@ -123,7 +123,7 @@ def _reconsidered(
             if replaced:
                 accepted, now = [*rest, *others], other
                 continue
-        now = objective.reference(now.hypothesis, now.nuisance)
+        now = objective.reference(now.hypothesis, now.tolerances)
     return accepted, now
 
 
@@ -142,7 +142,7 @@ def _prune(
         planted, loss = accepted[weakest].planted, losses[weakest]
         log.add(planted, "pruned", False, loss, THRESHOLDS.min_nats, reason)
         accepted = [a for i, a in enumerate(accepted) if i != weakest]
-        now = objective.reference(fits[weakest].hypothesis, fits[weakest].nuisance)
+        now = objective.reference(fits[weakest].hypothesis, fits[weakest].tolerances)
     return accepted, now
 
 

@@ -213,7 +213,7 @@ def _learn(data: ForceData, assessed: Assessed, holdout: Holdout, step: float) -
     for _ in range(_ROUNDS):
         law = solve(data, used, _BEYOND * plain)
         planted = Planted(UnknownForce(law, statement(data, law)), at, np.ones(1))
-        # the accepted effects and nuisances had to bear what now has a law of its own
+        # the accepted effects and tolerances had to bear what now has a law of its own
         hypothesis = (*assessed.hypothesis, planted)
         data.force = leftover(data.screen, hypothesis).without(-1)[data.rows, data.dof]
     share, chance = _gain(holdout, hypothesis, data.dof, step)
@@ -232,7 +232,7 @@ def _learn(data: ForceData, assessed: Assessed, holdout: Holdout, step: float) -
 
 
 def _formula(data: ForceData, fit: LawFit, assessed: Assessed) -> LawFit:
-    """The formula of the force with the nuisances' share put back, unless that fits much worse.
+    """The formula of the force with the tolerances' share put back, unless that fits much worse.
 
     The model tolerances can hide a part of the force, and a remnant has no simple formula.
     """

@@ -12,9 +12,11 @@ from jaxtyping import Float
 from wt.diagnose.residual.scoring import STRIDE, WINDOW
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.fit import ForceData, LawFit, crossval
-from wt.diagnose.unknown.law import Atom, Term
+from wt.diagnose.unknown.law import Atom, AtomKind, Term
 
 _FAVOUR = 0.9  # a kink must be clearly better than a bump: it changes sign beyond what was seen
+_WAVES: tuple[AtomKind, ...] = ("sin", "cos")
+_LOCAL: tuple[AtomKind, ...] = ("bump", "kink")
 
 
 def sparse(data: ForceData, names: Sequence[str], most: int = 4) -> LawFit:
@@ -82,11 +84,11 @@ def _atoms(data: ForceData, index: int, name: str) -> list[Atom]:
     if name.startswith("qvel/"):
         return [*atoms, Atom(index, "sign", 0.0, data.ease), Atom(index, "square")]
     if name.startswith("qpos/"):
-        waves = itertools.product((1, 2, 3, 4, 6), ("sin", "cos"))
+        waves = itertools.product((1, 2, 3, 4, 6), _WAVES)
         atoms += [Atom(index, kind, 0.0, float(n)) for n, kind in waves]
     centres = data.centres(name)
     gap = float(centres[1] - centres[0])
-    shapes = itertools.product(("bump", "kink"), centres, (0.8, 1.6, 3.2))
+    shapes = itertools.product(_LOCAL, centres, (0.8, 1.6, 3.2))
     return [*atoms, *(Atom(index, kind, float(c), w * gap) for kind, c, w in shapes)]
 
 

@@ -1,4 +1,4 @@
-"""Least squares in which what any rig is off by stays inside its box."""
+"""Least squares in which the model's tolerances stay inside their box."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from wt.diagnose.residual.scoring import _clamped
+from wt.diagnose.likelihood.bounded import NormalEquations
+
+RIDGE = 1e-7
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -15,12 +17,12 @@ def test_bounded_least_squares_is_the_best_there_is(seed: int) -> None:
     n = 24
     mixed = np.eye(n) + rng.normal(size=(n, n)) * rng.uniform(0.0, 2.0)
     design = rng.normal(size=(90, n)) @ mixed
-    # a hypothesis that looks like a nuisance, as a wrong mass does
+    # a hypothesis that looks like a tolerance, as a wrong mass does
     design[:, 0] = 3.0 * design[:, 7] + 1e-3 * rng.normal(size=90)
     target = 3.0 * design @ rng.normal(size=n) + rng.normal(size=90)
     high = rng.uniform(0.1, 3.0, n)
     high[:3] = np.inf
-    found = _clamped(design.T @ design, design.T @ target, -high, high)
+    found = NormalEquations(design.T @ design, design.T @ target, RIDGE).pivoted(-high, high)
     best = lsq_linear(design, target, (-high, high), method="bvls").x
 
     def error(x: np.ndarray) -> float:
@@ -30,10 +32,12 @@ def test_bounded_least_squares_is_the_best_there_is(seed: int) -> None:
     assert error(found) <= 1.001 * error(best) + 1e-6
 
 
-def test_a_nuisance_explains_no_more_than_its_box() -> None:
-    design = np.ones((10, 2))  # hypothesis and nuisance alike
+def test_a_tolerance_explains_no_more_than_its_box() -> None:
+    design = np.ones((10, 2))  # hypothesis and tolerance alike
     target = np.full(10, 5.0)
     low, high = np.array([-np.inf, -1.0]), np.array([np.inf, 1.0])
-    hypothesis, nuisance = _clamped(design.T @ design, design.T @ target, low, high)
-    assert abs(nuisance) <= 1.0
-    assert hypothesis + nuisance == pytest.approx(5.0, rel=1e-5)
+    hypothesis, tolerance = NormalEquations(design.T @ design, design.T @ target, RIDGE).pivoted(
+        low, high
+    )
+    assert abs(tolerance) <= 1.0
+    assert hypothesis + tolerance == pytest.approx(5.0, rel=1e-5)
