@@ -40,10 +40,13 @@ from wt.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from wt.diagnose import diagnose as diagnose
+    from wt.mjcf.simulator import Simulator as Simulator
 
 
 def __getattr__(name: str) -> object:
-    """``wt.diagnose`` without an import of its own, loaded when it is first used (PEP 562)."""
+    """``wt.diagnose`` and ``wt.Simulator``, loaded when they are first used (PEP 562)."""
     if name == "diagnose":
         return importlib.import_module("wt.diagnose")
+    if name == "Simulator":
+        return importlib.import_module("wt.mjcf.simulator").Simulator
     raise AttributeError(f"module 'wt' has no attribute {name!r}")

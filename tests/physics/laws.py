@@ -102,12 +102,12 @@ def filtered() -> Hook:
     return hook
 
 
-def late() -> Hook:
-    memory: list[float] = []
+def late(drives: slice = slice(1, 2)) -> Hook:
+    memory: list[Array] = []
 
     def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        memory.append(float(data.ctrl[1]))
-        data.ctrl[1] = memory[max(0, len(memory) - 1 - 24)]
+        memory.append(data.ctrl[drives].copy())
+        data.ctrl[drives] = memory[max(0, len(memory) - 1 - 24)]
 
     return hook
 

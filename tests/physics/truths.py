@@ -179,6 +179,15 @@ TRUTHS = [
         replays=0.05,
     ),
     Truth(
+        "actuator.delay",
+        _at("actuator", "all"),
+        (0.012,),
+        hook=lambda: late(slice(None)),
+        shape=(0.012,),
+        fits=0.04,
+        replays=0.05,
+    ),
+    Truth(
         "actuator.lag",
         _at("actuator", "m1"),
         (0.02,),

@@ -103,9 +103,10 @@ def command(
     """Locate, name, model and prove what the simulator leaves out.
 
     Says where the recordings and the model's replay part, which physics is missing, and how much
-    better the patched model predicts data that nothing was fitted to. Writes report.html,
-    model.xml (the patched MJCF), diagnosis.json, diagnosis.rrd, and residual.onnx if a learned
-    remainder was needed. Finding nothing is an answer too: exit code 0.
+    better the written files predict data that nothing was fitted to. Writes report.html,
+    model.xml (the patched MJCF), diagnosis.json, diagnosis.rrd, holdout.npz (see wt verify), and
+    where they are needed physics.py, for what MJCF cannot say, and residual.onnx, a learned
+    remainder. Finding nothing is an answer too: exit code 0.
 
     Example:
         wt diagnose robot.xml walk1.parquet walk2.parquet --holdout walk3.parquet --out diagnosis
@@ -199,6 +200,7 @@ def _track(found: Diagnosis, out: Path, seed: int, console: Console) -> None:
             "holdout/after_rmse": h.after,
             "holdout/noise_floor_rmse": h.noise_floor,
             "holdout/ratio": h.ratio,
+            "holdout/ratio_model_only": (found.proof.model_only or h).ratio,
             "findings": len(found.findings),
             "seconds": found.seconds,
         }

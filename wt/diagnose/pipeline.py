@@ -18,7 +18,9 @@ from wt.diagnose.recordings.grid import coarse_steps, located
 from wt.diagnose.recordings.prepare import Prepared, Source, prepare
 from wt.diagnose.recordings.smooth import Smoothed, smooth
 from wt.diagnose.recordings.stretches import forgets, stretches_of
+from wt.diagnose.report.handed_over import hand_over
 from wt.diagnose.report.traces import traces
+from wt.diagnose.report.verify import replayed_files
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.result import Diagnosis
 from wt.diagnose.selection.decisions import DecisionLog
@@ -27,7 +29,6 @@ from wt.diagnose.selection.locate import locate
 from wt.diagnose.selection.naming import Claims, Naming
 from wt.diagnose.selection.search import Report, search
 from wt.diagnose.selection.verdict import findings, suggestions, unforeseen, verdict
-from wt.mjcf.edit import patched_xml
 from wt.mjcf.standalone import standalone
 from wt.physics.planted import Key
 from wt.physics.scene import Scene
@@ -141,6 +142,15 @@ def _diagnosis(
     nameless = unforeseen(claims.estimated.assessed, naming.objective, where)
     all_findings = (*findings(claims), *nameless, *quantized)
     further = measured(prepared, naming.screen, holdout, claims.complete, naming.step)
+    files = hand_over(
+        holdout,
+        claims.complete,
+        (claims.patch, claims.comments),
+        prepared.names,
+        STEP_S if refined else None,
+    )
+    given_xml = standalone(scene.path)
+    replays = replayed_files(files.contents, given_xml)
     return Diagnosis(
         model_path=str(scene.path),
         model_sha256=hashlib.sha256(scene.path.read_bytes()).hexdigest(),
@@ -158,16 +168,23 @@ def _diagnosis(
             *located(quantized, alone=not claims.hypothesis),
         ),
         findings=all_findings,
-        proof=prove(holdout, claims.complete, naming.step, prepared.split, naming.seed),
-        given_xml=standalone(scene.path),
-        patched_xml=patched_xml(
-            scene, claims.patch, claims.comments, timestep=STEP_S if refined else None
+        proof=prove(
+            holdout,
+            claims.complete,
+            naming.step,
+            prepared.split,
+            naming.seed,
+            (replays.before, replays.physics, replays.model),
         ),
+        given_xml=given_xml,
+        patched_xml=files.model_xml,
         traces=traces(prepared, (fitted, holdout.smoothed), claims.complete, naming.step),
         suggestions=suggestions(all_findings),
         measured=further,
         notes=(*_notes(scene, holdout.forgets, refined, claims), *further.notes),
-        residual_onnx=claims.unknown[0].onnx if claims.unknown else None,
+        residual_onnx=files.residual_onnx,
+        physics_py=files.physics_py,
+        holdout_npz=files.holdout_npz,
     )
 
 

@@ -44,6 +44,7 @@ class Proof:
         one_step: RMSE one sample ahead, before and after.
         left_over: tests on the patched model's residual, one sentence each; empty if clean.
         split: choice of the held-out data, in words.
+        model_only: as ``holdout``, of ``model.xml`` alone; None if that is all there is.
     """
 
     holdout: Error
@@ -52,6 +53,7 @@ class Proof:
     one_step: tuple[float, float]
     left_over: tuple[str, ...] = ()
     split: str = ""
+    model_only: Error | None = None
 
 
 Stage = Literal[
@@ -279,6 +281,8 @@ class Diagnosis:
         suggestions: experiments to record next, in words.
         notes: warnings and remarks, e.g. a refined time step.
         residual_onnx: learned remainder as ONNX bytes, if one was needed.
+        physics_py: all of the findings that MJCF cannot say, as Python; None if it says it all.
+        holdout_npz: starts of the held-out replays; see ``report/verify.py``.
         seconds: time that it took [s].
         unit: of positions.
     """
@@ -300,12 +304,15 @@ class Diagnosis:
     suggestions: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     residual_onnx: bytes | None = None
+    physics_py: str | None = None
+    holdout_npz: bytes | None = None
     seconds: float = 0.0
     unit: str = "rad"
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``diagnosis.json``."""
         h = self.proof.holdout
+        alone = self.proof.model_only or h
         return {
             "schema": 1,
             "model": {"path": self.model_path, "sha256": self.model_sha256},
@@ -321,6 +328,7 @@ class Diagnosis:
                     "ratio": h.ratio,
                     "ratio_ci95": list(h.ratio_ci95),
                     "unit": self.unit,
+                    "model_only": {"after_rmse": alone.after, "ratio": alone.ratio},
                 }
             },
             "decisions": [d.to_json() for d in self.decisions],
@@ -328,7 +336,9 @@ class Diagnosis:
                 "model": "model.xml",
                 "report": "report.html",
                 "rerun": "diagnosis.rrd",
+                "physics": "physics.py" if self.physics_py else None,
                 "residual": "residual.onnx" if self.residual_onnx else None,
+                "holdout": "holdout.npz" if self.holdout_npz else None,
             },
         }
 

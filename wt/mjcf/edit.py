@@ -28,6 +28,7 @@ from wt.mjcf.compare import (
     keys,
 )
 from wt.mjcf.compare import Path as Place
+from wt.mjcf.keyframes import balance
 from wt.mjcf.standalone import compiles_to, standalone
 from wt.mjcf.text import Document, Element, remark
 from wt.physics.planted import Hypothesis
@@ -38,6 +39,8 @@ _ALTERNATIVES = (
     {"diaginertia", "fullinertia"},
 )
 _LONG = re.compile(r"-?\d*\.\d{9,}(e-?\d+)?")
+_KEYFRAMES = (("keyframe", "#0"),)
+_BALANCED = "with the joints and filters that were added, in balance"
 _REWRITTEN = "the file could not be changed in place, so this is MuJoCo's own writing of the model"
 
 
@@ -127,11 +130,17 @@ def _patch(
         planted.effect.patch(spec, planted.at, planted.theta)
         now = as_written(spec)
         places = _places(last, now)
+        where = "see diagnosis.json" if planted.effect.native else "physics.py has it"
         if not places:
-            unwritten.append(f"{statement} (MuJoCo has no element for it; see diagnosis.json.)")
+            unwritten.append(f"{statement} (MuJoCo has no element for it; {where}.)")
         elif not planted.effect.native:
-            statement = f"{statement} (The nearest that MuJoCo has; see diagnosis.json.)"
-        reasons += [(place, statement) for place in places]
+            statement = f"{statement} (The nearest that MuJoCo has; {where}.)"
+        # what MuJoCo makes of keyframes is undone below
+        reasons += [(place, statement) for place in places if place[:1] != _KEYFRAMES]
+        last = now
+    if balance(spec, scene, hypothesis):
+        now = as_written(spec)
+        reasons += [(place, _BALANCED) for place in _places(last, now)]
         last = now
     return _Patched(spec, before, last, tuple(reasons), tuple(unwritten))
 

@@ -51,6 +51,7 @@ from jaxtyping import Float
 
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
+from wt.physics.script import Script
 from wt.types import Kind, Location
 
 Shape = tuple[float, ...]  # the nonlinear parameters that a signature needs to be linear
@@ -168,6 +169,10 @@ class Effect(abc.ABC):
         self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> None:
         """Write the effect into an MJCF, in place; names of the user's elements stay."""
+
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script | None:
+        """Lines of ``physics.py`` for what the patch cannot say; None if it says it all."""
+        return None
 
     def plausible(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]

@@ -59,6 +59,10 @@ class FromRecordings(Effect):
         """The effect as it shows in other recordings; events have times of their own there."""
         return self
 
+    def beside(self, elsewhere: Effect) -> Effect:
+        """The effect with what other recordings show of it, too; events have all their times."""
+        return self
+
     def observed(self) -> Mapping[str, tuple[str, tuple[float, ...]]]:
         """Figures that were read off, by name: (unit, values)."""
         return {}
@@ -155,6 +159,25 @@ class Stateful(Effect):
     def followers(self, at: Location) -> Mapping[str, str]:
         """Joints that the patch adds → the user's joint from whose state each one starts."""
         return {}
+
+    def balanced(
+        self,
+        at: Location,
+        theta: Float[np.ndarray, " parameter"],
+        scene: Scene,
+        joints: Mapping[str, tuple[float, float]],
+        command: Float[np.ndarray, " actuator"],
+    ) -> Mapping[str, tuple[float, float]]:
+        """Positions and velocities of the added joints beside those of a machine at rest.
+
+        Args:
+            at: where it stands.
+            theta: its parameters.
+            scene: the machine as given.
+            joints: position and velocity of the machine's hinges and slides.
+            command: of its actuators.
+        """
+        return {name: joints[leader] for name, leader in self.followers(at).items()}
 
     @abc.abstractmethod
     def started(

@@ -107,6 +107,27 @@ class Replayer:
         return spec.compile()
 
 
+def initial_states(
+    scene: Scene, hypothesis: Sequence[Planted], stretch: Stretch
+) -> dict[str, tuple[float, float]]:
+    """Positions and velocities that a replay starts from, by joint, those that are added last."""
+    start = Outputs(stretch.recording, stretch.t[:1], stretch.q0[None], stretch.v0[None])
+    sensed = Outputs(start.recording, start.t, start.q.copy(), start.v.copy())
+    for p in hypothesis:
+        p.sense(sensed, scene)
+    # what was measured is what the sensors made of it: undo an offset or a scale
+    q, v = 2.0 * start.q[0] - sensed.q[0], 2.0 * start.v[0] - sensed.v[0]
+    dofs = [(name, scene.dof(name)) for name in scene.joints]
+    known = {name: (float(q[dof]), float(v[dof])) for name, dof in dofs}
+    begun = replace(stretch, q0=q, v0=v)
+    for p in hypothesis:
+        known |= {name: known[leader] for name, leader in p.followers().items()}
+        for name, hidden in p.started(begun).items():
+            dq, dv = stretch.shifts.get(name, (0.0, 0.0))
+            known[name] = (hidden.position + dq, hidden.velocity + dv)
+    return known
+
+
 class _Job:
     """One stretch on one hypothesis."""
 
@@ -135,24 +156,7 @@ class _Job:
 
     def initial(self) -> tuple[Float[np.ndarray, " joint"], Float[np.ndarray, " joint"]]:
         """Positions and velocities to start from, in the order of the patched model's joints."""
-        start = Outputs(
-            self.stretch.recording, self.stretch.t[:1], self.stretch.q0[None], self.stretch.v0[None]
-        )
-        sensed = Outputs(start.recording, start.t, start.q.copy(), start.v.copy())
-        for p in self.hypothesis:
-            p.sense(sensed, self.scene)
-        # what was measured is what the sensors made of it: undo an offset or a scale
-        q, v = 2.0 * start.q[0] - sensed.q[0], 2.0 * start.v[0] - sensed.v[0]
-        known = {
-            name: (q[dof], v[dof])
-            for name, dof in ((name, self.scene.dof(name)) for name in self.scene.joints)
-        }
-        begun = replace(self.stretch, q0=q, v0=v)
-        for p in self.hypothesis:
-            known |= {name: known[leader] for name, leader in p.followers().items()}
-            for name, hidden in p.started(begun).items():
-                dq, dv = self.stretch.shifts.get(name, (0.0, 0.0))
-                known[name] = (hidden.position + dq, hidden.velocity + dv)
+        known = initial_states(self.scene, self.hypothesis, self.stretch)
         states = np.array([known[self.model.joint(i).name] for i in range(self.model.njnt)])
         return states[:, 0], states[:, 1]
 

@@ -13,6 +13,7 @@ from wt.physics.hooks import Stateful
 from wt.physics.replay import Hidden, Stretch
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
+from wt.physics.script import Script
 from wt.types import Location
 
 ROTOR_SHARE = 0.02
@@ -78,12 +79,40 @@ class GearEffect(Stateful, ReplayOnly):
         """The rotor where its drives and the gear are in balance, as fast as the link."""
         if stretch.motion is None:
             return {}
-        mine = [d for d in stretch.motion.scene.drives if d.joint == at.name]
-        q, v = (x[[mine[0].dof]] for x in (stretch.q0, stretch.v0))
-        force = sum(float(d.force(stretch.command[:1, d.index], q, v)[0]) for d in mine)
+        scene = stretch.motion.scene
+        dof = scene.dof(at.name)
+        link = {at.name: (float(stretch.q0[dof]), float(stretch.v0[dof]))}
+        found = self.balanced(at, theta, scene, link, stretch.command[0])
+        return {name: Hidden(q, v, (0.0, 0.0)) for name, (q, v) in found.items()}
+
+    def balanced(
+        self,
+        at: Location,
+        theta: Float[np.ndarray, " parameter"],
+        scene: Scene,
+        joints: Mapping[str, tuple[float, float]],
+        command: Float[np.ndarray, " actuator"],
+    ) -> Mapping[str, tuple[float, float]]:
+        """The rotor where its drives and the gear are in balance, as fast as the link."""
+        mine = [d for d in scene.drives if d.joint == at.name]
+        q, v = joints[at.name]
+        here = np.array([q]), np.array([v])
+        force = sum(float(d.force(command[[d.index]], *here)[0]) for d in mine)
         stiffness = sum(-d.bias[1] * d.gear**2 for d in mine)
-        twist = self.twist(theta, force, max(stiffness, 0.0))
-        return {rotor(at.name): Hidden(float(q[0]) + twist, float(v[0]), (0.0, 0.0))}
+        return {rotor(at.name): (q + self.twist(theta, force, max(stiffness, 0.0)), v)}
+
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
+        """The rotor in balance where a simulation begins."""
+        start = (
+            f'force, stiffness = self._gear(data, "{at.name}")',
+            f"twist = {self.twist_line(theta)}",
+            f'data.joint("{rotor(at.name)}").qpos = data.joint("{at.name}").qpos + twist',
+        )
+        return Script(start=start, helpers=("gear",))
+
+    @abstractmethod
+    def twist_line(self, theta: Float[np.ndarray, " parameter"]) -> str:
+        """:meth:`twist` as an expression in ``force`` and ``stiffness``."""
 
     @abstractmethod
     def twist(

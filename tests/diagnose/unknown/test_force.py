@@ -153,7 +153,7 @@ def closed_form(q: np.ndarray, v: np.ndarray) -> np.ndarray:
 def test_onnx_agrees_with_python_and_closed_form() -> None:
     rng = np.random.default_rng(0)
     x = rng.uniform(LAW.low, LAW.high, (500, 3)).astype(np.float32).astype(float)
-    got = infer(to_onnx(LAW), dict(zip(LAW.columns, x.T, strict=True)))
+    got = infer(to_onnx({"force": LAW}), dict(zip(LAW.columns, x.T, strict=True)))
     assert got.shape == (500, 1)
     np.testing.assert_allclose(got[:, 0], LAW.force(x), atol=1e-5)
     np.testing.assert_allclose(LAW.force(x), closed_form(x[:, 0], x[:, 1]), atol=1e-12)
@@ -166,7 +166,9 @@ def test_force_ends_outside_of_what_was_seen() -> None:
     # half of the margin of a quarter of the range: half of the force
     np.testing.assert_allclose(force, [edge, 0.5 * edge, 0.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(
-        infer(to_onnx(LAW), dict(zip(LAW.columns, x.T, strict=True)))[:, 0], force, atol=1e-5
+        infer(to_onnx({"force": LAW}), dict(zip(LAW.columns, x.T, strict=True)))[:, 0],
+        force,
+        atol=1e-5,
     )
 
 

@@ -66,7 +66,7 @@ def _opening(d: Diagnosis) -> str:
             (f"{text.number(h.before * factor)} {unit}", "error before, on held-out data"),
             (
                 f"{text.error(h.after * factor, noise)} {unit}",
-                "error after, with the patched model",
+                f"error after, with {text.files(d)}",
             ),
             (f"{text.percent(h.ratio)} %", "of the error is left"),
         ]

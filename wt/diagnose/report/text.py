@@ -22,6 +22,8 @@ from wt.show.text import NBSP, tied
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from wt.diagnose.report.verify import Verified
+
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _TINY_P = 1e-12
 _NOUNS = ("friction", "payload", "force")  # that an effect's id has before what qualifies them
@@ -60,6 +62,23 @@ def fit(diagnosis: Diagnosis) -> str:
     return (
         f"The replay's error on held-out data fell from {number(h.before * factor)} to "
         f"{error(h.after * factor, h.noise_floor * factor)} {unit}, to {ratio(h)}; {noise}."
+        f"{by_files(diagnosis)}"
+    )
+
+
+def files(diagnosis: Diagnosis) -> str:
+    """What a user has to load."""
+    return "model.xml and physics.py" if diagnosis.physics_py else "model.xml"
+
+
+def by_files(diagnosis: Diagnosis) -> str:
+    """What each of the files leaves; "" if ``model.xml`` is all there is."""
+    alone, both = diagnosis.proof.model_only, diagnosis.proof.holdout
+    if diagnosis.physics_py is None or alone is None:
+        return ""
+    return (
+        f" Of that error model.xml alone leaves {percent(alone.ratio)} %, with physics.py "
+        f"{percent(both.ratio)} %."
     )
 
 
@@ -292,3 +311,22 @@ def to_html(diagnosis: Diagnosis) -> str:
 
 def _e(text: str) -> str:
     return html.escape(tied(text))
+
+
+def verified(found: Verified) -> str:
+    """What a folder's files leave, in two or three lines."""
+    factor, unit = scaled(max(found.before, found.model), found.unit)
+
+    def line(name: str, value: float, stated: float) -> str:
+        share = percent(value / max(found.before, 1e-12))
+        said = f"{number(stated * factor)} {unit}"
+        return f"{name}: {number(value * factor)} {unit}, {share} % (diagnosis.json: {said})"
+
+    lines = [
+        f"{found.windows} replays of held-out recordings, {number(found.seconds)} s in all; the "
+        f"model as given errs by {number(found.before * factor)} {unit}",
+        line("model.xml alone", found.model, found.stated_model),
+    ]
+    if found.has_physics:
+        lines.append(line("with physics.py", found.physics, found.stated_physics))
+    return "\n".join(lines)

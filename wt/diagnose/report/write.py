@@ -6,20 +6,22 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
+from wt.diagnose.report.handed_over import RESIDUAL
 from wt.diagnose.report.page import report
 from wt.diagnose.report.rerun import playback
+from wt.diagnose.report.verify import HOLDOUT, PHYSICS
 from wt.diagnose.result import Diagnosis
 from wt.errors import UserError
 from wt.show.files import write_together
 
-RESIDUAL = "residual.onnx"
 REPORT, PLAYBACK = "report.html", "diagnosis.rrd"
 
 
 def write(diagnosis: Diagnosis, out: Path) -> None:
     """Write ``diagnosis.json``, ``model.xml``, ``report.html`` and ``diagnosis.rrd`` into a folder.
 
-    ``residual.onnx`` is written if there is a learned remainder; an earlier one goes otherwise.
+    ``physics.py`` is written if MJCF cannot say all that was found, ``residual.onnx`` if there is a
+    learned remainder; earlier ones go otherwise. ``holdout.npz`` lets anybody repeat the proof.
     All contents are made before the first byte is written, and renamed when all are whole, so an
     interruption leaves an earlier diagnosis as it was. If the pictures fail, the rest is written:
     what took minutes to find is not lost for them.
@@ -39,6 +41,10 @@ def write(diagnosis: Diagnosis, out: Path) -> None:
     contents: dict[str, str | bytes] = {"model.xml": diagnosis.patched_xml}
     if diagnosis.residual_onnx:
         contents[RESIDUAL] = diagnosis.residual_onnx
+    if diagnosis.physics_py:
+        contents[PHYSICS] = diagnosis.physics_py
+    if diagnosis.holdout_npz:
+        contents[HOLDOUT] = diagnosis.holdout_npz
     last = {"diagnosis.json": as_json + "\n"}  # where it is, the rest is
     try:
         html, film = report(diagnosis), playback(diagnosis)
@@ -52,6 +58,6 @@ def _replace(out: Path, contents: Mapping[str, str | bytes]) -> None:
     """Write these, and remove what an earlier diagnosis left beside them."""
     out.mkdir(parents=True, exist_ok=True)
     write_together(out, contents)
-    for name in (RESIDUAL, REPORT, PLAYBACK):
+    for name in (RESIDUAL, PHYSICS, HOLDOUT, REPORT, PLAYBACK):
         if name not in contents:
             (out / name).unlink(missing_ok=True)

@@ -244,10 +244,26 @@ def _tested(difference: Array) -> Array:
 
 
 def prove(
-    holdout: Holdout, hypothesis: Hypothesis, step: float, split: str, seed: int = 0
+    holdout: Holdout,
+    hypothesis: Hypothesis,
+    step: float,
+    split: str,
+    seed: int = 0,
+    files: tuple[Array, Array, Array] | None = None,
 ) -> Proof:
-    """Compare the given and the patched model on held-out recordings."""
-    before, after = errors(holdout, [(), hypothesis], step)
+    """Compare the given and the patched model on held-out recordings.
+
+    Args:
+        holdout: the recordings.
+        hypothesis: what was found.
+        step: physics step of replays [s].
+        split: how the recordings were chosen, in words.
+        seed: of the interval.
+        files: errors, (N, nv), of plain replays of the model as given, of the written files
+            together, and of the written MJCF alone; without them, the search's own are taken.
+    """
+    before, after = files[:2] if files else errors(holdout, [(), hypothesis], step)
+    alone = files[2] if files else after
     noise = np.nan_to_num(holdout.smoothed.noise)
     joints = holdout.smoothed.motion.scene.joints
     used = [j for j in range(len(joints)) if np.isfinite(holdout.measured[:, j]).any()]
@@ -256,8 +272,10 @@ def prove(
         joints[j]: _error(before[:, [j]], after[:, [j]], noise[[j]], holdout.block, seed)
         for j in used
     }
+    model_only = _error(before[:, used], alone[:, used], noise[used], holdout.block, seed)
     horizons = {h: _ahead(holdout, hypothesis, step, h) for h in HORIZONS_S}
-    return Proof(overall, per_joint, horizons, _ahead(holdout, hypothesis, step, 0.0), split=split)
+    at_once = _ahead(holdout, hypothesis, step, 0.0)
+    return Proof(overall, per_joint, horizons, at_once, split=split, model_only=model_only)
 
 
 def _error(before: Array, after: Array, noise: Array, block: Array, seed: int) -> Error:

@@ -7,7 +7,8 @@ finding only if replays of recordings that it was not fitted to improve.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -22,6 +23,7 @@ from wt.diagnose.unknown.choice import choose, remembers
 from wt.diagnose.unknown.fit import ForceData, LawFit, solve
 from wt.diagnose.unknown.formula import reduced, sparse
 from wt.diagnose.unknown.law import Law
+from wt.diagnose.unknown.lines import column_lines
 from wt.diagnose.unknown.memory import Remembering, along, memory_of, recorded
 from wt.diagnose.unknown.onnx import to_onnx
 from wt.physics.effect import Parameter, Shape
@@ -30,6 +32,7 @@ from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.planted import Hypothesis, Planted
 from wt.physics.scene import Scene
+from wt.physics.script import Script, number
 from wt.types import Location
 
 MOST_JOINTS = 3
@@ -47,6 +50,7 @@ class UnknownForce(OnSteps):
     Attributes:
         law: the force.
         sentence: its statement.
+        output: its name in ``residual.onnx``.
     """
 
     id = "unknown"
@@ -55,9 +59,9 @@ class UnknownForce(OnSteps):
     reference = "learned from the recordings"
     native = False
 
-    def __init__(self, law: Law, sentence: str) -> None:
+    def __init__(self, law: Law, sentence: str, output: str = "force") -> None:
         """Wrap a law."""
-        self.law, self.sentence = law, sentence
+        self.law, self.sentence, self.output = law, sentence, output
 
     def columns(
         self, motion: Motion, at: Location, shape: Shape
@@ -77,6 +81,20 @@ class UnknownForce(OnSteps):
     ) -> Live:
         """Adds the force at every step."""
         return _Pushing(self.law, scene, scene.dof(at.name), theta)
+
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
+        """The law by ``residual.onnx``, whose inputs are its columns."""
+        lines, helpers = column_lines(self.law.columns)
+        inside = [f"    {json.dumps(name)}: x{i}," for i, name in enumerate(self.law.columns)]
+        force = (
+            *lines,
+            "columns = {",
+            *inside,
+            "}",
+            f'_, _, dof = self._joint("{at.name}", qpos, qvel)',
+            f'f[:, dof] += {number(theta[0])} * self._residual("{self.output}", columns)',
+        )
+        return Script(force=force, helpers=("joint", "residual", *helpers))
 
     def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
@@ -170,6 +188,18 @@ def find(
     return max(unknowns, key=lambda u: u.gain.share, default=None)
 
 
+def graphed(hypothesis: Hypothesis) -> tuple[Hypothesis, bytes | None]:
+    """A hypothesis whose learned laws have outputs of their own, and ``residual.onnx`` of them."""
+    named, laws = [], dict[str, Law]()
+    for p in hypothesis:
+        if isinstance(p.effect, UnknownForce):
+            output = f"force_{len(laws) + 1}" if laws else "force"
+            laws[output] = p.effect.law
+            p = replace(p, effect=UnknownForce(p.effect.law, p.effect.sentence, output))
+        named.append(p)
+    return tuple(named), to_onnx(laws) if laws else None
+
+
 def _learn(data: ForceData, assessed: Assessed, holdout: Holdout, step: float) -> Unknown | None:
     """The best law of one joint's force, judged on held-out replays."""
     fit, tried = choose(data)
@@ -194,7 +224,7 @@ def _learn(data: ForceData, assessed: Assessed, holdout: Holdout, step: float) -
         planted,
         recorded(used.names),
         solve(data, formula).text(),
-        to_onnx(law),
+        to_onnx({"force": law}),
         used.r2,
         planted.effect.statement(at, planted.theta),
         Gain(share, p_value),

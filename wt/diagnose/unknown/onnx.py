@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import onnx
 from jaxtyping import Real
@@ -12,12 +14,36 @@ from wt.diagnose.unknown.law import Atom, Law
 _OPSET, _IR = 18, 9
 
 
-def to_onnx(law: Law) -> bytes:
-    """The graph: one float32 input (batch, 1) per column, by name; output ``force`` [N·m].
+def to_onnx(laws: Mapping[str, Law]) -> bytes:
+    """The graph: one float32 input (batch, 1) per column, by name; one output a law [N·m].
 
-    It computes in double precision, as the law itself does.
+    It computes in double precision, as the laws themselves do.
+
+    Args:
+        laws: by the name of the output; ``force`` is the first.
     """
     graph = _Graph()
+    for output, law in laws.items():
+        _add(graph, law, output)
+    columns = dict.fromkeys(name for law in laws.values() for name in law.columns)
+    one: list[str | int | None] = ["batch", 1]
+    made = helper.make_graph(
+        graph.nodes,
+        "residual",
+        [helper.make_tensor_value_info(n, TensorProto.FLOAT, one) for n in columns],
+        [helper.make_tensor_value_info(n, TensorProto.FLOAT, one) for n in laws],
+        graph.constants,
+    )
+    opset = [helper.make_opsetid("", _OPSET)]
+    model = helper.make_model(made, opset_imports=opset, ir_version=_IR)
+    said = "; ".join(f"{output} = {law.text()}" for output, law in laws.items())
+    model.doc_string = f"Forces [N·m] that the model lacks: {said}"
+    onnx.checker.check_model(model)
+    return bytes(model.SerializeToString())
+
+
+def _add(graph: _Graph, law: Law, output: str) -> None:
+    """Add a law, which is an output of the graph."""
     raw = [graph.add("Cast", name, to=TensorProto.DOUBLE) for name in law.columns]
     x = graph.add("Concat", *raw, axis=1)
     inside = graph.add("Min", graph.add("Max", x, graph.value(law.low)), graph.value(law.high))
@@ -36,19 +62,7 @@ def to_onnx(law: Law) -> bytes:
     force = graph.add("MatMul", graph.add("Mul", first, second), weights)
     for i in range(len(law.columns)):
         force = graph.add("Mul", force, graph.column(fade, i))
-    graph.add("Cast", force, to=TensorProto.FLOAT, output="force")
-    made = helper.make_graph(
-        graph.nodes,
-        "residual",
-        [helper.make_tensor_value_info(n, TensorProto.FLOAT, ["batch", 1]) for n in law.columns],
-        [helper.make_tensor_value_info("force", TensorProto.FLOAT, ["batch", 1])],
-        graph.constants,
-    )
-    opset = [helper.make_opsetid("", _OPSET)]
-    model = helper.make_model(made, opset_imports=opset, ir_version=_IR)
-    model.doc_string = f"Force [N·m] that the model lacks: {law.text()}"
-    onnx.checker.check_model(model)
-    return bytes(model.SerializeToString())
+    graph.add("Cast", force, to=TensorProto.FLOAT, output=output)
 
 
 class _Graph:
@@ -83,15 +97,16 @@ class _Graph:
         alike = [a for a in atoms if a.kind == kind]
         columns = self.value(np.array([a.column for a in alike], dtype=np.int64))
         x = self.add("Gather", x, columns, axis=1)
-        a, b = (self.value(np.array([getattr(s, p) for s in alike])) for p in ("a", "b"))
         if kind == "linear":
             return x
-        if kind == "sign":
-            return self.add("Tanh", self.add("Div", x, b))
         if kind == "square":
             return self.add("Mul", self.add("Abs", x), x)
+        b = self.value(np.array([s.b for s in alike]))
+        if kind == "sign":
+            return self.add("Tanh", self.add("Div", x, b))
         if kind in ("sin", "cos"):
             return self.add(kind.capitalize(), self.add("Mul", x, b))
+        a = self.value(np.array([s.a for s in alike]))
         s = self.add("Div", self.add("Sub", x, a), b)
         bell = self.add("Exp", self.add("Neg", self.add("Mul", s, s)))
         return bell if kind == "bump" else self.add("Mul", s, bell)

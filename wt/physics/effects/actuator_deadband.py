@@ -13,6 +13,7 @@ from wt.physics.hooks import OnSteps
 from wt.physics.live import Live
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene, between
+from wt.physics.script import Script, number
 from wt.types import Location
 
 
@@ -54,6 +55,15 @@ class ActuatorDeadband(OnSteps):
         """Take the swallowed force off."""
         width = theta[:, 0]
         return DriveLaw(scene, at.name, lambda force, v, t: force - between(force, -width, width))
+
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
+        """Take the swallowed force off."""
+        width = number(theta[0])
+        force = (
+            f'drive, dof = self._drive("{at.name}", qpos, qvel, ctrl)',
+            f"f[:, dof] -= np.clip(drive, -{width}, {width})",
+        )
+        return Script(force=force, helpers=("drive",))
 
     def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""

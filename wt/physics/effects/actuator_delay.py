@@ -12,15 +12,17 @@ from wt.physics.effect import Parameter, Shape, register
 from wt.physics.hooks import OnInputs, Tolerance, Tolerated
 from wt.physics.motion import Motion
 from wt.physics.replay import Inputs
-from wt.physics.scene import Scene
+from wt.physics.scene import Drive, Scene
 from wt.types import Location
 
 _OFF = 4e-4  # s, standard deviation of when commands arrive
 
+_LINEAR = 1
+
 
 @register
 class ActuatorDelay(OnInputs, Tolerated):
-    """u(t) → u(t − delay)."""
+    """u(t) → u(t − delay), of one drive or, at ``all``, of every one."""
 
     id = "actuator.delay"
     kind = "actuator"
@@ -40,9 +42,11 @@ class ActuatorDelay(OnInputs, Tolerated):
         self, motion: Motion, at: Location, shape: Shape
     ) -> Float[np.ndarray, "sample dof coefficient"]:
         """Force under the delayed command minus force under the command as sent."""
-        drive = motion.scene.drive(at.name)
-        late = motion.delayed(drive.index, shape[0])
-        return motion.on(drive.dof, motion.force(drive, late) - motion.force(drive))
+        found = np.zeros((*motion.q.shape, 1))
+        for drive in _drives(motion.scene, at):
+            late = motion.delayed(drive.index, shape[0])
+            found += motion.on(drive.dof, motion.force(drive, late) - motion.force(drive))
+        return found
 
     def theta(
         self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
@@ -54,16 +58,22 @@ class ActuatorDelay(OnInputs, Tolerated):
         self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> None:
         """Set the actuator's ``delay`` and a buffer that is long enough."""
-        actuator = spec.actuator(at.name)
-        actuator.delay += theta[0]
-        actuator.nsample = max(1, int(np.ceil(actuator.delay / spec.option.timestep)) + 1)
+        if theta[0] <= 0.0:
+            return
+        # a passive motor, which another patch may have added, has no command
+        commanded = [a for a in spec.actuators if a.dyntype != mujoco.mjtDyn.mjDYN_DCMOTOR]
+        for actuator in commanded if at.name == "all" else [spec.actuator(at.name)]:
+            actuator.delay += theta[0]
+            actuator.nsample = int(np.ceil(actuator.delay / spec.option.timestep)) + 1
+            # between two steps a command arrives in part, as one that is held between them does
+            actuator.interp = _LINEAR
 
     def drive(
         self, inputs: Inputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> None:
         """Shift the command."""
-        i = scene.drive(at.name).index
-        inputs.u[:, i] = inputs.delayed(inputs.u[:, i], float(theta[0]))
+        for i in (drive.index for drive in _drives(scene, at)):
+            inputs.u[:, i] = inputs.delayed(inputs.u[:, i], float(theta[0]))
 
     def tolerances(self, scene: Scene) -> Mapping[Location, Tolerance]:
         """Every drive's."""
@@ -75,4 +85,12 @@ class ActuatorDelay(OnInputs, Tolerated):
 
     def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
-        return f"Actuator {at.name} receives its commands {1e3 * theta[0]:.3g} ms late."
+        late = f"{1e3 * theta[0]:.3g} ms late"
+        if at.name == "all":
+            return f"The commands of all actuators arrive {late}."
+        return f"Actuator {at.name} receives its commands {late}."
+
+
+def _drives(scene: Scene, at: Location) -> Sequence[Drive]:
+    """The drive at a place, or all of them."""
+    return scene.drives if at.name == "all" else [scene.drive(at.name)]

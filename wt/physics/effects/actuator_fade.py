@@ -17,6 +17,7 @@ from wt.physics.hooks import FromRecordings, OnSteps
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
+from wt.physics.script import Script, number
 from wt.types import Location
 
 _HOTTEST = 1.5  # heat beyond which a motor's protection would step in
@@ -97,6 +98,20 @@ class ActuatorFade(FromRecordings, OnSteps):
     ) -> Live:
         """Take the lost force off."""
         return _Warming(scene, at.name, theta, self._load(theta), self.usual)
+
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
+        """Take the lost force off, with the heat as a hidden state."""
+        loss, tau, rated = theta[0], theta[1], float(self._load(theta))
+        power = (self.usual / rated) ** 2 if self.usual else 1.0
+        name = f'"{at.name} heat"'
+        load = f"(drive / {number(rated)}) ** 2" if self.usual else "1.0"
+        force = (
+            f'drive, dof = self._drive("{at.name}", qpos, qvel, ctrl)',
+            f"heat = self._state({name}, -{number(power)} * np.expm1(-t / {number(tau)}))",
+            f"f[:, dof] -= {number(loss)} * np.minimum(heat, {_HOTTEST}) * drive",
+            f"self._next[{name}] = heat - np.expm1(-h / {number(tau)}) * ({load} - heat)",
+        )
+        return Script(force=force, helpers=("drive",))
 
     def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""

@@ -15,6 +15,7 @@ from wt.physics.hooks import OnSteps
 from wt.physics.live import Live
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene, between
+from wt.physics.script import Script, number
 from wt.types import Location
 
 
@@ -68,6 +69,17 @@ class ActuatorSpeedLimit(OnSteps):
         """Clip the force at every step."""
         stall, speed = theta.T
         return DriveLaw(scene, at.name, lambda force, v, t: _limited(force, v, stall, speed))
+
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
+        """Clip the force at every step."""
+        stall, speed = map(number, theta)
+        force = (
+            f'drive, dof = self._drive("{at.name}", qpos, qvel, ctrl)',
+            f"share = qvel[:, dof] / {speed}",
+            f"limited = np.clip(drive, -{stall} * (1 + share), {stall} * (1 - share))",
+            "f[:, dof] += limited - drive",
+        )
+        return Script(force=force, helpers=("drive",))
 
     def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from wt.physics.effect import Parameter, register
 from wt.physics.motion import Motion
 from wt.physics.rotor import GearEffect, split
+from wt.physics.script import number
 from wt.types import Location
 
 _CONTACT = 0.002
@@ -51,6 +52,11 @@ class Backlash(GearEffect):
         half = 0.5 * float(theta[0])
         free = force / stiffness if stiffness else np.copysign(np.inf, force)
         return float(np.clip(free, -half, half))
+
+    def twist_line(self, theta: Float[np.ndarray, " parameter"]) -> str:
+        """See :meth:`twist`."""
+        half = number(0.5 * theta[0])
+        return f"np.clip(force / max(stiffness, 1e-9), -{half}, {half})"
 
     def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""

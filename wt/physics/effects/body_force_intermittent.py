@@ -9,11 +9,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
-from wt.physics.effect import Parameter, Shape, register
+from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.hooks import FromRecordings, OnInputs
 from wt.physics.motion import Motion, Segment
 from wt.physics.replay import Inputs
 from wt.physics.scene import Scene
+from wt.physics.script import Script, number, wrapped
 from wt.types import Location
 
 _THRESHOLDS = (4.0, 8.0)  # robust deviations above the usual
@@ -56,6 +57,12 @@ class BodyForceIntermittent(FromRecordings, OnInputs):
     ) -> BodyForceIntermittent:
         """The same force, at the times at which these recordings show it."""
         return self.shaped(_acting(motion, _on(motion, at.name), theta))
+
+    def beside(self, elsewhere: Effect) -> BodyForceIntermittent:
+        """The same force, at the times of both."""
+        more = elsewhere.windows if isinstance(elsewhere, BodyForceIntermittent) else ()
+        spans = dict.fromkeys([*_triples(self.windows), *_triples(more)])
+        return self.shaped(tuple(x for span in spans for x in span))
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Times at which the residual, as a force on the body, stands out.
@@ -107,6 +114,25 @@ class BodyForceIntermittent(FromRecordings, OnInputs):
     def observed(self) -> Mapping[str, tuple[str, tuple[float, ...]]]:
         """The windows' starts and ends, one after another."""
         return {"windows": ("s", tuple(x for _, *ends in _triples(self.windows) for x in ends))}
+
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
+        """Push in the windows of each recording."""
+        windows: dict[int, list[str]] = {}
+        for recording, start, end in _triples(self.windows):
+            windows.setdefault(int(recording), []).append(f"({number(start)}, {number(end)})")
+        spans = [f"    {i}: ({', '.join(each)},)," for i, each in windows.items()]
+        x, y, z = map(number, theta)
+        force = (
+            "windows = {  # recording: start and end of each push [s]",
+            *(line for span in spans for line in wrapped(span)),
+            "}.get(self.recording, ())",
+            "inside = np.zeros(len(t))",
+            "for start, end in windows:",
+            "    covered = (np.minimum(t + h, end) - np.maximum(t, start)) / h",
+            "    inside = np.maximum(inside, np.clip(covered, 0.0, 1.0))",
+            f'f += self._push("{at.name}", inside[:, None] * np.array([{x}, {y}, {z}]), qpos)',
+        )
+        return Script(force=force, helpers=("push",))
 
     def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from wt.physics.effect import Parameter, register
 from wt.physics.motion import Motion
 from wt.physics.rotor import GearEffect, split
+from wt.physics.script import number
 from wt.types import Location
 
 
@@ -51,6 +52,10 @@ class Elasticity(GearEffect):
     ) -> float:
         """As far as the spring balances the drives."""
         return force / (float(theta[0]) + stiffness)
+
+    def twist_line(self, theta: Float[np.ndarray, " parameter"]) -> str:
+        """See :meth:`twist`."""
+        return f"force / ({number(theta[0])} + stiffness)"
 
     def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""

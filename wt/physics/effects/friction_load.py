@@ -12,6 +12,7 @@ from wt.physics.hooks import Intervals, Nested, OnSteps
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
+from wt.physics.script import Script, number
 from wt.types import Location
 
 _NEGLIGIBLE = 0.05  # share of the constant part that the load must add to count
@@ -77,6 +78,17 @@ class FrictionLoad(Nested, OnSteps):
         if np.min(intervals["fraction"][0]) > 0.0:
             return None
         return "joint.friction_coulomb", theta[:1] + theta[1] * _load(motion, at)
+
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
+        """Friction by an elastic bristle that slips."""
+        coulomb, fraction = map(number, theta)
+        force = (
+            f'load = np.abs(self._drives("{at.name}", qpos, qvel, ctrl))',
+            f"level = {coulomb} + {fraction} * load",
+            f'friction, dof = self._bristle("{at.name}", qvel, level, h)',
+            "f[:, dof] += friction",
+        )
+        return Script(force=force, helpers=("drives", "bristle"))
 
     def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""

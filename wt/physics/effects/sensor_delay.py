@@ -12,6 +12,7 @@ from wt.physics.hooks import OnOutputs, Tolerance, Tolerated
 from wt.physics.motion import Motion
 from wt.physics.replay import Outputs
 from wt.physics.scene import Scene
+from wt.physics.script import Script, number
 from wt.types import Location
 
 _OFF = 1e-3  # s: encoders and what tracks a base are two systems with two clocks
@@ -77,6 +78,20 @@ class SensorDelay(OnOutputs, Tolerated):
     def small(self, motion: Motion, at: Location, size: float) -> Float[np.ndarray, "sample dof"]:
         """Force of a delay of that size: it is the shape, with coefficient one."""
         return np.asarray(self.columns(motion, at, (size,))[:, :, 0])
+
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
+        """What the encoder reports; before the first sample the motion went on as it begins."""
+        delay = number(theta[0])
+        every = "range(len(self.joints))" if at.name == "all" else f'[joint("{at.name}")]'
+        sense = (
+            f"late = np.asarray(t, dtype=float) - {delay}",
+            f"for k in {every}:",
+            "    before = np.minimum(late - t[0], 0.0) * v[0, k]",
+            "    q[:, k] = np.interp(late, t, q[:, k]) + before",
+            "    v[:, k] = np.interp(late, t, v[:, k])",
+        )
+        undo = (f"for k in {every}:", f"    q[..., k] += {delay} * v[..., k]")
+        return Script(sense=sense, undo=undo)
 
     def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""

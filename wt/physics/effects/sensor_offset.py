@@ -10,6 +10,7 @@ from wt.physics.hooks import OnOutputs
 from wt.physics.motion import Motion
 from wt.physics.replay import Outputs
 from wt.physics.scene import Scene
+from wt.physics.script import Script, number
 from wt.types import Location
 
 
@@ -46,6 +47,11 @@ class SensorOffset(OnOutputs):
     ) -> None:
         """Report what the encoder makes of the truth."""
         outputs.q[:, scene.dof(at.name)] += theta[0]
+
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
+        """What the encoder reports."""
+        column, offset = f'q[..., joint("{at.name}")]', number(theta[0])
+        return Script(sense=(f"{column} += {offset}",), undo=(f"{column} -= {offset}",))
 
     def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""

@@ -10,6 +10,7 @@ from wt.physics.hooks import OnOutputs
 from wt.physics.replay import Outputs
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
+from wt.physics.script import Script, number
 from wt.types import Location
 
 
@@ -29,6 +30,11 @@ class SensorQuantization(OnOutputs, ReplayOnly):
         """Report what the encoder makes of the truth."""
         dof = scene.dof(at.name)
         outputs.q[:, dof] = theta[0] * np.round(outputs.q[:, dof] / theta[0])
+
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
+        """What the encoder reports."""
+        column, step = f'q[..., joint("{at.name}")]', number(theta[0])
+        return Script(sense=(f"{column} = {step} * np.round({column} / {step})",))
 
     def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""

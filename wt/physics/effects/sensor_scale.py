@@ -10,6 +10,7 @@ from wt.physics.hooks import OnOutputs
 from wt.physics.motion import Motion
 from wt.physics.replay import Outputs
 from wt.physics.scene import Scene
+from wt.physics.script import Script, number
 from wt.types import Location
 
 
@@ -49,6 +50,14 @@ class SensorScale(OnOutputs):
         dof = scene.dof(at.name)
         outputs.q[:, dof] *= theta[0]
         outputs.v[:, dof] *= theta[0]
+
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
+        """What the encoder reports."""
+        columns, factor = [f'{x}[..., joint("{at.name}")]' for x in "qv"], number(theta[0])
+        return Script(
+            sense=tuple(f"{x} *= {factor}" for x in columns),
+            undo=tuple(f"{x} /= {factor}" for x in columns),
+        )
 
     def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
         """See :meth:`Effect.statement`."""
