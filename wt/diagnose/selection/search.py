@@ -20,9 +20,7 @@ from wt.diagnose.selection.addition import Accepted, addition
 from wt.diagnose.selection.candidates import dof_of
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.physics.effect import effects
 from wt.physics.planted import Hypothesis, Key, Planted, without
-from wt.types import Location
 
 S = TypeVar("S")
 DOWNHILL = 2
@@ -56,6 +54,7 @@ def search(
         The effects in the order in which they were added.
     """
     most = THRESHOLDS.most_effects
+    latest: list[Planted] = []  # joined in the last round
 
     def advance(state: _State, refused: Container[Key]) -> tuple[_State, set[Key]]:
         if len(state.accepted) >= most or exhausted(objective, state.now):
@@ -63,12 +62,13 @@ def search(
         if report:
             count = len(state.accepted)
             report(f"looking for effect {count + 1}", 0.15 + 0.55 * count / most)
-        return _round(screen, objective, state, log, _Union(banned, refused))
+        after, joined = _round(screen, objective, state, log, _Union(banned, refused))
+        latest[:] = joined
+        return after, {p.key for p in joined}
 
     def back(state: _State, joined: set[Key], lead: float) -> _State:
         reason = "the round that it joined ends below where it began"
-        for effect, kind, name in sorted(joined):
-            planted = Planted(effects()[effect], Location(kind, name), np.zeros(0))
+        for planted in (p for p in latest if p.key in joined):
             log.add(planted, "reconsidered", False, lead, 0.0, reason)
         return replace(state, now=objective.reference(state.now.hypothesis, state.now.tolerances))
 
@@ -152,7 +152,7 @@ def _round(
     state: _State,
     log: DecisionLog,
     banned: Container[Key],
-) -> tuple[_State, set[Key]]:
+) -> tuple[_State, list[Planted]]:
     """One round: effects join, the superfluous leave, and the joined are looked for once more.
 
     Returns:
@@ -161,18 +161,18 @@ def _round(
     room = THRESHOLDS.most_effects - len(state.accepted)
     joined = addition(screen, objective, state.now, state.accepted, log, room, banned)
     if not joined:
-        return state, set()
-    names = {a.planted.key for a in joined}
-    hypothesis = (*state.now.hypothesis, *(a.planted for a in joined))
+        return state, []
+    new = [a.planted for a in joined]
+    hypothesis = (*state.now.hypothesis, *new)
     accepted = [*state.accepted, *joined]
     pruned = _State(*_prune(objective, accepted, _fitted(objective, hypothesis), log))
     again = _State(
         *_reconsidered(screen, objective, pruned.accepted, pruned.now, log, banned, joined)
     )
     if merit(objective, again.now) >= merit(objective, pruned.now):
-        return again, names
+        return again, new
     now = objective.reference(pruned.now.hypothesis, pruned.now.tolerances)
-    return replace(pruned, now=now), names
+    return replace(pruned, now=now), new
 
 
 def _fitted(objective: Objective, hypothesis: Hypothesis) -> Assessed:
