@@ -31,6 +31,8 @@ from wt.mjcf.edit import patched_xml
 from wt.mjcf.standalone import standalone
 from wt.physics.planted import Key
 from wt.physics.scene import Scene
+from wt.physics.units import units_at
+from wt.types import Location
 
 Array = np.ndarray
 
@@ -136,15 +138,17 @@ def _diagnosis(
     """The claims, with all that a report shows of them."""
     holdout = naming.holdout
     refined = _too_coarse(scene, holdout, claims)
-    quantized = coarse_steps(prepared.fit, prepared.held, scene.joints)
+    units = {j: units_at(scene, Location("joint", j)) for j in scene.joints}
+    quantized = coarse_steps(prepared.fit, prepared.held, units)
     where = claims.unexplained(naming.objective)
     nameless = unforeseen(claims.estimated.assessed, naming.objective, where)
-    all_findings = (*findings(claims), *nameless, *quantized)
+    all_findings = (*findings(claims, scene), *nameless, *quantized)
     further = measured(prepared, naming.screen, holdout, claims.complete, naming.step)
     return Diagnosis(
         model_path=str(scene.path),
         model_sha256=hashlib.sha256(scene.path.read_bytes()).hexdigest(),
         joints=scene.joints,
+        units=tuple(u.position for u in units.values()),
         recordings=prepared.used,
         verdict=verdict(claims, naming.objective, quantized),
         locations=(
@@ -161,7 +165,7 @@ def _diagnosis(
         proof=prove(holdout, claims.complete, naming.step, prepared.split, naming.seed),
         given_xml=standalone(scene.path),
         patched_xml=patched_xml(
-            scene, claims.patch, claims.comments, timestep=STEP_S if refined else None
+            scene, claims.patch, claims.comments(scene), timestep=STEP_S if refined else None
         ),
         traces=traces(prepared, (fitted, holdout.smoothed), claims.complete, naming.step),
         suggestions=suggestions(all_findings),

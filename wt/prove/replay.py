@@ -94,7 +94,8 @@ def measure(recording: Recording, model: mujoco.MjModel) -> HeldOutRecording:
     curve = smooth if base is None else lambda t, x: fitted(t, x, QUICK)
     curves = np.zeros((2, *q.shape))
     curves[:, rows] = np.stack([curve(t[rows], column[rows]) for column in q.T], axis=2)
-    u = np.stack([_filled_forward(recording.columns[f"ctrl/{drive}"]) for drive in drives], axis=1)
+    sent = [_filled_forward(recording.columns[f"ctrl/{drive}"]) for drive in drives]
+    u = np.stack(sent, axis=1) if sent else np.zeros((len(t), 0))
     return HeldOutRecording(joints, drives, t, q, curves, u, servoed, base)
 
 

@@ -21,6 +21,7 @@ from wt.diagnose.result import Estimate
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Parameter
 from wt.physics.planted import Hypothesis, Planted
+from wt.physics.units import Units, units_at
 
 Array = np.ndarray
 
@@ -66,7 +67,8 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     for planted in now.hypothesis:
         rows = slice(offset, offset + planted.effect.n_theta)
         offset = rows.stop
-        estimates.append(_named(planted, low[rows], high[rows]))
+        units = units_at(objective.scene, planted.at)
+        estimates.append(_named(planted, units, low[rows], high[rows]))
     return Estimated(now, tuple(estimates))
 
 
@@ -172,7 +174,7 @@ def _numerical_score(objective: Objective, now: Assessed, slope: Array) -> Array
     return np.asarray(np.einsum("ijk,ij->k", both, error))
 
 
-def _named(planted: Planted, low: Array, high: Array) -> dict[str, Estimate]:
+def _named(planted: Planted, units: Units, low: Array, high: Array) -> dict[str, Estimate]:
     lower, upper = planted.effect.bounds()
     found: dict[str, Estimate] = {}
     start = 0
@@ -193,12 +195,12 @@ def _named(planted: Planted, low: Array, high: Array) -> dict[str, Estimate]:
                 warning = "at the bound of what is admissible: the law may be another one"
         found[p.name] = Estimate(
             _plain(value, bool(p.axes)),
-            p.unit,
+            p.unit_in(units),
             (_plain(ends[0], bool(p.axes)), _plain(ends[1], bool(p.axes))),
             warning,
         )
     for name, (unit, values) in planted.observed().items():
-        found[name] = Estimate(values, unit, (values, values))
+        found[name] = Estimate(values, units.of(unit), (values, values))
     return found
 
 

@@ -18,6 +18,7 @@ from wt.diagnose.result import Diagnosis, Finding
 from wt.physics import base
 from wt.physics.effect import effects
 from wt.physics.scene import drives
+from wt.physics.units import Units
 from wt.show.charts import Axes, Series, chart
 from wt.types import Location
 
@@ -101,7 +102,7 @@ def over_time(diagnosis: Diagnosis, trace: Trace) -> Iterator[str]:
         before, after = (q[:, j] - trace.recorded[:, j] for q in (trace.before, trace.after))
         if not np.isfinite(before).any():
             continue
-        factor, unit = scaled(float(np.nanmax(np.abs(before))), diagnosis.unit)
+        factor, unit = scaled(float(np.nanmax(np.abs(before))), diagnosis.unit_of(name))
         error = diagnosis.proof.joints.get(name)
         rms = [np.sqrt(np.nanmean(e**2)) * factor for e in (before, after)]
         series = [Series("before", trace.t, before * factor)]
@@ -145,7 +146,7 @@ def dependence(diagnosis: Diagnosis, finding: Finding, model: mujoco.MjModel | N
         return ""
     name = diagnosis.joints[column]
     variable, label, values = _variable(diagnosis, finding, column, model)
-    unit = _force_unit(model, name)
+    unit = _force_unit(diagnosis, name)
     x = np.concatenate(values)
     x = _usual(x)
     series = []
@@ -177,7 +178,8 @@ def horizon(diagnosis: Diagnosis) -> str:
         return ""
     x = np.array(sorted(h))
     both = np.array([h[s] for s in x.tolist()])
-    factor, unit = scaled(float(np.nanmax(both)), diagnosis.unit)
+    # over joints of both kinds it has none of the units alone
+    factor, unit = scaled(float(np.nanmax(both)), " and ".join(diagnosis.compared))
     series = [Series("before", x, both[:, 0] * factor, "beads")]
     if diagnosis.findings:
         series.append(Series("after", x, both[:, 1] * factor, "beads"))
@@ -216,7 +218,7 @@ def _variable(
     diagnosis: Diagnosis, finding: Finding, column: int, model: mujoco.MjModel | None
 ) -> tuple[str, str, list[Array]]:
     """Name, label with unit, and values, one array a trace, of what the effect depends on."""
-    traces, joint, unit = diagnosis.traces, diagnosis.joints[column], diagnosis.unit
+    traces, joint = diagnosis.traces, diagnosis.joints[column]
     known = effects().get(finding.effect)
     kind: str = known.plotted_over if known else "position"
     if finding.depends_on:
@@ -224,6 +226,7 @@ def _variable(
         kind = {"qvel": "velocity", "ctrl": "command", "t": "time"}.get(group, "position")
         if group in ("qpos", "qvel") and name in diagnosis.joints:
             joint, column = name, diagnosis.joints.index(name)
+    unit = diagnosis.unit_of(joint)
     command = _actuator(finding, joint, model)
     recorded = all(command in t.command for t in traces)
     if kind == "drive" and recorded and model is not None:
@@ -233,7 +236,7 @@ def _variable(
             for t in traces
         ]
         force = f"force of {command} in the model"
-        return f"the {force}", f"{force} [{_force_unit(model, joint)}]", values
+        return f"the {force}", f"{force} [{_force_unit(diagnosis, joint)}]", values
     if kind in ("command", "drive") and recorded:
         values = [t.command[command] for t in traces]
         return f"the command of {command}", f"command of {command}", values
@@ -249,9 +252,8 @@ def _variable(
     return f"the position of {joint}", f"position of {joint} [{unit}]", values
 
 
-def _force_unit(model: mujoco.MjModel | None, joint: str) -> str:
-    slides = model is not None and model.joint(joint).type[0] == mujoco.mjtJoint.mjJNT_SLIDE
-    return "N" if slides else "N·m"
+def _force_unit(diagnosis: Diagnosis, joint: str) -> str:
+    return Units(slide=diagnosis.unit_of(joint) == "m").force
 
 
 def _actuator(finding: Finding, joint: str, model: mujoco.MjModel | None) -> str:

@@ -16,6 +16,7 @@ from wt.diagnose.result import Confusable, Finding, Verdict
 from wt.diagnose.selection.naming import Claims
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.planted import Planted
+from wt.physics.scene import Scene
 from wt.types import Location
 
 
@@ -78,17 +79,17 @@ def verdict(claims: Claims, objective: Objective, others: Sequence[Finding] = ()
     return "partly_explained" if left else "explained"
 
 
-def findings(claims: Claims) -> tuple[Finding, ...]:
+def findings(claims: Claims, scene: Scene) -> tuple[Finding, ...]:
     """For people, the most important first."""
     found = [
         Finding(
             effect=planted.effect.id,
             at=planted.at,
             parameters=values,
-            statement=planted.statement,
+            statement=planted.statement(scene),
             holdout_gain=gain.share,
             p_value=gain.p_value,
-            confusable_with=tuple(_confusable(planted, r) for r in a.rivals),
+            confusable_with=tuple(_confusable(scene, planted, r) for r in a.rivals),
             reference=planted.effect.reference,
         )
         for a, planted, values, gain in zip(
@@ -121,8 +122,8 @@ def suggestions(found: Sequence[Finding]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(experiments))
 
 
-def _confusable(found: Planted, rival: Planted) -> Confusable:
-    return Confusable(rival.effect.id, rival.at, found.effect.separation(found.at))
+def _confusable(scene: Scene, found: Planted, rival: Planted) -> Confusable:
+    return Confusable(rival.effect.id, rival.at, found.separation(scene))
 
 
 DOUBTFUL = 0.6

@@ -29,6 +29,7 @@ from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.planted import Hypothesis, Planted
 from wt.physics.scene import Scene
+from wt.physics.units import HINGE, Units, unit_at
 from wt.types import Location
 
 Array = np.ndarray
@@ -73,11 +74,11 @@ class UnknownForce(OnSteps):
         """Adds the force at every step."""
         return _Pushing(self.law, scene, scene.dof(at.name), theta)
 
-    def statement(self, at: Location, theta: Array) -> str:
+    def statement(self, at: Location, theta: Array, units: Units = HINGE) -> str:
         """See :meth:`Effect.statement`."""
         return self.said
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         others = ", ".join(recorded(self.law.columns))
         return f"slow and fast sweeps of {at.name} over its whole range that vary {others} alone"
@@ -189,7 +190,7 @@ def _learn(data: Data, assessed: Assessed, holdout: Holdout, step: float) -> Unk
         solve(data, formula).text(),
         to_onnx(law),
         used.r2,
-        planted.effect.statement(at, planted.theta),
+        planted.statement(data.screen.motion.scene),
         Gain(share, p_value),
     )
 
@@ -284,10 +285,5 @@ def _peak(data: Data, law: Law, force: Array) -> str:
     # the middle of what is at least half as strong: a detent pulls on both of its sides
     near = size >= 0.5 * size[best]
     middle = 0.5 * (edges[:-1] + edges[1:])
-    unit = "rad" if _hinge(data) else "m"
+    unit = unit_at(data.screen.motion.scene, Location("joint", data.joint), "rad")
     return f"{float(np.sum(middle * near * size) / np.sum(size * near)):.2g} {unit}"
-
-
-def _hinge(data: Data) -> bool:
-    model = data.screen.motion.scene.model
-    return int(model.joint(data.joint).type[0]) == 3

@@ -13,6 +13,7 @@ from wt.physics.hooks import OnSteps
 from wt.physics.live import Live
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene, between
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -55,10 +56,12 @@ class ActuatorDeadband(OnSteps):
         width = theta[:, 0]
         return DriveLaw(scene, at.name, lambda force, v, t: force - between(force, -width, width))
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
-        return f"Actuator {at.name} swallows the first {theta[0]:.3g} N·m of its force."
+        return f"Actuator {at.name} swallows the first {theta[0]:.3g} {units.force} of its force."
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"slow ramps of {at.name} through zero force, which tell a dead band from a gain"

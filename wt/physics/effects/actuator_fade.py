@@ -17,6 +17,7 @@ from wt.physics.hooks import FromRecordings, OnSteps
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _HOTTEST = 1.5  # heat beyond which a motor's protection would step in
@@ -98,16 +99,18 @@ class ActuatorFade(FromRecordings, OnSteps):
         """Take the lost force off."""
         return _Warming(scene, at.name, theta, self._load(theta), self.usual)
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         usual = float(self._load(theta))
-        load = f" of {usual:.3g} N·m" if usual else ""
+        load = f" of {usual:.3g} {units.force}" if usual else ""
         return (
             f"Actuator {at.name} loses {100.0 * theta[0]:.3g} % of its strength as it warms up "
             f"under its usual load{load}, with a time constant of {theta[1]:.3g} s."
         )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"the same motion of {at.name} from cold, repeated for several minutes"
 

@@ -15,6 +15,7 @@ from wt.physics.hooks import OnSteps
 from wt.physics.live import Live
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene, between
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -69,14 +70,16 @@ class ActuatorSpeedLimit(OnSteps):
         stall, speed = theta.T
         return DriveLaw(scene, at.name, lambda force, v, t: _limited(force, v, stall, speed))
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         return (
-            f"Actuator {at.name} gives at most {theta[0]:.3g} N·m at standstill, and less with "
-            f"speed until nothing is left at {theta[1]:.3g} rad/s."
+            f"Actuator {at.name} gives at most {theta[0]:.3g} {units.force} at standstill, and "
+            f"less with speed until nothing is left at {theta[1]:.3g} {units.speed}."
         )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"full-force accelerations of {at.name} in both directions up to its top speed"
 

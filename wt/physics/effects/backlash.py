@@ -11,6 +11,7 @@ from jaxtyping import Float
 from wt.physics.effect import Parameter, register
 from wt.physics.motion import Motion
 from wt.physics.rotor import GearEffect, split
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _CONTACT = 0.002
@@ -52,10 +53,12 @@ class Backlash(GearEffect):
         free = force / stiffness if stiffness else np.copysign(np.inf, force)
         return float(np.clip(free, -half, half))
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
-        return f"Joint {at.name} has {np.degrees(theta[0]):.2g}° of gear play."
+        return f"Joint {at.name} has {units.distance(theta[0], 2)} of gear play."
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"small reversals of {at.name} under little load, slow and fast"

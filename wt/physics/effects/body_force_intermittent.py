@@ -14,6 +14,7 @@ from wt.physics.hooks import FromRecordings, OnInputs
 from wt.physics.motion import Motion, Segment
 from wt.physics.replay import Inputs
 from wt.physics.scene import Scene
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _THRESHOLDS = (4.0, 8.0)  # robust deviations above the usual
@@ -108,7 +109,9 @@ class BodyForceIntermittent(FromRecordings, OnInputs):
         """The windows' starts and ends, one after another."""
         return {"windows": ("s", tuple(x for _, *ends in _triples(self.windows) for x in ends))}
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         x, y, z = theta
         spans = [f"{start:.2f}–{end:.2f} s" for _, start, end in _triples(self.windows)]
@@ -118,7 +121,7 @@ class BodyForceIntermittent(FromRecordings, OnInputs):
             f"{', '.join(spans[:4])}{more}."
         )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"the same motion again, with nothing and nobody near {at.name}"
 

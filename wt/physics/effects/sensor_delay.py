@@ -12,6 +12,7 @@ from wt.physics.hooks import OnOutputs, Tolerance, Tolerated
 from wt.physics.motion import Motion
 from wt.physics.replay import Outputs
 from wt.physics.scene import Scene
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _OFF = 1e-3  # s: encoders and what tracks a base are two systems with two clocks
@@ -78,11 +79,13 @@ class SensorDelay(OnOutputs, Tolerated):
         """Force of a delay of that size: it is the shape, with coefficient one."""
         return np.asarray(self.columns(motion, at, (size,))[:, :, 0])
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         whose = "all joints" if at.name == "all" else f"joint {at.name}"
         return f"The measurements of {whose} arrive {1e3 * theta[0]:.3g} ms late."
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"a fast multisine with a second, synchronous sensor on {at.name}"

@@ -10,6 +10,7 @@ from wt.physics.hooks import OnOutputs
 from wt.physics.replay import Outputs
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -30,13 +31,14 @@ class SensorQuantization(OnOutputs, ReplayOnly):
         dof = scene.dof(at.name)
         outputs.q[:, dof] = theta[0] * np.round(outputs.q[:, dof] / theta[0])
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
-        return (
-            f"The encoder of joint {at.name} has steps of {1e3 * theta[0]:.3g} mrad "
-            f"({np.degrees(theta[0]):.2g}°)."
-        )
+        step = f"{1e3 * theta[0]:.3g} m{units.position}"
+        said = step if units.slide else f"{step} ({units.distance(theta[0], 2)})"
+        return f"The encoder of joint {at.name} has steps of {said}."
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"very slow sweeps of {at.name}"

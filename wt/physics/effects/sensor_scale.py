@@ -10,6 +10,7 @@ from wt.physics.hooks import OnOutputs
 from wt.physics.motion import Motion
 from wt.physics.replay import Outputs
 from wt.physics.scene import Scene
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -50,10 +51,14 @@ class SensorScale(OnOutputs):
         outputs.q[:, dof] *= theta[0]
         outputs.v[:, dof] *= theta[0]
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
-        return f"The encoder of joint {at.name} reads {100.0 * theta[0]:.4g} % of the true angle."
+        return (
+            f"The encoder of joint {at.name} reads {100.0 * theta[0]:.4g} % of the true position."
+        )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
-        return f"slow sweeps of {at.name} over its whole range, against a second angle sensor"
+        return f"slow sweeps of {at.name} over its whole range, against a second sensor"
