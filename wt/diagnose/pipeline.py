@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from wt.diagnose.experiment.release import passive, release
 from wt.diagnose.likelihood.objective import Objective
 from wt.diagnose.observed.forces import measured
 from wt.diagnose.observed.translation import Translation, sentences, timed, translated
@@ -141,8 +142,10 @@ def _diagnosis(
     units = {j: units_at(scene, Location("joint", j)) for j in scene.joints}
     quantized = coarse_steps(prepared.fit, prepared.held, units)
     where = claims.unexplained(naming.objective)
+    shown = traces(prepared, (fitted, holdout.smoothed), claims.complete, naming.step)
     nameless = unforeseen(claims.estimated.assessed, naming.objective, where)
-    all_findings = (*findings(claims, scene), *nameless, *quantized)
+    experiment = release(scene, shown) if passive(scene) else ""
+    all_findings = (*findings(claims, scene, experiment), *nameless, *quantized)
     further = measured(prepared, naming.screen, holdout, claims.complete, naming.step)
     return Diagnosis(
         model_path=str(scene.path),
@@ -167,7 +170,7 @@ def _diagnosis(
         patched_xml=patched_xml(
             scene, claims.patch, claims.comments(scene), timestep=STEP_S if refined else None
         ),
-        traces=traces(prepared, (fitted, holdout.smoothed), claims.complete, naming.step),
+        traces=shown,
         suggestions=suggestions(all_findings),
         measured=further,
         notes=(*_notes(scene, holdout.forgets, refined, claims), *further.notes),
