@@ -254,7 +254,9 @@ class _Runner:
         knots = np.concatenate([[t[0] - 1.0], t, [t[-1] + 1.0]])
         integral = np.vstack([-u[0], integral, integral[-1] + u[-1]])
         edges = start + h * (np.arange(steps + 1) - 0.5)
-        sums = np.stack([np.interp(edges, knots, column) for column in integral.T], axis=1)
+        sums = np.empty((len(edges), integral.shape[1]))
+        for i, column in enumerate(integral.T):
+            sums[:, i] = np.interp(edges, knots, column)
         return np.asarray(np.diff(sums, axis=0) / h)
 
     def _along(
