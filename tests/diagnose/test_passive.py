@@ -50,7 +50,7 @@ def test_its_friction_is_found(tmp_path: Path) -> None:
 def test_commands_are_asked_for_where_the_model_has_actuators(tmp_path: Path) -> None:
     path = tmp_path / "driven.xml"
     path.write_text(DRIVEN)
-    with pytest.raises(RecordingError, match="'ctrl/m' is missing.*a model without actuators"):
+    with pytest.raises(RecordingError, match=r"'ctrl/m' is missing.*a model without actuators"):
         prepare(Scene(path), [swing(ROD.format(""))], [])
 
 
@@ -58,5 +58,5 @@ def test_what_rests_says_nothing(tmp_path: Path) -> None:
     path = tmp_path / "rod.xml"
     path.write_text(ROD.format(""))
     still = Recording(np.arange(400) / 100.0, {"qpos/h": np.zeros(400)}, {})
-    with pytest.raises(RecordingError, match="nothing moves.*released away from rest"):
+    with pytest.raises(RecordingError, match=r"nothing moves.*released away from rest"):
         prepare(Scene(path), [still], [])

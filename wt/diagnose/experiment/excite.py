@@ -144,7 +144,7 @@ def _reach(scene: Scene, diagnosis: Diagnosis) -> _Reach:
     seen_high = np.fmax(seen_high, stands + beside)
     (low, high), margin = _allowed(scene)
     known = np.isfinite([low, high])  # by the model
-    rest = settled(scene, stands)
+    rest = settled(scene, stands, 0.5 * (seen_low + seen_high))
     # what falls without end is held where it stands, and so is what nothing has shown to settle so
     lost = (rest < np.where(known[0], low - margin, seen_low)) | (
         rest > np.where(known[1], high + margin, seen_high)

@@ -104,10 +104,11 @@ def command(drive: Drive, q: float, v: float, torque: float) -> float:
     return float((torque / drive.gear - passive) / drive.gain)
 
 
-def settled(scene: Scene, pose: Array) -> Array:
+def settled(scene: Scene, pose: Array, towards: Array) -> Array:
     """Where a machine comes to rest when its torque motors give nothing, (nv,) [rad].
 
-    Servos hold their joints; a machine that only has servos stays as it is.
+    Servos hold their joints; a machine that only has servos stays as it is. What stands on its head
+    falls towards a pose that was seen.
     """
     held = np.zeros(scene.model.nv, bool)
     held[[d.dof for d in scene.drives if d.servo]] = True
@@ -118,7 +119,8 @@ def settled(scene: Scene, pose: Array) -> Array:
     model.opt.timestep = 2e-3
     model.dof_damping[~held] += _CALM * model.dof_M0[~held]
     data = mujoco.MjData(model)
-    data.qpos[:] = pose + _NUDGE * ~held  # what stands on its head falls, though not by itself
+    # it would not fall by itself
+    data.qpos[:] = pose + _NUDGE * ~held * np.where(towards < pose, -1.0, 1.0)
     for d in scene.drives:
         data.ctrl[d.index] = command(d, pose[d.dof], 0.0, 0.0) if d.servo else 0.0
     _charge(model, data, data.ctrl.copy())
