@@ -98,12 +98,17 @@ def suggest(
         if not wrong.any():
             return _recording(scene, tried, rate, focus)
         size[wrong] *= _SHRINK
+    raise _none_safe(scene, reach, tried, wrong)
+
+
+def _none_safe(scene: Scene, reach: _Reach, tried: Trial, wrong: Array) -> WorkError:
+    """The error that says why even the smallest motion was none."""
     if len(tried.touched):
         bodies = " and ".join(scene.model.body(int(i)).name for i in tried.touched[0])
         why = f"bodies {bodies} touch"
     else:
         why = f"joint {scene.joints[int(np.argmax(wrong))]} leaves its limits"
-    raise WorkError(
+    return WorkError(
         f"no safe motion was found from the pose {np.round(reach.rest, 2).tolist()}: {why}; "
         "record from a pose with more room"
     )
