@@ -146,5 +146,7 @@ def test_recording_of_unequal_length() -> None:
 
 
 def test_recording_without_commands() -> None:
-    with pytest.raises(RecordingError, match="no 'ctrl/<actuator>' column"):
-        recording(columns={"qpos/j": np.zeros(201)})
+    """A machine without actuators has none."""
+    assert len(recording(columns={"qpos/j": np.zeros(201)})) == 201
+    with pytest.raises(RecordingError, match="no 'ctrl/<actuator>' and no 'qpos/<joint>' column"):
+        recording(columns={"sensor/imu/0": np.zeros(201)})

@@ -201,7 +201,7 @@ class Recording:
 
     The columns and their meaning are those of the public recording format: ``t`` [s],
     ``ctrl/<actuator>``, ``qpos/<joint>`` [rad or m], ``qvel/<joint>``, ``force/<actuator>``,
-    ``sensor/<name>/<i>``. NaN is a missing sample.
+    ``sensor/<name>/<i>``. NaN is a missing sample. A machine without actuators has no commands.
 
     Attributes:
         t: time stamps, strictly increasing [s].
@@ -237,9 +237,10 @@ class Recording:
         for name, column in columns.items():
             if column.shape != t.shape:
                 raise RecordingError(f"column '{name}' has {column.size} samples, 't' has {len(t)}")
-        if not any(name.startswith("ctrl/") for name in columns):
+        if not any(name.startswith(("ctrl/", "qpos/")) for name in columns):
             raise RecordingError(
-                "no 'ctrl/<actuator>' column: a recording needs the commands that were sent"
+                "no 'ctrl/<actuator>' and no 'qpos/<joint>' column: a recording needs the commands "
+                "that were sent, if there are any, and the positions that were measured"
             )
 
     def __len__(self) -> int:

@@ -110,7 +110,7 @@ def test_files_that_are_no_recordings(tmp_path: Path) -> None:
     words = pd.DataFrame({"t": [0.0, 3.0], "ctrl/hip": ["a", "b"]})
     words.to_parquet(tmp_path / "words.parquet")
     assert "'ctrl/hip'" in refused(tmp_path / "words.parquet")
-    pd.DataFrame({"t": [0.0, 3.0], "qpos/hip": [0, 1]}).to_parquet(tmp_path / "noctrl.parquet")
+    pd.DataFrame({"t": [0.0, 3.0], "qvel/hip": [0, 1]}).to_parquet(tmp_path / "noctrl.parquet")
     assert "no 'ctrl/" in refused(tmp_path / "noctrl.parquet")
 
 

@@ -56,7 +56,8 @@ def test_physics_is_short_plain_and_one_class(truth: Truth, tmp_path: Path) -> N
     imports = {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
     imports |= {str(n.module) for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
     assert imports <= {"numpy", "mujoco", "__future__", "collections.abc"}
-    assert planted(truth).statement.split(" by")[0][:40] in " ".join(text.replace("#", "").split())
+    said = planted(truth).statement(scene(tmp_path, ARM))
+    assert said.split(" by")[0][:40] in " ".join(text.replace("#", "").split())
 
 
 EVERY = [

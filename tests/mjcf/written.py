@@ -31,7 +31,7 @@ def write(folder: Path, hypothesis: Sequence[Planted], xml: str = ARM) -> Path:
     of = scene(folder, xml)
     out = folder / "diagnosis"
     out.mkdir(exist_ok=True)
-    text = patched_xml(of, tuple(hypothesis), [p.statement for p in hypothesis])
+    text = patched_xml(of, tuple(hypothesis), [p.statement(of) for p in hypothesis])
     (out / "model.xml").write_text(text)
     (out / "physics.py").unlink(missing_ok=True)
     if (script := physics_py(of, tuple(hypothesis))) is not None:

@@ -97,4 +97,4 @@ def test_where_it_is_hot_the_load_is_fitted_and_not_reported(warm: World) -> Non
     known = found.estimates[0]["time_constant"]
     low, high = known.ci95
     assert low <= 0.97 * known.value and high >= 1.03 * known.value  # type: ignore[operator]
-    assert f"{now.theta[2]:.3g} N·m" in now.statement
+    assert f"{now.theta[2]:.3g} N·m" in now.statement(warm.objective.scene)

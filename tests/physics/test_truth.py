@@ -19,6 +19,7 @@ from wt.physics.motion import Motion
 from wt.physics.planted import Planted
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 KNOWN = pytest.mark.parametrize("truth", TRUTHS, ids=lambda t: f"{t.id}-{t.at.name}")
@@ -117,8 +118,8 @@ class Cubic(Effect):
     def patch(self, spec: mujoco.MjSpec, at: Location, theta: np.ndarray) -> None:
         spec.joint(at.name).damping[2] -= self.sign * theta[0]
 
-    def statement(self, at: Location, theta: np.ndarray) -> str:
-        return f"Joint {at.name} is braked by {theta[0]:.3g} N·m at 1 rad/s."
+    def statement(self, at: Location, theta: np.ndarray, units: Units = HINGE) -> str:
+        return f"Joint {at.name} is braked by {theta[0]:.3g} {units.force} at 1 {units.speed}."
 
 
 CUBIC = Truth(Cubic.id, Location("joint", "j1"), (0.2,), hook=push(lambda d: -0.2 * d.qvel[1] ** 3))

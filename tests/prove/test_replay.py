@@ -14,6 +14,7 @@ from wt.prove import replay
 from wt.prove.cases import Case, HiddenEffect
 from wt.prove.sensing import Sensing
 from wt.prove.world import HiddenWorld, build
+from wt.types import Recording
 
 SENSING = Sensing(rate=200.0, bits=18, noise=2e-5, qvel="none")
 
@@ -113,3 +114,24 @@ def test_rmse_reads_files(tmp_path: Path) -> None:
     measured = replay.read(tmp_path / "robot.xml", [tmp_path / "h.parquet"])
     found = replay.rmse(tmp_path / "robot.xml", measured)
     assert found == pytest.approx(error(hidden, hidden.nominal_xml), rel=0.2)
+
+
+def test_a_machine_without_drives_is_replayed_in_windows() -> None:
+    """A rod that air brakes: the model that knows replays it, and another does not."""
+    rod = (
+        '<mujoco><option timestep="0.001"/><worldbody><body name="rod"><joint name="h" '
+        'axis="0 1 0" damping="{}"/><geom type="capsule" fromto="0 0 0 0 0 -.5" size=".02" '
+        'mass=".5"/></body></worldbody></mujoco>'
+    )
+    true = mujoco.MjModel.from_xml_string(rod.format(0.02))
+    data, angle = mujoco.MjData(true), []
+    data.qpos[0] = 1.0
+    for _ in range(400):
+        angle.append(float(data.qpos[0]))
+        mujoco.mj_step(true, data, 10)
+    recording = Recording(np.arange(400) / 100.0, {"qpos/h": np.array(angle)}, {})
+    other = mujoco.MjModel.from_xml_string(rod.format(0.0))
+    measured = replay.measure(recording, other)
+    assert measured.drives == () and measured.u.shape == (400, 0) and not measured.servoed
+    errors = [np.nanstd(replay.replay(m, measured, []) - measured.q) for m in (true, other)]
+    assert errors[0] < 0.2 * errors[1]

@@ -174,7 +174,14 @@ def _print_decisions(decisions: Sequence[Decision], place: str) -> None:
 def _suggest(found: Diagnosis, model: Path, path: Path, console: Console) -> None:
     from wt.data import recording
     from wt.diagnose.experiment.excite import suggest
+    from wt.diagnose.experiment.release import passive, release
+    from wt.physics.scene import Scene
 
+    scene = Scene(model)
+    if passive(scene):
+        words = f"Nothing drives {model.name}, so there are no commands to record next: "
+        console.print(f"{words}{release(scene, found.traces)}.", highlight=False)
+        return
     recording.write(suggest(found, model), path)
     console.print(f"{path}: commands to record next", highlight=False, soft_wrap=True)
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from wt.diagnose.experiment.release import passive, release
 from wt.diagnose.likelihood.objective import Objective
 from wt.diagnose.observed.forces import measured
 from wt.diagnose.observed.translation import TrainedTranslation, sentences, timed, translated
@@ -32,6 +33,8 @@ from wt.diagnose.selection.verdict import findings, suggestions, unforeseen, ver
 from wt.mjcf.standalone import standalone
 from wt.physics.planted import Key
 from wt.physics.scene import Scene
+from wt.physics.units import units_at
+from wt.types import Location
 
 Array = np.ndarray
 
@@ -137,15 +140,18 @@ def _diagnosis(
     """The claims, with all that a report shows of them."""
     holdout = naming.holdout
     refined = _too_coarse(scene, holdout, claims)
-    quantized = coarse_steps(prepared.fit, prepared.held, scene.joints)
+    units = {j: units_at(scene, Location("joint", j)) for j in scene.joints}
+    quantized = coarse_steps(prepared.fit, prepared.held, units)
     where = claims.unexplained(naming.objective)
+    shown = traces(prepared, (fitted, holdout.smoothed), claims.complete, naming.step)
     nameless = unforeseen(claims.estimated.assessed, naming.objective, where)
-    all_findings = (*findings(claims), *nameless, *quantized)
+    experiment = release(scene, shown) if passive(scene) else ""
+    all_findings = (*findings(claims, scene, experiment), *nameless, *quantized)
     further = measured(prepared, naming.screen, holdout, claims.complete, naming.step)
     files = hand_over(
         holdout,
         claims.complete,
-        (claims.patch, claims.comments),
+        (claims.patch, claims.comments(scene)),
         prepared.names,
         STEP_S if refined else None,
     )
@@ -155,6 +161,7 @@ def _diagnosis(
         model_path=str(scene.path),
         model_sha256=hashlib.sha256(scene.path.read_bytes()).hexdigest(),
         joints=scene.joints,
+        units=tuple(u.position for u in units.values()),
         recordings=prepared.used,
         verdict=verdict(claims, naming.objective, quantized),
         locations=(
@@ -178,7 +185,7 @@ def _diagnosis(
         ),
         given_xml=given_xml,
         patched_xml=files.model_xml,
-        traces=traces(prepared, (fitted, holdout.smoothed), claims.complete, naming.step),
+        traces=shown,
         suggestions=suggestions(all_findings),
         measured=further,
         notes=(*_notes(scene, holdout.forgets, refined, claims), *further.notes),

@@ -6,6 +6,7 @@ draws; :mod:`wt.diagnose.report` does.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -31,6 +32,17 @@ class Error:
     noise_floor: float
     ratio: float
     ratio_ci95: tuple[float, float]
+
+    def to_json(self, unit: str) -> dict[str, Any]:
+        """As in ``diagnosis.json``."""
+        return {
+            "before_rmse": self.before,
+            "after_rmse": self.after,
+            "noise_floor_rmse": self.noise_floor,
+            "ratio": self.ratio,
+            "ratio_ci95": list(self.ratio_ci95),
+            "unit": unit,
+        }
 
 
 @dataclass(frozen=True)
@@ -284,7 +296,7 @@ class Diagnosis:
         physics_py: all of the findings that MJCF cannot say, as Python; None if it says it all.
         holdout_npz: starts of the held-out replays; see ``report/verify.py``.
         seconds: time that it took [s].
-        unit: of positions.
+        units: of the joints' positions, "rad" or "m" each; empty if all are hinges.
     """
 
     model_path: str
@@ -307,7 +319,25 @@ class Diagnosis:
     physics_py: str | None = None
     holdout_npz: bytes | None = None
     seconds: float = 0.0
-    unit: str = "rad"
+    units: tuple[str, ...] = ()
+
+    def unit_of(self, joint: str) -> str:
+        """Unit of a joint's position."""
+        return self.units[self.joints.index(joint)] if self.units else "rad"
+
+    @property
+    def compared(self) -> Mapping[str, int]:
+        """Units of the joints that were compared, and how many have each, the most common first."""
+        units = [self.unit_of(j) for j in (self.proof.joints or self.joints)]
+        return dict(Counter(sorted(units, reverse=True)).most_common())
+
+    @property
+    def unit(self) -> str:
+        """Unit of errors over all joints; where hinges and slides mix, that of most of them.
+
+        Such an error is of the bare figures, in SI: what the joints' own are, says each joint's.
+        """
+        return next(iter(self.compared), "rad")
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``diagnosis.json``."""
@@ -322,12 +352,8 @@ class Diagnosis:
             "findings": [f.to_json() for f in self.findings],
             "fit": {
                 "holdout": {
-                    "before_rmse": h.before,
-                    "after_rmse": h.after,
-                    "noise_floor_rmse": h.noise_floor,
-                    "ratio": h.ratio,
-                    "ratio_ci95": list(h.ratio_ci95),
-                    "unit": self.unit,
+                    **h.to_json(self.unit),
+                    "joints": {j: e.to_json(self.unit_of(j)) for j, e in self.proof.joints.items()},
                     "model_only": {"after_rmse": alone.after, "ratio": alone.ratio},
                 }
             },

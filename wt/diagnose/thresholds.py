@@ -20,7 +20,7 @@ class Thresholds:
     # -- recordings --------------------------------------------------------------------------
 
     encoder_step: float = 2.0 * np.pi / 2000.0
-    """[rad] Finest quantization worth a finding: an encoder of 2048 counts a turn is finer."""
+    """[rad or m] Finest quantization worth a finding: an encoder of 2048 counts a turn is finer."""
 
     # -- residual ----------------------------------------------------------------------------
 

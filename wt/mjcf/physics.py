@@ -73,7 +73,7 @@ def physics_py(
         shown: the recording whose events act if nothing else is said.
     """
     found = [(p.effect.script(p.at, p.theta), p) for p in hypothesis]
-    scripts = [(script, p.statement) for script, p in found if script is not None]
+    scripts = [(script, p.statement(scene)) for script, p in found if script is not None]
     if not any(script.acts for script, _ in scripts):
         return None
     asked = dict.fromkeys(helper for script, _ in scripts for helper in script.helpers)

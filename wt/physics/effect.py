@@ -30,10 +30,11 @@ Adding an effect
 The contract tests in ``tests/physics/test_contract.py`` then run over it, and fail without the
 row; those in ``tests/physics/test_truth.py`` fail if it is another law than the row's.
 
-Conventions: SI units, radians; generalised forces in N·m (N for slides); parameters are one flat
-vector ``theta`` in the order of :attr:`Effect.parameters`. In annotations ``sample`` are the T
-samples of a motion, ``dof`` the nv degrees of freedom of its machine, ``coefficient`` those of a
-signature and ``parameter`` the components of ``theta``.
+Conventions: SI units, radians; generalised forces in N·m (N for slides). Parameters state the unit
+that they have on a hinge, and sentences are given those of their place (:mod:`wt.physics.units`).
+Parameters are one flat vector ``theta`` in the order of :attr:`Effect.parameters`. In annotations
+``sample`` are the T samples of a motion, ``dof`` the nv degrees of freedom of its machine,
+``coefficient`` those of a signature and ``parameter`` the components of ``theta``.
 """
 
 from __future__ import annotations
@@ -52,6 +53,7 @@ from jaxtyping import Float
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.physics.script import Script
+from wt.physics.units import HINGE, Units
 from wt.types import Kind, Location
 
 Shape = tuple[float, ...]  # the nonlinear parameters that a signature needs to be linear
@@ -68,7 +70,7 @@ class Parameter:
 
     Attributes:
         name: as in the table of effects.
-        unit: e.g. ``"N·m"``; ``"-"`` for none.
+        unit: on a hinge, e.g. ``"N·m"``; ``"-"`` for none. On a slide see :meth:`unit_in`.
         lower, upper: smallest and largest admissible value, of every component.
         step: smallest change that matters, the unit of finite differences.
         axes: names of a vector's components, e.g. ``("x", "y", "z")``; empty for a scalar.
@@ -76,6 +78,7 @@ class Parameter:
         public: whether it is one of the table of effects, and reported; else it is only fitted.
         inexact: share of its size by which machines differ from the law at least; None: as usual.
         prior_std: spread of a prior on each step, for where data hardly tell it, see ``refine``.
+        of_joint: whether its unit follows the joint; not so where an angle is no joint's.
     """
 
     name: str
@@ -88,6 +91,11 @@ class Parameter:
     public: bool = True
     inexact: float | None = None
     prior_std: float = np.inf
+    of_joint: bool = True
+
+    def unit_in(self, units: Units) -> str:
+        """Its unit among those of a place."""
+        return units.of(self.unit) if self.of_joint else self.unit
 
     @property
     def size(self) -> int:
@@ -181,10 +189,18 @@ class Effect(abc.ABC):
         return True
 
     @abc.abstractmethod
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
-        """One plain sentence with figures and units, e.g. "Joint j2 has 1.2° of gear play."."""
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
+        """One plain sentence with figures and units, e.g. "Joint j2 has 1.2° of gear play.".
 
-    def separation(self, at: Location) -> str:
+        Args:
+            at: where.
+            theta: its parameters.
+            units: those at that place, which the sentence states.
+        """
+
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """The experiment that tells this effect best from others at the same place."""
         return f"a multisine on {at} with slow reversals and fast parts"
 

@@ -71,7 +71,10 @@ class Motion:
         A command that is held from sample to sample changes *at* the sample, so the force that
         belongs to the acceleration there is that of ½(u[k−1] + u[k]).
         """
-        return np.stack([self.delayed(i, 0.0) for i in range(self.command.shape[1])], axis=1)
+        mean = np.empty_like(self.command)
+        for i in range(self.command.shape[1]):
+            mean[:, i] = self.delayed(i, 0.0)
+        return mean
 
     def delayed(self, actuator: int, delay: float) -> Float[np.ndarray, " sample"]:
         """Command of one actuator that arrives late, (T,), averaged as :attr:`u`.

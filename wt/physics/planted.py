@@ -25,6 +25,7 @@ from wt.physics.hooks import (
 from wt.physics.motion import Motion
 from wt.physics.replay import Hidden, Inputs, Outputs, Stretch
 from wt.physics.scene import Scene
+from wt.physics.units import units_at
 from wt.types import Location
 
 Key = tuple[str, str, str]
@@ -49,10 +50,13 @@ class Planted:
         """As in messages."""
         return f"{self.effect.id} at {self.at}"
 
-    @property
-    def statement(self) -> str:
-        """One plain sentence with figures."""
-        return self.effect.statement(self.at, self.theta)
+    def statement(self, scene: Scene) -> str:
+        """One plain sentence with figures, in the units of the place."""
+        return self.effect.statement(self.at, self.theta, units_at(scene, self.at))
+
+    def separation(self, scene: Scene) -> str:
+        """The experiment that tells it best from others at the same place."""
+        return self.effect.separation(self.at, units_at(scene, self.at))
 
     @property
     def key(self) -> Key:

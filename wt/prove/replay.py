@@ -94,7 +94,8 @@ def measure(recording: Recording, model: mujoco.MjModel) -> HeldOutRecording:
     curve = smooth if base is None else lambda t, x: fitted(t, x, QUICK)
     curves = np.zeros((2, *q.shape))
     curves[:, rows] = np.stack([curve(t[rows], column[rows]) for column in q.T], axis=2)
-    u = np.stack([_filled_forward(recording.columns[f"ctrl/{drive}"]) for drive in drives], axis=1)
+    sent = [_filled_forward(recording.columns[f"ctrl/{drive}"]) for drive in drives]
+    u = np.stack(sent, axis=1) if sent else np.zeros((len(t), 0))
     return HeldOutRecording(joints, drives, t, q, curves, u, servoed, base)
 
 
@@ -253,7 +254,9 @@ class _Runner:
         knots = np.concatenate([[t[0] - 1.0], t, [t[-1] + 1.0]])
         integral = np.vstack([-u[0], integral, integral[-1] + u[-1]])
         edges = start + h * (np.arange(steps + 1) - 0.5)
-        sums = np.stack([np.interp(edges, knots, column) for column in integral.T], axis=1)
+        sums = np.empty((len(edges), integral.shape[1]))
+        for i, column in enumerate(integral.T):
+            sums[:, i] = np.interp(edges, knots, column)
         return np.asarray(np.diff(sums, axis=0) / h)
 
     def _along(

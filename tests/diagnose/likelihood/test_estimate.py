@@ -12,6 +12,7 @@ from wt.diagnose.result import Estimate
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
+from wt.physics.units import HINGE
 from wt.types import Location
 
 J = Location("joint", "j")
@@ -74,7 +75,7 @@ def test_a_vector_is_nothing_where_all_of_it_may_be() -> None:
 
 
 def named(force: Planted, half: np.ndarray) -> dict[str, Estimate]:
-    return _named(force, force.theta - half, force.theta + half, force.effect.steps())
+    return _named(force, HINGE, force.theta - half, force.theta + half, force.effect.steps())
 
 
 def planted(name: str, *theta: float) -> Planted:
@@ -111,10 +112,10 @@ def test_laws_that_stand_for_another_are_known_less_well() -> None:
 def test_a_vector_is_unknown_as_a_whole_and_not_for_one_component_that_may_be_nothing() -> None:
     force = Planted(effects()["body.force"], J, np.array([4.8, 2.0, -0.3]))
     wide = np.array([0.4, 0.6, 2.6])
-    assert not _named(force, force.theta - wide, force.theta + wide, np.full(3, 0.01))[
+    assert not _named(force, HINGE, force.theta - wide, force.theta + wide, np.full(3, 0.01))[
         "force"
     ].warning
     wider = 3.0 * wide
-    assert _named(force, force.theta - wider, force.theta + wider, np.full(3, 0.01))[
+    assert _named(force, HINGE, force.theta - wider, force.theta + wider, np.full(3, 0.01))[
         "force"
     ].warning

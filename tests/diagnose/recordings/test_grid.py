@@ -8,6 +8,7 @@ import pytest
 from wt.diagnose.recordings.grid import coarse_steps, located
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.units import HINGE
 from wt.types import Recording
 
 
@@ -24,7 +25,7 @@ def swing(step: float, seed: int, offset: float = 0.0) -> Part:
 
 @pytest.mark.parametrize(("step", "offset"), [(0.004, 0.0), (0.012, 0.0), (0.04, 0.013)])
 def test_steps_are_read_off(step: float, offset: float) -> None:
-    (found,) = coarse_steps([swing(step, 0, offset)], [swing(step, 1, offset)], ["j"])
+    (found,) = coarse_steps([swing(step, 0, offset)], [swing(step, 1, offset)], {"j": HINGE})
     estimate = found.parameters["step"]
     assert found.effect == "sensor.quantization" and found.at.name == "j"
     assert estimate.value == pytest.approx(step, rel=1e-3)
@@ -36,9 +37,9 @@ def test_steps_are_read_off(step: float, offset: float) -> None:
 
 @pytest.mark.parametrize("step", [0.0, 2.0 * np.pi / 4096, 0.99 * THRESHOLDS.encoder_step])
 def test_what_any_encoder_has_is_no_finding(step: float) -> None:
-    assert coarse_steps([swing(step, 0)], [swing(step, 1)], ["j"]) == ()
+    assert coarse_steps([swing(step, 0)], [swing(step, 1)], {"j": HINGE}) == ()
 
 
 def test_a_grid_that_held_out_data_do_not_have_is_none() -> None:
-    assert coarse_steps([swing(0.01, 0)], [swing(0.0, 1)], ["j"]) == ()
-    assert coarse_steps([swing(0.01, 0)], [swing(0.013, 1)], ["j"]) == ()
+    assert coarse_steps([swing(0.01, 0)], [swing(0.0, 1)], {"j": HINGE}) == ()
+    assert coarse_steps([swing(0.01, 0)], [swing(0.013, 1)], {"j": HINGE}) == ()

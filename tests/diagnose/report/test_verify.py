@@ -47,7 +47,7 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> World:
 @pytest.fixture(scope="module")
 def files(machine: World) -> HandedOver:
     found = (DEAD, STIFF)
-    said = [p.statement for p in found]
+    said = [p.statement(machine.held.smoothed.motion.scene) for p in found]
     return hand_over(machine.held, found, (found, said), ("a.parquet", "b.parquet"), None)
 
 
@@ -147,7 +147,7 @@ def test_sensors_that_err_begin_where_the_machine_is(machine: World) -> None:
         measured=machine.held.measured + shifted,
         stretches=tuple(replace(s, q0=s.q0 + shifted) for s in machine.held.stretches),
     )
-    said = [p.statement for p in found]
+    said = [p.statement(machine.held.smoothed.motion.scene) for p in found]
     written = hand_over(off, found, (found, said), ("a", "b"), None)
     replays = replayed_files(written.contents, chain(2))
     assert np.sqrt(np.mean(replays.physics**2)) < AS_GOOD

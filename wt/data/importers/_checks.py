@@ -58,6 +58,11 @@ def doubts(recording: Recording, mapping: Map) -> list[str]:
         mapping: the map; what it says of a column itself is believed.
     """
     lines = []
+    if not any(name.startswith("ctrl/") for name in recording.columns):
+        lines.append(
+            "no command was found, which is right for a machine without actuators alone; name "
+            "the source of 'ctrl/<actuator>' in the map if there were any"
+        )
     for joint in _joints(recording):
         position, velocity, command = (f"{kind}/{joint}" for kind in ("qpos", "qvel", "ctrl"))
         r, factor = _velocity_over_slope(recording, joint)

@@ -4,9 +4,10 @@ Joints of findings with rivals are moved one after another: slow reversals at th
 friction against viscous, Stribeck), steps (delay against lag), a multisine (inertia, delay against
 damping) and rests at several angles (friction under load, springs, gains). With no rivals, all
 joints move together by a mild multisine. Joints with torque motors, which no command can hold
-still, get a mild multisine around the pose where gravity leaves them. The motion stays inside the
-model's limits and at speeds that were recorded, starts and ends at rest, and is simulated on the
-model as given; it is made smaller until nothing touches and no limit is met.
+still, get a mild multisine around the pose where gravity leaves them. The motion starts and ends at
+rest where the machine stands, stays at speeds that were recorded and inside what the model's limits
+allow or, where it has none, inside what was recorded: beyond may be a wall. It is simulated on the
+model as given, and made smaller until nothing touches and no limit is met.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from wt.diagnose.experiment import signals
+from wt.diagnose.experiment.release import passive, release
 from wt.diagnose.experiment.trial import Trial, command, settled, trial
 from wt.diagnose.result import Diagnosis
 from wt.errors import RecordingError, WorkError
@@ -30,6 +32,9 @@ SHORTEST_S = 10.0
 _RAMP_S = 1.5
 _MILD = 0.3  # rad, rad/s (m, m/s): of joints that were never seen moving
 _EDGE = 0.05  # share of a joint's range that is left out at either end
+_SLACK, _ROUNDING = 0.002, 1e-6  # share of what was recorded, and [rad or m], for simulation's sake
+_NO_ROOM = 1e-4  # rad or m
+_STILL = 0.02  # of the fastest: what stands
 _SHRINK = 0.8
 _TRIES = 20
 # shares of a joint's time
@@ -62,7 +67,7 @@ def suggest(
     Raises:
         ModelError: the MJCF cannot be used.
         RecordingError: it is to be shorter than 10 s.
-        WorkError: no motion was found that keeps the limits.
+        WorkError: no motion was found that keeps the limits, or nothing drives the machine.
     """
     if seconds < SHORTEST_S:
         raise RecordingError(
@@ -70,11 +75,20 @@ def suggest(
             f"{SHORTEST_S:g} s"
         )
     scene = Scene(model)
+    if passive(scene):
+        raise WorkError(
+            f"the model has no actuator to command; instead {release(scene, diagnosis.traces)}"
+        )
     rates = [r.rate_hz for r in diagnosis.recordings]
     rate = rate_hz or (float(np.round(np.median(rates))) if rates else 200.0)
     n = round(seconds * rate) + 1
     reach = _reach(scene, diagnosis)
-    focus = _focus(scene, diagnosis)
+    if not any(_roomy(reach, drive.dof) for drive in scene.drives):
+        raise WorkError(
+            "no driven joint has a range in the model or moved in the recordings: nothing says how "
+            "far one may go; give the joints a range"
+        )
+    focus = [j for j in _focus(scene, diagnosis) if _roomy(reach, scene.dof(j))]
     wanted = _motion(scene, reach, focus, n, 1.0 / rate, np.random.default_rng(seed))
     size = np.ones(len(scene.joints))
     for _ in range(_TRIES):
@@ -83,12 +97,19 @@ def suggest(
         if not wrong.any():
             return _recording(scene, tried, rate, focus)
         size[wrong] *= _SHRINK
+    raise _none_safe(scene, reach, tried, wrong)
+
+
+def _none_safe(
+    scene: Scene, reach: _Reach, tried: Trial, wrong: Bool[np.ndarray, " dof"]
+) -> WorkError:
+    """The error that says why even the smallest motion was none."""
     if len(tried.touched):
         bodies = " and ".join(scene.model.body(int(i)).name for i in tried.touched[0])
         why = f"bodies {bodies} touch"
     else:
         why = f"joint {scene.joints[int(np.argmax(wrong))]} leaves its limits"
-    raise WorkError(
+    return WorkError(
         f"no safe motion was found from the pose {np.round(reach.rest, 2).tolist()}: {why}; "
         "record from a pose with more room"
     )
@@ -102,19 +123,20 @@ class _Reach:
         rest: the pose at the start and the end.
         low: smallest position.
         high: largest.
+        slack: by how much a simulated motion may leave these, at either end.
         speed: greatest speed.
     """
 
     rest: Float[np.ndarray, " dof"]
     low: Float[np.ndarray, " dof"]
     high: Float[np.ndarray, " dof"]
+    slack: Float[np.ndarray, "end dof"]
     speed: Float[np.ndarray, " dof"]
 
 
 def _reach(scene: Scene, diagnosis: Diagnosis) -> _Reach:
     """From what was recorded, inside what the model allows."""
     count = len(scene.joints)
-    rest = scene.model.qpos0.copy()
     seen_low, seen_high = np.full(count, np.inf), np.full(count, -np.inf)
     speed = np.full(count, _MILD)
     for trace in diagnosis.traces:
@@ -122,20 +144,62 @@ def _reach(scene: Scene, diagnosis: Diagnosis) -> _Reach:
         seen_low = np.fmin(seen_low, np.nanmin(recorded, axis=0))
         seen_high = np.fmax(seen_high, np.nanmax(recorded, axis=0))
         speed = np.fmax(speed, np.nanquantile(np.abs(trace.velocity), 0.995, axis=0))
-    if diagnosis.traces:
-        first = diagnosis.traces[0].recorded[0]
-        rest = np.where(np.isfinite(first), first, rest)
-    rest = settled(scene, rest)
-    low, high = _allowed(scene)
-    rest = np.clip(rest, low, high)
+    stands = _stands(scene, diagnosis)
+    beside = 0.0 if diagnosis.traces else _MILD  # nothing was shown: near where it stands
+    seen_low = np.fmin(seen_low, stands - beside)
+    seen_high = np.fmax(seen_high, stands + beside)
+    (low, high), margin = _allowed(scene)
+    known = np.isfinite([low, high])  # by the model
+    rest = settled(scene, stands, 0.5 * (seen_low + seen_high))
+    # what falls without end is held where it stands, and so is what nothing has shown to settle so
+    lost = (rest < np.where(known[0], low - margin, seen_low)) | (
+        rest > np.where(known[1], high + margin, seen_high)
+    )
+    rest = np.where(lost, stands, rest)
     room = np.maximum(0.1 * (seen_high - seen_low), 0.0)
-    low = np.maximum(low, np.minimum(seen_low - room, rest - _MILD))
-    high = np.minimum(high, np.maximum(seen_high + room, rest + _MILD))
-    return _Reach(rest, low, high, speed)
+    low = np.where(known[0], np.maximum(low, np.minimum(seen_low - room, rest - _MILD)), seen_low)
+    high = np.where(
+        known[1], np.minimum(high, np.maximum(seen_high + room, rest + _MILD)), seen_high
+    )
+    low, high = np.minimum(low, rest), np.maximum(high, rest)
+    slack = np.where(known, 0.1, _SLACK) * (high - low) + _ROUNDING
+    return _Reach(rest, low, high, slack, speed)
 
 
-def _allowed(scene: Scene) -> tuple[Float[np.ndarray, " dof"], Float[np.ndarray, " dof"]]:
-    """Least and greatest positions that the joints' ranges and the servos' commands allow."""
+def _roomy(reach: _Reach, dof: int) -> bool:
+    """Whether a joint has room to move in."""
+    return bool(reach.high[dof] - reach.low[dof] > _NO_ROOM)
+
+
+def _stands(scene: Scene, diagnosis: Diagnosis) -> Float[np.ndarray, " dof"]:
+    """Pose in which the machine stands: at the end of the last recording, or its start.
+
+    Where it moves at either, in the most quiet moment of that recording.
+    """
+    rest = scene.model.qpos0.copy()
+    if not diagnosis.traces:
+        return rest
+    # the last that were given are held out
+    held = [t for t in diagnosis.traces if t.role == "holdout"] or list(diagnosis.traces)
+    last, first = held[-1], next(t for t in diagnosis.traces[::-1] if t.name == held[-1].name)
+    speeds = [np.abs(np.nan_to_num(t.velocity)).max(axis=1) for t in (last, first)]
+    still = _STILL * max(float(s.max()) for s in speeds)
+    if speeds[0][-1] <= still:
+        pose = last.recorded[-1]
+    elif speeds[1][0] <= still:
+        pose = first.recorded[0]
+    else:
+        pose = last.recorded[int(speeds[0].argmin())]
+    return np.where(np.isfinite(pose), pose, rest)
+
+
+def _allowed(
+    scene: Scene,
+) -> tuple[tuple[Float[np.ndarray, " dof"], Float[np.ndarray, " dof"]], Float[np.ndarray, " dof"]]:
+    """Positions that joints' ranges and servos' commands allow, and the margin kept to those.
+
+    Infinite where nothing is said.
+    """
     m = scene.model
     low, high = np.full(m.njnt, -np.inf), np.full(m.njnt, np.inf)
     limited = m.jnt_limited.astype(bool)
@@ -148,7 +212,7 @@ def _allowed(scene: Scene) -> tuple[Float[np.ndarray, " dof"], Float[np.ndarray,
             ends = np.sort((m.actuator_ctrlrange[drive.index] - zero) / (slope - zero))
             low[drive.dof] = max(low[drive.dof], ends[0])
             high[drive.dof] = min(high[drive.dof], ends[1])
-    return low, high
+    return (low, high), np.where(limited, margin, 0.0)
 
 
 def _focus(scene: Scene, diagnosis: Diagnosis) -> tuple[str, ...]:
@@ -183,7 +247,7 @@ def _motion(
     """Joint positions: focused joints in turn, or all together if there are none."""
     q = np.tile(reach.rest, (n, 1))
     if not focus:
-        driven = dict.fromkeys(drive.joint for drive in scene.drives)
+        driven = dict.fromkeys(d.joint for d in scene.drives if _roomy(reach, d.dof))
         for turn, joint in enumerate(driven):
             q[:, scene.dof(joint)] = _mild(scene, reach, joint, n, dt, turn)
         return q
@@ -232,8 +296,8 @@ def _mild(
     half = 0.5 * float(reach.high[dof] - reach.low[dof])
     size = min(0.3 * half, _MILD)
     rest, speed = float(reach.rest[dof]), float(reach.speed[dof])
-    # a torque motor cannot leave the pose where gravity left it
-    centre = float(np.clip(rest, reach.low[dof] + size, reach.high[dof] - size)) if servo else rest
+    # beside an end, away from it; else around the pose where gravity left it
+    centre = float(np.clip(rest, reach.low[dof] + size, reach.high[dof] - size))
     ramp = _ramp(rest, centre, speed, dt)
     band = (0.1, min(5.0, 0.1 / dt)) if servo else _TORQUE_BAND
     wave = signals.multisine(n - 2 * ramp, dt, 0.5 * speed, size, band, turn)
@@ -251,8 +315,7 @@ def _wrong(scene: Scene, reach: _Reach, tried: Trial, rate: float) -> Bool[np.nd
     m = scene.model
     if not np.isfinite(tried.q).all() or len(tried.touched):
         return np.ones(len(scene.joints), bool)
-    room = 0.1 * (reach.high - reach.low)
-    low, high = reach.low - room, reach.high + room
+    low, high = reach.low - reach.slack[0], reach.high + reach.slack[1]
     limited = m.jnt_limited.astype(bool)
     low[limited] = np.maximum(low, m.jnt_range[:, 0])[limited]
     high[limited] = np.minimum(high, m.jnt_range[:, 1])[limited]

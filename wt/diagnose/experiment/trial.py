@@ -13,6 +13,7 @@ from wt.physics.scene import Drive, Scene
 
 _STEP_S = 5e-4
 _SETTLE_S = 20.0
+_NUDGE = 1e-3  # rad or m
 _CALM = 10.0  # 1/s: damping per inertia while a machine settles
 
 
@@ -22,8 +23,8 @@ class Trial:
 
     Attributes:
         ctrl: commands.
-        q: joint positions [rad].
-        force: actuator forces [N·m].
+        q: joint positions [rad or m].
+        force: actuator forces [N·m or N].
         touched: pairs of bodies that touched although they do not at rest.
     """
 
@@ -104,10 +105,13 @@ def command(drive: Drive, q: float, v: float, torque: float) -> float:
     return float((torque / drive.gear - passive) / drive.gain)
 
 
-def settled(scene: Scene, pose: Float[np.ndarray, " dof"]) -> Float[np.ndarray, " dof"]:
-    """Pose in which a machine comes to rest when its torque motors give nothing [rad].
+def settled(
+    scene: Scene, pose: Float[np.ndarray, " dof"], towards: Float[np.ndarray, " dof"]
+) -> Float[np.ndarray, " dof"]:
+    """Pose in which a machine comes to rest when its torque motors give nothing [rad or m].
 
-    Servos hold their joints; a machine that only has servos stays as it is.
+    Servos hold their joints; a machine that only has servos stays as it is. What stands on its head
+    falls towards a pose that was seen.
     """
     held = np.zeros(scene.model.nv, bool)
     held[[d.dof for d in scene.drives if d.servo]] = True
@@ -118,12 +122,14 @@ def settled(scene: Scene, pose: Float[np.ndarray, " dof"]) -> Float[np.ndarray, 
     model.opt.timestep = 2e-3
     model.dof_damping[~held] += _CALM * model.dof_M0[~held]
     data = mujoco.MjData(model)
-    data.qpos[:] = pose
+    # it would not fall by itself
+    data.qpos[:] = pose + _NUDGE * ~held * np.where(towards < pose, -1.0, 1.0)
     for d in scene.drives:
         data.ctrl[d.index] = command(d, pose[d.dof], 0.0, 0.0) if d.servo else 0.0
     _charge(model, data, data.ctrl.copy())
     mujoco.mj_step(model, data, round(_SETTLE_S / model.opt.timestep))
-    return np.where(held, pose, data.qpos)
+    stays = np.abs(data.qpos - pose) < 2.0 * _NUDGE
+    return np.where(held | stays, pose, data.qpos)
 
 
 def _charge(

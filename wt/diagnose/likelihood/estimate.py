@@ -22,6 +22,7 @@ from wt.diagnose.result import Estimate
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Parameter
 from wt.physics.planted import Hypothesis, Planted
+from wt.physics.units import Units, units_at
 
 BLOCK_S = 2.0
 """Length of a block [s]: longer than a servo's or a gravity-loaded joint's memory."""
@@ -66,7 +67,8 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     for planted in now.hypothesis:
         rows = slice(offset, offset + planted.effect.n_theta)
         offset = rows.stop
-        estimates.append(_named(planted, low[rows], high[rows], smallest[rows]))
+        units = units_at(objective.scene, planted.at)
+        estimates.append(_named(planted, units, low[rows], high[rows], smallest[rows]))
     return Estimated(now, tuple(estimates))
 
 
@@ -184,6 +186,7 @@ def _numerical_score(
 
 def _named(
     planted: Planted,
+    units: Units,
     low: Float[np.ndarray, " parameter"],
     high: Float[np.ndarray, " parameter"],
     smallest: Float[np.ndarray, " parameter"],
@@ -210,12 +213,12 @@ def _named(
                 warning = "at the bound of what is admissible: the law may be another one"
         estimates[p.name] = Estimate(
             _plain(value, bool(p.axes)),
-            p.unit,
+            p.unit_in(units),
             (_plain(ends[0], bool(p.axes)), _plain(ends[1], bool(p.axes))),
             warning,
         )
     for name, (unit, values) in planted.observed().items():
-        estimates[name] = Estimate(values, unit, (values, values))
+        estimates[name] = Estimate(values, units.of(unit), (values, values))
     return estimates
 
 

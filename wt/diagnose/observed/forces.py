@@ -22,6 +22,8 @@ from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.motion import Motion
 from wt.physics.planted import Hypothesis
 from wt.physics.scene import Drive
+from wt.physics.units import unit_at
+from wt.types import Location
 
 _LEAST_ROWS = 50
 
@@ -135,7 +137,7 @@ def _compared(
         off_law=sizes[0],
         off_motion=sizes[1],
         lacking=sizes[2],
-        unit="N·m" if int(m.jnt_type[dof]) == 3 else "N",
+        unit=unit_at(scene, Location("joint", drive.joint), "N·m"),
         side=_side(sizes, allowed, missing),
     )
 

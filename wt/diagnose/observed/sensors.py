@@ -23,6 +23,8 @@ from wt.physics.planted import Hypothesis, Planted
 from wt.physics.replay import Inputs, Outputs, Stretch
 from wt.physics.rollout import Replayer, Replays
 from wt.physics.scene import Scene
+from wt.physics.units import units_at
+from wt.types import Location
 
 
 def sensed(
@@ -91,8 +93,8 @@ def _recorded(
 
 
 def _units(scene: Scene, joint: str) -> Mapping[str, str]:
-    slide = joint and scene.model.joint(joint).type[0] == mujoco.mjtJoint.mjJNT_SLIDE
-    return {"q": "m", "f": "N"} if slide else {"q": "rad", "f": "N·m"}
+    units = units_at(scene, Location("joint", joint))
+    return {"q": units.position, "f": units.force}
 
 
 def _at_samples(

@@ -6,7 +6,7 @@ and no finding.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -15,6 +15,7 @@ from wt.diagnose.recordings.samples import Part
 from wt.diagnose.result import Estimate, Finding, Located
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
+from wt.physics.units import Units
 from wt.types import Location
 
 _FEWEST = 8  # values on the grid, or nothing moved enough to tell
@@ -22,17 +23,17 @@ _OFF = 0.02  # of a step: what rounding in a file may move a value by
 
 
 def coarse_steps(
-    fitted: Sequence[Part], held: Sequence[Part], joints: Sequence[str]
+    fitted: Sequence[Part], held: Sequence[Part], joints: Mapping[str, Units]
 ) -> tuple[Finding, ...]:
     """Joints whose positions were recorded in coarse steps, in the fitted and held-out parts.
 
     Args:
         fitted: the steps are read off these.
         held: … and have to be found again in these.
-        joints: of the model.
+        joints: of the model, with their units.
     """
     findings = []
-    for joint in joints:
+    for joint, units in joints.items():
         values = [_values(parts, joint) for parts in (fitted, held)]
         step = _step(values[0])
         if (
@@ -44,7 +45,7 @@ def coarse_steps(
             continue
         # by chance, a value lies so near to a grid line with this probability
         chance = min(1.0, (2.0 * _OFF) ** (len(np.unique(values[1])) - 2))
-        findings.append(_finding(joint, step, values[0], chance))
+        findings.append(_finding(joint, units, step, values[0], chance))
     return tuple(findings)
 
 
@@ -84,7 +85,7 @@ def _off(values: Float[np.ndarray, " sample"], step: float) -> bool:
 
 
 def _finding(
-    joint: str, step: float, values: Float[np.ndarray, " sample"], chance: float
+    joint: str, units: Units, step: float, values: Float[np.ndarray, " sample"], chance: float
 ) -> Finding:
     effect, at = effects()["sensor.quantization"], Location("joint", joint)
     # any step within this of the estimate keeps all values on the grid
@@ -92,8 +93,8 @@ def _finding(
     return Finding(
         effect=effect.id,
         at=at,
-        parameters={"step": Estimate(step, "rad", (step - spread, step + spread))},
-        statement=effect.statement(at, np.array([step])),
+        parameters={"step": Estimate(step, units.position, (step - spread, step + spread))},
+        statement=effect.statement(at, np.array([step]), units),
         holdout_gain=0.0,
         p_value=chance,
         reference=effect.reference,

@@ -112,10 +112,12 @@ def _check_contents(scene: Scene, recording: Recording) -> None:
     for name, column in recording.columns.items():
         if not np.isfinite(column).any():
             raise RecordingError(f"column '{name}' has no finite value; leave it out")
-    missing = [d.name for d in scene.drives if f"ctrl/{d.name}" not in recording.columns]
+    actuators = [scene.model.actuator(i).name for i in range(scene.model.nactuator)]
+    missing = [name for name in actuators if f"ctrl/{name}" not in recording.columns]
     if missing:
         raise RecordingError(
-            f"column 'ctrl/{missing[0]}' is missing: the command of every actuator is needed"
+            f"column 'ctrl/{missing[0]}' is missing: the command of every actuator is needed; for "
+            "a machine that was released without any, give a model without actuators"
         )
     moves = [
         np.nanstd(column) > _STILL
@@ -127,6 +129,11 @@ def _check_contents(scene: Scene, recording: Recording) -> None:
         for d in scene.drives
         if f"ctrl/{d.name}" in recording.columns
     ]
+    if not any(moves) and not actuators:
+        raise RecordingError(
+            "nothing moves, so nothing can be learned; record how the machine moves when it is "
+            "released away from rest"
+        )
     if not any(moves) or (commands and not any(commands) and not _swings(scene, recording)):
         raise RecordingError(
             "every command is constant and nothing moves: nothing is excited, so nothing can be "

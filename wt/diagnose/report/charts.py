@@ -19,6 +19,7 @@ from wt.diagnose.result import Diagnosis, Finding
 from wt.physics import base
 from wt.physics.effect import effects
 from wt.physics.scene import drives
+from wt.physics.units import Units
 from wt.show.charts import Axes, Series, chart
 from wt.types import Location
 
@@ -104,7 +105,7 @@ def over_time(diagnosis: Diagnosis, trace: Trace) -> Iterator[str]:
         before, after = (q[:, j] - trace.recorded[:, j] for q in (trace.before, trace.after))
         if not np.isfinite(before).any():
             continue
-        factor, unit = scaled(float(np.nanmax(np.abs(before))), diagnosis.unit)
+        factor, unit = scaled(float(np.nanmax(np.abs(before))), diagnosis.unit_of(name))
         error = diagnosis.proof.joints.get(name)
         rms = [np.sqrt(np.nanmean(e**2)) * factor for e in (before, after)]
         series = [Series("before", trace.t, before * factor)]
@@ -148,7 +149,7 @@ def dependence(diagnosis: Diagnosis, finding: Finding, model: mujoco.MjModel | N
         return ""
     name = diagnosis.joints[column]
     variable, label, values = _variable(diagnosis, finding, column, model)
-    unit = _force_unit(model, name)
+    unit = _force_unit(diagnosis, name)
     x = np.concatenate(values)
     x = _usual(x)
     series = []
@@ -180,7 +181,8 @@ def horizon(diagnosis: Diagnosis) -> str:
         return ""
     x = np.array(sorted(h))
     both = np.array([h[s] for s in x.tolist()])
-    factor, unit = scaled(float(np.nanmax(both)), diagnosis.unit)
+    # over joints of both kinds it has none of the units alone
+    factor, unit = scaled(float(np.nanmax(both)), " and ".join(diagnosis.compared))
     series = [Series("before", x, both[:, 0] * factor, "beads")]
     if diagnosis.findings:
         series.append(Series("after", x, both[:, 1] * factor, "beads"))
@@ -219,9 +221,10 @@ def _variable(
     diagnosis: Diagnosis, finding: Finding, column: int, model: mujoco.MjModel | None
 ) -> tuple[str, str, list[Float[np.ndarray, " _"]]]:
     """The variable that an effect depends on: name, label with unit, and values of each trace."""
-    traces, unit = diagnosis.traces, diagnosis.unit
+    traces = diagnosis.traces
     kind, column = _depends(diagnosis, finding, column)
     joint = diagnosis.joints[column]
+    unit = diagnosis.unit_of(joint)
     command = _actuator(finding, joint, model)
     if kind in ("command", "drive") and all(command in t.command for t in traces):
         if kind == "command" or model is None:
@@ -229,7 +232,7 @@ def _variable(
             return f"the command of {command}", f"command of {command}", values
         label = f"force of {command} in the model"
         values = _drive_forces(diagnosis, model, command, column)
-        return f"the {label}", f"{label} [{_force_unit(model, joint)}]", values
+        return f"the {label}", f"{label} [{_force_unit(diagnosis, joint)}]", values
     if kind == "time":
         return "time", "time [s]", [t.t for t in traces]
     if kind == "velocity":
@@ -264,9 +267,8 @@ def _depends(diagnosis: Diagnosis, finding: Finding, column: int) -> tuple[str, 
     return kinds.get(group, "position"), column
 
 
-def _force_unit(model: mujoco.MjModel | None, joint: str) -> str:
-    slides = model is not None and model.joint(joint).type[0] == mujoco.mjtJoint.mjJNT_SLIDE
-    return "N" if slides else "N·m"
+def _force_unit(diagnosis: Diagnosis, joint: str) -> str:
+    return Units(slide=diagnosis.unit_of(joint) == "m").force
 
 
 def _actuator(finding: Finding, joint: str, model: mujoco.MjModel | None) -> str:

@@ -58,21 +58,23 @@ def _opening(d: Diagnosis) -> str:
         for i, s in enumerate(text.sentences(d))
     ]
     css = "good" if d.verdict in ("no_mismatch", "explained") else "part"
-    h = d.proof.holdout
-    factor, unit = text.scaled(max(h.before, h.after), d.unit)
-    noise = h.noise_floor * factor
+    shown: list[tuple[str, str, str]] = []
+    for h, of in text.overall(d):
+        factor, unit = text.scaled(max(h.before, h.after), of)
+        noise = h.noise_floor * factor
+        values = text.number(h.before * factor), text.error(h.after * factor, noise)
+        before, after, floor = (f"{x} {unit}" for x in (*values, text.number(noise, 2)))
+        shown.append((before, after, floor))
+    before, after, floor = (", ".join(parts) for parts in zip(*shown, strict=True))
     if d.findings:
         tiles = [
-            (f"{text.number(h.before * factor)} {unit}", "error before, on held-out data"),
-            (
-                f"{text.error(h.after * factor, noise)} {unit}",
-                f"error after, with {text.files(d)}",
-            ),
-            (f"{text.percent(h.ratio)} %", "of the error is left"),
+            (before, "error before, on held-out data"),
+            (after, f"error after, with {text.files(d)}"),
+            (f"{text.percent(d.proof.holdout.ratio)} %", "of the error is left"),
         ]
     else:
-        tiles = [(f"{text.number(h.before * factor)} {unit}", "error on held-out data")]
-    tiles.append((f"{text.number(noise, 2)} {unit}", "noise alone would give"))
+        tiles = [(before, "error on held-out data")]
+    tiles.append((floor, "noise alone would give"))
     total = sum(r.seconds for r in d.recordings)
     count = len({r.path for r in d.recordings})
     given = "1 recording" if count == 1 else f"{count}\N{NO-BREAK SPACE}recordings"
@@ -292,13 +294,19 @@ def _sources(d: Diagnosis) -> str:
 def proof(d: Diagnosis) -> str:
     """The section."""
     p = d.proof
-    largest = max([*(e.before for e in p.joints.values()), p.holdout.before, 1e-30])
-    rows = [_error_row(d, "all joints", p.holdout, largest, "best")]
-    rows += [_error_row(d, name, error, largest, "") for name, error in p.joints.items()]
-    _, unit = text.scaled(largest, d.unit)
-    errors = ("#before", "#after", "#noise") if d.findings else ("#error", "#noise")
+    shown = [("all joints", e, unit, "best") for e, unit in text.overall(d)]
+    if len(shown) > 1:
+        shown = [(f"all in {unit}", e, unit, css) for _, e, unit, css in shown]
+    shown += [(name, error, d.unit_of(name), "") for name, error in p.joints.items()]
+    largest = {
+        unit: max(1e-30, *(e.before for _, e, u, _ in shown if u == unit), 0.0)
+        for unit in d.compared
+    }
+    rows = [_error_row(d, name, e, (largest[unit], unit), css) for name, e, unit, css in shown]
+    errors = ("before", "after", "noise") if d.findings else ("error", "noise")
+    units = " or ".join(text.scaled(most, unit)[1] for unit, most in largest.items())
     left_head = ("#left",) if d.findings else ()
-    head = ("joint", *(f"{e} [{unit}]" for e in errors), *left_head, "")
+    head = ("joint", *(f"#{e} [{units}]" for e in errors), *left_head, "")
     split = f" Held out: {p.split}." if p.split else ""
     intro = (
         f"Root mean square errors of open-loop replays on data that nothing was fitted to.{split}"
@@ -314,8 +322,11 @@ def proof(d: Diagnosis) -> str:
     return section("Proof" if d.findings else "Errors", intro, "".join(parts))
 
 
-def _error_row(d: Diagnosis, name: str, e: Error, largest: float, css: str) -> str:
-    factor, _ = text.scaled(largest, d.unit)
+def _error_row(d: Diagnosis, name: str, e: Error, scale: tuple[float, str], css: str) -> str:
+    """One line of errors; the largest of its unit, and that unit, tell how they are written."""
+    (largest, _), (factor, unit) = scale, text.scaled(*scale)
+    if len(d.compared) > 1:
+        name = f"{name} [{unit}]"
     cells = [text.number(e.before * factor), text.number(e.noise_floor * factor, 2)]
     bars = bar("before", e.before / largest)
     if d.findings:

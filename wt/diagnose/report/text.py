@@ -29,6 +29,7 @@ _TINY_P = 1e-12
 _NOUNS = ("friction", "payload", "force")  # that an effect's id has before what qualifies them
 _PROPER = ("coulomb", "stribeck")
 _MOST_SPANS = 6
+_PLURAL = {"rad": "hinges", "m": "slides"}
 
 
 def sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
@@ -52,17 +53,20 @@ def sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
 
 def fit(diagnosis: Diagnosis) -> str:
     """The held-out fit in one sentence or two."""
-    h = diagnosis.proof.holdout
-    factor, unit = scaled(max(h.before, h.after), diagnosis.unit)
-    noise = f"measurement noise alone would give {number(h.noise_floor * factor, 2)} {unit}"
+    said, noises = [], []
+    for h, of in overall(diagnosis):
+        factor, unit = scaled(max(h.before, h.after), of)
+        left = f" to {error(h.after * factor, h.noise_floor * factor)}"
+        change = f"{number(h.before * factor)}{left if diagnosis.findings else ''} {unit}"
+        whose = f" ({_PLURAL[of]})" if len(diagnosis.compared) > 1 else ""
+        said.append(change + whose)
+        noises.append(f"{number(h.noise_floor * factor, 2)} {unit}")
+    noise = f"measurement noise alone would give {' and '.join(noises)}"
     if not diagnosis.findings:
-        return (
-            f"The replay's error on held-out data is {number(h.before * factor)} {unit}; {noise}."
-        )
+        return f"The replay's error on held-out data is {' and '.join(said)}; {noise}."
     return (
-        f"The replay's error on held-out data fell from {number(h.before * factor)} to "
-        f"{error(h.after * factor, h.noise_floor * factor)} {unit}, to {ratio(h)}; {noise}."
-        f"{by_files(diagnosis)}"
+        f"The replay's error on held-out data fell from {' and from '.join(said)}, to "
+        f"{ratio(diagnosis.proof.holdout)}; {noise}.{by_files(diagnosis)}"
     )
 
 
@@ -80,6 +84,23 @@ def by_files(diagnosis: Diagnosis) -> str:
         f" Of that error model.xml alone leaves {percent(alone.ratio)} %, with physics.py "
         f"{percent(both.ratio)} %."
     )
+
+
+def overall(diagnosis: Diagnosis) -> list[tuple[Error, str]]:
+    """The held-out error and its unit; one of each unit where hinges and slides mix."""
+    whole, joints = diagnosis.proof.holdout, diagnosis.proof.joints
+    if len(diagnosis.compared) < 2:
+        return [(whole, diagnosis.unit)]
+    found = []
+    for unit in diagnosis.compared:
+        mine = [e for j, e in joints.items() if diagnosis.unit_of(j) == unit]
+        before, after, noise = (
+            float(np.sqrt(np.mean(np.square(x))))
+            for x in zip(*((e.before, e.after, e.noise_floor) for e in mine), strict=True)
+        )
+        left = after / max(before, 1e-12)
+        found.append((Error(before, after, noise, left, (left, left)), unit))
+    return found
 
 
 def name_of(effect: str) -> str:

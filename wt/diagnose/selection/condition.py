@@ -12,6 +12,8 @@ from scipy.stats import ttest_ind
 from wt.diagnose.evidence import Interval
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.units import units_at
+from wt.types import Location
 
 Array = np.ndarray
 
@@ -143,8 +145,8 @@ def _block_means(values: Array, block: Array) -> Array:
 
 def _splits(screen: Screen, dof: int, of: str) -> Iterator[_Split]:
     m, rows = screen.motion, screen.rows
-    hinge = int(m.scene.model.jnt_type[dof]) == 3
-    length, load = ("rad", "N·m") if hinge else ("m", "N")
+    units = units_at(m.scene, Location("joint", m.scene.joints[dof]))
+    length, load = units.position, units.force
     q, v, t = m.q[rows, dof], m.v[rows, dof], m.t[rows]
     # what the model demands, not what the drive gave: a drive answers the residual as well
     force = np.abs(m.demand[rows, dof])

@@ -69,10 +69,9 @@ class Claims:
         """Effects that are written into the model: named ones and corrections."""
         return (*self.estimated.hypothesis, *self.corrections)
 
-    @property
-    def comments(self) -> list[str]:
+    def comments(self, scene: Scene) -> list[str]:
         """A sentence for each part of :attr:`patch`."""
-        named = [p.statement for p in self.estimated.hypothesis]
+        named = [p.statement(scene) for p in self.estimated.hypothesis]
         return named + comments(self.corrections)
 
     @property

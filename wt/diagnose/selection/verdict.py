@@ -15,7 +15,7 @@ from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.result import Confusable, Finding, Verdict
 from wt.diagnose.selection.naming import Claims
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.physics.planted import Planted
+from wt.physics.scene import Scene
 from wt.types import Location
 
 
@@ -78,17 +78,26 @@ def verdict(claims: Claims, objective: Objective, others: Sequence[Finding] = ()
     return "partly_explained" if left else "explained"
 
 
-def findings(claims: Claims) -> tuple[Finding, ...]:
-    """For people, the most important first."""
+def findings(claims: Claims, scene: Scene, experiment: str = "") -> tuple[Finding, ...]:
+    """For people, the most important first.
+
+    Args:
+        claims: what stands.
+        scene: the machine.
+        experiment: that tells them from their rivals; by default each effect's own.
+    """
     found = [
         Finding(
             effect=planted.effect.id,
             at=planted.at,
             parameters=values,
-            statement=planted.statement,
+            statement=planted.statement(scene),
             holdout_gain=gain.share,
             p_value=gain.p_value,
-            confusable_with=tuple(_confusable(planted, r) for r in a.rivals),
+            confusable_with=tuple(
+                Confusable(r.effect.id, r.at, experiment or planted.separation(scene))
+                for r in a.rivals
+            ),
             reference=planted.effect.reference,
         )
         for a, planted, values, gain in zip(
@@ -119,10 +128,6 @@ def suggestions(found: Sequence[Finding]) -> tuple[str, ...]:
     """What to record next, so that what was confused can be told apart."""
     experiments = [c.separating_experiment for f in found for c in f.confusable_with]
     return tuple(dict.fromkeys(experiments))
-
-
-def _confusable(found: Planted, rival: Planted) -> Confusable:
-    return Confusable(rival.effect.id, rival.at, found.effect.separation(found.at))
 
 
 DOUBTFUL = 0.6

@@ -33,6 +33,7 @@ from wt.physics.motion import Motion
 from wt.physics.planted import Hypothesis, Planted
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number
+from wt.physics.units import HINGE, Units, unit_at
 from wt.types import Location
 
 MOST_JOINTS = 3
@@ -96,11 +97,13 @@ class UnknownForce(OnSteps):
         )
         return Script(force=force, helpers=("joint", "residual", *helpers))
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         return self.sentence
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         others = ", ".join(recorded(self.law.columns))
         return f"slow and fast sweeps of {at.name} over its whole range that vary {others} alone"
@@ -226,7 +229,7 @@ def _learn(data: ForceData, assessed: Assessed, holdout: Holdout, step: float) -
         solve(data, formula).text(),
         to_onnx({"force": law}),
         used.r2,
-        planted.effect.statement(at, planted.theta),
+        planted.statement(data.screen.motion.scene),
         Gain(share, p_value),
     )
 
@@ -321,10 +324,5 @@ def _peak(data: ForceData, law: Law, force: Float[np.ndarray, " sample"]) -> str
     # the middle of what is at least half as strong: a detent pulls on both of its sides
     near = size >= 0.5 * size[best]
     middle = 0.5 * (edges[:-1] + edges[1:])
-    unit = "rad" if _hinge(data) else "m"
+    unit = unit_at(data.screen.motion.scene, Location("joint", data.joint), "rad")
     return f"{float(np.sum(middle * near * size) / np.sum(size * near)):.2g} {unit}"
-
-
-def _hinge(data: ForceData) -> bool:
-    model = data.screen.motion.scene.model
-    return int(model.joint(data.joint).type[0]) == 3

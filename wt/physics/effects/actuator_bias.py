@@ -9,6 +9,7 @@ from jaxtyping import Float
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.effects._tools import free_of_limits, settle
 from wt.physics.motion import Motion
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -48,10 +49,13 @@ class ActuatorBias(Effect):
             actuator.biasprm[:3] = 0.0
         actuator.biasprm[0] += theta[0] / actuator.gear[0]
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
-        return f"Actuator {at.name} adds a constant {theta[0]:.3g} N·m that nobody commanded."
+        constant = f"a constant {theta[0]:.3g} {units.force}"
+        return f"Actuator {at.name} adds {constant} that nobody commanded."
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"holding the joint of {at.name} still at poses where gravity pulls it either way"

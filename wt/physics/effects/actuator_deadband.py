@@ -14,6 +14,7 @@ from wt.physics.live import Live
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene, between
 from wt.physics.script import Script, number
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -65,10 +66,12 @@ class ActuatorDeadband(OnSteps):
         )
         return Script(force=force, helpers=("drive",))
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
-        return f"Actuator {at.name} swallows the first {theta[0]:.3g} N·m of its force."
+        return f"Actuator {at.name} swallows the first {theta[0]:.3g} {units.force} of its force."
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"slow ramps of {at.name} through zero force, which tell a dead band from a gain"

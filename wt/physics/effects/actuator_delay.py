@@ -13,6 +13,7 @@ from wt.physics.hooks import OnInputs, Tolerance, Tolerated
 from wt.physics.motion import Motion
 from wt.physics.replay import Inputs
 from wt.physics.scene import Drive, Scene
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _OFF = 4e-4  # s, standard deviation of when commands arrive
@@ -83,7 +84,9 @@ class ActuatorDelay(OnInputs, Tolerated):
         """Force of a delay of that size: it is the shape, with coefficient one."""
         return np.asarray(self.columns(motion, at, (size,))[:, :, 0])
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         late = f"{1e3 * theta[0]:.3g} ms late"
         if at.name == "all":

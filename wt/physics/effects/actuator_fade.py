@@ -18,6 +18,7 @@ from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _HOTTEST = 1.5  # heat beyond which a motor's protection would step in
@@ -113,16 +114,18 @@ class ActuatorFade(FromRecordings, OnSteps):
         )
         return Script(force=force, helpers=("drive",))
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         usual = float(self._load(theta))
-        load = f" of {usual:.3g} N·m" if usual else ""
+        load = f" of {usual:.3g} {units.force}" if usual else ""
         return (
             f"Actuator {at.name} loses {100.0 * theta[0]:.3g} % of its strength as it warms up "
             f"under its usual load{load}, with a time constant of {theta[1]:.3g} s."
         )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"the same motion of {at.name} from cold, repeated for several minutes"
 

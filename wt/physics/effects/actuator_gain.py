@@ -13,6 +13,7 @@ from wt.physics.effects._tools import free_of_limits, settle
 from wt.physics.hooks import Tolerance, Tolerated
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _OFF = 0.01  # standard deviation of a drive's strength
@@ -59,10 +60,12 @@ class ActuatorGain(Tolerated):
         """Every drive's."""
         return {Location("actuator", drive.name): Tolerance(_OFF) for drive in scene.drives}
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         return f"Actuator {at.name} delivers {100 * theta[0]:.4g} % of the force in the model."
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"steps and slow motions of the joint of {at.name} under different loads"

@@ -14,6 +14,7 @@ from wt.physics.hooks import OnInputs
 from wt.physics.motion import Motion
 from wt.physics.replay import Inputs
 from wt.physics.scene import Scene
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -81,14 +82,16 @@ class ActuatorLag(OnInputs):
         if theta[0] > 0.0:
             inputs.u[:, i] = _lagged(inputs.u[:, i], inputs.h, float(theta[0]))
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         return (
             f"Actuator {at.name} follows its commands with a time constant of "
             f"{1e3 * theta[0]:.3g} ms."
         )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"steps of {at.name}, whose first milliseconds tell a lag from a delay"
 

@@ -12,6 +12,7 @@ from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.effects._tools import passive
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _FEWEST = 3.0  # cycles a turn
@@ -26,7 +27,7 @@ class ActuatorRipple(Effect):
     parameters = (
         Parameter("amplitude", "N·m", 0.0, 1e8, 1e-3, neutral=0.0),
         Parameter("cycles", "1/rev", 1.0, 500.0, 1e-3),
-        Parameter("phase", "rad", -2.0 * np.pi, 2.0 * np.pi, 1e-3),
+        Parameter("phase", "rad", -2.0 * np.pi, 2.0 * np.pi, 1e-3, of_joint=False),
     )
     reference = "MuJoCo XML reference, actuator/dcmotor/cogging"
     signed = (0, 0)
@@ -77,13 +78,18 @@ class ActuatorRipple(Effect):
         """One or two waves a turn are a weight, not the teeth or poles of a drive."""
         return bool(theta[1] >= _FEWEST)
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
+        often = f"{theta[1]:.4g} times a turn"
+        if units.slide:
+            often = f"{theta[1] / (2.0 * np.pi):.4g} times a metre"
         return (
-            f"The torque of actuator {at.name} ripples by ±{theta[0]:.3g} N·m, {theta[1]:.4g} "
-            "times a turn of the joint."
+            f"The force of actuator {at.name} ripples by ±{theta[0]:.3g} {units.force}, {often} of "
+            "the joint."
         )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
-        return f"slow turns of the joint of {at.name} over its whole range, both ways"
+        return f"slow moves of the joint of {at.name} over its whole range, both ways"

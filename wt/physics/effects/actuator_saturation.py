@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.motion import Motion
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -50,11 +51,13 @@ class ActuatorSaturation(Effect):
         """Narrow the actuator's ``forcerange``."""
         narrow(spec, at.name, float(theta[0]))
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
-        return f"Actuator {at.name} gives at most {theta[0]:.3g} N·m."
+        return f"Actuator {at.name} gives at most {theta[0]:.3g} {units.force}."
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"large steps of {at.name} away from the joint's stops, at low speed and at high"
 

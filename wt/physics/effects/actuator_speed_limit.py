@@ -16,6 +16,7 @@ from wt.physics.live import Live
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene, between
 from wt.physics.script import Script, number
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -81,14 +82,16 @@ class ActuatorSpeedLimit(OnSteps):
         )
         return Script(force=force, helpers=("drive",))
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         return (
-            f"Actuator {at.name} gives at most {theta[0]:.3g} N·m at standstill, and less with "
-            f"speed until nothing is left at {theta[1]:.3g} rad/s."
+            f"Actuator {at.name} gives at most {theta[0]:.3g} {units.force} at standstill, and "
+            f"less with speed until nothing is left at {theta[1]:.3g} {units.speed}."
         )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"full-force accelerations of {at.name} in both directions up to its top speed"
 

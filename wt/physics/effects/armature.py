@@ -12,6 +12,7 @@ from wt.physics.effect import Parameter, Shape, register
 from wt.physics.hooks import Tolerance, Tolerated
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _OFF = 0.03  # of the whole inertia: half the rotor's is rarely published
@@ -58,10 +59,13 @@ class Armature(Tolerated):
             for joint, dof in ((joint, scene.dof(joint)) for joint in scene.own_joints)
         }
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
-        return f"Joint {at.name} has {theta[0]:.3g} kg·m² more rotor inertia than the model."
+        unit, what = units.of("kg·m²"), "moving mass" if units.slide else "rotor inertia"
+        return f"Joint {at.name} has {theta[0]:.3g} {unit} more {what} than the model."
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"fast small oscillations of {at.name}"

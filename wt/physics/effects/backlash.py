@@ -12,6 +12,7 @@ from wt.physics.effect import Parameter, register
 from wt.physics.motion import Motion
 from wt.physics.rotor import GearEffect, split
 from wt.physics.script import number
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _CONTACT = 0.002
@@ -58,10 +59,12 @@ class Backlash(GearEffect):
         half = number(0.5 * theta[0])
         return f"np.clip(force / max(stiffness, 1e-9), -{half}, {half})"
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
-        return f"Joint {at.name} has {np.degrees(theta[0]):.2g}° of gear play."
+        return f"Joint {at.name} has {units.distance(theta[0], 2)} of gear play."
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"small reversals of {at.name} under little load, slow and fast"

@@ -10,6 +10,7 @@ from wt.physics import inertia
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.effects._tools import weighed
 from wt.physics.motion import Motion
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _APART = 0.05  # m; the moments are quadratic in the shift, so any central difference is exact
@@ -51,7 +52,9 @@ class BodyCom(Effect):
         """Move the body's ``inertial``."""
         weighed(spec, at.name).ipos += theta
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         x, y, z = 1e3 * theta
         return (
@@ -59,6 +62,6 @@ class BodyCom(Effect):
             "the body) from where the model has it."
         )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"holding still at poses that turn {at.name} about two axes, then fast motions"

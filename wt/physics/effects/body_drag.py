@@ -9,6 +9,7 @@ from jaxtyping import Float
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.effects._tools import compiled, settle
 from wt.physics.motion import Motion
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _RADIUS = 0.001  # m, of the sphere that stands for the body in the fluid
@@ -67,10 +68,12 @@ class BodyDrag(Effect):
         # MuJoCo's drag is density · blunt · π·r² · |v| · v, without the usual ½
         sphere.fluid_coefs = [theta[0] / (density * np.pi * _RADIUS**2), 0.0, 0.0, 0.0, 0.0]
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         return f"Drag holds {at} back with {theta[0]:.3g} N at 1 m/s, growing with speed squared."
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"long fast sweeps that move {at.name} at several speeds, joints one by one"

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.effects._tools import compiled
 from wt.physics.motion import Motion
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -58,11 +59,13 @@ class BodyForce(Effect):
             ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE),
         )
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         x, y, z = theta
         return f"A constant force of {x:.3g}, {y:.3g}, {z:.3g} N (world x, y, z) acts on {at}."
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"holding still at poses that move {at.name} far, and fast motions, which tell mass"

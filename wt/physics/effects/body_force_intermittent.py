@@ -15,6 +15,7 @@ from wt.physics.motion import Motion, Segment
 from wt.physics.replay import Inputs
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number, wrapped
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _THRESHOLDS = (4.0, 8.0)  # robust deviations above the usual
@@ -134,7 +135,9 @@ class BodyForceIntermittent(FromRecordings, OnInputs):
         )
         return Script(force=force, helpers=("push",))
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         x, y, z = theta
         spans = [f"{start:.2f}–{end:.2f} s" for _, start, end in _triples(self.windows)]
@@ -144,7 +147,7 @@ class BodyForceIntermittent(FromRecordings, OnInputs):
             f"{', '.join(spans[:4])}{more}."
         )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"the same motion again, with nothing and nobody near {at.name}"
 

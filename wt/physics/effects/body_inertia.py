@@ -10,6 +10,7 @@ from wt.physics import inertia
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.effects._tools import weighed
 from wt.physics.motion import Motion
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -46,10 +47,12 @@ class BodyInertia(Effect):
         """Scale the moments of the body's ``inertial``."""
         weighed(spec, at.name).inertia *= theta[0]
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         return f"Body {at.name} has {100 * theta[0]:.4g} % of its moments of inertia in the model."
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"fast turns of {at.name} about each axis beside slow ones, which tell its weight"

@@ -14,6 +14,7 @@ from wt.physics.effects._tools import weighed
 from wt.physics.hooks import Tolerance, Tolerated
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _OFF = 0.02  # standard deviation of a data sheet's mass
@@ -57,10 +58,12 @@ class BodyMass(Tolerated):
         """Every body's."""
         return {Location("body", body): Tolerance(_OFF) for body in scene.moving}
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         return f"Body {at.name} has {100 * theta[0]:.4g} % of its mass and inertia in the model."
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"a multisine on all joints that carry {at.name}, and weighing it"

@@ -13,6 +13,7 @@ from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import place_of_load, point_load, within_reach
 from wt.physics.hooks import Linearised
 from wt.physics.motion import Motion
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _APART = 0.1  # m; the moments are quadratic in the position, so any central difference is exact
@@ -80,7 +81,9 @@ class BodyPayloadFixed(Linearised):
         """Weld a point mass on."""
         point_load(spec, at.name, float(theta[0]), theta[1:])
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         x, y, z = 1e3 * theta[1:]
         return (
@@ -88,6 +91,6 @@ class BodyPayloadFixed(Linearised):
             f"{x:.3g}, {y:.3g}, {z:.3g} mm (x, y, z of the body)."
         )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"a multisine on all joints that carry {at.name}, at poses with and without weight"

@@ -16,6 +16,7 @@ from wt.physics.loose import Centre, LooseLaw, columns, path_of
 from wt.physics.loose_search import laws_that_fit, likeliest_laws
 from wt.physics.motion import Motion
 from wt.physics.replay import Hidden, Stretch
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _AXES = ("x", "y", "z")
@@ -194,7 +195,9 @@ class BodyPayloadMoving(FromRecordings, Nested, Stateful):
         x, y, z = self.shape[6:9] or (float(x) for x in theta[2:])
         return (x, y, z)
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         law = self._law(theta)
         how = "sloshes" if law.spring > _SPRUNG else "rolls" if law.rolling > 0.0 else "slides"
@@ -206,7 +209,7 @@ class BodyPayloadMoving(FromRecordings, Nested, Stateful):
             "(x, y, z of the body)."
         )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"{at.name} tilted slowly both ways, then shaken and stopped"
 

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.hooks import Linearised
 from wt.physics.motion import Motion
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _FAR = 4.0
@@ -58,7 +59,9 @@ class BodyTether(Linearised):
         tendon.wrap_site(near)
         tendon.wrap_site(far)
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         x, y, z = theta[1:]
         return (
@@ -66,6 +69,6 @@ class BodyTether(Linearised):
             f"{theta[0]:.3g} N/m."
         )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"slow moves of {at.name} through the whole workspace"

@@ -14,6 +14,7 @@ from wt.physics.effects._tools import compiled
 from wt.physics.motion import Motion
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _SOFTER = (2.0, 4.0)  # times the model's own, to start from
@@ -73,10 +74,12 @@ class ContactCompliance(ReplayOnly):
                 mine.friction = rough
                 outrank(mine, other)
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         return f"Contacts of {at.name} give with a time constant of {1e3 * theta[0]:.3g} ms."
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"quick squats and hops with the whole weight on {at.name}"

@@ -15,6 +15,7 @@ from wt.physics.effects._tools import compiled
 from wt.physics.motion import Motion
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _SLIPPING, _LOADED = 0.06, 0.08  # m/s; share of the weight: less is noise of the residual
@@ -74,11 +75,13 @@ class ContactFriction(ReplayOnly):
             if over > 0 or (over == 0 and model.geom_friction[partner, 0] > theta[0]):
                 _yield(spec, model, own, partner, float(theta[0]))
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         return f"Contacts of {at.name} slide at a friction coefficient of {theta[0]:.3g}."
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"pushes and fast turns in which {at.name} slips"
 

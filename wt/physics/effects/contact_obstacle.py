@@ -12,6 +12,7 @@ from wt.physics.effect import Parameter, register
 from wt.physics.hits import face
 from wt.physics.motion import Motion
 from wt.physics.replay_only import ReplayOnly
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _HALF = (0.5, 0.5, 0.1)  # m: wide enough to be a table or a wall, and thick
@@ -65,7 +66,9 @@ class ContactObstacle(ReplayOnly):
             for geom in touching or body.geoms:
                 geom.conaffinity |= _BIT
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         x, y, z, a, b, c, friction = theta
         return (
@@ -73,6 +76,6 @@ class ContactObstacle(ReplayOnly):
             f"along {a:.2g}, {b:.2g}, {c:.2g} (world x, y, z); its friction is {friction:.2g}."
         )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return "slow moves against it from several sides, with the outer links"

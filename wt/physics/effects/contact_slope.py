@@ -14,6 +14,7 @@ from wt.physics.ground import planes, turned
 from wt.physics.motion import Motion
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -56,7 +57,9 @@ class ContactSlope(ReplayOnly):
         plane.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
         plane.pos = [*plane.pos[:2], plane.pos[2] + theta[2]]
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         angle, direction = np.degrees(theta[:2])
         return (
@@ -65,6 +68,6 @@ class ContactSlope(ReplayOnly):
             "says."
         )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"standing still at several places of {at.name}, facing several ways"

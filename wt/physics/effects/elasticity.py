@@ -12,6 +12,7 @@ from wt.physics.effect import Parameter, register
 from wt.physics.motion import Motion
 from wt.physics.rotor import GearEffect, split
 from wt.physics.script import number
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -57,10 +58,14 @@ class Elasticity(GearEffect):
         """See :meth:`twist`."""
         return f"force / ({number(theta[0])} + stiffness)"
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
-        return f"Joint {at.name} is elastic: {theta[0]:.3g} N·m/rad between motor and link."
+        return (
+            f"Joint {at.name} is elastic: {theta[0]:.3g} {units.stiffness} between motor and link."
+        )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"a chirp on {at.name} through its resonance, and holds under different loads"

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.effects._tools import add_dry_friction
 from wt.physics.motion import Motion
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -45,12 +46,15 @@ class FrictionCoulomb(Effect):
         if theta[0] != 0.0:
             add_dry_friction(spec, at.name, float(theta[0]))
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         return (
-            f"Joint {at.name} loses {theta[0]:.3g} N·m to dry friction that the model leaves out."
+            f"Joint {at.name} loses {theta[0]:.3g} {units.force} to dry friction that the model "
+            "leaves out."
         )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"slow reversals of {at.name} at several speeds, with the rest held still"

@@ -13,6 +13,7 @@ from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _NEGLIGIBLE = 0.05  # share of the constant part that the load must add to count
@@ -90,14 +91,16 @@ class FrictionLoad(Nested, OnSteps):
         )
         return Script(force=force, helpers=("drives", "bristle"))
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         return (
-            f"Joint {at.name} loses {theta[0]:.3g} N·m and {100 * theta[1]:.3g} % of its drive's "
-            "force to dry friction."
+            f"Joint {at.name} loses {theta[0]:.3g} {units.force} and {100 * theta[1]:.3g} % of its "
+            "drive's force to dry friction."
         )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"slow reversals of {at.name} under several loads, e.g. with the arm out and folded"
 

@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.motion import Motion
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -43,13 +44,15 @@ class FrictionQuadratic(Effect):
         """Add to the second coefficient of the joint's ``damping``."""
         spec.joint(at.name).damping[1] += theta[0]
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         return (
-            f"Joint {at.name} is braked by {theta[0]:.3g} N·m at 1 rad/s, growing with the square "
-            "of speed, which the model leaves out."
+            f"Joint {at.name} is braked by {theta[0]:.3g} {units.force} at 1 {units.speed}, "
+            "growing with the square of speed, which the model leaves out."
         )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"constant speeds of {at.name} from slow to the fastest that it reaches"

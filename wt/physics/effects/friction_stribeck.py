@@ -20,6 +20,7 @@ from wt.physics.hooks import Beyond, Intervals, Nested, OnSteps
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _STIFFNESS, _DAMPING = 0.1, 0.5
@@ -114,16 +115,19 @@ class FrictionStribeck(Nested, OnSteps):
         apart = np.min(intervals["static"][0]) > np.max(intervals["coulomb"][1])
         return None if apart else ("joint.friction_coulomb", theta[:1])
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         return (
-            f"Joint {at.name} sticks with {theta[1]:.3g} N·m and slides with {theta[0]:.3g} N·m of "
-            f"dry friction; the fall happens within {theta[2]:.2g} rad/s."
+            f"Joint {at.name} sticks with {theta[1]:.3g} {units.force} and slides with "
+            f"{theta[0]:.3g} {units.force} of dry friction; the fall happens within "
+            f"{theta[2]:.2g} {units.speed}."
         )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
-        return f"slow reversals of {at.name} below 0.05 rad/s, and starts from rest"
+        return f"slow reversals of {at.name} below 0.05 {units.speed}, and starts from rest"
 
 
 class _Sticking(Bristle):

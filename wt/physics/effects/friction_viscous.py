@@ -12,6 +12,7 @@ from wt.physics.effect import Parameter, Shape, register
 from wt.physics.hooks import Tolerance, Tolerated
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _OFF = 0.1  # standard deviation of a model's damping, as a share
@@ -54,10 +55,13 @@ class FrictionViscous(Tolerated):
         damping = {j: float(scene.model.dof_damping[scene.dof(j)]) for j in scene.own_joints}
         return {Location("joint", j): Tolerance(_OFF * d) for j, d in damping.items() if d > 0.0}
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
-        return f"Joint {at.name} has {theta[0]:.3g} N·m·s/rad of viscous friction not in the model."
+        unit = units.of("N·m·s/rad")
+        return f"Joint {at.name} has {theta[0]:.3g} {unit} of viscous friction not in the model."
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"a multisine on {at.name}, which tells friction from a few milliseconds of delay"

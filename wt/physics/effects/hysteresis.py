@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.motion import Motion
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -71,13 +72,15 @@ class Hysteresis(Effect):
         """Refuse what yields within a quarter of a degree: dry friction before it slides."""
         return bool(theta[1] > 0.004 * theta[0])
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         return (
-            f"Joint {at.name} has hysteresis: an elastic {theta[0]:.3g} N·m/rad that yields at "
-            f"{theta[1]:.3g} N·m."
+            f"Joint {at.name} has hysteresis: an elastic {theta[0]:.3g} {units.stiffness} that "
+            f"yields at {theta[1]:.3g} {units.force}."
         )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"nested reversals of {at.name}, each smaller than the one before"

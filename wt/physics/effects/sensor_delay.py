@@ -13,6 +13,7 @@ from wt.physics.motion import Motion
 from wt.physics.replay import Outputs
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _OFF = 1e-3  # s: encoders and what tracks a base are two systems with two clocks
@@ -93,11 +94,13 @@ class SensorDelay(OnOutputs, Tolerated):
         undo = (f"for k in {every}:", f"    q[..., k] += {delay} * v[..., k]")
         return Script(sense=sense, undo=undo)
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         whose = "all joints" if at.name == "all" else f"joint {at.name}"
         return f"The measurements of {whose} arrive {1e3 * theta[0]:.3g} ms late."
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"a fast multisine with a second, synchronous sensor on {at.name}"

@@ -11,6 +11,7 @@ from wt.physics.motion import Motion
 from wt.physics.replay import Outputs
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -53,10 +54,12 @@ class SensorOffset(OnOutputs):
         column, offset = f'q[..., joint("{at.name}")]', number(theta[0])
         return Script(sense=(f"{column} += {offset}",), undo=(f"{column} -= {offset}",))
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
-        return f"The encoder of joint {at.name} reads {np.degrees(theta[0]):.3g}° too much."
+        return f"The encoder of joint {at.name} reads {units.distance(theta[0])} too much."
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"holds of {at.name} under gravity, with its neighbours in several poses"

@@ -11,6 +11,7 @@ from wt.physics.replay import Outputs
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -36,13 +37,14 @@ class SensorQuantization(OnOutputs, ReplayOnly):
         column, step = f'q[..., joint("{at.name}")]', number(theta[0])
         return Script(sense=(f"{column} = {step} * np.round({column} / {step})",))
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
-        return (
-            f"The encoder of joint {at.name} has steps of {1e3 * theta[0]:.3g} mrad "
-            f"({np.degrees(theta[0]):.2g}°)."
-        )
+        step = f"{1e3 * theta[0]:.3g} m{units.position}"
+        said = step if units.slide else f"{step} ({units.distance(theta[0], 2)})"
+        return f"The encoder of joint {at.name} has steps of {said}."
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"very slow sweeps of {at.name}"

@@ -11,6 +11,7 @@ from wt.physics.motion import Motion
 from wt.physics.replay import Outputs
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -59,10 +60,14 @@ class SensorScale(OnOutputs):
             undo=tuple(f"{x} /= {factor}" for x in columns),
         )
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
-        return f"The encoder of joint {at.name} reads {100.0 * theta[0]:.4g} % of the true angle."
+        return (
+            f"The encoder of joint {at.name} reads {100.0 * theta[0]:.4g} % of the true position."
+        )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
-        return f"slow sweeps of {at.name} over its whole range, against a second angle sensor"
+        return f"slow sweeps of {at.name} over its whole range, against a second sensor"

@@ -10,6 +10,7 @@ from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import per_radian
 from wt.physics.hooks import Linearised
 from wt.physics.motion import Motion
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -54,13 +55,15 @@ class Stiffness(Linearised):
             joint.springref = middle * unit
         joint.stiffness = [total, *old[1:]]
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         return (
-            f"Joint {at.name} has a spring of {theta[0]:.3g} N·m/rad towards {theta[1]:.3g} rad "
-            "that the model leaves out."
+            f"Joint {at.name} has a spring of {theta[0]:.3g} {units.stiffness} towards "
+            f"{theta[1]:.3g} {units.position} that the model leaves out."
         )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"slow sweeps of {at.name} over its whole range"

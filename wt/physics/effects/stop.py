@@ -12,6 +12,7 @@ from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import per_radian
 from wt.physics.hooks import FromRecordings
 from wt.physics.motion import Motion
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -72,12 +73,14 @@ class Stop(FromRecordings):
         joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
         joint.solref_limit = [0.004, 1.0]
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
-        return (
-            f"Joint {at.name} runs into a stop at {theta[0]:.3g} rad ({np.degrees(theta[0]):.3g}°)."
-        )
+        said = units.distance(theta[0])
+        where = said if units.slide else f"{theta[0]:.3g} rad ({said})"
+        return f"Joint {at.name} runs into a stop at {where}."
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"slow moves of {at.name} towards the end of its range, with little force"

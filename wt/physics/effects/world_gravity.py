@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.motion import Motion
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
@@ -59,7 +60,9 @@ class WorldGravity(Effect):
         turned = np.cos(theta[0]) * down + np.sin(theta[0]) * side
         spec.option.gravity = np.linalg.norm(gravity) * turned
 
-    def statement(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> str:
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
         """See :meth:`Effect.statement`."""
         tilt, direction = np.degrees(theta)
         return (
@@ -67,7 +70,7 @@ class WorldGravity(Effect):
             "its y): the robot does not stand as the model says."
         )
 
-    def separation(self, at: Location) -> str:
+    def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return "holding still at many poses, the whole arm turned about the vertical in between"
 

@@ -20,6 +20,7 @@ from wt.physics.effect import effects
 from wt.physics.motion import Motion
 from wt.physics.planted import Planted
 from wt.physics.scene import Scene
+from wt.physics.units import units_at
 from wt.types import Location
 
 SURE = 1.96
@@ -78,16 +79,16 @@ class Claim:
     sigma: Float[np.ndarray, " _sigma"]
     formula: str | None = None
 
-    def to_json(self) -> dict[str, Any]:
-        """As in ``diagnosis.json``."""
-        parameters = {}
+    def to_json(self, scene: Scene) -> dict[str, Any]:
+        """As in ``diagnosis.json``, in the units of the place."""
+        parameters, units = {}, units_at(scene, self.at)
         start = 0
         for p in effects()[self.effect].parameters if self.theta.size else ():
             part = slice(start, start := start + p.size)
             ends = (self.theta[part] + sign * SURE * self.sigma[part] for sign in (-1.0, 1.0))
             parameters[p.name] = {
                 "value": _plain(self.theta[part]),
-                "unit": p.unit,
+                "unit": p.unit_in(units),
                 "ci95": [_plain(end) for end in ends],
             }
         return {
@@ -104,9 +105,9 @@ def write(task: RivalTask, claims: Sequence[Claim], out: Path) -> None:
     known = effects()
     hypothesis = [Planted(known[c.effect], c.at, c.theta) for c in claims if c.theta.size]
     out.mkdir(parents=True, exist_ok=True)
-    xml = patched_xml(task.scene, tuple(hypothesis), [p.statement for p in hypothesis])
+    xml = patched_xml(task.scene, tuple(hypothesis), [p.statement(task.scene) for p in hypothesis])
     (out / "model.xml").write_text(xml)
-    said = {"schema": 1, "findings": [claim.to_json() for claim in claims]}
+    said = {"schema": 1, "findings": [claim.to_json(task.scene) for claim in claims]}
     (out / "diagnosis.json").write_text(json.dumps(said, indent=2, allow_nan=False) + "\n")
 
 
