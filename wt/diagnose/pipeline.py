@@ -36,15 +36,13 @@ from wt.physics.scene import Scene
 from wt.physics.units import units_at
 from wt.types import Location
 
-Array = np.ndarray
-
 STEP_S = 5e-4
 """Fine physics step of replays [s]; the model's own, if that is smaller."""
 
 
 @dataclass(frozen=True)
 class Effort:
-    """What is replayed.
+    """Steps and seconds of replays.
 
     Attributes:
         step: fine physics step [s]; the model's own, if that is smaller.
@@ -231,7 +229,7 @@ def _objective(
 
 
 def _too_coarse(scene: Scene, holdout: Holdout, claims: Claims) -> bool:
-    """Whether the model's own time step adds more to the error than measurement noise does."""
+    """True if the model's own time step adds more to the error than measurement noise does."""
     own = float(scene.model.opt.timestep)
     if own <= STEP_S:
         return False

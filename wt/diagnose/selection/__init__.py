@@ -1,4 +1,4 @@
-"""Which effects are claimed, and why.
+"""Selection: the effects that are claimed, and why.
 
 Map: ``candidates`` proposes; ``search`` adds and prunes; ``alternatives`` compares laws that look
 alike; ``holdout`` proves on recordings that nothing was fitted to; ``naming`` doubts what was

@@ -1,4 +1,4 @@
-"""One round's addition: which effects, if any, join the present hypothesis.
+"""Addition: the effects, if any, that join the present hypothesis in one round.
 
 The best addition of all joins first. The best at other joints then get their chance on top of it: a
 machine whose joints lack several things at once need not be screened anew for each.
@@ -56,7 +56,7 @@ def addition(
     most: int,
     banned: Container[Key] = frozenset(),
 ) -> list[Accepted]:
-    """What to add to the present hypothesis, at most so many effects.
+    """Effects to add to the present hypothesis, at most ``most``.
 
     Args:
         screen: the force residual.
@@ -176,7 +176,7 @@ def _beside(
     fits: Sequence[Assessed],
     now: Assessed,
 ) -> list[_More]:
-    """What earns a place at other joints once the best addition is there, best first."""
+    """Additions that earn a place at other joints once the best one is there, best first."""
     taken = dof_of(screen, best.hypothesis[-1].at)
     elsewhere = [
         f
@@ -206,7 +206,7 @@ def _accepted(
     now: Assessed,
     shapes: dict[Key, Shape | None],
 ) -> list[Accepted]:
-    """What the best addition adds; what came close is remembered beside its last effect."""
+    """Effects of the best addition; what came close is remembered beside its last one."""
     gain = worth(objective, best, now)
     new = best.hypothesis[len(now.hypothesis) :]
     names = {p.key for p in new}

@@ -43,7 +43,7 @@ _FAR, _HOPELESS = 120.0, 30.0
 
 @dataclass(frozen=True, eq=False)
 class Lookalikes:
-    """What is needed to compare them.
+    """Comparison of an effect with its lookalikes.
 
     Attributes:
         screen: the force residual, for where they start.
@@ -190,7 +190,7 @@ def _best_of_each(fits: Iterable[Assessed], index: int, most: int) -> list[Asses
 
 
 def _due(one: Hypothesis, other: Hypothesis) -> float:
-    """What one must be ahead of another by for being larger [nats]."""
+    """Lead that one must have over another for being larger [nats]."""
     return THRESHOLDS.min_nats if size(one) > size(other) else 0.0
 
 

@@ -1,4 +1,4 @@
-"""Which hypotheses are worth a replay: the screen's best, and what only replays can tell."""
+"""Candidates: hypotheses worth a replay, by the screen or since only replays can tell."""
 
 from __future__ import annotations
 
@@ -16,8 +16,6 @@ from wt.physics.acting import is_live
 from wt.physics.effect import Shape, alternatives, effects
 from wt.physics.planted import Planted
 from wt.types import Location
-
-Array = np.ndarray
 
 WORST = 2
 """At so many joints, those whose replays err most, every effect of theirs is replayed."""
@@ -84,7 +82,7 @@ def candidates(
 
 
 def _strong(screen: Screen, ranked: Sequence[Scored]) -> list[Scored]:
-    """What gains much by the force residual, and the first at each joint."""
+    """Hypotheses that gain much by the force residual, and the first at each joint."""
     best = ranked[0].gain if ranked else 0.0
     floating = bool(screen.motion.scene.free)
     share, least = THRESHOLDS.replay_share, THRESHOLDS.replay_nats
@@ -129,7 +127,7 @@ def near(screen: Screen, at: Location) -> list[Location]:
 
 
 def excluded(one: Planted, other: Planted) -> bool:
-    """Whether two effects cannot stand beside each other."""
+    """True if two effects cannot stand beside each other."""
     same = one.at == other.at
     return same and (
         one.effect.id in other.effect.excludes or other.effect.id in one.effect.excludes

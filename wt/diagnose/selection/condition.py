@@ -1,4 +1,4 @@
-"""When and under which condition a force residual shows: time intervals, and words."""
+"""Conditions and times under which a force residual shows."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 from scipy.ndimage import uniform_filter1d
 from scipy.stats import ttest_ind
 
@@ -14,8 +15,6 @@ from wt.diagnose.residual.screen import Screen
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.units import units_at
 from wt.types import Location
-
-Array = np.ndarray
 
 MOST_INTERVALS = 10
 _SMOOTH_S, _MERGE_S, _BLOCK_S, _SINCE_S = 0.1, 0.25, 1.0, 0.15
@@ -26,13 +25,15 @@ _BINS = 10
 class _Split:
     """Rows (R,) inside and outside a condition, rows of neither left out."""
 
-    inside: Array
-    outside: Array
+    inside: Bool[np.ndarray, " row"]
+    outside: Bool[np.ndarray, " row"]
     words: str
 
 
-def intervals(screen: Screen, size: Array, names: Sequence[str] = ()) -> tuple[Interval, ...]:
-    """When a residual stands out.
+def intervals(
+    screen: Screen, size: Float[np.ndarray, " row"], names: Sequence[str] = ()
+) -> tuple[Interval, ...]:
+    """Intervals in which a residual stands out.
 
     Args:
         screen: gives the rows' times.
@@ -59,8 +60,10 @@ def intervals(screen: Screen, size: Array, names: Sequence[str] = ()) -> tuple[I
     )
 
 
-def standing_out(t: Array, size: Array, level: float) -> list[tuple[float, float]]:
-    """When a size stands above a level, on average over a tenth of a second.
+def standing_out(
+    t: Float[np.ndarray, " time"], size: Float[np.ndarray, " time"], level: float
+) -> list[tuple[float, float]]:
+    """Intervals in which a size stands above a level, on average over a tenth of a second.
 
     Args:
         t: times without a gap, (T,) [s].
@@ -92,7 +95,7 @@ def merged(some: list[tuple[float, float]]) -> list[tuple[float, float]]:
         near *= 1.5
 
 
-def condition(screen: Screen, size: Array, dof: int, of: str = "") -> str:
+def condition(screen: Screen, size: Float[np.ndarray, " row"], dof: int, of: str = "") -> str:
     """The condition that tells best when a residual is large; "" if it always is.
 
     Speed, direction, position and load of a joint, time and command changes are compared
@@ -120,7 +123,13 @@ def condition(screen: Screen, size: Array, dof: int, of: str = "") -> str:
     return words
 
 
-def _explained(log: Array, energy: Array, split: _Split, block: Array, count: int) -> float:
+def _explained(
+    log: Float[np.ndarray, " row"],
+    energy: Float[np.ndarray, " row"],
+    split: _Split,
+    block: Int[np.ndarray, " row"],
+    count: int,
+) -> float:
     """Share of the logarithm's variance that a split explains; 0 if it is not clear enough."""
     a, b = split.inside, split.outside
     if min(a.sum(), b.sum()) < 8:
@@ -138,7 +147,9 @@ def _explained(log: Array, energy: Array, split: _Split, block: Array, count: in
     return float(apart / max(both.var(), 1e-12))
 
 
-def _block_means(values: Array, block: Array) -> Array:
+def _block_means(
+    values: Float[np.ndarray, " row"], block: Int[np.ndarray, " row"]
+) -> Float[np.ndarray, " block"]:
     count = np.bincount(block)
     return np.bincount(block, values)[count > 0] / count[count > 0]
 
@@ -172,7 +183,9 @@ def _splits(screen: Screen, dof: int, of: str) -> Iterator[_Split]:
         yield _Split(changed, ~changed, f"after commands change{of}")
 
 
-def _positions(q: Array, quantiles: Array, unit: str, of: str) -> Iterator[_Split]:
+def _positions(
+    q: Float[np.ndarray, " row"], quantiles: Float[np.ndarray, " quantile"], unit: str, of: str
+) -> Iterator[_Split]:
     for x in np.unique(np.quantile(q, quantiles)):
         yield _Split(q > x, q <= x, f"at positions above {_two(x)} {unit}{of}")
         yield _Split(q < x, q >= x, f"at positions below {_two(x)} {unit}{of}")
@@ -185,8 +198,8 @@ def _positions(q: Array, quantiles: Array, unit: str, of: str) -> Iterator[_Spli
             yield _Split(inside, ~inside, f"near {_two(middle)} {unit}{of}")
 
 
-def _just_changed(screen: Screen, dof: int) -> Array:
-    """Whether a command of the joint's drives changed shortly before, (R,) bool."""
+def _just_changed(screen: Screen, dof: int) -> Bool[np.ndarray, " row"]:
+    """Rows shortly after a command of the joint's drives changed."""
     m = screen.motion
     recent = np.zeros(len(m), bool)
     for drive in m.scene.drives:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 from scipy.stats import bootstrap, wilcoxon
 
 from wt.diagnose.likelihood.adapt import (
@@ -32,8 +33,6 @@ from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.planted import Hypothesis, without
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
-
-Array = np.ndarray
 
 HORIZONS_S = (0.1, 0.25, 0.5, 1.0, 2.0)
 _BLOCK_S, _BLOCKS = (0.25, 1.0), 24
@@ -65,15 +64,19 @@ class Holdout:
 
     smoothed: Smoothed
     stretches: tuple[Stretch, ...]
-    measured: Array
-    block: Array
-    fine: Array
+    measured: Float[np.ndarray, "sample dof"]
+    block: Int[np.ndarray, " sample"]
+    fine: Int[np.ndarray, " sample"]
     forgets: bool
-    deviations: Array
-    known: dict[frozenset[str], Array] = field(default_factory=dict)
+    deviations: Float[np.ndarray, " initial"]
+    known: dict[frozenset[str], Float[np.ndarray, "sample dof change"]] = field(
+        default_factory=dict
+    )
 
-    def response(self, hypothesis: Hypothesis, replayer: Replayer) -> Array:
-        """What other initial states change in replays of a hypothesis, (N, nv, m)."""
+    def response(
+        self, hypothesis: Hypothesis, replayer: Replayer
+    ) -> Float[np.ndarray, "sample dof change"]:
+        """Change of replays of a hypothesis by other initial states."""
         if not self.smoothed.motion.scene.free:
             return responses(replayer, hypothesis, self.deviations)
         added = frozenset(hidden(hypothesis, self.stretches[0]))
@@ -105,7 +108,9 @@ def prepare_holdout(
     return Holdout(smoothed, stretches, measured, block, fine, forgets, deviations)
 
 
-def blocks_of(label: Array, t: Array) -> tuple[Array, Array]:
+def blocks_of(
+    label: Int[np.ndarray, " sample"], t: Float[np.ndarray, " sample"]
+) -> tuple[Int[np.ndarray, " sample"], Int[np.ndarray, " sample"]]:
     """Index of the block that each sample belongs to, (N,): about as many as wanted, and shortest.
 
     Args:
@@ -121,7 +126,9 @@ def blocks_of(label: Array, t: Array) -> tuple[Array, Array]:
     return found[0], found[1]
 
 
-def errors(holdout: Holdout, hypotheses: Sequence[Hypothesis], step: float) -> Array:
+def errors(
+    holdout: Holdout, hypotheses: Sequence[Hypothesis], step: float
+) -> Float[np.ndarray, "hypothesis sample dof"]:
     """Open-loop errors, (H, N, nv); NaN where nothing was measured.
 
     Where a machine remembers how it began, each stretch's initial state, which was estimated and
@@ -145,7 +152,11 @@ def errors(holdout: Holdout, hypotheses: Sequence[Hypothesis], step: float) -> A
     )
 
 
-def _begun(holdout: Holdout, error: Array, response: Array) -> Array:
+def _begun(
+    holdout: Holdout,
+    error: Float[np.ndarray, "sample dof"],
+    response: Float[np.ndarray, "sample dof change"],
+) -> Float[np.ndarray, "sample dof"]:
     """An error (N, nv) once the initial states have adapted."""
     ends = np.cumsum([len(s.t) for s in holdout.stretches])
     rows = [slice(int(e) - len(s.t), int(e)) for e, s in zip(ends, holdout.stretches, strict=True)]
@@ -159,7 +170,7 @@ def _begun(holdout: Holdout, error: Array, response: Array) -> Array:
 
 @dataclass(frozen=True)
 class Gain:
-    """What one effect is worth on held-out data.
+    """Gain of one effect on held-out data.
 
     Attributes:
         share: share of the squared error that it removes.
@@ -178,7 +189,7 @@ class Gain:
 
     @property
     def undecided(self) -> bool:
-        """Whether the data cannot say: they are mute, or too few of them show the gain."""
+        """True if the data cannot tell: they are mute, or too few of them show the gain."""
         few = self.least_p > THRESHOLDS.significant and self.share > 0.0
         return self.p_value > THRESHOLDS.significant and (few or self.potential < THRESHOLDS.mute)
 
@@ -201,7 +212,9 @@ def gain(holdout: Holdout, hypothesis: Hypothesis, other: Hypothesis, step: floa
     return found
 
 
-def scaled(found: Array, noise: Array) -> Array:
+def scaled(
+    found: Float[np.ndarray, "hypothesis sample dof"], noise: Float[np.ndarray, " dof"]
+) -> Float[np.ndarray, "hypothesis sample dof"]:
     """Errors (H, N, nv), joints in units of what the first hypothesis leaves of them.
 
     So none drowns another: in units of noise alone, a quiet sensor behind a model that is not
@@ -211,7 +224,11 @@ def scaled(found: Array, noise: Array) -> Array:
     return np.asarray(found / np.fmax(left, noise))
 
 
-def gain_of(less: Array, full: Array, blocks: tuple[Array, Array]) -> Gain:
+def gain_of(
+    less: Float[np.ndarray, "sample dof"],
+    full: Float[np.ndarray, "sample dof"],
+    blocks: tuple[Int[np.ndarray, " sample"], Int[np.ndarray, " sample"]],
+) -> Gain:
     """Gain in scaled errors (N, nv), tested over blocks (N,): those wanted, or the shortest."""
     pairs = [(_block_sums(less**2, b), _block_sums(full**2, b)) for b in blocks]
     for one, other in pairs:
@@ -230,7 +247,7 @@ def gain_of(less: Array, full: Array, blocks: tuple[Array, Array]) -> Gain:
     return Gain(share, float(test.pvalue), potential, least_p=least_p)
 
 
-def _tested(difference: Array) -> Array:
+def _tested(difference: Float[np.ndarray, " block"]) -> Bool[np.ndarray, " block"]:
     """The blocks (B,) that a change is tested over, bool: all, or the few that make it up.
 
     Noise elsewhere would outvote a hit. Size alone decides, so that nothing still has either sign.
@@ -249,7 +266,7 @@ def prove(
     step: float,
     split: str,
     seed: int = 0,
-    files: tuple[Array, Array, Array] | None = None,
+    files: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
 ) -> Proof:
     """Compare the given and the patched model on held-out recordings.
 
@@ -278,7 +295,13 @@ def prove(
     return Proof(overall, per_joint, horizons, at_once, split=split, model_only=model_only)
 
 
-def _error(before: Array, after: Array, noise: Array, block: Array, seed: int) -> Error:
+def _error(
+    before: Float[np.ndarray, "sample joint"],
+    after: Float[np.ndarray, "sample joint"],
+    noise: Float[np.ndarray, " joint"],
+    block: Int[np.ndarray, " sample"],
+    seed: int,
+) -> Error:
     a, b = _block_sums(before**2, block), _block_sums(after**2, block)
     count = _block_sums(np.isfinite(before).astype(float), block)
     rms = [float(np.sqrt(x.sum() / max(count.sum(), 1.0))) for x in (a, b)]
@@ -299,7 +322,9 @@ def _error(before: Array, after: Array, noise: Array, block: Array, seed: int) -
     return Error(rms[0], rms[1], floor, ratio, interval)
 
 
-def _block_sums(values: Array, block: Array) -> Array:
+def _block_sums(
+    values: Float[np.ndarray, "sample joint"], block: Int[np.ndarray, " sample"]
+) -> Float[np.ndarray, " block"]:
     """Sum of (N, n) values, NaN left out, over each block, (B,)."""
     sums = np.zeros(int(block.max()) + 1)
     np.add.at(sums, block, np.nansum(values, axis=1))
@@ -399,7 +424,7 @@ def left_in_turn(objective: Objective, hypothesis: Hypothesis, index: int) -> Ga
     return gain_of(less, full, blocks_of(objective.recording, objective.t))
 
 
-def _parts(objective: Objective) -> list[Array]:
+def _parts(objective: Objective) -> list[Bool[np.ndarray, " sample"]]:
     """Rows of each part, (N,) bool: recordings, or stretches of time of the only one."""
     recordings = np.unique(objective.recording)
     if len(recordings) > 1:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from wt.diagnose.residual.screen import Leftover, Screen, leftover
 from wt.diagnose.result import Located
@@ -19,8 +20,6 @@ from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.planted import Hypothesis, Planted
 from wt.physics.scene import Scene
 from wt.types import Location
-
-Array = np.ndarray
 
 
 def locate(
@@ -50,9 +49,9 @@ def locate(
     weights = np.maximum(np.asarray(shares, dtype=float), 0.0)
     weights = (1.0 - lost if open_ else 1.0) * weights / max(float(weights.sum()), 1e-12)
     seen: dict[Location, float] = {}
-    largest: dict[Location, tuple[float, Array]] = {}
+    largest: dict[Location, tuple[float, Float[np.ndarray, " row"]]] = {}
 
-    def add(at: Location, share: float, size: Array) -> None:
+    def add(at: Location, share: float, size: Float[np.ndarray, " row"]) -> None:
         """Enter a place; of several effects at one place, the largest says when."""
         seen[at] = min(seen.get(at, 0.0) + share, 1.0)
         if at not in largest or share >= largest[at][0]:
@@ -72,7 +71,11 @@ def locate(
 
 
 def _located(
-    screen: Screen, at: Location, share: float, size: Array, names: Sequence[str]
+    screen: Screen,
+    at: Location,
+    share: float,
+    size: Float[np.ndarray, " row"],
+    names: Sequence[str],
 ) -> Located:
     """A place with the times and the condition at which a residual (R,) shows."""
     scene = screen.motion.scene
@@ -83,7 +86,9 @@ def _located(
     return Located(at, share, when, condition(screen, size, dof, of))
 
 
-def _size(screen: Screen, rest: Leftover, index: int, planted: Planted) -> Array:
+def _size(
+    screen: Screen, rest: Leftover, index: int, planted: Planted
+) -> Float[np.ndarray, " row"]:
     """Residual that an effect accounts for, in units of its noise floor, (R,).
 
     Where its signature explains most of what is there, the signature, which has no noise; else
@@ -97,7 +102,7 @@ def _size(screen: Screen, rest: Leftover, index: int, planted: Planted) -> Array
     return _norm(part if explained else whole, dofs)
 
 
-def _norm(scaled: Array, dofs: Sequence[int]) -> Array:
+def _norm(scaled: Float[np.ndarray, "row dof"], dofs: Sequence[int]) -> Float[np.ndarray, " row"]:
     """Root mean square over degrees of freedom, (R,)."""
     return np.sqrt(np.mean(scaled[:, list(dofs)] ** 2, axis=1))
 
@@ -123,7 +128,7 @@ _ROWS = 8  # neighbouring rows that share one force on a body
 
 
 def places(screen: Screen, rest: Leftover, joints: Mapping[str, float]) -> dict[Location, float]:
-    """Where an unexplained residual arises, with shares that sum to 1.
+    """Places at which an unexplained residual arises, with shares that sum to 1.
 
     Args:
         screen: the recordings.
@@ -154,7 +159,7 @@ def places(screen: Screen, rest: Leftover, joints: Mapping[str, float]) -> dict[
     return {at: w / total for at, w in weight.items()}
 
 
-def _pair(screen: Screen, scaled: Array) -> Location | None:
+def _pair(screen: Screen, scaled: Float[np.ndarray, "row dof"]) -> Location | None:
     """Two joints with forces in a fixed ratio, as a cable or a belt over both would have."""
     energy = (scaled**2).sum(axis=0)
     two = sorted(np.argsort(-energy)[:2])
@@ -166,7 +171,7 @@ def _pair(screen: Screen, scaled: Array) -> Location | None:
     return Location("pair", f"{first}+{second}")
 
 
-def _whole(screen: Screen, scaled: Array, active: int) -> Location | None:
+def _whole(screen: Screen, scaled: Float[np.ndarray, "row dof"], active: int) -> Location | None:
     """The world or the body whose force explains the residual of several joints."""
     m = screen.motion
     model = m.scene.model
@@ -186,7 +191,11 @@ def _whole(screen: Screen, scaled: Array, active: int) -> Location | None:
     return Location("body", best) if best and scores[best] > THRESHOLDS.body_explains else None
 
 
-def _fit(columns: Array, target: Array, label: Array) -> float:
+def _fit(
+    columns: Float[np.ndarray, "row dof column"],
+    target: Float[np.ndarray, "row dof"],
+    label: Int[np.ndarray, " row"],
+) -> float:
     """Adjusted R² of one force vector per label.
 
     Args:

@@ -37,8 +37,6 @@ from wt.physics.planted import Hypothesis, Key, without
 from wt.physics.scene import Scene
 from wt.types import Location
 
-Array = np.ndarray
-
 
 @dataclass(frozen=True, eq=False)
 class Claims:
@@ -156,7 +154,7 @@ class Naming:
         return replace(claims, corrections=found)
 
     def clean(self, claims: Claims) -> bool:
-        """Whether nothing but noise is left of the fitted recordings."""
+        """True if nothing but noise is left of the fitted recordings."""
         return not erring_joints(self.objective, claims.estimated.assessed)
 
     def _doubted(self, proven: Claims) -> Claims:
@@ -216,7 +214,7 @@ class Naming:
         return doubtful
 
     def _better(self, unnamed: Claims, named: Claims) -> bool:
-        """Whether an unnamed law predicts held-out data better, significantly and materially."""
+        """True if an unnamed law predicts held-out data better, significantly and materially."""
         if not unnamed.unknown:
             return False
         lead = gain(self.holdout, unnamed.hypothesis, named.hypothesis, self.step)
@@ -318,7 +316,7 @@ def calibration(
 
 
 def comments(corrections: Hypothesis) -> list[str]:
-    """What stands beside the corrections in the patched model."""
+    """Comments beside the corrections in the patched model."""
     return [
         f"Within tolerance, no finding: {p.effect.id} of {p.at}, "
         + ", ".join(f"{name} {value:.4g}" for name, value in p.effect.named(p.theta).items())

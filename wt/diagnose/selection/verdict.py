@@ -125,7 +125,7 @@ def findings(claims: Claims, scene: Scene, experiment: str = "") -> tuple[Findin
 
 
 def suggestions(found: Sequence[Finding]) -> tuple[str, ...]:
-    """What to record next, so that what was confused can be told apart."""
+    """Experiments to record next, so that what was confused can be told apart."""
     experiments = [c.separating_experiment for f in found for c in f.confusable_with]
     return tuple(dict.fromkeys(experiments))
 
