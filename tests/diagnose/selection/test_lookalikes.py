@@ -15,6 +15,7 @@ from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.alternatives import Lookalikes
 from wt.diagnose.selection.candidates import near
+from wt.diagnose.selection.decisions import DecisionLog
 from wt.physics.effect import effects
 from wt.physics.motion import Motion
 from wt.physics.planted import Planted
@@ -41,7 +42,9 @@ def sticky(tmp_path_factory: pytest.TempPathFactory) -> World:
 
 
 def lookalikes(some: World) -> Lookalikes:
-    return Lookalikes(some.screen, some.objective, some.objective, lambda: some.objective)
+    return Lookalikes(
+        some.screen, some.objective, some.objective, lambda: some.objective, DecisionLog()
+    )
 
 
 def settled(some: World, effect: str, at: Location, *theta: float) -> Accepted:

@@ -9,6 +9,7 @@ from tests.diagnose.hidden_forces import World, on_joint, world
 from wt.diagnose.likelihood.estimate import estimate
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.alternatives import simplified
+from wt.diagnose.selection.decisions import DecisionLog
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
 from wt.types import Location
@@ -32,7 +33,7 @@ def test_friction_that_no_load_changes_is_coulombs(rubbing: World) -> None:
     given = (Accepted(planted, None, (coulomb, stribeck)),)
     before = estimate(rubbing.objective, (planted,))
     assert before.estimates[0]["fraction"].ci95[0] == 0.0
-    accepted, after = simplified(rubbing.objective, given, before)
+    accepted, after = simplified(rubbing.objective, given, before, DecisionLog())
     assert [a.planted.effect.id for a in accepted] == ["joint.friction_coulomb"]
     assert accepted[0].rivals == (stribeck,), "a law must not be its own rival"
     assert accepted[0].shape == ()

@@ -24,6 +24,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import mujoco
 import numpy as np
 from jaxtyping import Float
 
@@ -92,6 +93,15 @@ def holdout_npz(holdout: Holdout, hypothesis: Hypothesis, recordings: Sequence[s
         return stream.getvalue()
 
 
+_LIBRARIES = sorted({str(Path(m.__file__).parents[1]) for m in (mujoco, np) if m.__file__})
+"""Folders of numpy and mujoco, wherever this process has them from."""
+_START = (
+    "import json, runpy, sys; sys.path += json.loads(sys.argv[1]); "
+    "del sys.argv[:2]; runpy.run_path(sys.argv[0], run_name='__main__')"
+)
+"""An isolated interpreter knows no PYTHONPATH, by which the libraries may have been found here."""
+
+
 def replayed(folder: Path, before: Path | None = None) -> Replayed:
     """Replay a written folder in a process that has nothing else.
 
@@ -104,8 +114,9 @@ def replayed(folder: Path, before: Path | None = None) -> Replayed:
     """
     with tempfile.TemporaryDirectory() as scratch:
         out = Path(scratch) / "replayed.npz"
-        program = [sys.executable, "-IB", wt.mjcf.plain.__file__, str(folder.resolve()), str(out)]
-        program += [str(before.resolve())] if before else []
+        arguments = [wt.mjcf.plain.__file__, str(folder.resolve()), str(out)]
+        arguments += [str(before.resolve())] if before else []
+        program = [sys.executable, "-IB", "-c", _START, json.dumps(_LIBRARIES), *arguments]
         # where MuJoCo writes its log of replays that explode
         done = subprocess.run(program, cwd=scratch, env=_alone(), capture_output=True, text=True)
         if done.returncode:

@@ -192,7 +192,7 @@ def _whole(screen: Screen, scaled: Float[np.ndarray, "row dof"], active: int) ->
 
 
 def _fit(
-    columns: Float[np.ndarray, "row dof column"],
+    columns: Float[np.ndarray, "row axis dof"],
     target: Float[np.ndarray, "row dof"],
     label: Int[np.ndarray, " row"],
 ) -> float:
