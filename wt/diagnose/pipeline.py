@@ -29,7 +29,13 @@ from wt.diagnose.selection.holdout import Holdout, errors, prepare_holdout, prov
 from wt.diagnose.selection.locate import locate
 from wt.diagnose.selection.naming import Claims, Naming
 from wt.diagnose.selection.search import Report, search
-from wt.diagnose.selection.verdict import findings, suggestions, unforeseen, verdict
+from wt.diagnose.selection.verdict import (
+    findings,
+    shown_by_holdout,
+    suggestions,
+    unforeseen,
+    verdict,
+)
 from wt.mjcf.standalone import standalone
 from wt.physics.planted import Key
 from wt.physics.scene import Scene
@@ -118,7 +124,7 @@ def diagnose(
     say("naming", 0.8)
     claims = naming.claimed(proven)
     say("preparing pictures", 0.9)
-    diagnosis = _diagnosis(scene, prepared, fitted, naming, claims)
+    diagnosis = shown_by_holdout(_diagnosis(scene, prepared, fitted, naming, claims), data)
     return replace(
         diagnosis,
         decisions=tuple(log),

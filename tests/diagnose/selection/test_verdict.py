@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
-from wt.diagnose.selection.verdict import bearing
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from tests.diagnose import synthetic
+from tests.diagnose.hidden_forces import world
+from wt.diagnose.result import Error
+from wt.diagnose.selection.verdict import bearing, shown_by_holdout
 
 
 def test_the_fewest_that_bear_most_are_named_the_largest_first() -> None:
@@ -13,3 +21,25 @@ def test_the_fewest_that_bear_most_are_named_the_largest_first() -> None:
 def test_one_that_bears_it_alone_is_named_alone() -> None:
     assert bearing({"hip": 0.1, "knee": 0.9}, 0.8) == ("knee",)
     assert bearing({}, 0.8) == ()
+
+
+@pytest.mark.parametrize(
+    ("errors", "forgets", "verdict", "places"),
+    [
+        ({"j1": 2e-4, "j2": 2e-4}, True, "no_mismatch", []),
+        ({"j1": 2e-4, "j2": 0.1}, True, "unexplained", ["j2"]),
+        ({"j1": 2e-4, "j2": 0.1}, False, "no_mismatch", []),  # its first state is not known
+    ],
+)
+def test_nothing_is_missing_only_where_the_held_out_recordings_say_so_too(
+    tmp_path: Path, errors: dict[str, float], forgets: bool, verdict: str, places: list[str]
+) -> None:
+    holdout = dataclasses.replace(world(tmp_path, 2, None, 3.0).held, forgets=forgets)
+    silent = synthetic.nothing()
+    each = {j: Error(e, e, 2e-5, 1.0, (1.0, 1.0)) for j, e in errors.items()}
+    silent = dataclasses.replace(silent, proof=dataclasses.replace(silent.proof, joints=each))
+    counted = shown_by_holdout(silent, holdout)
+    assert counted.verdict == verdict
+    assert [f.at.name for f in counted.findings] == places
+    assert [place.at.name for place in counted.locations] == places
+    assert all(f.effect == "unknown" and f.p_value < 1e-9 for f in counted.findings)

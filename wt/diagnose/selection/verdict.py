@@ -6,13 +6,15 @@ Where nothing was found and replays still err by much, that is reported without 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import chi2
 
 from wt.diagnose.likelihood.bic import erring_joints
 from wt.diagnose.likelihood.objective import Assessed, Objective
-from wt.diagnose.result import Confusable, Finding, Verdict
+from wt.diagnose.result import Confusable, Diagnosis, Finding, Located, Verdict
+from wt.diagnose.selection.holdout import Holdout
 from wt.diagnose.selection.naming import Claims
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.scene import Scene
@@ -51,6 +53,47 @@ def unforeseen(
             ),
         )
     return tuple(found.values())
+
+
+def shown_by_holdout(diagnosis: Diagnosis, holdout: Holdout) -> Diagnosis:
+    """A diagnosis that found nothing, unless the held-out recordings alone show a mismatch.
+
+    What only they show was not searched, so that it has no name; but nothing is missing only where
+    every replay says so. Asked of machines that forget how they began: replays of others err by
+    what is not known of their first state.
+    """
+    if diagnosis.verdict != "no_mismatch" or not holdout.forgets:
+        return diagnosis
+    scene, moved = holdout.smoothed.motion.scene, np.nanstd(holdout.measured, axis=0)
+    erring = [
+        joint
+        for joint, error in diagnosis.proof.joints.items()
+        if error.after > THRESHOLDS.clean * error.noise_floor
+        and error.after > THRESHOLDS.mismatch * moved[scene.dof(joint)]
+    ]
+    if not erring:
+        return diagnosis
+    squares = {joint: diagnosis.proof.joints[joint].after ** 2 for joint in erring}
+    total, count = sum(squares.values()), float(holdout.block.max() + 1)
+    found = tuple(
+        Finding(
+            effect="unknown",
+            at=scene.place(joint),
+            parameters={},
+            statement=(
+                f"{str(scene.place(joint)).capitalize()} is moved by something unknown that only "
+                "the held-out recordings show: fit those too."
+            ),
+            holdout_gain=0.0,
+            # of noise alone being as large, in so many blocks
+            p_value=float(
+                chi2.sf(count * square / diagnosis.proof.joints[joint].noise_floor ** 2, count)
+            ),
+        )
+        for joint, square in squares.items()
+    )
+    places = tuple(Located(scene.place(j), s / total) for j, s in squares.items())
+    return replace(diagnosis, verdict="unexplained", findings=found, locations=places)
 
 
 def bearing(shares: Mapping[str, float], most: float) -> tuple[str, ...]:
