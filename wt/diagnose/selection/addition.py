@@ -21,6 +21,7 @@ from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Shape
 from wt.physics.planted import Hypothesis, Key, Planted
+from wt.types import Location
 
 _STARTS, _PROMISING, _FINALISTS = 20, 8, 4
 """How many hypotheses of a round get one step, two more steps, and all effects refined."""
@@ -267,12 +268,18 @@ def _log_replays(
     for fit in fits:
         planted, gain = fit.hypothesis[-1], worth(objective, fit, now)
         pair = len(fit.hypothesis) > len(now.hypothesis) + 1
-        beside = f" (beside {fit.hypothesis[-2]})" if pair else ""
+        beside = f", with {_seen_from(planted.at, fit.hypothesis[-2])}" if pair else ""
         if best is None:
             reason, threshold = "gains too little", THRESHOLDS.min_nats
         elif fit is best:
             reason, threshold = "the best addition", THRESHOLDS.min_nats
         else:
-            reason, threshold = f"beaten by {best.hypothesis[-1]}", worth(objective, best, now)
+            winner = _seen_from(planted.at, best.hypothesis[-1])
+            reason, threshold = f"beaten by {winner}", worth(objective, best, now)
         stage: Stage = "joined" if fit is best else "replayed"
         log.add(planted, stage, fit is best, gain, threshold, reason + beside)
+
+
+def _seen_from(at: Location, planted: Planted) -> str:
+    """An effect in words at a place: without its own place where that is the same."""
+    return planted.effect.id if planted.at == at else str(planted)
