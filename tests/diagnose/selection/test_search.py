@@ -35,8 +35,11 @@ class Ladder:
         self.taken_back.append((joined, lead))
         return state
 
+    def lead(self, after: State, before: State) -> float:
+        return self.merit[after] - self.merit[before]
+
     def end(self) -> State:
-        return uphill(State(), self.advance, self.merit.__getitem__, set, self.back)
+        return uphill(State(), self.advance, self.lead, set, self.back)
 
 
 def test_a_round_downhill_is_taken_back() -> None:
@@ -62,6 +65,6 @@ def test_it_ends_at_the_best_state_that_it_passed() -> None:
 
 def test_it_ends_where_nothing_new_lasts() -> None:
     replaced = uphill(
-        State({COULOMB}), lambda s, _: (s, {ARMATURE}), lambda _: 0.0, set, lambda s, *_: s
+        State({COULOMB}), lambda s, _: (s, {ARMATURE}), lambda *_: 0.0, set, lambda s, *_: s
     )
     assert replaced == {COULOMB}

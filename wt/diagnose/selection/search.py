@@ -66,6 +66,11 @@ def search(
         latest[:] = joined
         return after, {p.key for p in joined}
 
+    def lead(after: _State, state: _State) -> float:
+        # likelihoods compare only where the same may adapt: both around the later state
+        (before,) = objective.evaluate([state.now.hypothesis], [state.now.tolerances])
+        return merit(objective, after.now) - merit(objective, before)
+
     def back(state: _State, joined: set[Key], lead: float) -> _State:
         reason = "the round that it joined ends below where it began"
         for planted in (p for p in latest if p.key in joined):
@@ -73,7 +78,7 @@ def search(
         return replace(state, now=objective.reference(state.now.hypothesis, state.now.tolerances))
 
     begin = _State(list(start), objective.reference(tuple(a.planted for a in start)))
-    end = uphill(begin, advance, lambda s: merit(objective, s.now), lambda s: s.names, back)
+    end = uphill(begin, advance, lead, lambda s: s.names, back)
     return tuple(
         replace(a, planted=planted)
         for a, planted in zip(end.accepted, end.now.hypothesis, strict=True)
@@ -83,7 +88,7 @@ def search(
 def uphill(
     state: S,
     advance: Callable[[S, Container[Key]], tuple[S, set[Key]]],
-    merit: Callable[[S], float],
+    lead: Callable[[S, S], float],
     names: Callable[[S], set[Key]],
     back: Callable[[S, set[Key], float], S],
 ) -> S:
@@ -92,7 +97,7 @@ def uphill(
     Args:
         state: where to begin.
         advance: one round from a state, without what is refused; the next state and what joined.
-        merit: of a state; only ever rises.
+        lead: merit of a state over an earlier one; only states that lead are kept.
         names: effects of a state.
         back: restores a state after a round from it went downhill, given what joined and the lead.
     """
@@ -102,15 +107,15 @@ def uphill(
         after, joined = advance(state, refused)
         if not joined:
             break
-        lead = merit(after) - merit(state)
+        gained = lead(after, state)
         lasted = not names(after) <= names(state)
-        if lead > 0.0:
+        if gained > 0.0:
             state = after
         elif lasted:
             # go on from where the round began, without what it added
             downhill += 1
             refused |= joined
-            state = back(state, joined, lead)
+            state = back(state, joined, gained)
         if not lasted:
             break
     return state
@@ -165,14 +170,8 @@ def _round(
     new = [a.planted for a in joined]
     hypothesis = (*state.now.hypothesis, *new)
     accepted = [*state.accepted, *joined]
-    pruned = _State(*_prune(objective, accepted, _fitted(objective, hypothesis), log))
-    again = _State(
-        *_reconsidered(screen, objective, pruned.accepted, pruned.now, log, banned, joined)
-    )
-    if merit(objective, again.now) >= merit(objective, pruned.now):
-        return again, new
-    now = objective.reference(pruned.now.hypothesis, pruned.now.tolerances)
-    return replace(pruned, now=now), new
+    pruned = _prune(objective, accepted, _fitted(objective, hypothesis), log)
+    return _State(*_reconsidered(screen, objective, *pruned, log, banned, joined)), new
 
 
 def _fitted(objective: Objective, hypothesis: Hypothesis) -> Assessed:
