@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Int, Real, Shaped
+from jaxtyping import Bool, Int, Shaped
 
 from wt.errors import DataError, RecordingError
 
@@ -129,13 +129,13 @@ class Transitions:
     """
 
     # as given: other precisions are converted, and numbers of rows that differ are a user's mistake
-    o: Real[np.ndarray, "_ obs"]
-    a: Real[np.ndarray, "_ action"]
-    s_next: Real[np.ndarray, "_ state"]
-    nominal: Real[np.ndarray, "_ state"]
-    hidden: Real[np.ndarray, "_ hidden"]
-    episode: Real[np.ndarray, " _"]
-    step: Real[np.ndarray, " _"]
+    o: Shaped[np.ndarray, "_ obs"]
+    a: Shaped[np.ndarray, "_ action"]
+    s_next: Shaped[np.ndarray, "_ state"]
+    nominal: Shaped[np.ndarray, "_ state"]
+    hidden: Shaped[np.ndarray, "_ hidden"]
+    episode: Shaped[np.ndarray, " _"]
+    step: Shaped[np.ndarray, " _"]
 
     def __post_init__(self) -> None:
         """Copy the arrays in, make them read-only and check that their lengths agree."""
@@ -179,7 +179,7 @@ class Pairs:
     """
 
     real: Transitions
-    sim_next: Real[np.ndarray, "_ state"]  # as given; a wrong shape is a user's mistake
+    sim_next: Shaped[np.ndarray, "_ state"]  # as given; a wrong shape is a user's mistake
 
     def __post_init__(self) -> None:
         """Copy ``sim_next`` in, make it read-only and check its shape."""
@@ -210,8 +210,8 @@ class Recording:
     """
 
     # as given: lengths that differ are a user's mistake
-    t: Real[np.ndarray, "*_"]
-    columns: Mapping[str, Real[np.ndarray, "*_"]]
+    t: Shaped[np.ndarray, "*_"]
+    columns: Mapping[str, Shaped[np.ndarray, "*_"]]
     meta: Mapping[str, object] = field(default_factory=dict)
 
     MIN_SECONDS = 2.0
