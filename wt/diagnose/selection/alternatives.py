@@ -219,7 +219,7 @@ def simplified(
         before, after = (erring_joints(objective, e.assessed) for e in (estimated, again))
         simple_enough, sizes = set(after) <= set(before), (planted.effect.n_free, law.effect.n_free)
         reason = f"its further parameters are not needed: {law}" if simple_enough else "needed"
-        log.add(planted, "simplified", not simple_enough, sizes[0], sizes[1], reason)
+        log.add(planted, "simplified", not simple_enough, float(sizes[0]), float(sizes[1]), reason)
         if simple_enough:
             now = _by(law, accepted[i], objective)
             accepted = (*accepted[:i], now, *accepted[i + 1 :])
