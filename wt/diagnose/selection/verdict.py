@@ -39,17 +39,11 @@ def unforeseen(
         count = float(objective.count[dof])
         found.setdefault(
             at,
-            Finding(
-                effect="unknown",
-                at=at,
-                parameters={},
-                statement=(
-                    f"{at.kind.capitalize()} {at.name} is moved by something unknown that "
-                    "nothing recorded predicts."
-                ),
-                holdout_gain=0.0,
+            _nameless(
+                at,
+                "nothing recorded predicts.",
                 # of noise alone being as large
-                p_value=float(chi2.sf(excess * count, count)),
+                float(chi2.sf(excess * count, count)),
             ),
         )
     return tuple(found.values())
@@ -76,24 +70,28 @@ def shown_by_holdout(diagnosis: Diagnosis, holdout: Holdout) -> Diagnosis:
     squares = {joint: diagnosis.proof.joints[joint].after ** 2 for joint in erring}
     total, count = sum(squares.values()), float(holdout.block.max() + 1)
     found = tuple(
-        Finding(
-            effect="unknown",
-            at=scene.place(joint),
-            parameters={},
-            statement=(
-                f"{str(scene.place(joint)).capitalize()} is moved by something unknown that only "
-                "the held-out recordings show: fit those too."
-            ),
-            holdout_gain=0.0,
+        _nameless(
+            scene.place(joint),
+            "only the held-out recordings show: fit those too.",
             # of noise alone being as large, in so many blocks
-            p_value=float(
-                chi2.sf(count * square / diagnosis.proof.joints[joint].noise_floor ** 2, count)
-            ),
+            float(chi2.sf(count * square / diagnosis.proof.joints[joint].noise_floor ** 2, count)),
         )
         for joint, square in squares.items()
     )
     places = tuple(Located(scene.place(j), s / total) for j, s in squares.items())
     return replace(diagnosis, verdict="unexplained", findings=found, locations=places)
+
+
+def _nameless(at: Location, that: str, p_value: float) -> Finding:
+    """Something unknown at a place, without a law; ``that`` says more of it."""
+    return Finding(
+        effect="unknown",
+        at=at,
+        parameters={},
+        statement=f"{at.kind.capitalize()} {at.name} is moved by something unknown that {that}",
+        holdout_gain=0.0,
+        p_value=p_value,
+    )
 
 
 def bearing(shares: Mapping[str, float], most: float) -> tuple[str, ...]:
