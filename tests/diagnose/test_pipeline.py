@@ -16,8 +16,9 @@ from wt.diagnose.likelihood.objective import Objective
 from wt.diagnose.pipeline import diagnose
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.result import Diagnosis
-from wt.diagnose.selection.naming import Court, Judged
-from wt.diagnose.selection.search import Accepted, Outcome
+from wt.diagnose.selection.addition import Accepted
+from wt.diagnose.selection.decisions import DecisionLog
+from wt.diagnose.selection.naming import Claims, Naming
 from wt.errors import RecordingError, UserError
 from wt.physics.planted import Planted
 from wt.prove.cases import Case, cases
@@ -117,16 +118,17 @@ def test_only_an_effect_that_was_refused_starts_another_search(
 
     searched: list[set[str]] = []
 
-    def search(*args: object) -> Outcome:
-        banned = args[4] if len(args) > 4 else set()
+    def search(*args: object) -> tuple[Accepted, ...]:
+        banned = args[5] if len(args) > 5 else set()
         assert isinstance(banned, set)
         searched.append(set(banned))
-        return Outcome(standing(f"law {len(searched)}"), ())
+        return standing(f"law {len(searched)}")
 
     monkeypatch.setattr(pipeline, "search", search)
-    court = Mock(spec=Court, screen=Mock(spec=Screen), some=Mock(spec=Objective))
-    court.proven.return_value = Mock(spec=Judged, accepted=standing(proven))
-    court.clean.return_value = False
-    pipeline._found(court, lambda *_: None)
+    naming = Mock(spec=Naming, screen=Mock(spec=Screen), search_replays=Mock(spec=Objective))
+    naming.log = DecisionLog()
+    naming.proven.return_value = Mock(spec=Claims, accepted=standing(proven))
+    naming.clean.return_value = False
+    pipeline._proven(naming, lambda *_: None)
     assert len(searched) == searches
     assert searched[-1] == {f"law {i}" for i in range(1, searches)}
