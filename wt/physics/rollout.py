@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 from jaxtyping import Float, Int
-from mujoco.batch import Batch
 
+from wt.batch import Batch
 from wt.physics.acting import Acting, acting, is_live
 from wt.physics.live import StepState
 from wt.physics.planted import Planted
