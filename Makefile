@@ -47,6 +47,7 @@ format: env ## lay the code out as lint wants it
 	$(BIN)/ruff format --quiet .
 
 bench: env ## print the tables of speed
+	$(BIN)/python benchmarks/steps.py
 	$(BIN)/python benchmarks/collect.py
 	$(BIN)/python benchmarks/train.py
 	$(BIN)/python benchmarks/runner.py

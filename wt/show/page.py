@@ -34,8 +34,8 @@ def table(head: Sequence[str], rows: Sequence[str]) -> str:
         else f'<th scope="col">{escaped(h)}</th>'
         for h in head
     )
-    whole = f"<thead><tr>{cells}</tr></thead><tbody>{''.join(rows)}</tbody>"
-    return f'<div class="scroll"><table>{whole}</table></div>'
+    content = f"<thead><tr>{cells}</tr></thead><tbody>{''.join(rows)}</tbody>"
+    return f'<div class="scroll"><table>{content}</table></div>'
 
 
 def items(sentences: Sequence[str]) -> str:
