@@ -96,7 +96,10 @@ class _Curve:
 def _choose(s: Samples, joint: int) -> _Curve:
     """The curve whose knots generalised cross-validation prefers."""
     best: _Curve | None = None
-    for spacing in _KNOTS:
+    # where only every so many rows are measured, knots have to be as much farther apart
+    seen = s.t[np.isfinite(s.q[:, joint])]
+    thin = float(np.median(np.diff(seen))) / s.dt if len(seen) > 1 else 1.0
+    for spacing in (thin * k for k in _KNOTS):
         if best is not None and spacing * s.dt > _COARSEST:
             break
         curve = _fit(s, joint, spacing, 1.0, np.nan)
