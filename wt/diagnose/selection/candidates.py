@@ -112,7 +112,7 @@ def near(screen: Screen, at: Location) -> list[Location]:
     """Places that may be at fault instead: a joint, its drives and link; a link and the next."""
     scene = screen.motion.scene
     m = scene.model
-    if at.kind == "body":
+    if at.kind == "body" and at.name != "all":
         body = m.body(at.name).id
         ids = {name: m.body(name).id for name in scene.moving}
         close = [n for n, i in ids.items() if body in (i, m.body_parentid[i])]

@@ -115,7 +115,7 @@ def _dofs(scene: Scene, at: Location) -> list[int]:
         return [scene.dof(name) for name in names]
     if at.kind == "actuator" and at.name in {"all", *(d.name for d in scene.drives)}:
         return [drive.dof for drive in scene.driven(at)]
-    if at.kind in ("body", "geom"):
+    if at.kind in ("body", "geom") and at.name != "all":
         element = scene.model.body(at.name) if at.kind == "body" else scene.model.geom(at.name)
         body = int(element.id if at.kind == "body" else element.bodyid[0])
         carried = np.flatnonzero(scene.carries(body))
