@@ -185,6 +185,12 @@ class Scene:
                 return drive
         raise KeyError(name)
 
+    def driven(self, at: Location) -> tuple[Drive, ...]:
+        """The drives at a place: one, at ``all`` every one, and none where no drive stands."""
+        if at.kind != "actuator":
+            return ()
+        return self.drives if at.name == "all" else (self.drive(at.name),)
+
     def dof(self, joint: str) -> int:
         """Degree of freedom of a joint."""
         return int(self.model.joint(joint).dofadr[0])

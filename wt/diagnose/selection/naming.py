@@ -283,9 +283,8 @@ def _joint(scene: Scene, at: Location) -> str | None:
     """The one joint that a place acts on."""
     if at.kind == "joint":
         return at.name
-    if at.kind == "actuator":
-        return scene.drive(at.name).joint
-    return None
+    joints = {drive.joint for drive in scene.driven(at)}
+    return joints.pop() if len(joints) == 1 else None
 
 
 def calibration(
