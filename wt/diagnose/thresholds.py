@@ -42,6 +42,10 @@ class Thresholds:
     law_strength: float = 0.01
     """[share of a strength] Half width below which no interval is believed, for the same reason.
     Set by the coverage of intervals on sealed seeds."""
+    shown: float = 1e-3
+    """[share of the strongest direction's] Change of replays by a direction of a vector below which
+    it is not fitted: an encoder of 5 digits that tells the strongest to one part in a thousand
+    tells nothing of it."""
     clean: float = 3.0
     """[times the smallest error] Replays within it leave nothing to explain. Set by first trials:
     outsiders' stand-ins stayed at 5 to 45 times the noise, right names at 1.04."""

@@ -22,7 +22,7 @@ from wt.diagnose.likelihood.adapt import (
     project,
     responses,
 )
-from wt.diagnose.likelihood.objective import Objective
+from wt.diagnose.likelihood.objective import BURN_IN_S, Objective
 from wt.diagnose.likelihood.refine import refine
 from wt.diagnose.recordings.samples import Samples
 from wt.diagnose.recordings.smooth import Smoothed, resmooth
@@ -53,7 +53,7 @@ class Holdout:
     Attributes:
         smoothed: the recordings.
         stretches: what is replayed open loop.
-        measured: positions, (N, nv); NaN where missing.
+        measured: positions, (N, nv); NaN where missing, and while hidden states settle.
         block: index of the block of up to a second that each sample belongs to, (N,).
         fine: the same with the shortest blocks.
         forgets: whether stretches are long.
@@ -99,6 +99,9 @@ def prepare_holdout(
     label = np.concatenate([np.full(len(s.t), i) for i, s in enumerate(stretches)])
     block, fine = blocks_of(label, np.concatenate([s.t for s in stretches]))
     measured = np.concatenate([q for _, q in pairs])
+    if forgets:
+        settling = np.concatenate([s.t < s.t[0] + BURN_IN_S for s in stretches])
+        measured[settling] = np.nan
     nv = smoothed.motion.scene.model.nv
     deviations = np.zeros(2 * nv)
     if not forgets:
