@@ -76,6 +76,7 @@ Stage = Literal[
     "reconsidered",
     "alternative",
     "simplified",
+    "contradicted",
     "certainty",
     "holdout",
     "doubted",
@@ -91,6 +92,7 @@ Stage = Literal[
 - ``reconsidered``: lead of what took its place beside the others [nats];
 - ``alternative``: lead of a law that looks alike, on all recordings [nats];
 - ``simplified``: parameters of the law, against those of the simpler one that says as much;
+- ``contradicted``: 1, by a recording that shows it to be otherwise;
 - ``certainty``: distance from being nothing [widths of the 95 % interval];
 - ``holdout``: p-value of its gain on data that it was not fitted to;
 - ``doubted``: mean square that a nonparametric force leaves, over what the name leaves;

@@ -148,9 +148,4 @@ def _replay_only(screen: Screen, worst: Sequence[int]) -> list[Planted]:
 
 def dof_of(screen: Screen, at: Location) -> int:
     """Degree of freedom that a place acts on alone; −1 if several."""
-    scene = screen.motion.scene
-    if at.kind == "joint":
-        return scene.dof(at.name)
-    if at.kind == "actuator":
-        return scene.drive(at.name).dof
-    return -1
+    return screen.motion.scene.dof_at(at)

@@ -177,8 +177,9 @@ class Gain:
 
     Attributes:
         share: share of the squared error that it removes.
-        p_value: of that being chance. Held-out data had no part in the search, so what has to be
-            paid for is the number of effects that are tested, not that of all hypotheses.
+        p_value: of that being chance; 1 if no joint's error falls by ``thresholds.material``.
+            Held-out data had no part in the search, so what has to be paid for is the number of
+            effects that are tested, not that of all hypotheses.
         potential: largest share that an effect which changes the replays so much could remove.
         in_turn: whether the p-value is of fitted data left out in turn, held-out ones being mute.
         least_p: the smallest p-value that so few blocks as it shows in could give.
@@ -247,7 +248,9 @@ def gain_of(
     change, left = (np.nansum(x**2, axis=0) for x in (less - full, full))
     potential = float(np.max(change / np.maximum(change + left, 1e-30)))
     share, least_p = float(difference.sum() / one.sum()), float(0.5 ** tested.sum())
-    return Gain(share, float(test.pvalue), potential, least_p=least_p)
+    before = np.nansum(less**2, axis=0)
+    material = ((before - left) >= THRESHOLDS.material * before).any()
+    return Gain(share, float(test.pvalue) if material else 1.0, potential, least_p=least_p)
 
 
 def _tested(difference: Float[np.ndarray, " block"]) -> Bool[np.ndarray, " block"]:
