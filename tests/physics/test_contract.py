@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.physics.arm import ARM, Run, motion, scene, simulate
+from tests.physics.contradictions import CONTRADICTIONS
 from tests.physics.truths import TRUTHS, Truth
 from wt.physics.effect import Effect, effects
 from wt.physics.hooks import Linearised
@@ -175,6 +176,24 @@ def test_where_products_count_it_is_products_that_move(name: str) -> None:
     lower, upper = effect.bounds()
     assert (effect.moved(theta, np.full(len(theta), -1e9)) >= lower).all()
     assert (effect.moved(theta, np.full(len(theta), 1e9)) <= upper).all()
+
+
+def test_what_a_recording_can_rule_out_has_an_example() -> None:
+    said = {n for n, e in effects().items() if type(e).contradiction is not Effect.contradiction}
+    assert said == set(CONTRADICTIONS)
+
+
+@pytest.mark.parametrize("name", sorted(CONTRADICTIONS))
+def test_a_recording_rules_out_what_it_shows_to_be_otherwise(
+    name: str, arm: Scene, recorded: Run
+) -> None:
+    example, moved = CONTRADICTIONS[name], motion(arm, recorded)
+    ruled_out = Planted(effects()[name], example.at, np.array(example.impossible(moved)))
+    said = effects()[name].contradiction(moved, example.at, ruled_out.theta)
+    assert said and not said.endswith(".")
+    assert not ruled_out.possible(moved)
+    fine = np.array(example.possible(moved))
+    assert effects()[name].contradiction(moved, example.at, fine) is None
 
 
 @pytest.mark.parametrize("truth", TRUTHS, ids=lambda t: f"{t.id}-{t.at.name}")

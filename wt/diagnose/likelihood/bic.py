@@ -75,7 +75,7 @@ def odds_against(hypothesis: Hypothesis) -> float:
 
 def worth(objective: Objective, fit: Assessed, now: Assessed) -> float:
     """Nats gained by a hypothesis over the present one, after the price of its parameters."""
-    if not all(p.effect.plausible(objective.motion, p.at, p.theta) for p in fit.hypothesis):
+    if not all(p.possible(objective.motion) for p in fit.hypothesis):
         return -np.inf
     added = price(objective, fit.hypothesis) - price(objective, now.hypothesis)
     return fit.loglik - now.loglik - added

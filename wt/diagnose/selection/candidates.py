@@ -149,8 +149,4 @@ def _replay_only(screen: Screen, worst: Sequence[int]) -> list[Planted]:
 
 def dof_of(screen: Screen, at: Location) -> int:
     """Degree of freedom that a place acts on alone; −1 if several."""
-    scene = screen.motion.scene
-    if at.kind == "joint":
-        return scene.dof(at.name)
-    dofs = [drive.dof for drive in scene.driven(at)]
-    return dofs[0] if len(dofs) == 1 else -1
+    return screen.motion.scene.dof_at(at)
