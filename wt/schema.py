@@ -104,17 +104,17 @@ def to_yaml(config: object) -> str:
 
 def flat(config: object) -> dict[str, object]:
     """A configuration as dotted keys, lists as JSON: MLflow's parameters."""
-    found: dict[str, object] = {}
+    entries: dict[str, object] = {}
 
     def walk(prefix: str, value: object) -> None:
         if isinstance(value, Mapping):
             for key, inner in value.items():
                 walk(f"{prefix}.{key}" if prefix else str(key), inner)
         else:
-            found[prefix] = json.dumps(value) if isinstance(value, list) else value
+            entries[prefix] = json.dumps(value) if isinstance(value, list) else value
 
     walk("", OmegaConf.to_container(OmegaConf.create(to_yaml(config))))
-    return found
+    return entries
 
 
 def check_numbers(section: object, above_zero: Collection[str], where: str = "") -> None:

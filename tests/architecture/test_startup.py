@@ -83,7 +83,10 @@ def test_every_extra_is_one_of_the_project_and_brings_what_is_said() -> None:
     always = {distribution(line) for line in project["dependencies"]}
     for module, extra in EXTRAS.items():
         brings = {distribution(line) for line in project["optional-dependencies"][extra]}
-        names = {name.lower() for name in packages_distributions().get(module, [module, f"{module}-learn"])}
+        names = {
+            name.lower()
+            for name in packages_distributions().get(module, [module, f"{module}-learn"])
+        }
         assert names & brings and not names & always, module
 
 

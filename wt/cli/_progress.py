@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.progress import Progress, TaskID
 
     from wt.run.study import Listener
@@ -24,8 +26,12 @@ def bars() -> Iterator[Listener]:
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     console = Console(stderr=True)
+    if not console.is_terminal:
+        with Lines() as lines:
+            yield _Log(lines, console)
+        return
     columns = TextColumn("{task.description:<28}"), BarColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
+    with Progress(*columns, console=console) as progress:
         yield _Bars(progress)
 
 
@@ -37,7 +43,8 @@ def bar(beginning: str) -> Iterator[Callable[[str, float], None]]:
 
     console = Console(stderr=True)
     if not console.is_terminal:
-        yield Lines().say
+        with Lines(beginning) as lines:
+            yield lines.say
         return
     columns = TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn()
     with Progress(*columns, console=console, transient=True) as progress:
@@ -56,27 +63,39 @@ def waiting(what: str) -> Iterator[Callable[[str], None]]:
 
 
 class Lines:
-    """Lines for a log: which step, how much of it, and since when."""
+    """Lines for a log, while the context lasts: which step, how much of it, and since when."""
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, beginning: str = "starting", every: float = _EVERY) -> None:
         """Begin to count.
 
         Args:
-            clock: [s].
+            beginning: the first step.
+            every: time between two lines [s].
         """
-        self._clock = clock
-        self._began = self._last = clock()
+        self._now, self._every = (beginning, 0.0), every
+        self._began, self._ended = time.monotonic(), threading.Event()
+        self._thread = threading.Thread(target=self._print, daemon=True)
 
     def say(self, what: str, share: float) -> None:
-        """Print the step and the share that is done, 0 … 1, if it is time to."""
-        now = self._clock()
-        if now - self._last >= _EVERY:
-            self._last = now
-            print(
-                f"{what}: {100 * share:.0f} % after {now - self._began:.0f} s",
-                file=sys.stderr,
-                flush=True,
-            )
+        """Take note of the step and the share that is done, 0 … 1."""
+        self._now = (what, share)
+
+    def __enter__(self) -> Lines:
+        """Start to print."""
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Print no more."""
+        self._ended.set()
+        self._thread.join()
+
+    def _print(self) -> None:
+        while not self._ended.wait(self._every):
+            what, share = self._now
+            seconds = time.monotonic() - self._began
+            line = f"{what}: {100 * share:.0f} % after {seconds:.0f} s"
+            print(line, file=sys.stderr, flush=True)
 
 
 class _Bars:
@@ -85,11 +104,8 @@ class _Bars:
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
         self._tasks: dict[str, TaskID] = {}
-        self._lines = Lines() if progress.disable else None
 
     def progress(self, what: str, done: int, total: int) -> None:
-        if self._lines is not None:
-            self._lines.say(what, done / max(total, 1))
         if what not in self._tasks:
             self._tasks[what] = self._progress.add_task(what, total=total)
         self._progress.update(self._tasks[what], completed=done)
@@ -99,3 +115,19 @@ class _Bars:
 
     def warn(self, line: str) -> None:
         self._progress.console.print(f"warning: {line}", markup=False)
+
+
+class _Log:
+    """The listener where nothing is drawn."""
+
+    def __init__(self, lines: Lines, console: Console) -> None:
+        self._lines, self._console = lines, console
+
+    def progress(self, what: str, done: int, total: int) -> None:
+        self._lines.say(what, done / max(total, 1))
+
+    def metrics(self, values: Mapping[str, float], step: int) -> None:
+        pass
+
+    def warn(self, line: str) -> None:
+        self._console.print(f"warning: {line}", markup=False)

@@ -35,7 +35,7 @@ def expand(spec: mujoco.MjSpec) -> tuple[str, ...]:
     free = [joint for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE]
     for key in list(spec.keys) if free else ():
         spec.delete(key)
-    found = []
+    added = []
     for joint in free:
         body, name = joint.parent, joint.name
         spec.delete(joint)
@@ -55,8 +55,8 @@ def expand(spec: mujoco.MjSpec) -> tuple[str, ...]:
                 armature=0.0,
                 frictionloss=0.0,
             )
-        found.append(name)
-    return tuple(found)
+        added.append(name)
+    return tuple(added)
 
 
 def coordinates(
@@ -83,12 +83,14 @@ def coordinates(
     angles[known] = Rotation.from_quat(quaternion[known], scalar_first=True).as_euler("ZYX")
     angles[known] = np.unwrap(angles[known], axis=0)
     table = dict(zip(names(joint), [*given[:3], *angles.T], strict=True))
-    found = {f"qpos/{name}": x for name, x in table.items()}
+    coordinate = {f"qpos/{name}": x for name, x in table.items()}
     v = [x for k in range(6) if (x := columns.get(f"qvel/{joint}/{k}")) is not None]
     if len(v) == 6:
         turning = rates(angles, np.stack(v[3:], axis=1))
-        found |= {f"qvel/{n}": x for n, x in zip(names(joint), [*v[:3], *turning.T], strict=True)}
-    return found
+        coordinate |= {
+            f"qvel/{n}": x for n, x in zip(names(joint), [*v[:3], *turning.T], strict=True)
+        }
+    return coordinate
 
 
 def rates(

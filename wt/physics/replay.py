@@ -100,8 +100,8 @@ class Inputs:
         start = edges[:-1] - delay
         end = edges[1:] - delay
         before = np.minimum(end, 0.0) - np.minimum(start, 0.0)
-        whole = np.interp(end, edges, integral) - np.interp(start, edges, integral)
-        late: np.ndarray = (whole + before * signal[0]) / self.h
+        impulse = np.interp(end, edges, integral) - np.interp(start, edges, integral)
+        late: np.ndarray = (impulse + before * signal[0]) / self.h
         return late
 
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 from jaxtyping import Float, Int
-from mujoco.batch import Batch
 
+from wt.batch import Batch
 from wt.physics.acting import Acting, acting, is_live
 from wt.physics.live import StepState
 from wt.physics.planted import Planted
@@ -252,11 +252,11 @@ def _advance(
         q, v, command = qpos[:, own], qvel[:, own], u[:, k].copy()
         extra[:] = 0.0
         for act in acts:
-            some = act.rows
-            now = StepState(t[some, k], h, q[some], v[some], command[some], extra[some])
+            rows = act.rows
+            now = StepState(t[rows, k], h, q[rows], v[rows], command[rows], extra[rows])
             act.live.act(now)
-            if not isinstance(some, slice):  # picked out of the batch: put back
-                command[some], extra[some] = now.u, now.applied
+            if not isinstance(rows, slice):  # picked out of the batch: put back
+                command[rows], extra[rows] = now.u, now.applied
         ctrl[:], applied[:, own] = command[:, controls], extra
         for row, wrenches in pushed:
             xfrc[row] = wrenches[k].reshape(-1, 6)

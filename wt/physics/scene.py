@@ -69,7 +69,7 @@ def between(x: np.ndarray, low: float | np.ndarray, high: float | np.ndarray) ->
 
 def drives(m: mujoco.MjModel) -> tuple[Drive, ...]:
     """The actuators of a model that act on a joint, in its order."""
-    found = []
+    listed = []
     for i in range(m.nactuator):
         if m.actuator_trntype[i] != mujoco.mjtTrn.mjTRN_JOINT:
             continue
@@ -77,7 +77,7 @@ def drives(m: mujoco.MjModel) -> tuple[Drive, ...]:
         bias = m.actuator_biasprm[i, :3]
         if m.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_NONE:
             bias = np.zeros(3)
-        found.append(
+        listed.append(
             Drive(
                 name=m.actuator(i).name,
                 index=i,
@@ -90,7 +90,7 @@ def drives(m: mujoco.MjModel) -> tuple[Drive, ...]:
                 forces=_range(bool(m.actuator_forcelimited[i]), m.actuator_forcerange[i]),
             )
         )
-    return tuple(found)
+    return tuple(listed)
 
 
 def _range(limited: bool, ends: Float[np.ndarray, " 2"]) -> tuple[float, float]:

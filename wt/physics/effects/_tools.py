@@ -149,12 +149,12 @@ def weighed(spec: mujoco.MjSpec, body: str) -> mujoco.MjsBody:
         compiler.settotalmass = -1.0
         compiler.inertiafromgeom = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO)
     for name in names:
-        found, i = spec.body(name), model.body(name).id
-        found.explicitinertial = True
-        found.mass, found.ipos = model.body_mass[i], model.body_ipos[i]
-        found.iquat, found.inertia = model.body_iquat[i], model.body_inertia[i]
-        found.fullinertia = np.full(6, np.nan)
-        found.ialt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+        body_spec, i = spec.body(name), model.body(name).id
+        body_spec.explicitinertial = True
+        body_spec.mass, body_spec.ipos = model.body_mass[i], model.body_ipos[i]
+        body_spec.iquat, body_spec.inertia = model.body_iquat[i], model.body_inertia[i]
+        body_spec.fullinertia = np.full(6, np.nan)
+        body_spec.ialt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
     return spec.body(body)
 
 

@@ -43,11 +43,11 @@ class ActuatorDelay(OnInputs, Tolerated):
         self, motion: Motion, at: Location, shape: Shape
     ) -> Float[np.ndarray, "sample dof coefficient"]:
         """Force under the delayed command minus force under the command as sent."""
-        found = np.zeros((*motion.q.shape, 1))
+        force = np.zeros((*motion.q.shape, 1))
         for drive in _drives(motion.scene, at):
             late = motion.delayed(drive.index, shape[0])
-            found += motion.on(drive.dof, motion.force(drive, late) - motion.force(drive))
-        return found
+            force += motion.on(drive.dof, motion.force(drive, late) - motion.force(drive))
+        return force
 
     def theta(
         self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
