@@ -110,7 +110,7 @@ class _Bars:
             self._tasks[what] = self._progress.add_task(what, total=total)
         self._progress.update(self._tasks[what], completed=done)
 
-    def metrics(self, values: Mapping[str, float], step: int) -> None:
+    def metrics(self, what: str, values: Mapping[str, float], step: int) -> None:
         pass
 
     def warn(self, line: str) -> None:
