@@ -13,7 +13,7 @@ from pathlib import Path
 
 from wt.errors import WorkError
 
-REPORT = "report.json"
+REPORT, MODEL = "report.json", "model.xml"
 
 
 def run(
@@ -42,9 +42,12 @@ def run(
     from deploy.operator import KEYS, HumanOperator
     from deploy.pilot import Pilot
     from deploy.policies import load
+    from deploy.record import RECORDING
     from deploy.robot import Silent
     from deploy.runner import RATE_HZ, Runner, teller
     from deploy.safety import Limits
+    from deploy.scribe import Scribe
+    from wt.worlds.robots import mjcf
 
     bounds = Limits.parse(list(limits))
     policy = load(reference)
@@ -53,6 +56,7 @@ def run(
     robot = Go2(DdsParticipant(interface, domain), policy.card.joints)
     folder = out or Path("runs") / f"go2-{datetime.now():%Y-%m-%dT%H-%M-%S}"
     folder.mkdir(parents=True, exist_ok=True)  # if it cannot be, better now than after the run
+    _write_whole(folder / MODEL, mjcf("go2"))
     operator, say = HumanOperator(policy.card.command_limits), teller()
     say(f"policy {policy.card.name} ({policy.card.sha256[:12]}) on {interface}\n{KEYS}")
     runner = Runner(Silent(robot) if dry_run else robot, Pilot(policy), operator, bounds, say=say)
@@ -61,19 +65,24 @@ def run(
         "policy": reference, "policy_sha256": policy.card.sha256, "dry_run": dry_run,
         "limits": vars(bounds),
     }  # fmt: skip
+    scribe = Scribe(folder, runner.recorder, meta)
     try:
         with operator.attending():
             outcome = runner.run(math.inf if seconds is None else seconds)
     finally:
         meta |= {"events": runner.events, "health": robot.health()}
         written = runner.recorder.write(folder, meta)
+        scribe.dismiss()
         if not written:
+            (folder / MODEL).unlink()
             with suppress(OSError):  # it was there before, with something in it
                 folder.rmdir()
     report = {"timing": outcome.timing.dict(), "events": runner.events, "began": outcome.began}
-    _write_json(folder / REPORT, report)
+    _write_whole(folder / REPORT, json.dumps(report, indent=1) + "\n")
     print(outcome.timing.text())
-    print(f"{folder}: {', '.join([*(p.name for p in written), REPORT])}")
+    print(f"{folder}: {', '.join([*(p.name for p in written), MODEL, REPORT])}")
+    if any(p.name == RECORDING for p in written):
+        print(f"wt diagnose {folder / MODEL} {folder / RECORDING} --out {folder / 'diagnosis'}")
     if outcome.fault:
         raise WorkError(f"ended in damping after a fault: {outcome.fault}")
 
@@ -122,7 +131,7 @@ def simulate(
         print(f"{out}: {', '.join(p.name for p in written)}")
 
 
-def _write_json(path: Path, content: object) -> None:
+def _write_whole(path: Path, content: str) -> None:
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    temporary.write_text(content, encoding="utf-8")
     os.replace(temporary, path)

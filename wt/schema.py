@@ -19,6 +19,7 @@ import yaml
 from omegaconf import OmegaConf
 
 from wt.errors import ConfigError, suggest
+from wt.shipped import configuration, folder
 
 T = TypeVar("T")
 
@@ -27,13 +28,13 @@ def read(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
     """A YAML file on top of the one it names under ``base:``, with overrides on top of both.
 
     Args:
-        path: the file.
+        path: the file, or the bare name of one that comes with the package.
         overrides: ``key=value`` words; lists and dotted keys are allowed.
 
     Raises:
         ConfigError: file missing, not YAML, its own base, or an override of another form.
     """
-    return override(_read(path, ()), overrides)
+    return override(_read(configuration(path), ()), overrides)
 
 
 def varied(config: object, overrides: Sequence[str]) -> dict[str, Any]:
@@ -139,7 +140,9 @@ def check_numbers(section: object, above_zero: Collection[str], where: str = "")
 
 def _read(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
     if not path.is_file():
-        near = sorted(p.name for p in path.parent.glob("*.yaml")) if path.parent.is_dir() else []
+        near = {p.name for p in path.parent.glob("*.yaml")} if path.parent.is_dir() else set()
+        if len(path.parts) == 1:
+            near |= {p.stem for p in folder("conf").glob("*.yaml")}
         hint = suggest(path.name, near) if near else "no YAML file is near it"
         raise ConfigError(f"configuration {str(path)!r} does not exist; {hint}")
     if path.resolve() in above:

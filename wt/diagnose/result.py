@@ -77,6 +77,7 @@ Stage = Literal[
     "reconsidered",
     "alternative",
     "simplified",
+    "contradicted",
     "certainty",
     "holdout",
     "doubted",
@@ -92,6 +93,7 @@ Stage = Literal[
 - ``reconsidered``: lead of what took its place beside the others [nats];
 - ``alternative``: lead of a law that looks alike, on all recordings [nats];
 - ``simplified``: parameters of the law, against those of the simpler one that says as much;
+- ``contradicted``: 1, by a recording that shows it to be otherwise;
 - ``certainty``: distance from being nothing [widths of the 95 % interval];
 - ``holdout``: p-value of its gain on data that it was not fitted to;
 - ``doubted``: mean square that a nonparametric force leaves, over what the name leaves;
@@ -152,17 +154,27 @@ class Estimate:
         unit: its unit.
         ci95: lower and upper end.
         warning: "" or why it should not be trusted (at a bound, not identifiable).
+        unshown: axes of a vector that the recordings cannot show; its interval is all that is
+            admissible there, and the value is where it was left.
     """
 
     value: float | tuple[float, ...]
     unit: str
     ci95: tuple[float | tuple[float, ...], float | tuple[float, ...]]
     warning: str = ""
+    unshown: tuple[str, ...] = ()
+
+    @property
+    def note(self) -> str:
+        """The warning, and which axes are not shown; "" if there is neither."""
+        axes = ", ".join(self.unshown)
+        left = f"these recordings cannot show {axes}, which is not fitted" if axes else ""
+        return "; ".join(part for part in (self.warning, left) if part)
 
     def to_json(self) -> dict[str, Any]:
         """As in ``diagnosis.json``."""
         entry = {"value": self.value, "unit": self.unit, "ci95": list(self.ci95)}
-        return entry | ({"warning": self.warning} if self.warning else {})
+        return entry | ({"warning": self.note} if self.note else {})
 
 
 @dataclass(frozen=True)

@@ -174,6 +174,13 @@ class Scene:
         of_bases = {name for joint in self.free for name in base.names(joint)}
         return tuple(name for name in self.joints if name not in of_bases)
 
+    def dof_at(self, at: Location) -> int:
+        """Degree of freedom that a place acts on alone; −1 if several."""
+        if at.kind == "joint":
+            return self.dof(at.name)
+        dofs = [drive.dof for drive in self.driven(at)]
+        return dofs[0] if len(dofs) == 1 else -1
+
     def place(self, joint: str) -> Location:
         """Place that people call a degree of freedom by: a joint, or the body that floats."""
         if joint in self.own_joints:
@@ -195,6 +202,12 @@ class Scene:
             if drive.name == name:
                 return drive
         raise KeyError(name)
+
+    def driven(self, at: Location) -> tuple[Drive, ...]:
+        """The drives at a place: one, at ``all`` every one, and none where no drive stands."""
+        if at.kind != "actuator":
+            return ()
+        return self.drives if at.name == "all" else (self.drive(at.name),)
 
     def dof(self, joint: str) -> int:
         """Degree of freedom of a joint."""

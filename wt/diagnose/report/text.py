@@ -260,7 +260,7 @@ def parameter_rows(findings: Sequence[Finding]) -> list[tuple[str, str, str, str
             unit = "" if estimate.unit == "-" else estimate.unit
             components = values_and_intervals(estimate)
             axes = "xyz" if len(components) == 3 else range(1, len(components) + 1)
-            warning = estimate.warning
+            warning = estimate.note
             for axis, (value, interval) in zip(axes, components, strict=True):
                 label = name if len(components) == 1 else f"{name} {axis}"
                 row = (finding.effect, str(finding.at), label, value, unit, interval, warning)
@@ -295,7 +295,7 @@ def print_summary(diagnosis: Diagnosis, console: Console) -> None:
     notes = []
     for finding in diagnosis.findings:
         known = finding.parameters.items()
-        notes += [f"{finding.at}, {name}: {e.warning}" for name, e in known if e.warning]
+        notes += [f"{finding.at}, {name}: {e.note}" for name, e in known if e.note]
         notes += [
             f"not told apart from {c.effect} at {c.at}; would tell: {c.separating_experiment}"
             for c in finding.confusable_with
