@@ -185,7 +185,8 @@ def _moves(balance: Balance, e: Edit, recording: Recording) -> list[tuple[str, s
         return [(f"ctrl/{names[0]}", f"ctrl/{names[1]}", e.offset)]
     target, source = balance.joint(e.index), balance.joint(e.source)
     moves = [(f"qpos/{target}", f"qpos/{source}", e.offset)]
-    if f"qvel/{target}" in recording.columns and belongs(recording, source):
+    other = e.source != e.index or e.factor != 1.0
+    if other and f"qvel/{target}" in recording.columns and belongs(recording, source):
         moves.append((f"qvel/{target}", f"qvel/{source}", 0.0))
     return moves
 
