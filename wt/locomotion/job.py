@@ -110,5 +110,5 @@ def find_rsl_rl() -> None:
     except ModuleNotFoundError as error:
         raise ConfigError(
             f"training needs {error.name}, which is not installed: "
-            "pip install 'world-translation[rl]'"
+            "pip install '.[rl]'"
         ) from error

@@ -44,7 +44,7 @@ def claims(task: RivalTask) -> list[Claim]:
         import pysindy
     except ImportError as error:
         raise WorkError(
-            "pysindy is not installed; install it: pip install 'world-translation[rivals]'"
+            "pysindy is not installed; install it: pip install '.[rivals]'"
         ) from error
     ranked: list[tuple[float, Claim]] = []
     for dof, joint in enumerate(task.scene.joints):
