@@ -114,7 +114,7 @@ class Card:
         rate_hz: control rate [Hz] of the transitions.
         joints: joint names in the order of the position channels.
         inputs: o, a and o_next_sim.
-        outputs: o_next_real.
+        outputs: o_next_real; behind it the features of the graph, which have no unit.
         data_hash: hash of the training data.
         config_hash: hash of the resolved configuration.
         commit: commit of the code that trained it.
@@ -125,6 +125,7 @@ class Card:
         sha256: of ``model.onnx``.
         created: UTC, ISO 8601.
         packages: versions of Python and of the libraries that made the model.
+        opset: version of ONNX's operator set that the graph needs; None on older cards.
     """
 
     schema: Literal[1] = 1
@@ -133,7 +134,7 @@ class Card:
     rate_hz: float
     joints: tuple[str, ...]
     inputs: tuple[Port, Port, Port]
-    outputs: tuple[Port]
+    outputs: tuple[Port, ...]
     data_hash: str
     config_hash: str
     commit: str
@@ -144,10 +145,11 @@ class Card:
     sha256: Sha256
     created: Annotated[str, StringConstraints(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\+00:00$")]
     packages: dict[str, str]
+    opset: int | None = None
 
     def __post_init__(self) -> None:
         """Refuse golden rows that do not fit the ports."""
-        for port in (*self.inputs, *self.outputs):
+        for port in (*self.inputs, *self.outputs[:1]):  # features have no truth to compare with
             rows = getattr(self.golden, port.name, None)
             if rows is None:
                 raise ValueError(f"{port.name!r} is no input or output of a translation")
@@ -214,6 +216,13 @@ def describe(
         parity: what ``registry.parity.check`` returned; None if it was not called.
         golden: o, a, o′ of S and the eager model's o′ of R, a few rows each.
     """
+    import onnx
+
+    graph = onnx.load(onnx_path)
+
+    def feature(info: onnx.ValueInfoProto) -> Port:
+        width = info.type.tensor_type.shape.dim[1].dim_value
+        return port(info.name, tuple(Channel(str(k), "1") for k in range(width)))
 
     def port(port_name: str, channels: tuple[Channel, ...]) -> Port:
         return Port(port_name, ("batch", len(channels)), channels)
@@ -231,7 +240,10 @@ def describe(
             port("a", spec.action),
             port("o_next_sim", spec.observation),
         ),
-        outputs=(port("o_next_real", spec.observation),),
+        outputs=(
+            port("o_next_real", spec.observation),
+            *(feature(info) for info in graph.graph.output if info.name != "o_next_real"),
+        ),
         data_hash=data_hash,
         config_hash=config_hash,
         commit=commit,
@@ -243,6 +255,7 @@ def describe(
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         packages={"python": platform.python_version()}
         | {package: importlib.metadata.version(package) for package in PACKAGES},
+        opset=next(x.version for x in graph.opset_import if not x.domain),
     )
 
 

@@ -49,6 +49,31 @@ def load(d: mujoco.MjData) -> float:
     return -smooth_sign(d.qvel[1]) * (0.3 + 0.2 * abs(servo(d, "m1", 1)))
 
 
+def directed(d: mujoco.MjData) -> float:
+    v = d.qvel[1]
+    return -smooth_sign(v) * (0.5 + 0.2 * v if v > 0.0 else 0.9 - 0.6 * v)
+
+
+def belted() -> Hook:
+    """A belt over j1 and j2, which is stretched by the first and slackened by the second."""
+
+    def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        pull = 6.0 * (data.qpos[1] - 0.8 * data.qpos[2] - 0.3)
+        data.qfrc_applied[1:] += -pull, 0.8 * pull
+
+    return hook
+
+
+def carried() -> Hook:
+    """A force upwards on every link, of 0.7 of its weight."""
+
+    def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        for body in range(1, model.nbody):
+            data.xfrc_applied[body, 2] += 0.7 * 9.81 * model.body_mass[body]
+
+    return hook
+
+
 def play_operator() -> Hook:
     state = {"z": 0.0, "q": 0.0}
 

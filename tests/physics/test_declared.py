@@ -33,7 +33,8 @@ OFTEN = {"body.payload_fixed", "body.mass", "body.com"}
 OVER = {
     "velocity": {
         "actuator.delay", "actuator.lag", "actuator.speed_limit", "body.drag", "contact.friction",
-        "joint.friction_coulomb", "joint.friction_load", "joint.friction_quadratic",
+        "joint.friction_coulomb", "joint.friction_directional", "joint.friction_load",
+        "joint.friction_quadratic",
         "joint.friction_stribeck", "joint.friction_viscous", "sensor.delay",
     },
     "acceleration": {"joint.armature", "body.inertia"},

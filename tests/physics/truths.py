@@ -20,8 +20,11 @@ from tests.physics.laws import (
     LINK_ONLY,
     M1,
     TILT,
+    belted,
+    carried,
     carrying,
     constant,
+    directed,
     dragged,
     filtered,
     floored,
@@ -119,6 +122,16 @@ TRUTHS = [
         fits=0.04,
         replays=0.1,
     ),
+    Truth(
+        "joint.friction_directional",
+        _at("joint", "j1"),
+        (0.5, 0.9, 0.2, 0.6),
+        hook=push(directed),
+        fits=0.06,
+        replays=0.1,
+    ),
+    Truth("pair.spring", _at("pair", "j1+j2"), (6.0, -0.8, 0.3), hook=belted, shape=(-0.8,)),
+    Truth("world.gravity_compensation", _at("body", "all"), (0.7,), hook=carried),
     Truth(
         "joint.stiffness", _at("joint", "j1"), (2.0, 0.4), joint('stiffness="2" springref="0.4"')
     ),

@@ -116,7 +116,7 @@ class _Bars:
             self._tasks[what] = self._progress.add_task(what, total=total)
         self._progress.update(self._tasks[what], completed=done)
 
-    def metrics(self, values: Mapping[str, float], step: int) -> None:
+    def metrics(self, what: str, values: Mapping[str, float], step: int) -> None:
         pass
 
     def warn(self, line: str) -> None:
@@ -132,7 +132,7 @@ class _Log:
     def progress(self, what: str, done: int, total: int) -> None:
         self._lines.say(what, done / max(total, 1))
 
-    def metrics(self, values: Mapping[str, float], step: int) -> None:
+    def metrics(self, what: str, values: Mapping[str, float], step: int) -> None:
         pass
 
     def warn(self, line: str) -> None:

@@ -16,6 +16,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from wt.physics.parts import add_joint
+
 COORDINATES = ("x", "y", "z", "yaw", "pitch", "roll")
 """In this order, as ``<joint>/<coordinate>``."""
 _AXES = np.vstack([np.eye(3), np.eye(3)[::-1]])
@@ -43,18 +45,7 @@ def expand(spec: mujoco.MjSpec) -> tuple[str, ...]:
         body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
         for i, (part, axis) in enumerate(zip(names(name), _AXES, strict=True)):
             kind = mujoco.mjtJoint.mjJNT_SLIDE if i < 3 else mujoco.mjtJoint.mjJNT_HINGE
-            body.add_joint(
-                name=part,
-                type=kind,
-                axis=axis,
-                pos=np.zeros(3),
-                ref=0.0,
-                limited=mujoco.mjtLimited.mjLIMITED_FALSE,
-                damping=np.zeros(3),
-                stiffness=np.zeros(3),
-                armature=0.0,
-                frictionloss=0.0,
-            )
+            add_joint(spec, body, part, type=kind, axis=axis)
         added.append(name)
     return tuple(added)
 

@@ -17,6 +17,7 @@ from jaxtyping import Float, Int
 from scipy.optimize import least_squares
 
 from wt.physics.motion import Motion
+from wt.physics.parts import add_geom
 from wt.physics.scene import Scene
 
 _SIZE, _OFTEN, _SELDOM = 10.0, 0.4, 0.002
@@ -182,9 +183,8 @@ class _FaceProbe:
 
     def __init__(self, scene: Scene, body: str) -> None:
         spec = scene.spec()
-        spec.worldbody.add_geom(
-            name=_FACE, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1.0, 1.0, 0.1], gap=2.0 * _AWAY
-        )
+        plane, size = mujoco.mjtGeom.mjGEOM_PLANE, [1.0, 1.0, 0.1]
+        add_geom(spec, spec.worldbody, _FACE, type=plane, size=size, gap=2.0 * _AWAY)
         self._m = m = spec.compile()
         # what is fixed to a body is touched as it is, on whichever of both the force seems to act
         root = int(m.body(body).weldid[0])

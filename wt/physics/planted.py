@@ -63,6 +63,11 @@ class Planted:
         """Identity without the parameters."""
         return (self.effect.id, self.at.kind, self.at.name)
 
+    def possible(self, motion: Motion) -> bool:
+        """Tell whether such parameters are this effect, and nothing recorded contradicts it."""
+        asked = motion, self.at, self.theta
+        return self.effect.plausible(*asked) and self.effect.contradiction(*asked) is None
+
     # -- what only some effects do -----------------------------------------------------------
 
     def observed(self) -> Mapping[str, tuple[str, tuple[float, ...]]]:

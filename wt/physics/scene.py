@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +15,8 @@ from wt.errors import ModelError
 from wt.physics import base
 from wt.types import Location
 
+Amendment = Callable[[mujoco.MjSpec], None]
+"""Changes a model."""
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 
@@ -102,19 +105,24 @@ class Scene:
 
     Attributes:
         path: the MJCF.
+        amendments: changes of the model beyond what the file says.
         free: names of the free joints, each of which is six joints here (:mod:`wt.physics.base`).
         model: the compiled model.
         data: scratch space for computations on the model.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, amendments: Sequence[Amendment] = ()) -> None:
         """Read and compile an MJCF.
+
+        Args:
+            path: the file.
+            amendments: what to change in the model wherever it is used, e.g. after an audit.
 
         Raises:
             ModelError: the file is missing or does not compile, or has joints or actuators that
                 cannot be compared with recordings yet.
         """
-        self.path = Path(path)
+        self.path, self.amendments = Path(path), tuple(amendments)
         if not self.path.is_file():
             raise ModelError(f"model '{path}' does not exist; give an MJCF file")
         try:
@@ -137,9 +145,12 @@ class Scene:
         if unnamed:
             raise ModelError(f"{unnamed[0]} of '{path}' has no name; name all joints and actuators")
 
-    def written(self) -> mujoco.MjSpec:
-        """A fresh editable copy of the model as it is written."""
-        return mujoco.MjSpec.from_file(str(self.path))
+    def written(self, amended: bool = True) -> mujoco.MjSpec:
+        """A fresh editable copy of the model as it is written, with or without the amendments."""
+        spec = mujoco.MjSpec.from_file(str(self.path))
+        for amend in self.amendments if amended else ():
+            amend(spec)
+        return spec
 
     def spec(self) -> mujoco.MjSpec:
         """The same with its free joints taken apart, as it is replayed."""
@@ -163,6 +174,13 @@ class Scene:
         of_bases = {name for joint in self.free for name in base.names(joint)}
         return tuple(name for name in self.joints if name not in of_bases)
 
+    def dof_at(self, at: Location) -> int:
+        """Degree of freedom that a place acts on alone; −1 if several."""
+        if at.kind == "joint":
+            return self.dof(at.name)
+        dofs = [drive.dof for drive in self.driven(at)]
+        return dofs[0] if len(dofs) == 1 else -1
+
     def place(self, joint: str) -> Location:
         """Place that people call a degree of freedom by: a joint, or the body that floats."""
         if joint in self.own_joints:
@@ -184,6 +202,12 @@ class Scene:
             if drive.name == name:
                 return drive
         raise KeyError(name)
+
+    def driven(self, at: Location) -> tuple[Drive, ...]:
+        """The drives at a place: one, at ``all`` every one, and none where no drive stands."""
+        if at.kind != "actuator":
+            return ()
+        return self.drives if at.name == "all" else (self.drive(at.name),)
 
     def dof(self, joint: str) -> int:
         """Degree of freedom of a joint."""

@@ -152,6 +152,31 @@ class HiddenCable(WorldLaw):
         plant.total[self._b] -= pull
 
 
+class HiddenBelt(WorldLaw):
+    """A belt over two joints: energy ½·stiffness·(q_a + ratio·q_b − reference)²."""
+
+    def bind(self, plant: Plant) -> None:
+        """Look up the joints."""
+        self._a, self._b = (plant.index(name) for name in self.place.split("+"))
+
+    def act(self, plant: Plant, t: float) -> None:
+        """See the class."""
+        ratio, q = self.number("ratio"), plant.data.qpos[plant.q_at]
+        length = float(q[self._a]) + ratio * float(q[self._b])
+        pull = self.number("stiffness") * (length - self.number("reference"))
+        plant.total[self._a] -= pull
+        plant.total[self._b] -= ratio * pull
+
+
+class HiddenCounterweight(WorldLaw):
+    """A force upwards on every link, ``share`` of its weight."""
+
+    def act(self, plant: Plant, t: float) -> None:
+        """See the class."""
+        up = -self.number("share") * plant.model.opt.gravity
+        plant.data.xfrc_applied[1:, :3] += plant.model.body_mass[1:, None] * up
+
+
 class HiddenUnbalance(WorldLaw):
     """Outsider: an unbalanced rotor at its own pace: torque·sin(frequency·t + phase) on a joint."""
 
@@ -175,6 +200,8 @@ LAWS: dict[str, type[HiddenLaw]] = {
     "body.drag": HiddenDrag,
     "body.tether": HiddenTether,
     "world.gravity": HiddenGravity,
+    "world.gravity_compensation": HiddenCounterweight,
+    "pair.spring": HiddenBelt,
     "outsider.flywheel": HiddenFlywheel,
     "outsider.cable": HiddenCable,
     "outsider.unbalance": HiddenUnbalance,

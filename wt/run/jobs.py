@@ -30,6 +30,7 @@ from wt.data.transitions import digest
 from wt.errors import WorkError
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.run.study import Study
+from wt.schema import flat
 from wt.train.device import on
 from wt.train.fit import fit_world_model
 from wt.train.score import PairTensors, predictions
@@ -58,6 +59,12 @@ class Job(NamedTuple):
     def key(self) -> str:
         """Name under which the run's folder keeps it: the method's name, and a variant's hash."""
         return f"{self.method}-{digest(list(self.changes))}" if self.changes else self.method
+
+    def parameters(self, config: FitConfig) -> dict[str, object]:
+        """What its run in MLflow is compared by: method, seed and settings."""
+        trained = self.method in (OURS, PAPERS_OWN)
+        settings = self.settings(config) if trained else config.baselines
+        return {"method": self.method, "seed": self.seed, **flat(settings)}
 
     def settings(self, config: FitConfig) -> Method:
         """Settings of a World Translation model, the paper's, ours or a variant."""
@@ -129,9 +136,7 @@ def train(study: Study, job: Job) -> None:
             data.validation,
             seed,
             study.home(seed, job.key),
-            sink=lambda values, step: listener.metrics(
-                {f"{job.key}/seed{seed}/{k}": v for k, v in values.items()}, step
-            ),
+            sink=lambda values, step: listener.metrics(str(job), values, step),
             warn=lambda line: listener.warn(f"{job}: {line}"),
             progress=lambda k, n: listener.progress(str(job), k, n),
         ).cpu()
@@ -149,8 +154,8 @@ class _Sender:
     def progress(self, what: str, done: int, total: int) -> None:
         self._messages.put(("progress", (what, done, total)))
 
-    def metrics(self, values: Mapping[str, float], step: int) -> None:
-        self._messages.put(("metrics", (dict(values), step)))
+    def metrics(self, what: str, values: Mapping[str, float], step: int) -> None:
+        self._messages.put(("metrics", (what, dict(values), step)))
 
     def warn(self, line: str) -> None:
         self._messages.put(("warn", (line,)))

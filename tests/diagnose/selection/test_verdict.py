@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from unittest.mock import Mock
 
+import numpy as np
 import pytest
 
 from tests.diagnose import synthetic
 from tests.diagnose.hidden_forces import world
+from wt.diagnose.likelihood.estimate import Estimated
+from wt.diagnose.likelihood.objective import Assessed
 from wt.diagnose.result import Error
-from wt.diagnose.selection.verdict import bearing, shown_by_holdout
+from wt.diagnose.selection.addition import Accepted
+from wt.diagnose.selection.naming import Claims
+from wt.diagnose.selection.verdict import bearing, shown_by_holdout, verdict
+from wt.physics.effect import effects
+from wt.physics.planted import Planted
+from wt.types import Location
 
 
 def test_the_fewest_that_bear_most_are_named_the_largest_first() -> None:
@@ -43,3 +52,25 @@ def test_nothing_is_missing_only_where_the_held_out_recordings_say_so_too(
     assert [f.at.name for f in counted.findings] == places
     assert [place.at.name for place in counted.locations] == places
     assert all(f.effect == "unknown" and f.p_value < 1e-9 for f in counted.findings)
+
+
+@pytest.mark.parametrize(
+    ("effects_at_j2", "left", "said"),
+    [
+        (1, 1.04, "explained"),
+        (1, 2.9, "explained"),
+        (1, 3.1, "partly_explained"),
+        (4, 1.04, "explained"),
+        (4, 1.6, "partly_explained"),
+    ],
+)
+def test_the_more_effects_share_a_joint_the_nearer_to_the_noise_they_must_get(
+    tmp_path: Path, effects_at_j2: int, left: float, said: str
+) -> None:
+    objective = world(tmp_path, 2, None, 3.0).objective
+    rubs = Planted(effects()["joint.friction_coulomb"], Location("joint", "j2"), np.array([0.1]))
+    mse = (np.array([1.0, left]) * objective.floor) ** 2
+    assessed = Mock(spec=Assessed, hypothesis=(rubs,) * effects_at_j2, mse=mse)
+    accepted = (Accepted(rubs, None, ()),) * effects_at_j2
+    claims = Claims(accepted, Estimated(assessed, ()), (), ())
+    assert verdict(claims, objective) == said

@@ -312,7 +312,7 @@ def _actuator(finding: Finding, joint: str, model: mujoco.MjModel | None) -> str
     for column in finding.depends_on:
         if column.startswith("ctrl/"):
             return column.removeprefix("ctrl/")
-    if finding.at.kind == "actuator":
+    if finding.at.kind == "actuator" and finding.at.name != "all":
         return finding.at.name
     if model is None:
         return ""

@@ -22,7 +22,7 @@ from wt.diagnose.likelihood.adapt import (
     project,
     responses,
 )
-from wt.diagnose.likelihood.objective import Objective
+from wt.diagnose.likelihood.objective import BURN_IN_S, Objective
 from wt.diagnose.likelihood.refine import refine
 from wt.diagnose.recordings.samples import Samples
 from wt.diagnose.recordings.smooth import Smoothed, resmooth
@@ -53,7 +53,7 @@ class Holdout:
     Attributes:
         smoothed: the recordings.
         stretches: what is replayed open loop.
-        measured: positions, (N, nv); NaN where missing.
+        measured: positions, (N, nv); NaN where missing, and while hidden states settle.
         block: index of the block of up to a second that each sample belongs to, (N,).
         fine: the same with the shortest blocks.
         forgets: whether stretches are long.
@@ -99,6 +99,9 @@ def prepare_holdout(
     label = np.concatenate([np.full(len(s.t), i) for i, s in enumerate(stretches)])
     block, fine = blocks_of(label, np.concatenate([s.t for s in stretches]))
     measured = np.concatenate([q for _, q in pairs])
+    if forgets:
+        settling = np.concatenate([s.t < s.t[0] + BURN_IN_S for s in stretches])
+        measured[settling] = np.nan
     nv = smoothed.motion.scene.model.nv
     deviations = np.zeros(2 * nv)
     if not forgets:
@@ -174,8 +177,9 @@ class Gain:
 
     Attributes:
         share: share of the squared error that it removes.
-        p_value: of that being chance. Held-out data had no part in the search, so what has to be
-            paid for is the number of effects that are tested, not that of all hypotheses.
+        p_value: of that being chance; 1 if no joint's error falls by ``thresholds.material``.
+            Held-out data had no part in the search, so what has to be paid for is the number of
+            effects that are tested, not that of all hypotheses.
         potential: largest share that an effect which changes the replays so much could remove.
         in_turn: whether the p-value is of fitted data left out in turn, held-out ones being mute.
         least_p: the smallest p-value that so few blocks as it shows in could give.
@@ -244,7 +248,9 @@ def gain_of(
     change, left = (np.nansum(x**2, axis=0) for x in (less - full, full))
     potential = float(np.max(change / np.maximum(change + left, 1e-30)))
     share, least_p = float(difference.sum() / one.sum()), float(0.5 ** tested.sum())
-    return Gain(share, float(test.pvalue), potential, least_p=least_p)
+    before = np.nansum(less**2, axis=0)
+    material = ((before - left) >= THRESHOLDS.material * before).any()
+    return Gain(share, float(test.pvalue) if material else 1.0, potential, least_p=least_p)
 
 
 def _tested(difference: Float[np.ndarray, " block"]) -> Bool[np.ndarray, " block"]:

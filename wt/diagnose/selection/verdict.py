@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
-from wt.diagnose.likelihood.bic import erring_joints
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.result import Confusable, Diagnosis, Finding, Located, Verdict
 from wt.diagnose.selection.holdout import Holdout
@@ -115,8 +114,23 @@ def verdict(claims: Claims, objective: Objective, others: Sequence[Finding] = ()
         if claims.unexplained(objective):
             return "unexplained"
         return "explained" if others else "no_mismatch"
-    left = erring_joints(objective, claims.estimated.assessed)
-    return "partly_explained" if left else "explained"
+    return "partly_explained" if crowded_joints(claims, objective) else "explained"
+
+
+def crowded_joints(claims: Claims, objective: Objective) -> list[int]:
+    """Degrees of freedom whose replays err by more than so many effects may leave.
+
+    One may leave ``thresholds.clean`` times the smallest error; of several that share a joint, the
+    excess over ``thresholds.crowded`` is divided by their number.
+    """
+    scene, mse = objective.scene, claims.estimated.assessed.mse
+    count = np.zeros(len(mse))
+    for planted in claims.estimated.hypothesis:
+        dof = scene.dof_at(planted.at)
+        count[slice(None) if dof < 0 else dof] += 1.0
+    most, least = THRESHOLDS.clean, THRESHOLDS.crowded
+    allowed = least + (most - least) / np.maximum(count, 1.0)
+    return [int(d) for d in np.flatnonzero(np.sqrt(mse) > allowed * objective.floor)]
 
 
 def findings(claims: Claims, scene: Scene, experiment: str = "") -> tuple[Finding, ...]:

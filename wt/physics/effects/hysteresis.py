@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.motion import Motion
+from wt.physics.parts import add_tendon
 from wt.physics.units import HINGE, Units
 from wt.types import Location
 
@@ -61,9 +62,8 @@ class Hysteresis(Effect):
         """A fixed tendon over the joint with an elasto-plastic spring."""
         if theta[1] > 0.0:
             name = f"{at.name}_hysteresis"
-            tendon = spec.add_tendon(
-                name=name, stiffness=[theta[0], 0.0, 0.0], springyield=float(theta[1] / theta[0])
-            )
+            stiffness, bend = [theta[0], 0.0, 0.0], float(theta[1] / theta[0])
+            tendon = add_tendon(spec, name, stiffness=stiffness, springyield=bend)
             tendon.wrap_joint(at.name, 1.0)
 
     def plausible(
