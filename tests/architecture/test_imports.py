@@ -16,7 +16,8 @@ ROOT = Path(__file__).resolve().parents[2]
 LEVELS = [
     {"types", "errors", "shipped", "version", "batch"},
     {"schema", "config", "data", "nets", "losses", "mjcf", "physics", "show", "worlds"},
-    {"train", "translate", "baselines", "diagnose"},
+    {"train", "translate", "baselines", "check"},
+    {"diagnose"},
     {"evaluate", "export", "locomotion", "run"},
     {"demo", "finetune", "fit", "joined", "prove", "registered", "reproduce"},
     {"cli", "__init__"},

@@ -161,7 +161,8 @@ def _commands() -> list[Fault]:
 
     def shifted(r: Recording) -> Recording:
         return with_columns(
-            r, {n: np.concatenate([c[:1], c[:-1]]) for n, c in r.columns.items() if n[:5] == "ctrl/"}
+            r,
+            {n: np.concatenate([c[:1], c[:-1]]) for n, c in r.columns.items() if n[:5] == "ctrl/"},
         )
 
     found = [

@@ -30,7 +30,8 @@ ARM4 = f"""<mujoco model="arm4">{HEAD}<worldbody><body name="base" pos="0 0 .2">
 <joint name="yaw" axis="0 0 1" damping="0.3"/>
 <geom type="cylinder" size=".06 .05" mass="2" {GEOM}/><body name="up" pos=".05 0 .1">
 <joint name="lift" axis="0 1 0" damping="0.3"/>
-<geom type="box" pos=".12 0 .03" size=".13 .03 .03" mass="1.4" {GEOM}/><body name="low" pos=".26 0 0">
+<geom type="box" pos=".12 0 .03" size=".13 .03 .03" mass="1.4" {GEOM}/>
+<body name="low" pos=".26 0 0">
 <joint name="bend" axis="0 1 0" damping="0.2" armature="0.05"/>
 <geom type="box" pos=".1 .02 0" size=".1 .02 .02" mass=".8" {GEOM}/><body name="tool" pos=".2 0 0">
 <joint name="roll" axis="1 0 0" damping="0.05" armature="0.02"/>
@@ -91,9 +92,7 @@ MACHINES = {
         ((25, 2.5), (40, 4), (12, 1), (3, 0.25)),
     ),
     "gantry": Machine(
-        GANTRY.format(
-            drives=_servos(("rail", 900, 80), ("hoist", 1200, 90), ("swing", 12, 0.5))
-        ),
+        GANTRY.format(drives=_servos(("rail", 900, 80), ("hoist", 1200, 90), ("swing", 12, 0.5))),
         ("rail", "hoist", "swing"),
         (0.3, 0.12, 0.8),
     ),
@@ -145,9 +144,9 @@ def record(
 def _wave(rng: np.random.Generator, t: np.ndarray) -> np.ndarray:
     """A sum of sines with a start at rest, between −1 and 1 or so."""
     f = rng.uniform(0.25, 1.6, 4)
-    x = sum(
-        np.sin(2 * np.pi * k * t + rng.uniform(0, 6.28)) / (1.0 + k) for k in f
-    ) + rng.uniform(-0.3, 0.3)
+    x = sum(np.sin(2 * np.pi * k * t + rng.uniform(0, 6.28)) / (1.0 + k) for k in f) + rng.uniform(
+        -0.3, 0.3
+    )
     return x / 1.6
 
 

@@ -27,7 +27,7 @@ def test_clean(name: str, seed: int, tmp_path: Path) -> None:
 ROBOTS = {
     "friction": lambda xml: xml.replace("damping=", 'frictionloss="0.6" damping='),
     "viscous": lambda xml: xml.replace('damping="0.', 'damping="1.'),
-    "payload": lambda xml: xml.replace('mass=".7"', 'mass="1.5"').replace('mass=".35"', 'mass=".9"'),
+    "payload": lambda xml: xml.replace('".7"', '"1.5"').replace('mass=".35"', 'mass=".9"'),
     "gain": lambda xml: xml.replace('kp="60', 'kp="48').replace(
         'joint="knee"/>', 'joint="knee" gear=".8"/>'
     ),

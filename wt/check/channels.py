@@ -83,7 +83,9 @@ def _needed(
         rest = replace(state, suspects=state.suspects[:i] + state.suspects[i + 1 :])
         without = balance.unexplained(rest.edits)
         ratio = without / np.maximum(state.left, 1e-9)
-        proven = _own(balance, suspect) & (ratio > DECISIVE) & (without > WRONG) & (state.left < RIGHT)
+        proven = (
+            _own(balance, suspect) & (ratio > DECISIVE) & (without > WRONG) & (state.left < RIGHT)
+        )
         if not proven.any():
             continue
         row = int(np.argmax(np.where(proven, ratio, 0.0)))

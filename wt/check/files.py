@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import mujoco
-
 from wt.check.finding import AuditFinding
 from wt.check.reading import read
 from wt.check.run import check
 from wt.data import recording as recordings
 from wt.errors import RecordingError, UserError
-from wt.mjcf.standalone import standalone
+from wt.mjcf.edit import patched_xml
+from wt.mjcf.text import comment
 from wt.physics.scene import Scene
 from wt.show.files import write_whole
 from wt.types import Recording
@@ -113,13 +112,9 @@ def write_fixed(model: Path | None, audited: Sequence[Audited], out: Path) -> li
         path = out / f"{model.stem}.fixed.xml"
         _refuse_input(path, model)
         _refuse_foreign(path, MARK.encode())
-        spec = mujoco.MjSpec.from_string(standalone(model))
-        for finding in changes:
-            assert finding.model_change is not None
-            finding.model_change(spec)
-        spec.compile()
-        said = "; ".join(f"{f.kind}: {f.evidence}" for f in changes).replace("--", "–")
-        write_whole(path, f"<!-- {MARK}. {said} -->\n{spec.to_xml()}")
+        amended = Scene(model, [f.model_change for f in changes if f.model_change])
+        said = "; ".join(f"{f.kind}: {f.evidence}" for f in changes)
+        write_whole(path, f"{patched_xml(amended, (), ())}\n{comment(f'{MARK}: {said}')}\n")
         written.append(path)
     return written
 

@@ -6,14 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-import mujoco
-
+from wt.physics.scene import Amendment
 from wt.types import Recording
 
 Change = Callable[[Recording], Recording]
 """Mends a recording."""
-ModelChange = Callable[[mujoco.MjSpec], None]
-"""Mends a model."""
 SURE = 0.6
 """Findings that are less sure are notes: worth a look, and no fault."""
 
@@ -41,7 +38,7 @@ class AuditFinding:
     fix: str
     confidence: float = 1.0
     change: Change | None = field(default=None, compare=False, repr=False)
-    model_change: ModelChange | None = field(default=None, compare=False, repr=False)
+    model_change: Amendment | None = field(default=None, compare=False, repr=False)
     voids_commands: bool = False
 
     @property

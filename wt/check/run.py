@@ -39,7 +39,9 @@ def check(scene: Scene | None, recording: Recording | None) -> Checked:
         new: list[AuditFinding] = []
         if stage == "channel" and subject.balance is not None:
             balance = subject.balance
-            suspects = [s for a in known if isinstance(a, ChannelAudit) for s in a.suspects(balance)]
+            suspects = [
+                s for a in known if isinstance(a, ChannelAudit) for s in a.suspects(balance)
+            ]
             new = found(subject, suspects)
         for audit in known:
             if isinstance(audit, Audit) and audit.stage == stage:

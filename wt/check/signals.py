@@ -81,9 +81,7 @@ class Signals:
         q, v, a = (table[rows] for table in tables)
         has = [_has(columns.get(name)) for name in joints]
         sent = [_has(columns.get(name)) for name in actuators]
-        return cls(
-            q, v, a, u[rows], du[rows], np.array(has, bool), np.array(sent, bool), dt
-        )
+        return cls(q, v, a, u[rows], du[rows], np.array(has, bool), np.array(sent, bool), dt)
 
 
 def _has(column: Float[np.ndarray, " sample"] | None) -> bool:

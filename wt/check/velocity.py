@@ -46,7 +46,10 @@ def related(recording: Recording, velocity: str, position: str) -> Relation | No
     sign = float(np.sign(np.corrcoef(v, slope)[0, 1]))
     late = _late(sign * v, slope)
     if late:
-        ends = slice(max(late, 0), len(v) + min(late, 0)), slice(max(-late, 0), len(v) - max(late, 0))
+        ends = (
+            slice(max(late, 0), len(v) + min(late, 0)),
+            slice(max(-late, 0), len(v) - max(late, 0)),
+        )
         v, slope = v[ends[0]], slope[ends[1]]
     r = float(np.corrcoef(v, slope)[0, 1])
     return Relation(r, float(np.sign(r) * v.std() / slope.std()), late * dt)
@@ -55,9 +58,7 @@ def related(recording: Recording, velocity: str, position: str) -> Relation | No
 def belongs(recording: Recording, joint: str) -> bool:
     """Tell whether a joint's velocity is the slope of its position, as recorded."""
     relation = related(recording, joint, joint)
-    return relation is not None and relation.correlation > _ALIKE and (
-        0.7 < relation.factor < 1.4
-    )
+    return relation is not None and relation.correlation > _ALIKE and (0.7 < relation.factor < 1.4)
 
 
 def _smooth(

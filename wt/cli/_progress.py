@@ -126,7 +126,7 @@ class _Log:
     def progress(self, what: str, done: int, total: int) -> None:
         self._lines.say(what, done / max(total, 1))
 
-    def metrics(self, values: Mapping[str, float], step: int) -> None:
+    def metrics(self, what: str, values: Mapping[str, float], step: int) -> None:
         pass
 
     def warn(self, line: str) -> None:

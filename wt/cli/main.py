@@ -172,7 +172,7 @@ def _fail(message: str, exit_code: int) -> int:
     return exit_code
 
 
-def _offer_version(command: typer.core.TyperCommand | typer.core.TyperGroup) -> None:
+def _offer_version(command: typer._click.Command) -> None:
     """Give a command, and those in it, the option ``--version`` of :func:`_root`."""
     options = typer.Typer(add_completion=False)
     options.command()(_root)

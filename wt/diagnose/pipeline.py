@@ -36,6 +36,7 @@ from wt.diagnose.selection.verdict import (
     unforeseen,
     verdict,
 )
+from wt.mjcf.edit import patched_xml
 from wt.mjcf.standalone import standalone
 from wt.physics.planted import Key
 from wt.physics.scene import Scene
@@ -101,8 +102,9 @@ def diagnose(
         ModelError: the MJCF cannot be used, or the translation is of another machine.
         RecordingError: a recording cannot be used.
     """
-    began, say, scene = time.monotonic(), progress or _silent, Scene(model)
-    prepared = prepare(scene, recordings, holdout)
+    began, say = time.monotonic(), progress or _silent
+    say("auditing", 0.01)
+    scene, prepared = _audited(model, recordings, holdout)
     translation_evidence = translated(scene, prepared, translation) if translation else None
     say("smoothing", 0.02)
     fitted, held_out = smooth(scene, prepared.fit), smooth(scene, prepared.held)
@@ -120,13 +122,12 @@ def diagnose(
     data = prepare_holdout(held_out, forgetting, effort.proof_s, step)
     log = DecisionLog()
     naming = Naming(screen, search_replays, objective, all_replays, data, step, seed, log)
-    proven = _proven(naming, say)
-    say("naming", 0.8)
-    claims = naming.claimed(proven)
+    claims = _claims(naming, prepared, say)
     say("preparing pictures", 0.9)
     diagnosis = shown_by_holdout(_diagnosis(scene, prepared, fitted, naming, claims), data)
     return replace(
         diagnosis,
+        audit=prepared.audit,
         decisions=tuple(log),
         locations=timed(diagnosis.locations, translation_evidence),
         translated=translation_evidence,
@@ -136,6 +137,25 @@ def diagnose(
         ),
         seconds=time.monotonic() - began,
     )
+
+
+def _audited(
+    model: str | Path, recordings: Sequence[Source], holdout: Sequence[Source]
+) -> tuple[Scene, Prepared]:
+    """The model and the recordings as corrected."""
+    scene = Scene(model)
+    prepared = prepare(scene, recordings, holdout)
+    amendments = [f.model_change for f in prepared.audit if f.model_change]
+    return (Scene(model, amendments) if amendments else scene), prepared
+
+
+def _claims(naming: Naming, prepared: Prepared, say: Report) -> Claims:
+    """All that is claimed; nothing, where what was recorded as commands are none."""
+    if any(f.voids_commands for f in prepared.audit):
+        return naming.proven(())
+    proven = _proven(naming, say)
+    say("naming", 0.8)
+    return naming.claimed(proven)
 
 
 def _diagnosis(
@@ -159,7 +179,7 @@ def _diagnosis(
         prepared.names,
         STEP_S if refined else None,
     )
-    given_xml = standalone(scene.path)
+    given_xml = patched_xml(scene, (), ()) if scene.amendments else standalone(scene.path)
     replays = replayed_files(files.contents, given_xml)
     return Diagnosis(
         model_path=str(scene.path),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +15,8 @@ from wt.errors import ModelError
 from wt.physics import base
 from wt.types import Location
 
+Amendment = Callable[[mujoco.MjSpec], None]
+"""Changes a model."""
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 
@@ -102,19 +105,24 @@ class Scene:
 
     Attributes:
         path: the MJCF.
+        amendments: changes of the model beyond what the file says.
         free: names of the free joints, each of which is six joints here (:mod:`wt.physics.base`).
         model: the compiled model.
         data: scratch space for computations on the model.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, amendments: Sequence[Amendment] = ()) -> None:
         """Read and compile an MJCF.
+
+        Args:
+            path: the file.
+            amendments: what to change in the model wherever it is used, e.g. after an audit.
 
         Raises:
             ModelError: the file is missing or does not compile, or has joints or actuators that
                 cannot be compared with recordings yet.
         """
-        self.path = Path(path)
+        self.path, self.amendments = Path(path), tuple(amendments)
         if not self.path.is_file():
             raise ModelError(f"model '{path}' does not exist; give an MJCF file")
         try:
@@ -137,9 +145,12 @@ class Scene:
         if unnamed:
             raise ModelError(f"{unnamed[0]} of '{path}' has no name; name all joints and actuators")
 
-    def written(self) -> mujoco.MjSpec:
-        """A fresh editable copy of the model as it is written."""
-        return mujoco.MjSpec.from_file(str(self.path))
+    def written(self, amended: bool = True) -> mujoco.MjSpec:
+        """A fresh editable copy of the model as it is written, with or without the amendments."""
+        spec = mujoco.MjSpec.from_file(str(self.path))
+        for amend in self.amendments if amended else ():
+            amend(spec)
+        return spec
 
     def spec(self) -> mujoco.MjSpec:
         """The same with its free joints taken apart, as it is replayed."""

@@ -63,9 +63,7 @@ def _at_end(column: Float[np.ndarray, " sample"]) -> Bool[np.ndarray, " sample"]
     return None
 
 
-def _moves(
-    recording: Recording, joint: str, group: str, at: Bool[np.ndarray, " sample"]
-) -> bool:
+def _moves(recording: Recording, joint: str, group: str, at: Bool[np.ndarray, " sample"]) -> bool:
     """Tell whether the joint's other column says that it goes on."""
     t = recording.t
     if group == "qpos":

@@ -46,7 +46,7 @@ class Clock:
                 ("t",),
                 (),
                 f"{len(gaps)} gaps of up to {dt[longest]:.3g} s, the longest at "
-                f"{recording.t[longest] - recording.t[0]:.4g} s; what happened in them is not known",
+                f"{recording.t[longest] - recording.t[0]:.4g} s; what happened there is unknown",
                 "record again, or cut the recording there",
             )
         low, high = np.quantile(dt, [0.05, 0.95]) / usual

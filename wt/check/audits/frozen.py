@@ -75,14 +75,16 @@ def _velocity(recording: Recording, name: str) -> Iterable[AuditFinding]:
     """A velocity that is constant although the position moves."""
     position = recording.columns.get(name.replace("qvel/", "qpos/"))
     velocity = recording.columns[name]
-    still = position is None or np.nanmax(position) - np.nanmin(position) < _TRAVEL
-    if still or np.nanstd(velocity) > 0.0:
+    if position is None or not np.isfinite(position).any() or np.nanstd(velocity) > 0.0:
+        return
+    travel = float(np.nanmax(position) - np.nanmin(position))
+    if travel < _TRAVEL:
         return
     yield AuditFinding(
         "frozen",
         (name,),
         (),
-        f"'{name}' never changes, and its position moves by {np.nanmax(position) - np.nanmin(position):.3g}",  # type: ignore[operator, type-var]
+        f"'{name}' never changes, and its position moves by {travel:.3g}",
         f"leave '{name}' out",
         change=lambda r: replace(r, columns={n: c for n, c in r.columns.items() if n != name}),
     )

@@ -9,7 +9,7 @@ of a few degrees, is physics and left to the diagnosis.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -19,13 +19,14 @@ from jaxtyping import Float
 
 from wt.check.audit import Stage, Subject, register
 from wt.check.balance import Balance
-from wt.check.finding import AuditFinding, ModelChange
-from wt.physics.scene import Scene
+from wt.check.finding import AuditFinding
+from wt.physics.scene import Amendment, Scene
 
-_WHOLE = 0.08  # of the weight: how near to all or nothing a compensation is
+_WHOLE = 0.12  # of the weight: how near to all or nothing a compensation is
 _DECISIVE = 5.0  # what is left of the forces without it, over with it
 _SHOWN = 0.05  # of the force's variance that the weight's share must be
 _TILT = math.radians(30.0)
+_ALONG = math.cos(math.radians(8.0))
 _STRENGTH = (0.8, 1.25)  # of gravity, that the fitted one may have
 _SLOW = 0.03
 _RIDGE = 1e-6
@@ -63,7 +64,7 @@ class Gravity:
                 'gravcomp="1" on every body that moves',
                 model_change=_compensate,
             )
-        elif compensated and abs(share - 1.0) < 2 * _WHOLE and given > _DECISIVE * whole:
+        elif compensated and abs(share - 1.0) < _WHOLE and given > _DECISIVE * whole:
             yield AuditFinding(
                 "gravcomp_extra",
                 (),
@@ -80,7 +81,7 @@ def _turned(
     balance: Balance, weight: _Weight, g: Float[np.ndarray, " 3"], given: float
 ) -> Iterable[AuditFinding]:
     """A base that stands, or hangs, otherwise than in the model."""
-    found = weight.direction(g)
+    found = _quarter(weight.direction(g), g)
     size = float(np.linalg.norm(found) / np.linalg.norm(g))
     angle = math.acos(float(np.clip(found @ g / np.linalg.norm(found) / np.linalg.norm(g), -1, 1)))
     if angle < _TILT or not _STRENGTH[0] < size < _STRENGTH[1]:
@@ -97,6 +98,16 @@ def _turned(
         f'the base\'s quat or euler as mounted, or <option gravity="{said[1:-1]}"/>',
         model_change=_pull(found),
     )
+
+
+def _quarter(found: Float[np.ndarray, " 3"], g: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
+    """Gravity along the axis that it nearly is along: bases are mounted by quarter turns."""
+    axis = int(np.argmax(np.abs(found)))
+    if abs(found[axis]) < _ALONG * np.linalg.norm(found):
+        return found
+    exact = np.zeros(3)
+    exact[axis] = np.copysign(np.linalg.norm(g), found[axis])
+    return exact
 
 
 def _percent(share: float) -> str:
@@ -117,7 +128,7 @@ def _weigh(spec: mujoco.MjSpec) -> None:
         body.gravcomp = 0.0
 
 
-def _pull(gravity: Float[np.ndarray, " 3"]) -> ModelChange:
+def _pull(gravity: Float[np.ndarray, " 3"]) -> Amendment:
     def change(spec: mujoco.MjSpec) -> None:
         spec.option.gravity = gravity
 
@@ -169,15 +180,16 @@ class _Weight:
                 ],
                 axis=1,
             )
-            out = _without(free)
-            y, x = out(pull - bare[:, i]), out(axes[:, i])
+            y, x = _without(pull - bare[:, i], free), _without(axes[:, i], free)
             w = x @ direction
-            own += [w @ out(demand[:, i] - bare[:, i]), w @ w]
+            own += [w @ _without(demand[:, i] - bare[:, i], free), w @ w]
             best = np.linalg.lstsq(x, y, rcond=1e-8)[0]
             force.append(y)
             along.append(x)
             scale.append(max(float(np.mean((y - x @ best) ** 2)), 1e-9 * float(np.mean(pull**2))))
-            shown.append(float(w @ w) > _SHOWN * float(y @ y) and float(w @ w) / len(w) > 4 * scale[-1])
+            shown.append(
+                float(w @ w) > _SHOWN * float(y @ y) and float(w @ w) / len(w) > 4 * scale[-1]
+            )
         if not any(shown) or own[1] == 0.0:
             return None
         chosen = np.flatnonzero(shown)
@@ -217,11 +229,11 @@ class _Weight:
 
 
 def _without(
-    columns: Float[np.ndarray, "row column"],
-) -> Callable[[Float[np.ndarray, "row *any"]], Float[np.ndarray, "row *any"]]:
-    """Takes out of a signal all that some columns explain."""
+    signal: Float[np.ndarray, " row *axis"], columns: Float[np.ndarray, "row column"]
+) -> Float[np.ndarray, " row *axis"]:
+    """A signal less all that some columns explain of it."""
     ortho, _ = np.linalg.qr(columns)
-    return lambda signal: signal - ortho @ (ortho.T @ signal)
+    return np.asarray(signal - ortho @ (ortho.T @ signal))
 
 
 def _weights(

@@ -50,9 +50,11 @@ def _same(recording: Recording, subject: Subject) -> Iterable[tuple[str, int]]:
         channel = name.removeprefix("ctrl/")
         if channel == name:
             continue
-        joints = [d.joint for d in subject.scene.drives if d.name == channel] if (
-            subject.scene
-        ) else [channel]
+        joints = (
+            [d.joint for d in subject.scene.drives if d.name == channel]
+            if (subject.scene)
+            else [channel]
+        )
         for joint in joints:
             position = recording.columns.get(f"qpos/{joint}")
             shift = _shift(command, position) if position is not None else None

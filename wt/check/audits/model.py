@@ -58,8 +58,8 @@ def _runs(scene: Scene) -> Iterable[AuditFinding]:
                 "model_explodes",
                 (),
                 ("world",),
-                f"Held in {pose}, the model becomes unstable after {d.time:.3g} s at a time step of "
-                f"{1e3 * m.opt.timestep:.3g} ms",
+                f"Held in {pose}, the model becomes unstable after {d.time:.3g} s at a time step "
+                f"of {1e3 * m.opt.timestep:.3g} ms",
                 'a smaller <option timestep="…"/>, softer gains, or bodies that do not overlap',
             )
             return

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from wt.check.audit import Stage, Subject, register
-from wt.check.balance import Balance, Edit
+from wt.check.balance import Edit
 from wt.check.finding import AuditFinding
 from wt.check.velocity import belongs
 from wt.physics.scene import Drive, Scene
@@ -49,8 +49,9 @@ class UnitOfAll:
         edits = options[unit]
         columns = _columns(scene, recording, edits)
         worst = strange[0].joint
-        low, high = np.nanmin(recording.columns[f"qpos/{worst}"]), np.nanmax(
-            recording.columns[f"qpos/{worst}"]
+        low, high = (
+            np.nanmin(recording.columns[f"qpos/{worst}"]),
+            np.nanmax(recording.columns[f"qpos/{worst}"]),
         )
         yield AuditFinding(
             "unit_of_all",
@@ -94,9 +95,7 @@ def _all_hinges(scene: Scene, recording: Recording) -> list[Drive]:
     chosen = []
     for drive in scene.drives:
         joint = int(scene.model.joint(drive.joint).id)
-        pair = [
-            recording.columns.get(n) for n in (f"qpos/{drive.joint}", f"ctrl/{drive.name}")
-        ]
+        pair = [recording.columns.get(n) for n in (f"qpos/{drive.joint}", f"ctrl/{drive.name}")]
         if (
             drive.servo
             and scene.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE
@@ -147,9 +146,11 @@ def _edits(drives: Sequence[Drive], of: Callable[[Drive], tuple[float, float]]) 
 def _limits(scene: Scene, drive: Drive) -> tuple[float, float] | None:
     m = scene.model
     joint = int(m.joint(drive.joint).id)
-    return (float(m.jnt_range[joint, 0]), float(m.jnt_range[joint, 1])) if (
-        m.jnt_limited[joint]
-    ) else None
+    return (
+        (float(m.jnt_range[joint, 0]), float(m.jnt_range[joint, 1]))
+        if (m.jnt_limited[joint])
+        else None
+    )
 
 
 def _inside(scene: Scene, recording: Recording, drive: Drive, factor: float) -> bool:

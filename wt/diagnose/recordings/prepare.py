@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from wt.check.finding import AuditFinding
+from wt.check.run import check
 from wt.data import recording as recordings
 from wt.diagnose.evidence import Role
 from wt.diagnose.recordings.odometry import located
@@ -37,6 +39,8 @@ class Prepared:
         used: what the user gave, and for what it is used.
         names: name of each recording, by index.
         split: in words.
+        audit: what was wrong with the recordings, or with the model beside them; the recordings
+            are as corrected.
     """
 
     fit: tuple[Part, ...]
@@ -44,10 +48,11 @@ class Prepared:
     used: tuple[Used, ...]
     names: tuple[str, ...]
     split: str
+    audit: tuple[AuditFinding, ...] = ()
 
 
 def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) -> Prepared:
-    """Read, check, complete and split recordings.
+    """Read, check, audit, complete and split recordings.
 
     Args:
         scene: the machine.
@@ -60,7 +65,9 @@ def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) ->
     """
     if not given:
         raise RecordingError("no recording was given; give at least one .parquet file")
-    named = _numbered([_read(scene, source, i) for i, source in enumerate([*given, *holdout])])
+    audit: dict[tuple[object, ...], AuditFinding] = {}
+    read = [_read(scene, source, i, audit) for i, source in enumerate([*given, *holdout])]
+    named = _numbered(read)
     parts = [Part(r, i) for i, (_, r) in enumerate(named)]
     fit, held = parts[: len(given)], parts[len(given) :]
     split = "recordings given with --holdout"
@@ -78,14 +85,18 @@ def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) ->
         for role, parts in _roles(fit, held)
         for p in parts
     ]
-    return Prepared(tuple(fit), tuple(held), tuple(used), tuple(n for n, _ in named), split)
+    names, found = tuple(n for n, _ in named), tuple(audit.values())
+    return Prepared(tuple(fit), tuple(held), tuple(used), names, split, found)
 
 
 def _roles(fit: list[Part], held: list[Part]) -> tuple[tuple[Role, list[Part]], ...]:
     return ("fit", fit), ("holdout", held)
 
 
-def _read(scene: Scene, source: Source, index: int) -> tuple[str, Recording]:
+def _read(
+    scene: Scene, source: Source, index: int, audit: dict[tuple[object, ...], AuditFinding]
+) -> tuple[str, Recording]:
+    """One recording as corrected; what was wrong with it joins the audit."""
     if isinstance(source, Recording):
         name = str(source.meta.get("source", f"recording {index + 1}"))
         recording = source
@@ -94,7 +105,12 @@ def _read(scene: Scene, source: Source, index: int) -> tuple[str, Recording]:
     try:
         recordings.check_against(recording, scene.given)
         _check_contents(scene, recording)
-        return name, _completed(scene, recording)
+        checked = check(scene, recording)
+        for f in checked.findings:
+            if f.sure:
+                audit.setdefault((f.kind, f.columns, f.elements), f)
+        assert checked.recording is not None
+        return name, _completed(scene, checked.recording)
     except RecordingError as error:
         raise RecordingError(f"'{name}': {error}") from error
 
