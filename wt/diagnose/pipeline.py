@@ -219,7 +219,8 @@ def _diagnosis(scene: Scene, found: _Found) -> Diagnosis:
     quantized = coarse_steps(prepared.fit, prepared.held, units)
     where = claims.unexplained(naming.objective)
     shown = traces(prepared, (fitted, holdout.smoothed), claims.complete, naming.step)
-    nameless = unforeseen(claims.estimated.assessed, naming.objective, where)
+    told = not any(f.voids_commands for f in prepared.audit)
+    nameless = unforeseen(claims.estimated.assessed, naming.objective, where) if told else ()
     experiment = release(scene, shown) if passive(scene) else ""
     all_findings = (*findings(claims, scene, experiment), *nameless, *quantized)
     further = measured(prepared, naming.screen, holdout, claims.complete, naming.step)

@@ -36,6 +36,8 @@ _PLURAL = {"rad": "hinges", "m": "slides"}
 def sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
     """The findings, one plain sentence each; also if there are none, or none is understood."""
     audit = [audited(f) for f in diagnosis.audit]
+    if any(f.voids_commands for f in diagnosis.audit):
+        return (*audit, "What the model leaves out cannot be told without the commands.")
     words = [f.statement for f in diagnosis.findings]
     if diagnosis.verdict == "no_mismatch":
         words.append(
