@@ -10,8 +10,12 @@ from collections.abc import Sequence
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from wt.errors import WorkError
+from wt.errors import UserError, WorkError
+
+if TYPE_CHECKING:
+    from deploy.runner import RunOutcome
 
 REPORT, MODEL = "report.json", "model.xml"
 
@@ -42,7 +46,6 @@ def run(
     from deploy.operator import KEYS, HumanOperator
     from deploy.pilot import Pilot
     from deploy.policies import load
-    from deploy.record import RECORDING
     from deploy.robot import Silent
     from deploy.runner import RATE_HZ, Runner, teller
     from deploy.safety import Limits
@@ -56,7 +59,7 @@ def run(
     robot = Go2(DdsParticipant(interface, domain), policy.card.joints)
     folder = out or Path("runs") / f"go2-{datetime.now():%Y-%m-%dT%H-%M-%S}"
     folder.mkdir(parents=True, exist_ok=True)  # if it cannot be, better now than after the run
-    _write_whole(folder / MODEL, mjcf("go2"))
+    left = _leave_model(folder / MODEL, mjcf("go2"))
     operator, say = HumanOperator(policy.card.command_limits), teller()
     say(f"policy {policy.card.name} ({policy.card.sha256[:12]}) on {interface}\n{KEYS}")
     runner = Runner(Silent(robot) if dry_run else robot, Pilot(policy), operator, bounds, say=say)
@@ -73,18 +76,42 @@ def run(
         meta |= {"events": runner.events, "health": robot.health()}
         written = runner.recorder.write(folder, meta)
         scribe.dismiss()
-        if not written:
+        if left and not written:
             (folder / MODEL).unlink()
             with suppress(OSError):  # it was there before, with something in it
                 folder.rmdir()
-    report = {"timing": outcome.timing.dict(), "events": runner.events, "began": outcome.began}
-    _write_whole(folder / REPORT, json.dumps(report, indent=1) + "\n")
-    print(outcome.timing.text())
-    print(f"{folder}: {', '.join([*(p.name for p in written), MODEL, REPORT])}")
-    if any(p.name == RECORDING for p in written):
-        print(f"wt diagnose {folder / MODEL} {folder / RECORDING} --out {folder / 'diagnosis'}")
+    _write_whole(folder / REPORT, json.dumps(_report(outcome, runner.events), indent=1) + "\n")
+    _tell(folder, [p.name for p in written], outcome)
     if outcome.fault:
         raise WorkError(f"ended in damping after a fault: {outcome.fault}")
+
+
+def _leave_model(path: Path, xml: str) -> bool:
+    """Write the machine's MJCF unless it is there; False if it was.
+
+    Raises:
+        UserError: another file has that name.
+    """
+    if path.exists():
+        if path.read_text(errors="replace") != xml:
+            raise UserError(f"{path} is there already and is not the Go2's: give another --out")
+        return False
+    _write_whole(path, xml)
+    return True
+
+
+def _report(outcome: RunOutcome, events: object) -> dict[str, object]:
+    return {"timing": outcome.timing.dict(), "events": events, "began": outcome.began}
+
+
+def _tell(folder: Path, written: Sequence[str], outcome: RunOutcome) -> None:
+    """Print the timing, what was written, and how to compare it with the model."""
+    from deploy.record import RECORDING
+
+    print(outcome.timing.text())
+    print(f"{folder}: {', '.join([*written, MODEL, REPORT])}")
+    if RECORDING in written:
+        print(f"wt diagnose {folder / MODEL} {folder / RECORDING} --out {folder / 'diagnosis'}")
 
 
 def simulate(

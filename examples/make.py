@@ -7,7 +7,7 @@ stepped by plain MuJoCo; nothing of the diagnosis is used to make it.
 =========  =============================================  ====================================
 example    machine                                        hidden in it
 =========  =============================================  ====================================
-``arm``    two joints on position servos                  40 mrad of play in the elbow's gear
+``arm``    a tool on one joint, on a position servo       40 mrad of play in the joint's gear
 ``cart``   a cart on a rail, on a position servo           1.2 N of dry friction on the rail
 ``go2``    a quadruped of the Unitree Go2's proportions   2.4 kg on its back
 =========  =============================================  ====================================
@@ -40,17 +40,13 @@ ARM = """\
   </default>
   <worldbody>
     <body name="upper" pos="0 0 0.4">
-      <joint name="shoulder" axis="0 1 0" range="-2 1.6" armature="0.08" damping="0.6"/>
-      <geom name="upper" type="capsule" size="0.04" fromto="0 0 0 0.3 0 0" mass="1.6"/>
-      <body name="fore" pos="0.3 0 0">
-        <joint name="elbow" axis="0 1 0" range="-2.4 2.4" armature="0.04" damping="0.3"/>
-        <geom name="fore" type="capsule" size="0.035" fromto="0 0 0 0.26 0 0.03" mass="0.9"/>
-      </body>
+      <joint name="shoulder" axis="0 1 0" range="-1.6 1.6" armature="0.08" damping="0.6"/>
+      <geom name="upper" type="capsule" size="0.04" fromto="0 0 0 0 0 -0.3" mass="1.6"/>
+      <geom name="tool" type="sphere" size="0.05" pos="0 0 -0.3" mass="0.5"/>
     </body>
   </worldbody>
   <actuator>
     <position name="shoulder" joint="shoulder" kp="260" kv="24" forcerange="-120 120"/>
-    <position name="elbow" joint="elbow" kp="120" kv="9" forcerange="-60 60"/>
   </actuator>
 </mujoco>
 """
@@ -76,20 +72,20 @@ CART = """\
 
 
 def hidden_arm() -> mujoco.MjModel:
-    """The elbow's rotor turns beside the link and takes it along where its teeth touch."""
+    """The joint's rotor turns beside the link and takes it along where its teeth touch."""
     spec = mujoco.MjSpec.from_string(ARM)
     spec.option.timestep = 2.5e-4
-    link = spec.joint("elbow")
+    link = spec.joint("shoulder")
     axis, armature, damping = link.axis, float(link.armature), [*link.damping]
     link.armature, link.damping = 0.0, [0.0, 0.0, 0.0]
-    rotor = spec.body("upper").add_body(name="rotor", pos=spec.body("fore").pos)
+    rotor = spec.worldbody.add_body(name="rotor", pos=spec.body("upper").pos)
     rotor.add_joint(name="rotor", axis=axis, armature=armature, damping=damping)
     rotor.explicitinertial, rotor.mass, rotor.inertia = True, 1e-6, [1e-8] * 3
     teeth = spec.add_tendon(name="teeth", range=[-GAP / 2, GAP / 2], limited=True)
     teeth.solref_limit = [0.001, 1.0]
-    teeth.wrap_joint("elbow", 1.0)
+    teeth.wrap_joint("shoulder", 1.0)
     teeth.wrap_joint("rotor", -1.0)
-    spec.actuator("elbow").target = "rotor"
+    spec.actuator("shoulder").target = "rotor"
     return spec.compile()
 
 
@@ -104,8 +100,10 @@ def hidden_cart() -> mujoco.MjModel:
 def hidden_go2() -> mujoco.MjModel:
     """A block on the trunk."""
     spec = go2_model.spec(go2_model.PUBLISHED, 1e-3)
-    spec.body(go2_model.TRUNK).add_geom(
-        type=mujoco.mjtGeom.mjGEOM_BOX, pos=PLACE, size=[0.06, 0.04, 0.03], mass=LOAD,
+    # a body of its own: the trunk has an inertial, beside which its geoms weigh nothing
+    load = spec.body(go2_model.TRUNK).add_body(name="load", pos=PLACE)
+    load.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.06, 0.04, 0.03], mass=LOAD,
         contype=0, conaffinity=0,
     )  # fmt: skip
     return spec.compile()
@@ -166,11 +164,11 @@ def _record(
 
 
 def _arm(rng: np.random.Generator) -> dict[str, np.ndarray]:
-    t = np.arange(0, 8, 0.005)
-    middle, size = np.array([-0.5, 1.1]), np.array([0.5, 0.8])
-    path = _multisine(t, middle, size, 1.0, rng)
+    t = np.arange(0, 8, 0.01)
+    # gravity pulls the joint either way, so that the teeth change sides
+    path = _multisine(t, np.zeros(1), np.array([0.9]), 1.0, rng)
     steps = {"qpos": 2e-4, "qvel": 5e-3}
-    return {"t": t, **_record(hidden_arm(), path, 200, steps, rng)}
+    return {"t": t, **_record(hidden_arm(), path, 100, steps, rng)}
 
 
 def _cart(rng: np.random.Generator) -> dict[str, np.ndarray]:
@@ -193,7 +191,7 @@ def _go2(rng: np.random.Generator) -> dict[str, np.ndarray]:
 
 
 EXAMPLES = {
-    "arm": (ARM, _arm, "joint.backlash", "joint", "elbow", {"gap": GAP}),
+    "arm": (ARM, _arm, "joint.backlash", "joint", "shoulder", {"gap": GAP}),
     "cart": (CART, _cart, "joint.friction_coulomb", "joint", "rail", {"coulomb": FRICTION}),
     "go2": (
         mjcf("go2"), _go2, "body.payload_fixed", "body", go2_model.TRUNK,

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -24,6 +24,9 @@ from pydantic.dataclasses import dataclass
 
 from wt.errors import RegistryError
 from wt.types import Channel, TransitionSpec
+
+if TYPE_CHECKING:
+    import onnx
 
 MODEL_FILE = "model.onnx"
 CARD_FILE = "card.json"
@@ -220,13 +223,6 @@ def describe(
 
     graph = onnx.load(onnx_path)
 
-    def feature(info: onnx.ValueInfoProto) -> Port:
-        width = info.type.tensor_type.shape.dim[1].dim_value
-        return port(info.name, tuple(Channel(str(k), "1") for k in range(width)))
-
-    def port(port_name: str, channels: tuple[Channel, ...]) -> Port:
-        return Port(port_name, ("batch", len(channels)), channels)
-
     o, a, o_next_sim, o_next_real = (
         tuple(tuple(float(v) for v in row) for row in np.asarray(x, np.float32)) for x in golden
     )
@@ -236,13 +232,13 @@ def describe(
         rate_hz=spec.rate_hz,
         joints=spec.joints,
         inputs=(
-            port("o", spec.observation),
-            port("a", spec.action),
-            port("o_next_sim", spec.observation),
+            _port("o", spec.observation),
+            _port("a", spec.action),
+            _port("o_next_sim", spec.observation),
         ),
         outputs=(
-            port("o_next_real", spec.observation),
-            *(feature(info) for info in graph.graph.output if info.name != "o_next_real"),
+            _port("o_next_real", spec.observation),
+            *(_feature(info) for info in graph.graph.output if info.name != "o_next_real"),
         ),
         data_hash=data_hash,
         config_hash=config_hash,
@@ -257,6 +253,16 @@ def describe(
         | {package: importlib.metadata.version(package) for package in PACKAGES},
         opset=next(x.version for x in graph.opset_import if not x.domain),
     )
+
+
+def _port(name: str, channels: tuple[Channel, ...]) -> Port:
+    return Port(name, ("batch", len(channels)), channels)
+
+
+def _feature(info: onnx.ValueInfoProto) -> Port:
+    """An output of the graph that is no observation: channels that are numbered."""
+    width = info.type.tensor_type.shape.dim[1].dim_value
+    return _port(info.name, tuple(Channel(str(k), "1") for k in range(width)))
 
 
 def sha256(path: Path) -> str:

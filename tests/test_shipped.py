@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from importlib import metadata
-from pathlib import Path, PurePath
+from pathlib import Path, PurePosixPath
 
 import pytest
 
@@ -45,7 +45,7 @@ def test_an_installed_wheel_has_them_under_share(
     conf = tmp_path / "share" / "world-translation" / "conf"
     shutil.copytree(shipped.folder("conf"), conf)
 
-    class Installed(PurePath):
+    class Installed(PurePosixPath):
         def locate(self) -> Path:
             return tmp_path / "lib" / self
 

@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 
     from wt.run.study import Listener
 
-_EVERY = 10.0
-"""Seconds between two lines, and before the first: quick work says nothing."""
+_EVERY, _AT_LEAST = 10.0, 60.0
+"""Seconds between two lines, and before the first: quick work says nothing; a step that takes
+longer is said again after so many."""
 
 
 @contextmanager
@@ -91,9 +92,14 @@ class Lines:
         self._thread.join()
 
     def _print(self) -> None:
+        said, when = None, self._began
         while not self._ended.wait(self._every):
-            what, share = self._now
-            seconds = time.monotonic() - self._began
+            now = time.monotonic()
+            if self._now == said and now - when < _AT_LEAST:
+                continue
+            said, when = self._now, now
+            what, share = said
+            seconds = now - self._began
             line = f"{what}: {100 * share:.0f} % after {seconds:.0f} s"
             print(line, file=sys.stderr, flush=True)
 

@@ -56,7 +56,7 @@ def cluster() -> Iterator[Cluster]:
         import ray
     except ImportError as error:
         raise UserError(
-            "jobs 'ray' needs Ray, which is not installed: pip install 'world-translation[scale]'"
+            "jobs 'ray' needs Ray, which is not installed: pip install '.[scale]'"
         ) from error
     if ray.is_initialized():  # by the caller, who will want it afterwards
         yield Cluster()

@@ -39,7 +39,9 @@ def table(head: Sequence[str], rows: Sequence[str]) -> str:
         else f'<th scope="col">{escaped(h)}</th>'
         for h in head
     )
-    content = f"<thead><tr>{cells}</tr></thead><tbody>{''.join(rows)}</tbody>"
+    labels = [escaped(h.removeprefix("#")) for h in head]
+    body = "".join(_labelled(row, labels) for row in rows)
+    content = f"<thead><tr>{cells}</tr></thead><tbody>{body}</tbody>"
     return f'<div class="scroll"><table>{content}</table></div>'
 
 

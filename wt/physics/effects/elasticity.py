@@ -21,6 +21,7 @@ class Elasticity(GearEffect):
     """τ = stiffness · (rotor − link) + damping · (their speeds' difference)."""
 
     id = "joint.elasticity"
+    plotted_over = "drive"
     excludes = ("joint.backlash",)
     parameters = (
         Parameter("stiffness", "N·m/rad", 1e-2, 1e8, 1e-1),
