@@ -60,6 +60,15 @@ def test_show_prints_the_card(store: Path, capsys: pytest.CaptureFixture[str]) -
             assert word in out
 
 
+def test_show_prints_the_card_of_a_policy_of_the_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, out, err = wt(capsys, "show", "go2")
+    assert code == 0 and "wt model go2 > go2.xml" in out and "FL_hip_joint" in out, err
+    assert not list(tmp_path.iterdir())
+
+
 def test_promote_moves_the_alias_and_pull_follows_it(
     store: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

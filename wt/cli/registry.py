@@ -53,13 +53,21 @@ def list_models(
 def show(reference: Reference) -> None:
     """Show a model's card: channels and units, metrics, parity, hashes.
 
+    The bare name of a policy of the package shows that one's card.
+
     Example:
         wt registry show wt-r5@champion
+        wt registry show go2
     """
     from rich.console import Console
     from rich.table import Table
 
     from registry.pull import read_card
+    from wt.worlds.policy import SHIPPED
+
+    if "/" not in reference and (SHIPPED / reference).is_dir():
+        _show_policy(SHIPPED / reference)
+        return
 
     with _busy(f"reading {reference}"):
         version, card = read_card(reference)
@@ -93,6 +101,29 @@ def show(reference: Reference) -> None:
     console = Console(markup=False)  # a unit in brackets is no markup
     for table in (facts, ports, metrics):
         console.print(table)
+
+
+def _show_policy(folder: Path) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from wt.worlds.policy import CARD, GRAPH, PolicyCard
+
+    card = PolicyCard.read(folder / CARD)
+    facts = Table("", "", box=None, show_header=False)
+    for key, value in {
+        "policy": f"{card.name}, of the package",
+        "robot": f"{card.robot}, {card.rate_hz:g} Hz",
+        "MJCF": f"wt model {card.robot} > {card.robot}.xml",
+        "joints": ", ".join(card.joints),
+        "commands": ", ".join(f"±{limit:g}" for limit in card.command_limits),
+        "graph": str(folder / GRAPH),
+        "sha256": card.sha256,
+        "made by": card.made_by,
+        "created": card.created,
+    }.items():
+        facts.add_row(key, value)
+    Console(markup=False).print(facts)
 
 
 @app.command()
