@@ -53,6 +53,16 @@ TABLE = {
     "sensor.delay": [("delay", "s")],
     "sensor.quantization": [("step", "rad")],
     "world.gravity": [("angle", "rad"), ("direction", "rad")],
+    "world.gravity_compensation": [("share", "-")],
+    "joint.friction_directional": [
+        ("coulomb_forward", "N·m"),
+        ("coulomb_backward", "N·m"),
+        ("viscous_forward", "N·m·s/rad"),
+        ("viscous_backward", "N·m·s/rad"),
+    ],
+    "joint.force_intermittent": [("torque", "N·m")],
+    "pair.crosstalk": [("fraction", "-")],
+    "pair.spring": [("stiffness", "N·m/rad"), ("ratio", "-"), ("reference", "rad")],
     "contact.compliance": [("time_constant", "s")],
     "contact.friction": [("friction", "-")],
     "contact.obstacle": [("position", "m"), ("normal", "-"), ("friction", "-")],
@@ -205,7 +215,8 @@ def test_patched_files_load_in_plain_mujoco(truth: Truth, tmp_path: Path) -> Non
 def test_people_are_told(truth: Truth) -> None:
     effect: Effect = effects()[truth.id]
     theta = np.array(truth.theta)
-    assert truth.at.name in effect.statement(truth.at, theta) or truth.at.kind == "world"
+    said = effect.statement(truth.at, theta)
+    assert all(name in said for name in truth.at.name.split("+")) or truth.at.kind == "world"
     assert effect.statement(truth.at, theta).endswith(".")
     assert effect.separation(truth.at)
     assert effect.reference

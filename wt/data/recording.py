@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -33,6 +34,22 @@ def read(path: str | Path) -> Recording:
     Raises:
         RecordingError: the file is missing, truncated, not Parquet, or not a recording.
     """
+    columns, meta = table(path)
+    try:
+        return Recording(columns.pop("t"), columns, meta)
+    except RecordingError as error:
+        raise RecordingError(f"'{path}': {error}") from error
+
+
+def table(path: str | Path) -> tuple[dict[str, Float[np.ndarray, " sample"]], dict[str, Any]]:
+    """The columns of a recording's file, ``t`` among them, and its metadata, as they stand.
+
+    Args:
+        path: a Parquet file of the recording format.
+
+    Raises:
+        RecordingError: the file is missing, truncated, not Parquet, or not of this format.
+    """
     path = Path(path)
     if not path.is_file():
         raise RecordingError(
@@ -40,31 +57,31 @@ def read(path: str | Path) -> Recording:
             "'wt import SOURCE --to OUT.parquet'"
         )
     try:
-        table = pq.read_table(path)
+        content = pq.read_table(path)
     except (pa.ArrowException, OSError, ValueError) as error:
         raise RecordingError(
             f"'{path}' is not a whole Parquet file (truncated or of another format): "
             "copy it again, or make a recording of it with 'wt import'"
         ) from error
-    if "t" not in table.column_names:
+    if "t" not in content.column_names:
         raise RecordingError(
-            f"'{path}' has no column 't' but {', '.join(table.column_names[:4])}, …: it is not a "
+            f"'{path}' has no column 't' but {', '.join(content.column_names[:4])}, …: it is not a "
             "recording; make one of it with 'wt import'"
         )
     columns = {}
-    for field in table.schema:
+    for field in content.schema:
         if not (pa.types.is_floating(field.type) or pa.types.is_integer(field.type)):
             raise RecordingError(
                 f"'{path}': column '{field.name}' holds {field.type}; a recording has float64 "
                 "columns only"
             )
         # nulls become NaN, the format's missing sample
-        columns[field.name] = table[field.name].to_pandas().to_numpy(np.float64)
+        columns[field.name] = content[field.name].to_pandas().to_numpy(np.float64)
     try:
-        meta = json.loads((table.schema.metadata or {}).get(META_KEY, b"{}"))
-        return Recording(columns.pop("t"), columns, meta)
-    except (RecordingError, json.JSONDecodeError) as error:
+        meta = json.loads((content.schema.metadata or {}).get(META_KEY, b"{}"))
+    except json.JSONDecodeError as error:
         raise RecordingError(f"'{path}': {error}") from error
+    return columns, meta
 
 
 def write(recording: Recording, path: str | Path) -> None:
@@ -98,6 +115,26 @@ def check_against(recording: Recording, model: mujoco.MjModel) -> None:
         RecordingError: a column names nothing in the model, no joint position was recorded, or
             a column has another unit's range (degrees); the message names the column.
     """
+    check_names(recording, model)
+    for joint, limit in _limits(model, "joint").items():
+        _refuse_other_unit(recording, f"qpos/{joint}", limit)
+    for actuator, limit in _limits(model, "actuator").items():
+        _refuse_other_unit(recording, f"ctrl/{actuator}", limit)
+    for i in range(model.njnt):
+        if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE:
+            _refuse_unequal_units(recording, model.joint(i).name)
+
+
+def check_names(recording: Recording, model: mujoco.MjModel) -> None:
+    """Check that a recording's columns are of this model's robot, in whatever units.
+
+    Args:
+        recording: what was recorded.
+        model: the compiled MJCF it is to be compared with.
+
+    Raises:
+        RecordingError: a column names nothing in the model, or no joint position was recorded.
+    """
     known = _column_names(model)
     for name in recording.columns:
         if name not in known:
@@ -108,13 +145,6 @@ def check_against(recording: Recording, model: mujoco.MjModel) -> None:
         raise RecordingError(
             "no 'qpos/<joint>' column: without a measured position there is nothing to compare"
         )
-    for joint, limit in _limits(model, "joint").items():
-        _refuse_other_unit(recording, f"qpos/{joint}", limit)
-    for actuator, limit in _limits(model, "actuator").items():
-        _refuse_other_unit(recording, f"ctrl/{actuator}", limit)
-    for i in range(model.njnt):
-        if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE:
-            _refuse_unequal_units(recording, model.joint(i).name)
 
 
 def _column_names(model: mujoco.MjModel) -> set[str]:
@@ -169,7 +199,8 @@ def _refuse_other_unit(
     unit = "degrees" if fits else "another unit, or another zero"
     raise RecordingError(
         f"column '{column}' runs from {low:.4g} to {high:.4g} and the model allows "
-        f"{limit[0]:.4g} to {limit[1]:.4g} rad: it looks like {unit}; convert it to radians"
+        f"{limit[0]:.4g} to {limit[1]:.4g} rad: it looks like {unit}; convert it to radians, as "
+        "'wt check MODEL RECORDING --fix --out DIR' does"
     )
 
 
@@ -191,5 +222,6 @@ def _refuse_unequal_units(recording: Recording, joint: str) -> None:
         if 0.7 < factor / expected < 1.4:
             raise RecordingError(
                 f"column '{name}' looks like degrees: qvel/{joint} is {factor:.3g} times the "
-                f"slope of qpos/{joint}; convert it to radians"
+                f"slope of qpos/{joint}; convert it to radians, as 'wt check MODEL RECORDING "
+                "--fix --out DIR' does"
             )

@@ -38,6 +38,7 @@ from wt.diagnose.selection.verdict import (
     unforeseen,
     verdict,
 )
+from wt.mjcf.edit import patched_xml
 from wt.mjcf.standalone import standalone
 from wt.physics.planted import Key
 from wt.physics.scene import Scene
@@ -103,8 +104,9 @@ def diagnose(
         ModelError: the MJCF cannot be used, or the translation is of another machine.
         RecordingError: a recording cannot be used.
     """
-    began, say, scene = time.monotonic(), progress or _silent, Scene(model)
-    prepared = prepare(scene, recordings, holdout)
+    began, say = time.monotonic(), progress or _silent
+    say("auditing", 0.01)
+    scene, prepared = _audited(model, recordings, holdout)
     translation_evidence = translated(scene, prepared, translation) if translation else None
     log = DecisionLog()
     found = _searched(scene, prepared, seed, log, say)
@@ -124,6 +126,7 @@ def diagnose(
         diagnosis = shown_by_holdout(diagnosis, *found.missed)
     return replace(
         diagnosis,
+        audit=prepared.audit,
         decisions=tuple(log),
         locations=timed(diagnosis.locations, translation_evidence),
         translated=translation_evidence,
@@ -134,6 +137,16 @@ def diagnose(
         ),
         seconds=time.monotonic() - began,
     )
+
+
+def _audited(
+    model: str | Path, recordings: Sequence[Source], holdout: Sequence[Source]
+) -> tuple[Scene, Prepared]:
+    """The model and the recordings as corrected."""
+    scene = Scene(model)
+    prepared = prepare(scene, recordings, holdout)
+    amendments = [f.model_change for f in prepared.audit if f.model_change]
+    return (Scene(model, amendments) if amendments else scene), prepared
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,6 +197,8 @@ def _searched(
     )
     data = prepare_holdout(held_out, forgetting, effort.proof_s, step)
     naming = Naming(screen, search_replays, objective, all_replays, data, step, seed, log)
+    if any(f.voids_commands for f in prepared.audit):
+        return _Found(prepared, fitted, naming, naming.proven(()), None)
     proven = _proven(naming, say, attempts)
     say("naming", 0.8)
     claims, missed = naming.claimed(proven), None
@@ -215,7 +230,7 @@ def _diagnosis(scene: Scene, found: _Found) -> Diagnosis:
         prepared.names,
         STEP_S if refined else None,
     )
-    given_xml = standalone(scene.path)
+    given_xml = patched_xml(scene, (), ()) if scene.amendments else standalone(scene.path)
     replays = replayed_files(files.contents, given_xml)
     return Diagnosis(
         model_path=str(scene.path),

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from wt.check.finding import AuditFinding
 from wt.diagnose.evidence import Interval, Measured, Role, Trace, Translated
 from wt.types import Location
 
@@ -301,6 +302,8 @@ class Diagnosis:
         proof: the held-out fit.
         given_xml: the MJCF as given.
         patched_xml: the MJCF with the findings.
+        audit: what was wrong with the recordings or the model before any physics; the rest is of
+            the corrected ones.
         decisions: all that was considered, and why it stayed or went, in order of time.
         traces: recordings and replays.
         measured: evidence of measured forces and further sensors.
@@ -324,6 +327,7 @@ class Diagnosis:
     proof: Proof
     given_xml: str
     patched_xml: str
+    audit: tuple[AuditFinding, ...] = ()
     decisions: tuple[Decision, ...] = ()
     traces: tuple[Trace, ...] = ()
     measured: Measured = field(default_factory=Measured)
@@ -372,6 +376,7 @@ class Diagnosis:
                     "model_only": {"after_rmse": alone.after, "ratio": alone.ratio},
                 }
             },
+            "audit": [f.to_json() for f in self.audit],
             "decisions": [d.to_json() for d in self.decisions],
             "artifacts": {
                 "model": "model.xml",

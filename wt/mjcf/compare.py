@@ -68,6 +68,7 @@ def as_written(spec: mujoco.MjSpec) -> ET.Element:
     copy = spec.copy()
     copy.compiler.savecompiled = False
     copy.compiler.savecanonical = False
+    copy.compiler.fusestatic = False  # what is written is what the user has, body by body
     # MuJoCo keeps a comment at the top, even one that XML does not allow
     return ET.fromstring(_COMMENT.sub("", copy.to_xml()))
 

@@ -3,10 +3,11 @@
 ``effect`` is the contract, the registry and the recipe for adding an effect; ``hooks`` has the base
 classes of effects that take more than a signature and a patch, ``effects/`` one file for each.
 ``scene`` is a model as effects see it, ``motion`` a recording at every sample (for screening).
+``parts`` adds to an MJCF what no class of the user's reaches.
 
 ``planted`` is an effect at a place, as replays need it, ``replay`` has a replay's other nouns.
 ``rollout`` simulates many patched models at once (for deciding), ``quiet`` without MuJoCo's
 warnings of those that explode; ``runner`` is who runs them, and ``spread`` chooses it: threads, or
-a Ray ``cluster``. Imports go in this order: scene, motion, replay, effect, hooks, planted, runner,
-rollout, cluster, spread.
+a Ray ``cluster``. Imports go in this order: parts, scene, motion, replay, effect, hooks, planted,
+runner, rollout, cluster, spread.
 """

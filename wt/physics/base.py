@@ -16,6 +16,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from wt.physics.parts import add_joint
+
 COORDINATES = ("x", "y", "z", "yaw", "pitch", "roll")
 """In this order, as ``<joint>/<coordinate>``."""
 _AXES = np.vstack([np.eye(3), np.eye(3)[::-1]])
@@ -35,7 +37,7 @@ def expand(spec: mujoco.MjSpec) -> tuple[str, ...]:
     free = [joint for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE]
     for key in list(spec.keys) if free else ():
         spec.delete(key)
-    found = []
+    added = []
     for joint in free:
         body, name = joint.parent, joint.name
         spec.delete(joint)
@@ -43,20 +45,9 @@ def expand(spec: mujoco.MjSpec) -> tuple[str, ...]:
         body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
         for i, (part, axis) in enumerate(zip(names(name), _AXES, strict=True)):
             kind = mujoco.mjtJoint.mjJNT_SLIDE if i < 3 else mujoco.mjtJoint.mjJNT_HINGE
-            body.add_joint(
-                name=part,
-                type=kind,
-                axis=axis,
-                pos=np.zeros(3),
-                ref=0.0,
-                limited=mujoco.mjtLimited.mjLIMITED_FALSE,
-                damping=np.zeros(3),
-                stiffness=np.zeros(3),
-                armature=0.0,
-                frictionloss=0.0,
-            )
-        found.append(name)
-    return tuple(found)
+            add_joint(spec, body, part, type=kind, axis=axis)
+        added.append(name)
+    return tuple(added)
 
 
 def coordinates(
@@ -83,12 +74,14 @@ def coordinates(
     angles[known] = Rotation.from_quat(quaternion[known], scalar_first=True).as_euler("ZYX")
     angles[known] = np.unwrap(angles[known], axis=0)
     table = dict(zip(names(joint), [*given[:3], *angles.T], strict=True))
-    found = {f"qpos/{name}": x for name, x in table.items()}
+    coordinate = {f"qpos/{name}": x for name, x in table.items()}
     v = [x for k in range(6) if (x := columns.get(f"qvel/{joint}/{k}")) is not None]
     if len(v) == 6:
         turning = rates(angles, np.stack(v[3:], axis=1))
-        found |= {f"qvel/{n}": x for n, x in zip(names(joint), [*v[:3], *turning.T], strict=True)}
-    return found
+        coordinate |= {
+            f"qvel/{n}": x for n, x in zip(names(joint), [*v[:3], *turning.T], strict=True)
+        }
+    return coordinate
 
 
 def rates(

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.hooks import Stateful
+from wt.physics.parts import add_body, add_geom, add_joint, add_tendon, compiled
 from wt.physics.replay import Hidden, Stretch
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
@@ -35,21 +36,23 @@ def split(spec: mujoco.MjSpec, joint: str) -> tuple[float, mujoco.MjsTendon]:
         (inertia of the rotor [kg·m²], the tendon, without stiffness yet).
     """
     link = spec.joint(joint)
-    compiled = spec.copy().compile()
+    model = compiled(spec)
+    given = model.joint(joint)
     inertia = float(link.armature)
     if inertia <= 0.0:
-        inertia = ROTOR_SHARE * float(compiled.dof_M0[compiled.joint(joint).dofadr[0]])
+        inertia = ROTOR_SHARE * float(model.dof_M0[given.dofadr[0]])
     link.armature = 0.0
-    body = link.parent
-    name = rotor(joint)
-    carrier = body.parent.add_body(name=name, pos=body.pos, quat=compiled.body(body.name).quat)
+    name, body = rotor(joint), int(given.bodyid[0])
+    place = {"pos": model.body_pos[body], "quat": model.body_quat[body]}
+    carrier = add_body(spec, link.parent.parent, name, **place)
     # next to no mass: what counts is the armature
-    carrier.add_geom(size=[0.005, 0.0, 0.0], mass=1e-4, contype=0, conaffinity=0)
-    carrier.add_joint(name=name, type=link.type, axis=link.axis, pos=link.pos, armature=inertia)
+    add_geom(spec, carrier, name, size=[0.005, 0.0, 0.0], mass=1e-4, contype=0, conaffinity=0)
+    turning = {"type": link.type, "axis": given.axis, "pos": given.pos, "armature": inertia}
+    add_joint(spec, carrier, name, **turning)
     for actuator in spec.actuators:
         if actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT and actuator.target == joint:
             actuator.target = name
-    tendon = spec.add_tendon(name=f"{joint}_gear")
+    tendon = add_tendon(spec, f"{joint}_gear")
     tendon.wrap_joint(name, 1.0)
     tendon.wrap_joint(joint, -1.0)
     return inertia, tendon
@@ -82,8 +85,8 @@ class GearEffect(Stateful, ReplayOnly):
         scene = stretch.motion.scene
         dof = scene.dof(at.name)
         link = {at.name: (float(stretch.q0[dof]), float(stretch.v0[dof]))}
-        found = self.balanced(at, theta, scene, link, stretch.command[0])
-        return {name: Hidden(q, v, (0.0, 0.0)) for name, (q, v) in found.items()}
+        balance = self.balanced(at, theta, scene, link, stretch.command[0])
+        return {name: Hidden(q, v, (0.0, 0.0)) for name, (q, v) in balance.items()}
 
     def balanced(
         self,

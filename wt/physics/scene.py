@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +15,8 @@ from wt.errors import ModelError
 from wt.physics import base
 from wt.types import Location
 
+Amendment = Callable[[mujoco.MjSpec], None]
+"""Changes a model."""
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 
@@ -69,7 +72,7 @@ def between(x: np.ndarray, low: float | np.ndarray, high: float | np.ndarray) ->
 
 def drives(m: mujoco.MjModel) -> tuple[Drive, ...]:
     """The actuators of a model that act on a joint, in its order."""
-    found = []
+    listed = []
     for i in range(m.nactuator):
         if m.actuator_trntype[i] != mujoco.mjtTrn.mjTRN_JOINT:
             continue
@@ -77,7 +80,7 @@ def drives(m: mujoco.MjModel) -> tuple[Drive, ...]:
         bias = m.actuator_biasprm[i, :3]
         if m.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_NONE:
             bias = np.zeros(3)
-        found.append(
+        listed.append(
             Drive(
                 name=m.actuator(i).name,
                 index=i,
@@ -90,7 +93,7 @@ def drives(m: mujoco.MjModel) -> tuple[Drive, ...]:
                 forces=_range(bool(m.actuator_forcelimited[i]), m.actuator_forcerange[i]),
             )
         )
-    return tuple(found)
+    return tuple(listed)
 
 
 def _range(limited: bool, ends: Float[np.ndarray, " 2"]) -> tuple[float, float]:
@@ -102,19 +105,24 @@ class Scene:
 
     Attributes:
         path: the MJCF.
+        amendments: changes of the model beyond what the file says.
         free: names of the free joints, each of which is six joints here (:mod:`wt.physics.base`).
         model: the compiled model.
         data: scratch space for computations on the model.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, amendments: Sequence[Amendment] = ()) -> None:
         """Read and compile an MJCF.
+
+        Args:
+            path: the file.
+            amendments: what to change in the model wherever it is used, e.g. after an audit.
 
         Raises:
             ModelError: the file is missing or does not compile, or has joints or actuators that
                 cannot be compared with recordings yet.
         """
-        self.path = Path(path)
+        self.path, self.amendments = Path(path), tuple(amendments)
         if not self.path.is_file():
             raise ModelError(f"model '{path}' does not exist; give an MJCF file")
         try:
@@ -137,9 +145,12 @@ class Scene:
         if unnamed:
             raise ModelError(f"{unnamed[0]} of '{path}' has no name; name all joints and actuators")
 
-    def written(self) -> mujoco.MjSpec:
-        """A fresh editable copy of the model as it is written."""
-        return mujoco.MjSpec.from_file(str(self.path))
+    def written(self, amended: bool = True) -> mujoco.MjSpec:
+        """A fresh editable copy of the model as it is written, with or without the amendments."""
+        spec = mujoco.MjSpec.from_file(str(self.path))
+        for amend in self.amendments if amended else ():
+            amend(spec)
+        return spec
 
     def spec(self) -> mujoco.MjSpec:
         """The same with its free joints taken apart, as it is replayed."""
@@ -167,7 +178,8 @@ class Scene:
         """Degree of freedom that a place acts on alone; −1 if several."""
         if at.kind == "joint":
             return self.dof(at.name)
-        return self.drive(at.name).dof if at.kind == "actuator" else -1
+        dofs = [drive.dof for drive in self.driven(at)]
+        return dofs[0] if len(dofs) == 1 else -1
 
     def place(self, joint: str) -> Location:
         """Place that people call a degree of freedom by: a joint, or the body that floats."""
@@ -190,6 +202,12 @@ class Scene:
             if drive.name == name:
                 return drive
         raise KeyError(name)
+
+    def driven(self, at: Location) -> tuple[Drive, ...]:
+        """The drives at a place: one, at ``all`` every one, and none where no drive stands."""
+        if at.kind != "actuator":
+            return ()
+        return self.drives if at.name == "all" else (self.drive(at.name),)
 
     def dof(self, joint: str) -> int:
         """Degree of freedom of a joint."""

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from wt.check.finding import AuditFinding
+from wt.check.run import check
 from wt.data import recording as recordings
 from wt.diagnose.evidence import Role
 from wt.diagnose.recordings.odometry import located
@@ -38,6 +40,8 @@ class Prepared:
         used: what the user gave, and for what it is used.
         names: name of each recording, by index.
         split: in words.
+        audit: what was wrong with the recordings, or with the model beside them; the recordings
+            are as corrected.
     """
 
     fit: tuple[Part, ...]
@@ -45,10 +49,11 @@ class Prepared:
     used: tuple[Used, ...]
     names: tuple[str, ...]
     split: str
+    audit: tuple[AuditFinding, ...] = ()
 
 
 def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) -> Prepared:
-    """Read, check, complete and split recordings.
+    """Read, check, audit, complete and split recordings.
 
     Args:
         scene: the machine.
@@ -61,7 +66,9 @@ def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) ->
     """
     if not given:
         raise RecordingError("no recording was given; give at least one .parquet file")
-    named = _numbered([_read(scene, source, i) for i, source in enumerate([*given, *holdout])])
+    audit: dict[tuple[object, ...], AuditFinding] = {}
+    read = [_read(scene, source, i, audit) for i, source in enumerate([*given, *holdout])]
+    named = _numbered(read)
     parts = [Part(r, i) for i, (_, r) in enumerate(named)]
     fit, held = parts[: len(given)], parts[len(given) :]
     split = _GIVEN
@@ -74,7 +81,7 @@ def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) ->
         (single,) = fit
         fit, held = _cut(single)
         split = "the last quarter of the recording"
-    return _split(fit, held, tuple(name for name, _ in named), split)
+    return _split(fit, held, tuple(name for name, _ in named), split, tuple(audit.values()))
 
 
 def turned(prepared: Prepared) -> Prepared | None:
@@ -90,25 +97,36 @@ def turned(prepared: Prepared) -> Prepared | None:
         single = Part(first.recording, first.index)
         cut = _HELD_SHARE * single.seconds
         held, fit = replace(single, span=(0.0, cut)), replace(single, span=(cut, np.inf))
-        return _split([fit], [held], names, "the first quarter of the recording, in its turn")
+        split = "the first quarter of the recording, in its turn"
+        return _split([fit], [held], names, split, prepared.audit)
     fitted = [*rest, *prepared.held]
-    return _split(fitted, [first], names, "the first of the recordings, in its turn")
+    split = "the first of the recordings, in its turn"
+    return _split(fitted, [first], names, split, prepared.audit)
 
 
-def _split(fit: list[Part], held: list[Part], names: tuple[str, ...], split: str) -> Prepared:
+def _split(
+    fit: list[Part],
+    held: list[Part],
+    names: tuple[str, ...],
+    split: str,
+    audit: tuple[AuditFinding, ...],
+) -> Prepared:
     used = [
         Used(names[p.index], role, p.seconds, p.recording.rate_hz)
         for role, parts in _roles(fit, held)
         for p in parts
     ]
-    return Prepared(tuple(fit), tuple(held), tuple(used), names, split)
+    return Prepared(tuple(fit), tuple(held), tuple(used), names, split, audit)
 
 
 def _roles(fit: list[Part], held: list[Part]) -> tuple[tuple[Role, list[Part]], ...]:
     return ("fit", fit), ("holdout", held)
 
 
-def _read(scene: Scene, source: Source, index: int) -> tuple[str, Recording]:
+def _read(
+    scene: Scene, source: Source, index: int, audit: dict[tuple[object, ...], AuditFinding]
+) -> tuple[str, Recording]:
+    """One recording as corrected; what was wrong with it joins the audit."""
     if isinstance(source, Recording):
         name = str(source.meta.get("source", f"recording {index + 1}"))
         recording = source
@@ -117,7 +135,12 @@ def _read(scene: Scene, source: Source, index: int) -> tuple[str, Recording]:
     try:
         recordings.check_against(recording, scene.given)
         _check_contents(scene, recording)
-        return name, _completed(scene, recording)
+        checked = check(scene, recording)
+        for f in checked.findings:
+            if f.sure:
+                audit.setdefault((f.kind, f.columns, f.elements), f)
+        assert checked.recording is not None
+        return name, _completed(scene, checked.recording)
     except RecordingError as error:
         raise RecordingError(f"'{name}': {error}") from error
 

@@ -52,7 +52,7 @@ def _shades() -> str:
 
 
 def _opening(d: Diagnosis) -> str:
-    own = len(d.findings)
+    own = len(d.audit) + len(d.findings)
     sentences = [
         f'<li class="more">{escaped(s)}</li>' if 0 < own <= i else f"<li>{escaped(s)}</li>"
         for i, s in enumerate(text.sentences(d))

@@ -22,6 +22,7 @@ from wt.show.text import NBSP, tied
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from wt.check.finding import AuditFinding
     from wt.diagnose.report.verify import Verified
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -34,10 +35,12 @@ _PLURAL = {"rad": "hinges", "m": "slides"}
 
 def sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
     """The findings, one plain sentence each; also if there are none, or none is understood."""
+    audit = [audited(f) for f in diagnosis.audit]
     words = [f.statement for f in diagnosis.findings]
     if diagnosis.verdict == "no_mismatch":
         words.append(
-            "Nothing is missing: these recordings show no physics that the model leaves out."
+            f"Nothing {'else ' if audit else ''}is missing: these recordings show no physics that "
+            "the model leaves out."
         )
     elif not words:
         words.append(
@@ -48,7 +51,14 @@ def sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
         words.append("The cause is not known: this names where it acts and what it depends on.")
     elif diagnosis.verdict == "partly_explained":
         words.append("That is not all: a part of the mismatch is left over.")
-    return tuple(words)
+    return (*audit, *words)
+
+
+def audited(finding: AuditFinding) -> str:
+    """An audit's finding in one sentence, with what was done about it."""
+    mended = finding.change is not None or finding.model_change is not None
+    what = "what follows is of the corrected data" if mended else f"to do: {finding.fix}"
+    return f"{finding.evidence}; {what}."
 
 
 def fit(diagnosis: Diagnosis) -> str:

@@ -11,13 +11,13 @@ from jaxtyping import Float
 
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
+from wt.physics.parts import add_actuator, add_body, add_geom, compiled, weigh_alone, write_weight
 from wt.physics.scene import Drive, Scene, between
 
 _BRISTLE_FREQUENCY, _BRISTLE_DAMPING = 0.4, 0.5  # frequency · time step, damping ratio
 _LOAD_RADIUS = 0.01  # m, of the sphere that stands for a load
 _BEYOND, _MOUNT = 2.0, 0.05
 """A load sits within so many radii of what carries it, and so much for its mount [m]."""
-_FROM_GEOMS = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
 
 
 def free_of_limits(motion: Motion, drive: Drive) -> Float[np.ndarray, " sample"]:
@@ -58,11 +58,6 @@ def per_radian(joint: mujoco.MjsJoint) -> float:
     """Units of angles in a joint's attributes per radian: 180/π in a file in degrees."""
     hinge = joint.type == mujoco.mjtJoint.mjJNT_HINGE
     return 180.0 / np.pi if hinge and joint.compiler.degree else 1.0
-
-
-def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """The model of an MJCF, which stays as it is."""
-    return spec.copy().compile()
 
 
 def effective_inertia(model: mujoco.MjModel, joint: str) -> float:
@@ -108,6 +103,19 @@ class Bristle(Live):
         state.applied[:, self.dof] -= between(stiffness * self.bent + damping * v, -most, most)
 
 
+def neighbours(scene: Scene) -> list[tuple[str, str]]:
+    """Pairs of joints that follow one another in the machine, the one nearer to its base first."""
+    m, pairs = scene.model, list[tuple[str, str]]()
+    for name in scene.own_joints:
+        body, before = int(m.joint(name).bodyid[0]), m.joint(name).id - 1
+        while body > 0 and not (before >= m.body_jntadr[body] >= 0):
+            body = int(m.body_parentid[body])
+            before = int(m.body_jntadr[body] + m.body_jntnum[body]) - 1
+        if body > 0 and m.joint(before).name in scene.own_joints:
+            pairs.append((m.joint(before).name, name))
+    return pairs
+
+
 def physics_step(spec: mujoco.MjSpec) -> float:
     """Time step that an added stiff part must be stable at [s]."""
     return max(float(spec.option.timestep), 5e-4)
@@ -137,25 +145,12 @@ def settle(spec: mujoco.MjSpec) -> None:
 def weighed(spec: mujoco.MjSpec, body: str) -> mujoco.MjsBody:
     """A body whose inertia is written out as numbers, ready to be changed."""
     settle(spec)
-    compiler, written = spec.compiler, spec.body(body)
-    overruled = compiler.settotalmass > 0.0 or int(compiler.inertiafromgeom) == _FROM_GEOMS
-    if not overruled and _in_numbers(written):
-        return written
-    model = compiled(spec)
-    names = [body]
-    if overruled:
-        # both would overrule what is written: then every body gets its numbers
-        names = [b.name for b in spec.bodies[1:] if b.name]
-        compiler.settotalmass = -1.0
-        compiler.inertiafromgeom = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO)
-    for name in names:
-        found, i = spec.body(name), model.body(name).id
-        found.explicitinertial = True
-        found.mass, found.ipos = model.body_mass[i], model.body_ipos[i]
-        found.iquat, found.inertia = model.body_iquat[i], model.body_inertia[i]
-        found.fullinertia = np.full(6, np.nan)
-        found.ialt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
-    return spec.body(body)
+    weigh_alone(spec)
+    written = spec.body(body)
+    if not _in_numbers(written):
+        model = compiled(spec)
+        write_weight(written, model, model.body(body).id)
+    return written
 
 
 def _in_numbers(body: mujoco.MjsBody) -> bool:
@@ -171,7 +166,7 @@ def passive(
 
     The user's actuators keep their order and their commands.
     """
-    motor = spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=joint)
+    motor = add_actuator(spec, name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=joint)
     no_input = int(mujoco.mjtCtrlInput.mjINPUT_NONE)
     motor.set_to_dcmotor(motorconst=[0, 0], resistance=1, ctrlspec=no_input, **features)
     return motor
@@ -187,15 +182,14 @@ def point_load(
     settle(spec)
     if mass <= 0.0:
         return None
-    load = spec.body(body).add_body(name=f"{body}_payload", pos=position)
+    load = add_body(spec, spec.body(body), f"{body}_payload", pos=position)
     load.explicitinertial = True
     load.mass = mass
     # without a position MuJoCo would not write the inertia into the file
     load.ipos = np.zeros(3)
     load.inertia = np.full(3, 0.4 * mass * _LOAD_RADIUS**2)
-    sphere = load.add_geom(name=f"{body}_payload", type=mujoco.mjtGeom.mjGEOM_SPHERE)
-    sphere.size, sphere.mass = [_LOAD_RADIUS, 0.0, 0.0], mass
-    sphere.contype, sphere.conaffinity = 0, 0
+    size = [_LOAD_RADIUS, 0.0, 0.0]
+    add_geom(spec, load, f"{body}_payload", size=size, mass=mass, contype=0, conaffinity=0)
     return load
 
 

@@ -73,6 +73,9 @@ class ActuatorLag(OnInputs):
         if theta[0] > 0.0 and actuator.dyntype == mujoco.mjtDyn.mjDYN_NONE:
             actuator.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
             actuator.dynprm[0] = theta[0]
+            # what a user's class says of filters is about none of this one
+            actuator.actearly, actuator.actdim = False, -1
+            actuator.actlimited = mujoco.mjtLimited.mjLIMITED_FALSE
 
     def drive(
         self, inputs: Inputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]

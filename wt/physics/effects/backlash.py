@@ -24,6 +24,7 @@ class Backlash(GearEffect):
     """No torque passes while |rotor − link| < gap / 2; the teeth are stiff beyond."""
 
     id = "joint.backlash"
+    plotted_over = "drive"
     excludes = ("joint.elasticity",)
     parameters = (Parameter("gap", "rad", 1e-4, 1.0, 2e-4, neutral=0.0),)
     reference = "M. Nordin and P.-O. Gutman, Controlling mechanical systems with backlash, 2002"

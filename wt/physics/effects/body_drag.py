@@ -7,8 +7,9 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import compiled, settle
+from wt.physics.effects._tools import settle
 from wt.physics.motion import Motion
+from wt.physics.parts import add_body, add_geom, compiled
 from wt.physics.units import HINGE, Units
 from wt.types import Location
 
@@ -57,12 +58,11 @@ class BodyDrag(Effect):
         name, com = f"{at.name}_drag", compiled(spec).body(at.name).ipos
         density = float(spec.option.density) or _THIN
         spec.option.density = density
-        buoy = spec.body(at.name).add_body(name=name, pos=com)
+        buoy = add_body(spec, spec.body(at.name), name, pos=com)
         # without a position MuJoCo would not write the inertia into the file
         buoy.explicitinertial, buoy.mass, buoy.ipos = True, _MASS, np.zeros(3)
         buoy.inertia = np.full(3, 0.4 * _MASS * _RADIUS**2)
-        sphere = buoy.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_SPHERE)
-        sphere.size, sphere.mass = [_RADIUS, 0.0, 0.0], _MASS
+        sphere = add_geom(spec, buoy, name, size=[_RADIUS, 0.0, 0.0], mass=_MASS)
         sphere.contype, sphere.conaffinity = 0, 0
         sphere.fluid_ellipsoid = 1
         # MuJoCo's drag is density · blunt · π·r² · |v| · v, without the usual ½

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import compiled
 from wt.physics.motion import Motion
+from wt.physics.parts import add_actuator, add_site, compiled
 from wt.physics.units import HINGE, Units
 from wt.types import Location
 
@@ -47,9 +47,9 @@ class BodyForce(Effect):
             return
         model = compiled(spec)
         name, world = f"{at.name}_force", f"{at.name}_force_frame"
-        spec.body(at.name).add_site(name=name, pos=model.body(at.name).ipos)
-        spec.worldbody.add_site(name=world)
-        motor = spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_SITE, target=name)
+        add_site(spec, spec.body(at.name), name, pos=model.body(at.name).ipos)
+        add_site(spec, spec.worldbody, world)
+        motor = add_actuator(spec, name, trntype=mujoco.mjtTrn.mjTRN_SITE, target=name)
         motor.refsite = world
         motor.gear = [*theta, 0.0, 0.0, 0.0]
         motor.set_to_dcmotor(

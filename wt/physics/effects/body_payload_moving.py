@@ -15,6 +15,7 @@ from wt.physics.hooks import Beyond, FromRecordings, Nested, Stateful
 from wt.physics.loose import Centre, LooseLaw, columns, path_of
 from wt.physics.loose_search import laws_that_fit, likeliest_laws
 from wt.physics.motion import Motion
+from wt.physics.parts import add_joint
 from wt.physics.replay import Hidden, Stretch
 from wt.physics.units import HINGE, Units
 from wt.types import Location
@@ -125,20 +126,18 @@ class BodyPayloadMoving(FromRecordings, Nested, Stateful):
             return
         for axis, letter, travel in zip(np.eye(3), _AXES, law.travel, strict=True):
             if travel > 0.0:
-                payload.add_joint(
-                    name=f"{payload.name}_{letter}",
+                add_joint(
+                    spec,
+                    payload,
+                    f"{payload.name}_{letter}",
                     type=mujoco.mjtJoint.mjJNT_SLIDE,
                     axis=axis,
-                    pos=np.zeros(3),
-                    ref=0.0,
                     limited=mujoco.mjtLimited.mjLIMITED_TRUE,
                     range=[-0.5 * travel, 0.5 * travel],
                     solref_limit=_STOP,
                     damping=[mass * law.damping, 0.0, 0.0],
                     stiffness=[mass * law.spring, 0.0, 0.0],
-                    springref=0.0,
                     armature=mass * law.rolling,
-                    frictionloss=0.0,
                 )
 
     def started(

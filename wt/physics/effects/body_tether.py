@@ -9,6 +9,7 @@ from jaxtyping import Float
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.hooks import Linearised
 from wt.physics.motion import Motion
+from wt.physics.parts import add_site, add_tendon
 from wt.physics.units import HINGE, Units
 from wt.types import Location
 
@@ -51,11 +52,10 @@ class BodyTether(Linearised):
     ) -> None:
         """A spatial tendon of no rest length between a site on the body and one in the world."""
         near, far = f"{at.name}_tether", f"{at.name}_anchor"
-        spec.body(at.name).add_site(name=near)
-        spec.worldbody.add_site(name=far, pos=theta[1:])
-        tendon = spec.add_tendon(
-            name=f"{at.name}_tether", stiffness=[theta[0], 0.0, 0.0], springlength=[0.0, 0.0]
-        )
+        add_site(spec, spec.body(at.name), near)
+        add_site(spec, spec.worldbody, far, pos=theta[1:])
+        stiffness = [theta[0], 0.0, 0.0]
+        tendon = add_tendon(spec, near, stiffness=stiffness, springlength=[0.0, 0.0])
         tendon.wrap_site(near)
         tendon.wrap_site(far)
 

@@ -10,8 +10,8 @@ from jaxtyping import Float
 
 from wt.physics.contact import deciding, fixed, outrank, partners, touchable, unlike
 from wt.physics.effect import Parameter, register
-from wt.physics.effects._tools import compiled
 from wt.physics.motion import Motion
+from wt.physics.parts import compiled
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
 from wt.physics.units import HINGE, Units

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from wt.physics.effect import Parameter, register
 from wt.physics.hits import face
 from wt.physics.motion import Motion
+from wt.physics.parts import add_geom
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.units import HINGE, Units
 from wt.types import Location
@@ -41,10 +42,10 @@ class ContactObstacle(ReplayOnly):
 
     def starts(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " parameter"]]:
         """The face that the machine runs into, slippery and not."""
-        found = face(motion)
-        if found is None:
+        touched = face(motion)
+        if touched is None:
             return []
-        return [np.array([*found.position, *found.normal, f]) for f in (_SLIPS, _HOLDS)]
+        return [np.array([*touched.position, *touched.normal, f]) for f in (_SLIPS, _HOLDS)]
 
     def patch(
         self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
@@ -55,8 +56,8 @@ class ContactObstacle(ReplayOnly):
         """
         normal, turn = theta[3:6] / max(float(np.linalg.norm(theta[3:6])), 1e-9), np.zeros(4)
         mujoco.mju_quatZ2Vec(turn, normal)
-        box = spec.worldbody.add_geom(
-            name=_NAME, type=mujoco.mjtGeom.mjGEOM_BOX, size=_HALF, quat=turn,
+        box = add_geom(
+            spec, spec.worldbody, _NAME, type=mujoco.mjtGeom.mjGEOM_BOX, size=_HALF, quat=turn,
             pos=theta[:3] - _HALF[2] * normal, contype=_BIT, conaffinity=0, priority=1,
             condim=3, friction=[theta[6], 0.005, 0.0001], solref=[0.006, 1.0],
         )  # fmt: skip

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Parameter, register
-from wt.physics.effects._tools import compiled
 from wt.physics.ground import planes, turned
 from wt.physics.motion import Motion
+from wt.physics.parts import compiled
 from wt.physics.replay_only import ReplayOnly
 from wt.physics.scene import Scene
 from wt.physics.units import HINGE, Units

@@ -7,10 +7,11 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._tools import Bristle, compiled
+from wt.physics.effects._tools import Bristle
 from wt.physics.hooks import Intervals, Nested, OnSteps
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
+from wt.physics.parts import compiled
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number
 from wt.physics.units import HINGE, Units

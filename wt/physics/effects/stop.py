@@ -36,12 +36,12 @@ class Stop(FromRecordings):
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Just inside either end of the recorded range."""
         q = motion.q[:, motion.scene.dof(at.name)]
-        found = []
+        shapes = []
         for side in (-1.0, 1.0):
             end = float(np.quantile(side * q, 0.995))
             reach = float(np.ptp(q))
-            found += [(side * (end - f * reach), side) for f in (0.002, 0.01, 0.03)]
-        return found
+            shapes += [(side * (end - f * reach), side) for f in (0.002, 0.01, 0.03)]
+        return shapes
 
     def columns(
         self, motion: Motion, at: Location, shape: Shape

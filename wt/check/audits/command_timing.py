@@ -1,0 +1,108 @@
+"""Commands that the motion follows before they were sent.
+
+No drive answers early. If the model explains the motion best with commands that come half a sample
+earlier, they were not held from sample to sample: the controller ran faster than the log. If a
+whole one, each command stands one row too late.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from wt.check.audit import Stage, Subject, register
+from wt.check.balance import Balance
+from wt.check.finding import AuditFinding
+from wt.types import Recording
+
+_SLOW_S, _SHORT_S = 0.015, 0.004
+"""Intervals from which half a sample, and a whole one, can be told from other errors."""
+_LEADS = np.arange(-0.5, 1.6, 0.1)  # samples
+_DECISIVE = 1.5  # of the mean logarithm of what is left
+_ALIKE = 0.5
+_BETWEEN = 4  # samples put between two
+
+
+@register
+class CommandTiming:
+    """A command is in force from its sample until the next."""
+
+    kinds: ClassVar[tuple[str, ...]] = ("command_rate", "command_shifted")
+    stage: ClassVar[Stage] = "rest"
+
+    def findings(self, subject: Subject) -> Iterable[AuditFinding]:
+        """At most one, of all commands."""
+        balance, recording = subject.balance, subject.recording
+        if balance is None or recording is None or not balance.rows:
+            return
+        if balance.signals.dt < _SHORT_S or not balance.dynamic:
+            return
+        lead, gain = _lead(balance)
+        names = tuple(f"ctrl/{row.drive.name}" for row in balance.rows)
+        elements = tuple(f"actuator {row.drive.name}" for row in balance.rows)
+        dt = balance.signals.dt
+        if gain < _DECISIVE:
+            return
+        if 0.3 < lead < 0.75 and dt >= _SLOW_S:
+            yield AuditFinding(
+                "command_rate",
+                names,
+                elements,
+                f"The motion follows the commands {1e3 * lead * dt:.0f} ms before they were "
+                f"logged, half a sample: the controller ran faster than the log's {1 / dt:.0f} Hz",
+                "log at the controller's rate; the commands between two samples are not known",
+                0.9,
+                change=lambda r: _between(r, names),
+            )
+        elif 0.75 < lead < 1.35:
+            yield AuditFinding(
+                "command_shifted",
+                names,
+                elements,
+                f"The motion follows the commands {1e3 * lead * dt:.0f} ms before they were "
+                "logged, one sample: each stands one row too late",
+                "write each command into the row of the sample it was sent at",
+                0.95,
+                change=lambda r: _earlier(r, names),
+            )
+
+
+def _lead(balance: Balance) -> tuple[float, float]:
+    """The fewest samples that commands have to come earlier, and what moving them gains."""
+    s = balance.signals
+    totals = []
+    for lead in _LEADS:
+        moved = replace(s, u=s.u + lead * s.dt * s.du)
+        left = balance.on(moved).unexplained()
+        totals.append(float(np.log(left + 1e-7).mean()))
+    # the balance allows for any delay, so more of a lead than there is does no harm
+    enough = int(np.flatnonzero(np.array(totals) <= min(totals) + _ALIKE)[0])
+    none = float(np.interp(0.0, _LEADS, totals))
+    return float(_LEADS[enough]), none - totals[enough]
+
+
+def _earlier(recording: Recording, names: tuple[str, ...]) -> Recording:
+    columns = {
+        n: np.append(c[1:], c[-1]) if n in names else c for n, c in recording.columns.items()
+    }
+    return replace(recording, columns=columns)
+
+
+def _between(recording: Recording, names: tuple[str, ...]) -> Recording:
+    """The same with rows between, which have commands on the way and no measurement."""
+    t, count = recording.t, _BETWEEN
+    steps = np.arange(count) / count
+    fine = np.append((t[:-1, None] + np.diff(t)[:, None] * steps).ravel(), t[-1])
+    columns = {}
+    for name, column in recording.columns.items():
+        if name in names:
+            # held over a short interval, a command is the mean of what it was in it
+            middle = np.append(fine[:-1] + 0.5 * np.diff(fine), fine[-1])
+            columns[name] = np.interp(middle, t, column)
+        else:
+            columns[name] = np.full(len(fine), np.nan)
+            columns[name][::count] = column
+    return replace(recording, t=fine, columns=columns)
