@@ -41,6 +41,8 @@ def commands_each(smoothed: Smoothed, parts: tuple[Part, ...], forgets: bool, st
     if not driven.any() or smoothed.motion.scene.free or not _always_new(smoothed):
         return 1
     held = _error(smoothed, forgets, step)
+    if not np.isfinite(held[driven]).all():  # the model as given runs away
+        return 1
     # the mean of two commands an interval, without smoothing anything anew
     early = replace(smoothed, samples=tuple(_earlier(s) for s in smoothed.samples))
     if not _better(_error(early, forgets, step), held, driven):
