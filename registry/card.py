@@ -61,7 +61,7 @@ class HeldOut:
     """The metric by which versions of a model are compared: lower is better.
 
     Attributes:
-        set: which data, e.g. ``"pairs/test"``.
+        set: which data, e.g. ``"validation pairs"``.
         data_hash: hash of that data; only equal hashes are comparable.
         metric: e.g. ``"mse"``, on normalised o′ [-].
         value: the metric.
@@ -118,7 +118,7 @@ class Card:
         data_hash: hash of the training data.
         config_hash: hash of the resolved configuration.
         commit: commit of the code that trained it.
-        metrics: any further metrics by name.
+        metrics: any further metrics by name, of ``wt fit`` each method's on the test pairs.
         heldout: the metric that decides about ``champion``.
         parity: largest |ONNX - eager| / max(1, |eager|) found; None if never checked.
         golden: rows to replay wherever the model is used.
