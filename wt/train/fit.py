@@ -104,7 +104,7 @@ def fit_world_model(
     module.load_state_dict(torch.load(best, "cpu", weights_only=True)["state_dict"])
     chosen = module.deployed().eval()
     _choose_strength(chosen, pairs)
-    _choose_trust(chosen, pairs)
+    _fit_trust_on_pairs(chosen, pairs)
     return chosen
 
 
@@ -333,8 +333,11 @@ def _choose_strength(model: WorldModel, pairs: PairTensors) -> None:
 
 
 @torch.no_grad()
-def _choose_trust(model: WorldModel, pairs: PairTensors) -> None:
-    """Give the reader the share of each channel that is nearest to R on the validation pairs."""
+def _fit_trust_on_pairs(model: WorldModel, pairs: PairTensors) -> None:
+    """Fit the reader's share of each channel to R by least squares on the validation pairs.
+
+    Of all weights these alone are fitted on pairs, and only with ``mean.simulator: blend``.
+    """
     frame = model.frame
     if frame.reader is None:
         return
