@@ -60,6 +60,7 @@ def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) ->
     """
     if not given:
         raise RecordingError("no recording was given; give at least one .parquet file")
+    _refuse_both(given, holdout)
     named = _numbered([_read(scene, source, i) for i, source in enumerate([*given, *holdout])])
     parts = [Part(r, i) for i, (_, r) in enumerate(named)]
     fit, held = parts[: len(given)], parts[len(given) :]
@@ -79,6 +80,17 @@ def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) ->
         for p in parts
     ]
     return Prepared(tuple(fit), tuple(held), tuple(used), tuple(n for n, _ in named), split)
+
+
+def _refuse_both(given: Sequence[Source], holdout: Sequence[Source]) -> None:
+    """Refuse a file that is to be fitted and to prove the fit."""
+    fitted = {Path(s).resolve() for s in given if not isinstance(s, Recording)}
+    for source in holdout:
+        if not isinstance(source, Recording) and Path(source).resolve() in fitted:
+            raise RecordingError(
+                f"'{source}' is to be fitted and held out: what was fitted proves nothing; name it "
+                "once"
+            )
 
 
 def _roles(fit: list[Part], held: list[Part]) -> tuple[tuple[Role, list[Part]], ...]:
