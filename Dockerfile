@@ -1,17 +1,26 @@
-# CPU image: the wheel of this checkout, installed and tried. `make docker` builds it;
-#   docker run --rm -v "$PWD/runs:/wt/runs" world-translation fit --config conf/r5.yaml
-FROM python:3.11-slim
+# CPU images of this checkout. `make docker` builds the whole, `make docker-run` the runner alone.
+# Runs, collections and MLflow's store stay in the folder that is mounted:
+#   docker run --rm -v "$PWD:/wt" world-translation fit --config r5
+#   docker run --rm -it --network host -v "$PWD:/wt" world-translation-run --policy go2
+FROM python:3.11-slim AS run
+ENV PIP_NO_CACHE_DIR=1
+WORKDIR /src
+COPY . .
+RUN python -m venv /env && /env/bin/pip install -c constraints.txt '.[deploy]'
+WORKDIR /wt
+VOLUME /wt
+ENTRYPOINT ["/env/bin/wt-run"]
+CMD ["--help"]
 
+FROM python:3.11-slim AS whole
 # pip takes torch's CPU build where it finds one; PyPI's own brings CUDA.
 ARG TORCH_INDEX=https://download.pytorch.org/whl/cpu
 ENV PIP_NO_CACHE_DIR=1
-
 WORKDIR /src
 COPY . .
 RUN PIP_EXTRA_INDEX_URL=$TORCH_INDEX tests/wheel_smoke.sh install /env
 RUN tests/wheel_smoke.sh run /env /tmp/smoke && rm -rf /tmp/smoke
-
 WORKDIR /wt
-RUN cp -r /src/conf conf
+VOLUME /wt
 ENTRYPOINT ["/env/bin/wt"]
 CMD ["--help"]

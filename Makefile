@@ -11,7 +11,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 # Test processes, each on one thread: two of them beat one with two threads.
 WORKERS ?= 2
 
-.PHONY: help env fit test lint format bench wheel-smoke docker
+.PHONY: help env fit demo test lint format bench docs stranger wheel-smoke docker docker-run
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -34,6 +34,9 @@ $(STAMP): pyproject.toml constraints.txt
 fit: env ## train, evaluate and register World Translation on the simulated R5
 	$(BIN)/wt fit --config conf/r5.yaml $(ARGS)
 
+demo: env ## both halves on small examples, a minute and a half: leaves demo/
+	$(BIN)/wt demo $(ARGS)
+
 test: lint ## lint, types and all tests
 	OMP_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --dist loadfile --max-worker-restart=0 $(ARGS)
 
@@ -47,13 +50,24 @@ format: env ## lay the code out as lint wants it
 	$(BIN)/ruff format --quiet .
 
 bench: env ## print the tables of speed
+	$(BIN)/python benchmarks/steps.py
 	$(BIN)/python benchmarks/collect.py
 	$(BIN)/python benchmarks/train.py
 	$(BIN)/python benchmarks/runner.py
 	$(BIN)/python benchmarks/finetune.py
 
+docs: env ## build the documentation's site: leaves site/
+	$(BIN)/pip install -qq --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	$(BIN)/mkdocs build --strict
+
+stranger: ## what a stranger does first, in a fresh clone: set up, make demo, open each product
+	tests/end_to_end/stranger.sh
+
 wheel-smoke: ## build the wheel, install it in a fresh environment, run the smoke test
 	PYTHON=$(PYTHON) tests/wheel_smoke.sh
 
 docker: ## the same in a container, which stays as the image world-translation
-	docker build -t world-translation .
+	docker build -t world-translation --target whole .
+
+docker-run: ## a small image with wt-run alone, as world-translation-run
+	docker build -t world-translation-run --target run .

@@ -22,8 +22,8 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from mujoco.batch import Batch
 
+from wt.batch import Batch
 from wt.locomotion.config import PolicyConfig, load
 from wt.locomotion.env import Walking, sample_commands
 from wt.worlds.legged import TIMESTEP, Herd

@@ -10,10 +10,14 @@ from collections.abc import Sequence
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from wt.errors import WorkError
+from wt.errors import UserError, WorkError
 
-REPORT = "report.json"
+if TYPE_CHECKING:
+    from deploy.runner import RunOutcome
+
+REPORT, MODEL = "report.json", "model.xml"
 
 
 def run(
@@ -45,6 +49,8 @@ def run(
     from deploy.robot import Silent
     from deploy.runner import RATE_HZ, Runner, teller
     from deploy.safety import Limits
+    from deploy.scribe import Scribe
+    from wt.worlds.robots import mjcf
 
     bounds = Limits.parse(list(limits))
     policy = load(reference)
@@ -53,6 +59,7 @@ def run(
     robot = Go2(DdsParticipant(interface, domain), policy.card.joints)
     folder = out or Path("runs") / f"go2-{datetime.now():%Y-%m-%dT%H-%M-%S}"
     folder.mkdir(parents=True, exist_ok=True)  # if it cannot be, better now than after the run
+    left = _leave_model(folder / MODEL, mjcf("go2"))
     operator, say = HumanOperator(policy.card.command_limits), teller()
     say(f"policy {policy.card.name} ({policy.card.sha256[:12]}) on {interface}\n{KEYS}")
     runner = Runner(Silent(robot) if dry_run else robot, Pilot(policy), operator, bounds, say=say)
@@ -61,21 +68,50 @@ def run(
         "policy": reference, "policy_sha256": policy.card.sha256, "dry_run": dry_run,
         "limits": vars(bounds),
     }  # fmt: skip
+    scribe = Scribe(folder, runner.recorder, meta)
     try:
         with operator.attending():
             outcome = runner.run(math.inf if seconds is None else seconds)
     finally:
         meta |= {"events": runner.events, "health": robot.health()}
         written = runner.recorder.write(folder, meta)
-        if not written:
+        scribe.dismiss()
+        if left and not written:
+            (folder / MODEL).unlink()
             with suppress(OSError):  # it was there before, with something in it
                 folder.rmdir()
-    report = {"timing": outcome.timing.dict(), "events": runner.events, "began": outcome.began}
-    _write_json(folder / REPORT, report)
-    print(outcome.timing.text())
-    print(f"{folder}: {', '.join([*(p.name for p in written), REPORT])}")
+    _write_whole(folder / REPORT, json.dumps(_report(outcome, runner.events), indent=1) + "\n")
+    _tell(folder, [p.name for p in written], outcome)
     if outcome.fault:
         raise WorkError(f"ended in damping after a fault: {outcome.fault}")
+
+
+def _leave_model(path: Path, xml: str) -> bool:
+    """Write the machine's MJCF unless it is there; False if it was.
+
+    Raises:
+        UserError: another file has that name.
+    """
+    if path.exists():
+        if path.read_text(errors="replace") != xml:
+            raise UserError(f"{path} is there already and is not the Go2's: give another --out")
+        return False
+    _write_whole(path, xml)
+    return True
+
+
+def _report(outcome: RunOutcome, events: object) -> dict[str, object]:
+    return {"timing": outcome.timing.dict(), "events": events, "began": outcome.began}
+
+
+def _tell(folder: Path, written: Sequence[str], outcome: RunOutcome) -> None:
+    """Print the timing, what was written, and how to compare it with the model."""
+    from deploy.record import RECORDING
+
+    print(outcome.timing.text())
+    print(f"{folder}: {', '.join([*written, MODEL, REPORT])}")
+    if RECORDING in written:
+        print(f"wt diagnose {folder / MODEL} {folder / RECORDING} --out {folder / 'diagnosis'}")
 
 
 def simulate(
@@ -122,7 +158,7 @@ def simulate(
         print(f"{out}: {', '.join(p.name for p in written)}")
 
 
-def _write_json(path: Path, content: object) -> None:
+def _write_whole(path: Path, content: str) -> None:
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    temporary.write_text(content, encoding="utf-8")
     os.replace(temporary, path)

@@ -58,8 +58,8 @@ def _wire(layout: np.dtype) -> tuple[np.ndarray, np.ndarray]:
     for offset, size, count in _leaves(layout, 0):
         index += [-1] * (-len(index) % size)
         index += range(offset, offset + size * count)
-    found = np.array(index)
-    return found, found >= 0
+    order = np.array(index)
+    return order, order >= 0
 
 
 def _leaves(layout: np.dtype, start: int) -> Iterator[tuple[int, int, int]]:

@@ -55,13 +55,13 @@ class MotionController:
         rose = now - self._since >= self._limits.stand_seconds
         return rose and off <= self._limits.stand_error
 
-    def think(self, now: float, state: State, told: np.ndarray) -> Fault | None:
+    def think(self, now: float, state: State, velocity_command: np.ndarray) -> Fault | None:
         """Ask the policy at its rate, and take its action: mostly within the same tick.
 
         Args:
             now: time [s].
             state: of the robot.
-            told: velocity command, (3,) [m/s, m/s, rad/s].
+            velocity_command: velocity command, (3,) [m/s, m/s, rad/s].
 
         Returns:
             What is wrong with the policy, if anything is.
@@ -72,7 +72,7 @@ class MotionController:
             period = 1 / self.pilot.card.rate_hz
             self._due = max(self._due + period, now + period / 2)
             self._asked, self._waiting = now, True
-            self.pilot.ask(state, told)
+            self.pilot.ask(state, velocity_command)
         if not self._waiting:
             return None
         action = self.pilot.answer(_PATIENCE if ask else 0.0)

@@ -29,12 +29,12 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 def wish_of(remote: Remote) -> Wish | None:
     """Wish that the buttons express; damping comes before anything else."""
-    held = remote.buttons
-    if {"L2", "B"} <= held:
+    pressed = remote.buttons
+    if {"L2", "B"} <= pressed:
         return Wish.DAMPING
-    if {"L2", "A"} <= held:
+    if {"L2", "A"} <= pressed:
         return Wish.STAND
-    return Wish.POLICY if "start" in held else None
+    return Wish.POLICY if "start" in pressed else None
 
 
 class Keyboard:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -46,6 +46,15 @@ class Table:
             row[at : at + size] = part
             at += size
         self._used += 1
+
+    def extend(self, rows: np.ndarray) -> None:
+        """Many rows, (N, columns)."""
+        for row in rows:
+            self.append(row)
+
+    def last(self) -> np.ndarray:
+        """The row that was appended last, (columns,)."""
+        return self._blocks[-1][self._used - 1]
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -92,6 +101,34 @@ class Recorder:
         names = (*(f"ctrl/{joint}" for joint in joints), *measured)
         self._recording = Table(["t", *names])
         self._log = Table(["t", *names, "robot_time", *extra])
+        self._follower: Callable[[np.ndarray], None] | None = None
+
+    @property
+    def columns(self) -> dict[str, list[str]]:
+        """Names of the columns of both tables: what :meth:`restored` needs beside the rows."""
+        return {"recording": list(self._recording.columns), "log": list(self._log.columns)}
+
+    def follow(self, follower: Callable[[np.ndarray], None]) -> None:
+        """Have somebody told every row of the log, in the loop: it must not wait."""
+        self._follower = follower
+
+    @classmethod
+    def restored(cls, columns: Mapping[str, Sequence[str]], rows: np.ndarray) -> Recorder:
+        """A recorder with the rows of a log; the recording follows from them.
+
+        Args:
+            columns: :attr:`columns` of the one that noted them.
+            rows: of its log, (N, columns of the log).
+        """
+        made = cls((), (), ())
+        made._recording, made._log = (Table(columns[k]) for k in ("recording", "log"))
+        made._log.extend(rows)
+        known = len(columns["recording"])  # t, targets and measurements, in both tables
+        recorded = np.column_stack([rows[:, known], rows[:, 1:known]])
+        # told positions, and heard of
+        held = np.isfinite(rows[:, 1]) & np.isfinite(rows[:, known])
+        made._recording.extend(recorded[held])
+        return made
 
     def row(
         self, now: float, robot_time: float | None, measured: np.ndarray, command: Command,
@@ -112,6 +149,8 @@ class Recorder:
         elif target is not self._no_target:
             self._recording.append(robot_time, target, measured)
         self._log.append(now, target, measured, robot_time, *extra)
+        if self._follower is not None:
+            self._follower(self._log.last())
 
     def ticks(self) -> dict[str, np.ndarray]:
         """The log's columns by name."""

@@ -39,9 +39,9 @@ class Remote:
     def unpack(cls, data: bytes) -> Remote:
         """Read :data:`SIZE` bytes; a stick that is no number rests."""
         bits, left_x, right_x, _right_y, _unused, left_y = _FORMAT.unpack_from(data)
-        held = frozenset(name for k, name in enumerate(BUTTONS) if bits >> k & 1)
+        pressed = frozenset(name for k, name in enumerate(BUTTONS) if bits >> k & 1)
         # the sticks' x axis points right; robots' y axis and turning rate point left
-        return cls(held, _stick(left_y), -_stick(left_x), -_stick(right_x))
+        return cls(pressed, _stick(left_y), -_stick(left_x), -_stick(right_x))
 
     def pack(self) -> bytes:
         """The inverse of :meth:`unpack`."""

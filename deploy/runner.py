@@ -155,18 +155,18 @@ class Runner:
 
     def _tick(self, now: float, ended: bool) -> Wish | None:
         """One tick; an error of ours ends in damping, too."""
-        told, command = np.zeros(3), self._motion.brake()
+        velocity_command, command = np.zeros(3), self._motion.brake()
         wish = Wish.QUIT if ended or self._operator.ended() else None
         try:
             self._watch.listen(now)
-            asked, told = self._operator.poll(self._watch.known().remote)
+            asked, velocity_command = self._operator.poll(self._watch.known().remote)
             wish = wish or asked
-            command = self._decide(now, wish, told)
+            command = self._decide(now, wish, velocity_command)
         except Exception as error:
             self._broken(now, error)
         self._robot.send(command)
         try:
-            self._note(now, command, told)
+            self._note(now, command, velocity_command)
         except Exception as error:  # without a log, the drives are still to be told
             self._broken(now, error)
         return wish
@@ -174,11 +174,11 @@ class Runner:
     def _broken(self, now: float, error: Exception) -> None:
         self._move_on(now, None, Fault("internal", f"{type(error).__name__}: {error}"))
 
-    def _decide(self, now: float, wish: Wish | None, told: np.ndarray) -> Command:
+    def _decide(self, now: float, wish: Wish | None, velocity_command: np.ndarray) -> Command:
         state = self._watch.known()
         self._move_on(now, wish, self._watch.first_fault())
         if self.status.stage is Stage.POLICY:
-            self._move_on(now, None, self._motion.think(now, state, told))
+            self._move_on(now, None, self._motion.think(now, state, velocity_command))
         return self._motion.command(self.status.stage, now, state)
 
     def _move_on(self, now: float, wish: Wish | None, fault: Fault | None) -> None:
@@ -193,13 +193,13 @@ class Runner:
         self._say(what)
         self._motion.begin(status.stage, now, state)
 
-    def _note(self, now: float, command: Command, told: np.ndarray) -> None:
+    def _note(self, now: float, command: Command, velocity_command: np.ndarray) -> None:
         state, status = self._watch.known(), self.status
         self._ages.append(self._watch.age)
         extra = (
             float(_STAGES.index(status.stage)), float(status.fault is not None),
             self._watch.age, float(command.stiffness.max()), float(command.damping.max()),
-            self._seconds[-1] if self._seconds else math.nan, *told,
+            self._seconds[-1] if self._seconds else math.nan, *velocity_command,
             state.battery, float(state.temperature.max()),
         )  # fmt: skip
         heard = state.time if self._watch.fresh else None

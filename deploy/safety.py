@@ -185,19 +185,19 @@ def faults(
         drives: what the robot can take.
         limits: when to stop.
     """
-    found = {"not_finite": not_finite(state)}
-    if found["not_finite"] is None:  # comparisons with NaN would all hold
-        found["tilt"] = tilted(state.quaternion, limits.tilt)
-        found["range"] = out_of_range(state.position, drives, limits.range_slack)
-        found["speed"] = too_fast(state.velocity, drives, limits.speed)
+    reasons = {"not_finite": not_finite(state)}
+    if reasons["not_finite"] is None:  # comparisons with NaN would all hold
+        reasons["tilt"] = tilted(state.quaternion, limits.tilt)
+        reasons["range"] = out_of_range(state.position, drives, limits.range_slack)
+        reasons["speed"] = too_fast(state.velocity, drives, limits.speed)
         if before is not None:
-            found["jump"] = jumped(
+            reasons["jump"] = jumped(
                 state.position, before.position, state.time - before.time, drives, limits.speed,
                 limits.jump,
             )  # fmt: skip
-        found["temperature"] = hot(state.temperature, limits.temperature)
-        found["battery"] = flat(state.battery, limits.battery)
-    yield from ((name, words) for name, words in found.items() if words)
+        reasons["temperature"] = hot(state.temperature, limits.temperature)
+        reasons["battery"] = flat(state.battery, limits.battery)
+    yield from ((name, words) for name, words in reasons.items() if words)
 
 
 def within_range(target: Joints, drives: Drives, margin: float) -> Joints:

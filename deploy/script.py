@@ -54,6 +54,6 @@ class Script:
 
     def at(self, time: float) -> Remote:
         """The remote at a time [s]."""
-        held = [buttons for begin, buttons in self.presses if 0 <= time - begin < _PRESS]
+        pressed = [buttons for begin, buttons in self.presses if 0 <= time - begin < _PRESS]
         moved = [sticks for begin, sticks in self.sticks if begin <= time]
-        return Remote(frozenset().union(*held), *(moved[-1] if moved else (0.0, 0.0, 0.0)))
+        return Remote(frozenset().union(*pressed), *(moved[-1] if moved else (0.0, 0.0, 0.0)))

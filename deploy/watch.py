@@ -58,5 +58,5 @@ class Watch:
             return Fault("stale_state", f"the robot's state is {words}")
         if self.state is None or not self.fresh:
             return None
-        found = safety.faults(self.state, self._before, self._robot.drives, self._limits)
-        return next((Fault(name, words) for name, words in found), None)
+        faults = safety.faults(self.state, self._before, self._robot.drives, self._limits)
+        return next((Fault(name, words) for name, words in faults), None)

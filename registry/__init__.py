@@ -4,6 +4,8 @@
 ``registry.card``      what travels beside a model: names, units, hashes, metrics, golden pairs
 ``registry.parity``    does the ONNX graph compute what the model computed? is a folder whole?
 ``registry.backend``   the MLflow store that runs and models share, and how it is reached
+``registry.mlmodel``   a model's folder as ``mlflow.pyfunc`` and ``mlflow.onnx`` load it
+``registry.served``    what runs a graph there; travels with each model
 ``registry.store``     registered models: the only user of MLflow's registry API
 ``registry.push``      register a model; ``champion`` moves only to a better one
 ``registry.pull``      fetch a model and verify every byte of it

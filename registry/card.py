@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -24,6 +24,9 @@ from pydantic.dataclasses import dataclass
 
 from wt.errors import RegistryError
 from wt.types import Channel, TransitionSpec
+
+if TYPE_CHECKING:
+    import onnx
 
 MODEL_FILE = "model.onnx"
 CARD_FILE = "card.json"
@@ -114,7 +117,7 @@ class Card:
         rate_hz: control rate [Hz] of the transitions.
         joints: joint names in the order of the position channels.
         inputs: o, a and o_next_sim.
-        outputs: o_next_real.
+        outputs: o_next_real; behind it the features of the graph, which have no unit.
         data_hash: hash of the training data.
         config_hash: hash of the resolved configuration.
         commit: commit of the code that trained it.
@@ -125,6 +128,7 @@ class Card:
         sha256: of ``model.onnx``.
         created: UTC, ISO 8601.
         packages: versions of Python and of the libraries that made the model.
+        opset: version of ONNX's operator set that the graph needs; None on older cards.
     """
 
     schema: Literal[1] = 1
@@ -133,7 +137,7 @@ class Card:
     rate_hz: float
     joints: tuple[str, ...]
     inputs: tuple[Port, Port, Port]
-    outputs: tuple[Port]
+    outputs: tuple[Port, ...]
     data_hash: str
     config_hash: str
     commit: str
@@ -144,10 +148,11 @@ class Card:
     sha256: Sha256
     created: Annotated[str, StringConstraints(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\+00:00$")]
     packages: dict[str, str]
+    opset: int | None = None
 
     def __post_init__(self) -> None:
         """Refuse golden rows that do not fit the ports."""
-        for port in (*self.inputs, *self.outputs):
+        for port in (*self.inputs, *self.outputs[:1]):  # features have no truth to compare with
             rows = getattr(self.golden, port.name, None)
             if rows is None:
                 raise ValueError(f"{port.name!r} is no input or output of a translation")
@@ -214,9 +219,9 @@ def describe(
         parity: what ``registry.parity.check`` returned; None if it was not called.
         golden: o, a, o′ of S and the eager model's o′ of R, a few rows each.
     """
+    import onnx
 
-    def port(port_name: str, channels: tuple[Channel, ...]) -> Port:
-        return Port(port_name, ("batch", len(channels)), channels)
+    graph = onnx.load(onnx_path)
 
     o, a, o_next_sim, o_next_real = (
         tuple(tuple(float(v) for v in row) for row in np.asarray(x, np.float32)) for x in golden
@@ -227,11 +232,14 @@ def describe(
         rate_hz=spec.rate_hz,
         joints=spec.joints,
         inputs=(
-            port("o", spec.observation),
-            port("a", spec.action),
-            port("o_next_sim", spec.observation),
+            _port("o", spec.observation),
+            _port("a", spec.action),
+            _port("o_next_sim", spec.observation),
         ),
-        outputs=(port("o_next_real", spec.observation),),
+        outputs=(
+            _port("o_next_real", spec.observation),
+            *(_feature(info) for info in graph.graph.output if info.name != "o_next_real"),
+        ),
         data_hash=data_hash,
         config_hash=config_hash,
         commit=commit,
@@ -243,7 +251,18 @@ def describe(
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         packages={"python": platform.python_version()}
         | {package: importlib.metadata.version(package) for package in PACKAGES},
+        opset=next(x.version for x in graph.opset_import if not x.domain),
     )
+
+
+def _port(name: str, channels: tuple[Channel, ...]) -> Port:
+    return Port(name, ("batch", len(channels)), channels)
+
+
+def _feature(info: onnx.ValueInfoProto) -> Port:
+    """An output of the graph that is no observation: channels that are numbered."""
+    width = info.type.tensor_type.shape.dim[1].dim_value
+    return _port(info.name, tuple(Channel(str(k), "1") for k in range(width)))
 
 
 def sha256(path: Path) -> str:

@@ -13,13 +13,17 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from registry import mlmodel
 from registry.card import CARD_FILE, HeldOut, sha256
 from registry.pull import fetch
 from registry.push import CHAMPION, compare
-from registry.store import TRACKING_ERROR, Store, Version
+from registry.store import TRACKING_ERROR, About, Store, Version
 from wt.errors import RegistryError
 
 POLICY_FILE = "policy.onnx"
+_NEEDED = {"name", "robot", "sha256", "observation", "joints", "rate_hz"}
 
 
 def push(folder: Path, run_id: str, *, uri: str | None = None) -> Version:
@@ -53,8 +57,9 @@ def push(folder: Path, run_id: str, *, uri: str | None = None) -> Version:
     if same is not None:
         return same
     wins, decision = compare(heldout, next((v for v in versions if CHAMPION in v.aliases), None))
-    files = [folder / POLICY_FILE, folder / CARD_FILE]
-    number = store.add(card["name"], run_id, files, heldout, {**hashes, "decision": decision})
+    tags = {**hashes, "decision": decision, "robot": str(card["robot"])}
+    files = mlmodel.Files(folder / POLICY_FILE, folder / CARD_FILE, _frames(card), run_id)
+    number = store.add(card["name"], run_id, files.write, heldout, tags, _about(card, heldout))
     made = store.resolve(f"{card['name']}/{number}")
     if wins:
         store.set_alias(made, CHAMPION)
@@ -108,7 +113,7 @@ def _read(folder: Path) -> dict[str, Any]:
         raise RegistryError(
             f"{folder / CARD_FILE} is not JSON ({error}); export the policy again"
         ) from error
-    if not isinstance(card, dict) or not {"name", "robot", "sha256"} <= set(card):
+    if not isinstance(card, dict) or not set(card) >= _NEEDED:
         raise RegistryError(f"{folder / CARD_FILE} is no card of a policy; export the policy again")
     return card
 
@@ -127,3 +132,20 @@ def _heldout(card: dict[str, Any], folder: Path) -> HeldOut:
     text = json.dumps(tried, sort_keys=True)
     error = sum(float(trial["error"]) for trial in trials) / len(trials)
     return HeldOut("walk", hashlib.sha256(text.encode()).hexdigest(), TRACKING_ERROR, error)
+
+
+def _frames(card: dict[str, Any]) -> mlmodel.Frames:
+    rest = np.zeros((1, len(card["observation"])))
+    inputs, outputs = {"observation": card["observation"]}, {"action": card["joints"]}
+    return mlmodel.Frames(inputs, outputs, {"observation": rest})
+
+
+def _about(card: dict[str, Any], heldout: HeldOut) -> About:
+    """Words on a policy and on one version of it."""
+    return About(
+        f"Walking policy of the robot `{card['robot']}` at {card['rate_hz']:g} Hz: from an "
+        "observation to the offsets of its joints' targets, in units of the action scale on its "
+        "card.",
+        f"**Error in following commands {heldout.value:.4g}** (mean over the trials on its card). "
+        "`wt-run --policy` runs it on the robot.",
+    )

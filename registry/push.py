@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from registry.card import CARD_FILE, MODEL_FILE, HeldOut, sha256
+from registry import mlmodel
+from registry.card import CARD_FILE, MODEL_FILE, Card, HeldOut, sha256
 from registry.parity import TOLERANCE, verify
 from registry.pull import pull
-from registry.store import Store, Version
+from registry.store import About, Store, Version
 from wt.errors import RegistryError
 
 CHAMPION = "champion"
@@ -55,9 +56,15 @@ def push(
     mine = (run_id, card.sha256, card.heldout)
     made = next((v for v in versions if (v.run_id, v.sha256, v.heldout) == mine), None)
     if made is None:
-        files = [model_dir / MODEL_FILE, model_dir / CARD_FILE]
-        hashes = {"sha256": card.sha256, "card_sha256": sha256(model_dir / CARD_FILE)}
-        number = store.add(name, run_id, files, card.heldout, {**hashes, "decision": decision})
+        tags = {
+            "sha256": card.sha256,
+            "card_sha256": sha256(model_dir / CARD_FILE),
+            "decision": decision,
+            "task": card.task,
+            "commit": card.commit,
+        }
+        files = mlmodel.Files(model_dir / MODEL_FILE, model_dir / CARD_FILE, _frames(card), run_id)
+        number = store.add(name, run_id, files.write, card.heldout, tags, _about(card))
         made = store.resolve(f"{name}/{number}")
     else:
         pull(str(made), model_dir, uri=uri)
@@ -85,3 +92,27 @@ def compare(new: HeldOut, champion: Version | None) -> tuple[bool, str]:
     if new.value < old.value:
         return True, f"champion: {new.metric} {new.value:.6g} < {old.value:.6g} of {champion}"
     return False, f"not champion: {new.metric} {new.value:.6g} >= {old.value:.6g} of {champion}"
+
+
+def _frames(card: Card) -> mlmodel.Frames:
+    inputs, outputs = (
+        {port.name: [c.name for c in port.channels] for port in ports}
+        for ports in (card.inputs, card.outputs)
+    )
+    example = dict(zip(inputs, card.golden.arrays(), strict=False))
+    return mlmodel.Frames(inputs, outputs, example)
+
+
+def _about(card: Card) -> About:
+    """Words on a model and on one version of it."""
+    measured = f"{card.heldout.metric} {card.heldout.value:.4g} on {card.heldout.set}"
+    others = ", ".join(f"{name} {value:.4g}" for name, value in card.metrics.items())
+    return About(
+        f"World Translation for the task `{card.task}`: from an observation, an action and the "
+        "simulator's next observation to the real robot's next observation, in physical units "
+        f"at {card.rate_hz:g} Hz. Joints: {', '.join(card.joints)}.",
+        f"**{measured}** (errors of the normalised next state).\n\nAll of its run: {others}.\n\n"
+        f"Trained from data {card.data_hash} by commit {card.commit[:12]}; `card.json` beside the "
+        "graph has the rest. `mlflow.pyfunc.load_model` takes a frame with one column a channel, "
+        "as in the example.",
+    )

@@ -1,14 +1,14 @@
 """The registered models of a store: the only module that uses MLflow's registry API.
 
-A registered version is two plain files among the artifacts of the run that made it, found
-through the version's source, with their hashes in its tags. MLflow's model flavours, which may
-unpickle, are never used.
+A registered version is a model of MLflow's (``registry.mlmodel``), logged by the run that made it,
+with the hashes of its graph and card in the tags. We read those two files alone, and verify them.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+import tempfile
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -38,7 +38,7 @@ class Version:
         version: 1, 2, …
         aliases: e.g. ``("champion",)``.
         run_id: run that made it.
-        source: URI of the folder with its two files.
+        source: URI of the folder with its files.
         created: UTC, ISO 8601.
         sha256: of ``model.onnx``.
         card_sha256: of ``card.json``.
@@ -62,6 +62,19 @@ class Version:
     def __str__(self) -> str:
         """The reference by which it is pulled, e.g. ``wt-r5/3``."""
         return f"{self.name}/{self.version}"
+
+
+@dataclass(frozen=True)
+class About:
+    """What a person reads of a model in MLflow.
+
+    Attributes:
+        model: on the page of the registered model.
+        version: on the page of one version.
+    """
+
+    model: str
+    version: str
 
 
 class Store:
@@ -130,18 +143,20 @@ class Store:
         self,
         name: str,
         run_id: str,
-        files: Sequence[Path],
+        write: Callable[[Path, str], None],
         heldout: HeldOut,
         tags: Mapping[str, str],
+        about: About,
     ) -> int:
-        """Upload files into a run and register them as the next version of ``name``.
+        """Log a model's folder in a run and register it as the next version of ``name``.
 
         Args:
             name: as :func:`check_name` allows.
             run_id: the run that made the model.
-            files: the model and its card.
+            write: fills the folder, given it and the id of MLflow's logged model.
             heldout: the metric that versions are compared by.
-            tags: ``sha256``, ``card_sha256`` and ``decision``, as in :class:`Version`.
+            tags: ``sha256``, ``card_sha256`` and ``decision``, as in :class:`Version`, and others.
+            about: what a person reads.
 
         Returns:
             The new version's number.
@@ -149,20 +164,30 @@ class Store:
         Raises:
             RegistryError: the name cannot be used.
         """
+        from mlflow.entities import LoggedModelOutput
+
         check_name(name)
-        # By content: a run that pushes twice must not overwrite what a version points to.
-        folder = f"models/{tags['card_sha256'][:16]}"
-        about = {f"heldout.{key}": str(value) for key, value in vars(heldout).items()}
-        with answering(self.uri):
-            for file in files:
-                self._client.log_artifact(run_id, str(file), folder)
-            source = f"{self._client.get_run(run_id).info.artifact_uri}/{folder}"
+        compared = {f"heldout.{key}": str(value) for key, value in vars(heldout).items()}
+        with answering(self.uri), quiet():
+            run = self._client.get_run(run_id)
+            logged = self._client.create_logged_model(
+                run.info.experiment_id, name, run_id, tags=dict(tags), model_type="onnx"
+            )
+            with tempfile.TemporaryDirectory(prefix="wt-push-") as folder:
+                write(Path(folder), logged.model_id)
+                self._client.log_model_artifacts(logged.model_id, folder)
+            self._client.finalize_logged_model(logged.model_id, "READY")
+            self._client.log_outputs(run_id, [LoggedModelOutput(logged.model_id, 0)])
             if name not in self.models():
-                self._client.create_registered_model(name)
-            with quiet():
-                made = self._client.create_model_version(
-                    name, source, run_id, tags={**tags, **about}
-                )
+                self._client.create_registered_model(name, description=about.model)
+            made = self._client.create_model_version(
+                name,
+                logged.artifact_location,
+                run_id,
+                tags={**tags, **compared},
+                description=about.version,
+                model_id=logged.model_id,
+            )
         return int(made.version)
 
     def set_alias(self, version: Version, alias: str) -> None:

@@ -10,8 +10,39 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from jaxtyping import install_import_hook
 
 ROOT = Path(__file__).resolve().parent.parent
+
+EVERY_STEP = {
+    "wt.diagnose.unknown.law",
+    "wt.diagnose.unknown.memory",
+    "wt.physics.live",
+    "wt.physics.scene",
+    "wt.prove.body_laws",
+    "wt.prove.contact_laws",
+    "wt.prove.drive_laws",
+    "wt.prove.hidden",
+    "wt.prove.joint_laws",
+    "wt.prove.laws",
+    "wt.prove.moving_laws",
+    "wt.prove.outside_laws",
+}
+"""Modules whose functions run at every physics step: to check them would take longer than to run
+them, and made the tests three times as long."""
+
+
+def _check_shapes() -> None:
+    """Have types and shapes checked in every call of our own code, but for :data:`EVERY_STEP`."""
+    files = [p for top in ("wt", "registry", "deploy") for p in (ROOT / top).rglob("*.py")]
+    modules = {".".join(p.relative_to(ROOT).with_suffix("").parts) for p in files}
+    assert modules >= EVERY_STEP, f"no such modules: {sorted(EVERY_STEP - modules)}"
+    # a package's own name would stand for all that is in it
+    checked = {m for m in modules - EVERY_STEP if not m.endswith("__init__")}
+    install_import_hook(sorted(checked), "beartype.beartype")
+
+
+_check_shapes()
 
 FromShared = Callable[[str], Path]
 

@@ -208,3 +208,56 @@ def test_mlflow_is_imported_only_when_a_run_begins() -> None:
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     )
     assert done.stdout.strip() == "[]"
+
+
+def test_a_run_has_runs_below_it_that_are_found_again(uri: str, client: MlflowClient) -> None:
+    with track.run("toy", "parent", uri=uri) as run:
+        run.tags({"task": "toy", "mlflow.note.content": "words"})
+        run.child("A, seed 0").metrics({"loss": 1.0}, 0)
+        run.child("B, seed 0").params({"seed": 0})
+    with track.run("toy", "parent", uri=uri, run_id=run.id) as again:
+        again.child("A, seed 0").metrics({"loss": 0.5}, 1)
+    held = client.get_run(run.id)
+    below = client.search_runs([held.info.experiment_id], f"tags.`mlflow.parentRunId` = '{run.id}'")
+    by_name = {r.info.run_name: r for r in below}
+    assert set(by_name) == {"A, seed 0", "B, seed 0"}
+    assert {r.info.status for r in below} == {"FINISHED"}
+    assert by_name["B, seed 0"].data.params == {"seed": "0"}
+    assert by_name["A, seed 0"].data.tags["task"] == "toy"
+    history = client.get_metric_history(by_name["A, seed 0"].info.run_id, "loss")
+    assert [(m.step, m.value) for m in history] == [(0, 1.0), (1, 0.5)]
+    assert {"mlflow.source.name", "mlflow.user", "mlflow.note.content"} <= set(held.data.tags)
+
+
+def test_what_fails_fails_with_all_below_it(uri: str, client: MlflowClient) -> None:
+    with pytest.raises(ZeroDivisionError), track.run("toy", "cut", uri=uri) as run:
+        child = run.child("A")
+        child.metrics({"loss": 2.0}, 0)
+        _ = 1 / 0
+    assert client.get_run(child.id).info.status == "FAILED"
+    assert client.get_run(child.id).data.metrics == {"loss": 2.0}
+
+
+def test_data_is_shown_with_its_digest(uri: str, client: MlflowClient, tmp_path: Path) -> None:
+    from mlflow.data import get_source
+
+    data = track.Dataset("toy/real", "training", "0123456789abcdef", tmp_path, 300)
+    with track.run("toy", "data", uri=uri) as run:
+        run.inputs([data])
+        run.inputs([data])
+    (used,) = client.get_run(run.id).inputs.dataset_inputs
+    assert (used.dataset.name, used.dataset.digest) == ("toy/real", "0123456789abcdef")
+    assert {t.key: t.value for t in used.tags} == {"mlflow.data.context": "training"}
+    assert json.loads(used.dataset.profile) == {"num_rows": 300}
+    assert Path(get_source(used).load()) == tmp_path
+
+
+def test_the_machine_is_watched(
+    uri: str, client: MlflowClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MLFLOW_SYSTEM_METRICS_SAMPLING_INTERVAL", "0.1")
+    with track.run("toy", "watched", uri=uri) as run, track.machine(run):
+        time.sleep(1.0)
+    seen = client.get_run(run.id).data.metrics
+    assert 0 <= seen["system/cpu_utilization_percentage"] <= 100
+    assert seen["system/system_memory_usage_megabytes"] > 0

@@ -14,16 +14,18 @@ install() {
     "${pip[@]}" install "$(grep '^torch==' "$root/constraints.txt")"
     rm -rf "$root/build" # setuptools would pack what it left there, deleted modules included
     "${pip[@]}" wheel --no-deps --wheel-dir "$env/wheel" "$root"
-    "${pip[@]}" install -c "$root/constraints.txt" "$env"/wheel/world_translation-*.whl
+    "${pip[@]}" install -c "$root/constraints.txt" "$(echo "$env"/wheel/world_translation-*.whl)[fit]"
 }
 
 run() {
     local wt=$1/bin/wt out=$2
     mkdir -p "$out"
-    cp -r "$root/conf" "$out/conf"
     cd "$out" # away from the checkout, so that only the wheel can be imported
     "$wt" --help
-    "$wt" fit --config conf/debug.yaml --out run
+    "$wt" fit --config debug --out run # conf/debug.yaml inside the wheel
+    "$wt" model go2 > go2.xml
+    "$1/bin/python" -c 'from wt import shipped; print(*sorted(shipped.folder("examples").glob("*/model.xml")))' |
+        grep -q arm/model.xml
     for file in results.json results.md rollout.rrd model.onnx card.json config.yaml; do
         test -s "run/$file" || { echo "error: the run left no $file" >&2; exit 1; }
     done

@@ -12,14 +12,16 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 from wt.config import FitConfig, load
+from wt.data.transitions import content_hash
 from wt.errors import ConfigError
+from wt.evaluate import paper
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.evaluate.single_step import Errors, errors
 from wt.run.folder import claim, keep, tracked
 from wt.run.jobs import Job, run_jobs
 from wt.run.publish import Published, check_name, publish
 from wt.run.study import Listener, Study, check
-from wt.run.track import Run
+from wt.run.track import Dataset, Run, machine
 from wt.worlds.base import kind_of
 
 
@@ -73,22 +75,56 @@ def fit(config: FitConfig, folder: Path, listener: Listener) -> tuple[Published,
     Returns:
         What was published, and the MLflow run.
     """
-    with tracked(config, folder) as current:
+    with tracked(config, folder) as current, machine(current):
+        current.tags(_tags(config))
         study = Study.open(config, folder, _Logged(listener, current))
+        current.inputs(_datasets(study))
         methods = [OURS, PAPERS_OWN, *reversed(config.baselines.names)]
-        run_jobs(study, [Job(seed, method) for seed in config.seeds for method in methods])
+        jobs = [Job(seed, method) for seed in config.seeds for method in methods]
+        for job in jobs:
+            current.child(str(job)).params(job.parameters(config))
+        run_jobs(study, jobs)
         by_seed = {seed: _evaluate(study, seed, current) for seed in config.seeds}
         return publish(study, by_seed, current), current
 
 
 class _Logged:
-    """Hands progress and warnings on, and metrics to MLflow."""
+    """Hands progress and warnings on, and metrics to the run of their method and seed in MLflow."""
 
     def __init__(self, listener: Listener, tracked: Run) -> None:
         self.progress, self.warn, self._tracked = listener.progress, listener.warn, tracked
 
-    def metrics(self, values: Mapping[str, float], step: int) -> None:
-        self._tracked.metrics(values, step)
+    def metrics(self, what: str, values: Mapping[str, float], step: int) -> None:
+        self._tracked.child(what).metrics(values, step)
+
+
+def _tags(config: FitConfig) -> dict[str, str]:
+    """What a person reads of a run in MLflow, and finds it by."""
+    row = paper.row(config.task)
+    beside = f" It stands beside the paper's {row}." if row else ""
+    methods = ", ".join([OURS, PAPERS_OWN, *config.baselines.names])
+    note = (
+        f"Single-step prediction on the task `{config.task}`: {methods}, each with seeds "
+        f"{config.seeds}, one run below this one each.{beside} `single_step.json` among the "
+        "artifacts is the table, `rollout.rrd` is for `wt view`."
+    )
+    return {"task": config.task, "paper.row": row or "none", "mlflow.note.content": note}
+
+
+def _datasets(study: Study) -> list[Dataset]:
+    """The four collections, as MLflow lists them."""
+    collected, task = study.data, study.config.task
+    uses = {"sim": "training", "real": "training", "validation": "validation", "test": "test"}
+    return [
+        Dataset(
+            f"{task}/{what}",
+            use,
+            content_hash(getattr(collected, what)),
+            collected.folders[what],
+            len(getattr(collected, what)),
+        )
+        for what, use in uses.items()
+    ]
 
 
 def _evaluate(study: Study, seed: int, tracked: Run) -> dict[str, Errors]:
@@ -98,4 +134,6 @@ def _evaluate(study: Study, seed: int, tracked: Run) -> dict[str, Errors]:
         by_method[method] = errors(study.prediction(seed, method), study.data.test, study.scales)
         values = {"mse": by_method[method].mse, "mse_change": by_method[method].mse_change}
         tracked.metrics({f"test/{method}/{k}": v for k, v in values.items()}, seed)
+        of_method = {f"test/{k}": v for k, v in values.items()}
+        tracked.child(str(Job(seed, method))).metrics(of_method, 0)
     return by_method

@@ -19,6 +19,7 @@ import yaml
 from omegaconf import OmegaConf
 
 from wt.errors import ConfigError, suggest
+from wt.shipped import configuration, folder
 
 T = TypeVar("T")
 
@@ -27,13 +28,13 @@ def read(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
     """A YAML file on top of the one it names under ``base:``, with overrides on top of both.
 
     Args:
-        path: the file.
+        path: the file, or the bare name of one that comes with the package.
         overrides: ``key=value`` words; lists and dotted keys are allowed.
 
     Raises:
         ConfigError: file missing, not YAML, its own base, or an override of another form.
     """
-    return override(_read(path, ()), overrides)
+    return override(_read(configuration(path), ()), overrides)
 
 
 def varied(config: object, overrides: Sequence[str]) -> dict[str, Any]:
@@ -103,17 +104,17 @@ def to_yaml(config: object) -> str:
 
 def flat(config: object) -> dict[str, object]:
     """A configuration as dotted keys, lists as JSON: MLflow's parameters."""
-    found: dict[str, object] = {}
+    entries: dict[str, object] = {}
 
     def walk(prefix: str, value: object) -> None:
         if isinstance(value, Mapping):
             for key, inner in value.items():
                 walk(f"{prefix}.{key}" if prefix else str(key), inner)
         else:
-            found[prefix] = json.dumps(value) if isinstance(value, list) else value
+            entries[prefix] = json.dumps(value) if isinstance(value, list) else value
 
     walk("", OmegaConf.to_container(OmegaConf.create(to_yaml(config))))
-    return found
+    return entries
 
 
 def check_numbers(section: object, above_zero: Collection[str], where: str = "") -> None:
@@ -139,7 +140,9 @@ def check_numbers(section: object, above_zero: Collection[str], where: str = "")
 
 def _read(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
     if not path.is_file():
-        near = sorted(p.name for p in path.parent.glob("*.yaml")) if path.parent.is_dir() else []
+        near = {p.name for p in path.parent.glob("*.yaml")} if path.parent.is_dir() else set()
+        if len(path.parts) == 1:
+            near |= {p.stem for p in folder("conf").glob("*.yaml")}
         hint = suggest(path.name, near) if near else "no YAML file is near it"
         raise ConfigError(f"configuration {str(path)!r} does not exist; {hint}")
     if path.resolve() in above:

@@ -16,6 +16,7 @@ import pytest
 import typer
 
 import wt.cli
+from deploy.cli import run, sim_go2
 from wt.cli.main import QUIET, build, main
 from wt.errors import ConfigError, WorkError
 
@@ -101,6 +102,13 @@ def test_docstring_becomes_help(
         ("OSError(28, 'No space', 'x.bin')", 1, "error: the disk is full; earlier"),
         ("PermissionError(13, 'Permission denied', 'x')", 1, "error: Permission denied: x\n"),
         ("ZeroDivisionError('by zero')", 1, "error: unexpected ZeroDivisionError: by zero (WT_D"),
+        (
+            "ModuleNotFoundError('no', name='cyclonedds.core')",
+            1,
+            "error: this needs the package 'cyclonedds', which the extra 'deploy' brings: "
+            "pip install '.[deploy]'",
+        ),
+        ("ModuleNotFoundError('no', name='tpyo')", 1, "error: unexpected ModuleNotFoundError: no"),
         ("KeyboardInterrupt", 1, "error: interrupted: nothing finished is lost"),
         ("typer.BadParameter('not so')", 2, "error: Invalid value: not so (see: wt boom --help)"),
     ],
@@ -232,6 +240,32 @@ def test_ctrl_c_in_a_real_process(tmp_path: Path) -> None:
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"wt {wt.__version__}\n"
+
+
+@pytest.mark.parametrize("words", ["fit", "diagnose", "registry", "registry list", "demo"])
+def test_every_command_says_its_version(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*words.split(), "--version"]) == 0
+    assert capsys.readouterr().out == f"wt {wt.__version__}\n"
+
+
+def test_programs_of_their_own_say_it_too(capsys: pytest.CaptureFixture[str]) -> None:
+    for program in (run, sim_go2):
+        assert program.main(["--version"]) == 0
+        assert capsys.readouterr().out == f"wt {wt.__version__}\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"), [("wt dia", "diagnose"), ("wt diagnose --hol", "--holdout")]
+)
+def test_the_shell_is_told_what_a_word_may_become(words: str, said: str) -> None:
+    asked = {"COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
+    asked["_WT_COMPLETE"] = "complete_bash"
+    code = "from wt.cli.main import main; main()"  # 'wt' is how the program is called
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, **asked}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert said in done.stdout.split()
 
 
 def test_telemetry_is_switched_off_by_main_and_not_by_import() -> None:

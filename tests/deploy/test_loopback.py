@@ -15,6 +15,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -205,6 +206,25 @@ def test_a_killed_runner_leaves_a_robot_that_brakes_within_40_ms(pair: Pair) -> 
     assert int(np.argmax(braking[last:])) <= MOST_TICKS and braking[last + MOST_TICKS :].all()
 
 
+def test_a_killed_runner_leaves_its_recording_and_the_model_to_diagnose_it_with(
+    pair: Pair,
+) -> None:
+    pair.start("sim_go2", "0.1:stand")
+    run = pair.start("run", "--policy", "go2", *LENIENT)
+    assert run.stderr is not None
+    while run.stderr.readline().strip() != "stand":
+        assert run.poll() is None
+    time.sleep(4.0)
+    run.kill()
+    recording = pair.out / "run" / "recording.parquet"
+    deadline = time.monotonic() + 30
+    while not recording.is_file() and time.monotonic() < deadline:
+        time.sleep(0.1)
+    kept = read(recording)
+    assert kept.meta["killed"] is True and kept.t[-1] > 3.0
+    check_against(kept, mujoco.MjModel.from_xml_path(str(pair.out / "run" / "model.xml")))
+
+
 def test_ctrl_c_ends_in_damping_and_writes_what_there_is(pair: Pair) -> None:
     pair.start("sim_go2", "0.1:stand")
     run = pair.start("run", "--policy", "go2", *LENIENT)
@@ -214,7 +234,7 @@ def test_ctrl_c_ends_in_damping_and_writes_what_there_is(pair: Pair) -> None:
     time.sleep(0.5)
     run.send_signal(signal.SIGINT)
     code, out, _ = finished(run)
-    assert code == 0 and "log.parquet, report.json" in out
+    assert code == 0 and "log.parquet, model.xml, report.json" in out
     log = pair.ticks("run")
     braking = (log["stiffness"] == 0) & (log["damping"] > 0)
     first = int(np.argmax(braking))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
@@ -23,9 +24,11 @@ ONE = np.ones(12)
 POSE = np.array(GO2.default) + 0.01 * np.arange(12)
 
 
-def recorded(seconds: float) -> Recorder:
+def recorded(seconds: float, follower: Callable[[np.ndarray], None] | None = None) -> Recorder:
     """Half of the time limp, then held; every tenth tick without a state."""
     recorder = Recorder(state_columns(JOINTS), JOINTS, ("stage",))
+    if follower is not None:
+        recorder.follow(follower)
     ticks = round(seconds * 500)
     for k in range(ticks):
         held = k >= ticks // 2
@@ -88,6 +91,17 @@ def test_a_table_of_several_blocks_is_one() -> None:
     expected = np.arange(20_000)[:, None] * np.array([0.002, 1, -1])
     np.testing.assert_allclose(table.rows(), expected)
     assert len(table) == 20_000
+
+
+def test_a_recorder_is_restored_from_the_rows_that_its_follower_was_told(tmp_path: Path) -> None:
+    told: list[np.ndarray] = []
+    recorder = recorded(4.4, lambda row: told.append(row.copy()))
+    recorder.write(tmp_path / "own", {})
+    Recorder.restored(recorder.columns, np.array(told)).write(tmp_path / "restored", {})
+    for name in (RECORDING, LOG):
+        own, restored = (pq.read_table(tmp_path / f / name) for f in ("own", "restored"))
+        for column in own.column_names:
+            np.testing.assert_array_equal(own[column].to_numpy(), restored[column].to_numpy())
 
 
 def test_a_short_run_leaves_its_log(tmp_path: Path) -> None:

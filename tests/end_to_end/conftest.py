@@ -95,7 +95,7 @@ class Silent:
     def progress(self, what: str, done: int, total: int) -> None:
         """Ignore it."""
 
-    def metrics(self, values: Mapping[str, float], step: int) -> None:
+    def metrics(self, what: str, values: Mapping[str, float], step: int) -> None:
         """Ignore it."""
 
     def warn(self, line: str) -> None:

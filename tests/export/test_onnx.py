@@ -81,6 +81,17 @@ def test_names_shapes_and_opset_are_the_promised(exported: Path) -> None:
     assert ports(proto.graph.output) == {"o_next_real": ["batch", 6]}
 
 
+def test_the_graph_says_what_its_channels_are(net: Net, tmp_path: Path) -> None:
+    export(net, SPEC, tmp_path / "m.onnx", example=example(3), facts={"commit": "abc"})
+    said = {p.key: p.value for p in onnx.load(tmp_path / "m.onnx").metadata_props}
+    assert (said["task"], said["rate_hz"], said["joint_names"]) == ("toy", "50", "j1,j2")
+    assert said["o_names"] == said["o_next_real_names"] == "c0,c1,c2,c3,c4,c5"
+    assert (said["a_names"], said["a_units"]) == ("a0,a1", "rad,rad")
+    assert said["commit"] == "abc" and "inside the graph" in said["normalizer"]
+    session = parity.session(tmp_path / "m.onnx")
+    assert session.get_modelmeta().custom_metadata_map == said
+
+
 def test_one_file_that_holds_the_weights_and_nothing_of_this_machine(exported: Path) -> None:
     assert [p.name for p in exported.parent.iterdir()] == ["model.onnx"]
     proto = onnx.load(exported, load_external_data=False)

@@ -164,4 +164,4 @@ def test_without_rsl_rl_training_says_what_to_install(
         monkeypatch.setitem(sys.modules, name, None)
     config = root / "conf" / "policy_go2.yaml"
     assert main(["--config", str(config), "--out", str(tmp_path / "go2")]) == 2
-    assert "pip install 'world-translation[rl]'" in capsys.readouterr().err
+    assert "pip install '.[rl]'" in capsys.readouterr().err

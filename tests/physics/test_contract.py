@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.physics.arm import ARM, Run, motion, scene, simulate
+from tests.physics.contradictions import CONTRADICTIONS
 from tests.physics.truths import TRUTHS, Truth
 from wt.physics.effect import Effect, effects
 from wt.physics.hooks import Linearised
@@ -52,6 +53,16 @@ TABLE = {
     "sensor.delay": [("delay", "s")],
     "sensor.quantization": [("step", "rad")],
     "world.gravity": [("angle", "rad"), ("direction", "rad")],
+    "world.gravity_compensation": [("share", "-")],
+    "joint.friction_directional": [
+        ("coulomb_forward", "N·m"),
+        ("coulomb_backward", "N·m"),
+        ("viscous_forward", "N·m·s/rad"),
+        ("viscous_backward", "N·m·s/rad"),
+    ],
+    "joint.force_intermittent": [("torque", "N·m")],
+    "pair.crosstalk": [("fraction", "-")],
+    "pair.spring": [("stiffness", "N·m/rad"), ("ratio", "-"), ("reference", "rad")],
     "contact.compliance": [("time_constant", "s")],
     "contact.friction": [("friction", "-")],
     "contact.obstacle": [("position", "m"), ("normal", "-"), ("friction", "-")],
@@ -169,6 +180,24 @@ def test_where_products_count_it_is_products_that_move(name: str) -> None:
     assert (effect.moved(theta, np.full(len(theta), 1e9)) <= upper).all()
 
 
+def test_what_a_recording_can_rule_out_has_an_example() -> None:
+    said = {n for n, e in effects().items() if type(e).contradiction is not Effect.contradiction}
+    assert said == set(CONTRADICTIONS)
+
+
+@pytest.mark.parametrize("name", sorted(CONTRADICTIONS))
+def test_a_recording_rules_out_what_it_shows_to_be_otherwise(
+    name: str, arm: Scene, recorded: Run
+) -> None:
+    example, moved = CONTRADICTIONS[name], motion(arm, recorded)
+    ruled_out = Planted(effects()[name], example.at, np.array(example.impossible(moved)))
+    said = effects()[name].contradiction(moved, example.at, ruled_out.theta)
+    assert said and not said.endswith(".")
+    assert not ruled_out.possible(moved)
+    fine = np.array(example.possible(moved))
+    assert effects()[name].contradiction(moved, example.at, fine) is None
+
+
 @pytest.mark.parametrize("truth", TRUTHS, ids=lambda t: f"{t.id}-{t.at.name}")
 def test_patched_files_load_in_plain_mujoco(truth: Truth, tmp_path: Path) -> None:
     effect, spec = effects()[truth.id], scene(tmp_path, truth.model).spec()
@@ -186,7 +215,8 @@ def test_patched_files_load_in_plain_mujoco(truth: Truth, tmp_path: Path) -> Non
 def test_people_are_told(truth: Truth) -> None:
     effect: Effect = effects()[truth.id]
     theta = np.array(truth.theta)
-    assert truth.at.name in effect.statement(truth.at, theta) or truth.at.kind == "world"
+    said = effect.statement(truth.at, theta)
+    assert all(name in said for name in truth.at.name.split("+")) or truth.at.kind == "world"
     assert effect.statement(truth.at, theta).endswith(".")
     assert effect.separation(truth.at)
     assert effect.reference

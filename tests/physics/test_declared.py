@@ -33,12 +33,16 @@ OFTEN = {"body.payload_fixed", "body.mass", "body.com"}
 OVER = {
     "velocity": {
         "actuator.delay", "actuator.lag", "actuator.speed_limit", "body.drag", "contact.friction",
-        "joint.friction_coulomb", "joint.friction_load", "joint.friction_quadratic",
+        "joint.friction_coulomb", "joint.friction_directional", "joint.friction_load",
+        "joint.friction_quadratic",
         "joint.friction_stribeck", "joint.friction_viscous", "sensor.delay",
     },
     "acceleration": {"joint.armature", "body.inertia"},
-    "drive": {"actuator.gain", "actuator.deadband", "actuator.saturation"},
-    "time": {"actuator.fade", "body.force_intermittent", "body.payload_moving"},
+    "drive": {"actuator.gain", "actuator.deadband", "actuator.saturation", "pair.crosstalk"},
+    "time": {
+        "actuator.fade", "body.force_intermittent", "body.payload_moving",
+        "joint.force_intermittent",
+    },
 }  # fmt: skip
 OFF = {
     "body.mass", "joint.friction_viscous", "joint.armature", "sensor.delay", "actuator.gain",

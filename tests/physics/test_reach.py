@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from wt.physics.reach import beside, reaching
+from wt.physics.reach import points_near, reaching
 
 # the post stands on the floor by name: else two fixed geoms are never looked at
 SPHERE_AND_POST = """
@@ -28,7 +28,7 @@ def test_the_machine_is_seen_and_what_is_fixed_is_not(height: float, near: bool)
     data.qpos[2] = height
     mujoco.mj_fwdPosition(model, data)
     assert data.ncon > near
-    points, bodies, distance = beside(model, data, 0)
+    points, bodies, distance = points_near(model, data, 0)
     assert points == pytest.approx(np.array([[0.0, 0.0, height - 0.1]] * near).reshape(-1, 3))
     assert distance == pytest.approx([height - 0.1] * near)
     assert bodies.tolist() == [model.body("ball").id] * near
@@ -38,4 +38,4 @@ def test_nothing_near_is_no_point() -> None:
     model = mujoco.MjModel.from_xml_string("<mujoco><worldbody/></mujoco>")
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    assert [len(x) for x in beside(model, data, 0)] == [0, 0, 0]
+    assert [len(x) for x in points_near(model, data, 0)] == [0, 0, 0]

@@ -189,7 +189,7 @@ def test_without_ray_the_extra_is_named(
     asked: list[object], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
-    assert "pip install 'world-translation[scale]'" in refusal("ray", capsys)
+    assert "pip install '.[scale]'" in refusal("ray", capsys)
     assert asked == []
 
 

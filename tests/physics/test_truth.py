@@ -65,6 +65,13 @@ def check_signature(truth: Truth, folder: Path) -> None:
         assert sign * value >= 0.0
 
 
+def check_possible(truth: Truth, folder: Path) -> None:
+    """Nothing that the machine does is said to rule out what it has."""
+    moved = motion(scene(folder, truth.model), run_of(truth))
+    said = effects()[truth.id].contradiction(moved, truth.at, np.array(truth.theta))
+    assert said is None
+
+
 def check_replay(truth: Truth, folder: Path) -> None:
     """A replay with the effect follows the machine that has it."""
     run, before = run_of(truth), nominal(truth.model)
@@ -86,6 +93,11 @@ def test_every_effect_has_a_truth() -> None:
 @KNOWN
 def test_signature_recovers_the_parameters(truth: Truth, tmp_path: Path) -> None:
     check_signature(truth, tmp_path)
+
+
+@KNOWN
+def test_no_recording_rules_out_the_truth(truth: Truth, tmp_path: Path) -> None:
+    check_possible(truth, tmp_path)
 
 
 @KNOWN

@@ -85,7 +85,7 @@ def test_a_run_its_model_and_a_changed_byte(
     ).json()["metrics"]
     assert [(m["step"], m["value"]) for m in history] == [(0, 1.0), (1, 0.5), (2, 1 / 3)]
     files = requests.get(f"{api}/artifacts/list", {"run_id": run.id}, timeout=10).json()["files"]
-    assert {"results.json", "config.yaml", "models"} <= {f["path"] for f in files}
+    assert {"results.json", "config.yaml"} <= {f["path"] for f in files}
     champion = requests.get(
         f"{api}/registered-models/alias", {"name": "wt-toy", "alias": "champion"}, timeout=10
     ).json()["model_version"]
@@ -94,6 +94,11 @@ def test_a_run_its_model_and_a_changed_byte(
     pull("wt-toy@champion", tmp_path / "pulled")
     for file in ("model.onnx", "card.json"):
         assert (tmp_path / "pulled" / file).read_bytes() == (folder / file).read_bytes()
+    import mlflow.pyfunc
+
+    mlflow.set_tracking_uri(server)
+    model = mlflow.pyfunc.load_model("models:/wt-toy@champion")
+    assert model.predict(model.input_example).shape == (5, 3)
     assert not (tmp_path / "mlflow.db").exists() and not (tmp_path / "mlruns").exists()
 
     (kept,) = tmp_path_factory.getbasetemp().glob("server[0-9]*/kept/**/model.onnx")

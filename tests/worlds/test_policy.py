@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from wt.errors import ModelError
-from wt.worlds.policy import CARD, GRAPH, Policy, PolicyCard, gains, observation_names
+from wt.worlds.policy import CARD, GRAPH, Policy, PolicyCard, gains, metadata, observation_names
 from wt.worlds.robots import G1, GO2
 
 WEIGHT = np.random.default_rng(0).normal(size=(45, 12)).astype(np.float32)
@@ -145,3 +146,54 @@ def test_a_card_that_is_no_json_is_refused(folder: Path) -> None:
 def test_a_policy_that_does_not_exist_is_refused() -> None:
     with pytest.raises(ModelError, match="'nobody' does not exist"):
         Policy.load("nobody", GO2)
+
+
+def say(folder: Path, **changes: str) -> None:
+    """Write metadata into the graph, as its exporter does, with changes; and hash it anew."""
+    card, model = PolicyCard.read(folder / CARD), onnx.load(folder / GRAPH)
+    helper.set_model_props(model, metadata(card) | changes)
+    content = model.SerializeToString()
+    (folder / GRAPH).write_bytes(content)
+    edit(folder, sha256=hashlib.sha256(content).hexdigest())
+
+
+def test_the_graph_speaks_as_mjlab_s_do(folder: Path) -> None:
+    say(folder)
+    said = {p.key: p.value for p in onnx.load(folder / GRAPH).metadata_props}
+    assert said["joint_names"].split(",") == list(GO2.joints)
+    for key in ("joint_stiffness", "joint_damping", "default_joint_pos", "action_scale"):
+        assert len([float(x) for x in said[key].split(",")]) == 12
+    assert len(said["observation_names"].split(",")) == 45
+    assert said["observation_history_lengths"] == ",".join(["1"] * 45)
+    assert len(said["command_names"].split(",")) == 3
+    assert Policy.load(folder, GO2).card.name == "test"
+
+
+@pytest.mark.parametrize(
+    ("key", "change"),
+    [
+        ("joint_names", lambda v: [*v[1:], v[0]]),
+        ("joint_stiffness", lambda v: [str(float(v[0]) * 1.01), *v[1:]]),
+        ("joint_damping", lambda v: [str(float(v[0]) + 0.001), *v[1:]]),
+        ("default_joint_pos", lambda v: v[:-1]),
+        ("action_scale", lambda v: ["nan", *v[1:]]),
+        ("observation_history_lengths", lambda v: ["5", *v[1:]]),
+        ("robot", lambda v: ["g1"]),
+    ],
+)
+def test_a_graph_that_contradicts_its_card_is_refused(
+    folder: Path, key: str, change: Callable[[list[str]], list[str]]
+) -> None:
+    was = metadata(PolicyCard.read(folder / CARD))[key].split(",")
+    say(folder, **{key: ",".join(change(was))})
+    with pytest.raises(ModelError, match=f"metadata and its card differ in {key}") as caught:
+        Policy.load(folder, GO2)
+    assert "\n" not in str(caught.value)
+
+
+def test_numbers_may_have_the_three_decimals_that_mjlab_writes(folder: Path) -> None:
+    said = metadata(PolicyCard.read(folder / CARD))
+    numbers = ("joint_stiffness", "joint_damping", "default_joint_pos", "action_scale")
+    rounded = {k: ",".join(f"{float(x):.3f}" for x in said[k].split(",")) for k in numbers}
+    say(folder, **rounded)
+    assert Policy.load(folder, GO2).card.name == "test"

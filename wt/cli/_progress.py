@@ -1,15 +1,23 @@
-"""Progress bars on stderr, and none where stderr is no terminal."""
+"""Progress on stderr: bars where that is a terminal, elsewhere a plain line every ten seconds."""
 
 from __future__ import annotations
 
+import sys
+import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.progress import Progress, TaskID
 
     from wt.run.study import Listener
+
+_EVERY, _AT_LEAST = 10.0, 60.0
+"""Seconds between two lines, and before the first: quick work says nothing; a step that takes
+longer is said again after so many."""
 
 
 @contextmanager
@@ -19,8 +27,12 @@ def bars() -> Iterator[Listener]:
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     console = Console(stderr=True)
+    if not console.is_terminal:
+        with Lines() as lines:
+            yield _Log(lines, console)
+        return
     columns = TextColumn("{task.description:<28}"), BarColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
+    with Progress(*columns, console=console) as progress:
         yield _Bars(progress)
 
 
@@ -31,11 +43,65 @@ def bar(beginning: str) -> Iterator[Callable[[str, float], None]]:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     console = Console(stderr=True)
+    if not console.is_terminal:
+        with Lines(beginning) as lines:
+            yield lines.say
+        return
     columns = TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn()
-    shown = Progress(*columns, console=console, disable=not console.is_terminal, transient=True)
-    with shown as progress:
+    with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task(beginning, total=1.0)
         yield lambda what, share: progress.update(task, description=what, completed=share)
+
+
+@contextmanager
+def waiting(what: str) -> Iterator[Callable[[str], None]]:
+    """A spinner over work that tells no share; yields what prints to stdout above it."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    with console.status(what):  # draws nothing where stderr is no terminal
+        yield lambda text: print(text, flush=True)
+
+
+class Lines:
+    """Lines for a log, while the context lasts: which step, how much of it, and since when."""
+
+    def __init__(self, beginning: str = "starting", every: float = _EVERY) -> None:
+        """Begin to count.
+
+        Args:
+            beginning: the first step.
+            every: time between two lines [s].
+        """
+        self._now, self._every = (beginning, 0.0), every
+        self._began, self._ended = time.monotonic(), threading.Event()
+        self._thread = threading.Thread(target=self._print, daemon=True)
+
+    def say(self, what: str, share: float) -> None:
+        """Take note of the step and the share that is done, 0 … 1."""
+        self._now = (what, share)
+
+    def __enter__(self) -> Lines:
+        """Start to print."""
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Print no more."""
+        self._ended.set()
+        self._thread.join()
+
+    def _print(self) -> None:
+        said, when = None, self._began
+        while not self._ended.wait(self._every):
+            now = time.monotonic()
+            if self._now == said and now - when < _AT_LEAST:
+                continue
+            said, when = self._now, now
+            what, share = said
+            seconds = now - self._began
+            line = f"{what}: {100 * share:.0f} % after {seconds:.0f} s"
+            print(line, file=sys.stderr, flush=True)
 
 
 class _Bars:
@@ -50,8 +116,24 @@ class _Bars:
             self._tasks[what] = self._progress.add_task(what, total=total)
         self._progress.update(self._tasks[what], completed=done)
 
-    def metrics(self, values: Mapping[str, float], step: int) -> None:
+    def metrics(self, what: str, values: Mapping[str, float], step: int) -> None:
         pass
 
     def warn(self, line: str) -> None:
         self._progress.console.print(f"warning: {line}", markup=False)
+
+
+class _Log:
+    """The listener where nothing is drawn."""
+
+    def __init__(self, lines: Lines, console: Console) -> None:
+        self._lines, self._console = lines, console
+
+    def progress(self, what: str, done: int, total: int) -> None:
+        self._lines.say(what, done / max(total, 1))
+
+    def metrics(self, what: str, values: Mapping[str, float], step: int) -> None:
+        pass
+
+    def warn(self, line: str) -> None:
+        self._console.print(f"warning: {line}", markup=False)

@@ -19,6 +19,7 @@ import typer
 
 import wt
 import wt.cli
+from wt.cli import _extras
 from wt.errors import WTError
 
 QUIET = {
@@ -32,7 +33,8 @@ QUIET = {
 _HELP = """When a simulator and a robot disagree, find what is missing, or translate between them.
 
 Every command has --help with an example. Exit codes: 0 done, 1 the work failed, 2 bad input.
-With WT_DEBUG=1 in the environment, an error shows its traceback."""
+With WT_DEBUG=1 in the environment, an error shows its traceback. The tab key completes commands and
+options after wt --install-completion."""
 
 _DISK_FULL = re.compile(
     r"disk is full|No space left on device|\d requested and \d+ written|unexpected pos \d+ vs \d"
@@ -62,7 +64,7 @@ def single(command: Callable[..., object], name: str, argv: Sequence[str] | None
     text, example = _split_doc(command)
 
     def one() -> typer.Typer:
-        app = typer.Typer(rich_markup_mode=None, add_completion=False)
+        app = typer.Typer(rich_markup_mode=None)
         app.command(help=text, epilog=example)(command)
         return app
 
@@ -82,7 +84,9 @@ def subcommand(name: str, argv: Sequence[str] | None = None) -> int:
 def _run(make: Callable[[], typer.Typer], name: str, argv: Sequence[str] | None) -> int:
     os.environ.update(QUIET)
     try:
-        code = typer.main.get_command(make()).main(
+        program = typer.main.get_command(make())
+        _offer_version(program)
+        code = program.main(
             args=None if argv is None else list(argv), prog_name=name, standalone_mode=False
         )
     except Exception as error:
@@ -104,7 +108,7 @@ def build() -> typer.Typer:
         AttributeError: a module of ``wt.cli`` offers neither ``command`` nor ``app``.
     """
     # Plain help: rich's panels would triple the start-up and read "[key=value]" as markup.
-    app = typer.Typer(rich_markup_mode=None, add_completion=False)
+    app = typer.Typer(rich_markup_mode=None)
     app.callback(help=_HELP, epilog="Example: wt fit --config conf/debug.yaml")(_root)
     for file in pkgutil.iter_modules(wt.cli.__path__):
         if file.name == "main" or file.name.startswith("_"):
@@ -137,6 +141,8 @@ def explain(error: Exception) -> tuple[str, int]:
         context = getattr(error, "ctx", None)
         command = context.command_path if context else "wt"
         return f"{error.format_message()} (see: {command} --help)", error.exit_code
+    if isinstance(error, ModuleNotFoundError) and (line := _extras.missing(error.name)):
+        return line, 1
     if any(_disk_full(e) for e in _chain(error)):
         return (
             "the disk is full; earlier outputs are intact: free some space, then run again "
@@ -169,6 +175,20 @@ def _fail(message: str, exit_code: int) -> int:
 def printable(text: str) -> str:
     """A text whose control characters are spelt out: names of users' files may hold any."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def _offer_version(command: typer._click.Command) -> None:
+    """Give a command, and those in it, the option ``--version`` of :func:`_root`."""
+    options = typer.Typer(add_completion=False)
+    options.command()(_root)
+    (version,) = (p for p in typer.main.get_command(options).params if p.name == "version")
+    version.expose_value = False  # no function but _root takes it
+    waiting = [command]
+    while waiting:
+        one = waiting.pop()
+        waiting += getattr(one, "commands", {}).values()
+        if all(p.name != "version" for p in one.params):
+            one.params.append(version)
 
 
 def _print_version(wanted: bool) -> bool:

@@ -34,9 +34,9 @@ def command(
         raise UserError(f"'{folder}' is no folder; give the one that wt diagnose --out wrote")
     with bar("replaying") as progress:
         progress("replaying the files", 0.1)
-        found = verify(folder)
-    Console().print(verified(found), highlight=False, soft_wrap=True)
-    if not found.agrees:
+        verified_files = verify(folder)
+    Console().print(verified(verified_files), highlight=False, soft_wrap=True)
+    if not verified_files.agrees:
         raise WorkError(
             f"these are not the figures of '{folder}/diagnosis.json': its files were changed, or "
             "another version of MuJoCo runs them"

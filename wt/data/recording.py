@@ -11,6 +11,7 @@ import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -38,6 +39,22 @@ def read(path: str | Path) -> Recording:
     Raises:
         RecordingError: the file is missing, truncated, not Parquet, or not a recording.
     """
+    columns, meta = table(path)
+    try:
+        return Recording(columns.pop("t"), columns, meta)
+    except RecordingError as error:
+        raise RecordingError(f"'{path}': {error}") from error
+
+
+def table(path: str | Path) -> tuple[dict[str, Float[np.ndarray, " sample"]], dict[str, Any]]:
+    """The columns of a recording's file, ``t`` among them, and its metadata, as they stand.
+
+    Args:
+        path: a Parquet file of the recording format.
+
+    Raises:
+        RecordingError: the file is missing, truncated, not Parquet, or not of this format.
+    """
     path = Path(path)
     if not path.is_file():
         raise RecordingError(
@@ -48,36 +65,33 @@ def read(path: str | Path) -> Recording:
         with pq.ParquetFile(path) as file:
             _refuse_too_much(path, file.metadata)
             _refuse_twice(path, file.schema_arrow.names)
-            table = file.read()
+            content = file.read()
     except (pa.ArrowException, OSError, ValueError) as error:
         raise RecordingError(
             f"'{path}' is not a whole Parquet file (truncated or of another format): "
             "copy it again, or make a recording of it with 'wt import'"
         ) from error
-    if "t" not in table.column_names:
+    if "t" not in content.column_names:
         raise RecordingError(
-            f"'{path}' has no column 't' but {', '.join(table.column_names[:4])}, …: it is not a "
+            f"'{path}' has no column 't' but {', '.join(content.column_names[:4])}, …: it is not a "
             "recording; make one of it with 'wt import'"
         )
     columns = {}
-    for field in table.schema:
+    for field in content.schema:
         if not (pa.types.is_floating(field.type) or pa.types.is_integer(field.type)):
             raise RecordingError(
                 f"'{path}': column '{field.name}' holds {field.type}; a recording has float64 "
                 "columns only"
             )
         # nulls become NaN, the format's missing sample
-        columns[field.name] = table[field.name].to_pandas().to_numpy(np.float64)
+        columns[field.name] = content[field.name].to_pandas().to_numpy(np.float64)
     try:
-        meta = _meta(table.schema.metadata)
+        meta = _meta(content.schema.metadata)
     except ValueError as error:
         raise RecordingError(
             f"'{path}': its metadata (key 'wt') is not JSON in UTF-8: {error}; write it anew"
         ) from error
-    try:
-        return Recording(columns.pop("t"), columns, meta)
-    except RecordingError as error:
-        raise RecordingError(f"'{path}': {error}") from error
+    return columns, meta
 
 
 def _refuse_too_much(path: Path, metadata: pq.FileMetaData) -> None:
@@ -167,6 +181,26 @@ def check_against(recording: Recording, model: mujoco.MjModel) -> None:
         RecordingError: a column names nothing in the model, no joint position was recorded, or
             a column has another unit's range (degrees); the message names the column.
     """
+    check_names(recording, model)
+    for joint, limit in _limits(model, "joint").items():
+        _refuse_other_unit(recording, f"qpos/{joint}", limit)
+    for actuator, limit in _limits(model, "actuator").items():
+        _refuse_other_unit(recording, f"ctrl/{actuator}", limit)
+    for i in range(model.njnt):
+        if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE:
+            _refuse_unequal_units(recording, model.joint(i).name)
+
+
+def check_names(recording: Recording, model: mujoco.MjModel) -> None:
+    """Check that a recording's columns are of this model's robot, in whatever units.
+
+    Args:
+        recording: what was recorded.
+        model: the compiled MJCF it is to be compared with.
+
+    Raises:
+        RecordingError: a column names nothing in the model, or no joint position was recorded.
+    """
     known = _column_names(model)
     for name in recording.columns:
         if name not in known:
@@ -177,13 +211,6 @@ def check_against(recording: Recording, model: mujoco.MjModel) -> None:
         raise RecordingError(
             "no 'qpos/<joint>' column: without a measured position there is nothing to compare"
         )
-    for joint, limit in _limits(model, "joint").items():
-        _refuse_other_unit(recording, f"qpos/{joint}", limit)
-    for actuator, limit in _limits(model, "actuator").items():
-        _refuse_other_unit(recording, f"ctrl/{actuator}", limit)
-    for i in range(model.njnt):
-        if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE:
-            _refuse_unequal_units(recording, model.joint(i).name)
 
 
 def _column_names(model: mujoco.MjModel) -> set[str]:
@@ -237,7 +264,8 @@ def _refuse_other_unit(
     fits = low * DEGREE >= limit[0] - _BEYOND and high * DEGREE <= limit[1] + _BEYOND
     degrees = fits and max(abs(low), abs(high)) > _TURN
     what = (
-        "it looks like degrees; convert it to radians"
+        "it looks like degrees; convert it to radians, as 'wt check MODEL RECORDING --fix --out "
+        "DIR' does"
         if degrees
         else "it looks like another unit or another zero, or the model's range is not the robot's"
     )
@@ -265,5 +293,6 @@ def _refuse_unequal_units(recording: Recording, joint: str) -> None:
         if 0.7 < factor / expected < 1.4:
             raise RecordingError(
                 f"column '{name}' looks like degrees: qvel/{joint} is {factor:.3g} times the "
-                f"slope of qpos/{joint}; convert it to radians"
+                f"slope of qpos/{joint}; convert it to radians, as 'wt check MODEL RECORDING "
+                "--fix --out DIR' does"
             )

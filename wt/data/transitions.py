@@ -81,12 +81,8 @@ def obtain(
     Raises:
         DataError: a shard is truncated or of another layout.
     """
-    identity = {
-        "format": FORMAT,
-        **identity,
-        "shards": [[s.file, s.seed, s.count] for s in shards],
-    }
-    home = folder / f"{spec.task}-{identity['what']}-{digest(identity)}"
+    home = home_of(folder, identity, spec, shards)
+    identity = _in_full(identity, shards)
     home.mkdir(parents=True, exist_ok=True)
     for shard in shards:
         if not (home / shard.file).exists():
@@ -97,6 +93,19 @@ def obtain(
     if not kept.exists() or kept.read_bytes() != manifest:
         _write_whole(kept, manifest)
     return _join([_read(home / shard.file, spec) for shard in shards])
+
+
+def home_of(
+    folder: Path, identity: dict[str, Any], spec: TransitionSpec, shards: Sequence[Shard]
+) -> Path:
+    """Folder of a collection; arguments as of :func:`obtain`."""
+    name = f"{spec.task}-{identity['what']}-{digest(_in_full(identity, shards))}"
+    return folder / name
+
+
+def _in_full(identity: dict[str, Any], shards: Sequence[Shard]) -> dict[str, Any]:
+    parts = [[s.file, s.seed, s.count] for s in shards]
+    return {"format": FORMAT, **identity, "shards": parts}
 
 
 def content_hash(data: Transitions | Pairs) -> str:

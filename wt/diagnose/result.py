@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from wt.check.finding import AuditFinding
 from wt.diagnose.evidence import Interval, Measured, Role, Trace, Translated
 from wt.types import Location
 
@@ -76,6 +77,7 @@ Stage = Literal[
     "reconsidered",
     "alternative",
     "simplified",
+    "contradicted",
     "certainty",
     "holdout",
     "doubted",
@@ -91,6 +93,7 @@ Stage = Literal[
 - ``reconsidered``: lead of what took its place beside the others [nats];
 - ``alternative``: lead of a law that looks alike, on all recordings [nats];
 - ``simplified``: parameters of the law, against those of the simpler one that says as much;
+- ``contradicted``: 1, by a recording that shows it to be otherwise;
 - ``certainty``: distance from being nothing [widths of the 95 % interval];
 - ``holdout``: p-value of its gain on data that it was not fitted to;
 - ``doubted``: mean square that a nonparametric force leaves, over what the name leaves;
@@ -151,17 +154,27 @@ class Estimate:
         unit: its unit.
         ci95: lower and upper end.
         warning: "" or why it should not be trusted (at a bound, not identifiable).
+        unshown: axes of a vector that the recordings cannot show; its interval is all that is
+            admissible there, and the value is where it was left.
     """
 
     value: float | tuple[float, ...]
     unit: str
     ci95: tuple[float | tuple[float, ...], float | tuple[float, ...]]
     warning: str = ""
+    unshown: tuple[str, ...] = ()
+
+    @property
+    def note(self) -> str:
+        """The warning, and which axes are not shown; "" if there is neither."""
+        axes = ", ".join(self.unshown)
+        left = f"these recordings cannot show {axes}, which is not fitted" if axes else ""
+        return "; ".join(part for part in (self.warning, left) if part)
 
     def to_json(self) -> dict[str, Any]:
         """As in ``diagnosis.json``."""
         entry = {"value": self.value, "unit": self.unit, "ci95": list(self.ci95)}
-        return entry | ({"warning": self.warning} if self.warning else {})
+        return entry | ({"warning": self.note} if self.note else {})
 
 
 @dataclass(frozen=True)
@@ -187,6 +200,7 @@ class Finding:
         confusable_with: effects that could not be told apart from it.
         depends_on: columns an unknown effect depends on.
         formula: an unknown effect's force in those columns.
+        formula_gain: share of the held-out squared error that the formula as printed removes.
         reference: literature of the law.
     """
 
@@ -199,16 +213,18 @@ class Finding:
     confusable_with: tuple[Confusable, ...] = ()
     depends_on: tuple[str, ...] = ()
     formula: str | None = None
+    formula_gain: float | None = None
     reference: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """As in ``diagnosis.json``."""
+        printed = {} if self.formula_gain is None else {"formula_gain": self.formula_gain}
         return {
             "effect": self.effect,
             "at": _place(self.at),
             "parameters": {name: e.to_json() for name, e in self.parameters.items()},
             "statement": self.statement,
-            "evidence": {"holdout_gain": self.holdout_gain, "p_value": self.p_value},
+            "evidence": {"holdout_gain": self.holdout_gain, "p_value": self.p_value, **printed},
             "confusable_with": [
                 {
                     "effect": c.effect,
@@ -286,6 +302,8 @@ class Diagnosis:
         proof: the held-out fit.
         given_xml: the MJCF as given.
         patched_xml: the MJCF with the findings.
+        audit: what was wrong with the recordings or the model before any physics; the rest is of
+            the corrected ones.
         decisions: all that was considered, and why it stayed or went, in order of time.
         traces: recordings and replays.
         measured: evidence of measured forces and further sensors.
@@ -309,6 +327,7 @@ class Diagnosis:
     proof: Proof
     given_xml: str
     patched_xml: str
+    audit: tuple[AuditFinding, ...] = ()
     decisions: tuple[Decision, ...] = ()
     traces: tuple[Trace, ...] = ()
     measured: Measured = field(default_factory=Measured)
@@ -357,6 +376,7 @@ class Diagnosis:
                     "model_only": {"after_rmse": alone.after, "ratio": alone.ratio},
                 }
             },
+            "audit": [f.to_json() for f in self.audit],
             "decisions": [d.to_json() for d in self.decisions],
             "artifacts": {
                 "model": "model.xml",

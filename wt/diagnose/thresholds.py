@@ -22,6 +22,11 @@ class Thresholds:
     encoder_step: float = 2.0 * np.pi / 2000.0
     """[rad or m] Finest quantization worth a finding: an encoder of 2048 counts a turn is finer."""
 
+    filled_in: float = 0.5
+    """[share of the error] What replays err by once commands between the samples are filled in, of
+    what they err by without, at every driven joint, from which these are believed: a controller
+    three times as fast as its log leaves 3 %."""
+
     # -- residual ----------------------------------------------------------------------------
 
     slow: float = 0.05
@@ -42,9 +47,17 @@ class Thresholds:
     law_strength: float = 0.01
     """[share of a strength] Half width below which no interval is believed, for the same reason.
     Set by the coverage of intervals on sealed seeds."""
+    shown: float = 1e-3
+    """[share of the strongest direction's] Change of replays by a direction of a vector below which
+    it is not fitted: an encoder of 5 digits that tells the strongest to one part in a thousand
+    tells nothing of it."""
     clean: float = 3.0
     """[times the smallest error] Replays within it leave nothing to explain. Set by first trials:
     outsiders' stand-ins stayed at 5 to 45 times the noise, right names at 1.04."""
+    crowded: float = 1.0
+    """[times the smallest error] What ``clean`` comes down to where many effects share a joint: the
+    error beyond it that is let be falls with their number. Right names leave 1.04; a sum of wrong
+    ones gets as near to the noise as it likes, by one effect more."""
     mismatch: float = 0.01
     """[share of a joint's motion] Error below which a replay is not called unexplained: a very
     quiet sensor sees tolerances."""
@@ -70,6 +83,9 @@ class Thresholds:
     """[nats] Hypotheses closer than this cannot be told apart: odds of 50 to 1."""
     evident_nats: float = 1.0
     """[nats] Lead by which a lookalike takes the place of what was found."""
+    material: float = 0.02
+    """[share of a joint's squared error] Least that an effect removes of held-out replays: where
+    there are data enough, what removes nothing is significant too."""
     significant: float = 0.01
     """[1] Largest p-value of a gain that counts, over all effects and searches together."""
     mute: float = 0.01

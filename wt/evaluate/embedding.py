@@ -49,9 +49,7 @@ def embed(
     try:
         import umap
     except ImportError as error:
-        raise ConfigError(
-            "UMAP is not installed: pip install 'world-translation[report]', or take tsne"
-        ) from error
+        raise ConfigError("UMAP is not installed: pip install '.[report]', or take tsne") from error
     with warnings.catch_warnings():
         # a seed makes UMAP use one thread, which it says each time
         warnings.filterwarnings("ignore", message=".*n_jobs value")

@@ -18,6 +18,12 @@ SINGLE_STEP: Mapping[str, Mapping[str, float]] = {
 }
 """Single-step MSE of the normalised next observation by task and method (figure 3)."""
 
+
+def row(task: str) -> str | None:
+    """The paper's place of a task's single-step errors; None where it has none."""
+    return f"figure 3, {task}" if task in SINGLE_STEP else None
+
+
 _TRANSLATED = (
     "(o, a)S, zS", "(o, a)R, zR", "(o, a)S, zS→R", "(o, a)R, zR→S", "(o, a)S, zS→R→S",
     "(o, a)R, zR→S→R",

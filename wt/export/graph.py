@@ -1,14 +1,15 @@
 """From a torch module to an ONNX graph that stands alone: what all our exports share.
 
-The graph has a dynamic ``batch`` axis and nothing of the machine that wrote it, so that the same
-weights give the same bytes everywhere.
+The graph has a dynamic ``batch`` axis, what its maker says of it (``metadata_props``) and nothing
+of the machine that wrote it, so that the same weights and words give the same bytes everywhere. It
+is of operator set :data:`OPSET` and has passed onnx's own checker, shapes included.
 """
 
 from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -24,7 +25,11 @@ OPSET = 18
 
 
 def graph(
-    model: torch.nn.Module, inputs: tuple[torch.Tensor, ...], names: Sequence[str], *outputs: str
+    model: torch.nn.Module,
+    inputs: tuple[torch.Tensor, ...],
+    names: Sequence[str],
+    *outputs: str,
+    metadata: Mapping[str, str],
 ) -> bytes:
     """A model in evaluation mode as the content of an ONNX file.
 
@@ -33,10 +38,13 @@ def graph(
         inputs: of two rows each, since torch.export takes an axis of length 1 for a constant.
         names: of the inputs.
         outputs: names of the outputs.
+        metadata: what whoever has nothing but the graph can read in it.
 
     Raises:
         ModelError: the model uses something that ONNX cannot express, or fixes the batch size.
     """
+    import onnx
+
     batch = torch.export.Dim("batch")
     try:
         with torch.no_grad(), _quiet():
@@ -64,8 +72,21 @@ def graph(
             f"export: {type(model).__name__} fixes the batch size of '{closed[0]}': its code turns "
             "a length into a number; use tensor.shape[0] there"
         )
+    onnx.helper.set_model_props(proto, dict(metadata))
+    try:
+        onnx.checker.check_model(proto, full_check=True)
+    except (onnx.checker.ValidationError, onnx.shape_inference.InferenceError) as error:
+        raise ModelError(
+            f"export: the graph of {type(model).__name__} is not valid ONNX "
+            f"({str(error).strip().splitlines()[0]}); try another version of torch or onnx"
+        ) from error
     content: bytes = proto.SerializeToString(deterministic=True)
     return content
+
+
+def listed(values: Sequence[object]) -> str:
+    """A list as one metadata value: joined by commas, as robots' own exporters write them."""
+    return ",".join(str(value) for value in values)
 
 
 def _strip(proto: ModelProto) -> None:

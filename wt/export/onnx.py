@@ -4,12 +4,13 @@ Behind that output may come features, which have no units: ``z`` of the transiti
 R, so that o′ is to be R's then, and ``z_translated``, which R should have where S went to o′.
 
 The normaliser is part of the model, so whoever runs the graph needs neither torch nor our
-statistics. The file holds everything, weights too; see :mod:`wt.export.graph`.
+statistics. The file holds everything, weights too; see :mod:`wt.export.graph`. What its channels
+are stands in its metadata: :func:`metadata`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -18,7 +19,7 @@ import torch
 from jaxtyping import Float, Float32, Shaped
 
 from wt.errors import ModelError
-from wt.export.graph import graph
+from wt.export.graph import graph, listed
 from wt.show.files import write_whole
 from wt.types import TransitionSpec
 
@@ -36,6 +37,7 @@ def export(
     path: Path | str,
     *,
     example: tuple[Example, Example, Example],
+    facts: Mapping[str, str] | None = None,
 ) -> None:
     """Write ``model`` in evaluation mode as a single ONNX file; the model itself is untouched.
 
@@ -46,6 +48,7 @@ def export(
         spec: layout of the task's transitions.
         path: the file to write.
         example: o, a and o′ of S, each at least one row, physical units.
+        facts: where the model is from, by name, for its metadata.
 
     Raises:
         ModelError: the example or the model's output has another shape than ``spec`` says, or
@@ -73,8 +76,36 @@ def export(
                 f"export: the model answers two rows with shape {shape}, "
                 f"task {spec.task!r} needs (2, {spec.n_obs})"
             )
-        content = graph(model, inputs, INPUTS, OUTPUT, *(() if alone else FEATURES))
+        content = graph(
+            model,
+            inputs,
+            INPUTS,
+            OUTPUT,
+            *(() if alone else FEATURES),
+            metadata=metadata(spec) | dict(facts or {}),
+        )
     write_whole(Path(path), content)
+
+
+def metadata(spec: TransitionSpec) -> dict[str, str]:
+    """What a graph says of itself: lists are joined by commas, in the order of the channels.
+
+    ``task``; ``rate_hz``, of the control steps; ``joint_names``, in the order of the position
+    channels; ``<port>_names`` and ``<port>_units`` of each input and of ``o_next_real``;
+    ``normalizer``, which says where it is.
+    """
+    ports = dict(zip((*INPUTS, OUTPUT), (spec.observation, spec.action) + 2 * (spec.observation,),
+                     strict=True))  # fmt: skip
+    said = {
+        "task": spec.task,
+        "rate_hz": f"{spec.rate_hz:g}",
+        "joint_names": listed(spec.joints),
+        "normalizer": "inside the graph: inputs and o_next_real are in the units given here",
+    }
+    for port, channels in ports.items():
+        said[f"{port}_names"] = listed([c.name for c in channels])
+        said[f"{port}_units"] = listed([c.unit for c in channels])
+    return said
 
 
 def eager(model: torch.nn.Module) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:

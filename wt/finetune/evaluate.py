@@ -45,8 +45,8 @@ def commands(rows: Sequence[Sequence[float]], dt: float) -> Float32[np.ndarray, 
         rows: how long [s] which command holds: forward, sideways [m/s], turn [rad/s].
         dt: control step [s].
     """
-    held = [np.tile(np.array(row[1:], np.float32), (round(row[0] / dt), 1)) for row in rows]
-    return np.concatenate(held)
+    segments = [np.tile(np.array(row[1:], np.float32), (round(row[0] / dt), 1)) for row in rows]
+    return np.concatenate(segments)
 
 
 def evaluate(herd: Herd, policy: Policy, rows: Sequence[Sequence[float]], seed: int) -> Downstream:

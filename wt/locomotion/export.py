@@ -26,7 +26,7 @@ from wt.locomotion.evaluate import PolicyEvaluation
 from wt.locomotion.train import Trained
 from wt.show.files import write_together, write_whole
 from wt.worlds.legged import RATE_HZ
-from wt.worlds.policy import CARD, GRAPH, PolicyCard, gains, observation_names
+from wt.worlds.policy import CARD, GRAPH, PolicyCard, gains, metadata, observation_names
 
 PACKAGES = ("mujoco", "numpy", "onnx", "rsl-rl-lib", "torch")
 _PARITY = 1e-4  # largest difference of an action that rounding explains, in units of the scale
@@ -85,8 +85,6 @@ def write(
     robot = config.body()
     names = observation_names(robot, config.gait is not None)
     actor = Actor(trained.actor, config)
-    content = graph(actor, (torch.zeros(2, len(names)),), ("observation",), "action")
-    _compare(actor, content, len(names))
     stiffness, velocity_gain = gains(robot, config.physics or robot.physics)
     card = PolicyCard(
         name=config.name,
@@ -99,7 +97,7 @@ def write(
         velocity_gain=velocity_gain,
         observation=names,
         command_limits=list(config.commands.largest),
-        sha256=hashlib.sha256(content).hexdigest(),
+        sha256="",
         made_by=made_by,
         training={
             "iterations": trained.iterations,
@@ -113,6 +111,10 @@ def write(
         packages={"python": platform.python_version()}
         | {package: importlib.metadata.version(package) for package in PACKAGES},
     )
+    example = (torch.zeros(2, len(names)),)
+    content = graph(actor, example, ("observation",), "action", metadata=metadata(card))
+    _compare(actor, content, len(names))
+    card = replace(card, sha256=hashlib.sha256(content).hexdigest())
     folder.mkdir(parents=True, exist_ok=True)
     write_together(folder, {GRAPH: content, CARD: card.text()})
     return card

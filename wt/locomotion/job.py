@@ -109,6 +109,5 @@ def find_rsl_rl() -> None:
         importlib.import_module("rsl_rl.runners")
     except ModuleNotFoundError as error:
         raise ConfigError(
-            f"training needs {error.name}, which is not installed: "
-            "pip install 'world-translation[rl]'"
+            f"training needs {error.name}, which is not installed: pip install '.[rl]'"
         ) from error

@@ -42,6 +42,7 @@ _ALTERNATIVES = (
 _LONG = re.compile(r"-?\d*\.\d{9,}(e-?\d+)?")
 _KEYFRAMES = (("keyframe", "#0"),)
 _BALANCED = "with the joints and filters that were added, in balance"
+_AMENDED = "as the audit of model and recordings found"
 _REWRITTEN = "the file could not be changed in place, so this is MuJoCo's own writing of the model"
 
 
@@ -52,7 +53,7 @@ def patched_xml(
     *,
     timestep: float | None = None,
 ) -> str:
-    """The user's MJCF with every finding's patch; as it was if there are none.
+    """The user's MJCF, amended, with every finding's patch; as it was if there is nothing of it.
 
     It loads from any folder of this machine: included files are put in, and the folder of meshes
     and textures is written out.
@@ -116,10 +117,15 @@ class _Patched:
 def _patch(
     scene: Scene, hypothesis: Hypothesis, statements: Sequence[str], timestep: float | None
 ) -> _Patched:
-    spec = scene.written()
+    spec = scene.written(amended=False)
     before = last = as_written(spec)
     reasons: list[tuple[Place, str]] = []
     unwritten = []
+    if scene.amendments:
+        for amend in scene.amendments:
+            amend(spec)
+        last = as_written(spec)
+        reasons += [(place, _AMENDED) for place in _places(before, last)]
     own = float(spec.option.timestep)
     if timestep is not None and timestep != own:
         spec.option.timestep = timestep
@@ -164,7 +170,7 @@ def _texts(scene: Scene) -> Iterator[tuple[str, str]]:
     # MuJoCo reads some files that are not well-formed XML
     with contextlib.suppress(ValueError, OSError, KeyError):
         yield _named(standalone(scene.path), scene), ""
-    spec = scene.written()
+    spec = scene.written(amended=False)
     _write_out_folders(spec, scene)
     yield ET.tostring(as_written(spec), encoding="unicode"), _REWRITTEN
 

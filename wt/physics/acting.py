@@ -57,14 +57,14 @@ def acting(scene: Scene, hypotheses: Sequence[Sequence[Planted]]) -> list[Acting
             laws[key] = effect, p.at
             rows.setdefault(key, []).append(row)
             theta.setdefault(key, []).append(p.theta)
-    found = []
+    laws_acting = []
     for key, (effect, at) in sorted(laws.items(), key=lambda item: item[0][0]):
         live = effect.live(scene, at, np.stack(theta[key]))
-        found.append(Acting(_neighbours(rows[key]), live))
-    return found
+        laws_acting.append(Acting(_neighbours(rows[key]), live))
+    return laws_acting
 
 
 def _neighbours(rows: list[int]) -> Int[np.ndarray, " row"] | slice:
     first, last = rows[0], rows[-1]
-    whole = rows == list(range(first, last + 1))
-    return slice(first, last + 1) if whole else np.array(rows)
+    consecutive = rows == list(range(first, last + 1))
+    return slice(first, last + 1) if consecutive else np.array(rows)

@@ -37,7 +37,7 @@ def expand(spec: mujoco.MjSpec) -> tuple[str, ...]:
     free = [joint for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE]
     for key in list(spec.keys) if free else ():
         spec.delete(key)
-    found = []
+    added = []
     for joint in free:
         body, name = joint.parent, joint.name
         spec.delete(joint)
@@ -46,8 +46,8 @@ def expand(spec: mujoco.MjSpec) -> tuple[str, ...]:
         for i, (part, axis) in enumerate(zip(names(name), _AXES, strict=True)):
             kind = mujoco.mjtJoint.mjJNT_SLIDE if i < 3 else mujoco.mjtJoint.mjJNT_HINGE
             add_joint(spec, body, part, type=kind, axis=axis)
-        found.append(name)
-    return tuple(found)
+        added.append(name)
+    return tuple(added)
 
 
 def coordinates(
@@ -74,12 +74,14 @@ def coordinates(
     angles[known] = Rotation.from_quat(quaternion[known], scalar_first=True).as_euler("ZYX")
     angles[known] = np.unwrap(angles[known], axis=0)
     table = dict(zip(names(joint), [*given[:3], *angles.T], strict=True))
-    found = {f"qpos/{name}": x for name, x in table.items()}
+    coordinate = {f"qpos/{name}": x for name, x in table.items()}
     v = [x for k in range(6) if (x := columns.get(f"qvel/{joint}/{k}")) is not None]
     if len(v) == 6:
         turning = rates(angles, np.stack(v[3:], axis=1))
-        found |= {f"qvel/{n}": x for n, x in zip(names(joint), [*v[:3], *turning.T], strict=True)}
-    return found
+        coordinate |= {
+            f"qvel/{n}": x for n, x in zip(names(joint), [*v[:3], *turning.T], strict=True)
+        }
+    return coordinate
 
 
 def rates(

@@ -56,7 +56,7 @@ def cluster() -> Iterator[Cluster]:
         import ray
     except ImportError as error:
         raise UserError(
-            "jobs 'ray' needs Ray, which is not installed: pip install 'world-translation[scale]'"
+            "jobs 'ray' needs Ray, which is not installed: pip install '.[scale]'"
         ) from error
     if ray.is_initialized():  # by the caller, who will want it afterwards
         yield Cluster()
@@ -161,11 +161,11 @@ class Cluster:
             raise UserError("the Ray cluster has no CPU to give; start a node that has")
         parts = split(len(hypotheses), len(replayer.stretches), cores)
         source = [self._put(replayer)]  # in a list Ray hands on the reference, not the thing
-        found = _gather(
+        results = _gather(
             [self._task.remote(_versions(), source, hypotheses[h], s) for h, s in parts]
         )
         path = np.empty((2, len(hypotheses), int(ends[-1]), replayer.scene.model.nv))
-        for (h, s), part in zip(parts, found, strict=True):
+        for (h, s), part in zip(parts, results, strict=True):
             path[:, h, ends[s.start] : ends[s.stop]] = part
         return path
 

@@ -106,13 +106,15 @@ def loads(
         residual: inverse dynamics minus the force of the drives, (n, nv).
         floors: planes that are elsewhere than the model says.
     """
-    probe, found = _ContactProbe(scene, floors), []
+    probe, contact_loads = _ContactProbe(scene, floors), []
     for pose, speed, force in zip(q, v, residual, strict=True):
         geoms, jacobian = probe.contacts(pose)
         if len(geoms):
             carried = (probe.carried(jacobian) @ force).reshape(-1, 3)
-            found.append(ContactLoad(geoms, carried, (jacobian @ speed).reshape(-1, 3)[:, 1:]))
-    return found
+            contact_loads.append(
+                ContactLoad(geoms, carried, (jacobian @ speed).reshape(-1, 3)[:, 1:])
+            )
+    return contact_loads
 
 
 def fixed(model: mujoco.MjModel) -> Bool[np.ndarray, " geom"]:
@@ -134,8 +136,8 @@ def pairs(model: mujoco.MjModel) -> list[tuple[int, int]]:
 
 def touchable(scene: Scene) -> list[Location]:
     """Named geoms that may touch: of the machine, and fixed ones."""
-    found = {g for pair in pairs(scene.model) for g in pair}
-    names = [scene.model.geom(g).name for g in sorted(found)]
+    geoms = {g for pair in pairs(scene.model) for g in pair}
+    names = [scene.model.geom(g).name for g in sorted(geoms)]
     return [Location("geom", name) for name in names if name]
 
 
@@ -149,12 +151,12 @@ def deciding(model: mujoco.MjModel, geom: int) -> list[int]:
 
     Of equals it is the given one, or the one with more friction.
     """
-    found = []
+    decisive = []
     for other in partners(model, geom):
         over = int(model.geom_priority[other] - model.geom_priority[geom])
         rougher = model.geom_friction[other, 0] > model.geom_friction[geom, 0]
-        found.append(other if over > 0 or (over == 0 and rougher) else geom)
-    return found
+        decisive.append(other if over > 0 or (over == 0 and rougher) else geom)
+    return decisive
 
 
 def unlike(value: float, others: Float[np.ndarray, " other"], share: float) -> bool:
@@ -185,15 +187,15 @@ class _ContactProbe:
         d.qpos[:] = pose
         mujoco.mj_fwdPosition(m, d)
         # parts of the machine are close to each other always, and hardly ever touch
-        found = [c for c in d.contact if self._fixed[c.geom].any()]
-        rows, one = np.zeros((len(found), 3, m.nv)), np.zeros((3, m.nv))
-        for jacobian, contact in zip(rows, found, strict=True):
+        touching = [c for c in d.contact if self._fixed[c.geom].any()]
+        rows, one = np.zeros((len(touching), 3, m.nv)), np.zeros((3, m.nv))
+        for jacobian, contact in zip(rows, touching, strict=True):
             for sign, geom in zip((-1.0, 1.0), contact.geom, strict=True):
                 mujoco.mj_jac(m, d, one, None, contact.pos, m.geom_bodyid[geom])
                 jacobian += sign * contact.frame.reshape(3, 3) @ one
         # what no joint moves, such as a point on a turret's axis, pushes at none either
         felt = np.abs(rows).max(axis=(1, 2), initial=0.0) > _UNFELT
-        geoms = np.array([c.geom for c in found], dtype=int).reshape(-1, 2)
+        geoms = np.array([c.geom for c in touching], dtype=int).reshape(-1, 2)
         return geoms[felt], rows[felt].reshape(-1, m.nv)
 
     def carried(self, jacobian: Float[np.ndarray, "row dof"]) -> Float[np.ndarray, "row dof"]:

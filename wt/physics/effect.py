@@ -18,13 +18,15 @@ Adding an effect
 2. Its class says all that others need to know of it: ``looks_like`` which effects it is easily
    taken for, ``common`` how often machines have it, ``plotted_over`` what its force depends on.
    No list of ids anywhere else has to be touched.
-3. What the contract above cannot say is said by base classes of :mod:`wt.physics.hooks`, as many
+3. What a recording can show that rules it out (a stop that is passed) it says itself
+   (:meth:`Effect.contradiction`), with an example in ``tests/physics/contradictions.py``.
+4. What the contract above cannot say is said by base classes of :mod:`wt.physics.hooks`, as many
    as it needs: what MuJoCo has no element for acts in the replay instead, on its inputs
    (``OnInputs``), its outputs (``OnOutputs``) or at every step (``OnSteps``); joints that a patch
    adds have a state (``Stateful``); part of it may be read off the recordings
    (``FromRecordings``); its force may be linear in products only (``Linearised``); it may contain
    a smaller law (``Nested``), or be, where it is small, an error of any model (``Tolerated``).
-4. One row of truth in ``tests/physics/truths.py``: a machine that has it, by MJCF written by hand
+5. One row of truth in ``tests/physics/truths.py``: a machine that has it, by MJCF written by hand
    or a law in closed form, never by the effect's own code.
 
 The contract tests in ``tests/physics/test_contract.py`` then run over it, and fail without the
@@ -187,6 +189,15 @@ class Effect(abc.ABC):
     ) -> bool:
         """Tell whether such parameters are this effect, and not another one in disguise."""
         return True
+
+    def contradiction(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> str | None:
+        """What of a recording makes such parameters impossible, in one clause; None if nothing.
+
+        However well an effect fits: a joint does not pass its own stop.
+        """
+        return None
 
     @abc.abstractmethod
     def statement(

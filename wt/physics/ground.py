@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from sklearn.linear_model import LinearRegression, RANSACRegressor
 
-from wt.physics.reach import beside, reaching
+from wt.physics.reach import points_near, reaching
 from wt.physics.scene import Scene
 
 _REACH, _STANDING = 0.25, 0.05
@@ -55,9 +55,9 @@ def turned(
 ) -> Float[np.ndarray, " 4"]:
     """A quaternion (w, x, y, z) after a turn that makes what was level fall towards a direction."""
     axis = np.array([-np.sin(direction), np.cos(direction), 0.0])
-    turn, found = np.array([np.cos(0.5 * angle), *(np.sin(0.5 * angle) * axis)]), np.zeros(4)
-    mujoco.mju_mulQuat(found, turn, np.array(quaternion, dtype=float))
-    return found
+    turn, rotated = np.array([np.cos(0.5 * angle), *(np.sin(0.5 * angle) * axis)]), np.zeros(4)
+    mujoco.mju_mulQuat(rotated, turn, np.array(quaternion, dtype=float))
+    return rotated
 
 
 def planes(model: mujoco.MjModel) -> list[int]:
@@ -70,12 +70,12 @@ def floors(
     scene: Scene, q: Float[np.ndarray, "sample dof"], v: Float[np.ndarray, "sample dof"]
 ) -> tuple[Floor, ...]:
     """The level planes of a model that are elsewhere, as the motion (T, nv) of a machine shows."""
-    m, found = scene.model, []
+    m, level_planes = scene.model, []
     for geom in planes(m) if scene.free else ():
         level = abs(abs(m.geom_quat[geom, 0]) - 1.0) < 1e-6
         if level and (floor := _floor(scene, geom, q, v)):
-            found.append(floor)
-    return tuple(found)
+            level_planes.append(floor)
+    return tuple(level_planes)
 
 
 def _floor(
@@ -105,13 +105,13 @@ def _standing(
 ) -> Float[np.ndarray, "point 3"]:
     """Points of the machine near a plane that do not move, (n, 3) [m]."""
     m = reaching(scene.model, _REACH, geom)
-    d, jacobian, found = mujoco.MjData(m), np.zeros((3, m.nv)), [np.zeros((0, 3))]
+    d, jacobian, touched = mujoco.MjData(m), np.zeros((3, m.nv)), [np.zeros((0, 3))]
     for k in range(0, len(q), max(1, len(q) // _SAMPLES)):
         d.qpos[:] = q[k]
         mujoco.mj_fwdPosition(m, d)
-        points, bodies, _ = beside(m, d, geom)
+        points, bodies, _ = points_near(m, d, geom)
         for point, body in zip(points, bodies, strict=True):
             mujoco.mj_jac(m, d, jacobian, None, point, body)
             if np.linalg.norm(jacobian @ v[k]) < _STANDING:
-                found.append(point[None])
-    return np.concatenate(found)
+                touched.append(point[None])
+    return np.concatenate(touched)

@@ -77,7 +77,7 @@ def _pushed(
 ) -> tuple[str, Float[np.ndarray, " 3"]]:
     """The body on which forces explain scaled residuals (n, nv) best, and where they push."""
     m, d, jacobian = motion.scene.model, motion.scene.data, np.zeros((3, motion.scene.model.nv))
-    found = ("", np.zeros(3))
+    direction = ("", np.zeros(3))
     total, best = float((residual**2).sum()), _EXPLAINED
     for name in motion.scene.moving:
         body = m.body(name).id
@@ -95,8 +95,8 @@ def _pushed(
             push = forces.sum(axis=0)
             one_sided = np.linalg.norm(push) > _ONE_SIDED * np.linalg.norm(forces, axis=1).sum()
             if left < best * total and one_sided:
-                best, found = left / total, (name, push / np.linalg.norm(push))
-    return found
+                best, direction = left / total, (name, push / np.linalg.norm(push))
+    return direction
 
 
 def _placed(
@@ -171,11 +171,11 @@ class _Misfits:
             n = way + x[:2] @ side
             return np.asarray(n / np.linalg.norm(n))
 
-        found = least_squares(
+        solution = least_squares(
             lambda x: self.of(turned(x), x[2]), [0.0, 0.0, height], loss="cauchy",
             f_scale=_TOUCHING, x_scale=[0.1, 0.1, 0.01], diff_step=[1e-3, 1e-3, 1e-4], max_nfev=30,
         )  # fmt: skip
-        return float(found.cost), turned(found.x), float(found.x[2])
+        return float(solution.cost), turned(solution.x), float(solution.x[2])
 
 
 class _FaceProbe:
@@ -212,7 +212,7 @@ class _FaceProbe:
     def _lowest(
         self, normal: Float[np.ndarray, " 3"], q: Float[np.ndarray, "pose dof"]
     ) -> list[tuple[float, Float[np.ndarray, " 3"]]]:
-        m, d, found = self._m, self._d, []
+        m, d, lowest = self._m, self._d, []
         mujoco.mju_quatZ2Vec(m.geom_quat[self._plane], normal)
         m.geom_pos[self._plane] = -_AWAY * normal
         for pose in q:
@@ -222,11 +222,11 @@ class _FaceProbe:
             mujoco.mj_collision(m, d)
             nearest = min(d.contact, key=lambda c: c.dist, default=None)
             if nearest is None:
-                found.append((np.nan, np.full(3, np.nan)))
+                lowest.append((np.nan, np.full(3, np.nan)))
                 continue
             point = nearest.pos + 0.5 * nearest.dist * normal
-            found.append((float(point @ normal), np.array(point)))
-        return found
+            lowest.append((float(point @ normal), np.array(point)))
+        return lowest
 
 
 def _carries(model: mujoco.MjModel, body: int, other: int) -> bool:

@@ -112,7 +112,7 @@ def _integrated(
     state = np.ones((len(loads), 7))
     there, v = state[:, :3], state[:, 3:6]
     there[:], v[:] = centres, 0.0
-    found = np.zeros((2, n, len(loads), 3))
+    path = np.zeros((2, n, len(loads), 3))
     for k in range(len(fine)):
         pull = state @ pulls[k]
         pull *= pushed
@@ -123,8 +123,8 @@ def _integrated(
         np.minimum(np.maximum(free, low), high, out=there)
         v[there != free] = 0.0
         if (k + 1) % parts == 0:
-            found[0, (k + 1) // parts], found[1, (k + 1) // parts] = there - centres, v
-    return found[0], found[1]
+            path[0, (k + 1) // parts], path[1, (k + 1) // parts] = there - centres, v
+    return path[0], path[1]
 
 
 def columns(
@@ -145,13 +145,13 @@ def wrenches(
     arm = np.array(centre) + path.s
     relative = path.a + 2.0 * np.cross(moved.spin, path.v)
     force = -(moved.lifting + (bend @ arm[:, :, None])[:, :, 0] + relative)
-    found = np.empty((len(arm), 6, 4))
-    found[:, :3, 0], found[:, 3:, 0] = force, np.cross(arm, force)
+    columns = np.empty((len(arm), 6, 4))
+    columns[:, :3, 0], columns[:, 3:, 0] = force, np.cross(arm, force)
     for k, axis in enumerate(np.eye(3)):
         change = -bend[:, :, k]
-        found[:, :3, k + 1] = change
-        found[:, 3:, k + 1] = np.cross(axis, force) + np.cross(arm, change)
-    return found
+        columns[:, :3, k + 1] = change
+        columns[:, 3:, k + 1] = np.cross(axis, force) + np.cross(arm, change)
+    return columns
 
 
 @lru_cache(maxsize=8)

@@ -81,28 +81,28 @@ def likeliest_laws(motion: Motion, body: str, centre: Centre) -> list[LooseLaw]:
 
 def _distinct(fits: Sequence[_Fit]) -> list[_Fit]:
     """Best first, each law once."""
-    found: dict[LooseLaw | None, _Fit] = {}
+    by_law: dict[LooseLaw | None, _Fit] = {}
     for fit in sorted(fits, key=lambda f: f.score):
-        found.setdefault(fit.law, fit)
-    return list(found.values())
+        by_law.setdefault(fit.law, fit)
+    return list(by_law.values())
 
 
 def _coarse() -> list[LooseLaw]:
-    found = []
+    laws = []
     for travel in _TRAVELS:
         for breadth in (0.5, 1.0):
-            found.append(LooseLaw((travel, breadth * travel, 0.0), 2.0, 0.0, _ROLLING))
-            found.append(LooseLaw((breadth * travel, travel, 0.0), 2.0, 0.0, _ROLLING))
+            laws.append(LooseLaw((travel, breadth * travel, 0.0), 2.0, 0.0, _ROLLING))
+            laws.append(LooseLaw((breadth * travel, travel, 0.0), 2.0, 0.0, _ROLLING))
         for axis in np.eye(3):
             x, y, z = (float(travel * share) for share in axis)
-            found.append(LooseLaw((x, y, z), 4.0, 0.0, 0.0))
-        found += [LooseLaw((travel, travel, 0.0), 0.3 * w, w**2, 0.0) for w in (5.0, 7.0, 9.5)]
-    return list(dict.fromkeys(found))
+            laws.append(LooseLaw((x, y, z), 4.0, 0.0, 0.0))
+        laws += [LooseLaw((travel, travel, 0.0), 0.3 * w, w**2, 0.0) for w in (5.0, 7.0, 9.5)]
+    return list(dict.fromkeys(laws))
 
 
 def _variants(law: LooseLaw, factor: float) -> list[LooseLaw]:
     """Laws that differ from one in one respect."""
-    found = []
+    laws = []
     longest = max(law.travel)
     for axis, travel in enumerate(law.travel):
         others = (travel * factor, travel / factor, 0.0) if travel else (0.6 * longest,)
@@ -110,11 +110,11 @@ def _variants(law: LooseLaw, factor: float) -> list[LooseLaw]:
             changed = list(law.travel)
             changed[axis] = other
             if any(changed):
-                found.append(replace(law, travel=(changed[0], changed[1], changed[2])))
-    found += [replace(law, damping=law.damping * f) for f in (factor, 1.0 / factor)]
+                laws.append(replace(law, travel=(changed[0], changed[1], changed[2])))
+    laws += [replace(law, damping=law.damping * f) for f in (factor, 1.0 / factor)]
     springs = (law.spring * factor, law.spring / factor, 0.0) if law.spring else (25.0, 64.0)
-    found += [replace(law, spring=spring) for spring in springs]
-    return [*found, replace(law, rolling=_ROLLING - law.rolling)]
+    laws += [replace(law, spring=spring) for spring in springs]
+    return [*laws, replace(law, rolling=_ROLLING - law.rolling)]
 
 
 @lru_cache(maxsize=8)
@@ -153,8 +153,8 @@ class _Search:
 
     def tried(self, loads: Sequence[tuple[LooseLaw, Centre]]) -> list[_Fit]:
         """Fits of loads; integrating many side by side costs little more than one."""
-        found = paths(self._motion, self._body, loads)
-        return [self._fitted(*load, path)[0] for load, path in zip(loads, found, strict=True)]
+        load_paths = paths(self._motion, self._body, loads)
+        return [self._fitted(*load, path)[0] for load, path in zip(loads, load_paths, strict=True)]
 
     def _fitted(
         self, law: LooseLaw | None, centre: Centre, path: Path

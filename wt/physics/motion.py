@@ -92,8 +92,8 @@ class Motion:
             start = end - s.dt
             # ∫u over [start, end] / dt; np.interp clamps, so what came before is added by hand
             before = np.minimum(end, 0.0) - np.minimum(start, 0.0)
-            whole = np.interp(end, edges, integral) - np.interp(start, edges, integral)
-            late[s.rows] = (whole + before * u[0]) / s.dt
+            impulse = np.interp(end, edges, integral) - np.interp(start, edges, integral)
+            late[s.rows] = (impulse + before * u[0]) / s.dt
         return late
 
     def force(

@@ -26,7 +26,7 @@ def reaching(model: mujoco.MjModel, gap: float, geom: int | None = None) -> mujo
     return copy
 
 
-def beside(
+def points_near(
     model: mujoco.MjModel, data: mujoco.MjData, geom: int
 ) -> tuple[
     Float[np.ndarray, "contact 3"], Int[np.ndarray, " contact"], Float[np.ndarray, " contact"]
@@ -45,9 +45,9 @@ def beside(
     geoms, first = np.array(data.contact.geom), np.array(data.contact.geom[:, 0] == geom)
     bodies = model.geom_bodyid[np.where(first, geoms[:, 1], geoms[:, 0])]
     # two fixed geoms may touch only if the model pairs them by name
-    some = (geoms == geom).any(axis=1) & (model.body_weldid[bodies] != 0)
-    distance = np.array(data.contact.dist[some])
+    touching = (geoms == geom).any(axis=1) & (model.body_weldid[bodies] != 0)
+    distance = np.array(data.contact.dist[touching])
     # the normal points from the first geom to the second, whose surface is half a gap on
-    half = 0.5 * np.where(first[some], 1.0, -1.0) * distance
-    points = data.contact.pos[some] + half[:, None] * data.contact.frame[some, :3]
-    return points, bodies[some], distance
+    half = 0.5 * np.where(first[touching], 1.0, -1.0) * distance
+    points = data.contact.pos[touching] + half[:, None] * data.contact.frame[touching, :3]
+    return points, bodies[touching], distance

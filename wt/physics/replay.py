@@ -83,6 +83,7 @@ class Inputs:
         h: physics step [s].
         u: commands, (S, nu).
         force: world-frame force on bodies' centres of mass, body id → (S, 3) [N].
+        torque: generalised force on degrees of freedom, dof → (S,) [N·m or N].
     """
 
     recording: int
@@ -90,6 +91,7 @@ class Inputs:
     h: float
     u: Float[np.ndarray, "step actuator"]
     force: dict[int, Float[np.ndarray, "step 3"]] = field(default_factory=dict)
+    torque: dict[int, Float[np.ndarray, " step"]] = field(default_factory=dict)
 
     def delayed(
         self, signal: Float[np.ndarray, " step"], delay: float
@@ -100,8 +102,8 @@ class Inputs:
         start = edges[:-1] - delay
         end = edges[1:] - delay
         before = np.minimum(end, 0.0) - np.minimum(start, 0.0)
-        whole = np.interp(end, edges, integral) - np.interp(start, edges, integral)
-        late: np.ndarray = (whole + before * signal[0]) / self.h
+        impulse = np.interp(end, edges, integral) - np.interp(start, edges, integral)
+        late: np.ndarray = (impulse + before * signal[0]) / self.h
         return late
 
 

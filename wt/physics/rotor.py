@@ -85,8 +85,8 @@ class GearEffect(Stateful, ReplayOnly):
         scene = stretch.motion.scene
         dof = scene.dof(at.name)
         link = {at.name: (float(stretch.q0[dof]), float(stretch.v0[dof]))}
-        found = self.balanced(at, theta, scene, link, stretch.command[0])
-        return {name: Hidden(q, v, (0.0, 0.0)) for name, (q, v) in found.items()}
+        balance = self.balanced(at, theta, scene, link, stretch.command[0])
+        return {name: Hidden(q, v, (0.0, 0.0)) for name, (q, v) in balance.items()}
 
     def balanced(
         self,

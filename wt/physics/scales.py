@@ -44,12 +44,11 @@ def step_sizes(planted: Planted, motion: Motion) -> Float[np.ndarray, " theta"]:
 def _usual(motion: Motion, at: Location) -> tuple[float, float, float]:
     """RMS force, speed and acceleration where a place acts, in those that steps are stated for."""
     scene = motion.scene
-    dofs = slice(None)
+    dofs: slice | list[int] = slice(None)
     if at.kind == "joint":
         dofs = slice(scene.dof(at.name), scene.dof(at.name) + 1)
     elif at.kind == "actuator":
-        dof = scene.drive(at.name).dof
-        dofs = slice(dof, dof + 1)
+        dofs = [drive.dof for drive in scene.driven(at)]
     signals = ((motion.demand, FORCE), (motion.v, SPEED), (motion.a, ACCELERATION))
     force, speed, acceleration = (
         max(float(np.sqrt(np.mean(x[:, dofs] ** 2))) / usual, 1e-12) for x, usual in signals

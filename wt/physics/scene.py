@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -23,6 +24,8 @@ _DYNAMICS = tuple(
         mujoco.mjtDyn.mjDYN_DCMOTOR,
     )
 )
+Amendment = Callable[[mujoco.MjSpec], None]
+"""Changes a model."""
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 
@@ -78,7 +81,7 @@ def between(x: np.ndarray, low: float | np.ndarray, high: float | np.ndarray) ->
 
 def drives(m: mujoco.MjModel) -> tuple[Drive, ...]:
     """The actuators of a model that act on a joint, in its order."""
-    found = []
+    listed = []
     for i in range(m.nactuator):
         if m.actuator_trntype[i] != mujoco.mjtTrn.mjTRN_JOINT:
             continue
@@ -86,7 +89,7 @@ def drives(m: mujoco.MjModel) -> tuple[Drive, ...]:
         bias = m.actuator_biasprm[i, :3]
         if m.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_NONE:
             bias = np.zeros(3)
-        found.append(
+        listed.append(
             Drive(
                 name=m.actuator(i).name,
                 index=i,
@@ -99,7 +102,7 @@ def drives(m: mujoco.MjModel) -> tuple[Drive, ...]:
                 forces=_range(bool(m.actuator_forcelimited[i]), m.actuator_forcerange[i]),
             )
         )
-    return tuple(found)
+    return tuple(listed)
 
 
 def _range(limited: bool, ends: Float[np.ndarray, " 2"]) -> tuple[float, float]:
@@ -111,19 +114,24 @@ class Scene:
 
     Attributes:
         path: the MJCF.
+        amendments: changes of the model beyond what the file says.
         free: names of the free joints, each of which is six joints here (:mod:`wt.physics.base`).
         model: the compiled model.
         data: scratch space for computations on the model.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, amendments: Sequence[Amendment] = ()) -> None:
         """Read and compile an MJCF.
+
+        Args:
+            path: the file.
+            amendments: what to change in the model wherever it is used, e.g. after an audit.
 
         Raises:
             ModelError: the file is missing or does not compile, or has joints or actuators that
                 cannot be compared with recordings yet.
         """
-        self.path = Path(path)
+        self.path, self.amendments = Path(path), tuple(amendments)
         source.check(self.path)
         try:
             spec = self.written()
@@ -153,10 +161,15 @@ class Scene:
                     "recording tells; give a motor, position, velocity or filtered actuator"
                 )
 
-    def written(self) -> mujoco.MjSpec:
-        """A fresh editable copy of the model as it is written; joints and actuators have names."""
+    def written(self, amended: bool = True) -> mujoco.MjSpec:
+        """A fresh editable copy of the model as it is written, with or without the amendments.
+
+        Joints and actuators without a name have one by their ids.
+        """
         spec = source.read(self.path)
         source.name_unnamed(spec)
+        for amend in self.amendments if amended else ():
+            amend(spec)
         return spec
 
     def spec(self) -> mujoco.MjSpec:
@@ -181,6 +194,13 @@ class Scene:
         of_bases = {name for joint in self.free for name in base.names(joint)}
         return tuple(name for name in self.joints if name not in of_bases)
 
+    def dof_at(self, at: Location) -> int:
+        """Degree of freedom that a place acts on alone; −1 if several."""
+        if at.kind == "joint":
+            return self.dof(at.name)
+        dofs = [drive.dof for drive in self.driven(at)]
+        return dofs[0] if len(dofs) == 1 else -1
+
     def place(self, joint: str) -> Location:
         """Place that people call a degree of freedom by: a joint, or the body that floats."""
         if joint in self.own_joints:
@@ -202,6 +222,12 @@ class Scene:
             if drive.name == name:
                 return drive
         raise KeyError(name)
+
+    def driven(self, at: Location) -> tuple[Drive, ...]:
+        """The drives at a place: one, at ``all`` every one, and none where no drive stands."""
+        if at.kind != "actuator":
+            return ()
+        return self.drives if at.name == "all" else (self.drive(at.name),)
 
     def dof(self, joint: str) -> int:
         """Degree of freedom of a joint."""

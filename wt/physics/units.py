@@ -90,8 +90,8 @@ def _joints(scene: Scene, at: Location) -> list[str]:
     if at.name == "all":
         return list(scene.joints)
     names = at.name.split("+") if at.kind == "pair" else [at.name]
-    found = [j for name in names if (j := _joint(scene, name, at.kind))]
-    return found if len(found) == len(names) else []
+    joints = [j for name in names if (j := _joint(scene, name, at.kind))]
+    return joints if len(joints) == len(names) else []
 
 
 def _joint(scene: Scene, name: str, kind: str) -> str | None:

@@ -124,6 +124,10 @@ def _truth(
         return HiddenEffect(effect, "body", body, drawn, effect)
     if group == "actuator":
         return HiddenEffect(effect, "actuator", f"{name}_drive", drawn, effect)
+    if effect == "world.gravity_compensation":
+        return HiddenEffect(effect, "body", "all", drawn, effect)
+    if group == "pair":
+        return HiddenEffect(effect, "pair", f"{robot.joints[joint - 1]}+{name}", drawn, effect)
     if group in ("world", "contact"):
         return HiddenEffect(effect, "world", "world", drawn, effect)
     if effect == "sensor.delay" and rng.random() < 0.5:

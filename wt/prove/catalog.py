@@ -280,12 +280,36 @@ MAGNITUDES: dict[str, Magnitudes] = {
     "outsider.unbalance": _unbalance,
 }  # fmt: skip
 
+
+def _directed(d: Draw) -> Parameters:
+    dry, wet = d.torque, 0.8 * d.torque / d.of("speed")
+    more, less = (1.5, 0.6) if d.sign() > 0.0 else (0.6, 1.5)
+    return {
+        "coulomb_forward": 0.5 * dry, "coulomb_backward": 0.5 * dry,
+        "viscous_forward": more * wet, "viscous_backward": less * wet,
+    }  # fmt: skip
+
+
+def _belt(d: Draw) -> Parameters:
+    a, b = d.rig.links[d.joint - 1], d.rig.links[d.joint]
+    ratio = d.sign() * d.u(0.5, 1.5)
+    return {
+        "ratio": ratio, "stiffness": 3.0 * d.torque / b.amplitude,
+        "reference": a.middle + ratio * b.middle + d.u(-0.2, 0.2),
+    }  # fmt: skip
+
+
 LATER: dict[str, Magnitudes] = {
+    "joint.friction_directional": _directed,
+    "pair.spring": _belt,
+    "pair.crosstalk": lambda d: {"fraction": d.sign() * d.pick(0.3, 0.2, 0.1)},
+    "joint.force_intermittent": lambda d: {"torque": 4.0 * d.torque, "count": 5},
+    "world.gravity_compensation": lambda d: {"share": d.pick(1.0, 0.6, 0.3)},
     "body.payload_moving": _moving,
     # where it can stand depends on the motions
     "contact.obstacle": lambda d: {},
 }
-"""Effects that only the set ``legged`` hides in arms."""
+"""Effects that are not among the first specifications of arms, see :mod:`wt.prove.sets`."""
 
 LIBRARY = tuple(effect for effect in MAGNITUDES if not effect.startswith("outsider."))
 OUTSIDERS = tuple(effect for effect in MAGNITUDES if effect.startswith("outsider."))

@@ -65,6 +65,19 @@ class HiddenLoadFriction(_HiddenBristle):
         return fc + self.number("fraction") * math.hypot(drive, 0.01 * fc)
 
 
+class HiddenDirectedFriction(_HiddenBristle):
+    """g = coulomb + viscous·|v|, both with a value for each direction."""
+
+    def typical(self) -> float:
+        """The smaller of both at rest."""
+        return min(self.number("coulomb_forward"), self.number("coulomb_backward"))
+
+    def level(self, q: float, v: float, drive: float) -> float:
+        """See the class."""
+        way = "forward" if v > 0.0 else "backward"
+        return self.number(f"coulomb_{way}") + self.number(f"viscous_{way}") * abs(v)
+
+
 class HiddenViscousFriction(JointLaw):
     """−coefficient·v."""
 
@@ -210,6 +223,7 @@ LAWS: dict[str, type[HiddenLaw]] = {
     "joint.friction_coulomb": HiddenCoulombFriction,
     "joint.friction_stribeck": HiddenStribeckFriction,
     "joint.friction_load": HiddenLoadFriction,
+    "joint.friction_directional": HiddenDirectedFriction,
     "joint.friction_viscous": HiddenViscousFriction,
     "joint.friction_quadratic": HiddenQuadraticFriction,
     "joint.stiffness": HiddenStiffness,

@@ -35,11 +35,15 @@ PLACES: dict[str, dict[str, tuple[int, ...]]] = {
     "body.payload_moving": _ENDS,
     "contact.obstacle": {"arm3": (2,), "arm6": (5,)},
     "world.gravity": {"arm3": (1,), "arm6": (1,)},
+    "world.gravity_compensation": {"arm3": (1,), "arm6": (1,)},
+    "pair.spring": _PAIRS,
+    "pair.crosstalk": _PAIRS,
     "outsider.flywheel": {"arm3": (2,), "arm6": (2, 4)},
     "outsider.cable": _PAIRS,
 }
 
 MOTIONS: dict[str, tuple[str, str]] = {
+    "joint.friction_directional": ("triangle", "multisine"),
     "joint.friction_stribeck": ("triangle", "moves"),
     "joint.friction_load": ("triangle", "multisine"),
     "joint.hysteresis": ("triangle", "multisine"),

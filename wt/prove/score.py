@@ -55,6 +55,16 @@ PARAMETERS: dict[str, tuple[str, ...]] = {
     "sensor.delay": ("delay",),
     "sensor.quantization": ("step",),
     "world.gravity": ("angle", "direction"),
+    "world.gravity_compensation": ("share",),
+    "joint.force_intermittent": (),
+    "joint.friction_directional": (
+        "coulomb_forward",
+        "coulomb_backward",
+        "viscous_forward",
+        "viscous_backward",
+    ),
+    "pair.crosstalk": ("fraction",),
+    "pair.spring": ("stiffness", "ratio", "reference"),
 }
 """Parameters that are marked. Windows are not, nor what an effect needs inside these worlds."""
 

@@ -45,6 +45,13 @@ _BELOW = (
     ("actuator.bias", "arm3"), ("joint.stiffness", "arm6"), ("joint.hysteresis", "arm3"),
     ("sensor.offset", "arm6"), ("actuator.delay", "arm6"), ("joint.friction_coulomb", "pendulum"),
 )  # fmt: skip
+_LATER = (
+    ("joint.friction_directional", "arm3"), ("joint.friction_directional", "pendulum"),
+    ("pair.spring", "arm6"), ("pair.spring", "arm3"),
+    ("world.gravity_compensation", "arm3"), ("world.gravity_compensation", "arm6"),
+    ("pair.crosstalk", "arm3"), ("pair.crosstalk", "arm6"),
+    ("joint.force_intermittent", "arm3"), ("joint.force_intermittent", "arm6"),
+)  # fmt: skip
 _PAIRED = (
     ("joint.friction_coulomb", "actuator.gain"), ("joint.friction_viscous", "joint.backlash"),
     ("actuator.delay", "joint.friction_coulomb"), ("body.payload_fixed", "joint.friction_viscous"),
@@ -166,6 +173,9 @@ def _more() -> list[CaseSpec]:
     specs += [CaseSpec((), rig, "", "null") for rig in ("arm2_passive", "pendulum_motor") * 2]
     specs += [
         CaseSpec((), rig, "", "null", "coloured_noise") for rig in ("arm2_passive", "arm3_motor")
+    ]
+    specs += [
+        CaseSpec((effect,), rig, LEVELS[i % 3], "single") for i, (effect, rig) in enumerate(_LATER)
     ]
     return specs
 

@@ -299,6 +299,6 @@ def _sysid() -> Theirs:
     if not hasattr(sysid, "TimeSeries"):
         raise WorkError(
             "mujoco.sysid lacks absl-py, colorama or tabulate; "
-            "install them: pip install 'world-translation[rivals]'"
+            "install them: pip install '.[rivals]'"
         )
     return sysid

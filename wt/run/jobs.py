@@ -13,7 +13,6 @@ import multiprocessing
 import os
 import queue
 import signal
-import threading
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -30,8 +29,10 @@ from wt.data.transitions import digest
 from wt.errors import WorkError
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.run.study import Study
+from wt.schema import flat
 from wt.train.device import on
 from wt.train.fit import fit_world_model
+from wt.train.replicas import end_with_parent
 from wt.train.score import PairTensors, predictions
 
 POLL_SECONDS = 0.2
@@ -59,6 +60,12 @@ class Job(NamedTuple):
         """Name under which the run's folder keeps it: the method's name, and a variant's hash."""
         return f"{self.method}-{digest(list(self.changes))}" if self.changes else self.method
 
+    def parameters(self, config: FitConfig) -> dict[str, object]:
+        """What its run in MLflow is compared by: method, seed and settings."""
+        trained = self.method in (OURS, PAPERS_OWN)
+        settings = self.settings(config) if trained else config.baselines
+        return {"method": self.method, "seed": self.seed, **flat(settings)}
+
     def settings(self, config: FitConfig) -> Method:
         """Settings of a World Translation model, the paper's, ours or a variant."""
         return vary(config.plus if self.method == OURS else config.paper, self.changes)
@@ -82,8 +89,10 @@ def run_jobs(study: Study, jobs: Sequence[Job]) -> None:
             train(study, job)
         return
     context = multiprocessing.get_context("spawn")
-    messages = context.Queue()
-    arguments = (to_yaml(study.config), str(study.folder), messages)
+    messages, places = context.Queue(), context.Queue()
+    for index in range(workers):
+        places.put(index)
+    arguments = (to_yaml(study.config), str(study.folder), messages, places)
     with ProcessPoolExecutor(workers, context, _open, arguments) as pool, _killed_on_error():
         with _deaf_to_interrupts():
             pending = {_submit(pool, job) for job in todo}
@@ -105,13 +114,13 @@ def _submit(pool: ProcessPoolExecutor, job: Job) -> Future[None]:
         raise
 
 
-def train(study: Study, job: Job) -> None:
-    """Train one method and keep its prediction."""
+def train(study: Study, job: Job, index: int = 0) -> None:
+    """Train one method and keep its prediction, in the process of an index among its like."""
     seed, method, _ = job
     data, config = study.data, study.config
     listener = study.listener
     if method not in (OURS, PAPERS_OWN):
-        with on(config.device):
+        with on(config.device, index):
             baseline = find(method)(study.world.spec, config.baselines, seed)
             baseline.train(
                 data.sim, data.real, data.validation, lambda k, n: listener.progress(str(job), k, n)
@@ -120,7 +129,7 @@ def train(study: Study, job: Job) -> None:
         study.keep_baseline(seed, baseline)
         study.keep(seed, method, baseline.predict(data.test))
         return
-    with on(config.device):
+    with on(config.device, index):
         model = fit_world_model(
             study.world.spec,
             job.settings(config),
@@ -129,9 +138,7 @@ def train(study: Study, job: Job) -> None:
             data.validation,
             seed,
             study.home(seed, job.key),
-            sink=lambda values, step: listener.metrics(
-                {f"{job.key}/seed{seed}/{k}": v for k, v in values.items()}, step
-            ),
+            sink=lambda values, step: listener.metrics(str(job), values, step),
             warn=lambda line: listener.warn(f"{job}: {line}"),
             progress=lambda k, n: listener.progress(str(job), k, n),
         ).cpu()
@@ -149,30 +156,22 @@ class _Sender:
     def progress(self, what: str, done: int, total: int) -> None:
         self._messages.put(("progress", (what, done, total)))
 
-    def metrics(self, values: Mapping[str, float], step: int) -> None:
-        self._messages.put(("metrics", (dict(values), step)))
+    def metrics(self, what: str, values: Mapping[str, float], step: int) -> None:
+        self._messages.put(("metrics", (what, dict(values), step)))
 
     def warn(self, line: str) -> None:
         self._messages.put(("warn", (line,)))
 
 
-_opened: list[Study] = []
-"""The study of this worker process; filled once by ``_open``."""
+_opened: list[tuple[Study, int]] = []
+"""The study of this worker process, and its index; filled once by ``_open``."""
 
 
-def _open(config: str, folder: str, messages: Any) -> None:  # noqa: ANN401 – see _Sender
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+def _open(config: str, folder: str, messages: Any, places: Any) -> None:  # noqa: ANN401 – see _Sender
+    end_with_parent()
     torch.set_num_threads(1)
     fit = parse(FitConfig, yaml.safe_load(config), "")
-    _opened.append(Study.open(fit, Path(folder), _Sender(messages)))
-
-
-def _end_with_parent() -> None:
-    """Do not train on for a run that was killed."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-    os._exit(1)
+    _opened.append((Study.open(fit, Path(folder), _Sender(messages)), places.get()))
 
 
 @contextmanager
@@ -206,7 +205,8 @@ def _deaf_to_interrupts() -> Iterator[None]:
 
 
 def _train(job: Job) -> None:
-    train(_opened[0], Job(*job))
+    study, index = _opened[0]
+    train(study, Job(*job), index)
 
 
 def _hand_on(messages: Any, study: Study) -> None:  # noqa: ANN401 – see _Sender

@@ -159,7 +159,9 @@ def _export(study: Study, seed: int, by_method: Mapping[str, Errors]) -> None:
     known[:, : spec.n_action] = pairs.real.a  # the last action of o′ is this step's
     n = EXAMPLES
     example = pairs.real.o[:n], pairs.real.a[:n], np.hstack([pairs.sim_next, known])[:n]
-    export(Exported(trained), spec, folder / MODEL, example=example)
+    data_hash, commit = content_hash(study.data.real), source().commit
+    facts = {"data_hash": data_hash, "commit": commit}
+    export(Exported(trained), spec, folder / MODEL, example=example, facts=facts)
     model = eager(module)
     difference = parity.check(folder / MODEL, model, example)
     o, a, o_next_sim = (x[:GOLDEN] for x in example)
@@ -167,9 +169,9 @@ def _export(study: Study, seed: int, by_method: Mapping[str, Errors]) -> None:
         folder / MODEL,
         spec,
         name=config.registry_name,
-        data_hash=content_hash(study.data.real),
+        data_hash=data_hash,
         config_hash=study.config_hash,
-        commit=source().commit,
+        commit=commit,
         metrics={f"{name}/mse": e.mse for name, e in by_method.items()},
         heldout=HeldOut("test pairs", study.held_out, "mse", by_method[OURS].mse),
         parity=difference,

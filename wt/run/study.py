@@ -54,8 +54,8 @@ class Listener(Protocol):
     def progress(self, what: str, done: int, total: int) -> None:
         """Something is ``done`` of ``total`` through."""
 
-    def metrics(self, values: Mapping[str, float], step: int) -> None:
-        """Metrics of a training step."""
+    def metrics(self, what: str, values: Mapping[str, float], step: int) -> None:
+        """Metrics of a training step of ``what``, as named to :meth:`progress`."""
 
     def warn(self, line: str) -> None:
         """A training collapsed or something else needs to be said."""

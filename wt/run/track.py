@@ -2,9 +2,11 @@
 
 ::
 
-    with track.run("r5_force", "seed 0") as run:
-        run.params({"lr": 3e-4})
-        run.metrics({"loss/cycle": 0.1}, step=10)
+    with track.run("r5_force", "all methods") as run:
+        run.inputs([Dataset("r5_force/real", "training", digest, folder)])
+        child = run.child("DirectPred, seed 0")
+        child.params({"lr": 3e-4})
+        child.metrics({"loss/cycle": 0.1}, step=10)
 
 The store is the registry's (``registry.backend``): ``MLFLOW_TRACKING_URI`` or ``./mlflow.db``.
 MLflow is imported when a run begins, not before. Metrics are buffered: writing a thousand at
@@ -13,9 +15,11 @@ once costs about 0.1 s, writing them one by one 5 s.
 
 from __future__ import annotations
 
+import getpass
 import json
 import math
 import subprocess
+import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -23,7 +27,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, SupportsFloat
 
-from registry.backend import answering, artifact_location, connect, resolve_uri
+from registry.backend import answering, artifact_location, connect, quiet, resolve_uri
 from wt.errors import ConfigError, WorkError
 
 if TYPE_CHECKING:
@@ -34,6 +38,8 @@ if TYPE_CHECKING:
 UNKNOWN = "unknown"
 _BATCH = 1000  # what MLflow takes in one call; 100 for parameters
 _PARAMS = 100
+_INHERITED = ("commit", "task", "mlflow.source.git.commit", "mlflow.source.name",
+              "mlflow.source.type", "mlflow.user")  # fmt: skip
 _SECONDS = 10.0  # a metric is seen in the UI at most this long after it was logged
 
 
@@ -61,6 +67,25 @@ def source() -> Source:
         return Source(UNKNOWN, "")
     diff = _git(file.parent, "diff", "HEAD", "--no-color", "--no-ext-diff", "--", ":/")
     return Source(commit.strip(), diff or "")
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Data that a run has used.
+
+    Attributes:
+        name: as shown.
+        context: what it was used for: ``training``, ``validation`` or ``test``.
+        digest: hash of its content, at most 36 characters.
+        folder: where it lies.
+        rows: number of transitions.
+    """
+
+    name: str
+    context: str
+    digest: str
+    folder: Path
+    rows: int
 
 
 @contextmanager
@@ -112,6 +137,34 @@ class Run:
         self._client = client
         self._pending: list[Metric] = []
         self._flushed = time.monotonic()
+        self._children: dict[str, Run] = {}
+
+    def child(self, name: str) -> Run:
+        """The run below this one that has a name: begun, or found again; it ends with this one."""
+        if name not in self._children:
+            with answering(self.uri):
+                self._children[name] = _child(self._client, self.uri, self.id, name)
+        return self._children[name]
+
+    def tags(self, values: Mapping[str, str]) -> None:
+        """Set tags; ``mlflow.note.content`` is the description that a person reads."""
+        with answering(self.uri):
+            for key, value in values.items():
+                self._client.set_tag(self.id, key, value)
+
+    def inputs(self, used: Sequence[Dataset]) -> None:
+        """Say which data the run uses; the same again changes nothing."""
+        from mlflow.entities import Dataset as Entity
+        from mlflow.entities import DatasetInput, InputTag
+
+        found = []
+        for data in used:
+            source = json.dumps({"uri": data.folder.absolute().as_uri()})
+            profile = json.dumps({"num_rows": data.rows})
+            entity = Entity(data.name, data.digest, "local", source, profile=profile)
+            found.append(DatasetInput(entity, [InputTag("mlflow.data.context", data.context)]))
+        with answering(self.uri):
+            self._client.log_inputs(self.id, found)
 
     def params(self, values: Mapping[str, object]) -> None:
         """Log parameters, flat names such as ``"train.lr"``.
@@ -148,6 +201,8 @@ class Run:
         Raises:
             WorkError: the store cannot be used.
         """
+        for child in self._children.values():
+            child.flush()
         with answering(self.uri):
             while self._pending:
                 self._client.log_batch(self.id, metrics=self._pending[:_BATCH])
@@ -190,7 +245,9 @@ class Run:
             self._client.log_artifact(self.id, str(path), folder)
 
     def end(self, status: str) -> None:
-        """Set MLflow's status of the run: FINISHED, FAILED or KILLED."""
+        """Set MLflow's status of the run and those below it: FINISHED, FAILED or KILLED."""
+        for child in self._children.values():
+            child.end(status)
         with answering(self.uri):
             self._client.set_terminated(self.id, status)
 
@@ -203,8 +260,14 @@ def _begin(client: MlflowClient, uri: str, experiment: str, name: str) -> Run:
         else known.experiment_id
     )
     code = source()
-    # The second tag is the one that MLflow's UI shows.
-    tags = {"commit": code.commit, "mlflow.source.git.commit": code.commit}
+    # those of MLflow's own are the ones that its UI shows
+    tags = {
+        "commit": code.commit,
+        "mlflow.source.git.commit": code.commit,
+        "mlflow.source.name": Path(sys.argv[0]).name or "python",
+        "mlflow.source.type": "LOCAL",
+        "mlflow.user": _user(),
+    }
     made = client.create_run(experiment_id, tags=tags, run_name=name)
     current = Run(client, uri, made.info.run_id)
     if code.diff:
@@ -224,6 +287,43 @@ def _resume(client: MlflowClient, uri: str, run_id: str) -> Run:
     with answering(uri):
         client.update_run(run_id, status="RUNNING")
     return Run(client, uri, run_id)
+
+
+def _child(client: MlflowClient, uri: str, parent: str, name: str) -> Run:
+    of = client.get_run(parent)
+    known = client.search_runs(
+        [of.info.experiment_id], f"tags.`mlflow.parentRunId` = '{parent}'", max_results=10_000
+    )
+    same = next((r for r in known if r.info.run_name == name), None)
+    if same is not None:
+        client.update_run(same.info.run_id, status="RUNNING")
+        return Run(client, uri, same.info.run_id)
+    shown = {k: v for k, v in of.data.tags.items() if k in _INHERITED}
+    tags = {**shown, "mlflow.parentRunId": parent}
+    made = client.create_run(of.info.experiment_id, tags=tags, run_name=name)
+    return Run(client, uri, made.info.run_id)
+
+
+@contextmanager
+def machine(current: Run) -> Iterator[None]:
+    """Log the machine's load (``system/…``) while a run goes on: processors, memory, disk, GPU."""
+    from mlflow.system_metrics.system_metrics_monitor import SystemMetricsMonitor
+
+    with quiet():
+        monitor = SystemMetricsMonitor(current.id, resume_logging=True, tracking_uri=current.uri)
+        monitor.start()
+    try:
+        yield
+    finally:
+        with quiet():
+            monitor.finish()
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError):  # a container's user without a name
+        return UNKNOWN
 
 
 def _git(folder: Path, *arguments: str) -> str | None:

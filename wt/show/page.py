@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import html
+import itertools
+import re
 from collections.abc import Sequence
 from importlib import resources
 from string import Template
@@ -27,15 +29,26 @@ def section(title: str, said: str, body: str) -> str:
 
 
 def table(head: Sequence[str], rows: Sequence[str]) -> str:
-    """A table of rows in HTML; a heading that begins with # is of a column of numbers."""
+    """A table of rows in HTML; a heading that begins with # is of a column of numbers.
+
+    On a narrow page every row is a card, whose cells say which column they are of.
+    """
     cells = "".join(
         f'<th scope="col" class="n">{escaped(h[1:])}</th>'
         if h.startswith("#")
         else f'<th scope="col">{escaped(h)}</th>'
         for h in head
     )
-    whole = f"<thead><tr>{cells}</tr></thead><tbody>{''.join(rows)}</tbody>"
-    return f'<div class="scroll"><table>{whole}</table></div>'
+    labels = [escaped(h.removeprefix("#")) for h in head]
+    body = "".join(_labelled(row, labels) for row in rows)
+    content = f"<thead><tr>{cells}</tr></thead><tbody>{body}</tbody>"
+    return f'<div class="scroll"><table>{content}</table></div>'
+
+
+def _labelled(row: str, labels: Sequence[str]) -> str:
+    """A row whose cells carry the heading of their column."""
+    label = itertools.chain(labels, itertools.repeat(""))
+    return re.sub("<td", lambda _: f'<td data-label="{next(label)}"', row)
 
 
 def items(sentences: Sequence[str]) -> str:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from wt.config import DataConfig
-from wt.data.transitions import Shard, digest, obtain, plan
+from wt.data.transitions import Shard, digest, home_of, obtain, plan
 from wt.errors import DataError
 from wt.types import Domain, Pairs, Recording, Transitions
 from wt.worlds.base import World
@@ -29,12 +29,14 @@ class Collected:
         real: unpaired transitions of R, for training.
         validation: pairs that choose checkpoints and settings.
         test: pairs that are evaluated once, at the end.
+        folders: of each on disk, by its name here.
     """
 
     sim: Transitions
     real: Transitions
     validation: Pairs
     test: Pairs
+    folders: Mapping[str, Path] = field(default_factory=dict)
 
 
 def collect(world: World, settings: DataConfig, report: Report | None = None) -> Collected:
@@ -50,17 +52,19 @@ def collect(world: World, settings: DataConfig, report: Report | None = None) ->
     """
     models = {domain: model_hash(world.model(domain)) for domain in ("sim", "real")}
     collections: dict[str, Transitions | Pairs] = {}
+    folders = {}
     for what, count, seed in _parts(settings):
         shards = plan(count, seed, world.shard)
         identity = {"what": what, **world.identity(), "models": models}
-        collections[what] = obtain(
-            Path(settings.dir), identity, world.spec, shards, _maker(world, what, count, report)
-        )
+        where = Path(settings.dir), identity, world.spec, shards
+        collections[what] = obtain(*where, _maker(world, what, count, report))
+        folders[what] = home_of(*where)
     return Collected(
         _transitions(collections["sim"]),
         _transitions(collections["real"]),
         _pairs(collections["validation"]),
         _pairs(collections["test"]),
+        folders,
     )
 
 

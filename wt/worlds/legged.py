@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
-from mujoco.batch import Batch
 
+from wt.batch import Batch
 from wt.errors import ConfigError
 from wt.types import Channel
 from wt.worlds.go2_model import BallPayload

@@ -4,14 +4,15 @@ The folder of a policy holds ``policy.onnx`` and ``card.json``. The graph has on
 ``observation``, (batch, n_in): :meth:`wt.worlds.legged.LeggedRobot.channels` in order, then the
 command, then the clock of :mod:`wt.worlds.gait` if the policy walks to one; and one output
 ``action``, (batch, n), in units of the robot's ``action_scale``. The observation normaliser is part
-of it.
+of it. The graph says of itself, in its ``metadata_props``, what mjlab and Isaac Lab write there:
+see :func:`metadata`.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 GRAPH = "policy.onnx"
 CARD = "card.json"
 SCHEMA = 1
+_ROUNDED = 6e-4
 SHIPPED = Path(__file__).with_name("policies")
 """Folder of the package's policies, one folder each."""
 
@@ -128,6 +130,27 @@ def observation_names(robot: LeggedRobot, has_clock: bool) -> list[str]:
     return names + [f"clock/{c}" for c in CLOCK] if has_clock else names
 
 
+def metadata(card: PolicyCard) -> dict[str, str]:
+    """What a policy's graph says of itself, in keys and form as mjlab and Isaac Lab write it.
+
+    Lists are joined by commas. Each channel of the observation is a term of its own, without
+    history. ``rate_hz`` and ``robot`` are ours.
+    """
+    said: dict[str, Sequence[object]] = {
+        "joint_names": card.joints,
+        "joint_stiffness": card.stiffness,
+        "joint_damping": card.velocity_gain,
+        "default_joint_pos": card.default,
+        "action_scale": card.action_scale,
+        "observation_names": card.observation,
+        "observation_history_lengths": [1] * len(card.observation),
+        "command_names": COMMAND,
+        "rate_hz": [card.rate_hz],
+        "robot": [card.robot],
+    }
+    return {key: ",".join(str(value) for value in values) for key, values in said.items()}
+
+
 class Policy:
     """A policy that may be used with one robot; made by :meth:`load`.
 
@@ -157,7 +180,8 @@ class Policy:
 
         Raises:
             ModelError: a file is missing or not the one that the card is of; the policy is of
-                another robot, joint order, rate, pose, scale, observation or gains.
+                another robot, joint order, rate, pose, scale, observation or gains, or its graph
+                says so.
         """
         import onnxruntime
 
@@ -178,6 +202,7 @@ class Policy:
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = threads
         session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+        _check_metadata(session.get_modelmeta().custom_metadata_map, card, folder)
         return cls(card, session)
 
     def clock(self, size: int) -> GaitClock:
@@ -242,6 +267,26 @@ def _check(card: PolicyCard, robot: LeggedRobot, physics: LeggedPhysics, folder:
                 f"policy {folder} does not fit: its {name} differs from {robot.name}'s ({where}); "
                 "take a policy that was trained for this robot, or train one: wt-train-policy"
             )
+
+
+def _check_metadata(said: Mapping[str, str], card: PolicyCard, folder: Path) -> None:
+    """Compare what the graph says of itself, as far as it does, with its card."""
+    for key, wanted in metadata(card).items():
+        given, known = said.get(key, wanted).split(","), wanted.split(",")
+        if len(given) != len(known) or not all(map(_same, given, known)):
+            where = _first_difference(given, known)
+            raise ModelError(
+                f"policy {folder} does not fit: its graph's metadata and its card differ in "
+                f"{key} ({where}); export the policy again"
+            )
+
+
+def _same(given: str, wanted: str) -> bool:
+    """Whether two values of metadata agree; numbers to the three decimals that mjlab writes."""
+    try:
+        return abs(float(given) - float(wanted)) <= _ROUNDED
+    except ValueError:
+        return given == wanted
 
 
 def _differ(given: object, wanted: object) -> bool:

@@ -19,8 +19,8 @@ from functools import lru_cache
 import mujoco
 import numpy as np
 from jaxtyping import Float, Float32
-from mujoco.batch import Batch
 
+from wt.batch import Batch
 from wt.errors import ConfigError
 from wt.types import Channel, Domain, Pairs, Transitions, TransitionSpec
 from wt.worlds import r5_model

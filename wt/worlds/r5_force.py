@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from jaxtyping import Float32
-from mujoco.batch import Batch
 
+from wt.batch import Batch
 from wt.errors import ConfigError
 from wt.worlds.r5_model import GRIPPER, JOINTS
 

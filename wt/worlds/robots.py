@@ -83,3 +83,19 @@ def robot_of(name: str) -> LeggedRobot:
     if name not in ROBOTS:
         raise ConfigError(f"robot {name!r} is not known: {suggest(name, ROBOTS)}")
     return ROBOTS[name]
+
+
+def mjcf(name: str, timestep: float = 0.002) -> str:
+    """A robot as MJCF, with its published figures, on a flat floor.
+
+    Args:
+        name: of the robot.
+        timestep: integration step [s].
+
+    Raises:
+        ConfigError: there is no robot of that name.
+    """
+    robot = robot_of(name)
+    spec = robot.describe(robot.physics, timestep, LeggedScene())
+    spec.compile()
+    return str(spec.to_xml())

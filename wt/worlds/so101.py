@@ -21,8 +21,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 from jaxtyping import Float, Float32, Int
-from mujoco.batch import Batch
 
+from wt.batch import Batch
 from wt.errors import ConfigError
 from wt.types import Channel, Domain, Pairs, Recording, Transitions, TransitionSpec
 from wt.worlds import so101_model

@@ -74,8 +74,10 @@ def test_a_vector_is_nothing_where_all_of_it_may_be() -> None:
     assert nearest_to_nothing(known) == 0
 
 
-def named(force: Planted, half: np.ndarray) -> dict[str, Estimate]:
-    return _named(force, HINGE, force.theta - half, force.theta + half, force.effect.steps())
+def named(force: Planted, half: np.ndarray, visible: np.ndarray | None = None) -> Estimate:
+    ends, smallest = (force.theta - half, force.theta + half), np.full(3, 0.01)
+    visible = np.eye(3) if visible is None else visible
+    return _named(force, HINGE, *ends, smallest, visible)["force"]
 
 
 def planted(name: str, *theta: float) -> Planted:
@@ -112,10 +114,17 @@ def test_laws_that_stand_for_another_are_known_less_well() -> None:
 def test_a_vector_is_unknown_as_a_whole_and_not_for_one_component_that_may_be_nothing() -> None:
     force = Planted(effects()["body.force"], J, np.array([4.8, 2.0, -0.3]))
     wide = np.array([0.4, 0.6, 2.6])
-    assert not _named(force, HINGE, force.theta - wide, force.theta + wide, np.full(3, 0.01))[
-        "force"
-    ].warning
-    wider = 3.0 * wide
-    assert _named(force, HINGE, force.theta - wider, force.theta + wider, np.full(3, 0.01))[
-        "force"
-    ].warning
+    assert not named(force, wide).warning
+    assert named(force, 3.0 * wide).warning
+
+
+def test_what_joints_cannot_show_is_open_and_no_reason_to_doubt_the_rest() -> None:
+    force = Planted(effects()["body.force"], J, np.array([4.8, 0.0, -0.3]))
+    half = np.array([0.4, 0.0, 0.3])
+    found = named(force, half, np.diag([1.0, 0.0, 1.0]))
+    assert found.unshown == ("y",)
+    assert not found.warning
+    (low, high), bounds = found.ci95, force.effect.bounds()
+    np.testing.assert_allclose(low, (4.4, bounds[0][1], -0.6))
+    np.testing.assert_allclose(high, (5.2, bounds[1][1], 0.0))
+    assert "cannot show y" in found.to_json()["warning"]

@@ -25,6 +25,7 @@ from wt.diagnose.report.drawing import draw, joint_of
 from wt.diagnose.report.page import report, text
 from wt.diagnose.report.report import Report
 from wt.diagnose.result import Decision, Diagnosis, Error, Estimate, Finding, Located, Used
+from wt.show.page import table
 from wt.types import Location
 
 VOID = {"meta", "br", "link", "img", "input"}
@@ -127,6 +128,7 @@ def test_an_unknown_cause_is_said_with_its_formula(tmp_path: Path) -> None:
     assert "The cause is not known" in page.words
     assert "-0.8*tanh(qvel/j2 / 0.02) < 1" in page.words  # escaped in the source, whole on screen
     assert "qvel/j2 & qpos/j1" in page.words
+    assert "As printed it removes 42 %" in page.words
 
 
 def test_something_missing_without_a_name_is_not_called_nothing(tmp_path: Path) -> None:
@@ -374,3 +376,17 @@ def test_a_translation_s_evidence_is_shown(diagnosis: Diagnosis, source: str) ->
     assert "wt-arm/3 leaves 25 % of the squared error" in text
     assert "qpos 4.00 mrad 2.00 mrad 25 %" in text
     assert "shaded where it stands out" in text
+
+
+def test_cells_say_their_column_for_pages_too_narrow_for_a_table() -> None:
+    shown = table(("place", "#share"), ['<tr><td>hip</td><td class="n">91 %</td></tr>'])
+    assert '<td data-label="place">hip</td><td data-label="share" class="n">91 %</td>' in shown
+
+
+def test_the_page_says_where_the_patched_model_looks_ahead_worse() -> None:
+    diagnosis = synthetic.diagnosis()
+    assert "worse than the one given" not in Page(report(diagnosis)).words
+    horizons = {**diagnosis.proof.horizons, 0.1: (1.8e-3, 5e-3)}
+    proof = dataclasses.replace(diagnosis.proof, horizons=horizons)
+    words = Page(report(dataclasses.replace(diagnosis, proof=proof))).words
+    assert "worse than the one given: 5.00 against 1.80 mrad at 0.1 s." in words

@@ -79,7 +79,7 @@ def test_a_picture_that_fails_costs_no_answer(
     def failing(_: object) -> bytes:
         raise ZeroDivisionError
 
-    monkeypatch.setattr("wt.diagnose.report.write.playback", failing)
+    monkeypatch.setattr("wt.diagnose.report.rerun.playback", failing)
     with pytest.raises(ZeroDivisionError):
         write(synthetic.diagnosis(model), out)
     # and no earlier report stands beside the new numbers

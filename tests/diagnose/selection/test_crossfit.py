@@ -106,6 +106,18 @@ def test_data_that_an_effect_leaves_as_they_are_are_mute() -> None:
     assert gain_of(moved / NOISE, left / NOISE, (block, block)).potential > 0.05
 
 
+@pytest.mark.parametrize(("share", "counts"), [(0.01, False), (0.05, True)])
+def test_what_removes_next_to_nothing_is_no_gain_however_certain(
+    share: float, counts: bool
+) -> None:
+    left, block = np.random.default_rng(0).standard_normal((20000, 2)), np.arange(20000) // 10
+    worse = left * np.array([1.0, 1.0 / np.sqrt(1.0 - share)])
+    found = gain_of(worse, left, (block, block))
+    assert found.share == pytest.approx(0.5 * share, rel=0.1)
+    assert (found.p_value < 1e-12) == counts
+    assert counts or found.p_value == 1.0
+
+
 def hit(blocks: int, better: bool = True) -> Gain:
     """Gain of what takes away an error in a few blocks, and adds a little to all others."""
     rng = np.random.default_rng(1)

@@ -9,21 +9,22 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from tests.diagnose.hidden_forces import World, chain, on_joint, world
+from tests.diagnose.hidden_forces import RATE, World, chain, on_joint, world
 from wt.diagnose.likelihood.estimate import estimate
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.addition import Accepted
-from wt.diagnose.selection.alternatives import Lookalikes
-from wt.diagnose.selection.candidates import near
+from wt.diagnose.selection.alternatives import Lookalikes, Option, _best, _rivals
+from wt.diagnose.selection.candidates import dof_of, near
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.physics.effect import effects
 from wt.physics.motion import Motion
 from wt.physics.planted import Planted
 from wt.physics.scene import Scene
-from wt.types import Location
+from wt.types import Location, Recording
 
 JOINT, DRIVE = Location("joint", "j1"), Location("actuator", "a1")
-PUSH = 0.5
+SENSORS, DRIVES = Location("sensor", "all"), Location("actuator", "all")
+PUSH, LATE = 0.5, 0.02
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +40,21 @@ def sticky(tmp_path_factory: pytest.TempPathFactory) -> World:
         0, lambda q, v: -float(np.tanh(v / 2e-3)) * (0.3 + 0.3 * float(np.exp(-((v / 0.05) ** 2))))
     )
     return world(tmp_path_factory.mktemp("sticky"), 1, law, 3.0)
+
+
+@pytest.fixture(scope="module")
+def late(tmp_path_factory: pytest.TempPathFactory) -> World:
+    """Two joints whose log has every command 20 ms before the drives act on it."""
+
+    def early(recording: Recording) -> Recording:
+        k = round(LATE * RATE)
+        columns = {
+            name: x[k:] if name.startswith("ctrl/") else x[:-k]
+            for name, x in recording.columns.items()
+        }
+        return Recording(recording.t[:-k], columns)
+
+    return world(tmp_path_factory.mktemp("late"), 2, None, 4.0, log=early)
 
 
 def lookalikes(some: World) -> Lookalikes:
@@ -65,7 +81,42 @@ def test_a_law_that_only_looks_like_the_right_one_gives_way_to_it(pushed: World)
 def test_the_right_law_stays(pushed: World) -> None:
     found = settled(pushed, "actuator.bias", DRIVE, PUSH)
     assert found.planted.effect.id == "actuator.bias"
-    assert "sensor.offset" not in {r.effect.id for r in found.rivals}
+    # a stiff servo on a light link hardly tells where the encoder's zero is
+    assert "sensor.offset" in {r.effect.id for r in found.rivals}
+    assert "joint.stiffness" not in {r.effect.id for r in found.rivals}
+
+
+@pytest.mark.parametrize(
+    ("effect", "at"), [("sensor.delay", SENSORS), ("actuator.delay", DRIVES)], ids=["late", "early"]
+)
+def test_late_commands_are_claimed_and_late_sensors_confusable(
+    late: World, effect: str, at: Location
+) -> None:
+    found = settled(late, effect, at, LATE)
+    assert found.planted.key == ("actuator.delay", "actuator", "all")
+    assert found.planted.theta == pytest.approx([LATE], rel=0.02)
+    assert [r.key for r in found.rivals] == [("sensor.delay", "sensor", "all")]
+
+
+def option(effect: str, lead: float, evidence: float) -> Option:
+    return Option(Planted(effects()[effect], JOINT, np.array([1.0])), lead, evidence)
+
+
+def test_what_cannot_be_told_apart_is_called_by_the_more_usual_name() -> None:
+    first, usual = option("joint.hysteresis", 0.0, 0.0), option("joint.friction_coulomb", -3.0, -3)
+    assert _best([first, usual]) is usual
+    assert _best([first, option("joint.friction_coulomb", -5.0, -5.0)]) is first
+    assert _best([usual, option("joint.hysteresis", 0.9, 0.9)]) is usual
+    ahead = option("joint.hysteresis", 5.0, 5.0)
+    assert _best([usual, ahead]) is ahead
+
+
+def test_how_rare_an_effect_is_tells_nothing_apart() -> None:
+    first = option("actuator.bias", 0.0, 0.0)
+    rare, wrong = option("sensor.offset", -8.0, 0.0), option("actuator.deadband", -5.0, -5.0)
+    assert _rivals([first, wrong, rare], first) == [rare]
+    usual = option("joint.friction_coulomb", -1.0, -1.0)
+    assert _rivals([first, rare, usual], first) == [usual, rare]
 
 
 def test_a_larger_law_starts_from_the_one_it_contains(sticky: World) -> None:
@@ -95,4 +146,5 @@ def test_places_close_to_one_another_are_near(tmp_path: Path) -> None:
     assert {link, joint} <= set(near(screen, drive))
     assert {x.name for x in near(screen, link) if x.kind == "body"} == {"link1", "link2", "link3"}
     assert joint in near(screen, link)
-    assert near(screen, anywhere) == [anywhere, Location("sensor", "all")]
+    assert near(screen, anywhere) == [anywhere, SENSORS, DRIVES]
+    assert dof_of(screen, drive) == 1 and dof_of(screen, DRIVES) == -1

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from unittest.mock import Mock
 
+import numpy as np
 import pytest
 
 from tests.diagnose import synthetic
 from tests.diagnose.hidden_forces import world
-from wt.diagnose.result import Error
-from wt.diagnose.selection.verdict import bearing, shown_by_holdout
+from wt.diagnose.likelihood.estimate import Estimated
+from wt.diagnose.likelihood.objective import Assessed
+from wt.diagnose.result import Verdict
+from wt.diagnose.selection.addition import Accepted
+from wt.diagnose.selection.naming import Claims
+from wt.diagnose.selection.verdict import bearing, shown_by_holdout, verdict
+from wt.physics.effect import effects
+from wt.physics.planted import Planted
+from wt.types import Location
 
 
 def test_the_fewest_that_bear_most_are_named_the_largest_first() -> None:
@@ -24,22 +33,46 @@ def test_one_that_bears_it_alone_is_named_alone() -> None:
 
 
 @pytest.mark.parametrize(
-    ("errors", "forgets", "verdict", "places"),
+    ("before", "at_j2", "after", "places"),
     [
-        ({"j1": 2e-4, "j2": 2e-4}, True, "no_mismatch", []),
-        ({"j1": 2e-4, "j2": 0.1}, True, "unexplained", ["j2"]),
-        ({"j1": 2e-4, "j2": 0.1}, False, "no_mismatch", []),  # its first state is not known
+        ("no_mismatch", 2e-5, "no_mismatch", []),
+        ("no_mismatch", 0.1, "unexplained", ["j2"]),
+        ("explained", 2e-5, "explained", []),
+        ("explained", 0.1, "partly_explained", []),
+        ("partly_explained", 0.1, "partly_explained", []),
     ],
 )
 def test_nothing_is_missing_only_where_the_held_out_recordings_say_so_too(
-    tmp_path: Path, errors: dict[str, float], forgets: bool, verdict: str, places: list[str]
+    tmp_path: Path, before: Verdict, at_j2: float, after: Verdict, places: list[str]
 ) -> None:
-    holdout = dataclasses.replace(world(tmp_path, 2, None, 3.0).held, forgets=forgets)
-    silent = synthetic.nothing()
-    each = {j: Error(e, e, 2e-5, 1.0, (1.0, 1.0)) for j, e in errors.items()}
-    silent = dataclasses.replace(silent, proof=dataclasses.replace(silent.proof, joints=each))
-    counted = shown_by_holdout(silent, holdout)
-    assert counted.verdict == verdict
+    held = world(tmp_path, 2, None, 3.0).objective
+    assessed = Mock(spec=Assessed, mse=np.array([2e-5, at_j2]) ** 2)
+    given = dataclasses.replace(synthetic.nothing(), verdict=before)
+    counted = shown_by_holdout(given, assessed, held)
+    assert counted.verdict == after
     assert [f.at.name for f in counted.findings] == places
     assert [place.at.name for place in counted.locations] == places
     assert all(f.effect == "unknown" and f.p_value < 1e-9 for f in counted.findings)
+    assert (before == "explained" != after) == any("held-out" in n for n in counted.notes)
+
+
+@pytest.mark.parametrize(
+    ("effects_at_j2", "left", "said"),
+    [
+        (1, 1.04, "explained"),
+        (1, 2.9, "explained"),
+        (1, 3.1, "partly_explained"),
+        (4, 1.04, "explained"),
+        (4, 1.6, "partly_explained"),
+    ],
+)
+def test_the_more_effects_share_a_joint_the_nearer_to_the_noise_they_must_get(
+    tmp_path: Path, effects_at_j2: int, left: float, said: str
+) -> None:
+    objective = world(tmp_path, 2, None, 3.0).objective
+    rubs = Planted(effects()["joint.friction_coulomb"], Location("joint", "j2"), np.array([0.1]))
+    mse = (np.array([1.0, left]) * objective.floor) ** 2
+    assessed = Mock(spec=Assessed, hypothesis=(rubs,) * effects_at_j2, mse=mse)
+    accepted = (Accepted(rubs, None, ()),) * effects_at_j2
+    claims = Claims(accepted, Estimated(assessed, ()), (), ())
+    assert verdict(claims, objective) == said

@@ -232,7 +232,7 @@ def _joints(scene: Scene, at: Location) -> Sequence[str]:
     if at.name in scene.joints and at.kind in ("joint", "sensor"):
         return [at.name]
     if at.kind == "actuator":
-        return [drive.joint for drive in scene.drives if drive.name == at.name]
+        return [drive.joint for drive in scene.driven(at)]
     if at.kind == "pair":
         return [name for name in at.name.split("+") if name in scene.joints]
     if at.kind == "body" and mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_BODY, at.name) > 0:

@@ -63,13 +63,19 @@ def size(hypothesis: Hypothesis) -> int:
 
 def price(objective: Objective, hypothesis: Hypothesis) -> float:
     """Half a log of the sample count for each parameter (Schwarz, 1978), and prior odds."""
-    odds = sum(p.effect.odds_against for p in hypothesis)
-    return odds + 0.5 * size(hypothesis) * float(np.log(max(objective.count.sum(), 2.0)))
+    return odds_against(hypothesis) + 0.5 * size(hypothesis) * float(
+        np.log(max(objective.count.sum(), 2.0))
+    )
+
+
+def odds_against(hypothesis: Hypothesis) -> float:
+    """Log odds against its effects beside more common ones [nats]: of no recording's saying."""
+    return sum(p.effect.odds_against for p in hypothesis)
 
 
 def worth(objective: Objective, fit: Assessed, now: Assessed) -> float:
     """Nats gained by a hypothesis over the present one, after the price of its parameters."""
-    if not all(p.effect.plausible(objective.motion, p.at, p.theta) for p in fit.hypothesis):
+    if not all(p.possible(objective.motion) for p in fit.hypothesis):
         return -np.inf
     added = price(objective, fit.hypothesis) - price(objective, now.hypothesis)
     return fit.loglik - now.loglik - added

@@ -17,6 +17,7 @@ from scipy.stats import t as student
 
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import bounds, jacobian, pack, refine, steps
+from wt.diagnose.likelihood.shown import hidden_axes, shown
 from wt.diagnose.likelihood.tolerances import boxes
 from wt.diagnose.result import Estimate
 from wt.diagnose.thresholds import THRESHOLDS
@@ -60,7 +61,9 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     if (np.abs(theta - pack(start, parts)) > _NEAR * np.abs(theta) + smallest).any():
         now = objective.reference(now.hypothesis, now.tolerances)
     (slope,) = jacobian(objective, [now], [parts])
-    spread = np.hypot(_spread(objective, now, slope), least_spread(now.hypothesis, smallest))
+    visible = shown(now.hypothesis, slope, objective.channels.precision(now.variance))
+    spread = _spread(objective, now, slope @ visible)
+    spread = np.hypot(spread, least_spread(now.hypothesis, smallest))
     lower, upper = bounds(now.hypothesis, parts)
     low, high = np.maximum(theta - spread, lower), np.minimum(theta + spread, upper)
     estimates, offset = [], 0
@@ -68,7 +71,9 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
         rows = slice(offset, offset + planted.effect.n_theta)
         offset = rows.stop
         units = units_at(objective.scene, planted.at)
-        estimates.append(_named(planted, units, low[rows], high[rows], smallest[rows]))
+        estimates.append(
+            _named(planted, units, low[rows], high[rows], smallest[rows], visible[rows, rows])
+        )
     return Estimated(now, tuple(estimates))
 
 
@@ -190,6 +195,7 @@ def _named(
     low: Float[np.ndarray, " parameter"],
     high: Float[np.ndarray, " parameter"],
     smallest: Float[np.ndarray, " parameter"],
+    visible: Float[np.ndarray, "parameter parameter"],
 ) -> dict[str, Estimate]:
     lower, upper = planted.effect.bounds()
     estimates: dict[str, Estimate] = {}
@@ -199,27 +205,44 @@ def _named(
         start = rows.stop
         if not p.public:
             continue
-        value, ends = planted.theta[rows], (low[rows], high[rows])
-        warning = ""
-        # a vector as a whole: one of its components may well be nothing
-        if np.linalg.norm(ends[1] - ends[0]) > 2.0 * max(
-            float(np.linalg.norm(value)), float(smallest[rows].max())
-        ):
-            warning = "not identifiable from these recordings: the interval is wider than the value"
-        span = upper[rows] - lower[rows]
-        if ((value - lower[rows] < 1e-3 * span) | (upper[rows] - value < 1e-3 * span)).any():
-            near_zero = (np.abs(value) <= 1e-3 * span).all()
-            if not near_zero:
-                warning = "at the bound of what is admissible: the law may be another one"
+        value, ends, span = planted.theta[rows], (low[rows], high[rows]), (lower[rows], upper[rows])
+        hidden = hidden_axes(visible[rows, rows]) if p.axes else []
+        known = np.setdiff1d(np.arange(p.size), hidden)
+        warning = _warning(
+            value[known],
+            (ends[0][known], ends[1][known]),
+            (span[0][known], span[1][known]),
+            float(smallest[rows].max()),
+        )
+        for end, admissible in zip(ends, span, strict=True):
+            end[hidden] = admissible[hidden]
         estimates[p.name] = Estimate(
             _plain(value, bool(p.axes)),
             p.unit_in(units),
             (_plain(ends[0], bool(p.axes)), _plain(ends[1], bool(p.axes))),
             warning,
+            tuple(p.axes[i] for i in hidden),
         )
     for name, (unit, values) in planted.observed().items():
         estimates[name] = Estimate(values, units.of(unit), (values, values))
     return estimates
+
+
+def _warning(
+    value: Float[np.ndarray, " component"],
+    ends: tuple[Float[np.ndarray, " component"], Float[np.ndarray, " component"]],
+    admissible: tuple[Float[np.ndarray, " component"], Float[np.ndarray, " component"]],
+    smallest: float,
+) -> str:
+    """Why an estimate should not be trusted, given its interval; "" if it should."""
+    span = admissible[1] - admissible[0]
+    at_bound = (value - admissible[0] < 1e-3 * span) | (admissible[1] - value < 1e-3 * span)
+    if at_bound.any() and (np.abs(value) > 1e-3 * span).any():
+        return "at the bound of what is admissible: the law may be another one"
+    # a vector as a whole: one of its components may well be nothing
+    if np.linalg.norm(ends[1] - ends[0]) > 2.0 * max(float(np.linalg.norm(value)), smallest):
+        return "not identifiable from these recordings: the interval is wider than the value"
+    return ""
 
 
 def _plain(value: Float[np.ndarray, " component"], vector: bool) -> float | tuple[float, ...]:

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.diagnose.likelihood.objective import Assessed, Objective
+from wt.diagnose.likelihood.shown import shown, without_hidden
 from wt.physics.planted import Hypothesis, Planted
 from wt.physics.scales import step_sizes
 
@@ -118,6 +119,7 @@ def _step(objective: Objective, climbs: Sequence[_Climb]) -> list[_Climb]:
     centres: list[Float[np.ndarray, " tolerance"]] = []
     for climb, slope in zip(climbs, jacobians, strict=True):
         free = [climb.now.hypothesis[i] for i in climb.free]
+        visible = shown(free, slope, objective.channels.precision(climb.now.variance))
         reach = [p.reach() for p in free]
         lower, upper = (np.concatenate(ends) for ends in zip(*reach, strict=True))
         prior_std = np.array(
@@ -125,10 +127,14 @@ def _step(objective: Objective, climbs: Sequence[_Climb]) -> list[_Climb]:
         )
         for factor in _TRIALS:
             damping = climb.damping * factor
-            centre, step = objective.solve(climb.now, slope, lower, upper, damping, prior_std)
+            centre, step = objective.solve(
+                climb.now, slope @ visible, lower, upper, damping, prior_std
+            )
             ends = np.cumsum([p.effect.n_theta for p in free])[:-1]
-            moved = [p.moved(own) for p, own in zip(free, np.split(step, ends), strict=True)]
-            trials.append(unpack(climb.now.hypothesis, climb.free, np.concatenate(moved)))
+            own = np.split(visible @ step, ends)
+            moved = np.concatenate([p.moved(x) for p, x in zip(free, own, strict=True)])
+            moved = without_hidden(free, moved, visible)
+            trials.append(unpack(climb.now.hypothesis, climb.free, moved))
             centres.append(centre)
     assessed = objective.evaluate(trials, centres)
     likeliest = [

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from jaxtyping import Bool, Float, Float32
-from mujoco.batch import Batch
 
+from wt.batch import Batch
 from wt.errors import ModelError, RecordingError
 from wt.physics.scene import Scene
 from wt.types import Channel, Recording

@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 
 from wt.errors import RecordingError
 from wt.physics import base, ground
-from wt.physics.reach import beside, reaching
+from wt.physics.reach import points_near, reaching
 from wt.physics.scene import Scene
 
 _REACH = 0.05
@@ -247,7 +247,7 @@ def _feet(
         mujoco.mj_kinematics(m, d)
         mujoco.mj_comPos(m, d)
         mujoco.mj_collision(m, d)
-        points, bodies, distance = beside(m, d, planes[0])
+        points, bodies, distance = points_near(m, d, planes[0])
         above = distance - distance.min(initial=np.inf)
         rows = []
         for c in np.flatnonzero(above < _REACH):

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from wt.check.finding import AuditFinding
+from wt.check.run import check
 from wt.data import recording as recordings
 from wt.diagnose.evidence import Role
 from wt.diagnose.recordings.odometry import located
@@ -25,6 +27,7 @@ Source = str | Path | Recording
 
 _HELD_SHARE = 0.25
 _STILL = 1e-6
+_GIVEN = "recordings given with --holdout"
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +40,8 @@ class Prepared:
         used: what the user gave, and for what it is used.
         names: name of each recording, by index.
         split: in words.
+        audit: what was wrong with the recordings, or with the model beside them; the recordings
+            are as corrected.
     """
 
     fit: tuple[Part, ...]
@@ -44,10 +49,11 @@ class Prepared:
     used: tuple[Used, ...]
     names: tuple[str, ...]
     split: str
+    audit: tuple[AuditFinding, ...] = ()
 
 
 def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) -> Prepared:
-    """Read, check, complete and split recordings.
+    """Read, check, audit, complete and split recordings.
 
     Args:
         scene: the machine.
@@ -61,10 +67,12 @@ def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) ->
     if not given:
         raise RecordingError("no recording was given; give at least one .parquet file")
     _refuse_both(given, holdout)
-    named = _numbered([_read(scene, source, i) for i, source in enumerate([*given, *holdout])])
+    audit: dict[tuple[object, ...], AuditFinding] = {}
+    read = [_read(scene, source, i, audit) for i, source in enumerate([*given, *holdout])]
+    named = _numbered(read)
     parts = [Part(r, i) for i, (_, r) in enumerate(named)]
     fit, held = parts[: len(given)], parts[len(given) :]
-    split = "recordings given with --holdout"
+    split = _GIVEN
     if not held and len(fit) > 1:
         total = sum(p.recording.seconds for p in fit)
         while len(fit) > 1 and sum(p.recording.seconds for p in held) < 0.8 * _HELD_SHARE * total:
@@ -74,12 +82,42 @@ def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) ->
         (single,) = fit
         fit, held = _cut(single)
         split = "the last quarter of the recording"
+    return _split(fit, held, tuple(name for name, _ in named), split, tuple(audit.values()))
+
+
+def turned(prepared: Prepared) -> Prepared | None:
+    """The same recordings with others held out: the first ones, or the first part of the only one.
+
+    None where the user said which are for the proof only.
+    """
+    if prepared.split == _GIVEN:
+        return None
+    first, *rest = prepared.fit
+    names = prepared.names
+    if len(names) == 1:
+        single = Part(first.recording, first.index)
+        cut = _HELD_SHARE * single.seconds
+        held, fit = replace(single, span=(0.0, cut)), replace(single, span=(cut, np.inf))
+        split = "the first quarter of the recording, in its turn"
+        return _split([fit], [held], names, split, prepared.audit)
+    fitted = [*rest, *prepared.held]
+    split = "the first of the recordings, in its turn"
+    return _split(fitted, [first], names, split, prepared.audit)
+
+
+def _split(
+    fit: list[Part],
+    held: list[Part],
+    names: tuple[str, ...],
+    split: str,
+    audit: tuple[AuditFinding, ...],
+) -> Prepared:
     used = [
-        Used(named[p.index][0], role, p.seconds, p.recording.rate_hz)
+        Used(names[p.index], role, p.seconds, p.recording.rate_hz)
         for role, parts in _roles(fit, held)
         for p in parts
     ]
-    return Prepared(tuple(fit), tuple(held), tuple(used), tuple(n for n, _ in named), split)
+    return Prepared(tuple(fit), tuple(held), tuple(used), names, split, audit)
 
 
 def _refuse_both(given: Sequence[Source], holdout: Sequence[Source]) -> None:
@@ -97,7 +135,10 @@ def _roles(fit: list[Part], held: list[Part]) -> tuple[tuple[Role, list[Part]], 
     return ("fit", fit), ("holdout", held)
 
 
-def _read(scene: Scene, source: Source, index: int) -> tuple[str, Recording]:
+def _read(
+    scene: Scene, source: Source, index: int, audit: dict[tuple[object, ...], AuditFinding]
+) -> tuple[str, Recording]:
+    """One recording as corrected; what was wrong with it joins the audit."""
     if isinstance(source, Recording):
         name = str(source.meta.get("source", f"recording {index + 1}"))
         recording = source
@@ -106,7 +147,12 @@ def _read(scene: Scene, source: Source, index: int) -> tuple[str, Recording]:
     try:
         recordings.check_against(recording, scene.given)
         _check_contents(scene, recording)
-        return name, _completed(scene, recording)
+        checked = check(scene, recording)
+        for f in checked.findings:
+            if f.sure:
+                audit.setdefault((f.kind, f.columns, f.elements), f)
+        assert checked.recording is not None
+        return name, _completed(scene, checked.recording)
     except RecordingError as error:
         raise RecordingError(f"'{name}': {error}") from error
 

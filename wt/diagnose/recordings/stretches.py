@@ -20,6 +20,8 @@ WINDOW_S, FLOATING_S = 0.5, 0.25
 """Length of the stretches of a machine that does not forget its initial state [s], and of one on
 legs: what feet do to each other's forces soon makes two replays of the same walk two walks."""
 _TEST_S, _SHOVE, _FORGOTTEN = 1.5, 0.02, 0.3
+_LOOSE = 4.0
+"""Knots at a segment's ends where the slope of a curve is not to be trusted over a long stretch."""
 _AROUND, _MISFIT = 9, 2.0
 """Samples around a start, and how much noise the curve may miss the measured positions by there."""
 
@@ -102,8 +104,9 @@ def _ready(smoothed: Smoothed, index: int, forgets: bool) -> Int[np.ndarray, " s
     """Samples of a segment that a stretch may begin with."""
     s, (q, _, _) = smoothed.samples[index], smoothed.at_samples[index]
     ready = np.flatnonzero(_known(s.q - q, smoothed.noise))
-    # at its very ends a curve's slope is loose
-    return ready if forgets else ready[ready >= max(smoothed.spacing[index])]
+    n = smoothed.commands
+    # at its very ends a curve's slope is loose; windows can hardly spare more, but may adapt
+    return ready[ready >= (_LOOSE if forgets else 1.0) * max(smoothed.spacing[index]) * n]
 
 
 def _known(

@@ -187,8 +187,28 @@ def horizon(diagnosis: Diagnosis) -> str:
     if diagnosis.findings:
         series.append(Series("after", x, both[:, 1] * factor, "beads"))
     title = "Error of replays that are restarted from the recording, over how far they look ahead"
-    axes = Axes(x="seconds ahead", y=f"RMSE [{unit}]", alt=title, log=True)
-    return _figure(chart(series, axes), f"{title}.")
+    axes = Axes(x="how far ahead [s]", y=f"RMSE [{unit}]", alt=title, log=True)
+    return _figure(chart(series, axes), f"{title}.{_worse_ahead(diagnosis, factor, unit)}")
+
+
+def _worse_ahead(diagnosis: Diagnosis, factor: float, unit: str) -> str:
+    """A sentence where the patched model is worse at some horizon: the verdict is not all then.
+
+    Errors below twice the noise say nothing about either model.
+    """
+    noise = 2.0 * diagnosis.proof.holdout.noise_floor
+    worse = {
+        s: (before, after)
+        for s, (before, after) in sorted(diagnosis.proof.horizons.items())
+        if after > max(before, noise)
+    }
+    if not diagnosis.findings or not worse:
+        return ""
+    said = ", ".join(
+        f"{number(after * factor)} against {number(before * factor)} {unit} at {s:g} s"
+        for s, (before, after) in worse.items()
+    )
+    return f" So far ahead the patched model is worse than the one given: {said}."
 
 
 def _figure(svg: str, caption: str) -> str:
@@ -229,7 +249,8 @@ def _variable(
     if kind in ("command", "drive") and all(command in t.command for t in traces):
         if kind == "command" or model is None:
             values = [t.command[command] for t in traces]
-            return f"the command of {command}", f"command of {command}", values
+            said = f"command of {command} [{_command_unit(diagnosis, model, command, joint)}]"
+            return f"the command of {command}", said, values
         label = f"force of {command} in the model"
         values = _drive_forces(diagnosis, model, command, column)
         return f"the {label}", f"{label} [{_force_unit(diagnosis, joint)}]", values
@@ -242,6 +263,21 @@ def _variable(
     else:
         kind, per, values = "position", "", [t.recorded[:, column] for t in traces]
     return f"the {kind} of {joint}", f"{kind} of {joint} [{unit}{per}]", values
+
+
+def _command_unit(
+    diagnosis: Diagnosis, model: mujoco.MjModel | None, actuator: str, joint: str
+) -> str:
+    """Unit of a command: of the joint's position for a servo, of its force for a motor."""
+    if model is None:
+        return "-"
+    drive = model.actuator(actuator)
+    gain, position, speed = drive.gainprm[0], drive.biasprm[1], drive.biasprm[2]
+    if position:
+        return diagnosis.unit_of(joint) if np.isclose(gain, -position) else "-"
+    if speed:
+        return f"{diagnosis.unit_of(joint)}/s" if np.isclose(gain, -speed) else "-"
+    return _force_unit(diagnosis, joint) if gain == 1.0 else "-"
 
 
 def _drive_forces(
@@ -276,7 +312,7 @@ def _actuator(finding: Finding, joint: str, model: mujoco.MjModel | None) -> str
     for column in finding.depends_on:
         if column.startswith("ctrl/"):
             return column.removeprefix("ctrl/")
-    if finding.at.kind == "actuator":
+    if finding.at.kind == "actuator" and finding.at.name != "all":
         return finding.at.name
     if model is None:
         return ""

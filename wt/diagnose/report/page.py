@@ -52,7 +52,7 @@ def _shades() -> str:
 
 
 def _opening(d: Diagnosis) -> str:
-    own = len(d.findings)
+    own = len(d.audit) + len(d.findings)
     sentences = [
         f'<li class="more">{escaped(s)}</li>' if 0 < own <= i else f"<li>{escaped(s)}</li>"
         for i, s in enumerate(text.sentences(d))
@@ -142,7 +142,11 @@ def _evidence(d: Diagnosis, f: Finding) -> str:
     words = " ".join(filter(None, parts))
     if f.depends_on:
         words += f"<br>Depends on {escaped(', '.join(f.depends_on))}."
-    return words + (f"<br>Force: <code>{html.escape(f.formula)}</code>" if f.formula else "")
+    if f.formula:
+        words += (
+            f"<br>Force: <code>{html.escape(f.formula)}</code>. {escaped(text.formula_said(f))}"
+        )
+    return words
 
 
 def _dependence(d: Diagnosis) -> str:

@@ -22,6 +22,7 @@ from wt.show.text import NBSP, tied
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from wt.check.finding import AuditFinding
     from wt.diagnose.report.verify import Verified
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -34,10 +35,14 @@ _PLURAL = {"rad": "hinges", "m": "slides"}
 
 def sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
     """The findings, one plain sentence each; also if there are none, or none is understood."""
+    audit = [audited(f) for f in diagnosis.audit]
+    if any(f.voids_commands for f in diagnosis.audit):
+        return (*audit, "What the model leaves out cannot be told without the commands.")
     words = [f.statement for f in diagnosis.findings]
     if diagnosis.verdict == "no_mismatch":
         words.append(
-            "Nothing is missing: these recordings show no physics that the model leaves out."
+            f"Nothing {'else ' if audit else ''}is missing: these recordings show no physics that "
+            "the model leaves out."
         )
     elif not words:
         words.append(
@@ -48,7 +53,14 @@ def sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
         words.append("The cause is not known: this names where it acts and what it depends on.")
     elif diagnosis.verdict == "partly_explained":
         words.append("That is not all: a part of the mismatch is left over.")
-    return tuple(words)
+    return (*audit, *words)
+
+
+def audited(finding: AuditFinding) -> str:
+    """An audit's finding in one sentence, with what was done about it."""
+    mended = finding.change is not None or finding.model_change is not None
+    what = "what follows is of the corrected data" if mended else f"to do: {finding.fix}"
+    return f"{finding.evidence}; {what}."
 
 
 def fit(diagnosis: Diagnosis) -> str:
@@ -248,13 +260,23 @@ def parameter_rows(findings: Sequence[Finding]) -> list[tuple[str, str, str, str
             unit = "" if estimate.unit == "-" else estimate.unit
             components = values_and_intervals(estimate)
             axes = "xyz" if len(components) == 3 else range(1, len(components) + 1)
-            warning = estimate.warning
+            warning = estimate.note
             for axis, (value, interval) in zip(axes, components, strict=True):
                 label = name if len(components) == 1 else f"{name} {axis}"
                 row = (finding.effect, str(finding.at), label, value, unit, interval, warning)
                 rows.append(row)
                 warning = ""  # said once
     return rows
+
+
+def formula_said(finding: Finding) -> str:
+    """How well the formula does as it is printed, beside the law that acts; "" without one."""
+    if finding.formula is None or finding.formula_gain is None:
+        return ""
+    return (
+        f"As printed it removes {percent(finding.formula_gain)} % of the squared error on held-out "
+        f"data, the law of residual.onnx {percent(finding.holdout_gain)} %."
+    )
 
 
 def print_summary(diagnosis: Diagnosis, console: Console) -> None:
@@ -283,7 +305,9 @@ def print_summary(diagnosis: Diagnosis, console: Console) -> None:
     notes = []
     for finding in diagnosis.findings:
         known = finding.parameters.items()
-        notes += [f"{finding.at}, {name}: {e.warning}" for name, e in known if e.warning]
+        notes += [f"{finding.at}, {name}: {e.note}" for name, e in known if e.note]
+        if said := formula_said(finding):
+            notes.append(f"{finding.at}: {finding.formula}. {said}")
         notes += [
             f"not told apart from {c.effect} at {c.at}; would tell: {c.separating_experiment}"
             for c in finding.confusable_with

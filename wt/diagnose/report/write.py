@@ -5,13 +5,13 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
+import importlib.util
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from wt.diagnose.report.handed_over import RESIDUAL
 from wt.diagnose.report.page import report
-from wt.diagnose.report.rerun import playback
 from wt.diagnose.report.verify import HOLDOUT, PHYSICS
 from wt.diagnose.result import Diagnosis
 from wt.errors import UserError
@@ -48,7 +48,8 @@ def write(diagnosis: Diagnosis, out: Path) -> None:
     ``physics.py`` is written if MJCF cannot say all that was found, ``residual.onnx`` if there is a
     learned remainder; earlier ones go otherwise. ``holdout.npz`` lets anybody repeat the proof.
     All contents are made before the first byte is written, and renamed when all are whole, so an
-    interruption leaves an earlier diagnosis as it was. If the pictures fail, the rest is written:
+    interruption leaves an earlier diagnosis as it was. Without Rerun, which the extra ``view``
+    brings, there is no ``diagnosis.rrd``. If the pictures fail, the rest is written:
     what took minutes to find is not lost for them.
 
     Args:
@@ -64,8 +65,11 @@ def write(diagnosis: Diagnosis, out: Path) -> None:
 
 
 def _write(diagnosis: Diagnosis, out: Path) -> None:
-    # JSON has no NaN; a value that is not finite would be a mistake of ours
+    plays = importlib.util.find_spec("rerun") is not None
     said = diagnosis.to_json()
+    if not plays:
+        said["artifacts"]["rerun"] = None
+    # JSON has no NaN; a value that is not finite would be a mistake of ours
     json.dumps(said, allow_nan=False)
     contents: dict[str, str | bytes] = {MODEL: diagnosis.patched_xml}
     if diagnosis.residual_onnx:
@@ -75,11 +79,15 @@ def _write(diagnosis: Diagnosis, out: Path) -> None:
     if diagnosis.holdout_npz:
         contents[HOLDOUT] = diagnosis.holdout_npz
     try:
-        html, film = report(diagnosis), playback(diagnosis)
+        pictures: dict[str, str | bytes] = {REPORT: report(diagnosis)}
+        if plays:
+            from wt.diagnose.report.rerun import playback
+
+            pictures[PLAYBACK] = playback(diagnosis)
     except Exception:
         _replace(out, contents, said)
         raise
-    _replace(out, {**contents, REPORT: html, PLAYBACK: film}, said)
+    _replace(out, {**contents, **pictures}, said)
 
 
 def _replace(out: Path, contents: Mapping[str, str | bytes], said: Mapping[str, object]) -> None:

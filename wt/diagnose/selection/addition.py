@@ -276,6 +276,9 @@ def _log_replays(
         else:
             winner = _seen_from(planted.at, best.hypothesis[-1])
             reason, threshold = f"beaten by {winner}", worth(objective, best, now)
+        why = planted.effect.contradiction(objective.motion, planted.at, planted.theta)
+        if why is not None:
+            reason = why
         stage: Stage = "joined" if fit is best else "replayed"
         log.add(planted, stage, fit is best, gain, threshold, reason + beside)
 

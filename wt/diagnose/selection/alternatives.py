@@ -9,17 +9,26 @@ there is one, and how large it is, remain to be proven and estimated.
 
 *Simpler laws.* The larger of two laws may fit better for a reason that is not its own: it moves
 through standstill in another way, say. Where the simpler law lies inside the intervals of the
-larger one, the simpler one is reported.
+larger one, the simpler one is reported. And where one effect says what several of a place do
+together, as a load does of mass and centre of mass, that one is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple, get_args
 
 import numpy as np
 
-from wt.diagnose.likelihood.bic import erring_joints, price, room, size, worth
+from wt.diagnose.likelihood.bic import (
+    erring_joints,
+    odds_against,
+    price,
+    room,
+    size,
+    worth,
+)
 from wt.diagnose.likelihood.estimate import Estimated, estimate
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import refine
@@ -28,12 +37,32 @@ from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.candidates import excluded, near
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.physics.effect import Shape, alternatives, effects
-from wt.physics.hooks import shaped
+from wt.physics.effect import Common, Shape, alternatives, effects
+from wt.physics.hooks import Uniting, shaped
 from wt.physics.planted import Hypothesis, Key, Planted, without
 
 Start = tuple[Planted, Shape | None]
 """Parameters to start from, and the shape of the signature if there is one."""
+
+
+class Option(NamedTuple):
+    """A law in the place of the one that was found.
+
+    Attributes:
+        law: effect, place, parameters.
+        lead: over the law that was found, which has none [nats].
+        evidence: the same without what is known of effects beforehand [nats].
+    """
+
+    law: Planted
+    lead: float
+    evidence: float
+
+    @property
+    def usual(self) -> int:
+        """Grade of how many machines have it."""
+        return get_args(Common).index(self.law.effect.common)
+
 
 _STARTS, _STEPS = 2, 2
 """So many starts of each lookalike get so many steps, then the best, then that on all data, …"""
@@ -75,37 +104,29 @@ class Lookalikes:
             if not starts:
                 continue
             options = self._compared(present.hypothesis, i, [p for p, _ in starts])
-            ahead, best = max(options, key=lambda option: option[0])
-            law = best[i]
-            self._log(now.planted, i, options)
-            if ahead > THRESHOLDS.evident_nats:
-                now = Accepted(law, _shape(starts, law), ())
-                parts = (*present.hypothesis[:i], law, *present.hypothesis[i + 1 :])
+            best = _best(options)
+            self._log(now.planted, options, best)
+            if best is not options[0]:
+                now = Accepted(best.law, _shape(starts, best.law), ())
+                parts = (*present.hypothesis[:i], best.law, *present.hypothesis[i + 1 :])
                 (present,) = refine(self.objective, [parts], [range(len(parts))], 1)
-            close = [h[i] for x, h in options if x > ahead - THRESHOLDS.equivalent_nats]
-            rivals = tuple(p for p in close if p.key != now.planted.key)
-            now = replace(now, rivals=rivals)
+            now = replace(now, rivals=tuple(o.law for o in _rivals(options, best)))
             accepted = (*accepted[:i], now, *accepted[i + 1 :])
         if present is not estimated.assessed:
             estimated = estimate(self.objective, present.hypothesis)
         return accepted, estimated
 
-    def _log(
-        self, planted: Planted, index: int, options: Sequence[tuple[float, Hypothesis]]
-    ) -> None:
+    def _log(self, planted: Planted, options: Sequence[Option], best: Option) -> None:
         """Log the lookalikes of an effect; ``options`` as in :meth:`_compared`, itself first."""
-        ahead, best = max(options, key=lambda option: option[0])
-        given_up = ahead > THRESHOLDS.evident_nats
-        for lead, hypothesis in options:
-            law, won = hypothesis[index], hypothesis is best and given_up
-            if law is planted or hypothesis is options[0][1]:
-                kept, reason = not given_up, "no law that looks alike is more likely"
-                if given_up:
-                    reason = f"gives way to {best[index]}, {ahead:.3g} nats ahead on all recordings"
-                lead = ahead
-            else:
-                kept, reason = won, f"takes the place of {planted}" if won else f"not {planted}"
-            self.log.add(law, "alternative", kept, lead, THRESHOLDS.evident_nats, reason)
+        first, limit = options[0], THRESHOLDS.evident_nats
+        given_up = best is not first
+        reason = "no law that looks alike is more likely"
+        if given_up:
+            reason = f"gives way to {best.law}, {best.lead:.3g} nats ahead on all recordings"
+        self.log.add(first.law, "alternative", not given_up, best.lead, limit, reason)
+        for o in options[1:]:
+            reason = f"takes the place of {planted}" if o is best else f"not {planted}"
+            self.log.add(o.law, "alternative", o is best, o.lead, limit, reason)
 
     def _starts(self, accepted: Sequence[Accepted], now: Assessed, index: int) -> list[Start]:
         """Lookalikes of an effect at its place or close to it, each from where it may start."""
@@ -141,13 +162,14 @@ class Lookalikes:
         return [
             (p, shape)
             for p, shape in possible
-            if not (due := _due((p,), (found,))) or price(self.objective, (p,)) - paid + due < left
+            if (due := _due((p,), (found,))) <= 0.0
+            or price(self.objective, (p,)) - paid + due < left
         ]
 
     def _compared(
         self, hypothesis: Hypothesis, index: int, starts: Sequence[Planted]
-    ) -> list[tuple[float, Hypothesis]]:
-        """Lookalikes in the place of an effect, and it: how many nats each is ahead of it."""
+    ) -> list[Option]:
+        """An effect, and its lookalikes in its place."""
         present = self.search_replays.reference(hypothesis)
         tried = [(*hypothesis[:index], p, *hypothesis[index + 1 :]) for p in starts]
         begun = _best_of_each(self.search_replays.evaluate(tried), index, _STARTS)
@@ -159,17 +181,42 @@ class Lookalikes:
             begun = _best_of_each(near_it, index, 1)
         going = [f.hypothesis for f in begun if worth(self.search_replays, f, present) > -_HOPELESS]
         if not going:
-            return [(0.0, hypothesis)]
+            return [Option(hypothesis[index], 0.0, 0.0)]
         events = any(p.observed() for p in hypothesis)  # at other times in other recordings
         judge = self.objective if events else self.all_replays()
         judge.reference(hypothesis)
         everything = [range(len(hypothesis))] * (len(going) + 1)
         now, *others = refine(judge, [hypothesis, *going], everything, _STEPS)
-        ahead = [worth(judge, f, now) - _due(f.hypothesis, hypothesis) for f in others]
-        return [
-            (0.0, hypothesis),
-            *((x, f.hypothesis) for x, f in zip(ahead, others, strict=True)),
-        ]
+        found = [Option(hypothesis[index], 0.0, 0.0)]
+        for fit in others:
+            gained, due = worth(judge, fit, now), _due(fit.hypothesis, hypothesis)
+            evidence = gained + odds_against(fit.hypothesis) - odds_against(hypothesis)
+            law = fit.hypothesis[index]
+            found.append(Option(law, gained - due, evidence - max(due, 0.0)))
+        return found
+
+
+def _best(options: Sequence[Option]) -> Option:
+    """The law that is claimed: of those that cannot be told apart, the most usual.
+
+    Args:
+        options: the law that was found, then its lookalikes.
+    """
+    first, lead = options[0], max(o.lead for o in options)
+    close = [o for o in options if o.lead > lead - THRESHOLDS.equivalent_nats]
+    best = max(close, key=lambda o: (o.usual, o.lead))
+    stays = best.usual <= first.usual and best.lead <= THRESHOLDS.evident_nats
+    return first if stays else best
+
+
+def _rivals(options: Sequence[Option], best: Option) -> list[Option]:
+    """What recordings cannot tell from the best, the most usual first.
+
+    How rare an effect is decides what is claimed, and tells nothing apart.
+    """
+    least = best.evidence - THRESHOLDS.equivalent_nats
+    close = [o for o in options if o.evidence > least and o.law.key != best.law.key]
+    return sorted(close, key=lambda o: (-o.usual, -o.evidence))
 
 
 def _shape(starts: Sequence[Start], law: Planted) -> Shape | None:
@@ -190,8 +237,8 @@ def _best_of_each(fits: Iterable[Assessed], index: int, most: int) -> list[Asses
 
 
 def _due(one: Hypothesis, other: Hypothesis) -> float:
-    """Lead that one must have over another for being larger [nats]."""
-    return THRESHOLDS.min_nats if size(one) > size(other) else 0.0
+    """Lead that one must have over another for being larger [nats]; less than none if smaller."""
+    return THRESHOLDS.min_nats * float(np.sign(size(one) - size(other)))
 
 
 def simplified(
@@ -217,20 +264,63 @@ def simplified(
         others = tuple(law if k == i else p for k, p in enumerate(estimated.hypothesis))
         again = estimate(objective, others)
         before, after = (erring_joints(objective, e.assessed) for e in (estimated, again))
-        simple_enough, sizes = set(after) <= set(before), (planted.effect.n_free, law.effect.n_free)
+        # legs err now by more and now by less than their noise: there only nats tell what is lost
+        lost = -worth(objective, again.assessed, estimated.assessed)
+        simple_enough = set(after) <= set(before) or lost < THRESHOLDS.min_nats
+        sizes = planted.effect.n_free, law.effect.n_free
         reason = f"its further parameters are not needed: {law}" if simple_enough else "needed"
         log.add(planted, "simplified", not simple_enough, float(sizes[0]), float(sizes[1]), reason)
         if simple_enough:
-            now = _by(law, accepted[i], objective)
+            now = _by(law, accepted[i], planted, objective)
             accepted = (*accepted[:i], now, *accepted[i + 1 :])
             estimated = again
     return accepted, estimated
 
 
-def _by(law: Planted, before: Accepted, objective: Objective) -> Accepted:
-    """An effect by another law, which is no rival of itself."""
+def united(
+    objective: Objective,
+    accepted: tuple[Accepted, ...],
+    estimated: Estimated,
+    log: DecisionLog,
+) -> tuple[tuple[Accepted, ...], Estimated]:
+    """The same effects, several at one place by the one that says them all, if there is one.
+
+    Args:
+        objective: replays of the fitted recordings.
+        accepted: effects.
+        estimated: their parameters.
+        log: grows by every decision.
+    """
+    for effect in effects().values():
+        if not isinstance(effect, Uniting):
+            continue
+        for at in dict.fromkeys(a.planted.at for a in accepted):
+            parts = [p for p in estimated.hypothesis if p.at == at and p.effect.id in effect.unites]
+            these = {p.effect.id: p.theta for p in parts}
+            theta = effect.union(objective.motion, at, these) if len(parts) > 1 else None
+            if theta is None:
+                continue
+            rest = [p for p in estimated.hypothesis if p not in parts]
+            again = estimate(objective, (*rest, Planted(effect, at, theta)))
+            law = again.hypothesis[-1]
+            lost = -worth(objective, again.assessed, estimated.assessed)
+            one = lost < THRESHOLDS.min_nats
+            reason = f"{law} says {'as much alone' if one else 'less'}"
+            for part in parts:
+                log.add(part, "simplified", not one, lost, THRESHOLDS.min_nats, reason)
+            if one:
+                keys = {p.key for p in rest}
+                shape = next(iter(effect.shapes(objective.motion, at)), None)
+                kept = [a for a in accepted if a.planted.key in keys]
+                accepted = (*kept, Accepted(law, shape, tuple(parts)))
+                estimated = again
+    return accepted, estimated
+
+
+def _by(law: Planted, before: Accepted, larger: Planted, objective: Objective) -> Accepted:
+    """An effect by a simpler law, which is no rival of itself; the larger one may still be it."""
     return Accepted(
         planted=law,
         shape=next(iter(law.effect.shapes(objective.motion, law.at)), None),
-        rivals=tuple(r for r in before.rivals if r.key != law.key),
+        rivals=(larger, *(r for r in before.rivals if r.key not in (law.key, larger.key))),
     )

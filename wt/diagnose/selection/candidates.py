@@ -112,7 +112,7 @@ def near(screen: Screen, at: Location) -> list[Location]:
     """Places that may be at fault instead: a joint, its drives and link; a link and the next."""
     scene = screen.motion.scene
     m = scene.model
-    if at.kind == "body":
+    if at.kind == "body" and at.name != "all":
         body = m.body(at.name).id
         ids = {name: m.body(name).id for name in scene.moving}
         close = [n for n, i in ids.items() if body in (i, m.body_parentid[i])]
@@ -123,7 +123,8 @@ def near(screen: Screen, at: Location) -> list[Location]:
     drives = [Location("actuator", d.name) for d in scene.drives if d.dof == dof]
     joints = [name for name in scene.joints if scene.dof(name) == dof]
     links = [Location("body", m.body(m.joint(n).bodyid[0]).name) for n in joints]
-    return [at, *drives, *(Location("joint", n) for n in joints), *links, Location("sensor", "all")]
+    every = [Location("sensor", "all"), Location("actuator", "all")]
+    return [at, *drives, *(Location("joint", n) for n in joints), *links, *every]
 
 
 def excluded(one: Planted, other: Planted) -> bool:
@@ -148,9 +149,4 @@ def _replay_only(screen: Screen, worst: Sequence[int]) -> list[Planted]:
 
 def dof_of(screen: Screen, at: Location) -> int:
     """Degree of freedom that a place acts on alone; −1 if several."""
-    scene = screen.motion.scene
-    if at.kind == "joint":
-        return scene.dof(at.name)
-    if at.kind == "actuator":
-        return scene.drive(at.name).dof
-    return -1
+    return screen.motion.scene.dof_at(at)

@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.stats import bootstrap, wilcoxon
 
 from wt.diagnose.likelihood.adapt import (
+    FARTHEST,
     REWEIGHTED,
     hidden,
     initial_deviations,
@@ -22,7 +23,7 @@ from wt.diagnose.likelihood.adapt import (
     project,
     responses,
 )
-from wt.diagnose.likelihood.objective import Objective
+from wt.diagnose.likelihood.objective import BURN_IN_S, Objective
 from wt.diagnose.likelihood.refine import refine
 from wt.diagnose.recordings.samples import Samples
 from wt.diagnose.recordings.smooth import Smoothed, resmooth
@@ -53,7 +54,7 @@ class Holdout:
     Attributes:
         smoothed: the recordings.
         stretches: what is replayed open loop.
-        measured: positions, (N, nv); NaN where missing.
+        measured: positions, (N, nv); NaN where missing, and while hidden states settle.
         block: index of the block of up to a second that each sample belongs to, (N,).
         fine: the same with the shortest blocks.
         forgets: whether stretches are long.
@@ -99,6 +100,9 @@ def prepare_holdout(
     label = np.concatenate([np.full(len(s.t), i) for i, s in enumerate(stretches)])
     block, fine = blocks_of(label, np.concatenate([s.t for s in stretches]))
     measured = np.concatenate([q for _, q in pairs])
+    if forgets:
+        settling = np.concatenate([s.t < s.t[0] + BURN_IN_S for s in stretches])
+        measured[settling] = np.nan
     nv = smoothed.motion.scene.model.nv
     deviations = np.zeros(2 * nv)
     if not forgets:
@@ -162,9 +166,10 @@ def _begun(
     rows = [slice(int(e) - len(s.t), int(e)) for e, s in zip(ends, holdout.stretches, strict=True)]
     left = error = np.nan_to_num(error)
     noise = np.nan_to_num(holdout.smoothed.noise, nan=1.0)
+    farthest = np.inf if holdout.smoothed.motion.scene.free else FARTHEST
     for _ in range(REWEIGHTED):
         mse = np.maximum(np.mean(left**2, axis=0), noise**2)
-        left = project(error, initial_states(rows, response, mse))
+        left = project(error, initial_states(rows, response, mse, farthest))
     return left
 
 
@@ -174,8 +179,9 @@ class Gain:
 
     Attributes:
         share: share of the squared error that it removes.
-        p_value: of that being chance. Held-out data had no part in the search, so what has to be
-            paid for is the number of effects that are tested, not that of all hypotheses.
+        p_value: of that being chance; 1 if no joint's error falls by ``thresholds.material``.
+            Held-out data had no part in the search, so what has to be paid for is the number of
+            effects that are tested, not that of all hypotheses.
         potential: largest share that an effect which changes the replays so much could remove.
         in_turn: whether the p-value is of fitted data left out in turn, held-out ones being mute.
         least_p: the smallest p-value that so few blocks as it shows in could give.
@@ -244,7 +250,9 @@ def gain_of(
     change, left = (np.nansum(x**2, axis=0) for x in (less - full, full))
     potential = float(np.max(change / np.maximum(change + left, 1e-30)))
     share, least_p = float(difference.sum() / one.sum()), float(0.5 ** tested.sum())
-    return Gain(share, float(test.pvalue), potential, least_p=least_p)
+    before = np.nansum(less**2, axis=0)
+    material = ((before - left) >= THRESHOLDS.material * before).any()
+    return Gain(share, float(test.pvalue) if material else 1.0, potential, least_p=least_p)
 
 
 def _tested(difference: Float[np.ndarray, " block"]) -> Bool[np.ndarray, " block"]:

@@ -80,7 +80,7 @@ def _located(
     """A place with the times and the condition at which a residual (R,) shows."""
     scene = screen.motion.scene
     dof = _dofs(scene, at)[-1]
-    own = at.kind in ("joint", "actuator")
+    own = at.kind in ("joint", "actuator") and at.name != "all"
     of = "" if own else f" of joint {scene.joints[dof]}"
     when = intervals(screen, size, names)
     return Located(at, share, when, condition(screen, size, dof, of))
@@ -113,9 +113,9 @@ def _dofs(scene: Scene, at: Location) -> list[int]:
     names = [name for name in at.name.split("+") if name in scene.joints]
     if at.kind in ("joint", "sensor", "pair") and names:
         return [scene.dof(name) for name in names]
-    if at.kind == "actuator" and at.name in {d.name for d in scene.drives}:
-        return [scene.drive(at.name).dof]
-    if at.kind in ("body", "geom"):
+    if at.kind == "actuator" and at.name in {"all", *(d.name for d in scene.drives)}:
+        return [drive.dof for drive in scene.driven(at)]
+    if at.kind in ("body", "geom") and at.name != "all":
         element = scene.model.body(at.name) if at.kind == "body" else scene.model.geom(at.name)
         body = int(element.id if at.kind == "body" else element.bodyid[0])
         carried = np.flatnonzero(scene.carries(body))

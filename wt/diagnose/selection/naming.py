@@ -25,7 +25,7 @@ from wt.diagnose.residual.scoring import STRIDE, WINDOW
 from wt.diagnose.residual.screen import Screen, leftover
 from wt.diagnose.residual.signature import signature
 from wt.diagnose.selection.addition import Accepted
-from wt.diagnose.selection.alternatives import Lookalikes, simplified
+from wt.diagnose.selection.alternatives import Lookalikes, simplified, united
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.holdout import Gain, Holdout, gain, gains, where_mute
 from wt.diagnose.thresholds import THRESHOLDS
@@ -127,14 +127,11 @@ class Naming:
         lookalikes = Lookalikes(self.screen, self.search_replays, objective, self.all_replays, log)
         accepted, estimated = lookalikes.settled(accepted, estimated, known)
         accepted, estimated = simplified(objective, accepted, estimated, log)
+        accepted, estimated = united(objective, accepted, estimated, log)
         largest_p = THRESHOLDS.significant / attempts
         while accepted:
-            widths = distances_from_nothing(estimated)
-            if widths:
-                weakest = min(widths, key=widths.__getitem__)
-                reason = "its 95 % interval holds nothing at all"
-                log.add(accepted[weakest].planted, "certainty", False, widths[weakest], 0.5, reason)
-            else:
+            weakest = self._uncertain(estimated)
+            if weakest is None:
                 each = self._gains(estimated)
                 weakest = int(np.argmax([g.p_value for g in each]))
                 if each[weakest].p_value <= largest_p:
@@ -166,6 +163,26 @@ class Naming:
         rest = tuple(a for i, a in enumerate(proven.accepted) if i not in doubtful)
         unnamed = self._with_unknown(self.proven(rest))
         return unnamed if self._better(unnamed, named) else named
+
+    def _uncertain(self, estimated: Estimated) -> int | None:
+        """Index of an effect that some recording contradicts, or else that may as well be nothing.
+
+        None if each is both possible and certain.
+        """
+        for i, p in enumerate(estimated.hypothesis):
+            for motion in (self.screen.motion, self.holdout.smoothed.motion):
+                reason = p.effect.contradiction(motion, p.at, p.theta)
+                if reason is not None:
+                    self.log.add(p, "contradicted", False, 1.0, 0.0, reason)
+                    return i
+        widths = distances_from_nothing(estimated)
+        if not widths:
+            return None
+        weakest = min(widths, key=widths.__getitem__)
+        nothing = "its 95 % interval holds nothing at all"
+        planted = estimated.hypothesis[weakest]
+        self.log.add(planted, "certainty", False, widths[weakest], 0.5, nothing)
+        return weakest
 
     def _gains(self, estimated: Estimated) -> list[Gain]:
         """Gain of each effect: all of them against all but this one.
@@ -283,9 +300,8 @@ def _joint(scene: Scene, at: Location) -> str | None:
     """The one joint that a place acts on."""
     if at.kind == "joint":
         return at.name
-    if at.kind == "actuator":
-        return scene.drive(at.name).joint
-    return None
+    joints = {drive.joint for drive in scene.driven(at)}
+    return joints.pop() if len(joints) == 1 else None
 
 
 def calibration(

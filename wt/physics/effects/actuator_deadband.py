@@ -14,7 +14,7 @@ from wt.physics.live import Live
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene, between
 from wt.physics.script import Script, number
-from wt.physics.units import HINGE, Units
+from wt.physics.units import HINGE, Units, units_at
 from wt.types import Location
 
 
@@ -65,6 +65,17 @@ class ActuatorDeadband(OnSteps):
             f"f[:, dof] -= np.clip(drive, -{width}, {width})",
         )
         return Script(force=force, helpers=("drive",))
+
+    def contradiction(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> str | None:
+        """The drive's force never leaves it, so that the drive would never have done anything."""
+        most = float(np.abs(motion.force(motion.scene.drive(at.name))).max())
+        if theta[0] <= most:
+            return None
+        return (
+            f"the drive is never asked for more than {most:.2g} {units_at(motion.scene, at).force}"
+        )
 
     def statement(
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE

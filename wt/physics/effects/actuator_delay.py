@@ -12,7 +12,7 @@ from wt.physics.effect import Parameter, Shape, register
 from wt.physics.hooks import OnInputs, Tolerance, Tolerated
 from wt.physics.motion import Motion
 from wt.physics.replay import Inputs
-from wt.physics.scene import Drive, Scene
+from wt.physics.scene import Scene
 from wt.physics.units import HINGE, Units
 from wt.types import Location
 
@@ -35,6 +35,11 @@ class ActuatorDelay(OnInputs, Tolerated):
     plotted_over = "velocity"
     correctable = False
 
+    def places(self, scene: Scene) -> Sequence[Location]:
+        """All drives together, as one slow bus makes them late, or one."""
+        single = super().places(scene)
+        return [Location("actuator", "all"), *single] if len(single) > 1 else single
+
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Delays from half a sample up."""
         return [(d,) for d in motion.dt * np.array([0.5, 1, 2, 4, 8, 16]) if d < 0.3]
@@ -43,11 +48,11 @@ class ActuatorDelay(OnInputs, Tolerated):
         self, motion: Motion, at: Location, shape: Shape
     ) -> Float[np.ndarray, "sample dof coefficient"]:
         """Force under the delayed command minus force under the command as sent."""
-        found = np.zeros((*motion.q.shape, 1))
-        for drive in _drives(motion.scene, at):
+        force = np.zeros((*motion.q.shape, 1))
+        for drive in motion.scene.driven(at):
             late = motion.delayed(drive.index, shape[0])
-            found += motion.on(drive.dof, motion.force(drive, late) - motion.force(drive))
-        return found
+            force += motion.on(drive.dof, motion.force(drive, late) - motion.force(drive))
+        return force
 
     def theta(
         self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
@@ -73,7 +78,7 @@ class ActuatorDelay(OnInputs, Tolerated):
         self, inputs: Inputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> None:
         """Shift the command."""
-        for i in (drive.index for drive in _drives(scene, at)):
+        for i in (drive.index for drive in scene.driven(at)):
             inputs.u[:, i] = inputs.delayed(inputs.u[:, i], float(theta[0]))
 
     def tolerances(self, scene: Scene) -> Mapping[Location, Tolerance]:
@@ -93,7 +98,10 @@ class ActuatorDelay(OnInputs, Tolerated):
             return f"The commands of all actuators arrive {late}."
         return f"Actuator {at.name} receives its commands {late}."
 
-
-def _drives(scene: Scene, at: Location) -> Sequence[Drive]:
-    """The drive at a place, or all of them."""
-    return scene.drives if at.name == "all" else [scene.drive(at.name)]
+    def separation(self, at: Location, units: Units = HINGE) -> str:
+        """See :meth:`Effect.separation`."""
+        what = "each joint" if at.name == "all" else f"the joint of {at.name}"
+        return (
+            f"a fast multisine with a second sensor at {what}, or of currents, that has the clock "
+            "of the commands: late commands move it late, late measurements do not"
+        )

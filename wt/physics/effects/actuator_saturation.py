@@ -10,8 +10,11 @@ from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.motion import Motion
-from wt.physics.units import HINGE, Units
+from wt.physics.units import HINGE, Units, units_at
 from wt.types import Location
+
+_OFTEN, _DEMANDED = 0.99, 1.5
+"""What is passed for 1 % of the time by half of it is no limit, whatever masses are off by."""
 
 
 @register
@@ -50,6 +53,18 @@ class ActuatorSaturation(Effect):
     ) -> None:
         """Narrow the actuator's ``forcerange``."""
         narrow(spec, at.name, float(theta[0]))
+
+    def contradiction(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> str | None:
+        """The motion takes far more force than that, and no contact may have given it."""
+        drive = motion.scene.drive(at.name)
+        free = motion.touching.near == 0
+        demand = np.abs(motion.demand[free, drive.dof])
+        taken = float(np.quantile(demand, _OFTEN)) if len(demand) else 0.0
+        if taken <= _DEMANDED * theta[0]:
+            return None
+        return f"its joint's motion takes {taken:.2g} {units_at(motion.scene, at).force}"
 
     def statement(
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE

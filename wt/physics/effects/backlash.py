@@ -12,7 +12,7 @@ from wt.physics.effect import Parameter, register
 from wt.physics.motion import Motion
 from wt.physics.rotor import GearEffect, split
 from wt.physics.script import number
-from wt.physics.units import HINGE, Units
+from wt.physics.units import HINGE, Units, units_at
 from wt.types import Location
 
 _CONTACT = 0.002
@@ -24,6 +24,7 @@ class Backlash(GearEffect):
     """No torque passes while |rotor − link| < gap / 2; the teeth are stiff beyond."""
 
     id = "joint.backlash"
+    plotted_over = "drive"
     excludes = ("joint.elasticity",)
     parameters = (Parameter("gap", "rad", 1e-4, 1.0, 2e-4, neutral=0.0),)
     reference = "M. Nordin and P.-O. Gutman, Controlling mechanical systems with backlash, 2002"
@@ -58,6 +59,16 @@ class Backlash(GearEffect):
         """See :meth:`twist`."""
         half = number(0.5 * theta[0])
         return f"np.clip(force / max(stiffness, 1e-9), -{half}, {half})"
+
+    def contradiction(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> str | None:
+        """The joint never moves as far as the play is wide: nothing would have driven it."""
+        moved = float(np.ptp(motion.q[:, motion.scene.dof(at.name)]))
+        if theta[0] <= moved:
+            return None
+        said = units_at(motion.scene, at).distance(moved, 2)
+        return f"the joint moves by no more than {said} in all"
 
     def statement(
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE

@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
-from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.hooks import FromRecordings, OnInputs
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.hooks import FromRecordings, OnInputs, Shown
 from wt.physics.motion import Motion, Segment
 from wt.physics.replay import Inputs
 from wt.physics.scene import Scene
@@ -55,15 +55,16 @@ class BodyForceIntermittent(FromRecordings, OnInputs):
 
     def elsewhere(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
-    ) -> BodyForceIntermittent:
+    ) -> Shown:
         """The same force, at the times at which these recordings show it."""
-        return self.shaped(_acting(motion, _on(motion, at.name), theta))
+        return self.shaped(_acting(motion, _on(motion, at.name), theta)), theta
 
-    def beside(self, elsewhere: Effect) -> BodyForceIntermittent:
+    def beside(self, theta: Float[np.ndarray, " parameter"], elsewhere: Shown) -> Shown:
         """The same force, at the times of both."""
-        more = elsewhere.windows if isinstance(elsewhere, BodyForceIntermittent) else ()
+        effect, _ = elsewhere
+        more = effect.windows if isinstance(effect, BodyForceIntermittent) else ()
         spans = dict.fromkeys([*_triples(self.windows), *_triples(more)])
-        return self.shaped(tuple(x for span in spans for x in span))
+        return self.shaped(tuple(x for span in spans for x in span)), theta
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Times at which the residual, as a force on the body, stands out.
@@ -74,13 +75,13 @@ class BodyForceIntermittent(FromRecordings, OnInputs):
         if self.windows:
             return [self.windows]
         on = _on(motion, at.name)
-        found = {_acting(motion, on, force) for force in _bursts(motion, on)}
+        bursts = {_acting(motion, on, force) for force in _bursts(motion, on)}
         for threshold in _THRESHOLDS:
             windows = _proposed(motion, on, threshold)
             if windows:
                 force = _mean_force(motion, self.columns(motion, at, windows))
-                found.add(_acting(motion, on, force))
-        return sorted(windows for windows in found if windows)
+                bursts.add(_acting(motion, on, force))
+        return sorted(windows for windows in bursts if windows)
 
     def columns(
         self, motion: Motion, at: Location, shape: Shape
@@ -169,8 +170,8 @@ def _mean_force(
     """The force on a body that its columns (T, nv, 3) explain the residual best with, (3,) [N]."""
     scale = np.std(motion.unexplained, axis=0) + 1e-12
     design = (motion.touching.free(columns) / scale[:, None]).reshape(-1, 3)
-    found, *_ = np.linalg.lstsq(design, (motion.unexplained / scale).reshape(-1), rcond=1e-6)
-    return np.asarray(found)
+    force, *_ = np.linalg.lstsq(design, (motion.unexplained / scale).reshape(-1), rcond=1e-6)
+    return np.asarray(force)
 
 
 def _usual(
@@ -233,9 +234,9 @@ def _acting(
         scale, weight = _usual(motion, s)
         known = expected[s.rows] / scale
         size = weight * ((known**2).sum(axis=1) + (usual / scale**2).sum())
-        found = weight * (left / scale * known).sum(axis=1)
+        power = weight * (left / scale * known).sum(axis=1)
         for seconds in _FILTERS_S:
-            seen = _smoothed(found, s.dt, seconds) / (_smoothed(size, s.dt, seconds) + 1e-12)
+            seen = _smoothed(power, s.dt, seconds) / (_smoothed(size, s.dt, seconds) + 1e-12)
             if 1.4826 * np.median(np.abs(seen - np.median(seen))) < _CALM:
                 break
         windows += _windows(motion, s, seen > 0.5)

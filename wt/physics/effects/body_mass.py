@@ -37,8 +37,8 @@ class BodyMass(Tolerated):
         self, motion: Motion, at: Location, shape: Shape
     ) -> Float[np.ndarray, "sample dof coefficient"]:
         """Force of doubling the body."""
-        whole = inertia.parameters(*inertia.own(motion.scene, at.name))
-        return -(inertia.demand(motion, at.name) @ whole)[:, :, None]
+        parameters = inertia.parameters(*inertia.own(motion.scene, at.name))
+        return -(inertia.demand(motion, at.name) @ parameters)[:, :, None]
 
     def theta(
         self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape

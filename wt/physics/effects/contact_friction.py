@@ -98,11 +98,11 @@ def _yield(spec: mujoco.MjSpec, model: mujoco.MjModel, own: int, partner: int, m
 @lru_cache(maxsize=4)
 def _seen(motion: Motion) -> tuple[Int[np.ndarray, "contact 2"], Float[np.ndarray, " contact"]]:
     """Contacts that slip under load: their geoms, (n, 2), and the friction of each, (n,)."""
-    some = slice(None, None, _THINNED)
+    thinned = slice(None, None, _THINNED)
     m = motion.scene.model
     least = _LOADED * float(np.linalg.norm(m.opt.gravity) * m.body_mass.sum())
     geoms, seen = [np.zeros((0, 2), dtype=int)], [np.zeros(0)]
-    parts = (motion.q[some], motion.v[some], motion.residual[some])
+    parts = (motion.q[thinned], motion.v[thinned], motion.residual[thinned])
     for load in loads(motion.scene, *parts, motion.floors):
         speed = np.linalg.norm(load.slip, axis=1)
         rows = (speed > _SLIPPING) & (load.force[:, 0] > least)

@@ -42,10 +42,10 @@ class ContactObstacle(ReplayOnly):
 
     def starts(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " parameter"]]:
         """The face that the machine runs into, slippery and not."""
-        found = face(motion)
-        if found is None:
+        touched = face(motion)
+        if touched is None:
             return []
-        return [np.array([*found.position, *found.normal, f]) for f in (_SLIPS, _HOLDS)]
+        return [np.array([*touched.position, *touched.normal, f]) for f in (_SLIPS, _HOLDS)]
 
     def patch(
         self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]

@@ -21,6 +21,7 @@ class Elasticity(GearEffect):
     """τ = stiffness · (rotor − link) + damping · (their speeds' difference)."""
 
     id = "joint.elasticity"
+    plotted_over = "drive"
     excludes = ("joint.backlash",)
     parameters = (
         Parameter("stiffness", "N·m/rad", 1e-2, 1e8, 1e-1),
@@ -33,11 +34,11 @@ class Elasticity(GearEffect):
         drive = next(d for d in motion.scene.drives if d.joint == at.name)
         force = float(np.quantile(np.abs(motion.force(drive)), 0.98)) + 1e-3
         inertia = float(motion.scene.model.dof_M0[drive.dof])
-        found = []
+        points = []
         for twist in (0.01, 0.03, 0.1, 0.3):
             stiffness = force / twist
-            found.append(np.array([stiffness, 0.1 * np.sqrt(stiffness * inertia)]))
-        return found
+            points.append(np.array([stiffness, 0.1 * np.sqrt(stiffness * inertia)]))
+        return points
 
     def patch(
         self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
+from scipy.interpolate import CubicHermiteSpline
 
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.hooks import OnOutputs, Tolerance, Tolerated
@@ -66,11 +67,15 @@ class SensorDelay(OnOutputs, Tolerated):
         self, outputs: Outputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> None:
         """Report what the encoder makes of the truth."""
-        late = outputs.t - theta[0]
+        t, late = outputs.t, outputs.t - theta[0]
+        began = np.minimum(late - t[0], 0.0)
         for dof in self._dofs(scene, at):
             q, v = outputs.q[:, dof].copy(), outputs.v[:, dof].copy()
-            outputs.q[:, dof] = np.interp(late, outputs.t, q)
-            outputs.v[:, dof] = np.interp(late, outputs.t, v)
+            if len(t) > 1:  # straight lines between samples would err by more than late commands do
+                motion = CubicHermiteSpline(t, q, v)
+                outputs.q[:, dof], outputs.v[:, dof] = motion(late - began), motion(late - began, 1)
+            # before the first sample the motion went on as it begins
+            outputs.q[:, dof] += began * v[0]
 
     def tolerances(self, scene: Scene) -> Mapping[Location, Tolerance]:
         """All channels together, against what tracks a floating base."""

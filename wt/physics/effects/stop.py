@@ -12,8 +12,11 @@ from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import per_radian
 from wt.physics.hooks import FromRecordings
 from wt.physics.motion import Motion
-from wt.physics.units import HINGE, Units
+from wt.physics.units import HINGE, Units, units_at
 from wt.types import Location
+
+_YIELDS_S = 0.01
+"""How deep a stop may be entered, per speed of entry [s]: far more than rubber yields."""
 
 
 @register
@@ -33,12 +36,12 @@ class Stop(FromRecordings):
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Just inside either end of the recorded range."""
         q = motion.q[:, motion.scene.dof(at.name)]
-        found = []
+        shapes = []
         for side in (-1.0, 1.0):
             end = float(np.quantile(side * q, 0.995))
             reach = float(np.ptp(q))
-            found += [(side * (end - f * reach), side) for f in (0.002, 0.01, 0.03)]
-        return found
+            shapes += [(side * (end - f * reach), side) for f in (0.002, 0.01, 0.03)]
+        return shapes
 
     def columns(
         self, motion: Motion, at: Location, shape: Shape
@@ -72,6 +75,23 @@ class Stop(FromRecordings):
         joint.range = [low, high]
         joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
         joint.solref_limit = [0.004, 1.0]
+
+    def contradiction(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> str | None:
+        """The joint goes on beyond it, farther than a stop yields to that speed."""
+        position, side = theta
+        dof = motion.scene.dof(at.name)
+        depth = side * (motion.q[:, dof] - position)
+        for s in motion.segments:
+            beyond = depth[s.rows] > 0.0
+            entered = np.flatnonzero(beyond & ~np.append(False, beyond[:-1]))
+            speed = np.abs(motion.v[s.rows, dof])[entered].max(initial=0.0)
+            least = self.parameters[0].step + _YIELDS_S * float(speed)
+            if (farthest := float(depth[s.rows].max())) > least:
+                units = units_at(motion.scene, at)
+                return f"the joint goes {units.distance(farthest, 2)} beyond it"
+        return None
 
     def statement(
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE

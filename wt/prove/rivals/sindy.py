@@ -43,9 +43,7 @@ def claims(task: RivalTask) -> list[Claim]:
     try:
         import pysindy
     except ImportError as error:
-        raise WorkError(
-            "pysindy is not installed; install it: pip install 'world-translation[rivals]'"
-        ) from error
+        raise WorkError("pysindy is not installed; install it: pip install '.[rivals]'") from error
     ranked: list[tuple[float, Claim]] = []
     for dof, joint in enumerate(task.scene.joints):
         names, terms = library(task.motion, dof)

@@ -55,7 +55,7 @@ class LatentSpace(Exhibit):
             f"{apart['translated']:.2f}"
         )
         how = "" if numbers["embedding"] == "umap" else (
-            f" {axis}, since UMAP is not installed (pip install 'world-translation[report]')."
+            f" {axis}, since UMAP is not installed (pip install '.[report]')."
         )  # fmt: skip
         return Section(
             "Dynamics features of the R5 under forces. Left as encoded, right with S's translated "

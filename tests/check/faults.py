@@ -1,0 +1,260 @@
+"""Sixty-odd logs with one thing wrong, and what is right to say of each."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tests.check.machines import (
+    MACHINES,
+    SERVOS,
+    TORQUE,
+    Fault,
+    clock,
+    exchanged,
+    record,
+    times,
+    with_columns,
+    wrapped,
+)
+from wt.types import Recording
+
+DEG = 180.0 / math.pi
+
+
+def _encoder_signs() -> list[Fault]:
+    found = []
+    for i, name in enumerate((*SERVOS, *TORQUE)):
+        for k, joint in enumerate(MACHINES[name].joints):
+            if k % 2 != i % 2 and len(MACHINES[name].joints) > 2:
+                continue
+            both = (f"qpos/{joint}", f"qvel/{joint}")
+            found.append(
+                Fault(f"sign-{name}-{joint}", name, times(-1.0, *both), ("encoder_sign",),
+                      frozenset(both), seed=i)
+            )  # fmt: skip
+    return found
+
+
+def _command_signs() -> list[Fault]:
+    return [
+        Fault(f"command-sign-{name}-{joint}", name, times(-1.0, f"ctrl/{joint}_m"),
+              ("command_sign",), frozenset({f"ctrl/{joint}_m"}), seed=3)
+        for name, joint in (
+            ("planar", "hip"), ("arm4", "lift"), ("arm4", "bend"), ("gantry", "swing"),
+            ("planar_torque", "knee"), ("arm4_torque", "lift"),
+        )
+    ]  # fmt: skip
+
+
+def _swaps() -> list[Fault]:
+    found = []
+    for name, a, b in (
+        ("planar", "hip", "knee"), ("arm4", "yaw", "roll"), ("arm4", "lift", "bend"),
+        ("gantry", "rail", "hoist"), ("planar_torque", "hip", "knee"),
+        ("arm4_torque", "bend", "roll"), ("arm4_torque", "yaw", "lift"),
+    ):  # fmt: skip
+        pairs = ((f"qpos/{a}", f"qpos/{b}"), (f"qvel/{a}", f"qvel/{b}"))
+        found.append(
+            Fault(f"swap-{name}-{a}-{b}", name, exchanged(*pairs), ("positions_swapped",),
+                  frozenset(x for pair in pairs for x in pair), seed=4)
+        )  # fmt: skip
+    for name, a, b in (
+        ("arm4", "lift", "bend"), ("gantry", "hoist", "swing"), ("arm4_torque", "yaw", "bend"),
+    ):  # fmt: skip
+        pair = (f"ctrl/{a}_m", f"ctrl/{b}_m")
+        found.append(
+            Fault(f"command-swap-{name}-{a}-{b}", name, exchanged(pair), ("commands_swapped",),
+                  frozenset(pair), seed=5)
+        )  # fmt: skip
+    return found
+
+
+def _units() -> list[Fault]:
+    def both(joint: str) -> tuple[str, str]:
+        return f"qpos/{joint}", f"qvel/{joint}"
+
+    found = [
+        Fault(f"degrees-{name}-{joint}", name, times(DEG, *both(joint)), ("position_unit",),
+              frozenset(both(joint)), seed=6)
+        for name, joint in (("planar", "knee"), ("arm4", "yaw"), ("arm4", "roll"),
+                            ("gantry", "swing"), ("planar_torque", "hip"),
+                            ("arm4_torque", "lift"))
+    ]  # fmt: skip
+    found += [
+        Fault(f"gear-{factor:g}-{name}-{joint}", name, times(factor, *both(joint)),
+              ("position_scale",), frozenset(both(joint)), seed=7)
+        for name, joint, factor in (("planar", "hip", 50.0), ("arm4", "bend", 6.33),
+                                    ("gantry", "rail", 0.1), ("arm4", "lift", -36.0))
+    ]  # fmt: skip
+    found.append(
+        Fault("mm-gantry-hoist", "gantry", times(1e3, *both("hoist")), ("position_unit",),
+              frozenset(both("hoist")), seed=7)
+    )  # fmt: skip
+    found.append(
+        Fault("command-degrees-arm4-yaw", "arm4", times(DEG, "ctrl/yaw_m"), ("command_unit",),
+              frozenset({"ctrl/yaw_m"}), seed=7)
+    )  # fmt: skip
+    found.append(
+        Fault("ticks-planar-knee", "planar", _ticks("knee"), ("position_unit",),
+              frozenset({"qpos/knee"}), seed=8)
+    )  # fmt: skip
+    for name in ("planar", "arm4"):
+        columns = [n for j in MACHINES[name].joints for n in (*both(j), f"ctrl/{j}_m")]
+        found.append(
+            Fault(f"all-degrees-{name}", name, times(DEG, *columns), ("unit_of_all",),
+                  frozenset(columns), seed=8)
+        )  # fmt: skip
+    return found
+
+
+def _ticks(joint: str):  # noqa: ANN202
+    def spoil(r: Recording) -> Recording:
+        x = np.round(r.columns[f"qpos/{joint}"] * 4096 / (2 * math.pi)) + 2048
+        columns = {n: c for n, c in r.columns.items() if n != f"qvel/{joint}"}
+        return Recording(r.t, {**columns, f"qpos/{joint}": x}, r.meta)
+
+    return spoil
+
+
+def _velocities() -> list[Fault]:
+    def late(r: Recording) -> Recording:
+        v = r.columns["qvel/lift"]
+        return with_columns(r, {"qvel/lift": np.concatenate([np.full(8, v[0]), v[:-8]])})
+
+    def noise(r: Recording) -> Recording:
+        v = np.cumsum(np.random.default_rng(0).standard_normal(len(r))) * 0.1
+        return with_columns(r, {"qvel/bend": v})
+
+    return [
+        Fault("velocity-sign-planar", "planar", times(-1.0, "qvel/hip"), ("velocity_sign",),
+              frozenset({"qvel/hip"})),
+        Fault("velocity-sign-torque", "arm4_torque", times(-1.0, "qvel/bend"), ("velocity_sign",),
+              frozenset({"qvel/bend"})),
+        Fault("velocity-degrees", "arm4", times(DEG, "qvel/roll"), ("velocity_unit",),
+              frozenset({"qvel/roll"})),
+        Fault("velocity-rpm", "planar", times(60 / (2 * math.pi), "qvel/knee"), ("velocity_unit",),
+              frozenset({"qvel/knee"})),
+        Fault("velocity-gear", "gantry", times(30.0, "qvel/swing"), ("velocity_scale",),
+              frozenset({"qvel/swing"})),
+        Fault("velocities-swapped", "arm4", exchanged(("qvel/lift", "qvel/bend")),
+              ("velocities_swapped",), frozenset({"qvel/lift", "qvel/bend"})),
+        Fault("velocity-late", "arm4", late, ("velocity_late",), frozenset({"qvel/lift"})),
+        Fault("velocity-of-nothing", "arm4", noise, ("velocity_other",), frozenset({"qvel/bend"})),
+    ]  # fmt: skip
+
+
+def _commands() -> list[Fault]:
+    def measured(shift: int):  # noqa: ANN202
+        def spoil(r: Recording) -> Recording:
+            return with_columns(
+                r,
+                {n.replace("qpos/", "ctrl/") + "_m": np.roll(c, shift)
+                 for n, c in r.columns.items() if n.startswith("qpos/")},
+            )  # fmt: skip
+
+        return spoil
+
+    def commands(name: str) -> frozenset[str]:
+        return frozenset(f"ctrl/{j}_m" for j in MACHINES[name].joints)
+
+    def shifted(r: Recording) -> Recording:
+        return with_columns(
+            r,
+            {n: np.concatenate([c[:1], c[:-1]]) for n, c in r.columns.items() if n[:5] == "ctrl/"},
+        )
+
+    found = [
+        Fault(f"measured-{name}-{shift}", name, measured(shift), ("command_is_measured",),
+              commands(name), seed=9)
+        for name, shift in (("planar", 0), ("arm4", 1), ("gantry", -1))
+    ]  # fmt: skip
+    found += [
+        Fault(f"shifted-{name}", name, shifted, ("command_shifted",), commands(name), seed=9,
+              options={"rate": rate, "seconds": 6.0})
+        for name, rate in (("planar", 50.0), ("arm4", 50.0), ("arm4_torque", 100.0))
+    ]  # fmt: skip
+    found += [
+        Fault(f"slow-log-{name}", name, lambda r: r, ("command_rate",), commands(name), seed=10,
+              options={"rate": 25.0, "control": 100.0, "seconds": 8.0})
+        for name in ("planar", "arm4")
+    ]  # fmt: skip
+    return found
+
+
+def _encoders() -> list[Fault]:
+    def frozen(r: Recording) -> Recording:
+        x = r.columns["qpos/lift"].copy()
+        x[100:300] = x[100]
+        return with_columns(r, {"qpos/lift": x})
+
+    def repeated(r: Recording) -> Recording:
+        held = np.arange(len(r)) // 4 * 4
+        return with_columns(
+            r, {n: c[held] for n, c in r.columns.items() if n.startswith(("qpos", "qvel"))}
+        )
+
+    def clipped(r: Recording) -> Recording:
+        x = r.columns["qpos/yaw"]
+        return with_columns(r, {"qpos/yaw": np.minimum(x, np.quantile(x, 0.8))})
+
+    everything = frozenset(
+        f"{kind}/{j}" for j in MACHINES["planar"].joints for kind in ("qpos", "qvel")
+    )
+    found = [
+        Fault(f"wrap-{name}-{joint}", name, wrapped(f"qpos/{joint}"), ("encoder_wrap",),
+              frozenset({f"qpos/{joint}"}), seed=11, options={"around": (joint, 3.0)})
+        for name, joint in (("planar", "hip"), ("arm4", "yaw"), ("arm4", "roll"),
+                            ("planar_torque", "knee"))
+    ]  # fmt: skip
+    found += [
+        Fault(f"zero-{name}-{joint}", name, _shifted(f"qpos/{joint}", by), ("encoder_zero",),
+              frozenset({f"qpos/{joint}"}), seed=12)
+        for name, joint, by in (("planar_torque", "hip", math.pi),
+                                ("arm4_torque", "lift", -math.pi / 2),
+                                ("arm4", "yaw", 0.8), ("planar", "knee", math.pi / 2))
+    ]  # fmt: skip
+    return [
+        *found,
+        Fault("frozen-arm4-lift", "arm4", frozen, ("frozen",), frozenset({"qpos/lift"})),
+        Fault("repeated", "planar", repeated, ("samples_repeated",), everything),
+        Fault("clipped-arm4-yaw", "arm4", clipped, ("clipped",), frozenset({"qpos/yaw"})),
+    ]
+
+
+def _shifted(name: str, by: float):  # noqa: ANN202
+    return lambda r: with_columns(r, {name: r.columns[name] + by})
+
+
+def _clocks() -> list[Fault]:
+    t = frozenset({"t"})
+
+    def gap(r: Recording) -> Recording:
+        keep = (r.t < 2.0) | (r.t > 2.7)
+        return Recording(r.t[keep], {n: c[keep] for n, c in r.columns.items()}, r.meta)
+
+    def uneven(x: np.ndarray) -> np.ndarray:
+        return x + np.random.default_rng(0).uniform(0.0, 0.0095, len(x))
+
+    return [
+        Fault("ms-planar", "planar", clock(lambda x: x * 1e3), ("time_unit",), t),
+        Fault("ms-torque", "arm4_torque", clock(lambda x: x * 1e3), ("time_unit",), t),
+        Fault("us-arm4", "arm4", clock(lambda x: x * 1e6), ("time_unit",), t),
+        Fault("ns-gantry", "gantry", clock(lambda x: x * 1e9), ("time_unit",), t),
+        Fault("gap", "arm4", gap, ("clock_gaps",), t),
+        Fault("jitter", "arm4", clock(uneven), ("clock_jitter",), t),
+    ]
+
+
+FAULTS = [
+    *_encoder_signs(), *_command_signs(), *_swaps(), *_units(), *_velocities(), *_commands(),
+    *_encoders(), *_clocks(),
+]  # fmt: skip
+"""Every fault of a recording."""
+
+
+def both(one: Fault, other: Fault) -> Recording:
+    """A log of one machine with two things wrong."""
+    assert one.machine == other.machine
+    return other.spoil(one.spoil(record(one.machine, one.seed)))

@@ -1,0 +1,99 @@
+"""What a model is to blame for, alone and beside a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import pytest
+
+from tests.check.machines import MACHINES, record, with_columns
+from wt.check.run import check
+from wt.physics.scene import Scene
+
+
+def kinds(xml: str, folder: Path, recording: object = None) -> list[str]:
+    path = folder / "m.xml"
+    path.write_text(xml)
+    return [f.kind for f in check(Scene(path), recording).findings if f.sure]  # type: ignore[arg-type]
+
+
+def compensated(xml: str) -> str:
+    return xml.replace("<body name=", '<body gravcomp="1" name=')
+
+
+@pytest.mark.parametrize("name", ["planar", "planar_torque", "arm4", "arm4_torque"])
+def test_gravity_that_the_robot_carries_itself(name: str, tmp_path: Path) -> None:
+    xml = MACHINES[name].xml
+    r = record(name, 40, robot=compensated(xml))
+    assert kinds(xml, tmp_path, r) == ["gravcomp_missing"]
+    assert kinds(compensated(xml), tmp_path, r) == []
+
+
+@pytest.mark.parametrize("name", ["planar", "arm4_torque"])
+def test_gravity_that_the_model_alone_compensates(name: str, tmp_path: Path) -> None:
+    xml = MACHINES[name].xml
+    assert kinds(compensated(xml), tmp_path, record(name, 41)) == ["gravcomp_extra"]
+
+
+def test_half_of_it_is_physics(tmp_path: Path) -> None:
+    xml = MACHINES["arm4"].xml
+    r = record("arm4", 42, robot=xml.replace("<body name=", '<body gravcomp=".5" name='))
+    assert kinds(xml, tmp_path, r) == []
+
+
+@pytest.mark.parametrize("gravity", ["0 0 9.81", "9.81 0 0", "0 -9.81 0"])
+def test_a_base_that_hangs_otherwise(gravity: str, tmp_path: Path) -> None:
+    xml = MACHINES["arm4"].xml
+    robot = xml.replace("<worldbody>", f'<option gravity="{gravity}"/><worldbody>')
+    r = record("arm4", 43, robot=robot)
+    path = tmp_path / "m.xml"
+    path.write_text(xml)
+    (found,) = [f for f in check(Scene(path), r).findings if f.sure]
+    assert found.kind == "base_orientation"
+    assert found.model_change is not None
+    spec = mujoco.MjSpec.from_string(xml)
+    found.model_change(spec)
+    assert spec.option.gravity == pytest.approx([float(x) for x in gravity.split()], abs=1e-9)
+
+
+def test_limits_that_the_recording_leaves(tmp_path: Path) -> None:
+    xml = MACHINES["arm4"].xml.replace('name="lift"', 'name="lift" range="-.2 .2"')
+    assert kinds(xml, tmp_path, record("arm4", 44)) == ["joint_limit"]
+
+
+def test_a_model_that_explodes(tmp_path: Path) -> None:
+    xml = MACHINES["arm4"].xml.replace('timestep="0.001"', 'timestep="0.02" integrator="Euler"')
+    xml = xml.replace("kp=", 'kv="0" kp=').replace(' kv="5"', "").replace(' kv="6"', "")
+    xml = xml.replace(' kv="3"', "").replace(' kv="0.6"', "").replace('kp="', 'kp="9')
+    assert kinds(xml, tmp_path) == ["model_explodes"]
+
+
+def test_a_sound_model_alone(tmp_path: Path) -> None:
+    for machine in MACHINES.values():
+        assert kinds(machine.xml, tmp_path) == []
+
+
+def test_masses_that_nobody_gave_are_a_note(tmp_path: Path) -> None:
+    import re
+
+    path = tmp_path / "m.xml"
+    path.write_text(re.sub(r' mass="[^"]*"', "", MACHINES["planar"].xml))
+    notes = [f.kind for f in check(Scene(path), None).findings if not f.sure]
+    assert notes == ["masses_guessed"]
+
+
+def test_the_order_of_drives_is_a_note(tmp_path: Path) -> None:
+    path = tmp_path / "m.xml"
+    xml = MACHINES["planar_torque"].xml
+    one, other = '<motor name="hip_m" joint="hip"/>', '<motor name="knee_m" joint="knee"/>'
+    path.write_text(xml.replace(one + other, other + one))
+    notes = [f.kind for f in check(Scene(path), None).findings if not f.sure]
+    assert notes == ["actuator_order"]
+
+
+def test_recordings_alone(tmp_path: Path) -> None:
+    r = record("arm4", 45)
+    assert not check(None, r).findings
+    spoiled = with_columns(r, {"qvel/yaw": -r.columns["qvel/yaw"]})
+    assert [f.kind for f in check(None, spoiled).findings] == ["velocity_sign"]

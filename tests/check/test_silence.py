@@ -1,0 +1,74 @@
+"""Clean logs, and logs of robots with physics that the model lacks, give no line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.check.machines import MACHINES, record, with_columns, write_model
+from wt.check.run import check
+from wt.physics.scene import Scene
+from wt.types import Recording
+
+
+def lines(name: str, recording: Recording, folder: Path) -> list[str]:
+    checked = check(Scene(write_model(name, folder)), recording)
+    return [f"{f.kind} {f.columns}: {f.evidence}" for f in checked.findings if f.sure]
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", MACHINES)
+def test_clean(name: str, seed: int, tmp_path: Path) -> None:
+    assert not lines(name, record(name, 20 + seed), tmp_path)
+
+
+ROBOTS = {
+    "friction": lambda xml: xml.replace("damping=", 'frictionloss="0.6" damping='),
+    "viscous": lambda xml: xml.replace('damping="0.', 'damping="1.'),
+    "payload": lambda xml: xml.replace('".7"', '"1.5"').replace('mass=".35"', 'mass=".9"'),
+    "gain": lambda xml: xml.replace('kp="60', 'kp="48').replace(
+        'joint="knee"/>', 'joint="knee" gear=".8"/>'
+    ),
+    "rotor": lambda xml: xml.replace("damping=", 'armature="0.1" damping='),
+    "spring": lambda xml: xml.replace("damping=", 'stiffness="3" damping='),
+    "tilt": lambda xml: xml.replace("<worldbody>", '<option gravity="1 0 -9.75"/><worldbody>'),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["planar", "planar_torque", "arm4"])
+@pytest.mark.parametrize("missing", ROBOTS)
+def test_missing_physics_is_no_fault(missing: str, name: str, tmp_path: Path) -> None:
+    xml = MACHINES[name].xml
+    if missing == "rotor":
+        xml = xml.replace(' armature="0.02"', "").replace(' armature="0.05"', "")
+    recording = record(name, 30, robot=ROBOTS[missing](xml))
+    assert not lines(name, recording, tmp_path)
+
+
+@pytest.mark.parametrize("name", ["planar", "arm4", "planar_torque"])
+def test_late_commands_are_no_fault(name: str, tmp_path: Path) -> None:
+    r = record(name, 31)
+    early = {n: np.append(c[2:], c[-1:].repeat(2)) for n, c in r.columns.items() if "ctrl" in n}
+    assert not lines(name, with_columns(r, early), tmp_path)
+
+
+def test_small_offsets_and_scales_are_no_fault(tmp_path: Path) -> None:
+    r = record("arm4", 32)
+    off = with_columns(
+        r, {"qpos/lift": r.columns["qpos/lift"] + 0.06, "qpos/bend": r.columns["qpos/bend"] * 1.04}
+    )
+    assert not lines("arm4", off, tmp_path)
+
+
+def test_coarse_encoders_and_lost_samples_are_no_fault(tmp_path: Path) -> None:
+    r = record("arm4", 33, seconds=6.0)
+    lost = np.random.default_rng(0).random(len(r)) < 0.02
+    step = 2 * np.pi / 4096
+    coarse = {
+        n: np.where(lost, np.nan, np.round(c / step) * step)
+        for n, c in r.columns.items()
+        if n.startswith("qpos")
+    }
+    assert not lines("arm4", with_columns(r, coarse), tmp_path)

@@ -1,0 +1,34 @@
+"""Where stderr is no terminal, plain lines say that work goes on, and quick work says nothing."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from wt.cli._progress import Lines, bar, bars
+
+
+def test_lines_say_the_step_its_share_and_the_time(capsys: pytest.CaptureFixture[str]) -> None:
+    with Lines(every=0.05) as lines:
+        lines.say("naming", 0.8)
+        time.sleep(0.5)
+    out, err = capsys.readouterr()
+    first, *_ = err.splitlines()
+    assert first == "naming: 80 % after 0 s" and not out
+    time.sleep(0.1)
+    assert not capsys.readouterr().err
+
+
+def test_quick_work_says_nothing_and_draws_no_bar(capsys: pytest.CaptureFixture[str]) -> None:
+    with bar("reading") as say:
+        say("naming", 0.5)
+    with bars() as listener:
+        listener.progress("training", 1, 2)
+    assert capsys.readouterr().err == ""
+
+
+def test_warnings_are_printed_in_a_log_too(capsys: pytest.CaptureFixture[str]) -> None:
+    with bars() as listener:
+        listener.warn("the run collapses [z]")
+    assert capsys.readouterr().err == "warning: the run collapses [z]\n"

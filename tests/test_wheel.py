@@ -1,0 +1,40 @@
+"""The built wheel holds what commands look for beside the code."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_the_wheel_has_configurations_examples_policies_and_licence(tmp_path: Path) -> None:
+    source = tmp_path / "source"
+    ignored = shutil.ignore_patterns("__pycache__", "*.egg-info")
+    for folder in ("wt", "registry", "deploy", "conf", "examples"):
+        shutil.copytree(ROOT / folder, source / folder, ignore=ignored)
+    for file in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / file, source)
+    command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation"]
+    done = subprocess.run(
+        [*command, "--no-index", "--wheel-dir", str(tmp_path), str(source)],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-2000:]
+    (wheel,) = tmp_path.glob("*.whl")
+    inside = zipfile.ZipFile(wheel).namelist()
+    share = "data/share/world-translation"
+    for ending in (
+        f"{share}/conf/base.yaml",
+        f"{share}/examples/arm/model.xml",
+        f"{share}/examples/go2/1.parquet",
+        "wt/py.typed",
+        "wt/worlds/policies/go2/policy.onnx",
+        "wt/show/page.html",
+        "licenses/LICENSE",
+    ):
+        assert any(name.endswith(ending) for name in inside), ending
+    assert sum(name.endswith(".yaml") for name in inside) >= len(list((ROOT / "conf").iterdir()))

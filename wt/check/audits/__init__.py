@@ -1,0 +1,1 @@
+"""The audits, one file each; the recipe for another stands in :mod:`wt.check.audit`."""

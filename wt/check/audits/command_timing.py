@@ -1,0 +1,136 @@
+"""Commands that the motion follows before they were sent.
+
+No drive answers early. If the model explains the motion best with commands that come half a sample
+earlier, they were not held from sample to sample: the controller ran faster than the log. If a
+whole one, each command stands one row too late.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import CubicSpline
+
+from wt.check.audit import Stage, Subject, register
+from wt.check.balance import Balance
+from wt.check.finding import AuditFinding
+from wt.types import Recording
+
+_SLOW_S, _SHORT_S = 0.015, 0.004
+"""Intervals from which half a sample, and a whole one, can be told from other errors."""
+_LEADS = np.arange(-0.5, 1.6, 0.1)  # samples
+_DECISIVE = 1.5  # of the mean logarithm of what is left
+_ALIKE = 0.5
+_MOST_BETWEEN = 10
+
+
+@register
+class CommandTiming:
+    """A command is in force from its sample until the next."""
+
+    kinds: ClassVar[tuple[str, ...]] = ("command_rate", "command_shifted")
+    stage: ClassVar[Stage] = "rest"
+
+    def findings(self, subject: Subject) -> Iterable[AuditFinding]:
+        """At most one, of all commands."""
+        balance, recording = subject.balance, subject.recording
+        if balance is None or recording is None or not balance.rows:
+            return
+        if balance.signals.dt < _SHORT_S or not balance.dynamic:
+            return
+        lead, gain = _lead(balance)
+        names = tuple(f"ctrl/{row.drive.name}" for row in balance.rows)
+        elements = tuple(f"actuator {row.drive.name}" for row in balance.rows)
+        dt = balance.signals.dt
+        if gain < _DECISIVE:
+            return
+        if 0.2 < lead < 0.75 and dt >= _SLOW_S:
+            count = _periods(balance)
+            yield AuditFinding(
+                "command_rate",
+                names,
+                elements,
+                f"The motion follows the commands up to half a sample before they were logged: the "
+                f"controller ran faster than the log's {1 / dt:.0f} Hz, at some {count / dt:.0f}",
+                "log at the controller's rate; the commands between two samples are not known",
+                0.9,
+                change=lambda r: _between(r, names, count),
+            )
+        elif 0.75 < lead < 1.35:
+            yield AuditFinding(
+                "command_shifted",
+                names,
+                elements,
+                f"The motion follows the commands {1e3 * lead * dt:.0f} ms before they were "
+                "logged, one sample: each stands one row too late",
+                "write each command into the row of the sample it was sent at",
+                0.95,
+                change=lambda r: _earlier(r, names),
+            )
+
+
+def _total(balance: Balance, lead: float) -> float:
+    """What is left of the commands if they come so many samples earlier, as a mean logarithm."""
+    s = balance.signals
+    moved = replace(s, u=s.u + lead * s.dt * s.du)
+    return float(np.log(balance.on(moved).unexplained() + 1e-7).mean())
+
+
+def _periods(balance: Balance) -> int:
+    """The fewest periods of the controller in one of the log that explain the motion.
+
+    A command that is held for 1/n of an interval takes effect (1 − 1/n)/2 of it earlier than one
+    that is held throughout.
+    """
+    totals = {n: _total(balance, 0.5 * (1.0 - 1.0 / n)) for n in range(2, _MOST_BETWEEN + 1)}
+    return next(n for n, total in totals.items() if total <= min(totals.values()) + _ALIKE)
+
+
+def _lead(balance: Balance) -> tuple[float, float]:
+    """The fewest samples that commands have to come earlier, and what moving them gains."""
+    totals = [_total(balance, float(lead)) for lead in _LEADS]
+    # the balance allows for any delay, so more of a lead than there is does no harm
+    enough = int(np.flatnonzero(np.array(totals) <= min(totals) + _ALIKE)[0])
+    none = float(np.interp(0.0, _LEADS, totals))
+    return float(_LEADS[enough]), none - totals[enough]
+
+
+def _earlier(recording: Recording, names: tuple[str, ...]) -> Recording:
+    columns = {
+        n: np.append(c[1:], c[-1]) if n in names else c for n, c in recording.columns.items()
+    }
+    return replace(recording, columns=columns)
+
+
+def _between(recording: Recording, names: tuple[str, ...], count: int) -> Recording:
+    """The same with rows between, which have commands on the way and no measurement."""
+    t = recording.t
+    steps = np.arange(count) / count
+    fine = np.append((t[:-1, None] + np.diff(t)[:, None] * steps).ravel(), t[-1])
+    columns = {}
+    for name, column in recording.columns.items():
+        if name in names:
+            columns[name] = _interpolated(fine, t, column)
+        else:
+            columns[name] = np.full(len(fine), np.nan)
+            columns[name][::count] = column
+    return replace(recording, t=fine, columns=columns)
+
+
+def _interpolated(
+    fine: Float[np.ndarray, " row"],
+    t: Float[np.ndarray, " sample"],
+    u: Float[np.ndarray, " sample"],
+) -> Float[np.ndarray, " row"]:
+    """Commands between samples: on a cubic spline if its like foretells samples better."""
+    known = np.isfinite(u)
+    t, u = t[known], u[known]
+    a, b, c, d, e = (u[i : len(u) - 4 + i] for i in range(5))
+    linear, cubic = c - (b + d) / 2.0, c - (4.0 * (b + d) - a - e) / 6.0
+    if np.square(cubic).sum() < np.square(linear).sum():
+        return np.asarray(CubicSpline(t, u)(fine))
+    return np.interp(fine, t, u)

@@ -1,0 +1,169 @@
+"""Columns that stand still while what they measure moves, and samples that are repeated."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Float
+
+from wt.check.audit import Stage, Subject, register
+from wt.check.finding import AuditFinding, Change
+from wt.types import Recording
+
+_SWEPT = 0.3  # rad or m that a command sweeps while its joint's column stands still
+_LONG_S = 1.0
+_TRAVEL = 0.2  # rad or m that a velocity integrates to
+_REPEATED, _QUANTA = 0.3, 4.0
+_PAUSE, _HELD = 12, 0.4  # samples between leaps of one motion; share of them that repeat
+
+
+@register
+class Frozen:
+    """A column that never changes, stops changing, or changes at every few samples only."""
+
+    kinds: ClassVar[tuple[str, ...]] = ("frozen", "samples_repeated")
+    stage: ClassVar[Stage] = "column"
+
+    def findings(self, subject: Subject) -> Iterable[AuditFinding]:
+        """One for each frozen column, and one for repeated samples."""
+        recording = subject.recording
+        if recording is None:
+            return
+        for name in recording.columns:
+            if name.startswith("qpos/") and not name.rpartition("/")[2].isdigit():
+                yield from _position(subject, recording, name)
+            if name.startswith("qvel/") and not name.rpartition("/")[2].isdigit():
+                yield from _velocity(recording, name)
+        yield from _repeats(recording)
+
+
+def _position(subject: Subject, recording: Recording, name: str) -> Iterable[AuditFinding]:
+    joint = name.removeprefix("qpos/")
+    start, end = _longest(recording.columns[name])
+    t = recording.t
+    if end - start < 12 or t[end] - t[start] < _LONG_S:
+        return
+    evidence = ""
+    velocity = recording.columns.get(f"qvel/{joint}")
+    if velocity is not None:
+        run = np.nan_to_num(velocity[start : end + 1])
+        travel = float(np.ptp(np.cumsum(run[:-1] * np.diff(t[start : end + 1]))))
+        if travel > _TRAVEL and np.std(run) > 0.0:
+            evidence = f"'qvel/{joint}' integrates to {travel:.3g} meanwhile"
+    for drive in subject.scene.drives if subject.scene else ():
+        command = recording.columns.get(f"ctrl/{drive.name}")
+        whole = end - start > 0.98 * len(t)
+        if drive.joint == joint and drive.servo and command is not None and whole:
+            swept = float(np.ptp(command[start : end + 1]))
+            if swept > _SWEPT:
+                evidence = f"its command sweeps {swept:.3g} meanwhile"
+    if evidence:
+        yield AuditFinding(
+            "frozen",
+            (name,),
+            (f"joint {joint}",),
+            f"'{name}' does not change for {t[end] - t[start]:.3g} s from "
+            f"{t[start] - t[0]:.4g} s on, and {evidence}",
+            f"record '{joint}' again, or leave that time out",
+            change=_missing(name, start, end),
+        )
+
+
+def _velocity(recording: Recording, name: str) -> Iterable[AuditFinding]:
+    """A velocity that is constant although the position moves."""
+    position = recording.columns.get(name.replace("qvel/", "qpos/"))
+    velocity = recording.columns[name]
+    if position is None or not np.isfinite(position).any() or np.nanstd(velocity) > 0.0:
+        return
+    travel = float(np.nanmax(position) - np.nanmin(position))
+    if travel < _TRAVEL:
+        return
+    yield AuditFinding(
+        "frozen",
+        (name,),
+        (),
+        f"'{name}' never changes, and its position moves by {travel:.3g}",
+        f"leave '{name}' out",
+        change=lambda r: replace(r, columns={n: c for n, c in r.columns.items() if n != name}),
+    )
+
+
+def _longest(column: Float[np.ndarray, " sample"]) -> tuple[int, int]:
+    """First and last sample of the longest stretch in which a column does not change."""
+    same = np.concatenate([[False], np.diff(column) == 0.0, [False]])
+    edges = np.flatnonzero(np.diff(same.astype(int)))
+    if not len(edges):
+        return 0, 0
+    starts, ends = edges[::2], edges[1::2]
+    k = int(np.argmax(ends - starts))
+    return int(starts[k]), int(ends[k])
+
+
+def _missing(name: str, start: int, end: int) -> Change:
+    def change(recording: Recording) -> Recording:
+        column = recording.columns[name].copy()
+        column[start + 1 : end + 1] = np.nan
+        kept = dict(recording.columns)
+        if np.isfinite(column).sum() < 12:
+            kept.pop(name)
+            kept.pop(name.replace("qpos/", "qvel/"), None)
+        else:
+            kept[name] = column
+        return replace(recording, columns=kept)
+
+    return change
+
+
+def _repeats(recording: Recording) -> Iterable[AuditFinding]:
+    """Samples that hold what the one before held: the log runs faster than the sensors."""
+    measured = [n for n in recording.columns if n.startswith(("qpos/", "qvel/"))]
+    if not measured:
+        return
+    table = np.stack([recording.columns[n] for n in measured], axis=1)
+    table = table[:, np.nanstd(table, axis=0) > 0.0]
+    if not table.size:
+        return
+    change = np.abs(np.diff(table, axis=0))
+    known = np.isfinite(change).all(axis=1)
+    same = known & (change == 0.0).all(axis=1)
+    moved = change[known & ~same]
+    if len(moved) < 20 or same[known].mean() < _REPEATED:
+        return
+    # the smallest change that a column ever makes: an encoder's step, if it has one
+    quantum = np.array([c[c > 0.0].min() if (c > 0.0).any() else np.inf for c in moved.T])
+    leaps = np.flatnonzero(known & ((change / quantum).max(axis=1) >= _QUANTA))
+    apart = np.diff(leaps)
+    # from one leap to the next nothing happens, though what leaps so far cannot have stopped
+    idle = np.array([bool(same[i + 1 : j].all()) for i, j in itertools.pairwise(leaps)], bool)
+    moving = apart <= _PAUSE
+    if moving.sum() < 20 or np.mean(idle[moving] & (apart[moving] > 1)) < _HELD:
+        return
+    period = float(apart[moving].mean())
+    yield AuditFinding(
+        "samples_repeated",
+        tuple(measured),
+        (),
+        f"{100 * same[known].mean():.0f} % of the samples repeat the one before, also while what "
+        f"they measure moves: new ones come every {period:.1f} samples only",
+        "log at the sensors' own rate, or mark repeated samples as missing",
+        change=_unrepeated(measured),
+    )
+
+
+def _unrepeated(names: list[str]) -> Change:
+    def change(recording: Recording) -> Recording:
+        table = np.stack([recording.columns[n] for n in names], axis=1)
+        same = np.concatenate([[False], (np.diff(table, axis=0) == 0.0).all(axis=1)])
+        return replace(
+            recording,
+            columns={
+                **recording.columns,
+                **{n: np.where(same, np.nan, recording.columns[n]) for n in names},
+            },
+        )
+
+    return change

@@ -1,0 +1,154 @@
+"""Velocities that are not the slopes of their positions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from wt.check.audit import Stage, Subject, register
+from wt.check.finding import AuditFinding, Change
+from wt.check.velocity import Relation, related
+from wt.types import Recording
+
+UNITS = {
+    "deg": (180.0 / math.pi, "degrees a second"),
+    "rpm": (60.0 / (2.0 * math.pi), "turns a minute"),
+    "rev": (1.0 / (2.0 * math.pi), "turns a second"),
+}
+"""Factors from rad/s, by the word of a map."""
+_ALIKE, _STRANGE = 0.9, 0.4
+_NEAR = 0.08
+_SCALED = (0.7, 1.4)  # what filters and noise may make of a factor
+_LATE_S, _LATE_SAMPLES = 0.03, 2.5
+
+
+@register
+class Velocity:
+    """``qvel`` is what ``qpos`` changes by: in sign, in unit, at its own joint, in time."""
+
+    kinds: ClassVar[tuple[str, ...]] = ("velocity_sign", "velocity_unit", "velocity_scale",
+                                        "velocities_swapped", "velocity_other",
+                                        "velocity_late")  # fmt: skip
+    stage: ClassVar[Stage] = "velocity"
+
+    def findings(self, subject: Subject) -> Iterable[AuditFinding]:
+        """At most one for each velocity."""
+        recording = subject.recording
+        if recording is None:
+            return
+        joints = [c.removeprefix("qpos/") for c in recording.columns if c.startswith("qpos/")]
+        joints = [j for j in joints if f"qvel/{j}" in recording.columns]
+        strange = []
+        for joint in joints:
+            relation = related(recording, joint, joint)
+            if relation is None:
+                continue
+            if abs(relation.correlation) < _STRANGE:
+                strange.append(joint)
+            elif abs(relation.correlation) > _ALIKE:
+                yield from _scaled(recording, joint, relation)
+        yield from _strangers(recording, strange)
+
+
+def _scaled(recording: Recording, joint: str, relation: Relation) -> Iterable[AuditFinding]:
+    name, factor = f"qvel/{joint}", relation.factor
+    size = abs(factor)
+    said = f"'{name}' is {factor:.3g} times the slope of 'qpos/{joint}'"
+    unit = next((u for u, (f, _) in UNITS.items() if abs(size / f - 1.0) < _NEAR), None)
+    if unit:
+        exact, words = UNITS[unit]
+        change = _times(name, math.copysign(1.0 / exact, factor))
+        yield AuditFinding(
+            "velocity_unit", (name,), (), f"{said}: it is in {words}", f"units: {{{name}: {unit}}}",
+            change=change,
+        )  # fmt: skip
+    elif not _SCALED[0] < size < _SCALED[1]:
+        yield AuditFinding(
+            "velocity_scale", (name,), (), said, f"units: {{{name}: {1.0 / factor:.4g}}}",
+            change=_times(name, 1.0 / factor),
+        )  # fmt: skip
+    elif factor < 0.0:
+        yield AuditFinding(
+            "velocity_sign",
+            (name,),
+            (),
+            f"'{name}' runs against the slope of 'qpos/{joint}'",
+            f"signs: {{{name}: -1}}",
+            change=_times(name, -1.0),
+        )
+    elif relation.late > max(_LATE_S, _LATE_SAMPLES * _interval(recording)):
+        yield AuditFinding(
+            "velocity_late",
+            (name,),
+            (),
+            f"'{name}' comes {1e3 * relation.late:.0f} ms behind the slope of 'qpos/{joint}': it "
+            "was filtered, or logged late",
+            f"leave '{name}' out; the slope of the position is the better velocity",
+            change=_without(name),
+        )
+
+
+def _interval(recording: Recording) -> float:
+    return float(np.median(np.diff(recording.t)))
+
+
+def _times(name: str, factor: float) -> Change:
+    def change(recording: Recording) -> Recording:
+        columns = recording.columns
+        return replace(recording, columns={**columns, name: columns[name] * factor})
+
+    return change
+
+
+def _without(*names: str) -> Change:
+    def change(recording: Recording) -> Recording:
+        kept = {n: c for n, c in recording.columns.items() if n not in names}
+        return replace(recording, columns=kept)
+
+    return change
+
+
+def _strangers(recording: Recording, strange: list[str]) -> Iterable[AuditFinding]:
+    """Velocities unlike the slope of their own position: of other joints, or of nothing."""
+    home = {
+        joint: other
+        for joint in strange
+        for other in strange
+        if other != joint
+        and (r := related(recording, joint, other))
+        and r.correlation > _ALIKE
+        and _SCALED[0] < r.factor < _SCALED[1]
+    }
+    if home and sorted(home) == sorted(home.values()):
+        names = tuple(f"qvel/{joint}" for joint in home)
+        yield AuditFinding(
+            "velocities_swapped",
+            names,
+            (),
+            "; ".join(f"'qvel/{a}' is the slope of 'qpos/{b}'" for a, b in home.items()),
+            "exchange the columns "
+            + ", ".join(f"'qvel/{a}' → 'qvel/{b}'" for a, b in home.items()),
+            change=lambda r: replace(
+                r,
+                columns={
+                    **r.columns,
+                    **{f"qvel/{b}": r.columns[f"qvel/{a}"] for a, b in home.items()},
+                },
+            ),
+        )
+        return
+    for joint in strange:
+        name = f"qvel/{joint}"
+        yield AuditFinding(
+            "velocity_other",
+            (name,),
+            (),
+            f"'{name}' is not the slope of 'qpos/{joint}', nor a multiple of it",
+            f"leave '{name}' out",
+            0.9,
+            change=_without(name),
+        )

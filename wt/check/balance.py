@@ -1,0 +1,226 @@
+"""How much of the commands a model explains, given the motion.
+
+The model's inverse dynamics say which command each drive would have needed for the motion that
+was recorded. Friction, armature, a bias, a gain that is off and a late command are physics and may
+adapt, each with the sign it must have; what then is left, as a share of the command's variance, is
+what the model cannot explain. Exchanged columns, signs and units are undone on the same arrays, so
+that thousands of them can be compared: the smoothing before is linear.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import lsq_linear, nnls
+
+from wt.check.signals import Signals
+from wt.physics.scene import Drive, Scene
+
+_LEAST_GAIN, _MOST_GAIN = 0.12, 8.0  # of the model's, over the drive's
+_LATEST = 0.08  # s
+_ROTOR = 30.0  # of the inertia that a joint feels
+_SLOW = 0.03  # of the usual speed: where friction changes its sign
+_STILL = 1e-6
+_DIRECT = (int(mujoco.mjtDyn.mjDYN_NONE), int(mujoco.mjtDyn.mjDYN_FILTER),
+           int(mujoco.mjtDyn.mjDYN_FILTEREXACT))  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Edit:
+    """A channel that is made of another one: ``factor · source + offset``.
+
+    Attributes:
+        group: positions of degrees of freedom, or commands of actuators.
+        index: of the channel.
+        source: index of the channel whose column holds it.
+        factor: sign and unit.
+        offset: in the channel's own unit.
+    """
+
+    group: Literal["q", "u"]
+    index: int
+    source: int
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """A drive whose command is explained: the only one of its joint.
+
+    Attributes:
+        drive: the drive.
+        scale: force on the joint per command.
+    """
+
+    drive: Drive
+    scale: float
+
+
+class Balance:
+    """Commands against inverse dynamics.
+
+    Attributes:
+        scene: the model.
+        signals: the recording.
+        rows: the drives whose commands are explained.
+        dynamic: whether inverse dynamics are known; where something floats, or a position was not
+            recorded, the drives' own laws have to do.
+    """
+
+    def __init__(self, scene: Scene, signals: Signals) -> None:
+        """Choose the rows."""
+        self.scene, self.signals = scene, signals
+        self.dynamic = not scene.free and bool(signals.measured.all())
+        m = scene.model
+        joints = [d.joint for d in scene.drives]
+        self.rows = tuple(
+            Row(d, d.gear * d.gain)
+            for d in scene.drives
+            if d.gear * d.gain != 0.0
+            and int(m.actuator_dyntype[d.index]) in _DIRECT
+            and joints.count(d.joint) == 1
+            and signals.measured[d.dof]
+            and signals.commanded[d.index]
+            and signals.u[:, d.index].std() > _STILL
+            and (self.dynamic or d.servo)
+        )
+        self._model = mujoco.MjModel.__copy__(m)
+        off = mujoco.mjtDisableBit
+        self._model.opt.disableflags |= int(
+            off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_ACTUATION
+        )
+        self._data = mujoco.MjData(self._model)
+        self._demands: dict[tuple[Edit, ...], Float[np.ndarray, "row dof"]] = {}
+        self._felt = self._inertia()
+
+    def on(self, signals: Signals) -> Balance:
+        """The same motion under other commands."""
+        other = copy.copy(self)
+        other.signals = signals
+        return other
+
+    def joint(self, dof: int) -> str:
+        """Name of the joint of a degree of freedom."""
+        return self.scene.joints[dof]
+
+    def unexplained(self, edits: Sequence[Edit] = ()) -> Float[np.ndarray, " row"]:
+        """Share of each row's command that the model cannot explain; 0 … above 1."""
+        return np.array([left / sent for left, sent, _ in self._fits(edits)])
+
+    def misfit(self, edits: Sequence[Edit] = ()) -> float:
+        """Share of the forces of all drives that stays unexplained, as a mean logarithm.
+
+        Beside :meth:`unexplained` it tells whether what a servo *adds* to the position it holds is
+        explained, and so tells units that positions and commands share.
+        """
+        shares = [left / max(forced, 1e-18) for left, _, forced in self._fits(edits)]
+        return float(np.mean(np.log(np.array(shares) + 1e-6))) if shares else 0.0
+
+    def _fits(self, edits: Sequence[Edit]) -> list[tuple[float, float, float]]:
+        """Of each row the mean square left, and the variances of the command and of the force."""
+        s = self.signals
+        q, v, a, u, du = (x.copy() for x in (s.q, s.v, s.a, s.u, s.du))
+        for e in edits:
+            if e.group == "q":
+                q[:, e.index] = e.factor * s.q[:, e.source] + e.offset
+                v[:, e.index] = e.factor * s.v[:, e.source]
+                a[:, e.index] = e.factor * s.a[:, e.source]
+            else:
+                u[:, e.index] = e.factor * s.u[:, e.source] + e.offset
+                du[:, e.index] = e.factor * s.du[:, e.source]
+        moved = tuple(e for e in edits if e.group == "q")
+        if moved not in self._demands:
+            self._demands[moved] = self.inverse(q, v, a)
+        demand = self._demands[moved]
+        return [self._fit(r, q, v, a, u, du, demand) for r in self.rows]
+
+    def inverse(
+        self,
+        q: Float[np.ndarray, "row dof"],
+        v: Float[np.ndarray, "row dof"],
+        a: Float[np.ndarray, "row dof"],
+    ) -> Float[np.ndarray, "row dof"]:
+        """Force that the model demands for a motion; zero where it cannot be known."""
+        result = np.zeros_like(q)
+        if not self.dynamic:
+            return result
+        m, d = self._model, self._data
+        for k in range(len(q)):
+            d.qpos[:], d.qvel[:], d.qacc[:] = q[k], v[k], a[k]
+            mujoco.mj_inverse(m, d)
+            result[k] = d.qfrc_inverse
+        return result
+
+    def _inertia(self) -> Float[np.ndarray, " dof"]:
+        m, d = self._model, self._data
+        full = np.zeros((m.nv, m.nv))
+        d.qpos[:] = np.median(self.signals.q, axis=0) if self.dynamic else m.qpos0
+        mujoco.mj_forward(m, d)
+        mujoco.mj_fullM(m, d, full)
+        return np.asarray(np.diag(full)).copy()
+
+    def _fit(
+        self,
+        row: Row,
+        q: Float[np.ndarray, "row dof"],
+        v: Float[np.ndarray, "row dof"],
+        a: Float[np.ndarray, "row dof"],
+        u: Float[np.ndarray, "row actuator"],
+        du: Float[np.ndarray, "row actuator"],
+        demand: Float[np.ndarray, "row dof"],
+    ) -> tuple[float, float, float]:
+        drive, i = row.drive, row.drive.dof
+        command = np.clip(u[:, drive.index], *drive.commands)
+        _, stiffness, damping = drive.bias
+        # gear · (gain · u + spring) = force, so u = force / (gear · gain) − spring / gain
+        spring = -drive.gear * (stiffness * q[:, i] + damping * v[:, i]) / drive.gain
+        speed = v[:, i]
+        columns = np.stack(
+            [
+                demand[:, i] / row.scale,
+                np.tanh(speed / (_SLOW * max(float(speed.std()), 1e-9))) / row.scale,
+                speed / row.scale,
+                a[:, i] / row.scale,
+                du[:, drive.index],
+            ],
+            axis=1,
+        )
+        high = np.array([_MOST_GAIN, np.inf, np.inf, _ROTOR * self._felt[i], _LATEST])
+        left = _left(columns, command - spring, high, self.dynamic)
+        return left, max(float(command.var()), _STILL**2), float((command - spring).var())
+
+
+def _left(
+    columns: Float[np.ndarray, "row column"],
+    target: Float[np.ndarray, " row"],
+    high: Float[np.ndarray, " column"],
+    dynamic: bool,
+) -> float:
+    """Mean square that the columns leave of the target, with a constant that is free."""
+    x = columns - columns.mean(axis=0)
+    y = target - target.mean()
+    low = np.zeros(len(high))
+    if dynamic:
+        low[0] = _LEAST_GAIN
+    y = y - x @ low
+    scale = np.maximum(np.sqrt((x**2).mean(axis=0)), 1e-12)
+    r, z = _triangle(x / scale, y)
+    best, _ = nnls(r, z)
+    if (best / scale > high - low).any():
+        best = lsq_linear(r, z, (np.zeros(len(high)), (high - low) * scale), method="bvls").x
+    return float(np.mean((y - (x / scale) @ best) ** 2))
+
+
+def _triangle(
+    x: Float[np.ndarray, "row column"], y: Float[np.ndarray, " row"]
+) -> tuple[Float[np.ndarray, "column column"], Float[np.ndarray, " column"]]:
+    """The same least squares on as many rows as there are columns."""
+    ortho, r = np.linalg.qr(x)
+    return r, ortho.T @ y

@@ -1,0 +1,143 @@
+"""``wt check`` on files: what it found in each, and the corrected ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from wt.check.finding import AuditFinding
+from wt.check.reading import read
+from wt.check.run import check
+from wt.data import recording as recordings
+from wt.errors import RecordingError, UserError
+from wt.mjcf.edit import patched_xml
+from wt.mjcf.text import comment
+from wt.physics.scene import Scene
+from wt.show.files import write_whole
+from wt.types import Recording
+
+MARK = "written by wt check"
+"""Stands in everything that is written, so that nothing else is ever replaced."""
+
+
+@dataclass(frozen=True, eq=False)
+class Audited:
+    """One recording's audit, or the model's alone.
+
+    Attributes:
+        path: of the recording; None for the model alone.
+        given: as it was read.
+        corrected: with everything mended that can be.
+        findings: of it.
+    """
+
+    path: Path | None
+    given: Recording | None
+    corrected: Recording | None
+    findings: tuple[AuditFinding, ...]
+
+
+def audit(model: Path | None, sources: Sequence[Path]) -> list[Audited]:
+    """Audit recordings, with their model if there is one; without any, the model alone.
+
+    Raises:
+        ModelError: the model cannot be read.
+        RecordingError: a recording cannot be read, or names what the model does not have.
+    """
+    scene = Scene(model) if model else None
+    if not sources:
+        return [Audited(None, None, None, check(scene, None).findings)]
+    audited = []
+    for path in sources:
+        recording, found = read(path)
+        if scene is not None:
+            try:
+                recordings.check_names(recording, scene.given)
+            except RecordingError as error:
+                raise RecordingError(f"'{path}': {error}") from error
+        checked = check(scene, recording)
+        audited.append(Audited(path, recording, checked.recording, (*found, *checked.findings)))
+    return audited
+
+
+def merged(audited: Sequence[Audited]) -> list[AuditFinding]:
+    """The findings of all recordings; what several share stands once, and says so."""
+    order: dict[tuple[object, ...], list[AuditFinding]] = {}
+    for each in audited:
+        for f in each.findings:
+            order.setdefault((f.kind, f.columns, f.elements), []).append(f)
+    found = []
+    for same in order.values():
+        first, of_model = same[0], not same[0].columns
+        many = len(audited) > 1 and not of_model
+        where = f" (in {len(same)} of {len(audited)} recordings)" if many else ""
+        found.append(replace(first, evidence=first.evidence + where))
+    return sorted(found, key=lambda f: not f.sure)
+
+
+def write_page(page: str, out: Path) -> Path:
+    """Write ``check.html`` into a folder; an earlier one of ours is replaced.
+
+    Raises:
+        UserError: something else is there.
+    """
+    _folder(out)
+    path = out / "check.html"
+    _refuse_foreign(path, MARK.encode())
+    write_whole(path, f"{page}\n<!-- {MARK} -->\n")
+    return path
+
+
+def write_fixed(model: Path | None, audited: Sequence[Audited], out: Path) -> list[Path]:
+    """Write corrected recordings, and the model if it is to blame, into a folder.
+
+    Raises:
+        UserError: something else is there under such a name.
+    """
+    _folder(out)
+    written = []
+    for each in audited:
+        changed = [f.kind for f in each.findings if f.sure and (f.change or _dropped(f))]
+        if each.path is None or each.corrected is None or not changed:
+            continue
+        path = out / f"{each.path.stem}.fixed.parquet"
+        _refuse_input(path, each.path)
+        _refuse_foreign(path, MARK.encode())
+        meta = {**each.corrected.meta, "audited": changed, "notes_of_audit": MARK}
+        recordings.write(replace(each.corrected, meta=meta), path)
+        written.append(path)
+    changes = [f for f in merged(audited) if f.sure and f.model_change]
+    if model is not None and changes:
+        path = out / f"{model.stem}.fixed.xml"
+        _refuse_input(path, model)
+        _refuse_foreign(path, MARK.encode())
+        amended = Scene(model, [f.model_change for f in changes if f.model_change])
+        said = "; ".join(f"{f.kind}: {f.evidence}" for f in changes)
+        write_whole(path, f"{patched_xml(amended, (), ())}\n{comment(f'{MARK}: {said}')}\n")
+        written.append(path)
+    return written
+
+
+def _dropped(finding: AuditFinding) -> bool:
+    """Tell whether rows were left out while reading."""
+    return finding.kind in ("stamps_repeated", "clock_backwards")
+
+
+def _folder(out: Path) -> None:
+    if out.exists() and not out.is_dir():
+        raise UserError(f"--out {out} is a file; name a folder")
+    out.mkdir(parents=True, exist_ok=True)
+
+
+def _refuse_input(path: Path, source: Path) -> None:
+    if path.resolve() == source.resolve():
+        raise UserError(f"'{path}' is an input; give another folder with --out")
+
+
+def _refuse_foreign(path: Path, mark: bytes) -> None:
+    if path.exists() and mark not in path.read_bytes():
+        raise UserError(
+            f"'{path}' is there and was not written by wt check; nothing of yours is replaced: "
+            "move it, or give another folder with --out"
+        )

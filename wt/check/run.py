@@ -1,0 +1,63 @@
+"""All audits, in order: what one stage finds is mended before the next one looks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from wt.check.audit import STAGES, Audit, ChannelAudit, Subject, audits
+from wt.check.channels import found
+from wt.check.finding import AuditFinding
+from wt.physics.scene import Scene
+from wt.types import Recording
+
+
+@dataclass(frozen=True, eq=False)
+class Checked:
+    """What was found in one recording, or in the model alone.
+
+    Attributes:
+        findings: in the order in which they were mended.
+        recording: as corrected; None if there is none.
+    """
+
+    findings: tuple[AuditFinding, ...]
+    recording: Recording | None
+
+
+def check(scene: Scene | None, recording: Recording | None) -> Checked:
+    """Audit a model, a recording, or both.
+
+    Args:
+        scene: the model.
+        recording: of its machine.
+    """
+    subject = Subject(scene, recording)
+    findings: list[AuditFinding] = []
+    known = audits()
+    for stage in STAGES:
+        new: list[AuditFinding] = []
+        if stage == "channel" and subject.balance is not None:
+            balance = subject.balance
+            suspects = [
+                s for a in known if isinstance(a, ChannelAudit) for s in a.suspects(balance)
+            ]
+            new = found(subject, suspects)
+        for audit in known:
+            if isinstance(audit, Audit) and audit.stage == stage:
+                new += audit.findings(subject)
+        subject = _mended(subject, new)
+        findings += new
+    return Checked(tuple(findings), subject.recording)
+
+
+def _mended(subject: Subject, findings: Sequence[AuditFinding]) -> Subject:
+    """The same with the recording corrected."""
+    recording = subject.recording
+    hold = subject.commands_hold and not any(f.voids_commands for f in findings)
+    changes = [f.change for f in findings if f.change and f.sure]
+    if recording is None or (hold == subject.commands_hold and not changes):
+        return subject
+    for change in changes:
+        recording = change(recording)
+    return Subject(subject.scene, recording, hold)

@@ -1,0 +1,112 @@
+"""A velocity column against the slope of a position column."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.ndimage import gaussian_filter1d
+
+from wt.check.signals import GAP_S
+from wt.types import Recording
+
+_WINDOW_S = 0.03
+_CLEAR = 4.0  # times its own noise that a velocity has to be, to be compared
+_ALIKE = 0.9
+
+
+@dataclass(frozen=True)
+class Relation:
+    """How a velocity goes with the slope of a position.
+
+    Attributes:
+        correlation: of both, smoothed, the velocity brought forward by ``late``.
+        factor: velocity over slope, with its sign.
+        late: time that the velocity comes behind the slope [s].
+    """
+
+    correlation: float
+    factor: float
+    late: float
+
+
+def related(recording: Recording, velocity: str, position: str) -> Relation | None:
+    """How a velocity goes with a position; None where either is missing, or hardly moves.
+
+    Args:
+        recording: both are columns of it.
+        velocity: name of the joint whose ``qvel`` is taken.
+        position: name of the joint whose ``qpos`` is taken.
+    """
+    pair = _smooth(recording, f"qvel/{velocity}", f"qpos/{position}")
+    if pair is None:
+        return None
+    v, slope, dt = pair
+    sign = float(np.sign(np.corrcoef(v, slope)[0, 1]))
+    late = _late(sign * v, slope)
+    if late:
+        ends = (
+            slice(max(late, 0), len(v) + min(late, 0)),
+            slice(max(-late, 0), len(v) - max(late, 0)),
+        )
+        v, slope = v[ends[0]], slope[ends[1]]
+    r = float(np.corrcoef(v, slope)[0, 1])
+    return Relation(r, float(np.sign(r) * v.std() / slope.std()), late * dt)
+
+
+def belongs(recording: Recording, joint: str) -> bool:
+    """Tell whether a joint's velocity is the slope of its position, as recorded."""
+    relation = related(recording, joint, joint)
+    return relation is not None and relation.correlation > _ALIKE and (0.7 < relation.factor < 1.4)
+
+
+def _smooth(
+    recording: Recording, velocity: str, position: str
+) -> tuple[Float[np.ndarray, " row"], Float[np.ndarray, " row"], float] | None:
+    columns, t = recording.columns, recording.t
+    if velocity not in columns or position not in columns:
+        return None
+    dt = float(np.median(np.diff(t)))
+    grid = np.arange(t[0], t[-1], dt)
+    x, near = _even(grid, t, columns[position])
+    v, near_v = _even(grid, t, columns[velocity])
+    sigma = max(_WINDOW_S / dt, 1.5)
+    known = gaussian_filter1d((near & near_v).astype(float), sigma, mode="constant") > 0.999
+    if known.sum() < 40:
+        return None
+    slope = gaussian_filter1d(x, sigma, order=1) / dt
+    smooth = gaussian_filter1d(v, sigma)
+    # noise that is left after the window, of white noise as large as what the window took away
+    left = np.sqrt(1.0 / (2.0 * np.sqrt(np.pi) * sigma))
+    noise = float((v - smooth)[known].std()) * left
+    noise_x = float((x - gaussian_filter1d(x, sigma))[known].std()) * left / (sigma * dt)
+    if smooth[known].std() < max(_CLEAR * noise, 1e-9) or slope[known].std() < max(
+        _CLEAR * noise_x, 1e-9
+    ):
+        return None
+    return smooth[known], slope[known], dt
+
+
+def _even(
+    grid: Float[np.ndarray, " row"],
+    t: Float[np.ndarray, " sample"],
+    x: Float[np.ndarray, " sample"],
+) -> tuple[Float[np.ndarray, " row"], Bool[np.ndarray, " row"]]:
+    ok = np.isfinite(x)
+    if ok.sum() < 12:
+        return np.zeros_like(grid), np.zeros(len(grid), dtype=bool)
+    after = np.clip(np.searchsorted(t[ok], grid), 1, ok.sum() - 1)
+    near = t[ok][after] - t[ok][after - 1] <= max(GAP_S, 3.0 * float(np.median(np.diff(t))))
+    return np.interp(grid, t[ok], x[ok]), near
+
+
+def _late(v: Float[np.ndarray, " row"], slope: Float[np.ndarray, " row"]) -> int:
+    """Samples by which a velocity comes behind a slope, by their best correlation."""
+    most = min(60, len(v) // 4)
+    # ∑ slope(k) · v(k + lag), for all lags at once
+    size = 2 ** int(np.ceil(np.log2(2 * len(v))))
+    spectrum = np.conj(np.fft.rfft(slope - slope.mean(), size)) * np.fft.rfft(v - v.mean(), size)
+    product = np.fft.irfft(spectrum, size)
+    lags = np.arange(-most, most + 1)
+    return int(lags[int(np.argmax(product[lags]))])

@@ -1,0 +1,43 @@
+"""Packages that not every installation has, and the extra of this one that brings each."""
+
+from __future__ import annotations
+
+EXTRAS = {
+    "absl": "rivals",
+    "colorama": "rivals",
+    "cyclonedds": "deploy",
+    "daqp": "fit",
+    "lightning": "fit",
+    "matplotlib": "fit",
+    "mink": "fit",
+    "mlflow": "registry",
+    "omegaconf": "fit",
+    "onnxscript": "fit",
+    "pydantic": "registry",
+    "pysindy": "rivals",
+    "ray": "scale",
+    "rerun": "view",
+    "rerun_cli": "view",
+    "rsl_rl": "rl",
+    "tabulate": "rivals",
+    "tensordict": "rl",
+    "torch": "fit",
+    "umap": "report",
+}
+"""Module → extra, as in ``pyproject.toml``."""
+
+
+def missing(module: str | None) -> str | None:
+    """One line about a module that is not installed; None if no extra brings it.
+
+    Args:
+        module: dotted name of what could not be imported.
+    """
+    top = (module or "").partition(".")[0]
+    if top not in EXTRAS:
+        return None
+    extra = EXTRAS[top]
+    return (
+        f"this needs the package '{top}', which the extra '{extra}' brings: "
+        f"pip install '.[{extra}]' in a clone, or pip install 'world_translation-….whl[{extra}]'"
+    )

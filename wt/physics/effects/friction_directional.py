@@ -1,0 +1,146 @@
+"""Friction that differs with the direction of motion, as of a preloaded screw or a seal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.effects._tools import Bristle, add_dry_friction
+from wt.physics.hooks import OnSteps
+from wt.physics.live import Live, StepState
+from wt.physics.motion import Motion
+from wt.physics.scene import Scene
+from wt.physics.script import Script, number
+from wt.physics.units import HINGE, Units
+from wt.types import Location
+
+_APART = 0.1
+"""Difference of the two directions, as a share of their friction, that is more than an error."""
+_SLOW = 0.1
+"""Share of the usual speed below which a joint sticks as much as it slides."""
+
+
+@register
+class FrictionDirectional(OnSteps):
+    """τ = −(coulomb_forward + viscous_forward · v) for v > 0, and the like backward for v < 0."""
+
+    id = "joint.friction_directional"
+    kind = "joint"
+    parameters = (
+        Parameter("coulomb_forward", "N·m", 0.0, 1e8, 1e-3, neutral=0.0),
+        Parameter("coulomb_backward", "N·m", 0.0, 1e8, 1e-3, neutral=0.0),
+        Parameter("viscous_forward", "N·m·s/rad", 0.0, 1e8, 1e-4, neutral=0.0),
+        Parameter("viscous_backward", "N·m·s/rad", 0.0, 1e8, 1e-4, neutral=0.0),
+    )
+    reference = (
+        "B. Armstrong-Hélouvry, P. Dupont and C. Canudas de Wit, A survey of models, analysis "
+        "tools and compensation methods for the control of machines with friction, Automatica "
+        "30(7), 1994"
+    )
+    native = False
+    signed = (1, 1, 1, 1)
+    plotted_over = "velocity"
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """Linear; none where the residual brakes both directions alike, or does not brake."""
+        braking = _braking(motion, motion.scene.dof(at.name))
+        return [()] if _apart(braking, _speed(motion, at)) else []
+
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
+        """∓1 and −v, of each direction."""
+        dof = motion.scene.dof(at.name)
+        return motion.on(dof, *_braked(motion.v[:, dof]).T)
+
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
+        """The coefficients are the parameters."""
+        return coefficients
+
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
+        """Stand-in: ``frictionloss`` and ``damping`` of the mean of both directions."""
+        if np.any(theta[:2]):
+            add_dry_friction(spec, at.name, float(np.mean(theta[:2])))
+        spec.joint(at.name).damping[0] += np.mean(theta[2:])
+
+    def live(
+        self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
+    ) -> Live:
+        """Friction by an elastic bristle that slips."""
+        return _Directed(scene, at.name, theta)
+
+    def plausible(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> bool:
+        """Refuse what brakes both directions alike."""
+        return _apart(theta, _speed(motion, at))
+
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
+        """Friction by an elastic bristle that slips."""
+        (forward, backward), (fast, slow) = (map(number, pair) for pair in np.split(theta, 2))
+        force = (
+            f'_, v, dof = self._joint("{at.name}", qpos, qvel)',
+            f"level = np.where(v > 0.0, {forward} + {fast} * v, {backward} - {slow} * v)",
+            f'friction, dof = self._bristle("{at.name}", qvel, level, h)',
+            "f[:, dof] += friction",
+        )
+        return Script(force=force, helpers=("joint", "bristle"))
+
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
+        """See :meth:`Effect.statement`."""
+        forward, backward = (
+            f"{dry:.3g} {units.force} and {wet:.3g} {units.of('N·m·s/rad')}"
+            for dry, wet in zip(theta[:2], theta[2:], strict=True)
+        )
+        return (
+            f"Joint {at.name} has friction of {forward} forward and of {backward} backward, which "
+            "the model leaves out."
+        )
+
+    def separation(self, at: Location, units: Units = HINGE) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"several constant speeds of {at.name}, each in both directions, and rests"
+
+
+class _Directed(Bristle):
+    def level(self, state: StepState) -> np.ndarray:
+        v = state.v[:, self.dof]
+        forward, backward, fast, slow = self.theta.T
+        return np.where(v > 0.0, forward + fast * v, backward - slow * v)
+
+
+def _braked(v: Float[np.ndarray, " sample"]) -> Float[np.ndarray, "sample 4"]:
+    """Force per unit of each parameter at some velocities."""
+    ahead, back = (v > 0.0).astype(float), (v < 0.0).astype(float)
+    return np.stack([-ahead, back, -v * ahead, -v * back], axis=1)
+
+
+def _braking(motion: Motion, dof: int) -> Float[np.ndarray, " 4"]:
+    """Parameters that the residual of a joint is best braked with, whatever else is missing."""
+    v, left = motion.v[:, dof], motion.unexplained[:, dof]
+    rows = np.abs(v) > _SLOW * np.std(v)
+    found, *_ = np.linalg.lstsq(_braked(v[rows]), left[rows], rcond=1e-6)
+    return np.asarray(found)
+
+
+def _speed(motion: Motion, at: Location) -> float:
+    """Usual speed of a joint [rad/s]."""
+    return float(np.sqrt(np.mean(motion.v[:, motion.scene.dof(at.name)] ** 2)))
+
+
+def _apart(theta: Float[np.ndarray, " 4"], speed: float) -> bool:
+    """Tell whether both directions are braked, and not alike, at rest or at a usual speed."""
+    dry, wet = theta[:2], speed * theta[2:]
+    whole = dry + wet
+    apart = max(abs(dry[0] - dry[1]), abs(wet[0] - wet[1]), abs(whole[0] - whole[1]))
+    return bool(whole.min() > 0.0 and apart > _APART * whole.sum())
