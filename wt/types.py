@@ -237,6 +237,11 @@ class Recording:
         for name, column in columns.items():
             if column.shape != t.shape:
                 raise RecordingError(f"column '{name}' has {column.size} samples, 't' has {len(t)}")
+            if (endless := np.isinf(column)).any():
+                raise RecordingError(
+                    f"column '{name}' is infinite at row {int(np.argmax(endless))}; a missing "
+                    "sample is NaN"
+                )
         if not any(name.startswith(("ctrl/", "qpos/")) for name in columns):
             raise RecordingError(
                 "no 'ctrl/<actuator>' and no 'qpos/<joint>' column: a recording needs the commands "

@@ -75,3 +75,17 @@ def test_doubts_are_said_and_the_recording_is_written(
     said = capsys.readouterr().err
     assert "note: column 'qpos/a' may be in degrees" in said
     assert out.exists()
+
+
+def test_an_input_is_never_an_output(source: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before, map_file = source.read_bytes(), source.with_name("map.yaml")
+    mapped = ["--map", str(map_file)]
+    foreign = source.with_name("notes.txt")
+    foreign.write_text("mine")
+    for to in (source, map_file, foreign):
+        assert main(["import", str(source), *mapped, "--to", str(to)]) == 2
+        assert "name another file" in capsys.readouterr().err
+    assert (source.read_bytes(), foreign.read_text()) == (before, "mine")
+    out = source.with_name("out.parquet")
+    for _ in range(2):  # its own earlier output may go
+        assert main(["import", str(source), *mapped, "--to", str(out)]) == 0

@@ -8,12 +8,15 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from tests.show.test_files import half
 from wt.data import recording as recordings
 from wt.data.importers.base import delays
-from wt.errors import RecordingError
+from wt.errors import RecordingError, UserError
+from wt.show import files
 from wt.types import Recording
 
 MODEL = """
@@ -78,11 +81,7 @@ def test_an_interrupted_write_leaves_the_earlier_file(
     recordings.write(make(), path)
     before = path.read_bytes()
 
-    def fail(table: object, where: Path) -> None:
-        Path(where).write_bytes(b"PAR1 half")
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(pq, "write_table", fail)
+    monkeypatch.setattr(files.os, "fdopen", half(KeyboardInterrupt))
     with pytest.raises(KeyboardInterrupt):
         recordings.write(make(), path)
     assert path.read_bytes() == before
@@ -160,3 +159,46 @@ def test_delay_of_a_delayed_copy() -> None:
     assert found == {"a": pytest.approx(0.083, abs=0.002)}
     still = Recording(t, {"ctrl/a": command, "qpos/a": np.zeros_like(t)})
     assert delays(still) == {}
+
+
+def test_what_is_wrong_inside_a_file_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "a.parquet"
+    t, q = np.arange(0.0, 4.0, 0.01), np.zeros(400)
+    pq.write_table(pa.Table.from_arrays([t, q, q], ["t", "qpos/hip", "qpos/hip"]), path)
+    assert "column 'qpos/hip' is there twice" in refused(path)
+    for meta in (b'\xff\xfe{"a": 1}', b"[1, 2]", b"[" * 100_000 + b"]" * 100_000, b"{"):
+        table = pa.table({"t": t, "qpos/hip": q}).replace_schema_metadata({b"wt": meta})
+        pq.write_table(table, path)
+        assert "metadata (key 'wt')" in refused(path)
+    q[7] = np.inf
+    pq.write_table(pa.table({"t": t, "qpos/hip": q}), path)
+    assert "column 'qpos/hip' is infinite at row 7" in refused(path)
+
+
+def test_more_than_the_memory_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recordings.write(make(), tmp_path / "a.parquet")
+    monkeypatch.setattr(recordings, "_BYTES_A_VALUE", 1e12)
+    assert "400 rows of 4 columns" in refused(tmp_path / "a.parquet")
+
+
+def test_degrees_are_not_what_may_be_radians(model: mujoco.MjModel) -> None:
+    """A joint that goes to ±1.046 rad, further than its model allows."""
+    narrow = mujoco.MjModel.from_xml_string(MODEL.replace('"-1.5 1.5"', '"-0.5 0.5"'))
+    swing = 1.046 * np.sin(np.arange(0.0, 4.0, 0.01))
+    with pytest.raises(RecordingError, match="or the model's range is not") as error:
+        recordings.check_against(make(**{"qpos/hip": swing, "ctrl/hip": swing}), narrow)
+    assert "degrees" not in str(error.value)
+
+
+def test_only_an_earlier_recording_of_the_same_source_is_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "a.parquet"
+    recordings.refuse_to_lose(path, "--to", "log.csv")
+    recordings.write(Recording(make().t, make().columns, {"source": "log.csv"}), path)
+    recordings.refuse_to_lose(path, "--to", "log.csv")
+    with pytest.raises(UserError, match="was not made of other"):
+        recordings.refuse_to_lose(path, "--to", "other.csv")
+    with pytest.raises(UserError, match="is an input too"):
+        recordings.refuse_to_lose(path, "--to", "log.csv", [tmp_path / "." / "a.parquet"])
+    path.write_text("mine")
+    with pytest.raises(UserError, match="was not made of"):
+        recordings.refuse_to_lose(path, "--to", "log.csv")

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
+from tests.show.test_files import half
 from wt.errors import DataError
 from wt.evaluate import rollout_view
+from wt.show import files
 from wt.types import Channel
 
 # A hinge about y, 0.5 m up, with a bar 0.4 m along its x; and one geom of each other kind.
@@ -212,12 +214,8 @@ def test_a_failed_write_leaves_the_earlier_file(
     path = tmp_path / "r.rrd"
     path.write_bytes(b"earlier")
 
-    def half(self: Path, content: bytes) -> int:
-        with self.open("wb") as file:
-            file.write(content[:10])
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Path, "write_bytes", half)
+    full = OSError(28, "No space left on device")
+    monkeypatch.setattr(files.os, "fdopen", half(full))
     with pytest.raises(OSError, match="No space left"):
         rollout_view.write_rollout(path, model, **inputs())
     monkeypatch.undo()

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from tests.physics import stool
-from wt.errors import ModelError
 from wt.physics import base
 from wt.physics.scene import Scene
 from wt.types import Location
@@ -61,8 +60,7 @@ def test_a_scene_tells_its_own_joints_from_its_base(tmp_path: Path) -> None:
     assert scene.place("root/yaw") == Location("body", "trunk")
 
 
-def test_a_free_joint_needs_a_name(tmp_path: Path) -> None:
+def test_a_free_joint_without_a_name_goes_by_its_id(tmp_path: Path) -> None:
     path = tmp_path / "nameless.xml"
     path.write_text(stool.STOOL.replace('<freejoint name="root"/>', "<freejoint/>"))
-    with pytest.raises(ModelError, match="has no name"):
-        Scene(path)
+    assert Scene(path).free == ("joint0",)

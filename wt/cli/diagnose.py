@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
-from collections.abc import Sequence
+import os
+import warnings
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -119,21 +122,19 @@ def command(
         return _print_decisions(_decisions_in(out), why)
     from rich.console import Console
 
-    from wt.cli._progress import bar
     from wt.diagnose.pipeline import diagnose
     from wt.diagnose.report.text import print_summary
-    from wt.diagnose.report.write import write
-    from wt.physics.spread import over
 
-    if out.exists() and not out.is_dir():
-        raise UserError(f"--out {out} is a file; name a folder")
+    inputs = [model, *recordings, *(holdout or ())]
+    if suggest_experiment is not None:
+        _refuse_to_lose(suggest_experiment, inputs)
     beside = _registered(translation) if translation else None
-    with bar("reading") as progress, over(jobs):
+    with _working(out, inputs, jobs) as (write, progress):
         found = diagnose(
             model, recordings, holdout or (), seed=seed, progress=progress, translation=beside
         )
         progress("writing", 0.98)
-        write(found, out)
+        write(found)
     console = Console()
     print_summary(found, console)
     console.print(f"\n{out / 'report.html'}", highlight=False, soft_wrap=True)
@@ -143,6 +144,28 @@ def command(
         _suggest(found, model, suggest_experiment, console)
     if track:
         _track(found, out, seed, console)
+
+
+@contextlib.contextmanager
+def _working(
+    out: Path, inputs: Sequence[Path], jobs: str | None
+) -> Iterator[tuple[Callable[[Diagnosis], None], Callable[[str, float], None]]]:
+    """Keep the folder, and show how far the work is; yields what writes into it, and the bar."""
+    from wt.cli._progress import bar
+    from wt.diagnose.report.write import claimed
+    from wt.physics.spread import over
+
+    with (
+        warnings.catch_warnings(),
+        claimed(out, inputs) as write,
+        bar("reading") as progress,
+        over(jobs),
+    ):
+        if os.environ.get("WT_DEBUG", "0") in ("", "0"):
+            # what numpy and MuJoCo say to programmers is no line for users
+            warnings.simplefilter("ignore", RuntimeWarning)
+            warnings.simplefilter("ignore", UserWarning)
+        yield write, progress
 
 
 def _registered(reference: str) -> TrainedTranslation:
@@ -169,6 +192,13 @@ def _print_decisions(decisions: Sequence[Decision], place: str) -> None:
     from wt.diagnose.report.text import why
 
     Console().print(why(decisions, place))
+
+
+def _refuse_to_lose(suggestion: Path, inputs: Sequence[Path]) -> None:
+    from wt.data import recording
+    from wt.diagnose.experiment import SOURCE
+
+    recording.refuse_to_lose(suggestion, "--suggest-experiment", SOURCE, inputs)
 
 
 def _suggest(found: Diagnosis, model: Path, path: Path, console: Console) -> None:

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from wt.errors import UserError
+
 
 def command(
     source: Annotated[Path, typer.Argument(help="The file or folder to import.")],
@@ -39,8 +41,13 @@ def command(
     from wt.data import recording as recordings
     from wt.data.importers import base
 
+    inputs = [source, *([map_file] if map_file else [])]
+    for path, option in ((to, "--to"), (model, "--model")):
+        if path is not None and path.resolve() in {p.resolve() for p in inputs}:
+            raise UserError(f"{option} {path} is an input too; name another file")
     mapping = base.read_map(map_file) if map_file else {}
     recording = base.read(source, mapping)
+    recordings.refuse_to_lose(to, "--to", recording.meta.get("source"), inputs)
     if model is not None:
         from wt.worlds import rigs
 

@@ -168,8 +168,13 @@ def _disk_full(error: BaseException) -> bool:
 
 
 def _fail(message: str, exit_code: int) -> int:
-    print(f"error: {' '.join(message.split())}", file=sys.stderr)
+    print(f"error: {printable(' '.join(message.split()))}", file=sys.stderr)
     return exit_code
+
+
+def printable(text: str) -> str:
+    """A text whose control characters are spelt out: names of users' files may hold any."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 def _offer_version(command: typer._click.Command) -> None:

@@ -6,8 +6,10 @@ units and radians, with free metadata as JSON under the file's key ``wt``.
 
 from __future__ import annotations
 
+import io
 import json
 import os
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +19,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from jaxtyping import Float
 
-from wt.errors import RecordingError, suggest
+from wt.errors import RecordingError, UserError, suggest
+from wt.show.files import write_whole
 from wt.types import Recording
 
 META_KEY = b"wt"
 DEGREE = np.pi / 180.0
+_BYTES_A_VALUE, _SHARE_OF_MEMORY = 64, 0.7  # smoothing keeps about eight copies
 _BEYOND = 0.5  # rad past a limit: more than any sensor offset or compliance explains
+_TURN = 2.0 * np.pi  # rad: what stays inside may as well be radians
 
 
 def read(path: str | Path) -> Recording:
@@ -57,7 +62,10 @@ def table(path: str | Path) -> tuple[dict[str, Float[np.ndarray, " sample"]], di
             "'wt import SOURCE --to OUT.parquet'"
         )
     try:
-        content = pq.read_table(path)
+        with pq.ParquetFile(path) as file:
+            _refuse_too_much(path, file.metadata)
+            _refuse_twice(path, file.schema_arrow.names)
+            content = file.read()
     except (pa.ArrowException, OSError, ValueError) as error:
         raise RecordingError(
             f"'{path}' is not a whole Parquet file (truncated or of another format): "
@@ -78,10 +86,30 @@ def table(path: str | Path) -> tuple[dict[str, Float[np.ndarray, " sample"]], di
         # nulls become NaN, the format's missing sample
         columns[field.name] = content[field.name].to_pandas().to_numpy(np.float64)
     try:
-        meta = json.loads((content.schema.metadata or {}).get(META_KEY, b"{}"))
-    except json.JSONDecodeError as error:
-        raise RecordingError(f"'{path}': {error}") from error
+        meta = _meta(content.schema.metadata)
+    except ValueError as error:
+        raise RecordingError(
+            f"'{path}': its metadata (key 'wt') is not JSON in UTF-8: {error}; write it anew"
+        ) from error
     return columns, meta
+
+
+def _refuse_too_much(path: Path, metadata: pq.FileMetaData) -> None:
+    """Refuse what does not fit the memory of this machine, before it is read."""
+    needed = _BYTES_A_VALUE * metadata.num_rows * metadata.num_columns
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if needed > _SHARE_OF_MEMORY * memory:
+        raise RecordingError(
+            f"'{path}' has {metadata.num_rows} rows of {metadata.num_columns} columns, which take "
+            f"about {needed / 2**30:.0f} GiB of this machine's {memory / 2**30:.0f}; cut it, or "
+            "thin it out"
+        )
+
+
+def _refuse_twice(path: Path, names: Sequence[str]) -> None:
+    twice = [name for i, name in enumerate(names) if name in names[:i]]
+    if twice:
+        raise RecordingError(f"'{path}': column '{twice[0]}' is there twice; leave one of them out")
 
 
 def write(recording: Recording, path: str | Path) -> None:
@@ -96,12 +124,50 @@ def write(recording: Recording, path: str | Path) -> None:
     table = pa.table({"t": recording.t, **recording.columns}).replace_schema_metadata(
         {META_KEY: json.dumps(dict(recording.meta)).encode()}
     )
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    content = io.BytesIO()
+    pq.write_table(table, content)
+    write_whole(path, content.getvalue())
+
+
+def refuse_to_lose(path: Path, option: str, source: object, inputs: Iterable[Path] = ()) -> None:
+    """Refuse to write a recording where something else stands than an earlier one like it.
+
+    Args:
+        path: where it is to go.
+        option: what named the path, for the message.
+        source: the recording's metadata ``source``, which an earlier one has too.
+        inputs: what is read to make it.
+
+    Raises:
+        UserError: it is an input, a folder, or a file that was made otherwise.
+    """
+    if path.resolve() in {p.resolve() for p in inputs}:
+        raise UserError(f"{option} {path} is an input too; name another file")
+    if not path.exists():
+        return
     try:
-        pq.write_table(table, temporary)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+        earlier = _meta(pq.read_schema(path).metadata).get("source")
+    except (pa.ArrowException, OSError, ValueError):
+        earlier = None
+    if earlier is None or earlier != source:
+        raise UserError(
+            f"{option} {path} is there already and was not made of {source}; name another file"
+        )
+
+
+def _meta(metadata: Mapping[bytes, bytes] | None) -> dict[str, object]:
+    """Metadata of a file.
+
+    Raises:
+        ValueError: they are no JSON object.
+    """
+    try:
+        found = json.loads((metadata or {}).get(META_KEY, b"{}").decode("utf-8"))
+    except RecursionError as error:
+        raise ValueError("they are nested too deeply") from error
+    if not isinstance(found, dict):
+        raise ValueError(f"they hold {type(found).__name__}, not 'key: value'")
+    return found
 
 
 def check_against(recording: Recording, model: mujoco.MjModel) -> None:
@@ -196,11 +262,16 @@ def _refuse_other_unit(
     if low >= limit[0] - _BEYOND and high <= limit[1] + _BEYOND:
         return
     fits = low * DEGREE >= limit[0] - _BEYOND and high * DEGREE <= limit[1] + _BEYOND
-    unit = "degrees" if fits else "another unit, or another zero"
+    degrees = fits and max(abs(low), abs(high)) > _TURN
+    what = (
+        "it looks like degrees; convert it to radians, as 'wt check MODEL RECORDING --fix --out "
+        "DIR' does"
+        if degrees
+        else "it looks like another unit or another zero, or the model's range is not the robot's"
+    )
     raise RecordingError(
         f"column '{column}' runs from {low:.4g} to {high:.4g} and the model allows "
-        f"{limit[0]:.4g} to {limit[1]:.4g} rad: it looks like {unit}; convert it to radians, as "
-        "'wt check MODEL RECORDING --fix --out DIR' does"
+        f"{limit[0]:.4g} to {limit[1]:.4g} rad: {what}"
     )
 
 

@@ -39,8 +39,8 @@ from wt.diagnose.selection.verdict import (
     verdict,
 )
 from wt.mjcf.edit import patched_xml
-from wt.mjcf.standalone import standalone
 from wt.physics.planted import Key
+from wt.physics.quiet import quiet
 from wt.physics.scene import Scene
 from wt.physics.units import units_at
 from wt.types import Location
@@ -79,6 +79,7 @@ ATTEMPTS = 3
 """At most this many searches, each without the effects that held-out data refused before."""
 
 
+@quiet()  # what is wrong with a model is an error of one line, and many a replay explodes
 def diagnose(
     model: str | Path,
     recordings: Sequence[Source],
@@ -231,7 +232,7 @@ def _diagnosis(scene: Scene, found: _Found) -> Diagnosis:
         prepared.names,
         STEP_S if refined else None,
     )
-    given_xml = patched_xml(scene, (), ()) if scene.amendments else standalone(scene.path)
+    given_xml = patched_xml(scene, (), ())
     replays = replayed_files(files.contents, given_xml)
     return Diagnosis(
         model_path=str(scene.path),

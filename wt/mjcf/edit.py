@@ -33,6 +33,7 @@ from wt.mjcf.standalone import compiles_to, standalone
 from wt.mjcf.text import Document, Element, remark
 from wt.physics.planted import Hypothesis
 from wt.physics.scene import Scene
+from wt.physics.source import name_unnamed, read
 
 _ALTERNATIVES = (
     {"quat", "axisangle", "euler", "xyaxes", "zaxis"},
@@ -167,11 +168,25 @@ def _places(before: ET.Element, after: ET.Element) -> list[Place]:
 def _texts(scene: Scene) -> Iterator[tuple[str, str]]:
     """Texts to edit, the best first, each with a remark for its head."""
     # MuJoCo reads some files that are not well-formed XML
-    with contextlib.suppress(ValueError, OSError):
-        yield standalone(scene.path), ""
+    with contextlib.suppress(ValueError, OSError, KeyError):
+        yield _named(standalone(scene.path), scene), ""
     spec = scene.written(amended=False)
     _write_out_folders(spec, scene)
     yield ET.tostring(as_written(spec), encoding="unicode"), _REWRITTEN
+
+
+def _named(text: str, scene: Scene) -> str:
+    """A text in which joints and actuators without a name have those that they go by here."""
+    spec = read(scene.path)
+    given = as_written(spec)
+    if not name_unnamed(spec):
+        return text
+    document = Document(text)
+    located = dict(_located(given, [document.root]))
+    for before, after in zip(given.iter(), as_written(spec).iter(), strict=True):
+        if before.get("name") != after.get("name"):
+            document.set(located[before][-1], {"name": after.get("name")})
+    return document.text()
 
 
 def _write_out_folders(spec: mujoco.MjSpec, scene: Scene) -> None:

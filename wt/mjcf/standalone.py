@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Shaped
 
-from wt.mjcf.text import Document, Element
+from wt.mjcf.text import Document, Element, decoded
 
 _TEXTURE = "texture"
 _FOLDERS = ("assetdir", "meshdir", "texturedir")
@@ -66,7 +66,7 @@ def _write_out_folders(document: Document, folder: Path, textures: bool) -> None
 
 def _inlined(path: Path, folder: Path) -> str:
     """The text of a file with the files that it includes in place of the ``include``."""
-    text = path.read_text(encoding="utf-8-sig")
+    text = decoded(path.read_bytes())
     document = Document(text)
     for element in _elements(document.root):
         if element.tag == "include":

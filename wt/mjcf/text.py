@@ -6,6 +6,7 @@ element stands in the text, collects edits, and applies them all at once.
 
 from __future__ import annotations
 
+import contextlib
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
@@ -16,6 +17,8 @@ _START_TAG = re.compile(rb"""<(?:[^"'>]|"[^"]*"|'[^']*')*>""")
 _ATTRIBUTE = re.compile(rb"""\s+([^\s=<>/"']+)\s*=\s*("[^"]*"|'[^']*')""")
 _COMMENT = re.compile(rb"<!--(.*?)-->", re.DOTALL)
 _LINE_REST = re.compile(rb"[ \t]*(?:<!--(?:(?!-->)[^\n])*-->[ \t]*)*(?=\r?\n)")
+_BARE = re.compile("&(?!(?:amp|lt|gt|quot|apos|#[0-9]+|#x[0-9a-fA-F]+);)")
+_DECLARED = re.compile(rb"""^\s*<\?xml[^>]*?encoding\s*=\s*["']([\w.-]+)["']""")
 _UNIT = "  "
 
 
@@ -51,7 +54,8 @@ class Document:
         Raises:
             ValueError: it is not well-formed XML.
         """
-        self._raw = text.encode("utf-8")
+        # MuJoCo takes a bare "&", XML does not; escaped it says the same to both
+        self._raw = _BARE.sub("&amp;", text).encode("utf-8")
         self._edits: list[tuple[int, int, bytes]] = []
         self._filled: dict[Element, list[str]] = {}  # what goes into elements written as <a/>
         self.root = self._parse()
@@ -181,6 +185,15 @@ class Document:
 
     def _inner(self, parent: Element) -> str:
         return self._indent(parent) + _UNIT
+
+
+def decoded(raw: bytes) -> str:
+    """The text of a file: UTF-8, else as its XML declaration says, else Latin-1."""
+    declared = _DECLARED.match(raw)
+    for encoding in ("utf-8-sig", declared[1].decode("ascii") if declared else ""):
+        with contextlib.suppress(UnicodeDecodeError, LookupError):
+            return raw.decode(encoding)
+    return raw.decode("latin-1")
 
 
 def remark(sentence: str) -> str:

@@ -27,6 +27,7 @@ from wt.types import Location
 NEAR = 0.02
 """Parts closer than this [m] may touch: tracked positions, slopes and soft ground are off by it."""
 _RIDGE = 1e-6
+_UNFELT = 1e-9  # m/rad, or of a slide's way
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,8 +193,10 @@ class _ContactProbe:
             for sign, geom in zip((-1.0, 1.0), contact.geom, strict=True):
                 mujoco.mj_jac(m, d, one, None, contact.pos, m.geom_bodyid[geom])
                 jacobian += sign * contact.frame.reshape(3, 3) @ one
-        geoms = [c.geom for c in touching]
-        return np.array(geoms, dtype=int).reshape(-1, 2), rows.reshape(-1, m.nv)
+        # what no joint moves, such as a point on a turret's axis, pushes at none either
+        felt = np.abs(rows).max(axis=(1, 2), initial=0.0) > _UNFELT
+        geoms = np.array([c.geom for c in touching], dtype=int).reshape(-1, 2)
+        return geoms[felt], rows[felt].reshape(-1, m.nv)
 
     def carried(self, jacobian: Float[np.ndarray, "row dof"]) -> Float[np.ndarray, "row dof"]:
         """Contact forces per generalised force, (3C, nv): (J M⁻¹ Jᵀ)⁺ J M⁻¹ at the last pose."""

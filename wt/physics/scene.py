@@ -12,9 +12,18 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from wt.errors import ModelError
-from wt.physics import base
+from wt.physics import base, source
 from wt.types import Location
 
+_DYNAMICS = tuple(
+    int(kind)
+    for kind in (
+        mujoco.mjtDyn.mjDYN_NONE,
+        mujoco.mjtDyn.mjDYN_FILTER,
+        mujoco.mjtDyn.mjDYN_FILTEREXACT,
+        mujoco.mjtDyn.mjDYN_DCMOTOR,
+    )
+)
 Amendment = Callable[[mujoco.MjSpec], None]
 """Changes a model."""
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
@@ -123,16 +132,19 @@ class Scene:
                 cannot be compared with recordings yet.
         """
         self.path, self.amendments = Path(path), tuple(amendments)
-        if not self.path.is_file():
-            raise ModelError(f"model '{path}' does not exist; give an MJCF file")
+        source.check(self.path)
         try:
             spec = self.written()
-            unnamed = [f"joint {i}" for i, joint in enumerate(spec.joints) if not joint.name]
             self.free = base.expand(spec)
             self.model = spec.compile()
         except (ValueError, mujoco.FatalError) as error:
-            reason = str(error).strip().splitlines()[0]
+            reason = (str(error).strip().splitlines() or ["no reason given"])[0]
             raise ModelError(f"model '{path}' does not compile: {reason}") from error
+        if not 0.0 < float(self.model.opt.timestep) < np.inf:
+            raise ModelError(
+                f"model '{path}' has a time step of {self.model.opt.timestep:g} s; give <option "
+                'timestep="0.002"/> or another one above zero'
+            )
         self.data = mujoco.MjData(self.model)
         for i in range(self.model.njnt):
             if int(self.model.jnt_type[i]) not in _SCALAR:
@@ -141,13 +153,21 @@ class Scene:
                     "of hinges, slides and free bases can be diagnosed yet"
                 )
         for i in range(self.model.nactuator):
-            unnamed += [] if self.model.actuator(i).name else [f"actuator {i}"]
-        if unnamed:
-            raise ModelError(f"{unnamed[0]} of '{path}' has no name; name all joints and actuators")
+            kind = int(self.model.actuator_dyntype[i])
+            if kind not in _DYNAMICS:
+                raise ModelError(
+                    f"actuator '{self.model.actuator(i).name}' of '{path}' has dynamics of its own "
+                    f"({mujoco.mjtDyn(kind).name.removeprefix('mjDYN_').lower()}), whose state no "
+                    "recording tells; give a motor, position, velocity or filtered actuator"
+                )
 
     def written(self, amended: bool = True) -> mujoco.MjSpec:
-        """A fresh editable copy of the model as it is written, with or without the amendments."""
-        spec = mujoco.MjSpec.from_file(str(self.path))
+        """A fresh editable copy of the model as it is written, with or without the amendments.
+
+        Joints and actuators without a name have one by their ids.
+        """
+        spec = source.read(self.path)
+        source.name_unnamed(spec)
         for amend in self.amendments if amended else ():
             amend(spec)
         return spec

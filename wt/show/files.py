@@ -1,10 +1,23 @@
-"""Write files so that each is either the earlier one or the whole new one."""
+"""Write files so that each is the earlier one or the whole new one, and nobody else's is lost."""
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import os
-from collections.abc import Mapping
+import secrets
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+
+from wt.errors import UserError, WorkError
+
+try:
+    import fcntl
+except ImportError:  # not on Windows, where nothing keeps two processes apart
+    fcntl = None  # type: ignore[assignment]
+
+_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
+_TAKEN = (errno.EWOULDBLOCK, errno.EACCES)
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
@@ -19,6 +32,8 @@ def write_whole(path: Path, content: str | bytes) -> None:
 def write_together(folder: Path, contents: Mapping[str, str | bytes]) -> None:
     """Write several files into a folder; the first is renamed when the last is whole.
 
+    Temporary names are new ones: nobody else's file is written to, and no link is followed.
+
     Args:
         folder: where they go; it exists.
         contents: what to write, by file name.
@@ -26,12 +41,81 @@ def write_together(folder: Path, contents: Mapping[str, str | bytes]) -> None:
     Raises:
         OSError: the disk is full or the folder cannot be written; earlier files are intact.
     """
-    parts = {name: folder / f".{name}.part" for name in contents}
+    parts: dict[str, Path] = {}
     try:
         for name, content in contents.items():
-            parts[name].write_bytes(content.encode() if isinstance(content, str) else content)
-        for name, part in parts.items():
-            os.replace(part, folder / name)
+            parts[name] = folder / f".{name}.{secrets.token_hex(6)}.part"
+            with os.fdopen(os.open(parts[name], _NEW, 0o666), "wb") as part:
+                part.write(content.encode() if isinstance(content, str) else content)
+        for name, part_path in parts.items():
+            os.replace(part_path, folder / name)
     finally:
-        for part in parts.values():
-            part.unlink(missing_ok=True)
+        for part_path in parts.values():
+            part_path.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def kept(folder: Path, option: str = "--out") -> Iterator[None]:
+    """Make a folder, see that it can be written into, and keep other processes out of it.
+
+    What was made and is still empty at the end is removed.
+
+    Args:
+        folder: the folder.
+        option: what named it, for messages.
+
+    Raises:
+        UserError: it is a file, or cannot be made or written into.
+        WorkError: another process writes into it.
+    """
+    made = _made(folder, option)
+    try:
+        with _locked(folder, option):
+            yield
+    finally:
+        for new in made:
+            with contextlib.suppress(OSError):
+                new.rmdir()
+
+
+def _made(folder: Path, option: str) -> list[Path]:
+    """The folders that had to be made, the innermost first."""
+    if folder.exists() and not folder.is_dir():
+        raise UserError(f"{option} {folder} is a file; name a folder")
+    new = [p for p in (folder, *folder.parents) if not p.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / f".{secrets.token_hex(6)}.part"
+        os.close(os.open(probe, _NEW, 0o666))
+        probe.unlink()
+    except OSError as error:
+        for path in new:
+            with contextlib.suppress(OSError):
+                path.rmdir()
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        raise UserError(
+            f"{option} {folder} cannot be written ({error.strerror}); name another folder"
+        ) from error
+    return new
+
+
+@contextlib.contextmanager
+def _locked(folder: Path, option: str) -> Iterator[None]:
+    if fcntl is None:
+        yield
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            if error.errno in _TAKEN:
+                raise WorkError(
+                    f"{option} {folder} is being written by another wt process; wait for its end "
+                    "or name another folder"
+                ) from error
+            # a file system without locks
+        yield
+    finally:
+        os.close(handle)  # and the lock goes with it

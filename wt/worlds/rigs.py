@@ -6,7 +6,6 @@ out on purpose: they are what a user has before a diagnosis, rigid bodies and ac
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from wt.errors import DataError, suggest
+from wt.errors import DataError, UserError, suggest
+from wt.show.files import write_whole
 from wt.worlds import so101_model
 
 GRAVITY = 9.81  # m/s², what both laboratories compute with
@@ -158,15 +158,16 @@ def write_mjcf(spec: mujoco.MjSpec, path: Path) -> None:
     Args:
         spec: a rig; it is compiled here.
         path: the XML file to write.
+
+    Raises:
+        UserError: another file is there.
     """
     spec.compile()
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.write_text(spec.to_xml(), encoding="utf-8")
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    text = str(spec.to_xml())
+    if path.exists() and (not path.is_file() or path.read_bytes() != text.encode()):
+        raise UserError(f"{path} is there already and is another model; name another file")
+    write_whole(path, text)
 
 
 def _empty(name: str, timestep: float) -> mujoco.MjSpec:

@@ -28,18 +28,22 @@ def table(*episodes: int) -> pa.Table:
     return pa.Table.from_pylist(rows)
 
 
-@pytest.fixture
-def dataset(tmp_path: Path) -> Path:
-    (tmp_path / "meta").mkdir()
-    (tmp_path / "data" / "chunk-000").mkdir(parents=True)
+def write_dataset(folder: Path) -> Path:
+    (folder / "meta").mkdir()
+    (folder / "data" / "chunk-000").mkdir(parents=True)
     action = [name.replace(".vel", "_2.pos") for name in NAMES]
     features = {"observation.state": {"names": {"motors": NAMES}}, "action": {"names": action}}
     info = {"robot_type": "so101", "fps": 30, "features": features}
-    (tmp_path / "meta" / "info.json").write_text(json.dumps(info))
+    (folder / "meta" / "info.json").write_text(json.dumps(info))
     for e in (0, 1):
         name = f"episode_{e:06d}.parquet"
-        pq.write_table(table(e), tmp_path / "data" / "chunk-000" / name)
-    return tmp_path
+        pq.write_table(table(e), folder / "data" / "chunk-000" / name)
+    return folder
+
+
+@pytest.fixture
+def dataset(tmp_path: Path) -> Path:
+    return write_dataset(tmp_path)
 
 
 def test_one_episodes_file(dataset: Path) -> None:

@@ -13,9 +13,11 @@ from jaxtyping import TypeCheckError
 
 import wt
 from tests.diagnose import synthetic
+from tests.show.test_files import half
 from wt.diagnose.report.report import Report
-from wt.diagnose.report.write import write
+from wt.diagnose.report.write import claimed, write
 from wt.errors import ModelError, UserError
+from wt.show import files
 
 NAMES = ["diagnosis.json", "diagnosis.rrd", "model.xml", "report.html"]
 
@@ -61,16 +63,7 @@ def test_an_interruption_leaves_the_earlier_diagnosis(
     model, out = str(synthetic.write_model(tmp_path)), tmp_path / "out"
     write(synthetic.unexplained(model), out)
     earlier = {p.name: p.read_bytes() for p in out.iterdir()}
-    plain, calls = Path.write_bytes, []
-
-    def half(self: Path, content: bytes) -> int:
-        if len(calls) == whole:
-            plain(self, content[: len(content) // 2])
-            raise KeyboardInterrupt
-        calls.append(self)
-        return plain(self, content)
-
-    monkeypatch.setattr(Path, "write_bytes", half)
+    monkeypatch.setattr(files.os, "fdopen", half(KeyboardInterrupt, whole))
     with pytest.raises(KeyboardInterrupt):
         write(synthetic.nothing(model), out)
     monkeypatch.undo()
@@ -86,7 +79,7 @@ def test_a_picture_that_fails_costs_no_answer(
     def failing(_: object) -> bytes:
         raise ZeroDivisionError
 
-    monkeypatch.setattr("wt.diagnose.report.write.playback", failing)
+    monkeypatch.setattr("wt.diagnose.report.rerun.playback", failing)
     with pytest.raises(ZeroDivisionError):
         write(synthetic.diagnosis(model), out)
     # and no earlier report stands beside the new numbers
@@ -133,3 +126,33 @@ def test_importing_wt_loads_nothing() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "False", "False"]
+
+
+def test_what_no_diagnosis_wrote_is_never_replaced(tmp_path: Path) -> None:
+    own = synthetic.write_model(tmp_path)
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "model.xml").write_bytes(own.read_bytes())
+    found = synthetic.diagnosis(str(own))
+    with pytest.raises(UserError, match=r"holds model\.xml, which no wt diagnose wrote"):
+        write(found, out)
+    assert (out / "model.xml").read_bytes() == own.read_bytes()
+    assert listing(out) == ["model.xml"]
+
+
+def test_an_earlier_diagnosis_is_replaced_unless_it_was_changed(tmp_path: Path) -> None:
+    model, out = str(synthetic.write_model(tmp_path)), tmp_path / "out"
+    write(synthetic.unexplained(model), out)
+    write(synthetic.diagnosis(model), out)
+    (out / "model.xml").write_text("mine")
+    with pytest.raises(UserError, match=r"model\.xml that is not the one"):
+        write(synthetic.nothing(model), out)
+    assert (out / "model.xml").read_text() == "mine"
+
+
+def test_an_input_is_no_output(tmp_path: Path) -> None:
+    model, out = str(synthetic.write_model(tmp_path)), tmp_path / "out"
+    write(synthetic.diagnosis(model), out)
+    inputs = [tmp_path / "a.parquet", out / ".." / "out" / "model.xml"]
+    with pytest.raises(UserError, match="would replace its own input"), claimed(out, inputs):
+        pass

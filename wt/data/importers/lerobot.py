@@ -145,15 +145,24 @@ def _lists(path: Path, table: pa.Table, feature: str) -> Float64[np.ndarray, "ro
         rows = np.array(table[feature].to_pylist(), dtype=np.float64)
     except (ValueError, TypeError) as error:
         raise DataError(f"'{path}': {feature} is not a list of numbers per row: {error}") from error
+    if rows.ndim not in (1, 2):
+        raise DataError(f"'{path}': {feature} is not a list of numbers per row")
     return rows[:, None] if rows.ndim == 1 else rows
 
 
 def _names(info: dict[str, Any], feature: str, width: int) -> list[str]:
     """Names of a feature's elements: a list, or lists under headings like "motors"."""
-    names = info.get("features", {}).get(feature, {}).get("names")
+    names: Any = info
+    for key in ("features", feature, "names"):
+        if not isinstance(names, dict):
+            raise DataError(
+                f"{_INFO}: {names!r} stands where {key!r} is looked for; features are "
+                "'name: {names: …}'"
+            )
+        names = names.get(key, {} if key != "names" else None)
     if isinstance(names, dict):
         names = [n for group in names.values() for n in (group if isinstance(group, list) else [])]
-    if names is None or len(names) != width:
+    if not isinstance(names, list) or len(names) != width:
         return [f"joint{i}" for i in range(width)]
     return [str(name) for name in names]
 

@@ -20,7 +20,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Bool, Float
 
-from wt.diagnose.experiment import signals
+from wt.diagnose.experiment import SOURCE, signals
 from wt.diagnose.experiment.release import passive, release
 from wt.diagnose.experiment.trial import Trial, command, settled, trial
 from wt.diagnose.result import Diagnosis
@@ -346,7 +346,7 @@ def _recording(scene: Scene, tried: Trial, rate: float, focus: Sequence[str]) ->
         np.arange(len(tried.q)) / rate,
         columns,
         {
-            "source": "wt diagnose --suggest-experiment",
+            "source": SOURCE,
             "rate": rate,
             "notes": f"Commands to send; {what}. Positions are predicted by the model as given, "
             "not measured. Start from the first of them.",

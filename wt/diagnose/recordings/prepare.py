@@ -66,6 +66,7 @@ def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) ->
     """
     if not given:
         raise RecordingError("no recording was given; give at least one .parquet file")
+    _refuse_both(given, holdout)
     audit: dict[tuple[object, ...], AuditFinding] = {}
     read = [_read(scene, source, i, audit) for i, source in enumerate([*given, *holdout])]
     named = _numbered(read)
@@ -117,6 +118,17 @@ def _split(
         for p in parts
     ]
     return Prepared(tuple(fit), tuple(held), tuple(used), names, split, audit)
+
+
+def _refuse_both(given: Sequence[Source], holdout: Sequence[Source]) -> None:
+    """Refuse a file that is to be fitted and to prove the fit."""
+    fitted = {Path(s).resolve() for s in given if not isinstance(s, Recording)}
+    for source in holdout:
+        if not isinstance(source, Recording) and Path(source).resolve() in fitted:
+            raise RecordingError(
+                f"'{source}' is to be fitted and held out: what was fitted proves nothing; name it "
+                "once"
+            )
 
 
 def _roles(fit: list[Part], held: list[Part]) -> tuple[tuple[Role, list[Part]], ...]:

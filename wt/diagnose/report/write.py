@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
+import hashlib
 import importlib.util
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from wt.diagnose.report.handed_over import RESIDUAL
@@ -12,9 +15,31 @@ from wt.diagnose.report.page import report
 from wt.diagnose.report.verify import HOLDOUT, PHYSICS
 from wt.diagnose.result import Diagnosis
 from wt.errors import UserError
-from wt.show.files import write_together
+from wt.show.files import kept, write_together
 
-REPORT, PLAYBACK = "report.html", "diagnosis.rrd"
+MODEL, RESULT, REPORT, PLAYBACK = "model.xml", "diagnosis.json", "report.html", "diagnosis.rrd"
+OUTPUTS = (RESULT, MODEL, REPORT, PLAYBACK, PHYSICS, RESIDUAL, HOLDOUT)
+
+
+@contextlib.contextmanager
+def claimed(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Callable[[Diagnosis], None]]:
+    """Keep a folder for a diagnosis that is to come, and give what writes it there.
+
+    Whatever can be wrong with the folder is said here, before any work.
+
+    Args:
+        out: the folder; made if it is not there.
+        inputs: files that the diagnosis reads.
+
+    Raises:
+        UserError: ``out`` cannot be written into, one of its outputs is an input, or it holds
+            what no ``wt diagnose`` wrote.
+        WorkError: another process writes into it.
+    """
+    with kept(out):
+        _refuse_inputs(out, inputs)
+        _refuse_foreign(out)
+        yield functools.partial(_write, out=out)
 
 
 def write(diagnosis: Diagnosis, out: Path) -> None:
@@ -32,25 +57,27 @@ def write(diagnosis: Diagnosis, out: Path) -> None:
         out: the folder; made if it is not there.
 
     Raises:
-        UserError: ``out`` is a file.
-        OSError: the folder cannot be written.
+        UserError: ``out`` cannot be written into, or holds what no ``wt diagnose`` wrote.
+        WorkError: another process writes into it.
     """
-    if out.exists() and not out.is_dir():
-        raise UserError(f"--out {out} is a file; name a folder")
+    with claimed(out) as write_into:
+        write_into(diagnosis)
+
+
+def _write(diagnosis: Diagnosis, out: Path) -> None:
     plays = importlib.util.find_spec("rerun") is not None
-    data = diagnosis.to_json()
+    said = diagnosis.to_json()
     if not plays:
-        data["artifacts"]["rerun"] = None
+        said["artifacts"]["rerun"] = None
     # JSON has no NaN; a value that is not finite would be a mistake of ours
-    as_json = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False)
-    contents: dict[str, str | bytes] = {"model.xml": diagnosis.patched_xml}
+    json.dumps(said, allow_nan=False)
+    contents: dict[str, str | bytes] = {MODEL: diagnosis.patched_xml}
     if diagnosis.residual_onnx:
         contents[RESIDUAL] = diagnosis.residual_onnx
     if diagnosis.physics_py:
         contents[PHYSICS] = diagnosis.physics_py
     if diagnosis.holdout_npz:
         contents[HOLDOUT] = diagnosis.holdout_npz
-    last = {"diagnosis.json": as_json + "\n"}  # where it is, the rest is
     try:
         pictures: dict[str, str | bytes] = {REPORT: report(diagnosis)}
         if plays:
@@ -58,15 +85,61 @@ def write(diagnosis: Diagnosis, out: Path) -> None:
 
             pictures[PLAYBACK] = playback(diagnosis)
     except Exception:
-        _replace(out, {**contents, **last})
+        _replace(out, contents, said)
         raise
-    _replace(out, {**contents, **pictures, **last})
+    _replace(out, {**contents, **pictures}, said)
 
 
-def _replace(out: Path, contents: Mapping[str, str | bytes]) -> None:
+def _replace(out: Path, contents: Mapping[str, str | bytes], said: Mapping[str, object]) -> None:
     """Write these, and remove what an earlier diagnosis left beside them."""
-    out.mkdir(parents=True, exist_ok=True)
-    write_together(out, contents)
-    for name in (RESIDUAL, PHYSICS, HOLDOUT, REPORT, PLAYBACK):
-        if name not in contents:
+    wrote = {name: _sha256(content) for name, content in contents.items()}
+    text = json.dumps({**said, "sha256": wrote}, indent=2, ensure_ascii=False, allow_nan=False)
+    write_together(out, {**contents, RESULT: text + "\n"})  # where the last is, the rest is
+    for name in OUTPUTS:
+        if name not in contents and name != RESULT:
             (out / name).unlink(missing_ok=True)
+
+
+def _sha256(content: str | bytes) -> str:
+    raw = content.encode() if isinstance(content, str) else content
+    return hashlib.sha256(raw).hexdigest()
+
+
+def _refuse_inputs(out: Path, inputs: Iterable[Path]) -> None:
+    outputs = {(out / name).resolve(): name for name in OUTPUTS}
+    for path in inputs:
+        if name := outputs.get(path.resolve()):
+            raise UserError(
+                f"--out {out} would replace its own input {path} by a new {name}; name another "
+                "folder"
+            )
+
+
+def _refuse_foreign(out: Path) -> None:
+    """Refuse a folder with files that are not of an earlier diagnosis, or that were changed."""
+    there = sorted(p.name for p in out.iterdir() if not p.name.startswith("."))
+    if not there:
+        return
+    wrote = _wrote(out)
+    if wrote is None:
+        raise UserError(
+            f"--out {out} holds {there[0]}, which no wt diagnose wrote; name a new or empty folder"
+        )
+    for name in OUTPUTS:
+        path = out / name
+        if name == RESULT or name not in there or not path.is_file():
+            continue
+        if wrote.get(name) != _sha256(path.read_bytes()):
+            raise UserError(
+                f"--out {out} holds a {name} that is not the one wt diagnose wrote; move it, or "
+                "name another folder"
+            )
+
+
+def _wrote(out: Path) -> Mapping[str, str] | None:
+    """Checksums of what the diagnosis in a folder wrote; None if there is no diagnosis in it."""
+    try:
+        said = json.loads((out / RESULT).read_text(encoding="utf-8"))
+        return {str(name): str(value) for name, value in said["sha256"].items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return None
