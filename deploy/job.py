@@ -10,8 +10,12 @@ from collections.abc import Sequence
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from wt.errors import WorkError
+
+if TYPE_CHECKING:
+    from deploy.runner import RunOutcome
 
 REPORT, MODEL = "report.json", "model.xml"
 
@@ -42,21 +46,17 @@ def run(
     from deploy.operator import KEYS, HumanOperator
     from deploy.pilot import Pilot
     from deploy.policies import load
-    from deploy.record import RECORDING
     from deploy.robot import Silent
     from deploy.runner import RATE_HZ, Runner, teller
     from deploy.safety import Limits
     from deploy.scribe import Scribe
-    from wt.worlds.robots import mjcf
 
     bounds = Limits.parse(list(limits))
     policy = load(reference)
     if realtime:
         take_precedence()  # before the network's threads begin
     robot = Go2(DdsParticipant(interface, domain), policy.card.joints)
-    folder = out or Path("runs") / f"go2-{datetime.now():%Y-%m-%dT%H-%M-%S}"
-    folder.mkdir(parents=True, exist_ok=True)  # if it cannot be, better now than after the run
-    _write_whole(folder / MODEL, mjcf("go2"))
+    folder, fresh = _prepared(out)  # if it cannot be, better now than after the run
     operator, say = HumanOperator(policy.card.command_limits), teller()
     say(f"policy {policy.card.name} ({policy.card.sha256[:12]}) on {interface}\n{KEYS}")
     runner = Runner(Silent(robot) if dry_run else robot, Pilot(policy), operator, bounds, say=say)
@@ -74,17 +74,44 @@ def run(
         written = runner.recorder.write(folder, meta)
         scribe.dismiss()
         if not written:
-            (folder / MODEL).unlink()
-            with suppress(OSError):  # it was there before, with something in it
-                folder.rmdir()
-    report = {"timing": outcome.timing.dict(), "events": runner.events, "began": outcome.began}
-    _write_whole(folder / REPORT, json.dumps(report, indent=1) + "\n")
-    print(outcome.timing.text())
-    print(f"{folder}: {', '.join([*(p.name for p in written), MODEL, REPORT])}")
-    if any(p.name == RECORDING for p in written):
-        print(f"wt diagnose {folder / MODEL} {folder / RECORDING} --out {folder / 'diagnosis'}")
+            _removed(folder, fresh)
+    _report(folder, [p.name for p in written], outcome, runner.events)
     if outcome.fault:
         raise WorkError(f"ended in damping after a fault: {outcome.fault}")
+
+
+def _prepared(out: Path | None) -> tuple[Path, bool]:
+    """The folder of a run with the robot's MJCF in it, and whether that is new."""
+    from wt.worlds.robots import mjcf
+
+    folder = out or Path("runs") / f"go2-{datetime.now():%Y-%m-%dT%H-%M-%S}"
+    folder.mkdir(parents=True, exist_ok=True)
+    fresh = not (folder / MODEL).exists()
+    if fresh:
+        _write_whole(folder / MODEL, mjcf("go2"))
+    return folder, fresh
+
+
+def _removed(folder: Path, fresh: bool) -> None:
+    """Take back what :func:`_prepared` did."""
+    if fresh:
+        (folder / MODEL).unlink()
+    with suppress(OSError):  # it was there before, with something in it
+        folder.rmdir()
+
+
+def _report(
+    folder: Path, written: Sequence[str], outcome: RunOutcome, events: Sequence[tuple[float, str]]
+) -> None:
+    """Write the timing report, print it, and say what was left and what to do with it."""
+    from deploy.record import RECORDING
+
+    report = {"timing": outcome.timing.dict(), "events": events, "began": outcome.began}
+    _write_whole(folder / REPORT, json.dumps(report, indent=1) + "\n")
+    print(outcome.timing.text())
+    print(f"{folder}: {', '.join([*written, MODEL, REPORT])}")
+    if RECORDING in written:
+        print(f"wt diagnose {folder / MODEL} {folder / RECORDING} --out {folder / 'diagnosis'}")
 
 
 def simulate(
