@@ -12,7 +12,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wt.errors import WorkError
+from wt.errors import UserError, WorkError
 
 if TYPE_CHECKING:
     from deploy.runner import RunOutcome
@@ -50,13 +50,16 @@ def run(
     from deploy.runner import RATE_HZ, Runner, teller
     from deploy.safety import Limits
     from deploy.scribe import Scribe
+    from wt.worlds.robots import mjcf
 
     bounds = Limits.parse(list(limits))
     policy = load(reference)
     if realtime:
         take_precedence()  # before the network's threads begin
     robot = Go2(DdsParticipant(interface, domain), policy.card.joints)
-    folder, fresh = _prepared(out)  # if it cannot be, better now than after the run
+    folder = out or Path("runs") / f"go2-{datetime.now():%Y-%m-%dT%H-%M-%S}"
+    folder.mkdir(parents=True, exist_ok=True)  # if it cannot be, better now than after the run
+    left = _leave_model(folder / MODEL, mjcf("go2"))
     operator, say = HumanOperator(policy.card.command_limits), teller()
     say(f"policy {policy.card.name} ({policy.card.sha256[:12]}) on {interface}\n{KEYS}")
     runner = Runner(Silent(robot) if dry_run else robot, Pilot(policy), operator, bounds, say=say)
@@ -73,41 +76,38 @@ def run(
         meta |= {"events": runner.events, "health": robot.health()}
         written = runner.recorder.write(folder, meta)
         scribe.dismiss()
-        if not written:
-            _removed(folder, fresh)
-    _report(folder, [p.name for p in written], outcome, runner.events)
+        if left and not written:
+            (folder / MODEL).unlink()
+            with suppress(OSError):  # it was there before, with something in it
+                folder.rmdir()
+    _write_whole(folder / REPORT, json.dumps(_report(outcome, runner.events), indent=1) + "\n")
+    _tell(folder, [p.name for p in written], outcome)
     if outcome.fault:
         raise WorkError(f"ended in damping after a fault: {outcome.fault}")
 
 
-def _prepared(out: Path | None) -> tuple[Path, bool]:
-    """The folder of a run with the robot's MJCF in it, and whether that is new."""
-    from wt.worlds.robots import mjcf
+def _leave_model(path: Path, xml: str) -> bool:
+    """Write the machine's MJCF unless it is there; False if it was.
 
-    folder = out or Path("runs") / f"go2-{datetime.now():%Y-%m-%dT%H-%M-%S}"
-    folder.mkdir(parents=True, exist_ok=True)
-    fresh = not (folder / MODEL).exists()
-    if fresh:
-        _write_whole(folder / MODEL, mjcf("go2"))
-    return folder, fresh
-
-
-def _removed(folder: Path, fresh: bool) -> None:
-    """Take back what :func:`_prepared` did."""
-    if fresh:
-        (folder / MODEL).unlink()
-    with suppress(OSError):  # it was there before, with something in it
-        folder.rmdir()
+    Raises:
+        UserError: another file has that name.
+    """
+    if path.exists():
+        if path.read_text(errors="replace") != xml:
+            raise UserError(f"{path} is there already and is not the Go2's: give another --out")
+        return False
+    _write_whole(path, xml)
+    return True
 
 
-def _report(
-    folder: Path, written: Sequence[str], outcome: RunOutcome, events: Sequence[tuple[float, str]]
-) -> None:
-    """Write the timing report, print it, and say what was left and what to do with it."""
+def _report(outcome: RunOutcome, events: object) -> dict[str, object]:
+    return {"timing": outcome.timing.dict(), "events": events, "began": outcome.began}
+
+
+def _tell(folder: Path, written: Sequence[str], outcome: RunOutcome) -> None:
+    """Print the timing, what was written, and how to compare it with the model."""
     from deploy.record import RECORDING
 
-    report = {"timing": outcome.timing.dict(), "events": events, "began": outcome.began}
-    _write_whole(folder / REPORT, json.dumps(report, indent=1) + "\n")
     print(outcome.timing.text())
     print(f"{folder}: {', '.join([*written, MODEL, REPORT])}")
     if RECORDING in written:

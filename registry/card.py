@@ -61,7 +61,7 @@ class HeldOut:
     """The metric by which versions of a model are compared: lower is better.
 
     Attributes:
-        set: which data, e.g. ``"pairs/test"``.
+        set: which data, e.g. ``"validation pairs"``.
         data_hash: hash of that data; only equal hashes are comparable.
         metric: e.g. ``"mse"``, on normalised o′ [-].
         value: the metric.
@@ -118,7 +118,7 @@ class Card:
         data_hash: hash of the training data.
         config_hash: hash of the resolved configuration.
         commit: commit of the code that trained it.
-        metrics: any further metrics by name.
+        metrics: any further metrics by name, of ``wt fit`` each method's on the test pairs.
         heldout: the metric that decides about ``champion``.
         parity: largest |ONNX - eager| / max(1, |eager|) found; None if never checked.
         golden: rows to replay wherever the model is used.
@@ -216,17 +216,7 @@ def describe(
         parity: what ``registry.parity.check`` returned; None if it was not called.
         golden: o, a, o′ of S and the eager model's o′ of R, a few rows each.
     """
-    import onnx
-
-    graph = onnx.load(onnx_path)
-
-    def feature(info: onnx.ValueInfoProto) -> Port:
-        width = info.type.tensor_type.shape.dim[1].dim_value
-        return port(info.name, tuple(Channel(str(k), "1") for k in range(width)))
-
-    def port(port_name: str, channels: tuple[Channel, ...]) -> Port:
-        return Port(port_name, ("batch", len(channels)), channels)
-
+    opset, features = _of_graph(onnx_path)
     o, a, o_next_sim, o_next_real = (
         tuple(tuple(float(v) for v in row) for row in np.asarray(x, np.float32)) for x in golden
     )
@@ -236,14 +226,11 @@ def describe(
         rate_hz=spec.rate_hz,
         joints=spec.joints,
         inputs=(
-            port("o", spec.observation),
-            port("a", spec.action),
-            port("o_next_sim", spec.observation),
+            _port("o", spec.observation),
+            _port("a", spec.action),
+            _port("o_next_sim", spec.observation),
         ),
-        outputs=(
-            port("o_next_real", spec.observation),
-            *(feature(info) for info in graph.graph.output if info.name != "o_next_real"),
-        ),
+        outputs=(_port("o_next_real", spec.observation), *features),
         data_hash=data_hash,
         config_hash=config_hash,
         commit=commit,
@@ -255,8 +242,28 @@ def describe(
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         packages={"python": platform.python_version()}
         | {package: importlib.metadata.version(package) for package in PACKAGES},
-        opset=next(x.version for x in graph.opset_import if not x.domain),
+        opset=opset,
     )
+
+
+def _port(name: str, channels: tuple[Channel, ...]) -> Port:
+    return Port(name, ("batch", len(channels)), channels)
+
+
+def _of_graph(path: Path) -> tuple[int, list[Port]]:
+    """Operator set of a graph, and its outputs behind o_next_real."""
+    import onnx
+
+    graph = onnx.load(path)
+    opset = next(x.version for x in graph.opset_import if not x.domain)
+    widths = {
+        info.name: info.type.tensor_type.shape.dim[1].dim_value for info in graph.graph.output
+    }
+    return opset, [
+        _port(name, tuple(Channel(str(k), "1") for k in range(width)))
+        for name, width in widths.items()
+        if name != "o_next_real"
+    ]
 
 
 def sha256(path: Path) -> str:

@@ -14,6 +14,7 @@ Map of the package (each concept has one home):
 ``wt.train``           mean field, then Algorithm 1 as a LightningModule with its phases
 ``wt.translate``       simulation → reality on tensors: shared by evaluation, export, deploy
 ``wt.baselines``       what translation is compared with, one file each, one interface
+``wt.check``           whether a model and a recording say what they claim, one file an audit
 ``wt.diagnose``        from recordings to the physics that a model leaves out; can be called
 ``wt.show``            what reports share: colours, charts as SVG, robots in Rerun, whole files
 ``wt.evaluate``        single-step errors, rollouts, probes, result tables, figures, recordings

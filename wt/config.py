@@ -45,6 +45,12 @@ answer of its own: each channel takes the mix of both that is nearest to R on th
 Device = Literal["auto", "cpu", "cuda"]
 """The device that networks are trained on; ``auto`` is CUDA where there is any."""
 
+Precision = Literal["32-true", "bf16-mixed"]
+"""Lightning's name for the numbers that networks compute with."""
+
+Strategy = Literal["auto", "ddp"]
+"""How several devices train one model: replicas that average their gradients, either way."""
+
 Alignment = Literal["state", "stance", "action"]
 """The way in which a simulator follows the translation; see ``wt.evaluate.alignment``.
 
@@ -131,6 +137,11 @@ class Train:
     log_every: int = 50
     segment: int = 1
     segment_weight: float = 1.0
+    precision: Precision = "32-true"
+    compile: bool = False
+    devices: int = 1
+    nodes: int = 1
+    strategy: Strategy = "auto"
 
 
 @dataclass
@@ -241,7 +252,7 @@ _ABOVE_ZERO = {
     "transitions", "real_transitions", "validation_pairs", "test_pairs", "steps", "batch",
     "validate_every", "log_every", "learning_rate", "gan_learning_rate", "width", "depth", "latent",
     "translator_width", "translator_depth", "members", "mode_width", "blind_temperature",
-    "segment", "memory", "recordings", "holdout", "rollouts",
+    "segment", "memory", "devices", "nodes", "recordings", "holdout", "rollouts",
 }  # fmt: skip
 """Numbers of any section that zero makes meaningless; no other may be negative either."""
 
@@ -266,6 +277,16 @@ def _check_method(name: str, method: Method) -> None:
         raise ConfigError(
             f"{name}.train.steps {train.steps} is not a multiple of "
             f"{name}.train.validate_every {train.validate_every}; change either"
+        )
+    if train.batch % train.devices:
+        raise ConfigError(
+            f"{name}.train.batch {train.batch} is not a multiple of {name}.train.devices "
+            f"{train.devices}, which share it; change either"
+        )
+    if train.nodes > 1:
+        raise ConfigError(
+            f"{name}.train.nodes is {train.nodes}; a model trains on one machine: raise "
+            f"{name}.train.devices, or spread seeds over machines with one run each"
         )
     if method.translation.transport and method.mean.kind == "none":
         raise ConfigError(

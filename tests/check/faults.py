@@ -208,12 +208,23 @@ def _encoders() -> list[Fault]:
         for name, joint in (("planar", "hip"), ("arm4", "yaw"), ("arm4", "roll"),
                             ("planar_torque", "knee"))
     ]  # fmt: skip
+    found += [
+        Fault(f"zero-{name}-{joint}", name, _shifted(f"qpos/{joint}", by), ("encoder_zero",),
+              frozenset({f"qpos/{joint}"}), seed=12)
+        for name, joint, by in (("planar_torque", "hip", math.pi),
+                                ("arm4_torque", "lift", -math.pi / 2),
+                                ("arm4", "yaw", 0.8), ("planar", "knee", math.pi / 2))
+    ]  # fmt: skip
     return [
         *found,
         Fault("frozen-arm4-lift", "arm4", frozen, ("frozen",), frozenset({"qpos/lift"})),
         Fault("repeated", "planar", repeated, ("samples_repeated",), everything),
         Fault("clipped-arm4-yaw", "arm4", clipped, ("clipped",), frozenset({"qpos/yaw"})),
     ]
+
+
+def _shifted(name: str, by: float):  # noqa: ANN202
+    return lambda r: with_columns(r, {name: r.columns[name] + by})
 
 
 def _clocks() -> list[Fault]:

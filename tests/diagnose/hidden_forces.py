@@ -91,12 +91,17 @@ def world(
     seconds: float = 12.0,
     fitted: int = 1,
     log: Callable[[Recording], Recording] = lambda recording: recording,
+    machine: str = "",
 ) -> World:
-    """Recordings of a chain: ``fitted`` ones, and one more that is held out; ``log`` alters all."""
+    """Recordings of a chain: ``fitted`` ones, and one more that is held out.
+
+    ``log`` alters all of them; ``machine`` is the MJCF of the real chain, where it is another.
+    """
     path = folder / "chain.xml"
     path.write_text(chain(joints), encoding="utf-8")
     scene = Scene(path)
-    made = [log(record(chain(joints), hidden, seconds, seed)) for seed in range(fitted + 1)]
+    xml = machine or chain(joints)
+    made = [log(record(xml, hidden, seconds, seed)) for seed in range(fitted + 1)]
     # clocks are never the same to the last digit
     parts = [Part(replace(one, t=one.t * (1.0 + 1e-12 * i)), i) for i, one in enumerate(made)]
     fit, held = smooth(scene, parts[:-1]), smooth(scene, parts[-1:])

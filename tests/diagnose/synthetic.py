@@ -198,6 +198,7 @@ def unexplained(model_path: str = "arm.xml") -> Diagnosis:
         confusable_with=(),
         depends_on=("qvel/j2", "qpos/j1"),
         formula="-0.8*tanh(qvel/j2 / 0.02) < 1",
+        formula_gain=0.42,
         reference="",
     )
     return dataclasses.replace(

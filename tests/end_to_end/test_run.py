@@ -132,12 +132,24 @@ def test_the_exported_graph_is_the_model_of_the_table(
     np.testing.assert_allclose(answer[:, :12], eager.numpy(), atol=1e-5, rtol=1e-5)
 
 
-def test_the_card_tells_the_same(results: dict[str, Any], finished: Path) -> None:
+def test_the_card_tells_the_same(results: dict[str, Any], finished: Path, place: Place) -> None:
     card = Card.load(finished)
     assert (card.name, card.task, card.rate_hz) == ("wt-debug", "r5_force", 50.0)
     assert list(card.joints) == JOINTS
-    ours = results["single_step"]["WorldTranslationPlus"]["mse"]
-    assert (card.heldout.metric, card.heldout.value) == ("mse", ours)
+    # what chooses is the error on the validation pairs; that on the test pairs stands in the table
+    pairs, real = table(place.data, "validation"), table(place.data, "real")
+    observed = [*STATE, *(f"last_action/{joint}" for joint in JOINTS)]
+    o, a = columns(pairs, "o", observed), columns(pairs, "a", [f"ctrl/{j}" for j in JOINTS])
+    inputs = {"o": o, "a": a, "o_next_sim": np.hstack([columns(pairs, "sim_next", STATE), a])}
+    session = onnxruntime.InferenceSession(finished / "model.onnx")
+    answer = session.run(["o_next_real"], inputs)[0][:, :12]
+    error = (answer - columns(pairs, "s_next", STATE)) / columns(real, "s_next", STATE).std(0)
+    assert (card.heldout.set, card.heldout.metric) == ("validation pairs", "mse")
+    assert card.heldout.value == pytest.approx((error.astype(float) ** 2).mean(), rel=1e-4)
+    assert [port.name for port in card.outputs] == ["o_next_real", "z", "z_translated"]
+    said = session.get_modelmeta().custom_metadata_map
+    assert (said["task"], said["data_hash"]) == ("r5_force", card.data_hash)
+    assert said["joint_names"] == ",".join(JOINTS) and card.opset == 18
     assert card.parity is not None and card.parity <= 1e-5
     for method in METHODS:
         assert card.metrics[f"{method}/mse"] == results["single_step"][method]["mse"]
@@ -160,11 +172,20 @@ def test_mlflow_holds_the_whole_run(
     assert held.data.params["world.force.max_newton"] == "200.0"
     for method in METHODS:
         assert held.data.metrics[f"test/{method}/mse"] == results["single_step"][method]["mse"]
+    below = client.search_runs([held.info.experiment_id], f"tags.`mlflow.parentRunId` = '{run_id}'")
+    children = {run.info.run_name: run for run in below}
+    assert set(children) == {f"{method}, seed 0" for method in METHODS}
+    for method in METHODS:
+        told = children[f"{method}, seed 0"].data.metrics["test/mse"]
+        assert told == results["single_step"][method]["mse"]
+    child = children["WorldTranslation, seed 0"]
+    assert child.data.params["method"] == "WorldTranslation"
+    assert child.data.params["train.steps"] == str(STEPS)
     for inner in (
         "gan/accuracy", "gan/cycle", "latent/active_std", "vae/domain_accuracy", "gradient/vae",
         "gradient/judges", "val/mse",
     ):  # fmt: skip
-        history = client.get_metric_history(run_id, f"WorldTranslation/seed0/{inner}")
+        history = client.get_metric_history(child.info.run_id, inner)
         assert max(m.step for m in history) == STEPS
         assert np.isfinite([m.value for m in history]).all()
     folder = Path(held.info.artifact_uri)
@@ -175,6 +196,12 @@ def test_mlflow_holds_the_whole_run(
     assert {row[0]: row[1] for row in shown["data"]} == {
         method: score["mse"] for method, score in results["single_step"].items()
     }
+    used = {d.dataset.name: d.dataset.digest for d in held.inputs.dataset_inputs}
+    assert set(used) == {f"r5_force/{what}" for what in ("sim", "real", "validation", "test")}
+    assert used["r5_force/real"] == Card.load(finished).data_hash
+    assert (held.data.tags["task"], held.data.tags["paper.row"]) == (
+        "r5_force", "figure 3, r5_force"
+    )  # fmt: skip
     assert len(held.data.tags["commit"]) == 40 or held.data.tags["commit"] == "unknown"
 
 

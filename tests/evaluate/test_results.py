@@ -57,6 +57,23 @@ def test_json_follows_the_public_schema(tmp_path: Path) -> None:
     assert "given the true hidden variable" in content["note"]
 
 
+def test_physical_errors_are_by_kind_of_channel(tmp_path: Path) -> None:
+    channels = tuple(Channel(n, u) for n, u in (("qpos/a", "rad"), ("qpos/b", "rad"),
+                                                ("gyro/x", "rad/s")))  # fmt: skip
+    three = results(
+        channels=channels, rmse={"RSSM": (3.0, 4.0, 0.5), "WorldTranslation": (1.0, 1.0, 1.0)}
+    )
+    assert three.groups[Channel("qpos", "rad")]["RSSM"] == pytest.approx(math.sqrt(12.5))
+    three.save(tmp_path)
+    said = json.loads((tmp_path / "results.json").read_text())["per_group"]
+    assert said["gyro"] == {"unit": "rad/s", "rmse": {"RSSM": 0.5, "WorldTranslation": 1.0}}
+    text = three.to_markdown()
+    assert "| method | qpos [rad] | gyro [rad/s] |" in text and "| RSSM | 3.54 | 0.5 |" in text
+    console = Console(width=80, file=io.StringIO(), record=True)
+    three.print_table(console)
+    assert "gyro [rad/s]" in console.export_text()
+
+
 def test_what_is_saved_is_what_is_loaded(tmp_path: Path) -> None:
     for saved in (results(), results(task="so101", model=None, version=None, rmse={}, channels=())):
         saved.save(tmp_path)

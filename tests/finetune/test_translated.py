@@ -159,6 +159,27 @@ def test_standing_feet_stay_where_joints_are_overwritten(setting: Setting) -> No
     assert kept < 0.5 * sunk
 
 
+@pytest.mark.parametrize("alignment", ["state", "stance"])
+def test_torques_and_feet_are_measured_where_the_robots_are(
+    setting: Setting, alignment: str
+) -> None:
+    shift = np.concatenate([np.zeros(18), np.full(12, -0.3)]).astype(np.float32)
+    _, moved = environments(setting, lambda o, a, s: s + shift, alignment=alignment)
+    moved.step(ACTIONS)
+    herd, data = moved.herd, mujoco.MjData(moved.herd.model)
+    torque = herd.batch.bind("actuator_force")
+    for row in range(herd.size):
+        data.qpos[:], data.qvel[:] = herd.qpos[row], herd.qvel[row]
+        data.ctrl[:] = herd.ctrl[row]
+        mujoco.mj_forward(herd.model, data)
+        np.testing.assert_allclose(torque[row], data.actuator_force, rtol=1e-6, atol=1e-6)
+        foot = herd.model.sensor(f"feet/{herd.robot.feet[0]}/mjSENS_FRAMEPOS")
+        sensed = herd.batch.bind("sensordata")[row, foot.adr[0] : foot.adr[0] + 3]
+        np.testing.assert_allclose(
+            sensed, data.sensordata[foot.adr[0] : foot.adr[0] + 3], atol=1e-6
+        )
+
+
 def test_a_pulled_model_is_what_runs(setting: Setting, make_model: MakeModel) -> None:
     make = environment(setting, "translation", make_model(shift=0.02))
     make = pickle.loads(pickle.dumps(make))  # as it gets to other processes

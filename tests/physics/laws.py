@@ -54,6 +54,15 @@ def directed(d: mujoco.MjData) -> float:
     return -smooth_sign(v) * (0.5 + 0.2 * v if v > 0.0 else 0.9 - 0.6 * v)
 
 
+def leaking() -> Hook:
+    """A fifth of the force of drive m1 acts on j2, too, the other way round."""
+
+    def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        data.qfrc_applied[2] -= 0.2 * servo(data, "m1", 1)
+
+    return hook
+
+
 def belted() -> Hook:
     """A belt over j1 and j2, which is stretched by the first and slackened by the second."""
 
@@ -190,6 +199,16 @@ def pushed() -> Hook:
     def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         if 0.8 <= data.time < 1.1:
             at_com(model, data, np.array([3.0, -2.0, 4.0]))
+
+    return hook
+
+
+def nudged() -> Hook:
+    """Two newton metres on j1 for .3 s, with flanks of .05 s."""
+
+    def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        up, down = np.tanh((data.time - 0.8) / 0.05), np.tanh((data.time - 1.1) / 0.05)
+        data.qfrc_applied[1] += 2.0 * (up - down) / 2.0
 
     return hook
 

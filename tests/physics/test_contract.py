@@ -60,6 +60,8 @@ TABLE = {
         ("viscous_forward", "N·m·s/rad"),
         ("viscous_backward", "N·m·s/rad"),
     ],
+    "joint.force_intermittent": [("torque", "N·m")],
+    "pair.crosstalk": [("fraction", "-")],
     "pair.spring": [("stiffness", "N·m/rad"), ("ratio", "-"), ("reference", "rad")],
     "contact.compliance": [("time_constant", "s")],
     "contact.friction": [("friction", "-")],

@@ -38,8 +38,11 @@ OVER = {
         "joint.friction_stribeck", "joint.friction_viscous", "sensor.delay",
     },
     "acceleration": {"joint.armature", "body.inertia"},
-    "drive": {"actuator.gain", "actuator.deadband", "actuator.saturation"},
-    "time": {"actuator.fade", "body.force_intermittent", "body.payload_moving"},
+    "drive": {"actuator.gain", "actuator.deadband", "actuator.saturation", "pair.crosstalk"},
+    "time": {
+        "actuator.fade", "body.force_intermittent", "body.payload_moving",
+        "joint.force_intermittent",
+    },
 }  # fmt: skip
 OFF = {
     "body.mass", "joint.friction_viscous", "joint.armature", "sensor.delay", "actuator.gain",

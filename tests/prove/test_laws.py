@@ -295,11 +295,39 @@ def test_belt_is_the_slope_of_its_energy() -> None:
     assert force == pytest.approx([0.0, -5.0 * stretch, 0.7 * 5.0 * stretch])
 
 
+def test_crosstalk_turns_the_next_joint_by_a_share_of_the_drive() -> None:
+    leak = law("pair.crosstalk", {"fraction": 0.3}, "shoulder+elbow")
+    plant = Plant(RIGS["arm3"], [leak], 1.0, np.ones((2, 3)))
+    plant.transmitted[:] = 5.0, -2.0, 1.0
+    force = generalized(plant, np.zeros(3), np.zeros(3), leak)
+    assert force == pytest.approx([0.0, 0.0, -0.6])
+
+
 def test_counterweight_holds_its_share_of_the_weight() -> None:
     carried = law("world.gravity_compensation", {"share": 0.6}, "all")
     plant, q = Plant(RIGS["arm3"], [carried], 1.0, np.ones((2, 3))), np.array([0.4, -0.5, 0.9])
     force = generalized(plant, q, np.zeros(3), carried)
     assert force == pytest.approx(0.6 * plant.gravity_torques(q[None])[0], abs=1e-9)
+
+
+def test_nudges_give_each_recording_its_own_impulses() -> None:
+    nudges = law("joint.force_intermittent", {"torque": 0.8, "count": 3})
+    plant, t = pendulum(nudges), np.arange(0.0, 14.0, 1e-3)
+
+    def course() -> np.ndarray:
+        nudges.start()
+        torque = []
+        for now in t:
+            plant.total[:] = 0.0
+            nudges.act(plant, now)  # type: ignore[attr-defined]
+            torque.append(plant.total[0])
+        return np.array(torque)
+
+    one, other = course(), course()
+    for torque in (one, other):
+        assert 0.5 < np.abs(torque).max() < 1.1
+        assert (np.abs(torque) > 0.01).mean() < 0.2
+    assert np.argmax(np.abs(one)) != np.argmax(np.abs(other))
 
 
 def test_tether_is_the_slope_of_its_energy() -> None:

@@ -13,7 +13,8 @@ import torch
 from tests.baselines.toy import REAL, SIM, Toy
 from wt.config import Mean, Method, Nets, Train, TranslationConfig
 from wt.nets.world_model import WorldModel
-from wt.train.batches import StepBatches, in_frame
+from wt.train.batches import in_frame
+from wt.train.data import TranslationData
 from wt.train.mean_field import fit_normalizers
 from wt.train.module import WorldTranslation
 from wt.train.score import PairTensors
@@ -59,10 +60,10 @@ def plus(paper: Method) -> Method:
 
 @dataclass
 class Setup:
-    """A module with its batches, ready to be stepped by Lightning."""
+    """A module with its data, ready to be stepped by Lightning."""
 
     module: WorldTranslation
-    batches: StepBatches
+    data: TranslationData
     callbacks: list[lightning.Callback] = field(default_factory=list)
 
     def run(self, steps: int) -> lightning.Trainer:
@@ -78,7 +79,7 @@ class Setup:
             enable_progress_bar=False,
             enable_model_summary=False,
         )
-        trainer.fit(self.module, self.batches)
+        trainer.fit(self.module, self.data)
         return trainer
 
 
@@ -96,8 +97,10 @@ def set_up(world: World) -> Callable[[Method], Setup]:
         model.frame.requires_grad_(False)
         data = in_frame(model.frame, world.sim, world.real)
         pairs = PairTensors.of(world.pairs, model.frame.state.std, model.frame.change.std)
-        batches = StepBatches(*data, method.train.batch, method.nets.latent, 0)
-        return Setup(WorldTranslation(model, pairs), batches)
+        loaded = TranslationData(
+            *data, pairs, batch=method.train.batch, latent=method.nets.latent, seed=0, test=pairs
+        )
+        return Setup(WorldTranslation(world.spec, method, model), loaded)
 
     return build
 

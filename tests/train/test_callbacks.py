@@ -10,7 +10,8 @@ import torch
 from tests.train.conftest import Setup
 from wt.config import Method
 from wt.errors import WorkError
-from wt.train.callbacks import CollapseLimits, CollapseWatch, Log, StartAtOwnStep
+from wt.train.callbacks import CollapseLimits, CollapseWatch, ShowProgress
+from wt.train.logger import SinkLogger
 from wt.train.module import WorldTranslation
 
 HEALTHY = {"latent/active_std": 0.8, "gan/accuracy": 0.6, "gan/generator": 1.4, "vae/kl": 3.0}
@@ -25,9 +26,14 @@ class Watched:
     warned: list[str] = field(default_factory=list)
     sunk: list[tuple[dict[str, float], int]] = field(default_factory=list)
 
+    def sink(self, values: Mapping[str, float], step: int) -> None:
+        self.sunk.append((dict(values), step))
+
     def see(self, times: int = 1, **changed: float) -> None:
         """Show the watch these metrics at the next looks."""
-        trainer = lightning.Trainer(accelerator="cpu", logger=False, enable_checkpointing=False)
+        trainer = lightning.Trainer(
+            accelerator="cpu", logger=SinkLogger(self.sink), enable_checkpointing=False
+        )
         for _ in range(times):
             self.module.own_step += 5
             values = HEALTHY | {k.replace("_", "/", 1): v for k, v in changed.items()}
@@ -38,13 +44,8 @@ class Watched:
 @pytest.fixture
 def watched(set_up: Callable[[Method], Setup], paper: Method) -> Watched:
     warned: list[str] = []
-    sunk: list[tuple[dict[str, float], int]] = []
-
-    def sink(values: Mapping[str, float], step: int) -> None:
-        sunk.append((dict(values), step))
-
-    watch = CollapseWatch(sink, warned.append, 5, CollapseLimits(patience=3))
-    return Watched(set_up(paper).module, watch, warned, sunk)
+    watch = CollapseWatch(warned.append, 5, CollapseLimits(patience=3))
+    return Watched(set_up(paper).module, watch, warned)
 
 
 def test_a_healthy_run_is_left_alone(watched: Watched) -> None:
@@ -91,15 +92,6 @@ def test_only_every_so_many_steps_are_looked_at(watched: Watched) -> None:
 def test_callbacks_refuse_another_module() -> None:
     trainer = lightning.Trainer(accelerator="cpu", logger=False, enable_checkpointing=False)
     with pytest.raises(TypeError, match="LightningModule"):
-        Log(print, 1).on_train_batch_end(trainer, lightning.LightningModule(), None, None, 0)
-
-
-def test_an_epoch_starts_with_the_batch_of_the_modules_own_step(
-    set_up: Callable[[Method], Setup], paper: Method
-) -> None:
-    setup = set_up(paper)
-    setup.batches.next_step = 21  # as after a batch too many was fetched
-    setup.module.own_step = 20
-    trainer = lightning.Trainer(accelerator="cpu", logger=False, enable_checkpointing=False)
-    StartAtOwnStep(setup.batches).on_train_epoch_start(trainer, setup.module)
-    assert next(iter(setup.batches)).step == 20
+        ShowProgress(print, 1).on_train_batch_end(
+            trainer, lightning.LightningModule(), None, None, 0
+        )

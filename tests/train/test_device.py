@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,7 @@ from tests.learning.test_toy_translation import NETS, SPEC, both_answers, collec
 from wt.baselines.base import find
 from wt.config import Baselines, Method, Train
 from wt.errors import ConfigError
-from wt.train.device import check, on, seeded
+from wt.train.device import beside, check, on, seeded
 from wt.train.fit import fit_world_model
 
 
@@ -32,11 +31,12 @@ def test_a_cuda_device_that_is_not_there_is_refused(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.usefixtures("two_gpus")
-def test_processes_are_spread_over_devices(monkeypatch: pytest.MonkeyPatch) -> None:
-    for process, index in ((10, 0), (11, 1), (12, 0)):
-        monkeypatch.setattr(os, "getpid", lambda process=process: process)
-        assert on("auto") == on("cuda") == torch.device("cuda", index)
-    assert on("cpu") == torch.device("cpu")
+def test_processes_are_spread_over_devices_by_index() -> None:
+    for process, index in ((0, 0), (1, 1), (2, 0)):
+        assert on("auto", process) == on("cuda", process) == torch.device("cuda", index)
+    assert on("cpu", 1) == torch.device("cpu")
+    assert beside(torch.device("cuda", 1), 1) == torch.device("cuda", 0)
+    assert beside(torch.device("cpu"), 1) == torch.device("cpu")
 
 
 def test_generators_follow_the_device_and_repeat() -> None:

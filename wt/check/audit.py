@@ -69,7 +69,7 @@ class Suspect:
         kind: of fault.
         edits: what undoes it, in the model's channels.
         evidence: what it would be, e.g. ``"elbow's encoder counts backwards"``.
-        fix: entry of a map that undoes it.
+        fix: entry of a map that undoes it; "" for that which its edits make.
         elements: of the model, where these may be at fault instead.
     """
 

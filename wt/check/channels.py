@@ -131,12 +131,33 @@ def found(subject: Subject, suspects: Sequence[Suspect]) -> list[AuditFinding]:
             tuple(_columns(balance, suspect.edits, recording)),
             suspect.elements,
             said[:1].upper() + said[1:],
-            suspect.fix,
+            _fix(suspect, balance, recording),
             confidence,
             change=_Undone(balance, suspect.edits),
         )
         for suspect, said, confidence in search(balance, suspects)
     ]
+
+
+def _fix(suspect: Suspect, balance: Balance, recording: Recording) -> str:
+    """The entry of a map; where a suspect leaves it open, the factors of all that it changes."""
+    if suspect.fix:
+        return suspect.fix
+    moves = [
+        (target, e.factor, offset)
+        for e in suspect.edits
+        for target, _, offset in _moves(balance, e, recording)
+    ]
+    parts = {
+        "units": {n: f"{abs(f):.6g}" for n, f, _ in moves if abs(f) != 1.0},
+        "signs": {n: "-1" for n, f, _ in moves if f < 0.0},
+        "offsets": {n: f"{o:.5g}" for n, _, o in moves if o != 0.0},
+    }
+    said = {
+        key: ", ".join(f"{name}: {value}" for name, value in entries.items())
+        for key, entries in parts.items()
+    }
+    return ", ".join(f"{key}: {{{entries}}}" for key, entries in said.items() if entries)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +185,8 @@ def _moves(balance: Balance, e: Edit, recording: Recording) -> list[tuple[str, s
         return [(f"ctrl/{names[0]}", f"ctrl/{names[1]}", e.offset)]
     target, source = balance.joint(e.index), balance.joint(e.source)
     moves = [(f"qpos/{target}", f"qpos/{source}", e.offset)]
-    if f"qvel/{target}" in recording.columns and belongs(recording, source):
+    other = e.source != e.index or e.factor != 1.0
+    if other and f"qvel/{target}" in recording.columns and belongs(recording, source):
         moves.append((f"qvel/{target}", f"qvel/{source}", 0.0))
     return moves
 

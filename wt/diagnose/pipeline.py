@@ -12,11 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from wt.diagnose.experiment.release import passive, release
-from wt.diagnose.likelihood.objective import Objective
+from wt.diagnose.likelihood.bic import erring
+from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.observed.forces import measured
 from wt.diagnose.observed.translation import TrainedTranslation, sentences, timed, translated
+from wt.diagnose.recordings.commands import commands_each
 from wt.diagnose.recordings.grid import coarse_steps, located
-from wt.diagnose.recordings.prepare import Prepared, Source, prepare
+from wt.diagnose.recordings.prepare import Prepared, Source, prepare, turned
 from wt.diagnose.recordings.smooth import Smoothed, smooth
 from wt.diagnose.recordings.stretches import forgets, stretches_of
 from wt.diagnose.report.handed_over import hand_over
@@ -106,25 +108,22 @@ def diagnose(
     say("auditing", 0.01)
     scene, prepared = _audited(model, recordings, holdout)
     translation_evidence = translated(scene, prepared, translation) if translation else None
-    say("smoothing", 0.02)
-    fitted, held_out = smooth(scene, prepared.fit), smooth(scene, prepared.held)
-    say("screening hypotheses", 0.08)
-    screen = Screen(fitted, seed)
-    effort = FLOATING if scene.free else FIXED
-    own = float(scene.model.opt.timestep)
-    step, quick = min(effort.step, own), min(effort.search_step, own)
-    forgetting = forgets(fitted, step)
-    search_replays = _objective([fitted], screen, forgetting, effort.search_s, quick)
-    objective = _objective([fitted], screen, forgetting, effort.most_s, step)
-    all_replays = functools.cache(
-        lambda: _objective([fitted, held_out], screen, forgetting, effort.doubt_s, quick)
-    )
-    data = prepare_holdout(held_out, forgetting, effort.proof_s, step)
     log = DecisionLog()
-    naming = Naming(screen, search_replays, objective, all_replays, data, step, seed, log)
-    claims = _claims(naming, prepared, say)
+    found = _searched(scene, prepared, seed, log, say)
+    others = found.missed and turned(prepared)
+    note: tuple[str, ...] = ()
+    if others:
+        say("recordings take turns", 0.1)
+        again = _searched(scene, others, seed, log, say, attempts=1)
+        if new := again.names - found.names:
+            said = ", ".join(str(a.planted) for a in again.claims.accepted if a.planted.key in new)
+            held = " and ".join(f"'{u.path}'" for u in prepared.used if u.role == "holdout")
+            note = (f"Of the recordings, which took turns, only {held} shows {said}.",)
+            found = again
     say("preparing pictures", 0.9)
-    diagnosis = shown_by_holdout(_diagnosis(scene, prepared, fitted, naming, claims), data)
+    diagnosis = _diagnosis(scene, found)
+    if found.missed:
+        diagnosis = shown_by_holdout(diagnosis, *found.missed)
     return replace(
         diagnosis,
         audit=prepared.audit,
@@ -133,6 +132,7 @@ def diagnose(
         translated=translation_evidence,
         notes=(
             *diagnosis.notes,
+            *note,
             *(sentences(translation_evidence) if translation_evidence else ()),
         ),
         seconds=time.monotonic() - began,
@@ -149,26 +149,78 @@ def _audited(
     return (Scene(model, amendments) if amendments else scene), prepared
 
 
-def _claims(naming: Naming, prepared: Prepared, say: Report) -> Claims:
-    """All that is claimed; nothing, where what was recorded as commands are none."""
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """What was found with some recordings held out.
+
+    Attributes:
+        prepared: the recordings.
+        fitted: those that were fitted, smoothed.
+        naming: what the claims are made by.
+        claims: what is claimed.
+        missed: the same on the held-out recordings, and their replays, where these err although
+            the fitted ones leave nothing open.
+    """
+
+    prepared: Prepared
+    fitted: Smoothed
+    naming: Naming
+    claims: Claims
+    missed: tuple[Assessed, Objective] | None
+
+    @property
+    def names(self) -> set[Key]:
+        """Effects that are claimed, and their places."""
+        return {a.planted.key for a in self.claims.accepted}
+
+
+def _searched(
+    scene: Scene, prepared: Prepared, seed: int, log: DecisionLog, say: Report, attempts: int = 0
+) -> _Found:
+    """Search the fitted recordings and ask the held-out ones, which were asked before so often."""
+    say("smoothing", 0.02)
+    effort = FLOATING if scene.free else FIXED
+    own = float(scene.model.opt.timestep)
+    step, quick = min(effort.step, own), min(effort.search_step, own)
+    fitted = smooth(scene, prepared.fit)
+    forgetting = forgets(fitted, step)
+    commands = commands_each(fitted, prepared.fit, forgetting, quick)
+    if commands > 1:
+        fitted = smooth(scene, prepared.fit, commands)
+    held_out = smooth(scene, prepared.held, commands)
+    say("screening hypotheses", 0.08)
+    screen = Screen(fitted, seed)
+    search_replays = _objective([fitted], screen, forgetting, effort.search_s, quick)
+    objective = _objective([fitted], screen, forgetting, effort.most_s, step)
+    all_replays = functools.cache(
+        lambda: _objective([fitted, held_out], screen, forgetting, effort.doubt_s, quick)
+    )
+    data = prepare_holdout(held_out, forgetting, effort.proof_s, step)
+    naming = Naming(screen, search_replays, objective, all_replays, data, step, seed, log)
     if any(f.voids_commands for f in prepared.audit):
-        return naming.proven(())
-    proven = _proven(naming, say)
+        return _Found(prepared, fitted, naming, naming.proven(()), None)
+    proven = _proven(naming, say, attempts)
     say("naming", 0.8)
-    return naming.claimed(proven)
+    claims, missed = naming.claimed(proven), None
+    # replays of legs are asked by the proof alone: they would cost a search
+    if not scene.free and verdict(claims, objective) in ("no_mismatch", "explained"):
+        held = _objective([held_out], screen, forgetting, effort.most_s, step)
+        assessed = held.reference(data.here(claims.hypothesis))
+        missed = (assessed, held) if erring(assessed, held) else None
+    return _Found(prepared, fitted, naming, claims, missed)
 
 
-def _diagnosis(
-    scene: Scene, prepared: Prepared, fitted: Smoothed, naming: Naming, claims: Claims
-) -> Diagnosis:
+def _diagnosis(scene: Scene, found: _Found) -> Diagnosis:
     """The claims, with all that a report shows of them."""
+    prepared, fitted, naming, claims = found.prepared, found.fitted, found.naming, found.claims
     holdout = naming.holdout
     refined = _too_coarse(scene, holdout, claims)
     units = {j: units_at(scene, Location("joint", j)) for j in scene.joints}
     quantized = coarse_steps(prepared.fit, prepared.held, units)
     where = claims.unexplained(naming.objective)
     shown = traces(prepared, (fitted, holdout.smoothed), claims.complete, naming.step)
-    nameless = unforeseen(claims.estimated.assessed, naming.objective, where)
+    told = not any(f.voids_commands for f in prepared.audit)
+    nameless = unforeseen(claims.estimated.assessed, naming.objective, where) if told else ()
     experiment = release(scene, shown) if passive(scene) else ""
     all_findings = (*findings(claims, scene, experiment), *nameless, *quantized)
     further = measured(prepared, naming.screen, holdout, claims.complete, naming.step)
@@ -212,21 +264,27 @@ def _diagnosis(
         traces=shown,
         suggestions=suggestions(all_findings),
         measured=further,
-        notes=(*_notes(scene, holdout.forgets, refined, claims), *further.notes),
+        notes=(*_notes(holdout, refined, claims), *further.notes),
         residual_onnx=files.residual_onnx,
         physics_py=files.physics_py,
         holdout_npz=files.holdout_npz,
     )
 
 
-def _proven(naming: Naming, say: Report) -> Claims:
-    """Search and prove; where the proof drops effects and leaves errors, search for others."""
+def _proven(naming: Naming, say: Report, before: int = 0) -> Claims:
+    """Search and prove; where the proof drops effects and leaves errors, search for others.
+
+    Args:
+        naming: makes the claims.
+        say: called as the work goes on.
+        before: proofs on the same recordings, before these.
+    """
     screen, replays, log = naming.screen, naming.search_replays, naming.log
     accepted = search(screen, replays, log, say)
     banned, kept = set[Key](), set[Key]()
     for attempt in range(1, ATTEMPTS + 1):
         say("estimating and proving", 0.7)
-        proven = naming.proven(accepted, attempt, kept)
+        proven = naming.proven(accepted, before + attempt, kept)
         # fewer, not others: an effect that a simpler law says as well was not refused
         refused = len(proven.accepted) < len(accepted)
         if not refused or attempt == ATTEMPTS or naming.clean(proven):
@@ -265,18 +323,26 @@ def _too_coarse(scene: Scene, holdout: Holdout, claims: Claims) -> bool:
     return bool((added > holdout.smoothed.noise).any())
 
 
-def _notes(scene: Scene, forgetting: bool, coarse: bool, claims: Claims) -> tuple[str, ...]:
+def _notes(holdout: Holdout, coarse: bool, claims: Claims) -> tuple[str, ...]:
+    scene, commands = holdout.smoothed.motion.scene, holdout.smoothed.commands
     notes = [
         f"The held-out recordings hardly excite {p}: it is proven on the fitted ones, each part "
         "left out in turn."
         for p, gain in zip(claims.estimated.hypothesis, claims.gains, strict=True)
         if gain.in_turn
     ]
+    if commands > 1:
+        rate = 1.0 / min(s.dt for s in holdout.smoothed.samples)
+        notes.append(
+            f"The controller seems to have sent {commands} commands for each sample of the log. "
+            "What they were in between is a guess, and with it whatever is said of delays and of "
+            f"damping: a log at {rate:.3g} Hz would tell."
+        )
     if coarse:
         notes.append(
             f"The model's time step of {1e3 * scene.model.opt.timestep:g} ms is too coarse for "
             f"these recordings: model.xml has {1e3 * STEP_S:g} ms, as the replays do."
         )
-    if not forgetting:
+    if not holdout.forgets:
         notes.append("The machine does not forget its initial state: replays restart every 0.5 s.")
     return tuple(notes)

@@ -200,6 +200,7 @@ class Finding:
         confusable_with: effects that could not be told apart from it.
         depends_on: columns an unknown effect depends on.
         formula: an unknown effect's force in those columns.
+        formula_gain: share of the held-out squared error that the formula as printed removes.
         reference: literature of the law.
     """
 
@@ -212,16 +213,18 @@ class Finding:
     confusable_with: tuple[Confusable, ...] = ()
     depends_on: tuple[str, ...] = ()
     formula: str | None = None
+    formula_gain: float | None = None
     reference: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """As in ``diagnosis.json``."""
+        printed = {} if self.formula_gain is None else {"formula_gain": self.formula_gain}
         return {
             "effect": self.effect,
             "at": _place(self.at),
             "parameters": {name: e.to_json() for name, e in self.parameters.items()},
             "statement": self.statement,
-            "evidence": {"holdout_gain": self.holdout_gain, "p_value": self.p_value},
+            "evidence": {"holdout_gain": self.holdout_gain, "p_value": self.p_value, **printed},
             "confusable_with": [
                 {
                     "effect": c.effect,

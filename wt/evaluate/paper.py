@@ -16,7 +16,11 @@ SINGLE_STEP: Mapping[str, Mapping[str, float]] = {
         "r5_force": (0.706230, 0.741280, 0.515493, 0.762682, 0.401467),
     }.items()
 }
-"""Single-step MSE of the normalised next observation by task and method (figure 3)."""
+"""Single-step MSE of the next observation by task and method (figure 3), in a unit of the paper's.
+
+It does not say which. Our best hypothesis, which no number of it confirms, is physical units over
+all channels at once, where joint velocities at contact weigh most.
+"""
 
 
 def row(task: str) -> str | None:

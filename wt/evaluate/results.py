@@ -1,6 +1,7 @@
 """The numbers of an evaluation: ``results.json``, ``results.md`` and a table in the terminal.
 
-``results.json`` follows the public schema 1; after its keys come ``per_channel`` (errors in
+Errors are in three units: of the state's spread, of its change's, and physical. ``results.json``
+follows the public schema 1; after its keys come ``per_channel`` and ``per_group`` (errors in
 physical units) and ``note`` (what the comparison assumes).
 """
 
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 
 from wt.errors import DataError
 from wt.evaluate import paper
@@ -112,6 +114,19 @@ class Results:
         raw = self.single_step.get("RawSim")
         return self.single_step[method].mse / raw.mse if raw and raw.mse else math.nan
 
+    @property
+    def groups(self) -> Mapping[Channel, Mapping[str, float]]:
+        """Each method's RMSE over the channels of one kind, e.g. ``qpos`` [rad], physical units."""
+        found: dict[Channel, list[int]] = {}
+        for c, channel in enumerate(self.channels):
+            kind = Channel(channel.name.partition("/")[0], channel.unit)
+            found.setdefault(kind, []).append(c)
+        return {
+            kind: {m: math.sqrt(statistics.fmean(e[c] ** 2 for c in rows))
+                   for m, e in self.rmse.items()}
+            for kind, rows in found.items()
+        }  # fmt: skip
+
     def save(self, folder: Path) -> None:
         """Write ``results.json`` and ``results.md`` into ``folder``.
 
@@ -166,6 +181,13 @@ class Results:
                 }
                 for c, channel in enumerate(self.channels)
             },
+            "per_group": {
+                kind.name: {
+                    "unit": kind.unit,
+                    "rmse": {method: _number(error) for method, error in errors.items()},
+                }
+                for kind, errors in self.groups.items()
+            },
             "note": self.note,
         }
 
@@ -212,6 +234,7 @@ class Results:
             " ".join([_LEGEND, *([_PAPER_LEGEND] * bool(self.paper)), self.note]),
         ]
         if self.channels:
+            lines += ["", f"## {_PHYSICAL}", "", *markdown_table(*self._physical())]
             head = ["channel", *self.rmse]
             rows = [
                 [f"{channel.name} [{channel.unit}]", *(f"{e[c]:.3g}" for e in self.rmse.values())]
@@ -229,6 +252,9 @@ class Results:
         """Print the table of methods to a terminal."""
         rows = self._rows(bold="[bold]{}[/bold]")
         console.print(terminal_table(self._head(), rows, self._title()))
+        if self.channels:
+            head, rows = self._physical()
+            console.print(terminal_table([escape(name) for name in head], rows, _PHYSICAL))
         console.print(self._ratio(), highlight=False)
         console.print(self.note, style="dim", highlight=False)
 
@@ -242,10 +268,9 @@ class Results:
 
     def _rows(self, bold: str) -> list[list[str]]:
         """One row a method, ours first and the rest by error; the smallest MSE through ``bold``."""
-        order = sorted(self.single_step, key=lambda m: (_rank(m), _or_inf(self.single_step[m].mse)))
         best = min((_or_inf(score.mse) for score in self.single_step.values()), default=math.inf)
         rows = []
-        for method in order:
+        for method in self._order():
             score = self.single_step[method]
             mse = short(score.mse) if math.isfinite(score.mse) else "diverged"
             row = [
@@ -262,6 +287,17 @@ class Results:
             rows.append(row)
         return rows
 
+    def _physical(self) -> tuple[list[str], list[list[str]]]:
+        """Head and rows of the table in physical units, methods in the order of the other one."""
+        groups = self.groups
+        order = [m for m in self._order() if m in self.rmse]
+        rows = [[m, *(f"{errors[m]:.3g}" for errors in groups.values())] for m in order]
+        return ["method", *(f"{kind.name} [{kind.unit}]" for kind in groups)], rows
+
+    def _order(self) -> list[str]:
+        """Methods, ours first and the rest by error."""
+        return sorted(self.single_step, key=lambda m: (_rank(m), _or_inf(self.single_step[m].mse)))
+
     def _ratio(self) -> str:
         ratio = self.ratio_to_best_baseline
         if math.isnan(ratio):
@@ -269,10 +305,15 @@ class Results:
         return f"{OURS} makes {ratio:.3f} of the error of the best baseline."
 
 
-_LEGEND = "MSE on the normalised next state (and change), teacher forcing; spread over seeds."
+_LEGEND = (
+    "MSE in units of the state's variance (and of its change's), teacher forcing; spread over "
+    "seeds. Pairs of S and R choose each model's checkpoint, the seed that is exported and the "
+    "champion: the validation pairs, none of the test pairs that the table is of."
+)
+_PHYSICAL = "Error in physical units (RMSE of each kind of channel)"
 _PAPER_LEGEND = (
-    "The paper's numbers are those of its figure 3, on its own worlds: compare ratios with them, "
-    "not absolute values."
+    "The paper's numbers are those of its figure 3, on its own worlds and in a unit that it does "
+    "not name: compare ratios with them, not absolute values."
 )
 
 

@@ -150,6 +150,9 @@ class _HerdStep:
                 self.answer[rows], target[rows], self.hidden[rows], herd.ground.height
             )
         self._state.overwrite(herd, target, self.hidden, rows)
+        if len(rows):
+            # torques and the feet's sensors are those of where the robots are, not of S's step
+            herd.batch.forward(rows)
 
     def retake(self, action: Float[np.ndarray, "robot joint"]) -> None:
         """As :class:`wt.evaluate.alignment.SimulatorStep`, of joint targets [rad]."""

@@ -8,6 +8,7 @@ effect does not have a hook.
 FromRecordings part of it is read off the recordings instead of fitted: times of events, a load
 Linearised     its force is linear in its first parameter and in that one's products with others
 Nested         it contains a law with fewer parameters
+Uniting        it says alone what several others do together
 Stateful       its patch adds joints, which have a state when a replay begins
 OnInputs       a replay's commands or external forces are changed
 OnOutputs      what a replay's sensors report is changed
@@ -34,6 +35,7 @@ from wt.physics.scene import Scene
 from wt.types import Location
 
 Beyond = tuple[Shape, Float[np.ndarray, " parameter"]]  # a shape, and parameters under it
+Shown = tuple[Effect, Float[np.ndarray, " _"]]  # as some recordings show it
 # name of a parameter → lower and upper end of what it may be
 Intervals = Mapping[str, tuple[float | tuple[float, ...], float | tuple[float, ...]]]
 
@@ -55,13 +57,13 @@ class FromRecordings(Effect):
 
     def elsewhere(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
-    ) -> Effect:
+    ) -> Shown:
         """The effect as it shows in other recordings; events have times of their own there."""
-        return self
+        return self, theta
 
-    def beside(self, elsewhere: Effect) -> Effect:
+    def beside(self, theta: Float[np.ndarray, " parameter"], elsewhere: Shown) -> Shown:
         """The effect with what other recordings show of it, too; events have all their times."""
-        return self
+        return self, theta
 
     def observed(self) -> Mapping[str, tuple[str, tuple[float, ...]]]:
         """Figures that were read off, by name: (unit, values)."""
@@ -151,6 +153,28 @@ class Nested(Effect):
             Id and parameters of that law; None if this one is needed.
         """
         return None
+
+
+class Uniting(Effect):
+    """An effect that may say alone what several others at its place do together.
+
+    Attributes:
+        unites: their ids.
+    """
+
+    unites: ClassVar[tuple[str, ...]] = ()
+
+    @abc.abstractmethod
+    def union(
+        self, motion: Motion, at: Location, parts: Mapping[str, Float[np.ndarray, " _"]]
+    ) -> Float[np.ndarray, " parameter"] | None:
+        """Its parameters in the place of several effects; None if it cannot be all that.
+
+        Args:
+            motion: the recordings.
+            at: where they stand.
+            parts: id → parameters of two or more of these effects.
+        """
 
 
 class Stateful(Effect):

@@ -78,7 +78,15 @@ class Planted:
         """The same effect in other recordings: what happens at times happens at theirs."""
         if not isinstance(self.effect, FromRecordings):
             return self
-        return replace(self, effect=self.effect.elsewhere(motion, self.at, self.theta))
+        effect, theta = self.effect.elsewhere(motion, self.at, self.theta)
+        return replace(self, effect=effect, theta=theta)
+
+    def beside(self, elsewhere: Planted) -> Planted:
+        """The same effect with what other recordings show of it, too."""
+        if not isinstance(self.effect, FromRecordings):
+            return self
+        effect, theta = self.effect.beside(self.theta, (elsewhere.effect, elsewhere.theta))
+        return replace(self, effect=effect, theta=theta)
 
     def reach(self) -> tuple[Float[np.ndarray, " parameter"], Float[np.ndarray, " parameter"]]:
         """Smallest and largest step to ask :meth:`moved` for."""

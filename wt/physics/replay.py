@@ -83,6 +83,7 @@ class Inputs:
         h: physics step [s].
         u: commands, (S, nu).
         force: world-frame force on bodies' centres of mass, body id → (S, 3) [N].
+        torque: generalised force on degrees of freedom, dof → (S,) [N·m or N].
     """
 
     recording: int
@@ -90,6 +91,7 @@ class Inputs:
     h: float
     u: Float[np.ndarray, "step actuator"]
     force: dict[int, Float[np.ndarray, "step 3"]] = field(default_factory=dict)
+    torque: dict[int, Float[np.ndarray, " step"]] = field(default_factory=dict)
 
     def delayed(
         self, signal: Float[np.ndarray, " step"], delay: float

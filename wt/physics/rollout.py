@@ -152,7 +152,8 @@ class _Job:
         for p in hypothesis:
             p.drive(self.inputs, self.scene)
         self.live = any(is_live(p.effect) for p in hypothesis)
-        self.layout = (*_sizes(self.model), steps, bool(self.inputs.force), self.live)
+        pushed = bool(self.inputs.force), bool(self.inputs.torque)
+        self.layout = (*_sizes(self.model), steps, *pushed, self.live)
 
     def initial(self) -> tuple[Float[np.ndarray, " joint"], Float[np.ndarray, " joint"]]:
         """Positions and velocities to start from, in the order of the patched model's joints."""
@@ -232,6 +233,9 @@ def _advance(
     if not acts:
         u = u[:, :, controls]
         flags = int(spec.mjSTATE_CTRL)
+        if jobs[0].inputs.torque:
+            flags |= int(spec.mjSTATE_QFRC_APPLIED)
+            u = np.concatenate([u, np.stack([_torques(job, start, stop) for job in jobs])], axis=2)
         if jobs[0].inputs.force:
             flags |= int(spec.mjSTATE_XFRC_APPLIED)
             u = np.concatenate([u, np.stack([_wrenches(job, start, stop) for job in jobs])], axis=2)
@@ -247,10 +251,11 @@ def _advance(
     pushed = [
         (row, _wrenches(job, start, stop)) for row, job in enumerate(jobs) if job.inputs.force
     ]
+    turned = np.stack([_torques(job, start, stop)[:, own] for job in jobs])
     xfrc = batch.bind("xfrc_applied")
     for k in range(stop - start):
         q, v, command = qpos[:, own], qvel[:, own], u[:, k].copy()
-        extra[:] = 0.0
+        extra[:] = turned[:, k]
         for act in acts:
             rows = act.rows
             now = StepState(t[rows, k], h, q[rows], v[rows], command[rows], extra[rows])
@@ -271,6 +276,15 @@ def _wrenches(job: _Job, start: int, stop: int) -> Float[np.ndarray, "step wrenc
     for body, force in job.inputs.force.items():
         wrenches[:, job.model.body(job.scene.model.body(body).name).id, :3] = force[start:stop]
     return wrenches.reshape(stop - start, -1)
+
+
+def _torques(job: _Job, start: int, stop: int) -> Float[np.ndarray, "step dof"]:
+    """Generalised forces on all degrees of freedom of the patched model, (steps, nv)."""
+    torques = np.zeros((stop - start, job.model.nv))
+    for dof, torque in job.inputs.torque.items():
+        name = job.scene.model.joint(int(job.scene.model.dof_jntid[dof])).name
+        torques[:, job.model.joint(name).dofadr[0]] = torque[start:stop]
+    return torques
 
 
 def _control_map(job: _Job) -> Int[np.ndarray, " control"]:

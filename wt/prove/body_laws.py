@@ -168,6 +168,18 @@ class HiddenBelt(WorldLaw):
         plant.total[self._b] -= ratio * pull
 
 
+class HiddenCrosstalk(WorldLaw):
+    """At a+b ``fraction`` of what the drive of a transmits turns joint b as well."""
+
+    def bind(self, plant: Plant) -> None:
+        """Look up the joints."""
+        self._a, self._b = (plant.index(name) for name in self.place.split("+"))
+
+    def act(self, plant: Plant, t: float) -> None:
+        """See the class."""
+        plant.total[self._b] += self.number("fraction") * float(plant.transmitted[self._a])
+
+
 class HiddenCounterweight(WorldLaw):
     """A force upwards on every link, ``share`` of its weight."""
 
@@ -175,6 +187,31 @@ class HiddenCounterweight(WorldLaw):
         """See the class."""
         up = -self.number("share") * plant.model.opt.gravity
         plant.data.xfrc_applied[1:, :3] += plant.model.body_mass[1:, None] * up
+
+
+class HiddenNudges(WorldLaw):
+    """``count`` pushes at a joint, Gaussian in time, of about ``torque`` and either sign.
+
+    In each recording they come at times of its own.
+    """
+
+    def bind(self, plant: Plant) -> None:
+        """Look up the joint."""
+        self._joint, self._nudges = plant.index(self.place), np.zeros((0, 3))
+
+    def start(self) -> None:
+        """Draw middles [s], deviations [s] and heights [N·m], two seconds apart in the mean."""
+        count = round(self.number("count"))
+        middles = 1.0 + 12.0 * (np.arange(count) + self.rng.uniform(0.2, 0.8, count)) / count
+        heights = self.number("torque") * self.rng.uniform(0.7, 1.3, count)
+        heights *= self.rng.choice([-1.0, 1.0], count)
+        self._nudges = np.stack([middles, self.rng.uniform(0.03, 0.1, count), heights], axis=1)
+
+    def act(self, plant: Plant, t: float) -> None:
+        """See the class."""
+        middle, deviation, height = self._nudges.T
+        course = height * np.exp(-0.5 * ((t - middle) / deviation) ** 2)
+        plant.total[self._joint] += float(course.sum())
 
 
 class HiddenUnbalance(WorldLaw):
@@ -202,6 +239,8 @@ LAWS: dict[str, type[HiddenLaw]] = {
     "world.gravity": HiddenGravity,
     "world.gravity_compensation": HiddenCounterweight,
     "pair.spring": HiddenBelt,
+    "pair.crosstalk": HiddenCrosstalk,
+    "joint.force_intermittent": HiddenNudges,
     "outsider.flywheel": HiddenFlywheel,
     "outsider.cable": HiddenCable,
     "outsider.unbalance": HiddenUnbalance,

@@ -126,7 +126,7 @@ def _truth(
         return HiddenEffect(effect, "actuator", f"{name}_drive", drawn, effect)
     if effect == "world.gravity_compensation":
         return HiddenEffect(effect, "body", "all", drawn, effect)
-    if effect == "pair.spring":
+    if group == "pair":
         return HiddenEffect(effect, "pair", f"{robot.joints[joint - 1]}+{name}", drawn, effect)
     if group in ("world", "contact"):
         return HiddenEffect(effect, "world", "world", drawn, effect)

@@ -302,6 +302,8 @@ def _belt(d: Draw) -> Parameters:
 LATER: dict[str, Magnitudes] = {
     "joint.friction_directional": _directed,
     "pair.spring": _belt,
+    "pair.crosstalk": lambda d: {"fraction": d.sign() * d.pick(0.3, 0.2, 0.1)},
+    "joint.force_intermittent": lambda d: {"torque": 4.0 * d.torque, "count": 5},
     "world.gravity_compensation": lambda d: {"share": d.pick(1.0, 0.6, 0.3)},
     "body.payload_moving": _moving,
     # where it can stand depends on the motions

@@ -145,6 +145,7 @@ class Plant:
         mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
         self.data = mujoco.MjData(self.model)
         self.total = np.zeros(len(rig.links))
+        self.transmitted = np.zeros(len(rig.links))  # by the drives to their joints [N·m]
         for law in laws:
             law.bind(self)
         # inertias may have changed
@@ -296,6 +297,7 @@ class Plant:
             tau[i] = law.torque(float(tau[i]), float(motor_q[i]), float(motor_v[i]))  # type: ignore[attr-defined]
         for i, law in self._gear:
             tau[i] = law.advance(float(tau[i]), float(q[i]), float(v[i]))  # type: ignore[attr-defined]
+        self.transmitted[:] = tau
         np.subtract(tau, self.damping * v, out=self.total)
         for i, law in self._joint:
             self.total[i] += law.joint(float(q[i]), float(v[i]), float(tau[i]))  # type: ignore[attr-defined]

@@ -37,6 +37,7 @@ PLACES: dict[str, dict[str, tuple[int, ...]]] = {
     "world.gravity": {"arm3": (1,), "arm6": (1,)},
     "world.gravity_compensation": {"arm3": (1,), "arm6": (1,)},
     "pair.spring": _PAIRS,
+    "pair.crosstalk": _PAIRS,
     "outsider.flywheel": {"arm3": (2,), "arm6": (2, 4)},
     "outsider.cable": _PAIRS,
 }

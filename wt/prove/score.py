@@ -56,12 +56,14 @@ PARAMETERS: dict[str, tuple[str, ...]] = {
     "sensor.quantization": ("step",),
     "world.gravity": ("angle", "direction"),
     "world.gravity_compensation": ("share",),
+    "joint.force_intermittent": (),
     "joint.friction_directional": (
         "coulomb_forward",
         "coulomb_backward",
         "viscous_forward",
         "viscous_backward",
     ),
+    "pair.crosstalk": ("fraction",),
     "pair.spring": ("stiffness", "ratio", "reference"),
 }
 """Parameters that are marked. Windows are not, nor what an effect needs inside these worlds."""

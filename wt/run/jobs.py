@@ -13,7 +13,6 @@ import multiprocessing
 import os
 import queue
 import signal
-import threading
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -33,6 +32,7 @@ from wt.run.study import Study
 from wt.schema import flat
 from wt.train.device import on
 from wt.train.fit import fit_world_model
+from wt.train.replicas import end_with_parent
 from wt.train.score import PairTensors, predictions
 
 POLL_SECONDS = 0.2
@@ -89,8 +89,10 @@ def run_jobs(study: Study, jobs: Sequence[Job]) -> None:
             train(study, job)
         return
     context = multiprocessing.get_context("spawn")
-    messages = context.Queue()
-    arguments = (to_yaml(study.config), str(study.folder), messages)
+    messages, places = context.Queue(), context.Queue()
+    for index in range(workers):
+        places.put(index)
+    arguments = (to_yaml(study.config), str(study.folder), messages, places)
     with ProcessPoolExecutor(workers, context, _open, arguments) as pool, _killed_on_error():
         with _deaf_to_interrupts():
             pending = {_submit(pool, job) for job in todo}
@@ -112,13 +114,13 @@ def _submit(pool: ProcessPoolExecutor, job: Job) -> Future[None]:
         raise
 
 
-def train(study: Study, job: Job) -> None:
-    """Train one method and keep its prediction."""
+def train(study: Study, job: Job, index: int = 0) -> None:
+    """Train one method and keep its prediction, in the process of an index among its like."""
     seed, method, _ = job
     data, config = study.data, study.config
     listener = study.listener
     if method not in (OURS, PAPERS_OWN):
-        with on(config.device):
+        with on(config.device, index):
             baseline = find(method)(study.world.spec, config.baselines, seed)
             baseline.train(
                 data.sim, data.real, data.validation, lambda k, n: listener.progress(str(job), k, n)
@@ -127,7 +129,7 @@ def train(study: Study, job: Job) -> None:
         study.keep_baseline(seed, baseline)
         study.keep(seed, method, baseline.predict(data.test))
         return
-    with on(config.device):
+    with on(config.device, index):
         model = fit_world_model(
             study.world.spec,
             job.settings(config),
@@ -161,23 +163,15 @@ class _Sender:
         self._messages.put(("warn", (line,)))
 
 
-_opened: list[Study] = []
-"""The study of this worker process; filled once by ``_open``."""
+_opened: list[tuple[Study, int]] = []
+"""The study of this worker process, and its index; filled once by ``_open``."""
 
 
-def _open(config: str, folder: str, messages: Any) -> None:  # noqa: ANN401 – see _Sender
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+def _open(config: str, folder: str, messages: Any, places: Any) -> None:  # noqa: ANN401 – see _Sender
+    end_with_parent()
     torch.set_num_threads(1)
     fit = parse(FitConfig, yaml.safe_load(config), "")
-    _opened.append(Study.open(fit, Path(folder), _Sender(messages)))
-
-
-def _end_with_parent() -> None:
-    """Do not train on for a run that was killed."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-    os._exit(1)
+    _opened.append((Study.open(fit, Path(folder), _Sender(messages)), places.get()))
 
 
 @contextmanager
@@ -211,7 +205,8 @@ def _deaf_to_interrupts() -> Iterator[None]:
 
 
 def _train(job: Job) -> None:
-    train(_opened[0], Job(*job))
+    study, index = _opened[0]
+    train(study, Job(*job), index)
 
 
 def _hand_on(messages: Any, study: Study) -> None:  # noqa: ANN401 – see _Sender

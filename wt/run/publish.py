@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from io import BytesIO
 
@@ -18,11 +18,12 @@ from wt.errors import ConfigError, RegistryError
 from wt.evaluate import figures
 from wt.evaluate.results import ASSUMPTION, OURS, PAPERS_OWN, MethodScore, Results
 from wt.evaluate.rollout_view import write_rollout
-from wt.evaluate.single_step import Errors, first_episode, poses
+from wt.evaluate.single_step import Errors, errors, first_episode, poses
 from wt.export.onnx import eager, export
 from wt.run.study import Study
 from wt.run.track import Run, source
 from wt.show.files import write_whole
+from wt.train.score import PairTensors, predictions
 from wt.translate import Exported, SimToReal
 
 MODEL, RECORDING, FIGURES = "model.onnx", "rollout.rrd", "figures"
@@ -75,13 +76,13 @@ def publish(study: Study, by_seed: Mapping[int, Mapping[str, Errors]], tracked: 
         tracked: the MLflow run.
     """
     config = study.config
-    seed = min(by_seed, key=lambda s: by_seed[s][OURS].mse)
+    chosen = chosen_by(study, by_seed)
+    seed = min(chosen, key=lambda s: chosen[s])
     _record(study, seed)
-    _export(study, seed, by_seed[seed])
+    _export(study, seed, by_seed[seed], chosen[seed])
     version = push(
-        config.registry_name, study.folder, by_seed[seed][OURS].mse, tracked.id,
-        uri=config.tracking.uri,
-    )  # fmt: skip
+        config.registry_name, study.folder, chosen[seed], tracked.id, uri=config.tracking.uri
+    )
     results = tabulate(study, by_seed, version)
     results.save(study.folder)
     _figures(study, seed, results)
@@ -96,6 +97,19 @@ def publish(study: Study, by_seed: Mapping[int, Mapping[str, Errors]], tracked: 
     for picture in sorted((study.folder / FIGURES).glob("*.png")):
         tracked.artifact(picture, FIGURES)
     return Published(results, version, seed)
+
+
+def chosen_by(study: Study, seeds: Iterable[int]) -> dict[int, float]:
+    """MSE of our model on the validation pairs for each seed: what seed and champion are chosen by.
+
+    Never the test pairs: the smallest of several errors on them would be no measurement of them.
+    """
+    pairs, found = study.data.validation, {}
+    for seed in seeds:
+        model = study.load_model(seed, OURS, study.config.plus)
+        tensors = PairTensors.of(pairs, model.frame.state.std, model.frame.change.std)
+        found[seed] = errors(predictions(model, tensors).numpy(), pairs, study.scales).mse
+    return found
 
 
 def tabulate(
@@ -149,7 +163,7 @@ def _has(study: Study, seed: int, method: str) -> bool:
     return method in (PAPERS_OWN, OURS, *study.config.baselines.names)
 
 
-def _export(study: Study, seed: int, by_method: Mapping[str, Errors]) -> None:
+def _export(study: Study, seed: int, by_method: Mapping[str, Errors], chosen: float) -> None:
     """The ONNX graph with its card; nothing is registered that does not match eager."""
     config, spec, folder = study.config, study.world.spec, study.folder
     trained = study.load_model(seed, OURS, config.plus)
@@ -173,7 +187,7 @@ def _export(study: Study, seed: int, by_method: Mapping[str, Errors]) -> None:
         config_hash=study.config_hash,
         commit=commit,
         metrics={f"{name}/mse": e.mse for name, e in by_method.items()},
-        heldout=HeldOut("test pairs", study.held_out, "mse", by_method[OURS].mse),
+        heldout=HeldOut("validation pairs", study.held_out, "mse", chosen),
         parity=difference,
         golden=(o, a, o_next_sim, model(o, a, o_next_sim)),
     )

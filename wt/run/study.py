@@ -96,8 +96,8 @@ class Study:
 
     @property
     def held_out(self) -> str:
-        """Hash of the test pairs: two models compare only on the same ones."""
-        return content_hash(self.data.test)
+        """Hash of the validation pairs: two models compare only on the same ones."""
+        return content_hash(self.data.validation)
 
     @property
     def config_hash(self) -> str:

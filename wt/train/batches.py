@@ -94,6 +94,7 @@ class StepBatches:
         latent: int,
         seed: int,
         segments: Segments | None = None,
+        part: tuple[int, int] = (0, 1),
     ) -> None:
         """Keep references to both domains' data.
 
@@ -104,7 +105,10 @@ class StepBatches:
             latent: size of z, for the noise.
             seed: same seed, same batches.
             segments: where training is on segments too.
+            part: (rank, number) of the processes that share each batch; each has every so-manieth
+                row.
         """
+        self._part = part
         self._segments = segments
         self._sim, self._real = sim, real
         self._batch, self._latent, self._seed = batch, latent, seed
@@ -115,15 +119,18 @@ class StepBatches:
         # torch looks at 32 bits of a seed only, so both numbers are hashed into those
         hashed = int(np.random.SeedSequence((self._seed, step)).generate_state(1)[0])
         generator = seeded(hashed)
+        rank, size = self._part
 
         def draw(data: DomainData) -> DomainData:
-            return data.rows(torch.randint(len(data.x), (self._batch,), generator=generator))
+            index = torch.randint(len(data.x), (self._batch,), generator=generator)
+            return data.rows(index[rank::size])
 
         vae = draw(self._sim), draw(self._real)
         gan = draw(self._sim), draw(self._real)
         noise = torch.randn(4, self._batch, self._latent, generator=generator)
+        # all have all segments: their number need not be a multiple of the processes'
         segment = self._segments.draw(generator) if self._segments else None
-        return StepBatch(step, vae, gan, noise, segment)
+        return StepBatch(step, vae, gan, noise[:, rank::size], segment)
 
     def __iter__(self) -> Iterator[StepBatch]:
         """Batches from ``next_step`` on."""

@@ -1,4 +1,4 @@
-"""Logging of Algorithm 1's inner life, and a watch for its ways of collapsing."""
+"""What watches a training: its progress, and its ways of collapsing."""
 
 from __future__ import annotations
 
@@ -9,40 +9,21 @@ from dataclasses import dataclass
 import lightning
 
 from wt.errors import WorkError
-from wt.train.batches import StepBatches
 from wt.train.module import WorldTranslation
 from wt.train.regression import Progress
 
-MetricSink = Callable[[Mapping[str, float], int], None]
-"""Called with metrics by name and the step they belong to."""
 
+class ShowProgress(lightning.Callback):
+    """Tells how far the training is."""
 
-class StartAtOwnStep(lightning.Callback):
-    """Hands the module's own step to the batches whenever an epoch starts, also after resume."""
-
-    def __init__(self, batches: StepBatches) -> None:
-        """Keep the batches whose step is set."""
-        self._batches = batches
-
-    def on_train_epoch_start(
-        self, trainer: lightning.Trainer, pl_module: lightning.LightningModule
-    ) -> None:
-        """Lightning prefetches a batch past an epoch's end; go back to the true step."""
-        self._batches.next_step = _own(pl_module).own_step
-
-
-class Log(lightning.Callback):
-    """Every few steps: losses, accuracies, latent statistics and gradient norms."""
-
-    def __init__(self, sink: MetricSink, every: int, progress: Progress | None = None) -> None:
+    def __init__(self, progress: Progress, every: int) -> None:
         """Set up.
 
         Args:
-            sink: where metrics go.
-            every: steps between two logs.
             progress: called with (done, total) steps.
+            every: steps between two calls.
         """
-        self._sink, self._every, self._progress = sink, every, progress
+        self._progress, self._every = progress, every
 
     def on_train_batch_end(
         self,
@@ -52,21 +33,10 @@ class Log(lightning.Callback):
         batch: object,
         batch_idx: int,
     ) -> None:
-        """Read the step's metrics and hand them on."""
+        """Tell it."""
         module = _own(pl_module)
-        if module.own_step % self._every:
-            return
-        values = module.metrics | module.gradient_norms()
-        self._sink({k: float(v) for k, v in values.items()}, module.own_step)
-        if self._progress:
+        if module.own_step % self._every == 0:
             self._progress(module.own_step, module.model.method.train.steps)
-
-    def on_validation_epoch_end(
-        self, trainer: lightning.Trainer, pl_module: lightning.LightningModule
-    ) -> None:
-        """Hand on the error on the validation pairs."""
-        values = {k: float(v) for k, v in trainer.callback_metrics.items()}
-        self._sink(values, _own(pl_module).own_step)
 
 
 @dataclass(frozen=True)
@@ -94,18 +64,16 @@ class CollapseWatch(lightning.Callback):
     """
 
     def __init__(
-        self, sink: MetricSink, warn: Callable[[str], None], every: int,
-        limits: CollapseLimits | None = None,
-    ) -> None:  # fmt: skip
+        self, warn: Callable[[str], None], every: int, limits: CollapseLimits | None = None
+    ) -> None:
         """Set up.
 
         Args:
-            sink: where the metric ``collapsed`` goes.
             warn: called with one line when something collapsed.
             every: steps between two looks.
             limits: thresholds.
         """
-        self._sink, self._warn, self._every = sink, warn, every
+        self._warn, self._every = warn, every
         self._limits = limits or CollapseLimits()
         self._in_a_row = {"silent": 0, "won": 0}
         self._said: set[str] = set()
@@ -125,11 +93,12 @@ class CollapseWatch(lightning.Callback):
         values = {k: float(v) for k, v in module.metrics.items()}
         self._refuse_divergence(values, module.own_step)
         limits = self._limits
-        self._count("silent", values["latent/active_std"] < limits.latent_std, module.own_step,
+        silent = values["latent/active_std"] < limits.latent_std
+        self._count(trainer, "silent", silent, module.own_step,
                     "the latent went silent (posterior collapse): lower vae.beta")  # fmt: skip
         won = values["gan/accuracy"] > limits.accuracy
         won = won and values["gan/generator"] > limits.generator
-        self._count("won", won, module.own_step,
+        self._count(trainer, "won", won, module.own_step,
                     "the discriminators won (no useful gradient left): lower "
                     "train.gan_learning_rate or condition the translation")  # fmt: skip
 
@@ -148,12 +117,15 @@ class CollapseWatch(lightning.Callback):
                 "train.learning_rate or train.gan_learning_rate; the best checkpoint so far is kept"
             )
 
-    def _count(self, what: str, now: bool, step: int, advice: str) -> None:
+    def _count(
+        self, trainer: lightning.Trainer, what: str, now: bool, step: int, advice: str
+    ) -> None:
         self._in_a_row[what] = self._in_a_row[what] + 1 if now else 0
         if self._in_a_row[what] >= self._limits.patience and what not in self._said:
             self._said.add(what)
             self._warn(f"training collapsed at step {step}: {advice}")
-            self._sink({"collapsed": 1.0}, step)
+            for logger in trainer.loggers:
+                logger.log_metrics({"collapsed": 1.0}, step)
 
 
 def _own(module: lightning.LightningModule) -> WorldTranslation:

@@ -6,8 +6,6 @@ it works. What is kept of a training is on the CPU, and so are evaluation and ex
 
 from __future__ import annotations
 
-import os
-
 import torch
 
 from wt.config import Device
@@ -24,16 +22,22 @@ def check(name: Device) -> None:
         raise ConfigError("device: 'cuda' was given, and torch finds none; use auto or cpu")
 
 
-def on(name: Device) -> torch.device:
+def on(name: Device, index: int = 0) -> torch.device:
     """The device of a name, as a context in which new tensors are made on it.
 
     Args:
-        name: ``cpu``, ``cuda`` or ``auto``, which is CUDA where there is any. Processes that train
-            side by side are spread over the machine's CUDA devices.
+        name: ``cpu``, ``cuda`` or ``auto``, which is CUDA where there is any.
+        index: of this process among those that train side by side, which are spread over the
+            machine's CUDA devices in turn.
     """
     if name == "cpu" or not torch.cuda.is_available():
         return torch.device("cpu")
-    return torch.device("cuda", os.getpid() % torch.cuda.device_count())
+    return torch.device("cuda", index % torch.cuda.device_count())
+
+
+def beside(device: torch.device, rank: int) -> torch.device:
+    """The device of the process that is ``rank`` further than the one of ``device``."""
+    return device if device.type == "cpu" else on("cuda", device.index + rank)
 
 
 def seeded(seed: int) -> torch.Generator:

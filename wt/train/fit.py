@@ -7,21 +7,26 @@ import logging
 import math
 import signal
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import lightning
 import torch
 from lightning.pytorch.callbacks import ModelCheckpoint
 from torch import Tensor
 
-from wt.config import Method
+from wt.config import Method, Train
 from wt.nets.mlp import Ensemble
 from wt.nets.simulator_use import use_of
 from wt.nets.world_model import WorldModel
-from wt.train.batches import StepBatches, in_frame
-from wt.train.callbacks import CollapseWatch, Log, MetricSink, StartAtOwnStep
+from wt.train.batches import in_frame
+from wt.train.callbacks import CollapseWatch, ShowProgress
 from wt.train.checkpoints import WholeCheckpoints
+from wt.train.data import TranslationData
+from wt.train.device import beside
+from wt.train.logger import MetricSink, SinkLogger
 from wt.train.mean_field import (
     Scores,
     fit_mean_field,
@@ -31,6 +36,7 @@ from wt.train.mean_field import (
 )
 from wt.train.module import WorldTranslation
 from wt.train.regression import Progress, Score
+from wt.train.replicas import OneMachine, Place, Unwrapped, end_with_parent, followers
 from wt.train.score import PairTensors, errors, predictions
 from wt.train.segments import Segments
 from wt.types import Pairs, Transitions, TransitionSpec
@@ -89,14 +95,16 @@ def fit_world_model(
     data = in_frame(model.frame, sim, real)
     train = method.train
     segments = Segments(real, train.segment, train.batch) if train.segment > 1 else None
-    batches = StepBatches(*data, train.batch, method.nets.latent, seed, segments)
-    module = WorldTranslation(model, pairs)
+    loaded = TranslationData(
+        *data, pairs, batch=train.batch, latent=method.nets.latent, seed=seed, segments=segments
+    )
+    module = WorldTranslation(spec, method, model)
     on_step = progress and (lambda k, _: progress(extra + k, total))
-    best = _run(module, batches, folder, sink, warn, on_step)
+    best = _run(module, loaded, folder, sink, warn, on_step)
     module.load_state_dict(torch.load(best, "cpu", weights_only=True)["state_dict"])
     chosen = module.deployed().eval()
     _choose_strength(chosen, pairs)
-    _choose_trust(chosen, pairs)
+    _fit_trust_on_pairs(chosen, pairs)
     return chosen
 
 
@@ -162,7 +170,7 @@ def _score(error: Callable[[], Tensor]) -> Score:
 
 def _run(
     module: WorldTranslation,
-    batches: StepBatches,
+    data: TranslationData,
     folder: Path,
     sink: MetricSink,
     warn: Callable[[str], None],
@@ -170,28 +178,60 @@ def _run(
 ) -> Path:
     """Algorithm 1's loop; returns the checkpoint with the lowest validation error."""
     train, device = module.model.method.train, torch.get_default_device()
+    watchers: list[lightning.Callback] = [CollapseWatch(warn, train.log_every)]
+    if progress:
+        watchers.append(ShowProgress(progress, train.log_every))
+    given: tuple[Any, ...] = ()
+    if train.devices > 1:
+        # a copy: tensors that are given to another process are the same memory in both
+        given = copy.deepcopy(module).cpu(), data.to(torch.device("cpu")), folder, device
+    with followers(train.devices, _follow, given) as place:
+        best = _loop(module, data, folder, place, watchers, SinkLogger(sink))
+    module.to(device)  # Lightning leaves what it trained on the CPU
+    return best
+
+
+def _follow(
+    place: Place,
+    module: WorldTranslation,
+    data: TranslationData,
+    folder: Path,
+    leader: torch.device,
+) -> None:
+    """Train along with the process that leads, and leave everything else to it."""
+    end_with_parent()
+    torch.set_num_threads(1)
+    with beside(leader, place.rank) as device:
+        _loop(copy.deepcopy(module), data.to(device), folder, place, [], None)
+
+
+def _loop(
+    module: WorldTranslation,
+    data: TranslationData,
+    folder: Path,
+    place: Place | None,
+    watchers: Sequence[lightning.Callback],
+    logger: SinkLogger | None,
+) -> Path:
+    """Let Lightning train, from the newest checkpoint on; returns the best one."""
+    train, device = module.model.method.train, torch.get_default_device()
     best = ModelCheckpoint(folder, "best", monitor="val/mse")
     # one of its own: save_last of the one above writes only when the error has fallen
     newest = ModelCheckpoint(folder, "last", enable_version_counter=False)
     last = folder / "last.ckpt"
-    # Lightning's advice on data loaders and its banner are about other set-ups
-    logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", module="lightning")
+    if train.compile:
+        for net in module.model.children():
+            net.compile()
+    with _unadvised():
         trainer = lightning.Trainer(
-            accelerator=device.type,
-            devices=1 if device.type == "cpu" else [device.index],
+            **_placed(place, device, train),
+            precision=train.precision,
             max_epochs=train.steps // train.validate_every,
             limit_train_batches=train.validate_every,
-            callbacks=[
-                StartAtOwnStep(batches),
-                Log(sink, train.log_every, progress),
-                CollapseWatch(sink, warn, train.log_every),
-                best,
-                newest,
-            ],
-            plugins=[WholeCheckpoints()],
-            logger=False,
+            log_every_n_steps=1,  # the module says when
+            callbacks=[*watchers, best, newest],
+            logger=logger or False,
+            use_distributed_sampler=False,
             enable_progress_bar=False,
             enable_model_summary=False,
             num_sanity_val_steps=0,
@@ -199,18 +239,45 @@ def _run(
         )
         on_interrupt = signal.getsignal(signal.SIGINT)
         try:
-            trainer.fit(
-                module,
-                batches,
-                [torch.zeros(1)],  # validation is one step, on all pairs
-                ckpt_path=str(last) if last.exists() else None,
-            )
+            trainer.fit(module, data, ckpt_path=str(last) if last.exists() else None)
         except SystemExit as end:
             # Lightning's answer to Ctrl-C, which also leaves the signal ignored
             signal.signal(signal.SIGINT, on_interrupt)
             raise KeyboardInterrupt from end
-    module.to(device)  # Lightning leaves what it trained on the CPU
     return Path(best.best_model_path)
+
+
+def _placed(place: Place | None, device: torch.device, train: Train) -> dict[str, Any]:
+    """The Trainer's arguments on where it trains."""
+    plugins: list[Any] = [WholeCheckpoints()]
+    if place is None:
+        alone: int | list[int] = 1 if device.index is None else [device.index]
+        return {"accelerator": device.type, "devices": alone, "plugins": plugins}
+    leader = beside(device, -place.rank)
+    each = [beside(leader, rank).index for rank in range(place.size)]
+    return {
+        "accelerator": device.type,
+        "devices": place.size if device.type == "cpu" else each,
+        "num_nodes": train.nodes,
+        "strategy": Unwrapped(),
+        "plugins": [*plugins, OneMachine(place)],
+    }
+
+
+@contextmanager
+def _unadvised() -> Iterator[None]:
+    """Hide Lightning's banner and its advice on data loaders, which are about other set-ups."""
+    loggers = [logging.getLogger(f"lightning.{part}") for part in ("pytorch", "fabric")]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", module="lightning")
+            yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
 
 
 def _change_std(real: Transitions, spec: TransitionSpec) -> torch.Tensor:
@@ -266,8 +333,11 @@ def _choose_strength(model: WorldModel, pairs: PairTensors) -> None:
 
 
 @torch.no_grad()
-def _choose_trust(model: WorldModel, pairs: PairTensors) -> None:
-    """Give the reader the share of each channel that is nearest to R on the validation pairs."""
+def _fit_trust_on_pairs(model: WorldModel, pairs: PairTensors) -> None:
+    """Fit the reader's share of each channel to R by least squares on the validation pairs.
+
+    Of all weights these alone are fitted on pairs, and only with ``mean.simulator: blend``.
+    """
     frame = model.frame
     if frame.reader is None:
         return

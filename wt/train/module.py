@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from typing import Any
 
 import lightning
 import torch
 from lightning.pytorch.core.optimizer import LightningOptimizer
+from pydantic import TypeAdapter
 from torch import Tensor, nn
+from torch.optim import Optimizer
+from torch.optim.lr_scheduler import LambdaLR, LRScheduler
 
+from wt.config import Method
 from wt.nets.world_model import WorldModel
-from wt.train import phases
+from wt.train import phases, replicas
 from wt.train.batches import StepBatch
 from wt.train.score import PairTensors, errors
 from wt.train.segments import segment_error
+from wt.types import TransitionSpec
 
 WARM_UP = 100
 """Steps over which learning rates rise; they then fall along a cosine to zero."""
@@ -34,23 +40,31 @@ class WorldTranslation(lightning.LightningModule):
         metrics: those of the last step, by name; callbacks read them.
     """
 
-    def __init__(self, model: WorldModel, pairs: PairTensors) -> None:
-        """Wrap a model.
+    def __init__(
+        self,
+        spec: TransitionSpec | Mapping[str, Any],
+        method: Method | Mapping[str, Any],
+        model: WorldModel | None = None,
+    ) -> None:
+        """Wrap a model, or a new one that a checkpoint fills.
 
         Args:
+            spec: layout of the transitions, or its plain content, as a checkpoint has it.
+            method: which World Translation, or its plain content.
             model: the networks, with a fitted frame.
-            pairs: validation pairs; they choose the checkpoint and train nothing.
         """
         super().__init__()
+        spec = TypeAdapter(TransitionSpec).validate_python(spec)
+        method = TypeAdapter(Method).validate_python(method)
+        self.save_hyperparameters({"spec": asdict(spec), "method": asdict(method)})
         self.automatic_optimization = False
-        self.model = model
-        self._pairs = pairs
+        self.model = model = model or WorldModel(spec, method)
         self.own_step = 0
         self.metrics: dict[str, Tensor] = {}
         self.average = copy.deepcopy(model.to_real).requires_grad_(False)
 
-    def configure_optimizers(self) -> list[torch.optim.Optimizer]:
-        """Four: (φ, θ, ξ), ψ, generators, discriminators."""
+    def configure_optimizers(self) -> tuple[list[Optimizer], list[LRScheduler]]:
+        """Four: (φ, θ, ξ), ψ, generators, discriminators; all with one schedule."""
         m, train = self.model, self.model.method.train
         self._groups: dict[str, list[nn.Module]] = {
             "vae": [m.encoder, m.decoder, m.classifier],
@@ -59,7 +73,7 @@ class WorldTranslation(lightning.LightningModule):
             "discriminators": [m.discriminator_real, m.discriminator_sim],
         }
         gan = {"generators", "discriminators"}
-        return [
+        optimizers: list[Optimizer] = [
             torch.optim.Adam(
                 _parameters(modules),
                 lr=train.gan_learning_rate if name in gan else train.learning_rate,
@@ -69,9 +83,13 @@ class WorldTranslation(lightning.LightningModule):
             for name, modules in self._groups.items()
         ]
 
+        def share(step: int) -> float:  # a plain function: a checkpoint keeps no method
+            return _share(step, train.steps)
+
+        return optimizers, [LambdaLR(optimizer, share) for optimizer in optimizers]
+
     def training_step(self, batch: StepBatch, batch_idx: int) -> None:
         """One iteration of Algorithm 1's loop."""
-        self._set_learning_rates()
         vae, blind, generators, discriminators = self._each_optimizer()
         # Backward Dynamics Extraction: update φ, θ, ξ, then ψ with z detached
         loss, metrics, z = phases.extraction(self.model, batch)
@@ -92,14 +110,22 @@ class WorldTranslation(lightning.LightningModule):
         self._update(discriminators, loss)
         metrics |= more
         self._follow_average()
+        self._follow_schedule()
         self.metrics = {name: value.detach() for name, value in metrics.items()}
         self.own_step += 1
+        if self.own_step % self.model.method.train.log_every == 0:
+            together = self.trainer.world_size > 1
+            self.log_dict(self.metrics | self.gradient_norms(), sync_dist=together)
+            self._log_step()
 
-    def validation_step(self, batch: object, batch_idx: int) -> None:
+    def validation_step(self, batch: PairTensors, batch_idx: int) -> None:
         """Error on the validation pairs, with the averaged generator."""
-        mse, mse_change = errors(self.deployed(), self._pairs)
-        self.log("val/mse", mse)
-        self.log("val/mse_change", mse_change)
+        self._log_errors("val", batch)
+        self._log_step()
+
+    def test_step(self, batch: PairTensors, batch_idx: int) -> None:
+        """Error on the test pairs, with the averaged generator."""
+        self._log_errors("test", batch)
 
     def deployed(self) -> WorldModel:
         """The model as it would be exported now, sharing all but an averaged generator."""
@@ -135,16 +161,24 @@ class WorldTranslation(lightning.LightningModule):
         optimizer.zero_grad()
         # losses reach through other networks (D in the generators' loss, D_ψ in L_VAE):
         # only this optimizer's parameters collect a gradient
-        self.manual_backward(loss, inputs=optimizer.param_groups[0]["params"])
+        parameters = optimizer.param_groups[0]["params"]
+        self.manual_backward(loss, inputs=parameters)
+        replicas.average(parameters)
         optimizer.step()
 
-    def _set_learning_rates(self) -> None:
-        train = self.model.method.train
-        progress = self.own_step / train.steps
-        factor = min(1.0, (self.own_step + 1) / WARM_UP) * 0.5 * (1 + math.cos(math.pi * progress))
-        rates = (train.learning_rate, train.learning_rate) + 2 * (train.gan_learning_rate,)
-        for optimizer, rate in zip(self._each_optimizer(), rates, strict=True):
-            optimizer.param_groups[0]["lr"] = rate * factor
+    def _follow_schedule(self) -> None:
+        schedules = self.lr_schedulers()
+        for schedule in schedules if isinstance(schedules, list) else [schedules]:
+            schedule.step()  # type: ignore[union-attr]
+
+    def _log_errors(self, split: str, pairs: PairTensors) -> None:
+        mse, mse_change = errors(self.deployed(), pairs)
+        self.log(f"{split}/mse", mse, batch_size=len(pairs.o))
+        self.log(f"{split}/mse_change", mse_change, batch_size=len(pairs.o))
+
+    def _log_step(self) -> None:
+        """Say where on the axis this is: Lightning's own step counts every optimizer."""
+        self.log("step", float(self.own_step), batch_size=1)
 
     @torch.no_grad()
     def _follow_average(self) -> None:
@@ -153,6 +187,11 @@ class WorldTranslation(lightning.LightningModule):
             average: list[Tensor] = list(self.average.parameters())
             current: list[Tensor] = list(self.model.to_real.parameters())
             torch._foreach_lerp_(average, current, 1.0 - decay)
+
+
+def _share(step: int, steps: int) -> float:
+    """Learning rates at a step, as a share of their peak."""
+    return min(1.0, (step + 1) / WARM_UP) * 0.5 * (1 + math.cos(math.pi * step / steps))
 
 
 def _parameters(modules: Iterable[nn.Module]) -> list[nn.Parameter]:

@@ -75,19 +75,19 @@ def regress(
         score: looked at ``LOOKS`` times; the weights of the lowest are kept. None keeps the last.
     """
     generator = seeded(settings.seed)
-    optimizer = torch.optim.AdamW(
-        net.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay
-    )
+    # the schedule gives the rate itself, as a factor of one
+    optimizer = torch.optim.AdamW(net.parameters(), lr=1.0, weight_decay=settings.weight_decay)
+    schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, settings.rate)
     best, kept = math.inf, net.state_dict()
     look_every = max(1, settings.steps // LOOKS)
     net.train()
     for step in range(settings.steps):
-        optimizer.param_groups[0]["lr"] = settings.rate(step)
         index = torch.randint(rows, (settings.batch,), generator=generator)
         value = loss(batch_error(index), step / settings.steps)
         optimizer.zero_grad()
         value.backward()
         optimizer.step()
+        schedule.step()
         if progress and step % 100 == 99:
             progress(step + 1, settings.steps)
         if score and (step + 1) % look_every == 0:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -14,8 +14,7 @@ from wt.types import Pairs
 CHUNK = 16384
 
 
-@dataclass(frozen=True)
-class PairTensors:
+class PairTensors(NamedTuple):
     """Pairs as tensors, with the scales that errors are measured in.
 
     Attributes:
@@ -42,6 +41,12 @@ class PairTensors:
             torch.tensor(x) for x in (real.o, real.a, pairs.sim_next, real.s_next)
         )
         return cls(o, a, sim_next, real_next, state_std, change_std)
+
+    def parts(self) -> list[PairTensors]:
+        """The same pairs, a batch at a time."""
+        *rows, state_std, change_std = self
+        parts = zip(*(x.split(CHUNK) for x in rows), strict=True)
+        return [PairTensors._make([*part, state_std, change_std]) for part in parts]
 
 
 @torch.no_grad()

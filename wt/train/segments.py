@@ -8,6 +8,7 @@ is decoded in use.
 
 from __future__ import annotations
 
+import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -51,6 +52,13 @@ class Segments:
         complete = inside & (real.episode[last] == real.episode)
         complete &= real.step[last] == real.step + length - 1
         self._starts = torch.tensor(np.flatnonzero(complete))
+
+    def to(self, device: torch.device) -> Segments:
+        """The same on another device."""
+        moved = copy.copy(self)
+        moved._data = [x.to(device) for x in self._data]
+        moved._along, moved._starts = self._along.to(device), self._starts.to(device)
+        return moved
 
     def draw(self, generator: torch.Generator) -> TrajectorySegment | None:
         """Some segments; None if no episode is so long."""

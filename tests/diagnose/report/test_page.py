@@ -128,6 +128,7 @@ def test_an_unknown_cause_is_said_with_its_formula(tmp_path: Path) -> None:
     assert "The cause is not known" in page.words
     assert "-0.8*tanh(qvel/j2 / 0.02) < 1" in page.words  # escaped in the source, whole on screen
     assert "qvel/j2 & qpos/j1" in page.words
+    assert "As printed it removes 42 %" in page.words
 
 
 def test_something_missing_without_a_name_is_not_called_nothing(tmp_path: Path) -> None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.diagnose.hidden_forces import World, on_joint, world
+from tests.diagnose.hidden_forces import World, chain, on_joint, world
 from wt.diagnose.likelihood.estimate import estimate
+from wt.diagnose.selection import alternatives
 from wt.diagnose.selection.addition import Accepted
-from wt.diagnose.selection.alternatives import simplified
+from wt.diagnose.selection.alternatives import simplified, united
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
@@ -35,9 +36,72 @@ def test_friction_that_no_load_changes_is_coulombs(rubbing: World) -> None:
     assert before.estimates[0]["fraction"].ci95[0] == 0.0
     accepted, after = simplified(rubbing.objective, given, before, DecisionLog())
     assert [a.planted.effect.id for a in accepted] == ["joint.friction_coulomb"]
-    assert accepted[0].rivals == (stribeck,), "a law must not be its own rival"
+    rivals = [r.effect.id for r in accepted[0].rivals]
+    assert rivals == [LOAD.id, STRIBECK.id], "a law must not be its own rival"
     assert accepted[0].shape == ()
     assert after.estimates[0]["coulomb"].value == pytest.approx(0.3, rel=0.03)
+
+
+def test_bristles_that_slide_nearly_all_the_way_are_coulombs(rubbing: World) -> None:
+    hysteresis = effects()["joint.hysteresis"]
+    planted = Planted(hysteresis, J2, np.array([30.0, 0.3]))
+    before = estimate(rubbing.objective, (planted,))
+    accepted, after = simplified(
+        rubbing.objective, (Accepted(planted, (0.01,), ()),), before, DecisionLog()
+    )
+    assert [a.planted.effect.id for a in accepted] == ["joint.friction_coulomb"]
+    assert [r.effect.id for r in accepted[0].rivals] == ["joint.hysteresis"]
+    assert after.estimates[0]["coulomb"].value == pytest.approx(0.3, rel=0.03)
+    # half a radian of spring is more than bristles bend
+    soft = Planted(hysteresis, J2, np.array([0.6, 0.3]))
+    assert soft.simpler(rubbing.screen.motion, {}) is None
+
+
+def test_legs_lose_a_law_that_gains_too_few_nats(
+    rubbing: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    planted = Planted(STRIBECK, J2, np.array([0.3, 0.1, 0.05]))
+    before = estimate(rubbing.objective, (planted,))
+    # on legs which joints err is a matter of chance
+    noisy = iter([[0], [0, 1]])
+    monkeypatch.setattr(alternatives, "erring_joints", lambda objective, fit: next(noisy))
+    accepted, _ = simplified(
+        rubbing.objective, (Accepted(planted, None, ()),), before, DecisionLog()
+    )
+    assert [a.planted.effect.id for a in accepted] == ["joint.friction_coulomb"]
+
+
+LINK2 = Location("body", "link2")
+LOAD_AT = np.array([0.05, 0.02, -0.2])
+
+
+@pytest.fixture(scope="module")
+def loaded(tmp_path_factory: pytest.TempPathFactory) -> World:
+    """A chain with .3 kg at its second link."""
+    x, y, z = LOAD_AT
+    link = '<geom type="capsule" fromto="0 0 0 .03 .02 -.25" size=".03" mass="1.05"/>'
+    weight = f'{link}<geom type="sphere" size=".005" pos="{x} {y} {z}" mass=".3"/>'
+    return world(
+        tmp_path_factory.mktemp("loaded"), 2, None, 4.0, machine=chain(2).replace(link, weight)
+    )
+
+
+def test_a_load_says_alone_what_mass_and_centre_of_mass_do_together(loaded: World) -> None:
+    payload, scene = effects()["body.payload_fixed"], loaded.scene
+    mass, centre = 1.05, scene.model.body("link2").ipos
+    shift = 0.3 * (LOAD_AT - centre) / (mass + 0.3)
+    thetas = {"body.mass": np.array([1.0 + 0.3 / mass]), "body.com": shift}
+    parts = tuple(Planted(effects()[name], LINK2, theta) for name, theta in thetas.items())
+    motion = loaded.screen.motion
+    assert payload.union(motion, LINK2, thetas) == pytest.approx([0.3, *LOAD_AT])  # type: ignore[attr-defined]
+    lighter = {**thetas, "body.mass": np.array([0.8])}
+    assert payload.union(motion, LINK2, lighter) is None  # type: ignore[attr-defined]
+    before = estimate(loaded.objective, parts)
+    given = tuple(Accepted(p, (), ()) for p in parts)
+    accepted, after = united(loaded.objective, given, before, DecisionLog())
+    assert [a.planted.effect.id for a in accepted] == ["body.payload_fixed"]
+    assert after.estimates[0]["mass"].value == pytest.approx(0.3, rel=0.05)
+    assert {r.effect.id for r in accepted[0].rivals} == set(thetas)
 
 
 def test_what_is_needed_stays(rubbing: World) -> None:

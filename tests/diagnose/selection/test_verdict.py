@@ -13,7 +13,7 @@ from tests.diagnose import synthetic
 from tests.diagnose.hidden_forces import world
 from wt.diagnose.likelihood.estimate import Estimated
 from wt.diagnose.likelihood.objective import Assessed
-from wt.diagnose.result import Error
+from wt.diagnose.result import Verdict
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.naming import Claims
 from wt.diagnose.selection.verdict import bearing, shown_by_holdout, verdict
@@ -33,25 +33,27 @@ def test_one_that_bears_it_alone_is_named_alone() -> None:
 
 
 @pytest.mark.parametrize(
-    ("errors", "forgets", "verdict", "places"),
+    ("before", "at_j2", "after", "places"),
     [
-        ({"j1": 2e-4, "j2": 2e-4}, True, "no_mismatch", []),
-        ({"j1": 2e-4, "j2": 0.1}, True, "unexplained", ["j2"]),
-        ({"j1": 2e-4, "j2": 0.1}, False, "no_mismatch", []),  # its first state is not known
+        ("no_mismatch", 2e-5, "no_mismatch", []),
+        ("no_mismatch", 0.1, "unexplained", ["j2"]),
+        ("explained", 2e-5, "explained", []),
+        ("explained", 0.1, "partly_explained", []),
+        ("partly_explained", 0.1, "partly_explained", []),
     ],
 )
 def test_nothing_is_missing_only_where_the_held_out_recordings_say_so_too(
-    tmp_path: Path, errors: dict[str, float], forgets: bool, verdict: str, places: list[str]
+    tmp_path: Path, before: Verdict, at_j2: float, after: Verdict, places: list[str]
 ) -> None:
-    holdout = dataclasses.replace(world(tmp_path, 2, None, 3.0).held, forgets=forgets)
-    silent = synthetic.nothing()
-    each = {j: Error(e, e, 2e-5, 1.0, (1.0, 1.0)) for j, e in errors.items()}
-    silent = dataclasses.replace(silent, proof=dataclasses.replace(silent.proof, joints=each))
-    counted = shown_by_holdout(silent, holdout)
-    assert counted.verdict == verdict
+    held = world(tmp_path, 2, None, 3.0).objective
+    assessed = Mock(spec=Assessed, mse=np.array([2e-5, at_j2]) ** 2)
+    given = dataclasses.replace(synthetic.nothing(), verdict=before)
+    counted = shown_by_holdout(given, assessed, held)
+    assert counted.verdict == after
     assert [f.at.name for f in counted.findings] == places
     assert [place.at.name for place in counted.locations] == places
     assert all(f.effect == "unknown" and f.p_value < 1e-9 for f in counted.findings)
+    assert (before == "explained" != after) == any("held-out" in n for n in counted.notes)
 
 
 @pytest.mark.parametrize(

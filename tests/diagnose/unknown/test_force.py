@@ -132,8 +132,10 @@ LAW = Law(
         (Atom(0, "cos", 0.0, 3.0), Atom(1, "linear")),
         (Atom(0, "bump", 0.3, 0.2),),
         (Atom(0, "kink", -0.3, 0.1),),
+        (Atom(1, "side", 0.0, -1.0), Atom(0, "linear")),
+        (Atom(1, "size"),),
     ),
-    np.array([0.1, 1.0, -0.2, 0.3, 0.4, -0.5, 0.6]),
+    np.array([0.1, 1.0, -0.2, 0.3, 0.4, -0.5, 0.6, 0.7, -0.8]),
 )
 
 
@@ -147,6 +149,8 @@ def closed_form(q: np.ndarray, v: np.ndarray) -> np.ndarray:
         + 0.4 * np.cos(3 * q) * v
         - 0.5 * np.exp(-(((q - 0.3) / 0.2) ** 2))
         + 0.6 * s * np.exp(-(s**2))
+        + 0.7 * np.maximum(-v, 0.0) * q
+        - 0.8 * np.abs(v)
     )
 
 
@@ -176,6 +180,7 @@ def test_formula_reads_as_the_law() -> None:
     text = LAW.text()
     assert text.startswith("0.1 + 1·qpos/j2·sign(qvel/j2) - 0.2·|qvel/j2|·qvel/j2 + 0.3·sin(2·qpos")
     assert "- 0.5·exp(-((qpos/j2 - 0.3)/0.2)^2)" in text
+    assert text.endswith("+ 0.7·max(-qvel/j2, 0)·qpos/j2 - 0.8·|qvel/j2|")
 
 
 def planted(effect: str, theta: list[float]) -> Planted:

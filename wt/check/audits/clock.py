@@ -88,7 +88,7 @@ def _unit(recording: Recording) -> AuditFinding | None:
         ("t",),
         (),
         said,
-        f"time: {{column: t, unit: {factor:g}}}, or multiply 't' by {factor:g}",
+        f"time: {{column: t, scale: {factor:g}}}, or multiply 't' by {factor:g}",
         change=lambda r: replace(r, t=r.t * factor),
     )
 

@@ -12,6 +12,8 @@ from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import CubicSpline
 
 from wt.check.audit import Stage, Subject, register
 from wt.check.balance import Balance
@@ -23,7 +25,7 @@ _SLOW_S, _SHORT_S = 0.015, 0.004
 _LEADS = np.arange(-0.5, 1.6, 0.1)  # samples
 _DECISIVE = 1.5  # of the mean logarithm of what is left
 _ALIKE = 0.5
-_BETWEEN = 4  # samples put between two
+_MOST_BETWEEN = 10
 
 
 @register
@@ -46,16 +48,17 @@ class CommandTiming:
         dt = balance.signals.dt
         if gain < _DECISIVE:
             return
-        if 0.3 < lead < 0.75 and dt >= _SLOW_S:
+        if 0.2 < lead < 0.75 and dt >= _SLOW_S:
+            count = _periods(balance)
             yield AuditFinding(
                 "command_rate",
                 names,
                 elements,
-                f"The motion follows the commands {1e3 * lead * dt:.0f} ms before they were "
-                f"logged, half a sample: the controller ran faster than the log's {1 / dt:.0f} Hz",
+                f"The motion follows the commands up to half a sample before they were logged: the "
+                f"controller ran faster than the log's {1 / dt:.0f} Hz, at some {count / dt:.0f}",
                 "log at the controller's rate; the commands between two samples are not known",
                 0.9,
-                change=lambda r: _between(r, names),
+                change=lambda r: _between(r, names, count),
             )
         elif 0.75 < lead < 1.35:
             yield AuditFinding(
@@ -70,14 +73,26 @@ class CommandTiming:
             )
 
 
+def _total(balance: Balance, lead: float) -> float:
+    """What is left of the commands if they come so many samples earlier, as a mean logarithm."""
+    s = balance.signals
+    moved = replace(s, u=s.u + lead * s.dt * s.du)
+    return float(np.log(balance.on(moved).unexplained() + 1e-7).mean())
+
+
+def _periods(balance: Balance) -> int:
+    """The fewest periods of the controller in one of the log that explain the motion.
+
+    A command that is held for 1/n of an interval takes effect (1 − 1/n)/2 of it earlier than one
+    that is held throughout.
+    """
+    totals = {n: _total(balance, 0.5 * (1.0 - 1.0 / n)) for n in range(2, _MOST_BETWEEN + 1)}
+    return next(n for n, total in totals.items() if total <= min(totals.values()) + _ALIKE)
+
+
 def _lead(balance: Balance) -> tuple[float, float]:
     """The fewest samples that commands have to come earlier, and what moving them gains."""
-    s = balance.signals
-    totals = []
-    for lead in _LEADS:
-        moved = replace(s, u=s.u + lead * s.dt * s.du)
-        left = balance.on(moved).unexplained()
-        totals.append(float(np.log(left + 1e-7).mean()))
+    totals = [_total(balance, float(lead)) for lead in _LEADS]
     # the balance allows for any delay, so more of a lead than there is does no harm
     enough = int(np.flatnonzero(np.array(totals) <= min(totals) + _ALIKE)[0])
     none = float(np.interp(0.0, _LEADS, totals))
@@ -91,18 +106,31 @@ def _earlier(recording: Recording, names: tuple[str, ...]) -> Recording:
     return replace(recording, columns=columns)
 
 
-def _between(recording: Recording, names: tuple[str, ...]) -> Recording:
+def _between(recording: Recording, names: tuple[str, ...], count: int) -> Recording:
     """The same with rows between, which have commands on the way and no measurement."""
-    t, count = recording.t, _BETWEEN
+    t = recording.t
     steps = np.arange(count) / count
     fine = np.append((t[:-1, None] + np.diff(t)[:, None] * steps).ravel(), t[-1])
     columns = {}
     for name, column in recording.columns.items():
         if name in names:
-            # held over a short interval, a command is the mean of what it was in it
-            middle = np.append(fine[:-1] + 0.5 * np.diff(fine), fine[-1])
-            columns[name] = np.interp(middle, t, column)
+            columns[name] = _interpolated(fine, t, column)
         else:
             columns[name] = np.full(len(fine), np.nan)
             columns[name][::count] = column
     return replace(recording, t=fine, columns=columns)
+
+
+def _interpolated(
+    fine: Float[np.ndarray, " row"],
+    t: Float[np.ndarray, " sample"],
+    u: Float[np.ndarray, " sample"],
+) -> Float[np.ndarray, " row"]:
+    """Commands between samples: on a cubic spline if its like foretells samples better."""
+    known = np.isfinite(u)
+    t, u = t[known], u[known]
+    a, b, c, d, e = (u[i : len(u) - 4 + i] for i in range(5))
+    linear, cubic = c - (b + d) / 2.0, c - (4.0 * (b + d) - a - e) / 6.0
+    if np.square(cubic).sum() < np.square(linear).sum():
+        return np.asarray(CubicSpline(t, u)(fine))
+    return np.interp(fine, t, u)

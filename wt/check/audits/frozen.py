@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import ClassVar
@@ -17,6 +18,7 @@ _SWEPT = 0.3  # rad or m that a command sweeps while its joint's column stands s
 _LONG_S = 1.0
 _TRAVEL = 0.2  # rad or m that a velocity integrates to
 _REPEATED, _QUANTA = 0.3, 4.0
+_PAUSE, _HELD = 12, 0.4  # samples between leaps of one motion; share of them that repeat
 
 
 @register
@@ -133,16 +135,20 @@ def _repeats(recording: Recording) -> Iterable[AuditFinding]:
         return
     # the smallest change that a column ever makes: an encoder's step, if it has one
     quantum = np.array([c[c > 0.0].min() if (c > 0.0).any() else np.inf for c in moved.T])
-    leaps = np.median((moved / quantum).max(axis=1))
-    if leaps < _QUANTA:
+    leaps = np.flatnonzero(known & ((change / quantum).max(axis=1) >= _QUANTA))
+    apart = np.diff(leaps)
+    # from one leap to the next nothing happens, though what leaps so far cannot have stopped
+    idle = np.array([bool(same[i + 1 : j].all()) for i, j in itertools.pairwise(leaps)], bool)
+    moving = apart <= _PAUSE
+    if moving.sum() < 20 or np.mean(idle[moving] & (apart[moving] > 1)) < _HELD:
         return
-    period = 1.0 / (1.0 - float(same[known].mean()))
+    period = float(apart[moving].mean())
     yield AuditFinding(
         "samples_repeated",
         tuple(measured),
         (),
-        f"{100 * same[known].mean():.0f} % of the samples repeat the one before, while what they "
-        f"measure moves: new ones come at every {period:.1f}th only",
+        f"{100 * same[known].mean():.0f} % of the samples repeat the one before, also while what "
+        f"they measure moves: new ones come every {period:.1f} samples only",
         "log at the sensors' own rate, or mark repeated samples as missing",
         change=_unrepeated(measured),
     )

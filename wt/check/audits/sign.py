@@ -26,7 +26,7 @@ class Sign:
                         "encoder_sign",
                         (Edit("q", i, i, -1.0),),
                         f"{name}'s encoder counts backwards",
-                        f"signs: {{qpos/{name}: -1, qvel/{name}: -1}}",
+                        "",
                         (f"joint {name}",),
                     )
                 )
@@ -37,7 +37,7 @@ class Sign:
                     "command_sign",
                     (Edit("u", i, i, -1.0),),
                     f"{name}'s command has the other sign",
-                    f"signs: {{ctrl/{name}: -1}}",
+                    "",
                     (f"actuator {name}",),
                 )
             )

@@ -63,7 +63,7 @@ def _of(balance: Balance, row: Row) -> list[Suspect]:
                     f"{quantity}_unit",
                     (edit,),
                     f"'{column}' is in {name}",
-                    _map(column, name, factor, edit.offset),
+                    "",
                     (f"joint {drive.joint}" if group == "q" else f"actuator {drive.name}",),
                 )
             )
@@ -78,18 +78,11 @@ def _of(balance: Balance, row: Row) -> list[Suspect]:
                 f"{quantity}_scale",
                 (edit,),
                 f"'{column}' is {said} times the model's, as behind a gear or in ticks",
-                _map(column, "", fitted, edit.offset),
+                "",
                 (f"joint {drive.joint}" if group == "q" else f"actuator {drive.name}",),
             )
         )
     return found
-
-
-def _map(column: str, name: str, factor: float, offset: float) -> str:
-    unit = "deg" if name == "degrees" else "rev" if name == "turns" else f"{abs(factor):.6g}"
-    sign = f", signs: {{{column}: -1}}" if factor < 0 else ""
-    shift = f", offsets: {{{column}: {offset:.4g}}}" if abs(offset) > 1e-9 else ""
-    return f"units: {{{column}: {unit}}}{sign}{shift}"
 
 
 def _middle(balance: Balance, row: Row, group: str, factor: float) -> float:

@@ -18,6 +18,7 @@ from wt.types import Recording
 
 DEGREE = np.pi / 180.0
 _ALIKE = 0.8  # correlation from which two signals are the same quantity
+_SLOWEST, _FASTEST = 0.25, 1.5e-4  # s, intervals of any controller's log
 _TURNS = 4.0 * np.pi  # rad, more than a joint of a limb sweeps
 _MAX_DELAY = 0.4  # s, longest delay looked for
 _SHORT_DELAY = 0.06  # s, longest at which an answer's sign is checked
@@ -57,7 +58,7 @@ def doubts(recording: Recording, mapping: Map) -> list[str]:
         recording: what was imported, after the map.
         mapping: the map; what it says of a column itself is believed.
     """
-    lines = []
+    lines = _doubts_of_time(recording)
     if not any(name.startswith("ctrl/") for name in recording.columns):
         lines.append(
             "no command was found, which is right for a machine without actuators alone; name "
@@ -83,6 +84,20 @@ def doubts(recording: Recording, mapping: Map) -> list[str]:
             lines += _doubts_of_follower(recording, mapping, command, position)
         lines += _doubts_of_follower(recording, mapping, command, f"force/{joint}")
     return lines
+
+
+def _doubts_of_time(recording: Recording) -> list[str]:
+    """A doubt about a log that is slower than any controller's, in seconds."""
+    interval = float(np.median(np.diff(recording.t)))
+    for unit, factor in {"ms": 1e-3, "µs": 1e-6, "ns": 1e-9}.items():
+        if interval > _SLOWEST and _FASTEST <= interval * factor <= _SLOWEST:
+            return [
+                f"column 't' has a sample every {interval:.4g} s and lasts {recording.seconds:.4g} "
+                f"s; time looks like {unit}, which would be {1.0 / (interval * factor):.4g} Hz: "
+                f"set in the map of a table 'time: {{column: …, scale: {factor:g}}}', or let "
+                "'wt check RECORDING --fix --out DIR' write it in seconds"
+            ]
+    return []
 
 
 def delays(recording: Recording) -> dict[str, float]:

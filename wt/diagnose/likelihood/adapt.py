@@ -76,6 +76,8 @@ class Squares:
         return normal.active_set(np.where(idle, 0.0, low), np.where(idle, 0.0, high))
 
 
+FARTHEST = 3.0
+"""Most that an initial state adapts [deviations]: a window that wants more shows something else."""
 REWEIGHTED = 4
 """Times that initial states adapt, each as far as what the last left of the error allows."""
 
@@ -87,12 +89,37 @@ class InitialState:
     Attributes:
         rows: of the stretch among all samples.
         response: to one deviation of each initial position and velocity.
-        solve: ridge solution for the deviations.
+        weighted: the same over the error's expected square, transposed.
+        gram: products of both, and the prior's one deviation.
+        farthest: most that it adapts [deviations].
     """
 
     rows: slice
     response: Float[np.ndarray, "error state"]
-    solve: Float[np.ndarray, "state error"]
+    weighted: Float[np.ndarray, "state error"]
+    gram: Float[np.ndarray, "state state"]
+    farthest: float
+
+    @functools.cached_property
+    def _solve(self) -> Float[np.ndarray, "state error"]:
+        return np.asarray(np.linalg.solve(self.gram, self.weighted))
+
+    def shift(
+        self, error: Float[np.ndarray, " error"], bounded: bool = True
+    ) -> Float[np.ndarray, " state"]:
+        """Deviations that explain most of an error, none beyond the farthest if they are bounded.
+
+        What would go farther is held there, and the rest solved for once more.
+        """
+        wanted = np.asarray(self._solve @ error)
+        held = np.abs(wanted) > self.farthest
+        if not (bounded and held.any()):
+            return wanted
+        found, free = np.clip(wanted, -self.farthest, self.farthest), ~held
+        if free.any():
+            right = self.weighted[free] @ error - self.gram[np.ix_(free, held)] @ found[held]
+            found[free] = np.linalg.solve(self.gram[np.ix_(free, free)], right)
+        return np.clip(found, -self.farthest, self.farthest)
 
 
 def initial_deviations(
@@ -142,6 +169,7 @@ def initial_states(
     rows: Sequence[slice],
     response: Float[np.ndarray, "sample dof state"],
     mse: Float[np.ndarray, "*stretch dof"],
+    farthest: float = FARTHEST,
 ) -> tuple[InitialState, ...]:
     """Prepare the projection of each stretch.
 
@@ -149,26 +177,36 @@ def initial_states(
         rows: of each stretch.
         response: of all samples to one deviation of each.
         mse: mean square error that a joint is expected to have, in all or in each stretch.
+        farthest: most that a state adapts [deviations]. On legs it has no end: where their base
+            was is estimated, by more than noise is known of.
     """
     states = []
     for own, expected in zip(rows, np.broadcast_to(mse, (len(rows), mse.shape[-1])), strict=True):
         s = response[own]
         n = s.shape[2]
         flat, w = s.reshape(-1, n), (s / expected[:, None]).reshape(-1, n)
-        states.append(InitialState(own, flat, np.linalg.solve(w.T @ flat + np.eye(n), w.T)))
+        states.append(InitialState(own, flat, w.T, w.T @ flat + np.eye(n), farthest))
     return tuple(states)
 
 
 def project(
-    error: Float[np.ndarray, "sample dof"], initial: Sequence[InitialState]
+    error: Float[np.ndarray, "sample dof"],
+    initial: Sequence[InitialState],
+    bounded: bool = True,
 ) -> Float[np.ndarray, "sample dof"]:
-    """Take out of an error what plausible other initial states explain."""
+    """Take out of an error what plausible other initial states explain.
+
+    Args:
+        error: of replays.
+        initial: of the stretches.
+        bounded: whether states may go no farther than plausible; changes that add up may.
+    """
     if not initial:
         return error
     left = error.copy()
     for state in initial:
         part = error[state.rows]
-        explained = state.response @ (state.solve @ part.reshape(-1))
+        explained = state.response @ state.shift(part.reshape(-1), bounded)
         left[state.rows] -= explained.reshape(part.shape)
     return left
 
@@ -260,5 +298,5 @@ def linear(
     n, samples, nv = changes.shape
     projected = np.empty((nv, samples, n))
     for k, change in enumerate(changes):
-        projected[:, :, k] = project(change, initial).T
+        projected[:, :, k] = project(change, initial, bounded=False).T
     return Adaptable(projected, centre, parts, initial)

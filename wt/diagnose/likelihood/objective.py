@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from wt.diagnose.likelihood.adapt import (
+    FARTHEST,
     REWEIGHTED,
     Adaptable,
     Squares,
@@ -121,6 +122,7 @@ class Objective:
         uncertain = np.zeros(0) if forgets else initial_deviations(self.noise, noise_v0)
         floating = bool(self.scene.free)
         self._nearby = Nearby(self._replays, self.tolerances, uncertain, once=floating)
+        self._farthest = np.inf if floating else FARTHEST
         self._relinearised = 1 if floating else _RELINEARISED
         self._able = self._nearby.able
         none = np.zeros((*self.measured.T.shape, len(self.tolerances)))
@@ -216,7 +218,7 @@ class Objective:
         variance = self.channels.variance(self.channels.sums(known))
         # how far an initial state may go depends on what is left once all has adapted
         for _ in range(REWEIGHTED):
-            initial = initial_states(self._rows, response, variance)
+            initial = initial_states(self._rows, response, variance, self._farthest)
             self._around = linear(columns, centre, parts, initial)
             assessed = self._assess(hypothesis, self._around.at_origin(error, centre), centre)
             variance = np.where(np.isfinite(assessed.variance), assessed.variance, variance)

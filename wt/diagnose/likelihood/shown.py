@@ -16,8 +16,8 @@ from jaxtyping import Float
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.planted import Planted
 
-_OBLIQUE = 0.01
-"""Share of an axis' square in directions that are not shown from which it is not shown either."""
+_ALONG = 1e-6
+"""Share of an axis' square in what is shown, below which nothing of it is."""
 
 
 def shown(
@@ -62,8 +62,11 @@ def without_hidden(
 def hidden_axes(
     projector: Float[np.ndarray, "component component"],
 ) -> list[int]:
-    """Components of one vector that the directions which are not shown have a part in."""
-    return [int(i) for i in np.flatnonzero(1.0 - np.diag(projector) > _OBLIQUE)]
+    """Components of one vector of which nothing is shown.
+
+    Where what is not shown lies across the axes, each of them shows a part.
+    """
+    return [int(i) for i in np.flatnonzero(np.diag(projector) < _ALONG)]
 
 
 def _vectors(parts: Sequence[Planted]) -> list[tuple[float | None, slice]]:

@@ -27,6 +27,7 @@ Source = str | Path | Recording
 
 _HELD_SHARE = 0.25
 _STILL = 1e-6
+_GIVEN = "recordings given with --holdout"
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +71,7 @@ def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) ->
     named = _numbered(read)
     parts = [Part(r, i) for i, (_, r) in enumerate(named)]
     fit, held = parts[: len(given)], parts[len(given) :]
-    split = "recordings given with --holdout"
+    split = _GIVEN
     if not held and len(fit) > 1:
         total = sum(p.recording.seconds for p in fit)
         while len(fit) > 1 and sum(p.recording.seconds for p in held) < 0.8 * _HELD_SHARE * total:
@@ -80,13 +81,42 @@ def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) ->
         (single,) = fit
         fit, held = _cut(single)
         split = "the last quarter of the recording"
+    return _split(fit, held, tuple(name for name, _ in named), split, tuple(audit.values()))
+
+
+def turned(prepared: Prepared) -> Prepared | None:
+    """The same recordings with others held out: the first ones, or the first part of the only one.
+
+    None where the user said which are for the proof only.
+    """
+    if prepared.split == _GIVEN:
+        return None
+    first, *rest = prepared.fit
+    names = prepared.names
+    if len(names) == 1:
+        single = Part(first.recording, first.index)
+        cut = _HELD_SHARE * single.seconds
+        held, fit = replace(single, span=(0.0, cut)), replace(single, span=(cut, np.inf))
+        split = "the first quarter of the recording, in its turn"
+        return _split([fit], [held], names, split, prepared.audit)
+    fitted = [*rest, *prepared.held]
+    split = "the first of the recordings, in its turn"
+    return _split(fitted, [first], names, split, prepared.audit)
+
+
+def _split(
+    fit: list[Part],
+    held: list[Part],
+    names: tuple[str, ...],
+    split: str,
+    audit: tuple[AuditFinding, ...],
+) -> Prepared:
     used = [
-        Used(named[p.index][0], role, p.seconds, p.recording.rate_hz)
+        Used(names[p.index], role, p.seconds, p.recording.rate_hz)
         for role, parts in _roles(fit, held)
         for p in parts
     ]
-    names, found = tuple(n for n, _ in named), tuple(audit.values())
-    return Prepared(tuple(fit), tuple(held), tuple(used), names, split, found)
+    return Prepared(tuple(fit), tuple(held), tuple(used), names, split, audit)
 
 
 def _roles(fit: list[Part], held: list[Part]) -> tuple[tuple[Role, list[Part]], ...]:

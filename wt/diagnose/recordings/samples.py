@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.interpolate import Akima1DInterpolator
 from scipy.optimize import isotonic_regression
 
 from wt.errors import RecordingError
@@ -101,6 +102,17 @@ def samples_of(scene: Scene, parts: Sequence[Part]) -> tuple[Samples, ...]:
             "record at an even rate, with every actuator's command"
         )
     return tuple(segments)
+
+
+def finer(s: Samples, count: int) -> Samples:
+    """A segment with ``count`` commands for each sample; in between nothing else was measured."""
+    index = np.arange(len(s.t))
+    rows = np.arange((len(s.t) - 1) * count + 1)
+    t = np.interp(rows / count, index, s.t)
+    way = Akima1DInterpolator(s.t, s.command, axis=0, method="makima")
+    q, v = (np.full((len(rows), x.shape[1]), np.nan) for x in (s.q, s.v))
+    q[::count], v[::count] = s.q, s.v
+    return Samples(s.recording, t, q, v, way(t))
 
 
 def _table(

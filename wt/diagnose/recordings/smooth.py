@@ -8,7 +8,7 @@ by generalised cross-validation (P. Craven and G. Wahba, 1979), joint by joint.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -16,7 +16,7 @@ from scipy import sparse
 from scipy.interpolate import BSpline
 from scipy.sparse.linalg import splu
 
-from wt.diagnose.recordings.samples import Part, Samples, samples_of
+from wt.diagnose.recordings.samples import Part, Samples, finer, samples_of
 from wt.physics.motion import Motion, Segment
 from wt.physics.scene import Scene
 
@@ -40,7 +40,8 @@ class Smoothed:
         at_samples: per segment, smooth (q, v, a) at the measured time stamps.
         noise: standard deviation of a position sample [rad or m].
         noise_v: of a velocity sample; NaN where none was recorded.
-        spacing: per segment and joint the spacing of knots, in samples.
+        spacing: per segment and joint the spacing of knots, in measured samples.
+        commands: for each measured sample; more than one where those between were filled in.
     """
 
     samples: tuple[Samples, ...]
@@ -49,20 +50,23 @@ class Smoothed:
     noise: Float[np.ndarray, " dof"]
     noise_v: Float[np.ndarray, " dof"]
     spacing: tuple[tuple[float, ...], ...]
+    commands: int = 1
 
 
-def smooth(scene: Scene, parts: Sequence[Part]) -> Smoothed:
-    """Smooth recordings of one machine.
+def smooth(scene: Scene, parts: Sequence[Part], commands: int = 1) -> Smoothed:
+    """Smooth recordings of one machine, with so many commands for each sample.
 
     Raises:
         RecordingError: nothing usable is in them.
     """
     samples = samples_of(scene, parts)
+    if commands > 1:
+        samples = tuple(finer(s, commands) for s in samples)
     nv = scene.model.nv
     chosen = [[_choose(s, joint) for joint in range(nv)] for s in samples]
     noise = np.array([_pooled([c[j].sigma for c in chosen]) for j in range(nv)])
     noise_v = np.array([_pooled([c[j].sigma_v for c in chosen]) for j in range(nv)])
-    return _assemble(scene, samples, chosen, noise, noise_v)
+    return replace(_assemble(scene, samples, chosen, noise, noise_v), commands=commands)
 
 
 def resmooth(smoothed: Smoothed, rng: np.random.Generator) -> Motion:
@@ -96,8 +100,10 @@ class _Curve:
 def _choose(s: Samples, joint: int) -> _Curve:
     """The curve whose knots generalised cross-validation prefers."""
     best: _Curve | None = None
+    seen = s.t[np.isfinite(s.q[:, joint])]
+    apart = float(np.median(np.diff(seen))) if len(seen) > 1 else s.dt
     for spacing in _KNOTS:
-        if best is not None and spacing * s.dt > _COARSEST:
+        if best is not None and spacing * apart > _COARSEST:
             break
         curve = _fit(s, joint, spacing, 1.0, np.nan)
         if best is None or curve.score < 0.995 * best.score:
@@ -114,7 +120,7 @@ def _fit(s: Samples, joint: int, spacing: float, sigma: float, sigma_v: float) -
     if ok.sum() < 4 * DEGREE:
         return _Curve(_constant(s.t, 0.0), spacing, np.nan, np.nan, np.inf)
     t, x = s.t[ok], s.q[ok, joint]
-    inner = np.linspace(s.t[0], s.t[-1], max(2, round((s.t[-1] - s.t[0]) / (spacing * s.dt)) + 1))
+    inner = _inner(s, t, spacing)
     knots = np.concatenate([np.repeat(inner[0], DEGREE), inner, np.repeat(inner[-1], DEGREE)])
     design = BSpline.design_matrix(t, knots, DEGREE)
     normal = (design.T @ design) / sigma**2
@@ -141,6 +147,19 @@ def _fit(s: Samples, joint: int, spacing: float, sigma: float, sigma_v: float) -
         error = s.v[with_v, joint] - spline(s.t[with_v], 1)
         rate = float(np.sqrt(np.mean(error**2)))
     return _Curve(spline, spacing, max(rms, 1e-9), rate, score)
+
+
+def _inner(
+    s: Samples, t: Float[np.ndarray, " measured"], spacing: float
+) -> Float[np.ndarray, " knot"]:
+    """Knots so many samples apart from the first to the last of a segment, measured at ``t``.
+
+    They follow the samples and not the clock: between two that are far apart, nothing is known.
+    """
+    index = np.linspace(0.0, len(t) - 1.0, max(2, round((len(t) - 1) / spacing) + 1))
+    knots = np.interp(index, np.arange(len(t)), t)
+    knots[0], knots[-1] = s.t[0], s.t[-1]
+    return knots
 
 
 def _core_deviation(left: Float[np.ndarray, " sample"]) -> float:

@@ -104,8 +104,9 @@ def _ready(smoothed: Smoothed, index: int, forgets: bool) -> Int[np.ndarray, " s
     """Samples of a segment that a stretch may begin with."""
     s, (q, _, _) = smoothed.samples[index], smoothed.at_samples[index]
     ready = np.flatnonzero(_known(s.q - q, smoothed.noise))
+    n = smoothed.commands
     # at its very ends a curve's slope is loose; windows can hardly spare more, but may adapt
-    return ready[ready >= (_LOOSE if forgets else 1.0) * max(smoothed.spacing[index])]
+    return ready[ready >= (_LOOSE if forgets else 1.0) * max(smoothed.spacing[index]) * n]
 
 
 def _known(

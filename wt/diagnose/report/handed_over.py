@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from wt.diagnose.report.verify import HOLDOUT, MODEL, PHYSICS, holdout_npz
 from wt.diagnose.selection.holdout import Holdout
 from wt.diagnose.unknown.force import graphed
 from wt.mjcf.edit import patched_xml
 from wt.mjcf.physics import physics_py
-from wt.physics.hooks import FromRecordings
-from wt.physics.planted import Hypothesis, Planted
+from wt.physics.planted import Hypothesis
 
 RESIDUAL = "residual.onnx"
 
@@ -63,7 +62,7 @@ def hand_over(
     scene = holdout.smoothed.motion.scene
     named, graph = graphed(found)
     everywhere = tuple(
-        _in_both(mine, there) for mine, there in zip(named, holdout.here(named), strict=True)
+        mine.beside(there) for mine, there in zip(named, holdout.here(named), strict=True)
     )
     shown = holdout.stretches[0].recording
     return HandedOver(
@@ -72,10 +71,3 @@ def hand_over(
         graph,
         holdout_npz(holdout, found, recordings),
     )
-
-
-def _in_both(fitted: Planted, held_out: Planted) -> Planted:
-    """An effect with what the fitted and the held-out recordings show of it."""
-    if not isinstance(fitted.effect, FromRecordings):
-        return fitted
-    return replace(fitted, effect=fitted.effect.beside(held_out.effect))

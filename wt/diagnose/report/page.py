@@ -142,7 +142,11 @@ def _evidence(d: Diagnosis, f: Finding) -> str:
     words = " ".join(filter(None, parts))
     if f.depends_on:
         words += f"<br>Depends on {escaped(', '.join(f.depends_on))}."
-    return words + (f"<br>Force: <code>{html.escape(f.formula)}</code>" if f.formula else "")
+    if f.formula:
+        words += (
+            f"<br>Force: <code>{html.escape(f.formula)}</code>. {escaped(text.formula_said(f))}"
+        )
+    return words
 
 
 def _dependence(d: Diagnosis) -> str:

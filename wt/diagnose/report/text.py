@@ -36,6 +36,8 @@ _PLURAL = {"rad": "hinges", "m": "slides"}
 def sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
     """The findings, one plain sentence each; also if there are none, or none is understood."""
     audit = [audited(f) for f in diagnosis.audit]
+    if any(f.voids_commands for f in diagnosis.audit):
+        return (*audit, "What the model leaves out cannot be told without the commands.")
     words = [f.statement for f in diagnosis.findings]
     if diagnosis.verdict == "no_mismatch":
         words.append(
@@ -267,6 +269,16 @@ def parameter_rows(findings: Sequence[Finding]) -> list[tuple[str, str, str, str
     return rows
 
 
+def formula_said(finding: Finding) -> str:
+    """How well the formula does as it is printed, beside the law that acts; "" without one."""
+    if finding.formula is None or finding.formula_gain is None:
+        return ""
+    return (
+        f"As printed it removes {percent(finding.formula_gain)} % of the squared error on held-out "
+        f"data, the law of residual.onnx {percent(finding.holdout_gain)} %."
+    )
+
+
 def print_summary(diagnosis: Diagnosis, console: Console) -> None:
     """Print the sentences, the fit, a table of the parameters, and the notes."""
 
@@ -294,6 +306,8 @@ def print_summary(diagnosis: Diagnosis, console: Console) -> None:
     for finding in diagnosis.findings:
         known = finding.parameters.items()
         notes += [f"{finding.at}, {name}: {e.note}" for name, e in known if e.note]
+        if said := formula_said(finding):
+            notes.append(f"{finding.at}: {finding.formula}. {said}")
         notes += [
             f"not told apart from {c.effect} at {c.at}; would tell: {c.separating_experiment}"
             for c in finding.confusable_with

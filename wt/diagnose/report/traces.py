@@ -43,19 +43,20 @@ def traces(
             rows = slice(start, start + len(s.t))
             start = rows.stop
             grid = motions.motion.t[segment.rows]
+            each = slice(None, None, motions.commands)  # commands that were filled in have no row
             shown.append(
                 Trace(
                     name=prepared.names[s.recording],
                     role="holdout" if role == "holdout" else "fit",
-                    t=s.t,
-                    recorded=s.q,
-                    before=both[0, rows],
-                    after=both[1, rows],
-                    velocity=state[1],
-                    force_before=_at(s.t, grid, motions.motion.residual[segment.rows]),
-                    force_after=_at(s.t, grid, after[segment.rows]),
+                    t=s.t[each],
+                    recorded=s.q[each],
+                    before=both[0, rows][each],
+                    after=both[1, rows][each],
+                    velocity=state[1][each],
+                    force_before=_at(s.t[each], grid, motions.motion.residual[segment.rows]),
+                    force_after=_at(s.t[each], grid, after[segment.rows]),
                     command={
-                        scene.model.actuator(i).name: s.command[:, i]
+                        scene.model.actuator(i).name: s.command[each, i]
                         for i in range(s.command.shape[1])
                     },
                 )

@@ -9,7 +9,8 @@ there is one, and how large it is, remain to be proven and estimated.
 
 *Simpler laws.* The larger of two laws may fit better for a reason that is not its own: it moves
 through standstill in another way, say. Where the simpler law lies inside the intervals of the
-larger one, the simpler one is reported.
+larger one, the simpler one is reported. And where one effect says what several of a place do
+together, as a load does of mass and centre of mass, that one is.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from wt.diagnose.selection.candidates import excluded, near
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Common, Shape, alternatives, effects
-from wt.physics.hooks import shaped
+from wt.physics.hooks import Uniting, shaped
 from wt.physics.planted import Hypothesis, Key, Planted, without
 
 Start = tuple[Planted, Shape | None]
@@ -161,7 +162,8 @@ class Lookalikes:
         return [
             (p, shape)
             for p, shape in possible
-            if not (due := _due((p,), (found,))) or price(self.objective, (p,)) - paid + due < left
+            if (due := _due((p,), (found,))) <= 0.0
+            or price(self.objective, (p,)) - paid + due < left
         ]
 
     def _compared(
@@ -187,9 +189,10 @@ class Lookalikes:
         now, *others = refine(judge, [hypothesis, *going], everything, _STEPS)
         found = [Option(hypothesis[index], 0.0, 0.0)]
         for fit in others:
-            lead = worth(judge, fit, now) - _due(fit.hypothesis, hypothesis)
-            odds = odds_against(fit.hypothesis) - odds_against(hypothesis)
-            found.append(Option(fit.hypothesis[index], lead, lead + odds))
+            gained, due = worth(judge, fit, now), _due(fit.hypothesis, hypothesis)
+            evidence = gained + odds_against(fit.hypothesis) - odds_against(hypothesis)
+            law = fit.hypothesis[index]
+            found.append(Option(law, gained - due, evidence - max(due, 0.0)))
         return found
 
 
@@ -234,8 +237,8 @@ def _best_of_each(fits: Iterable[Assessed], index: int, most: int) -> list[Asses
 
 
 def _due(one: Hypothesis, other: Hypothesis) -> float:
-    """Lead that one must have over another for being larger [nats]."""
-    return THRESHOLDS.min_nats if size(one) > size(other) else 0.0
+    """Lead that one must have over another for being larger [nats]; less than none if smaller."""
+    return THRESHOLDS.min_nats * float(np.sign(size(one) - size(other)))
 
 
 def simplified(
@@ -261,20 +264,63 @@ def simplified(
         others = tuple(law if k == i else p for k, p in enumerate(estimated.hypothesis))
         again = estimate(objective, others)
         before, after = (erring_joints(objective, e.assessed) for e in (estimated, again))
-        simple_enough, sizes = set(after) <= set(before), (planted.effect.n_free, law.effect.n_free)
+        # legs err now by more and now by less than their noise: there only nats tell what is lost
+        lost = -worth(objective, again.assessed, estimated.assessed)
+        simple_enough = set(after) <= set(before) or lost < THRESHOLDS.min_nats
+        sizes = planted.effect.n_free, law.effect.n_free
         reason = f"its further parameters are not needed: {law}" if simple_enough else "needed"
         log.add(planted, "simplified", not simple_enough, float(sizes[0]), float(sizes[1]), reason)
         if simple_enough:
-            now = _by(law, accepted[i], objective)
+            now = _by(law, accepted[i], planted, objective)
             accepted = (*accepted[:i], now, *accepted[i + 1 :])
             estimated = again
     return accepted, estimated
 
 
-def _by(law: Planted, before: Accepted, objective: Objective) -> Accepted:
-    """An effect by another law, which is no rival of itself."""
+def united(
+    objective: Objective,
+    accepted: tuple[Accepted, ...],
+    estimated: Estimated,
+    log: DecisionLog,
+) -> tuple[tuple[Accepted, ...], Estimated]:
+    """The same effects, several at one place by the one that says them all, if there is one.
+
+    Args:
+        objective: replays of the fitted recordings.
+        accepted: effects.
+        estimated: their parameters.
+        log: grows by every decision.
+    """
+    for effect in effects().values():
+        if not isinstance(effect, Uniting):
+            continue
+        for at in dict.fromkeys(a.planted.at for a in accepted):
+            parts = [p for p in estimated.hypothesis if p.at == at and p.effect.id in effect.unites]
+            these = {p.effect.id: p.theta for p in parts}
+            theta = effect.union(objective.motion, at, these) if len(parts) > 1 else None
+            if theta is None:
+                continue
+            rest = [p for p in estimated.hypothesis if p not in parts]
+            again = estimate(objective, (*rest, Planted(effect, at, theta)))
+            law = again.hypothesis[-1]
+            lost = -worth(objective, again.assessed, estimated.assessed)
+            one = lost < THRESHOLDS.min_nats
+            reason = f"{law} says {'as much alone' if one else 'less'}"
+            for part in parts:
+                log.add(part, "simplified", not one, lost, THRESHOLDS.min_nats, reason)
+            if one:
+                keys = {p.key for p in rest}
+                shape = next(iter(effect.shapes(objective.motion, at)), None)
+                kept = [a for a in accepted if a.planted.key in keys]
+                accepted = (*kept, Accepted(law, shape, tuple(parts)))
+                estimated = again
+    return accepted, estimated
+
+
+def _by(law: Planted, before: Accepted, larger: Planted, objective: Objective) -> Accepted:
+    """An effect by a simpler law, which is no rival of itself; the larger one may still be it."""
     return Accepted(
         planted=law,
         shape=next(iter(law.effect.shapes(objective.motion, law.at)), None),
-        rivals=tuple(r for r in before.rivals if r.key != law.key),
+        rivals=(larger, *(r for r in before.rivals if r.key not in (law.key, larger.key))),
     )

@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.stats import bootstrap, wilcoxon
 
 from wt.diagnose.likelihood.adapt import (
+    FARTHEST,
     REWEIGHTED,
     hidden,
     initial_deviations,
@@ -165,9 +166,10 @@ def _begun(
     rows = [slice(int(e) - len(s.t), int(e)) for e, s in zip(ends, holdout.stretches, strict=True)]
     left = error = np.nan_to_num(error)
     noise = np.nan_to_num(holdout.smoothed.noise, nan=1.0)
+    farthest = np.inf if holdout.smoothed.motion.scene.free else FARTHEST
     for _ in range(REWEIGHTED):
         mse = np.maximum(np.mean(left**2, axis=0), noise**2)
-        left = project(error, initial_states(rows, response, mse))
+        left = project(error, initial_states(rows, response, mse, farthest))
     return left
 
 

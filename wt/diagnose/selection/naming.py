@@ -25,7 +25,7 @@ from wt.diagnose.residual.scoring import STRIDE, WINDOW
 from wt.diagnose.residual.screen import Screen, leftover
 from wt.diagnose.residual.signature import signature
 from wt.diagnose.selection.addition import Accepted
-from wt.diagnose.selection.alternatives import Lookalikes, simplified
+from wt.diagnose.selection.alternatives import Lookalikes, simplified, united
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.holdout import Gain, Holdout, gain, gains, where_mute
 from wt.diagnose.thresholds import THRESHOLDS
@@ -127,6 +127,7 @@ class Naming:
         lookalikes = Lookalikes(self.screen, self.search_replays, objective, self.all_replays, log)
         accepted, estimated = lookalikes.settled(accepted, estimated, known)
         accepted, estimated = simplified(objective, accepted, estimated, log)
+        accepted, estimated = united(objective, accepted, estimated, log)
         largest_p = THRESHOLDS.significant / attempts
         while accepted:
             weakest = self._uncertain(estimated)

@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
+from wt.diagnose.likelihood.bic import erring
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.result import Confusable, Diagnosis, Finding, Located, Verdict
-from wt.diagnose.selection.holdout import Holdout
 from wt.diagnose.selection.naming import Claims
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.scene import Scene
@@ -21,7 +21,10 @@ from wt.types import Location
 
 
 def unforeseen(
-    assessed: Assessed, objective: Objective, where: Mapping[str, float]
+    assessed: Assessed,
+    objective: Objective,
+    where: Mapping[str, float],
+    that: str = "nothing recorded predicts.",
 ) -> tuple[Finding, ...]:
     """At joints that err: something unknown, without a law.
 
@@ -30,6 +33,7 @@ def unforeseen(
         objective: replays of all fitted data.
         where: joint → share of the error. What one foot meets shows on all joints of a machine
             that nothing holds: there, the fewest are named that bear most of it.
+        that: what is said of it.
     """
     found: dict[Location, Finding] = {}
     for joint in bearing(where, THRESHOLDS.bearing_share) if objective.scene.free else where:
@@ -40,7 +44,7 @@ def unforeseen(
             at,
             _nameless(
                 at,
-                "nothing recorded predicts.",
+                that,
                 # of noise alone being as large
                 float(chi2.sf(excess * count, count)),
             ),
@@ -48,37 +52,31 @@ def unforeseen(
     return tuple(found.values())
 
 
-def shown_by_holdout(diagnosis: Diagnosis, holdout: Holdout) -> Diagnosis:
-    """A diagnosis that found nothing, unless the held-out recordings alone show a mismatch.
+def shown_by_holdout(diagnosis: Diagnosis, assessed: Assessed, held: Objective) -> Diagnosis:
+    """A diagnosis that leaves nothing open, unless the held-out recordings do.
 
     What only they show was not searched, so that it has no name; but nothing is missing only where
-    every replay says so. Asked of machines that forget how they began: replays of others err by
-    what is not known of their first state.
+    every replay says so, and all is explained only where it is in all of them.
+
+    Args:
+        diagnosis: of the fitted recordings.
+        assessed: what was found, on the held-out ones.
+        held: replays of these.
     """
-    if diagnosis.verdict != "no_mismatch" or not holdout.forgets:
+    where = erring(assessed, held)
+    if not where or diagnosis.verdict not in ("no_mismatch", "explained"):
         return diagnosis
-    scene, moved = holdout.smoothed.motion.scene, np.nanstd(holdout.measured, axis=0)
-    erring = [
-        joint
-        for joint, error in diagnosis.proof.joints.items()
-        if error.after > THRESHOLDS.clean * error.noise_floor
-        and error.after > THRESHOLDS.mismatch * moved[scene.dof(joint)]
-    ]
-    if not erring:
-        return diagnosis
-    squares = {joint: diagnosis.proof.joints[joint].after ** 2 for joint in erring}
-    total, count = sum(squares.values()), float(holdout.block.max() + 1)
-    found = tuple(
-        _nameless(
-            scene.place(joint),
-            "only the held-out recordings show: fit those too.",
-            # of noise alone being as large, in so many blocks
-            float(chi2.sf(count * square / diagnosis.proof.joints[joint].noise_floor ** 2, count)),
-        )
-        for joint, square in squares.items()
+    if diagnosis.verdict == "explained":
+        names = " and ".join(where)
+        note = f"The held-out recordings show more at {names} than what was found: fit those too."
+        return replace(diagnosis, verdict="partly_explained", notes=(*diagnosis.notes, note))
+    said = "only the held-out recordings show: fit those too."
+    return replace(
+        diagnosis,
+        verdict="unexplained",
+        findings=unforeseen(assessed, held, where, said),
+        locations=tuple(Located(held.scene.place(j), share) for j, share in where.items()),
     )
-    places = tuple(Located(scene.place(j), s / total) for j, s in squares.items())
-    return replace(diagnosis, verdict="unexplained", findings=found, locations=places)
 
 
 def _nameless(at: Location, that: str, p_value: float) -> Finding:
@@ -173,6 +171,7 @@ def findings(claims: Claims, scene: Scene, experiment: str = "") -> tuple[Findin
             p_value=u.gain.p_value,
             depends_on=u.depends_on,
             formula=u.formula,
+            formula_gain=u.formula_gain,
         )
         for u in claims.unknown
     ]

@@ -135,6 +135,8 @@ class Unknown:
         r2: share of the joint's unexplained force that is predicted in blocks of time not seen.
         statement: one sentence.
         gain: its worth on held-out recordings.
+        formula_gain: share of the held-out squared error that the printed formula removes; the
+            same as the law's where it is what acts.
     """
 
     planted: Planted
@@ -144,6 +146,7 @@ class Unknown:
     r2: float
     statement: str
     gain: Gain
+    formula_gain: float
 
 
 def find(
@@ -220,17 +223,23 @@ def _learn(data: ForceData, assessed: Assessed, holdout: Holdout, step: float) -
         hypothesis = (*assessed.hypothesis, planted)
         data.force = leftover(data.screen, hypothesis).without(-1)[data.rows, data.dof]
     share, chance = _gain(holdout, hypothesis, data.dof, step)
+    printed = law if plain else solve(data, formula, _BEYOND)
+    said = share
+    if not plain:
+        spoken = Planted(UnknownForce(printed, ""), at, np.ones(1))
+        said, _ = _gain(holdout, (*hypothesis[:-1], spoken), data.dof, step)
     # forces of blocks not seen and replays of recordings not seen: two proofs on other data
     sure = share > 0.0 and chance < THRESHOLDS.unknown_chance
     p_value = float(combine_pvalues([blank, chance]).pvalue) if sure else 1.0
     return Unknown(
         planted,
         recorded(used.names),
-        solve(data, formula).text(),
+        printed.text(),
         to_onnx({"force": law}),
         used.r2,
         planted.statement(data.screen.motion.scene),
         Gain(share, p_value),
+        said,
     )
 
 

@@ -79,10 +79,12 @@ def _library(data: ForceData, names: Sequence[str]) -> list[Term]:
 
 
 def _atoms(data: ForceData, index: int, name: str) -> list[Atom]:
-    """Functions of one column: of velocities no bumps, of positions also waves."""
+    """Functions of one column: of velocities either side and no bumps, of positions also waves."""
     atoms = [Atom(index, "linear")]
     if name.startswith("qvel/"):
-        return [*atoms, Atom(index, "sign", 0.0, data.ease), Atom(index, "square")]
+        sides = [Atom(index, "side", 0.0, side) for side in (1.0, -1.0)]
+        plain = [Atom(index, "square"), Atom(index, "size"), *sides]
+        return [*atoms, Atom(index, "sign", 0.0, data.ease), *plain]
     if name.startswith("qpos/"):
         waves = itertools.product((1, 2, 3, 4, 6), _WAVES)
         atoms += [Atom(index, kind, 0.0, float(n)) for n, kind in waves]

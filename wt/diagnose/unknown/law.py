@@ -15,7 +15,7 @@ from wt.physics.scene import Scene
 # What replays call at every physics step has plain arrays: to check shapes would take longer than
 # to compute a force.
 
-AtomKind = Literal["linear", "sign", "square", "sin", "cos", "bump", "kink"]
+AtomKind = Literal["linear", "sign", "square", "size", "side", "sin", "cos", "bump", "kink"]
 
 MARGINS = {"qpos": 0.25}
 """Beyond the range of a column the force fades to zero over this share of it; else over all."""
@@ -28,9 +28,10 @@ class Atom:
     Attributes:
         column: index of the column.
         kind: ``linear`` x; ``sign`` tanh(x / b), a sign rounded for integration; ``square`` |x|·x;
+            ``size`` |x|; ``side`` max(b·x, 0), with b of 1 or −1;
             ``sin``, ``cos`` of b·x; ``bump`` exp(−s²) and ``kink`` s·exp(−s²), s = (x − a) / b.
         a: centre of a bump or kink.
-        b: width, rounding or angular frequency.
+        b: width, rounding, angular frequency or sign.
     """
 
     column: int
@@ -47,6 +48,10 @@ class Atom:
             result = np.tanh(x / self.b)
         elif self.kind == "square":
             result = np.abs(x) * x
+        elif self.kind == "size":
+            result = np.abs(x)
+        elif self.kind == "side":
+            result = np.maximum(self.b * x, 0.0)
         elif self.kind == "sin":
             result = np.sin(self.b * x)
         elif self.kind == "cos":
@@ -64,6 +69,8 @@ class Atom:
             "linear": name,
             "sign": f"sign({name})",
             "square": f"|{name}|·{name}",
+            "size": f"|{name}|",
+            "side": f"max({'-' if self.b < 0.0 else ''}{name}, 0)",
             "sin": f"sin({turns}{name})",
             "cos": f"cos({turns}{name})",
             "bump": f"exp(-{s}^2)",

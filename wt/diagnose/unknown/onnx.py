@@ -101,7 +101,11 @@ class _Graph:
             return x
         if kind == "square":
             return self.add("Mul", self.add("Abs", x), x)
+        if kind == "size":
+            return self.add("Abs", x)
         b = self.value(np.array([s.b for s in alike]))
+        if kind == "side":
+            return self.add("Max", self.add("Mul", x, b), self.value(0.0))
         if kind == "sign":
             return self.add("Tanh", self.add("Div", x, b))
         if kind in ("sin", "cos"):

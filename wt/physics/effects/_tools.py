@@ -103,6 +103,19 @@ class Bristle(Live):
         state.applied[:, self.dof] -= between(stiffness * self.bent + damping * v, -most, most)
 
 
+def neighbours(scene: Scene) -> list[tuple[str, str]]:
+    """Pairs of joints that follow one another in the machine, the one nearer to its base first."""
+    m, pairs = scene.model, list[tuple[str, str]]()
+    for name in scene.own_joints:
+        body, before = int(m.joint(name).bodyid[0]), m.joint(name).id - 1
+        while body > 0 and not (before >= m.body_jntadr[body] >= 0):
+            body = int(m.body_parentid[body])
+            before = int(m.body_jntadr[body] + m.body_jntnum[body]) - 1
+        if body > 0 and m.joint(before).name in scene.own_joints:
+            pairs.append((m.joint(before).name, name))
+    return pairs
+
+
 def physics_step(spec: mujoco.MjSpec) -> float:
     """Time step that an added stiff part must be stable at [s]."""
     return max(float(spec.option.timestep), 5e-4)

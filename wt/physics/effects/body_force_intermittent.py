@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
-from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.hooks import FromRecordings, OnInputs
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.hooks import FromRecordings, OnInputs, Shown
 from wt.physics.motion import Motion, Segment
 from wt.physics.replay import Inputs
 from wt.physics.scene import Scene
@@ -55,15 +55,16 @@ class BodyForceIntermittent(FromRecordings, OnInputs):
 
     def elsewhere(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
-    ) -> BodyForceIntermittent:
+    ) -> Shown:
         """The same force, at the times at which these recordings show it."""
-        return self.shaped(_acting(motion, _on(motion, at.name), theta))
+        return self.shaped(_acting(motion, _on(motion, at.name), theta)), theta
 
-    def beside(self, elsewhere: Effect) -> BodyForceIntermittent:
+    def beside(self, theta: Float[np.ndarray, " parameter"], elsewhere: Shown) -> Shown:
         """The same force, at the times of both."""
-        more = elsewhere.windows if isinstance(elsewhere, BodyForceIntermittent) else ()
+        effect, _ = elsewhere
+        more = effect.windows if isinstance(effect, BodyForceIntermittent) else ()
         spans = dict.fromkeys([*_triples(self.windows), *_triples(more)])
-        return self.shaped(tuple(x for span in spans for x in span))
+        return self.shaped(tuple(x for span in spans for x in span)), theta
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Times at which the residual, as a force on the body, stands out.

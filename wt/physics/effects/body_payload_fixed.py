@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -11,7 +11,7 @@ from jaxtyping import Float
 from wt.physics import inertia
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import place_of_load, point_load, within_reach
-from wt.physics.hooks import Linearised
+from wt.physics.hooks import Linearised, Uniting
 from wt.physics.motion import Motion
 from wt.physics.units import HINGE, Units
 from wt.types import Location
@@ -20,7 +20,7 @@ _APART = 0.1  # m; the moments are quadratic in the position, so any central dif
 
 
 @register
-class BodyPayloadFixed(Linearised):
+class BodyPayloadFixed(Linearised, Uniting):
     """A point mass at a position in the body's frame.
 
     Its force is m·(f₀ + f₁·p + pᵀ·f₂·p). The signature is linear in m and m·(p − shape): the
@@ -39,6 +39,7 @@ class BodyPayloadFixed(Linearised):
     signed = (1, 0, 0, 0)
     looks_like = ("weight",)
     common = "often"
+    unites = ("body.mass", "body.com", "body.inertia")
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """The centre of mass: at the frame's origin a body that turns about it shows no mass."""
@@ -68,6 +69,18 @@ class BodyPayloadFixed(Linearised):
         """The position of the load."""
         x, y, z = theta[1:]
         return (float(x), float(y), float(z))
+
+    def union(
+        self, motion: Motion, at: Location, parts: Mapping[str, Float[np.ndarray, " _"]]
+    ) -> Float[np.ndarray, " parameter"] | None:
+        """The load that adds as much mass and first moment; none where mass is missing."""
+        mass, centre, _ = inertia.own(motion.scene, at.name)
+        factor = float(parts.get("body.mass", np.ones(1))[0])
+        shift, added = parts.get("body.com", np.zeros(3)), (factor - 1.0) * mass
+        if added <= 0.0:
+            return None
+        # (factor · mass) (centre + shift) = mass · centre + added · position
+        return np.array([added, *(centre + factor * mass / added * shift)])
 
     def plausible(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]

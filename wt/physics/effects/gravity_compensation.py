@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import compiled
 from wt.physics.motion import Motion
+from wt.physics.parts import compiled
 from wt.physics.scene import Scene
 from wt.physics.units import HINGE, Units
 from wt.types import Location

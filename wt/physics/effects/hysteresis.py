@@ -8,15 +8,19 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.hooks import Intervals, Nested
 from wt.physics.motion import Motion
 from wt.physics.parts import add_tendon
 from wt.physics.units import HINGE, Units
 from wt.types import Location
 
+_PRESLIDING = 0.1
+"""Share of a joint's travel within which bristles of dry friction bend."""
+
 
 @register
-class Hysteresis(Effect):
+class Hysteresis(Nested):
     """τ = −z with ż = stiffness · v while |z| < yield (Prandtl's elasto-plastic element)."""
 
     id = "joint.hysteresis"
@@ -31,8 +35,7 @@ class Hysteresis(Effect):
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Deflections at which it yields, from a fraction of the range down."""
-        q = motion.q[:, motion.scene.dof(at.name)]
-        reach = float(np.quantile(q, 0.99) - np.quantile(q, 0.01))
+        reach = _reach(motion, at)
         return [(f * reach,) for f in (0.02, 0.06, 0.15, 0.3) if reach > 0.0]
 
     def columns(
@@ -72,6 +75,18 @@ class Hysteresis(Effect):
         """Refuse what yields within a quarter of a degree: dry friction before it slides."""
         return bool(theta[1] > 0.004 * theta[0])
 
+    def simpler(
+        self,
+        motion: Motion,
+        at: Location,
+        theta: Float[np.ndarray, " parameter"],
+        intervals: Intervals,
+    ) -> tuple[str, Float[np.ndarray, " smaller"]] | None:
+        """Coulomb's, which is no elastic before it slides, where it slides nearly all the way."""
+        if theta[1] > _PRESLIDING * theta[0] * _reach(motion, at):
+            return None
+        return "joint.friction_coulomb", theta[1:]
+
     def statement(
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
     ) -> str:
@@ -84,3 +99,9 @@ class Hysteresis(Effect):
     def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"nested reversals of {at.name}, each smaller than the one before"
+
+
+def _reach(motion: Motion, at: Location) -> float:
+    """Travel of a joint, but for its ends [rad]."""
+    q = motion.q[:, motion.scene.dof(at.name)]
+    return float(np.quantile(q, 0.99) - np.quantile(q, 0.01))

@@ -9,7 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import neighbours
 from wt.physics.motion import Motion
+from wt.physics.parts import add_tendon
 from wt.physics.scene import Scene
 from wt.physics.units import HINGE, Units
 from wt.types import Location
@@ -67,8 +69,9 @@ class PairSpring(Effect):
         if theta[0] <= 0.0:
             return
         a, b = at.name.split("+")
-        tendon = spec.add_tendon(
-            name=f"{a}_{b}_spring",
+        tendon = add_tendon(
+            spec,
+            f"{a}_{b}_spring",
             stiffness=[theta[0], 0.0, 0.0],
             springlength=[theta[2], theta[2]],
         )
@@ -97,16 +100,3 @@ class PairSpring(Effect):
         """See :meth:`Effect.separation`."""
         a, b = at.name.split("+")
         return f"slow sweeps of {a} with {b} held at several angles, and of {b} with {a} held"
-
-
-def neighbours(scene: Scene) -> list[tuple[str, str]]:
-    """Pairs of joints that follow one another in the machine, the one nearer to its base first."""
-    m, pairs = scene.model, list[tuple[str, str]]()
-    for name in scene.own_joints:
-        body, before = int(m.joint(name).bodyid[0]), m.joint(name).id - 1
-        while body > 0 and not (before >= m.body_jntadr[body] >= 0):
-            body = int(m.body_parentid[body])
-            before = int(m.body_jntadr[body] + m.body_jntnum[body]) - 1
-        if body > 0 and m.joint(before).name in scene.own_joints:
-            pairs.append((m.joint(before).name, name))
-    return pairs

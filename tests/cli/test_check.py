@@ -1,0 +1,126 @@
+"""``wt check``: exit codes, what it writes, and that nothing given is ever replaced."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from tests.check.machines import MACHINES, record, times, write_model
+from wt.cli.main import main
+from wt.data import recording as recordings
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> Path:
+    return write_model("planar", tmp_path)
+
+
+@pytest.fixture
+def clean(tmp_path: Path) -> Path:
+    recordings.write(record("planar", 50), tmp_path / "clean.parquet")
+    return tmp_path / "clean.parquet"
+
+
+@pytest.fixture
+def flipped(tmp_path: Path) -> Path:
+    recordings.write(
+        times(-1.0, "qpos/knee", "qvel/knee")(record("planar", 50)), tmp_path / "log.parquet"
+    )
+    return tmp_path / "log.parquet"
+
+
+def test_clean(model: Path, clean: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(model), str(clean)]) == 0
+    assert "Clean" in capsys.readouterr().out
+    assert main(["check", str(clean)]) == 0
+    assert main(["check", str(model)]) == 0
+
+
+def test_found(model: Path, flipped: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(model), str(flipped), "--json"]) == 1
+    (found,) = json.loads(capsys.readouterr().out)
+    assert found["kind"] == "encoder_sign"
+    assert found["columns"] == ["qpos/knee", "qvel/knee"]
+    assert found["elements"] == ["joint knee"]
+    assert found["fix"] == "signs: {qpos/knee: -1, qvel/knee: -1}"
+    assert 0.9 < found["confidence"] <= 1.0
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["nothing.parquet"], ["nothing.xml"], ["a.xml", "b.xml"], ["{model}", "{model}"],
+     ["{model}", "{clean}", "--fix"], ["{other}", "{clean}"], []],
+    ids=["no recording", "no model", "two models", "twice", "fix without out", "other", "none"],
+)  # fmt: skip
+def test_what_cannot_be_read(
+    arguments: list[str],
+    model: Path,
+    clean: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    names = {"model": model, "clean": clean, "other": write_model("arm4", tmp_path)}
+    assert main(["check", *(a.format(**names) for a in arguments)]) == 2
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+def test_fixed_files(model: Path, flipped: Path, tmp_path: Path) -> None:
+    before = flipped.read_bytes()
+    out = tmp_path / "out"
+    for _ in range(2):  # what it wrote itself it may replace
+        assert main(["check", str(model), str(flipped), "--fix", "--out", str(out)]) == 1
+    assert flipped.read_bytes() == before
+    fixed = recordings.read(out / "log.fixed.parquet")
+    expected = record("planar", 50).columns["qpos/knee"]
+    np.testing.assert_allclose(fixed.columns["qpos/knee"], expected, atol=1e-12)
+    assert main(["check", str(model), str(out / "log.fixed.parquet")]) == 0
+    page = (out / "check.html").read_text()
+    assert "encoder_sign" in page
+    assert page.count("<figure>") == 2
+    assert "http://" not in page.replace("http://www.w3.org", "")
+
+
+def test_fixed_model(tmp_path: Path) -> None:
+    xml = MACHINES["planar_torque"].xml
+    path = write_model("planar_torque", tmp_path)
+    robot = xml.replace("<body name=", '<body gravcomp="1" name=')
+    recordings.write(record("planar_torque", 51, robot=robot), tmp_path / "log.parquet")
+    out = tmp_path / "out"
+    given = [str(path), str(tmp_path / "log.parquet")]
+    assert main(["check", *given, "--fix", "--out", str(out)]) == 1
+    fixed = out / "planar_torque.fixed.xml"
+    assert mujoco.MjModel.from_xml_path(str(fixed)).body_gravcomp[1:].tolist() == [1.0, 1.0]
+    assert path.read_text() == xml
+    assert main(["check", str(fixed), given[1]]) == 0
+
+
+@pytest.mark.parametrize("name", ["check.html", "log.fixed.parquet"])
+def test_nothing_of_the_users_is_replaced(
+    name: str, model: Path, flipped: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / name).write_text("mine")
+    assert main(["check", str(model), str(flipped), "--fix", "--out", str(out)]) == 2
+    assert (out / name).read_text() == "mine"
+    assert name in capsys.readouterr().err
+
+
+def test_stamps_that_repeat_and_go_back(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    r = record("planar", 52)
+    t = r.t.copy()
+    t[50], t[120] = t[49], t[110]
+    pq.write_table(pa.table({"t": t, **r.columns}), tmp_path / "log.parquet")
+    given = [str(model), str(tmp_path / "log.parquet")]
+    assert main(["check", *given, "--json", "--fix", "--out", str(tmp_path / "out")]) == 1
+    kinds = [f["kind"] for f in json.loads(capsys.readouterr().out)]
+    assert kinds == ["stamps_repeated", "clock_backwards"]
+    assert len(recordings.read(tmp_path / "out" / "log.fixed.parquet")) == len(r) - 2

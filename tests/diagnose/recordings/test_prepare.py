@@ -1,0 +1,48 @@
+"""Which recordings are fitted, which are held out, and that they take turns."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.diagnose.hidden_forces import chain, record
+from wt.diagnose.recordings.prepare import Prepared, prepare, turned
+from wt.physics.scene import Scene
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Scene:
+    path = tmp_path / "robot.xml"
+    path.write_text(chain(1))
+    return Scene(path)
+
+
+def indices(prepared: Prepared) -> tuple[list[int], list[int]]:
+    return [p.index for p in prepared.fit], [p.index for p in prepared.held]
+
+
+def test_of_several_recordings_the_first_is_held_out_in_its_turn(scene: Scene) -> None:
+    given = prepare(scene, [record(chain(1), None, 3.0, i) for i in range(3)], [])
+    assert indices(given) == ([0, 1], [2])
+    other = turned(given)
+    assert other is not None
+    assert indices(other) == ([1, 2], [0])
+    assert [(u.path, u.role) for u in other.used] == [
+        (given.names[1], "fit"),
+        (given.names[2], "fit"),
+        (given.names[0], "holdout"),
+    ]
+
+
+def test_of_one_recording_the_first_quarter_is(scene: Scene) -> None:
+    other = turned(prepare(scene, [record(chain(1), None, 8.0, 0)], []))
+    assert other is not None
+    (fit,), (held,) = other.fit, other.held
+    assert held.span[1] == fit.span[0] == pytest.approx(2.0, abs=0.01)
+    assert fit.seconds == pytest.approx(3.0 * held.seconds, rel=0.01)
+
+
+def test_what_is_for_the_proof_only_is_never_fitted(scene: Scene) -> None:
+    one, two = (record(chain(1), None, 3.0, i) for i in range(2))
+    assert turned(prepare(scene, [one], [two])) is None

@@ -1,0 +1,84 @@
+"""Encoders whose zero is elsewhere than the model's: by a quarter turn, or far from the command.
+
+A small offset is physics, and at a joint that feels no weight it cannot be told from a bias of its
+drive. One of a quarter or half a turn is another convention.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import ClassVar
+
+import mujoco
+import numpy as np
+
+from wt.check.audit import Stage, Subject, Suspect, register
+from wt.check.balance import Balance, Edit
+from wt.check.finding import AuditFinding
+
+_QUARTERS = (math.pi, 0.5 * math.pi, -0.5 * math.pi)
+_FAR = 0.35  # rad
+_FORCES = 3.0  # times all that the motion demands: no bias of a drive is so large
+
+
+@register
+class QuarterTurn:
+    """A joint under a torque drive whose weight pulls as at another angle."""
+
+    kinds: ClassVar[tuple[str, ...]] = ("encoder_zero",)
+
+    def suspects(self, balance: Balance) -> Sequence[Suspect]:
+        """Each driven hinge that no servo holds, turned by quarters."""
+        hinge = int(mujoco.mjtJoint.mjJNT_HINGE)
+        return [
+            Suspect(
+                "encoder_zero",
+                (Edit("q", row.drive.dof, row.drive.dof, 1.0, turn),),
+                f"{row.drive.joint}'s zero is {math.degrees(turn):.0f}° off",
+                "",
+                (f"joint {row.drive.joint}",),
+            )
+            for row in balance.rows
+            if not row.drive.servo and balance.scene.model.jnt_type[row.drive.dof] == hinge
+            for turn in _QUARTERS
+        ]
+
+
+@register
+class FarFromCommand:
+    """A servo's joint that follows its command at a distance which no force explains."""
+
+    kinds: ClassVar[tuple[str, ...]] = ("encoder_zero",)
+    stage: ClassVar[Stage] = "rest"
+
+    def findings(self, subject: Subject) -> Iterable[AuditFinding]:
+        """One for each such joint."""
+        balance = subject.balance
+        if balance is None or not balance.dynamic:
+            return
+        s = balance.signals
+        demand = balance.inverse(s.q, s.v, s.a)
+        for row, left in zip(balance.rows, balance.unexplained(), strict=True):
+            drive, i = row.drive, row.drive.dof
+            if not drive.servo or left > 0.3:
+                continue
+            held = -drive.gain * drive.gear / (drive.bias[1] * drive.gear**2)
+            away = float(np.median(held * s.u[:, drive.index] - s.q[:, i]))
+            stiffness = abs(drive.bias[1]) * drive.gear**2
+            if abs(away) < _FAR or stiffness * abs(away) < _FORCES * np.abs(demand[:, i]).max():
+                continue
+            name = f"qpos/{drive.joint}"
+            yield AuditFinding(
+                "encoder_zero",
+                (name,),
+                (f"joint {drive.joint}",),
+                f"'{name}' stays {abs(away):.3g} {'below' if away > 0 else 'above'} its command, "
+                f"which would take {stiffness * abs(away):.3g} of force and the motion at most "
+                f"{np.abs(demand[:, i]).max():.3g}: the encoder has another zero",
+                f"offsets: {{{name}: {away:.4g}}}",
+                change=lambda r, name=name, away=away: replace(  # type: ignore[misc]
+                    r, columns={**r.columns, name: r.columns[name] + away}
+                ),
+            )

@@ -1,0 +1,140 @@
+"""Pushes: smooth bumps of a force in time, each with its own height, length and flanks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.optimize import least_squares
+
+from wt.physics.motion import Motion
+
+_SMOOTH_S, _SHORTEST_S, _LONGEST_S, _GAP_S = 0.04, 0.03, 1.5, 0.04
+_USUAL_S = 2.0
+"""Time over which what is usual may change: friction errs with the direction of motion."""
+_MOST = 12
+"""Pushes of one recording; what has more of them is no push now and then."""
+_SELDOM = 0.2
+"""Share of the time that all of them take at most."""
+_CLEAR = 0.6
+"""Share of a moment's square, but for its mean, that a push explains."""
+_SEEN = 0.1
+"""Share of its height at which a push begins and ends for people."""
+
+
+class Push(NamedTuple):
+    """One push.
+
+    Attributes:
+        recording: index of its recording.
+        start, end: middles of its flanks [s].
+        flank: length scale of a flank [s]; a long one makes a bump, a short one a box.
+        height: largest force [N·m or N].
+    """
+
+    recording: float
+    start: float
+    end: float
+    flank: float
+    height: float
+
+    def course(self, t: Float[np.ndarray, " time"]) -> Float[np.ndarray, " time"]:
+        """Share of its height that acts at some times [s]."""
+        # (tanh((t − start)/flank) − tanh((t − end)/flank)) / 2, which is 1 in the middle
+        rise, fall = np.tanh((t - self.start) / self.flank), np.tanh((t - self.end) / self.flank)
+        top = np.tanh(0.5 * (self.end - self.start) / self.flank)
+        return np.asarray(0.5 * (rise - fall) / top)
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """When it begins and ends for people [s]."""
+        middle, half = 0.5 * (self.start + self.end), 0.5 * (self.end - self.start)
+        # course = (cosh a + 1) / (cosh a + cosh x), with a = 2 half/flank and x = 2 away/flank
+        a = 2.0 * half / self.flank
+        if a > 50.0:  # a box: each flank alone
+            away = half + 0.5 * self.flank * np.log(1.0 / _SEEN - 1.0)
+        else:
+            away = 0.5 * self.flank * np.arccosh((np.cosh(a) + 1.0) / _SEEN - np.cosh(a))
+        return middle - float(away), middle + float(away)
+
+
+def flat(pushes: Sequence[Push]) -> tuple[float, ...]:
+    """Pushes as one row of figures, see :func:`of`."""
+    return tuple(float(x) for push in pushes for x in push)
+
+
+def of(shape: Sequence[float]) -> tuple[Push, ...]:
+    """Pushes of a row of figures."""
+    return tuple(Push(*shape[i : i + 5]) for i in range(0, len(shape), 5))
+
+
+def pushes(motion: Motion, force: Float[np.ndarray, " sample"], threshold: float) -> list[Push]:
+    """Pushes that stand out of a force that is small else; none if there are too many.
+
+    Args:
+        motion: whose force it is.
+        force: [N·m or N].
+        threshold: from which it stands out, in robust deviations.
+    """
+    found = list[Push]()
+    for s in motion.segments:
+        t, x = motion.t[s.rows], force[s.rows]
+        y = uniform_filter1d(x, max(1, round(_SMOOTH_S / s.dt)))
+        y = y - median_filter(y, max(3, round(_USUAL_S / s.dt)), mode="nearest")
+        usual = 1.4826 * float(np.median(np.abs(y))) + 1e-12
+        spans = [
+            span
+            for sign in (1.0, -1.0)
+            for span in _spans(sign * y > threshold * usual, round(_GAP_S / s.dt))
+            if t[span.stop - 1] - t[span.start] >= _SHORTEST_S
+        ]
+        if len(spans) > _MOST or sum(map(_length, spans)) > _SELDOM * len(x):
+            return []
+        each = [_fitted(t, x, span, float(s.recording)) for span in spans]
+        found += [p for p in each if p is not None and abs(p.height) > threshold * usual]
+    return sorted(found)
+
+
+def _fitted(
+    t: Float[np.ndarray, " sample"], x: Float[np.ndarray, " sample"], span: slice, recording: float
+) -> Push | None:
+    """The push in a span of time, by least squares beside a constant; None if it is none."""
+    length = max(float(t[span.stop - 1] - t[span.start]), _SHORTEST_S)
+    middle = 0.5 * float(t[span.stop - 1] + t[span.start])
+    rows = np.abs(t - middle) < 1.5 * length + _SMOOTH_S
+    time, force = t[rows], x[rows]
+    peak = float(x[span][np.argmax(np.abs(x[span]))])
+
+    def push(z: Float[np.ndarray, " 4"]) -> Push:
+        half, flank = np.exp(z[1:3])
+        return Push(recording, float(z[0] - half), float(z[0] + half), float(flank), float(z[3]))
+
+    def left(z: Float[np.ndarray, " 5"]) -> Float[np.ndarray, " moment"]:
+        one = push(z[:4])
+        return np.asarray(one.height * one.course(time) + z[4] - force)
+
+    start = np.array([middle, np.log(0.4 * length), np.log(0.3 * length), peak, 0.0])
+    reach = np.array([length, 2.5, 2.5, 2.0 * abs(peak) + 1e-12, abs(peak) + 1e-12])
+    fit = least_squares(left, start, bounds=(start - reach, start + reach), x_scale=reach)
+    whole = float(((force - force.mean()) ** 2).sum())
+    one = push(fit.x[:4])
+    begin, end = one.window
+    clear = 2.0 * fit.cost < (1.0 - _CLEAR) * whole
+    return one if clear and end - begin < _LONGEST_S else None
+
+
+def _spans(above: Bool[np.ndarray, " sample"], gap: int) -> list[slice]:
+    """Runs, those merged that are closer than a gap."""
+    rows = np.flatnonzero(above)
+    if not len(rows):
+        return []
+    breaks = np.flatnonzero(np.diff(rows) > max(gap, 1))
+    first, last = np.append(0, breaks + 1), np.append(breaks, len(rows) - 1)
+    return [slice(int(rows[a]), int(rows[b]) + 1) for a, b in zip(first, last, strict=True)]
+
+
+def _length(span: slice) -> int:
+    return int(span.stop - span.start)
