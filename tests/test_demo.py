@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 from pathlib import Path
 
@@ -65,3 +66,17 @@ def test_a_fit_that_was_interrupted_is_continued(tmp_path: Path) -> None:
     (tmp_path / "fit" / "config.yaml").touch()
     (fit,) = demo.lanes(tmp_path)[1]
     assert "--resume" in fit.words and "fit/config.yaml" in fit.words
+
+
+def test_what_was_said_stands_beside_what_was_hidden(tmp_path: Path) -> None:
+    demo.prepare(tmp_path / "demo")
+    gap = {"value": 0.0411, "unit": "rad", "ci95": [0.0397, 0.0425]}
+    said = {"statement": "Joint shoulder has play.", "parameters": {"gap": gap}}
+    for name, findings in (("arm", [said]), ("cart", [])):
+        (tmp_path / "demo" / name).mkdir()
+        found = json.dumps({"findings": findings})
+        (tmp_path / "demo" / name / "diagnosis.json").write_text(found)
+    lines = demo._compared(tmp_path / "demo")
+    assert lines[0] == "arm: hidden was joint.backlash at shoulder (gap 0.04);"
+    assert "Joint shoulder has play. (gap 0.0411 rad, 0.0397 … 0.0425)" in lines[1]
+    assert "Nothing is missing." in lines[3]

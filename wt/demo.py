@@ -14,7 +14,8 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+import typing
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -142,11 +143,22 @@ def _compared(folder: Path) -> list[str]:
     for name in DIAGNOSED:
         answer = json.loads((folder / "examples" / name / "answer.json").read_text())["truth"][0]
         found = json.loads((folder / name / "diagnosis.json").read_text())["findings"]
-        said = " ".join(f["statement"] for f in found) or "Nothing is missing."
+        said = " ".join(f["statement"] + _sizes(f["parameters"]) for f in found)
+        said = said or "Nothing is missing."
         size = ", ".join(f"{k} {v}" for k, v in answer["parameters"].items())
         lines.append(f"{name}: hidden was {answer['effect']} at {answer['at']['name']} ({size});")
         lines.append(f"{' ' * len(name)}  said was: {said}")
     return lines
+
+
+def _sizes(parameters: Mapping[str, Mapping[str, object]]) -> str:
+    """Parameters of a finding, with 95 % intervals where they are single numbers."""
+    sizes = []
+    for name, said in parameters.items():
+        if isinstance(value := said["value"], float):
+            low, high = typing.cast(list[float], said["ci95"])
+            sizes.append(f"{name} {value:.3g} {said['unit']}, {low:.3g} … {high:.3g}")
+    return f" ({'; '.join(sizes)})" if sizes else ""
 
 
 def _to_open(folder: Path) -> list[str]:

@@ -42,7 +42,7 @@ fi
 
 # MLflow's page, and the web viewer: each answers
 answers() {
-    for _ in $(seq 120); do
+    for _ in $(seq 400); do
         if curl -sf "$1" > /dev/null; then return; fi
         sleep 0.5
     done
