@@ -11,7 +11,6 @@ import mujoco
 import numpy as np
 import pytest
 
-from tests.diagnose.hidden_forces import chain, record
 from wt.diagnose import pipeline
 from wt.diagnose.likelihood.objective import Objective
 from wt.diagnose.pipeline import diagnose
@@ -108,23 +107,6 @@ def test_bad_recordings_are_one_line(still: HiddenWorld, tmp_path: Path) -> None
         assert "\n" not in str(caught.value)
     with pytest.raises(UserError, match="at least one"):
         diagnose(model, [])
-
-
-def test_what_only_the_last_recording_shows_is_found_as_recordings_take_turns(
-    tmp_path: Path,
-) -> None:
-    nominal = chain(1)
-    stopped = nominal.replace('damping=".3"', 'damping=".3" limited="true" range="-3 .75"')
-    # the first hardly moves; only the last runs into the stop
-    runs = [record(stopped, None, 6.0, i, swing) for i, swing in enumerate((0.05, 0.2))]
-    model = tmp_path / "robot.xml"
-    model.write_text(nominal)
-    found = diagnose(model, runs)
-    assert [(f.effect, f.at.name) for f in found.findings] == [("joint.stop", "j1")]
-    assert found.findings[0].parameters["position"].value == pytest.approx(0.75, abs=0.02)
-    assert [u.role for u in found.recordings] == ["fit", "holdout"]
-    assert found.recordings[0].path == "recording 2"
-    assert any("took turns" in note and "recording 2" in note for note in found.notes)
 
 
 @pytest.mark.parametrize(("proven", "searches"), [("simpler law", 1), ("", pipeline.ATTEMPTS)])
