@@ -57,6 +57,25 @@ def translate_state(
     return frame.next_states(o, change)
 
 
+def reconstruct_state(
+    model: WorldModel,
+    o: Float[Tensor, "batch obs"],
+    a: Float[Tensor, "batch action"],
+    s_next: Float[Tensor, "batch state"],
+) -> Float[Tensor, "batch state"]:
+    """D(o, a, E(o, a, o′_R)): what is left of R's own outcome when it is encoded and decoded.
+
+    No translation can be nearer to R than this in the mean, unless it is anchored; arguments as
+    :func:`feature_of_real`'s.
+    """
+    frame = model.frame
+    x = frame.conditions(o, a)
+    nominal = frame.nominal_change(x)
+    feature = feature_of_real(model, o, a, s_next)
+    change = nominal + frame.shift_change(x, nominal) + model.decoder(x, feature)
+    return frame.next_states(o, change)
+
+
 def feature_of_real(
     model: WorldModel,
     o: Float[Tensor, "batch obs"],

@@ -74,6 +74,18 @@ def test_physical_errors_are_by_kind_of_channel(tmp_path: Path) -> None:
     assert "gyro [rad/s]" in console.export_text()
 
 
+def test_a_row_with_a_remark_is_marked_and_explained(tmp_path: Path) -> None:
+    marked = results(remarks={"WorldTranslation": "extraction gains nothing."})
+    text = marked.to_markdown()
+    assert "| WorldTranslation* |" in text and "| RSSM |" in text
+    assert "* WorldTranslation: extraction gains nothing." in text
+    console = Console(width=80, file=io.StringIO(), record=True)
+    marked.print_table(console)
+    assert "WorldTranslation*" in (shown := console.export_text()) and "gains nothing" in shown
+    marked.save(tmp_path)
+    assert Results.load(tmp_path) == marked
+
+
 def test_what_is_saved_is_what_is_loaded(tmp_path: Path) -> None:
     for saved in (results(), results(task="so101", model=None, version=None, rmse={}, channels=())):
         saved.save(tmp_path)

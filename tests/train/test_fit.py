@@ -128,12 +128,13 @@ def test_everything_worth_watching_arrives(world: World, plus: Method, folder: P
     watched = {
         "gradient/vae", "gradient/blind", "gradient/generators", "gradient/judges",
         "gan/accuracy", "gan/cycle", "vae/domain_accuracy", "vae/blind_error",
-        "latent/mean_norm", "latent/active_std", "latent/noise_std",
+        "latent/mean_norm", "latent/active_std", "latent/active", "latent/noise_std",
     }  # fmt: skip
     for step, values in sink.seen.items():
         assert watched <= set(values), step
         assert all(np.isfinite(v) for v in values.values()), step
-        assert ("val/mse" in values) == (step % 10 == 0), step
+        for name in ("val/mse", "val/self_reconstruction", "val/untranslated"):
+            assert (name in values) == (step % 10 == 0), step
         assert values["gradient/vae"] > 0 and 0 <= values["gan/accuracy"] <= 1
 
 

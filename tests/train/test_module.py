@@ -110,3 +110,27 @@ def test_metrics_and_gradient_norms_are_there_after_a_step(set_up: SetUp, paper:
     assert set(norms) == {f"gradient/{g}" for g in ("vae", "blind", "generators", "judges")}
     expected = np.linalg.norm(np.concatenate(by_hand).astype(float))
     assert float(norms["gradient/blind"]) == pytest.approx(expected, rel=1e-5)
+
+
+def test_validation_tells_what_the_encoder_keeps_and_what_translation_adds(
+    set_up: SetUp, paper: Method
+) -> None:
+    setup = set_up(paper)
+    model, pairs = setup.module.model, setup.data.validation
+    trainer = lightning.Trainer(
+        accelerator="cpu", logger=False, enable_checkpointing=False, enable_progress_bar=False
+    )
+    (told,) = trainer.validate(setup.module, setup.data, verbose=False)
+    frame, n = model.frame, model.spec.n_state
+    x = frame.conditions(pairs.o, pairs.a)
+
+    def decoded(outcome: torch.Tensor) -> float:
+        z, _ = model.encoder(x, (outcome - pairs.o[:, :n]) / frame.change.std)
+        s_next = pairs.o[:, :n] + model.decoder(x, z) * frame.change.std
+        return float((((s_next - pairs.real_next) / pairs.state_std) ** 2).mean())
+
+    with torch.no_grad():
+        own, untranslated = decoded(pairs.real_next), decoded(pairs.sim_next)
+    assert told["val/self_reconstruction"] == pytest.approx(own, rel=1e-4)
+    assert told["val/untranslated"] == pytest.approx(untranslated, rel=1e-4)
+    assert told["val/mse"] != pytest.approx(untranslated, rel=1e-3)

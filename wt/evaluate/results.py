@@ -71,6 +71,7 @@ class Results:
         channels: the predicted channels that ``rmse`` speaks of.
         rmse: each method's root mean squared error of each channel, in the channel's unit.
         note: what the comparison assumes.
+        remarks: sentences on methods whose rows need one; these are marked in tables.
     """
 
     task: str
@@ -81,6 +82,7 @@ class Results:
     channels: tuple[Channel, ...] = ()
     rmse: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     note: str = ASSUMPTION
+    remarks: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check that every method's errors speak of every channel."""
@@ -189,6 +191,7 @@ class Results:
                 for kind, errors in self.groups.items()
             },
             "note": self.note,
+            "remarks": dict(self.remarks),
         }
 
     @classmethod
@@ -220,6 +223,7 @@ class Results:
                 for method in methods
             },
             note=content.get("note", ASSUMPTION),
+            remarks=content.get("remarks", {}),
         )
 
     def to_markdown(self) -> str:
@@ -229,7 +233,7 @@ class Results:
             "",
             *markdown_table(self._head(), self._rows(bold="**{}**")),
             "",
-            self._ratio(),
+            " ".join([self._ratio(), *self._remarks()]),
             "",
             " ".join([_LEGEND, *([_PAPER_LEGEND] * bool(self.paper)), self.note]),
         ]
@@ -256,6 +260,8 @@ class Results:
             head, rows = self._physical()
             console.print(terminal_table([escape(name) for name in head], rows, _PHYSICAL))
         console.print(self._ratio(), highlight=False)
+        for remark in self._remarks():
+            console.print(remark, highlight=False, markup=False)
         console.print(self.note, style="dim", highlight=False)
 
     def _title(self) -> str:
@@ -274,7 +280,7 @@ class Results:
             score = self.single_step[method]
             mse = short(score.mse) if math.isfinite(score.mse) else "diverged"
             row = [
-                method,
+                method + "*" * (method in self.remarks),
                 bold.format(mse) if score.mse == best else mse,
                 short(score.std) if len(self.seeds) > 1 else "–",
                 short(score.mse_change),
@@ -297,6 +303,9 @@ class Results:
     def _order(self) -> list[str]:
         """Methods, ours first and the rest by error."""
         return sorted(self.single_step, key=lambda m: (_rank(m), _or_inf(self.single_step[m].mse)))
+
+    def _remarks(self) -> list[str]:
+        return [f"* {method}: {remark}" for method, remark in self.remarks.items()]
 
     def _ratio(self) -> str:
         ratio = self.ratio_to_best_baseline

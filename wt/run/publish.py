@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 
 import numpy as np
@@ -23,7 +23,7 @@ from wt.export.onnx import eager, export
 from wt.run.study import Study
 from wt.run.track import Run, source
 from wt.show.files import write_whole
-from wt.train.score import PairTensors, predictions
+from wt.train.score import PairTensors, predictions, reconstructions
 from wt.translate import Exported, SimToReal
 
 MODEL, RECORDING, FIGURES = "model.onnx", "rollout.rrd", "figures"
@@ -83,7 +83,10 @@ def publish(study: Study, by_seed: Mapping[int, Mapping[str, Errors]], tracked: 
     version = push(
         config.registry_name, study.folder, chosen[seed], tracked.id, uri=config.tracking.uri
     )
-    results = tabulate(study, by_seed, version)
+    remarks = _gains_nothing(study, by_seed)
+    for method, remark in remarks.items():
+        study.listener.warn(f"{method}: {remark}")
+    results = replace(tabulate(study, by_seed, version), remarks=remarks)
     results.save(study.folder)
     _figures(study, seed, results)
     tracked.metrics({"ratio_to_best_baseline": results.ratio_to_best_baseline}, 0)
@@ -109,6 +112,31 @@ def chosen_by(study: Study, seeds: Iterable[int]) -> dict[int, float]:
         model = study.load_model(seed, OURS, study.config.plus)
         tensors = PairTensors.of(pairs, model.frame.state.std, model.frame.change.std)
         found[seed] = errors(predictions(model, tensors).numpy(), pairs, study.scales).mse
+    return found
+
+
+def _gains_nothing(study: Study, by_seed: Mapping[int, Mapping[str, Errors]]) -> dict[str, str]:
+    """Remarks on methods whose feature keeps less of R's outcome than a regressor knows without.
+
+    Encoding and decoding what R itself did is then no nearer to it than DirectPred, which sees
+    (o, a) alone: what is translated hardly carries anything of what is hidden.
+    """
+    config, pairs, found = study.config, study.data.test, {}
+    if "DirectPred" not in config.baselines.names:
+        return {}
+    direct = float(np.mean([by_method["DirectPred"].mse for by_method in by_seed.values()]))
+    for method, settings in ((PAPERS_OWN, config.paper), (OURS, config.plus)):
+        kept = []
+        for seed in by_seed:
+            model = study.load_model(seed, method, settings)
+            tensors = PairTensors.of(pairs, model.frame.state.std, model.frame.change.std)
+            kept.append(errors(reconstructions(model, tensors).numpy(), pairs, study.scales).mse)
+        own = float(np.mean(kept))
+        if own >= direct:
+            found[method] = (
+                f"extraction gains nothing: encoding and decoding R's own outcome makes {own:.3g}, "
+                f"DirectPred {direct:.3g}."
+            )
     return found
 
 

@@ -20,7 +20,7 @@ from wt.config import Method
 from wt.nets.world_model import WorldModel
 from wt.train import phases, replicas
 from wt.train.batches import StepBatch
-from wt.train.score import PairTensors, errors
+from wt.train.score import PairTensors, errors, reconstructions
 from wt.train.segments import segment_error
 from wt.types import TransitionSpec
 
@@ -122,6 +122,11 @@ class WorldTranslation(lightning.LightningModule):
         """Error on the validation pairs, with the averaged generator."""
         self._log_errors("val", batch)
         self._log_step()
+        # what the encoder keeps of R's own outcome, and what is left without translation
+        error = (reconstructions(self.model, batch) - batch.real_next) / batch.state_std
+        untranslated, _ = errors(_with_generator(self.model, _Unchanged()), batch)
+        self.log("val/self_reconstruction", (error**2).mean(), batch_size=len(batch.o))
+        self.log("val/untranslated", untranslated, batch_size=len(batch.o))
 
     def test_step(self, batch: PairTensors, batch_idx: int) -> None:
         """Error on the test pairs, with the averaged generator."""
@@ -131,10 +136,7 @@ class WorldTranslation(lightning.LightningModule):
         """The model as it would be exported now, sharing all but an averaged generator."""
         if not self.model.method.translation.average:
             return self.model
-        model = copy.copy(self.model)
-        model._modules = dict(self.model._modules)
-        model.to_real = self.average
-        return model
+        return _with_generator(self.model, self.average)
 
     def gradient_norms(self) -> dict[str, Tensor]:
         """Norm of the last gradient of each optimizer's parameters."""
@@ -187,6 +189,21 @@ class WorldTranslation(lightning.LightningModule):
             average: list[Tensor] = list(self.average.parameters())
             current: list[Tensor] = list(self.model.to_real.parameters())
             torch._foreach_lerp_(average, current, 1.0 - decay)
+
+
+class _Unchanged(nn.Module):
+    """Stands in a generator's place where nothing is to be translated."""
+
+    def forward(self, z: Tensor, x: Tensor) -> Tensor:
+        """The feature as it is."""
+        return z
+
+
+def _with_generator(model: WorldModel, generator: nn.Module) -> WorldModel:
+    """A model with another G_{S→R}, sharing all else."""
+    other = copy.copy(model)
+    other._modules = {**model._modules, "to_real": generator}
+    return other
 
 
 def _share(step: int, steps: int) -> float:

@@ -20,6 +20,9 @@ from wt.train.batches import DomainData, StepBatch
 
 Metrics = dict[str, Tensor]
 
+ACTIVE = 0.01
+"""Variance of a latent's posterior mean above which it is active (Burda et al. 2016)."""
+
 
 @runtime_checkable
 class Translator(Protocol):
@@ -82,6 +85,7 @@ def extraction(model: WorldModel, batch: StepBatch) -> tuple[Tensor, Metrics, Te
         "vae/domain_accuracy": 0.5 * right,
         "latent/mean_norm": mean.norm(dim=-1).mean(),
         "latent/active_std": mean.std(dim=0).mean(),
+        "latent/active": (mean.var(dim=0) > ACTIVE).float().sum(),
         "latent/noise_std": torch.exp(0.5 * log_variance).mean(),
     }
     return loss, metrics, z

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from wt.nets.world_model import WorldModel
-from wt.translate import translate_state
+from wt.translate import reconstruct_state, translate_state
 from wt.types import Pairs
 
 CHUNK = 16384
@@ -56,6 +56,15 @@ def predictions(model: WorldModel, pairs: PairTensors) -> Tensor:
         pairs.o.split(CHUNK), pairs.a.split(CHUNK), pairs.sim_next.split(CHUNK), strict=True
     )
     return torch.cat([translate_state(model, *chunk) for chunk in chunks])
+
+
+@torch.no_grad()
+def reconstructions(model: WorldModel, pairs: PairTensors) -> Tensor:
+    """R's next state encoded and decoded, (N, n_state)."""
+    chunks = zip(
+        pairs.o.split(CHUNK), pairs.a.split(CHUNK), pairs.real_next.split(CHUNK), strict=True
+    )
+    return torch.cat([reconstruct_state(model, *chunk) for chunk in chunks])
 
 
 def errors(model: WorldModel, pairs: PairTensors) -> tuple[float, float]:
