@@ -135,6 +135,9 @@ class Thresholds:
     unknown_share: float = 0.1
     """[share of the squared error] Least that a law removes of held-out replays, and least that an
     unnamed law must be ahead of a named one before the name is given up for it."""
+    same_law: float = 0.05
+    """[share of the squared force] A learned law of which named effects say all but this is theirs:
+    what a rounded sign or a coarse curve differs by from the friction that it was learned from."""
     unknown_chance: float = 0.05
     """[1] Largest p-value on held-out replays alone; both proofs together must be significant."""
     formula_share: float = 0.9

@@ -10,7 +10,9 @@ import pytest
 
 from tests.physics.arm import ARM, motion, scene, simulate
 from wt.diagnose.likelihood.tolerances import tolerances
-from wt.diagnose.residual.signature import elsewhere, force
+from wt.diagnose.residual.signature import elsewhere, force, unsaid
+from wt.diagnose.unknown.force import UnknownForce
+from wt.diagnose.unknown.law import Atom, Law
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
 from wt.types import Location
@@ -53,3 +55,22 @@ def test_what_any_rig_is_off_by_takes_no_event_for_its_own(tmp_path: Path) -> No
     assert found[1:] == small
     windows = found[0].effect.observed()["windows"][1]
     assert windows == pytest.approx((START, END), abs=0.03)
+
+
+def learned(*terms: tuple[Atom, ...]) -> Planted:
+    """A learned law of j1's velocity, each term with the weight −0.6."""
+    weights = np.full(len(terms), -0.6)
+    law = Law(("qvel/j1",), np.array([-50.0]), np.array([50.0]), terms, weights)
+    return Planted(UnknownForce(law, "something brakes j1"), J1, np.ones(1))
+
+
+def test_a_learned_law_that_named_effects_say_themselves_is_theirs(tmp_path: Path) -> None:
+    moved = motion(scene(tmp_path), simulate(ARM))
+    dry = Planted(effects()["joint.friction_coulomb"], J1, np.array([0.9]))
+    viscous = Planted(effects()["joint.friction_viscous"], J1, np.array([0.1]))
+    sign, linear = (Atom(0, "sign", b=0.05),), (Atom(0, "linear"),)
+    assert unsaid(moved, learned(sign), [dry], 1) < 0.05
+    assert unsaid(moved, learned(sign), [viscous], 1) > 0.1
+    assert unsaid(moved, learned(sign, linear), [dry], 1) > 0.1
+    assert unsaid(moved, learned(sign, linear), [dry, viscous], 1) < 0.05
+    assert unsaid(moved, learned(sign), [], 1) == 1.0

@@ -47,6 +47,29 @@ def force(motion: Motion, planted: Planted) -> Float[np.ndarray, "sample dof"] |
     return np.asarray(columns @ least_squares(miss, np.ones(columns.shape[2])).x)
 
 
+def unsaid(motion: Motion, law: Planted, named: Sequence[Planted], dof: int) -> float:
+    """Share of a law's squared force at a degree of freedom that no multiple of named effects is.
+
+    Args:
+        motion: along which they act.
+        law: a force of any kind.
+        named: effects whose sizes are free.
+        dof: where they are compared.
+
+    Returns:
+        0 for a law that they say themselves, 1 for one that has nothing of them.
+    """
+    whole = force(motion, law)
+    signatures = [s[:, dof] for s in (signature(motion, p) for p in named) if s is not None]
+    if whole is None or not signatures:
+        return 1.0
+    target, design = whole[:, dof], np.concatenate(signatures, axis=1)
+    size = np.linalg.norm(design, axis=0) + 1e-12
+    x, *_ = np.linalg.lstsq(design / size, target, rcond=1e-8)
+    left = target - (design / size) @ x
+    return float(left @ left / (target @ target + 1e-24))
+
+
 def reduced(motion: Motion, hypothesis: Sequence[Planted]) -> Motion:
     """A motion without what some effects, fitted by least squares, explain of its residual."""
     signatures = [s for s in (signature(motion, p) for p in hypothesis) if s is not None]

@@ -23,7 +23,7 @@ from wt.diagnose.likelihood.estimate import Estimated, distances_from_nothing, e
 from wt.diagnose.likelihood.objective import Objective
 from wt.diagnose.residual.scoring import STRIDE, WINDOW
 from wt.diagnose.residual.screen import Screen, leftover
-from wt.diagnose.residual.signature import signature
+from wt.diagnose.residual.signature import signature, unsaid
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.alternatives import Lookalikes, simplified, united
 from wt.diagnose.selection.decisions import DecisionLog
@@ -232,7 +232,7 @@ class Naming:
 
     def _better(self, unnamed: Claims, named: Claims) -> bool:
         """True if an unnamed law predicts held-out data better, significantly and materially."""
-        if not unnamed.unknown:
+        if not unnamed.unknown or self._theirs(unnamed, named):
             return False
         lead = gain(self.holdout, unnamed.hypothesis, named.hypothesis, self.step)
         significant = lead.p_value <= THRESHOLDS.significant
@@ -242,6 +242,20 @@ class Naming:
             p, limit = lead.p_value, THRESHOLDS.significant
             self.log.add(law.planted, "doubted", better, p, limit, reason)
         return better
+
+    def _theirs(self, unnamed: Claims, named: Claims) -> bool:
+        """True if the unnamed laws are no others than those of the effects they would replace."""
+        motion, kept = self.screen.motion, {a.planted.key for a in unnamed.accepted}
+        replaced = [p for p in named.estimated.hypothesis if p.key not in kept]
+        for law in (u.planted for u in unnamed.unknown):
+            dof = motion.scene.dof(law.at.name)
+            here = [p for p in replaced if _joint(motion.scene, p.at) == law.at.name]
+            share, limit = unsaid(motion, law, here, dof), THRESHOLDS.same_law
+            if share > limit:
+                return False
+            reason = f"the learned law is that of {', '.join(str(p) for p in here)}"
+            self.log.add(law, "doubted", False, share, limit, reason)
+        return True
 
 
 @dataclass(frozen=True)
