@@ -126,8 +126,8 @@ class Recorder:
         known = len(columns["recording"])  # t, targets and measurements, in both tables
         recorded = np.column_stack([rows[:, known], rows[:, 1:known]])
         # told positions, and heard of
-        held = np.isfinite(rows[:, 1]) & np.isfinite(rows[:, known])
-        made._recording.extend(recorded[held])
+        known_rows = np.isfinite(rows[:, 1]) & np.isfinite(rows[:, known])
+        made._recording.extend(recorded[known_rows])
         return made
 
     def row(

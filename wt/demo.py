@@ -142,8 +142,8 @@ def _compared(folder: Path) -> list[str]:
     lines = []
     for name in DIAGNOSED:
         answer = json.loads((folder / "examples" / name / "answer.json").read_text())["truth"][0]
-        found = json.loads((folder / name / "diagnosis.json").read_text())["findings"]
-        said = " ".join(f["statement"] + _sizes(f["parameters"]) for f in found)
+        findings = json.loads((folder / name / "diagnosis.json").read_text())["findings"]
+        said = " ".join(f["statement"] + _sizes(f["parameters"]) for f in findings)
         said = said or "Nothing is missing."
         size = ", ".join(f"{k} {v}" for k, v in answer["parameters"].items())
         lines.append(f"{name}: hidden was {answer['effect']} at {answer['at']['name']} ({size});")

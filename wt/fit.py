@@ -101,11 +101,11 @@ class _Logged:
 def _tags(config: FitConfig) -> dict[str, str]:
     """What a person reads of a run in MLflow, and finds it by."""
     row = paper.row(config.task)
-    beside = f" It stands beside the paper's {row}." if row else ""
+    row_text = f" It stands beside the paper's {row}." if row else ""
     methods = ", ".join([OURS, PAPERS_OWN, *config.baselines.names])
     note = (
         f"Single-step prediction on the task `{config.task}`: {methods}, each with seeds "
-        f"{config.seeds}, one run below this one each.{beside} `single_step.json` among the "
+        f"{config.seeds}, one run below this one each.{row_text} `single_step.json` among the "
         "artifacts is the table, `rollout.rrd` is for `wt view`."
     )
     return {"task": config.task, "paper.row": row or "none", "mlflow.note.content": note}

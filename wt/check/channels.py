@@ -78,7 +78,7 @@ def _needed(
     balance: Balance, state: _State, suspects: Sequence[Suspect]
 ) -> list[tuple[Suspect, str, float]]:
     """Those of a state that are missed when each alone is taken back."""
-    found: list[tuple[Suspect, str, float]] = []
+    removable: list[tuple[Suspect, str, float]] = []
     for i, suspect in enumerate(state.suspects):
         rest = replace(state, suspects=state.suspects[:i] + state.suspects[i + 1 :])
         without = balance.unexplained(rest.edits)
@@ -103,8 +103,8 @@ def _needed(
         ]
         if others:
             said += f"; it cannot be told from this: {others[0]}"
-        found.append((suspect, said, 1.0 - float(state.left[row] / without[row])))
-    return found
+        removable.append((suspect, said, 1.0 - float(state.left[row] / without[row])))
+    return removable
 
 
 def _own(balance: Balance, suspect: Suspect) -> Bool[np.ndarray, " row"]:

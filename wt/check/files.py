@@ -50,14 +50,14 @@ def audit(model: Path | None, sources: Sequence[Path]) -> list[Audited]:
         return [Audited(None, None, None, check(scene, None).findings)]
     audited = []
     for path in sources:
-        recording, found = read(path)
+        recording, doubts = read(path)
         if scene is not None:
             try:
                 recordings.check_names(recording, scene.given)
             except RecordingError as error:
                 raise RecordingError(f"'{path}': {error}") from error
         checked = check(scene, recording)
-        audited.append(Audited(path, recording, checked.recording, (*found, *checked.findings)))
+        audited.append(Audited(path, recording, checked.recording, (*doubts, *checked.findings)))
     return audited
 
 
@@ -67,13 +67,13 @@ def merged(audited: Sequence[Audited]) -> list[AuditFinding]:
     for each in audited:
         for f in each.findings:
             order.setdefault((f.kind, f.columns, f.elements), []).append(f)
-    found = []
+    united = []
     for same in order.values():
         first, of_model = same[0], not same[0].columns
         many = len(audited) > 1 and not of_model
         where = f" (in {len(same)} of {len(audited)} recordings)" if many else ""
-        found.append(replace(first, evidence=first.evidence + where))
-    return sorted(found, key=lambda f: not f.sure)
+        united.append(replace(first, evidence=first.evidence + where))
+    return sorted(united, key=lambda f: not f.sure)
 
 
 def write_page(page: str, out: Path) -> Path:

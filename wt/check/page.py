@@ -115,12 +115,12 @@ def replay(scene: Scene, recording: Recording) -> dict[str, Float[np.ndarray, " 
     names = [f"ctrl/{m.actuator(i).name}" for i in range(m.nactuator)]
     u = np.stack([recording.columns[n] for n in names], axis=1) if names else np.zeros((len(t), 0))
     v = np.gradient(q, t, axis=0)
-    held = {d.joint for d in scene.drives if d.servo} >= set(scene.joints)
+    all_servos = {d.joint for d in scene.drives if d.servo} >= set(scene.joints)
     d = mujoco.MjData(m)
     out = np.full(q.shape, np.nan)
     start = 0.0
     for k in range(min(last, len(t))):
-        if k == 0 or (not held and t[k] - start >= _RESTART_S):
+        if k == 0 or (not all_servos and t[k] - start >= _RESTART_S):
             mujoco.mj_resetData(m, d)
             d.qpos[:], d.qvel[:], start = q[k], v[k], t[k]
         out[k] = d.qpos

@@ -23,7 +23,7 @@ def read(path: str | Path) -> tuple[Recording, tuple[AuditFinding, ...]]:
     """
     columns, meta = recordings.table(path)
     t = columns.pop("t")
-    found: list[AuditFinding] = []
+    doubts: list[AuditFinding] = []
     if t.ndim == 1 and np.isfinite(t).all() and len(t) > 1:
         before = np.maximum.accumulate(t)
         keep = np.concatenate([[True], t[1:] > before[:-1]])
@@ -35,7 +35,7 @@ def read(path: str | Path) -> tuple[Recording, tuple[AuditFinding, ...]]:
         ):
             if count > 0:
                 row = int(np.flatnonzero(~keep)[0])
-                found.append(
+                doubts.append(
                     AuditFinding(
                         kind,
                         ("t",),
@@ -45,9 +45,9 @@ def read(path: str | Path) -> tuple[Recording, tuple[AuditFinding, ...]]:
                         "leave these rows out, and log each sample once",
                     )
                 )
-        if found:
+        if doubts:
             t, columns = t[keep], {name: c[keep] for name, c in columns.items()}
     try:
-        return Recording(t, columns, meta), tuple(found)
+        return Recording(t, columns, meta), tuple(doubts)
     except RecordingError as error:
         raise RecordingError(f"'{path}': {error}") from error

@@ -73,17 +73,17 @@ class Command(TyperCommand):
 
 def repeated(args: Sequence[str], option: str) -> list[str]:
     """Arguments with ``option`` repeated before each of the values that follow it."""
-    found: list[str] = []
+    unpacked: list[str] = []
     inside = first = False
     for arg in args:
         if arg.startswith("-"):
             inside = first = arg == option
         elif inside and not first:
-            found.append(option)
+            unpacked.append(option)
         else:
             first = False
-        found.append(arg)
-    return found
+        unpacked.append(arg)
+    return unpacked
 
 
 def command(
@@ -128,22 +128,22 @@ def command(
     inputs = [model, *recordings, *(holdout or ())]
     if suggest_experiment is not None:
         _refuse_to_lose(suggest_experiment, inputs)
-    beside = _registered(translation) if translation else None
+    translator = _registered(translation) if translation else None
     with _working(out, inputs, jobs) as (write, progress):
-        found = diagnose(
-            model, recordings, holdout or (), seed=seed, progress=progress, translation=beside
+        diagnosis = diagnose(
+            model, recordings, holdout or (), seed=seed, progress=progress, translation=translator
         )
         progress("writing", 0.98)
-        write(found)
+        write(diagnosis)
     console = Console()
-    print_summary(found, console)
+    print_summary(diagnosis, console)
     console.print(f"\n{out / 'report.html'}", highlight=False, soft_wrap=True)
     if why:
-        _print_decisions(found.decisions, why)
+        _print_decisions(diagnosis.decisions, why)
     if suggest_experiment is not None:
-        _suggest(found, model, suggest_experiment, console)
+        _suggest(diagnosis, model, suggest_experiment, console)
     if track:
-        _track(found, out, seed, console)
+        _track(diagnosis, out, seed, console)
 
 
 @contextlib.contextmanager
@@ -201,7 +201,7 @@ def _refuse_to_lose(suggestion: Path, inputs: Sequence[Path]) -> None:
     recording.refuse_to_lose(suggestion, "--suggest-experiment", SOURCE, inputs)
 
 
-def _suggest(found: Diagnosis, model: Path, path: Path, console: Console) -> None:
+def _suggest(diagnosis: Diagnosis, model: Path, path: Path, console: Console) -> None:
     from wt.data import recording
     from wt.diagnose.experiment.excite import suggest
     from wt.diagnose.experiment.release import passive, release
@@ -210,26 +210,26 @@ def _suggest(found: Diagnosis, model: Path, path: Path, console: Console) -> Non
     scene = Scene(model)
     if passive(scene):
         words = f"Nothing drives {model.name}, so there are no commands to record next: "
-        console.print(f"{words}{release(scene, found.traces)}.", highlight=False)
+        console.print(f"{words}{release(scene, diagnosis.traces)}.", highlight=False)
         return
-    recording.write(suggest(found, model), path)
+    recording.write(suggest(diagnosis, model), path)
     console.print(f"{path}: commands to record next", highlight=False, soft_wrap=True)
 
 
-def _track(found: Diagnosis, out: Path, seed: int, console: Console) -> None:
+def _track(diagnosis: Diagnosis, out: Path, seed: int, console: Console) -> None:
     """One run in MLflow: what was given, how well it fits, and every file that was written."""
     from wt.run import track
 
-    h = found.proof.holdout
-    with track.run(EXPERIMENT, Path(found.model_path).stem) as run:
+    h = diagnosis.proof.holdout
+    with track.run(EXPERIMENT, Path(diagnosis.model_path).stem) as run:
         run.params(
             {
-                "model": found.model_path,
-                "model_sha256": found.model_sha256,
-                "recordings": [r.path for r in found.recordings],
+                "model": diagnosis.model_path,
+                "model_sha256": diagnosis.model_sha256,
+                "recordings": [r.path for r in diagnosis.recordings],
                 "seed": seed,
-                "verdict": found.verdict,
-                "effects": [f"{f.effect} at {f.at}" for f in found.findings],
+                "verdict": diagnosis.verdict,
+                "effects": [f"{f.effect} at {f.at}" for f in diagnosis.findings],
             }
         )
         values = {
@@ -237,16 +237,16 @@ def _track(found: Diagnosis, out: Path, seed: int, console: Console) -> None:
             "holdout/after_rmse": h.after,
             "holdout/noise_floor_rmse": h.noise_floor,
             "holdout/ratio": h.ratio,
-            "holdout/ratio_model_only": (found.proof.model_only or h).ratio,
-            "findings": len(found.findings),
-            "seconds": found.seconds,
+            "holdout/ratio_model_only": (diagnosis.proof.model_only or h).ratio,
+            "findings": len(diagnosis.findings),
+            "seconds": diagnosis.seconds,
         }
-        for f in found.findings:
+        for f in diagnosis.findings:
             for name, estimate in f.parameters.items():
                 if isinstance(estimate.value, float):
                     values[f"{f.effect}/{f.at.name}/{name}"] = estimate.value
         run.metrics(values, step=0)
-        for name in found.to_json()["artifacts"].values():
+        for name in diagnosis.to_json()["artifacts"].values():
             if name:
                 run.artifact(out / name)
         run.artifact(out / "diagnosis.json")

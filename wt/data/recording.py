@@ -162,12 +162,12 @@ def _meta(metadata: Mapping[bytes, bytes] | None) -> dict[str, object]:
         ValueError: they are no JSON object.
     """
     try:
-        found = json.loads((metadata or {}).get(META_KEY, b"{}").decode("utf-8"))
+        meta = json.loads((metadata or {}).get(META_KEY, b"{}").decode("utf-8"))
     except RecursionError as error:
         raise ValueError("they are nested too deeply") from error
-    if not isinstance(found, dict):
-        raise ValueError(f"they hold {type(found).__name__}, not 'key: value'")
-    return found
+    if not isinstance(meta, dict):
+        raise ValueError(f"they hold {type(meta).__name__}, not 'key: value'")
+    return meta
 
 
 def check_against(recording: Recording, model: mujoco.MjModel) -> None:

@@ -110,21 +110,21 @@ def diagnose(
     scene, prepared = _audited(model, recordings, holdout)
     translation_evidence = translated(scene, prepared, translation) if translation else None
     log = DecisionLog()
-    found = _searched(scene, prepared, seed, log, say)
-    others = found.missed and turned(prepared)
+    outcome = _searched(scene, prepared, seed, log, say)
+    others = outcome.missed and turned(prepared)
     note: tuple[str, ...] = ()
     if others:
         say("recordings take turns", 0.1)
         again = _searched(scene, others, seed, log, say, attempts=1)
-        if new := again.names - found.names:
+        if new := again.names - outcome.names:
             said = ", ".join(str(a.planted) for a in again.claims.accepted if a.planted.key in new)
-            held = " and ".join(f"'{u.path}'" for u in prepared.used if u.role == "holdout")
-            note = (f"Of the recordings, which took turns, only {held} shows {said}.",)
-            found = again
+            unfitted = " and ".join(f"'{u.path}'" for u in prepared.used if u.role == "holdout")
+            note = (f"Of the recordings, which took turns, only {unfitted} shows {said}.",)
+            outcome = again
     say("preparing pictures", 0.9)
-    diagnosis = _diagnosis(scene, found)
-    if found.missed:
-        diagnosis = shown_by_holdout(diagnosis, *found.missed)
+    diagnosis = _diagnosis(scene, outcome)
+    if outcome.missed:
+        diagnosis = shown_by_holdout(diagnosis, *outcome.missed)
     return replace(
         diagnosis,
         audit=prepared.audit,
@@ -151,7 +151,7 @@ def _audited(
 
 
 @dataclass(frozen=True, eq=False)
-class _Found:
+class _Outcome:
     """What was found with some recordings held out.
 
     Attributes:
@@ -177,7 +177,7 @@ class _Found:
 
 def _searched(
     scene: Scene, prepared: Prepared, seed: int, log: DecisionLog, say: Report, attempts: int = 0
-) -> _Found:
+) -> _Outcome:
     """Search the fitted recordings and ask the held-out ones, which were asked before so often."""
     say("smoothing", 0.02)
     effort = FLOATING if scene.free else FIXED
@@ -199,29 +199,34 @@ def _searched(
     data = prepare_holdout(held_out, forgetting, effort.proof_s, step)
     naming = Naming(screen, search_replays, objective, all_replays, data, step, seed, log)
     if any(f.voids_commands for f in prepared.audit):
-        return _Found(prepared, fitted, naming, naming.proven(()), None)
+        return _Outcome(prepared, fitted, naming, naming.proven(()), None)
     proven = _proven(naming, say, attempts)
     say("naming", 0.8)
     claims, missed = naming.claimed(proven), None
     # replays of legs are asked by the proof alone: they would cost a search
     if not scene.free and verdict(claims, objective) in ("no_mismatch", "explained"):
-        held = _objective([held_out], screen, forgetting, effort.most_s, step)
-        assessed = held.reference(data.here(claims.hypothesis))
-        missed = (assessed, held) if erring(assessed, held) else None
-    return _Found(prepared, fitted, naming, claims, missed)
+        replays = _objective([held_out], screen, forgetting, effort.most_s, step)
+        assessed = replays.reference(data.here(claims.hypothesis))
+        missed = (assessed, replays) if erring(assessed, replays) else None
+    return _Outcome(prepared, fitted, naming, claims, missed)
 
 
-def _diagnosis(scene: Scene, found: _Found) -> Diagnosis:
+def _diagnosis(scene: Scene, outcome: _Outcome) -> Diagnosis:
     """The claims, with all that a report shows of them."""
-    prepared, fitted, naming, claims = found.prepared, found.fitted, found.naming, found.claims
+    prepared, fitted, naming, claims = (
+        outcome.prepared,
+        outcome.fitted,
+        outcome.naming,
+        outcome.claims,
+    )
     holdout = naming.holdout
     refined = _too_coarse(scene, holdout, claims)
     units = {j: units_at(scene, Location("joint", j)) for j in scene.joints}
     quantized = coarse_steps(prepared.fit, prepared.held, units)
     where = claims.unexplained(naming.objective)
     shown = traces(prepared, (fitted, holdout.smoothed), claims.complete, naming.step)
-    told = not any(f.voids_commands for f in prepared.audit)
-    nameless = unforeseen(claims.estimated.assessed, naming.objective, where) if told else ()
+    commanded = not any(f.voids_commands for f in prepared.audit)
+    nameless = unforeseen(claims.estimated.assessed, naming.objective, where) if commanded else ()
     experiment = release(scene, shown) if passive(scene) else ""
     all_findings = (*findings(claims, scene, experiment), *nameless, *quantized)
     further = measured(prepared, naming.screen, holdout, claims.complete, naming.step)
@@ -307,8 +312,8 @@ def _objective(
     telling = TELLING if screen.motion.scene.free else 0.0
     pairs, before = [], 0
     for smoothed in sets:
-        some = stretches_of(smoothed, forgetting, seconds, telling)
-        pairs += [(replace(s, recording=s.recording + before), q) for s, q in some]
+        stretches = stretches_of(smoothed, forgetting, seconds, telling)
+        pairs += [(replace(s, recording=s.recording + before), q) for s, q in stretches]
         before += max(s.recording for s in smoothed.samples) + 1
     return Objective(sets[0], pairs, screen.velocity_noise, step, forgetting)
 

@@ -119,14 +119,14 @@ class Results:
     @property
     def groups(self) -> Mapping[Channel, Mapping[str, float]]:
         """Each method's RMSE over the channels of one kind, e.g. ``qpos`` [rad], physical units."""
-        found: dict[Channel, list[int]] = {}
+        by_channel: dict[Channel, list[int]] = {}
         for c, channel in enumerate(self.channels):
             kind = Channel(channel.name.partition("/")[0], channel.unit)
-            found.setdefault(kind, []).append(c)
+            by_channel.setdefault(kind, []).append(c)
         return {
             kind: {m: math.sqrt(statistics.fmean(e[c] ** 2 for c in rows))
                    for m, e in self.rmse.items()}
-            for kind, rows in found.items()
+            for kind, rows in by_channel.items()
         }  # fmt: skip
 
     def save(self, folder: Path) -> None:

@@ -72,8 +72,8 @@ def physics_py(
         recordings: names of the recordings, by index; events have times in each.
         shown: the recording whose events act if nothing else is said.
     """
-    found = [(p.effect.script(p.at, p.theta), p) for p in hypothesis]
-    scripts = [(script, p.statement(scene)) for script, p in found if script is not None]
+    written = [(p.effect.script(p.at, p.theta), p) for p in hypothesis]
+    scripts = [(script, p.statement(scene)) for script, p in written if script is not None]
     if not any(script.acts for script, _ in scripts):
         return None
     asked = dict.fromkeys(helper for script, _ in scripts for helper in script.helpers)
@@ -143,16 +143,16 @@ def _differences(one: mujoco.MjModel, other: mujoco.MjModel) -> Iterator[str]:
 def _template(methods: set[str]) -> str:
     """The class as text, without helpers that are not asked for."""
     source = Path(template.__file__).read_text(encoding="utf-8")
-    (found,) = (node for node in ast.parse(source).body if isinstance(node, ast.ClassDef))
+    (body,) = (node for node in ast.parse(source).body if isinstance(node, ast.ClassDef))
     optional = {"_base", *(name for names in HELPERS.values() for name in names)} - methods
     rows, dropped = source.splitlines(), set[int]()
-    for node in found.body:
+    for node in body.body:
         first, last = node.lineno - 1, node.end_lineno or node.lineno
         if isinstance(node, ast.FunctionDef) and node.name in optional:
             dropped |= {first - 1, *range(first, last)}  # and the empty line before it
         elif isinstance(node, ast.AnnAssign) and ast.unparse(node.target) in optional:
             dropped |= set(range(first, last))
-    kept = range(found.lineno - 1, found.end_lineno or len(rows))
+    kept = range(body.lineno - 1, body.end_lineno or len(rows))
     return "\n".join(rows[i] for i in kept if i not in dropped) + "\n"
 
 

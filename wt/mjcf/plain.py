@@ -38,53 +38,53 @@ def main(arguments: Sequence[str]) -> None:
     """Run as the module says."""
     folder, out, *given = map(Path, arguments)
     with np.load(folder / "holdout.npz", allow_pickle=False) as stored:
-        held = dict(stored)
-    found = {"model": replay(_compiled(folder / "model.xml"), None, held)}
+        stored_windows = dict(stored)
+    replays = {"model": replay(_compiled(folder / "model.xml"), None, stored_windows)}
     if (folder / "physics.py").exists():
         model = _compiled(folder / "model.xml")
-        found["physics"] = replay(model, _physics(folder / "physics.py", model), held)
+        replays["physics"] = replay(model, _physics(folder / "physics.py", model), stored_windows)
     for path in given:
-        found["before"] = replay(_compiled(path), None, held)
-    np.savez(out, **found)  # type: ignore[arg-type]  # numpy's stub takes no names
+        replays["before"] = replay(_compiled(path), None, stored_windows)
+    np.savez(out, **replays)  # type: ignore[arg-type]  # numpy's stub takes no names
 
 
-def replay(model: mujoco.MjModel, physics: Any, held: Mapping[str, Array]) -> Array:  # noqa: ANN401
+def replay(model: mujoco.MjModel, physics: Any, stored: Mapping[str, Array]) -> Array:  # noqa: ANN401
     """Positions at all samples of all windows, (N, joint)."""
-    ends = [*held["first"][1:], len(held["t"])]
-    windows = zip(held["first"], ends, strict=True)
+    ends = [*stored["first"][1:], len(stored["t"])]
+    windows = zip(stored["first"], ends, strict=True)
     return np.concatenate(
-        [_window(model, physics, held, w, slice(*rows)) for w, rows in enumerate(windows)]
+        [_window(model, physics, stored, w, slice(*rows)) for w, rows in enumerate(windows)]
     )
 
 
 def _window(
     model: mujoco.MjModel,
     physics: Any,  # noqa: ANN401
-    held: Mapping[str, Array],
+    stored: Mapping[str, Array],
     window: int,
     rows: slice,
 ) -> Array:
     """Positions at the samples of one window, (K, joint)."""
-    t, h, joints = held["t"][rows], float(model.opt.timestep), _Joints(model, held["joints"])
+    t, h, joints = stored["t"][rows], float(model.opt.timestep), _Joints(model, stored["joints"])
     steps = max(1, int(np.ceil((t[-1] - t[0]) / h - 1e-6)))
-    ctrl = [model.actuator_ctrladr[model.actuator(str(name)).id] for name in held["actuators"]]
-    u = _commands(t, held["command"][rows], h, steps)
+    ctrl = [model.actuator_ctrladr[model.actuator(str(name)).id] for name in stored["actuators"]]
+    u = _commands(t, stored["command"][rows], h, steps)
     data = mujoco.MjData(model)
-    data.time, data.ctrl[ctrl] = t[0], held["command"][rows][0]
+    data.time, data.ctrl[ctrl] = t[0], stored["command"][rows][0]
     _fill(model, data)
-    begun = held["q0"][window], held["v0"][window]
+    begun = stored["q0"][window], stored["v0"][window]
     if physics is not None:
         begun = physics.state(*begun)
-        physics.recording = int(held["recording"][window])
+        physics.recording = int(stored["recording"][window])
     joints.put(data, *begun)
     if physics is not None:
         physics.reset(data)
     known = [model.joint(j).name for j in range(model.njnt)]
-    for k, name in enumerate(map(str, held["added"])):
+    for k, name in enumerate(map(str, stored["added"])):
         if name in known:
-            data.joint(name).qpos = held["added_q"][window, k]
-            data.joint(name).qvel = held["added_v"][window, k]
-    path = np.empty((2, steps + 1, len(held["joints"])))
+            data.joint(name).qpos = stored["added_q"][window, k]
+            data.joint(name).qvel = stored["added_v"][window, k]
+    path = np.empty((2, steps + 1, len(stored["joints"])))
     path[:, 0] = joints.read(data)
     for k in range(steps):
         data.ctrl[ctrl] = u[k]
@@ -155,11 +155,13 @@ class _Joints:
 
     def read(self, data: mujoco.MjData) -> Array:
         """Positions and velocities, (2, joint)."""
-        found = np.empty((2, len(self.single) + 6 * len(self.bases)))
-        found[:, self.single] = data.qpos[self.q], data.qvel[self.v]
+        coordinates = np.empty((2, len(self.single) + 6 * len(self.bases)))
+        coordinates[:, self.single] = data.qpos[self.q], data.qvel[self.v]
         for k, at, dof in self.bases:
-            found[:, k : k + 6] = _coordinates(data.qpos[at : at + 7], data.qvel[dof : dof + 6])
-        return found
+            coordinates[:, k : k + 6] = _coordinates(
+                data.qpos[at : at + 7], data.qvel[dof : dof + 6]
+            )
+        return coordinates
 
     def unwrapped(self, path: Array, begun: Array) -> Array:
         """A path (steps, joint) whose angles of bases go on from where they began."""

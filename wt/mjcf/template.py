@@ -188,7 +188,7 @@ class Physics:
 
     def _push(self, body: str, force: Array, qpos: Array) -> Array:
         """Generalised forces of world-frame forces (n, 3) on a body's centre of mass."""
-        found, jacobian = np.zeros((len(qpos), self.model.nv)), np.zeros((3, self.model.nv))
+        torque, jacobian = np.zeros((len(qpos), self.model.nv)), np.zeros((3, self.model.nv))
         for i in np.flatnonzero(force.any(axis=1)):
             self._scratch.qpos[:] = qpos[i]
             mujoco.mj_kinematics(self.model, self._scratch)
@@ -196,8 +196,8 @@ class Physics:
             mujoco.mj_jacBodyCom(
                 self.model, self._scratch, jacobian, None, self.model.body(body).id
             )
-            found[i] = force[i] @ jacobian
-        return found
+            torque[i] = force[i] @ jacobian
+        return torque
 
     def _residual(self, output: str, columns: dict[str, Array]) -> Array:
         """A learned force (n,) of its columns, (n,) each."""

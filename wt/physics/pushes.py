@@ -79,7 +79,7 @@ def pushes(motion: Motion, force: Float[np.ndarray, " sample"], threshold: float
         force: [N·m or N].
         threshold: from which it stands out, in robust deviations.
     """
-    found = list[Push]()
+    kept = list[Push]()
     for s in motion.segments:
         t, x = motion.t[s.rows], force[s.rows]
         y = uniform_filter1d(x, max(1, round(_SMOOTH_S / s.dt)))
@@ -94,8 +94,8 @@ def pushes(motion: Motion, force: Float[np.ndarray, " sample"], threshold: float
         if len(spans) > _MOST or sum(map(_length, spans)) > _SELDOM * len(x):
             return []
         each = [_fitted(t, x, span, float(s.recording)) for span in spans]
-        found += [p for p in each if p is not None and abs(p.height) > threshold * usual]
-    return sorted(found)
+        kept += [p for p in each if p is not None and abs(p.height) > threshold * usual]
+    return sorted(kept)
 
 
 def _fitted(
@@ -119,10 +119,10 @@ def _fitted(
     start = np.array([middle, np.log(0.4 * length), np.log(0.3 * length), peak, 0.0])
     reach = np.array([length, 2.5, 2.5, 2.0 * abs(peak) + 1e-12, abs(peak) + 1e-12])
     fit = least_squares(left, start, bounds=(start - reach, start + reach), x_scale=reach)
-    whole = float(((force - force.mean()) ** 2).sum())
+    total = float(((force - force.mean()) ** 2).sum())
     one = push(fit.x[:4])
     begin, end = one.window
-    clear = 2.0 * fit.cost < (1.0 - _CLEAR) * whole
+    clear = 2.0 * fit.cost < (1.0 - _CLEAR) * total
     return one if clear and end - begin < _LONGEST_S else None
 
 

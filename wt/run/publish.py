@@ -107,12 +107,12 @@ def chosen_by(study: Study, seeds: Iterable[int]) -> dict[int, float]:
 
     Never the test pairs: the smallest of several errors on them would be no measurement of them.
     """
-    pairs, found = study.data.validation, {}
+    pairs, by_name = study.data.validation, {}
     for seed in seeds:
         model = study.load_model(seed, OURS, study.config.plus)
         tensors = PairTensors.of(pairs, model.frame.state.std, model.frame.change.std)
-        found[seed] = errors(predictions(model, tensors).numpy(), pairs, study.scales).mse
-    return found
+        by_name[seed] = errors(predictions(model, tensors).numpy(), pairs, study.scales).mse
+    return by_name
 
 
 def _gains_nothing(study: Study, by_seed: Mapping[int, Mapping[str, Errors]]) -> dict[str, str]:
@@ -121,7 +121,7 @@ def _gains_nothing(study: Study, by_seed: Mapping[int, Mapping[str, Errors]]) ->
     Encoding and decoding what R itself did is then no nearer to it than DirectPred, which sees
     (o, a) alone: what is translated hardly carries anything of what is hidden.
     """
-    config, pairs, found = study.config, study.data.test, {}
+    config, pairs, by_name = study.config, study.data.test, {}
     if "DirectPred" not in config.baselines.names:
         return {}
     direct = float(np.mean([by_method["DirectPred"].mse for by_method in by_seed.values()]))
@@ -133,11 +133,11 @@ def _gains_nothing(study: Study, by_seed: Mapping[int, Mapping[str, Errors]]) ->
             kept.append(errors(reconstructions(model, tensors).numpy(), pairs, study.scales).mse)
         own = float(np.mean(kept))
         if own >= direct:
-            found[method] = (
+            by_name[method] = (
                 f"extraction gains nothing: encoding and decoding R's own outcome makes {own:.3g}, "
                 f"DirectPred {direct:.3g}."
             )
-    return found
+    return by_name
 
 
 def tabulate(

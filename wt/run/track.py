@@ -157,14 +157,14 @@ class Run:
         from mlflow.entities import Dataset as Entity
         from mlflow.entities import DatasetInput, InputTag
 
-        found = []
+        datasets = []
         for data in used:
             source = json.dumps({"uri": data.folder.absolute().as_uri()})
             profile = json.dumps({"num_rows": data.rows})
             entity = Entity(data.name, data.digest, "local", source, profile=profile)
-            found.append(DatasetInput(entity, [InputTag("mlflow.data.context", data.context)]))
+            datasets.append(DatasetInput(entity, [InputTag("mlflow.data.context", data.context)]))
         with answering(self.uri):
-            self._client.log_inputs(self.id, found)
+            self._client.log_inputs(self.id, datasets)
 
     def params(self, values: Mapping[str, object]) -> None:
         """Log parameters, flat names such as ``"train.lr"``.

@@ -56,8 +56,8 @@ def _position(subject: Subject, recording: Recording, name: str) -> Iterable[Aud
             evidence = f"'qvel/{joint}' integrates to {travel:.3g} meanwhile"
     for drive in subject.scene.drives if subject.scene else ():
         command = recording.columns.get(f"ctrl/{drive.name}")
-        whole = end - start > 0.98 * len(t)
-        if drive.joint == joint and drive.servo and command is not None and whole:
+        throughout = end - start > 0.98 * len(t)
+        if drive.joint == joint and drive.servo and command is not None and throughout:
             swept = float(np.ptp(command[start : end + 1]))
             if swept > _SWEPT:
                 evidence = f"its command sweeps {swept:.3g} meanwhile"

@@ -50,7 +50,9 @@ class Gravity:
         weight = _Weight.of(balance)
         if weight is None:
             return
-        given, whole, none = (weight.left(s) for s in (weight.given, np.array(1.0), np.array(0.0)))
+        given, all_of_it, none = (
+            weight.left(s) for s in (weight.given, np.array(1.0), np.array(0.0))
+        )
         share = weight.share()
         compensated = weight.given < 0.2
         if not compensated and abs(share) < _WHOLE and given > _DECISIVE * none:
@@ -64,7 +66,7 @@ class Gravity:
                 'gravcomp="1" on every body that moves',
                 model_change=_compensate,
             )
-        elif compensated and abs(share - 1.0) < _WHOLE and given > _DECISIVE * whole:
+        elif compensated and abs(share - 1.0) < _WHOLE and given > _DECISIVE * all_of_it:
             yield AuditFinding(
                 "gravcomp_extra",
                 (),
@@ -81,14 +83,16 @@ def _turned(
     balance: Balance, weight: _Weight, g: Float[np.ndarray, " 3"], given: float
 ) -> Iterable[AuditFinding]:
     """A base that stands, or hangs, otherwise than in the model."""
-    found = _quarter(weight.direction(g), g)
-    size = float(np.linalg.norm(found) / np.linalg.norm(g))
-    angle = math.acos(float(np.clip(found @ g / np.linalg.norm(found) / np.linalg.norm(g), -1, 1)))
+    snapped = _quarter(weight.direction(g), g)
+    size = float(np.linalg.norm(snapped) / np.linalg.norm(g))
+    angle = math.acos(
+        float(np.clip(snapped @ g / np.linalg.norm(snapped) / np.linalg.norm(g), -1, 1))
+    )
     if angle < _TILT or not _STRENGTH[0] < size < _STRENGTH[1]:
         return
-    if given < _DECISIVE * weight.left(found / np.linalg.norm(g)):
+    if given < _DECISIVE * weight.left(snapped / np.linalg.norm(g)):
         return
-    said = "[" + ", ".join(f"{x:.2g}" for x in found) + "]"
+    said = "[" + ", ".join(f"{x:.2g}" for x in snapped) + "]"
     yield AuditFinding(
         "base_orientation",
         (),
@@ -96,17 +100,19 @@ def _turned(
         f"The drives carry a weight that pulls along {said} m/s² in the model's frame, "
         f"{math.degrees(angle):.0f}° from the model's gravity: the base is mounted otherwise",
         f'the base\'s quat or euler as mounted, or <option gravity="{said[1:-1]}"/>',
-        model_change=_pull(found),
+        model_change=_pull(snapped),
     )
 
 
-def _quarter(found: Float[np.ndarray, " 3"], g: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
+def _quarter(
+    direction: Float[np.ndarray, " 3"], g: Float[np.ndarray, " 3"]
+) -> Float[np.ndarray, " 3"]:
     """Gravity along the axis that it nearly is along: bases are mounted by quarter turns."""
-    axis = int(np.argmax(np.abs(found)))
-    if abs(found[axis]) < _ALONG * np.linalg.norm(found):
-        return found
+    axis = int(np.argmax(np.abs(direction)))
+    if abs(direction[axis]) < _ALONG * np.linalg.norm(direction):
+        return direction
     exact = np.zeros(3)
-    exact[axis] = np.copysign(np.linalg.norm(g), found[axis])
+    exact[axis] = np.copysign(np.linalg.norm(g), direction[axis])
     return exact
 
 

@@ -17,11 +17,11 @@ class Sign:
 
     def suspects(self, balance: Balance) -> Sequence[Suspect]:
         """Every measured joint, and every command."""
-        found = []
+        listed = []
         for i in range(len(balance.scene.joints)):
             if balance.signals.measured[i] and balance.joint(i) in balance.scene.own_joints:
                 name = balance.joint(i)
-                found.append(
+                listed.append(
                     Suspect(
                         "encoder_sign",
                         (Edit("q", i, i, -1.0),),
@@ -32,7 +32,7 @@ class Sign:
                 )
         for row in balance.rows:
             name, i = row.drive.name, row.drive.index
-            found.append(
+            listed.append(
                 Suspect(
                     "command_sign",
                     (Edit("u", i, i, -1.0),),
@@ -41,4 +41,4 @@ class Sign:
                     (f"actuator {name}",),
                 )
             )
-        return found
+        return listed

@@ -18,7 +18,7 @@ class Swap:
 
     def suspects(self, balance: Balance) -> Sequence[Suspect]:
         """Every pair of measured joints, and of commands, that a command may tell apart."""
-        found = []
+        listed = []
         joints = [
             i
             for i, name in enumerate(balance.scene.joints)
@@ -28,7 +28,7 @@ class Swap:
         for i, j in itertools.combinations(joints, 2):
             if i in driven or j in driven:
                 one, other = balance.joint(i), balance.joint(j)
-                found.append(
+                listed.append(
                     Suspect(
                         "positions_swapped",
                         (Edit("q", i, j), Edit("q", j, i)),
@@ -39,7 +39,7 @@ class Swap:
                 )
         drives = [row.drive for row in balance.rows]
         for a, b in itertools.combinations(drives, 2):
-            found.append(
+            listed.append(
                 Suspect(
                     "commands_swapped",
                     (Edit("u", a.index, b.index), Edit("u", b.index, a.index)),
@@ -49,4 +49,4 @@ class Swap:
                     (f"actuator {a.name}", f"actuator {b.name}"),
                 )
             )
-        return found
+        return listed

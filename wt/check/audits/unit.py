@@ -37,19 +37,19 @@ class Unit:
 
     def suspects(self, balance: Balance) -> Sequence[Suspect]:
         """The named units, and the factor that fits best, of each channel that is unexplained."""
-        found: list[Suspect] = []
+        listed: list[Suspect] = []
         left = balance.unexplained()
         for row, share in zip(balance.rows, left, strict=True):
             if share > 0.05:
-                found += _of(balance, row)
-        return found
+                listed += _of(balance, row)
+        return listed
 
 
 def _of(balance: Balance, row: Row) -> list[Suspect]:
     drive, joint = row.drive, row.drive.dof
     hinge = balance.scene.model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_HINGE)
     known = UNITS if hinge else LINEAR
-    found = []
+    listed = []
     for group, index, column, quantity in (
         ("q", joint, f"qpos/{drive.joint}", "position"),
         ("u", drive.index, f"ctrl/{drive.name}", "command"),
@@ -58,7 +58,7 @@ def _of(balance: Balance, row: Row) -> list[Suspect]:
             continue  # a force in another unit is a gain, and physics
         for name, factor in known.items():
             edit = Edit(group, index, index, factor, _middle(balance, row, group, factor))  # type: ignore[arg-type]
-            found.append(
+            listed.append(
                 Suspect(
                     f"{quantity}_unit",
                     (edit,),
@@ -73,7 +73,7 @@ def _of(balance: Balance, row: Row) -> list[Suspect]:
         ratio = 1.0 / abs(fitted)
         said = f"{ratio:.4g}" if ratio >= 1.0 else f"1/{1 / ratio:.4g}"
         edit = Edit(group, index, index, fitted, _middle(balance, row, group, fitted))  # type: ignore[arg-type]
-        found.append(
+        listed.append(
             Suspect(
                 f"{quantity}_scale",
                 (edit,),
@@ -82,7 +82,7 @@ def _of(balance: Balance, row: Row) -> list[Suspect]:
                 (f"joint {drive.joint}" if group == "q" else f"actuator {drive.name}",),
             )
         )
-    return found
+    return listed
 
 
 def _middle(balance: Balance, row: Row, group: str, factor: float) -> float:

@@ -135,12 +135,12 @@ def _options(
 
 
 def _edits(drives: Sequence[Drive], of: Callable[[Drive], tuple[float, float]]) -> tuple[Edit, ...]:
-    found = []
+    listed = []
     for d in drives:
         factor, offset = of(d)
-        found.append(Edit("q", d.dof, d.dof, factor, offset))
-        found.append(Edit("u", d.index, d.index, factor, offset))
-    return tuple(found)
+        listed.append(Edit("q", d.dof, d.dof, factor, offset))
+        listed.append(Edit("u", d.index, d.index, factor, offset))
+    return tuple(listed)
 
 
 def _limits(scene: Scene, drive: Drive) -> tuple[float, float] | None:

@@ -64,8 +64,8 @@ class FarFromCommand:
             drive, i = row.drive, row.drive.dof
             if not drive.servo or left > 0.3:
                 continue
-            held = -drive.gain * drive.gear / (drive.bias[1] * drive.gear**2)
-            away = float(np.median(held * s.u[:, drive.index] - s.q[:, i]))
+            counted = -drive.gain * drive.gear / (drive.bias[1] * drive.gear**2)
+            away = float(np.median(counted * s.u[:, drive.index] - s.q[:, i]))
             stiffness = abs(drive.bias[1]) * drive.gear**2
             if abs(away) < _FAR or stiffness * abs(away) < _FORCES * np.abs(demand[:, i]).max():
                 continue

@@ -145,9 +145,9 @@ def _reach(scene: Scene, diagnosis: Diagnosis) -> _Reach:
         seen_high = np.fmax(seen_high, np.nanmax(recorded, axis=0))
         speed = np.fmax(speed, np.nanquantile(np.abs(trace.velocity), 0.995, axis=0))
     stands = _stands(scene, diagnosis)
-    beside = 0.0 if diagnosis.traces else _MILD  # nothing was shown: near where it stands
-    seen_low = np.fmin(seen_low, stands - beside)
-    seen_high = np.fmax(seen_high, stands + beside)
+    around = 0.0 if diagnosis.traces else _MILD  # nothing was shown: near where it stands
+    seen_low = np.fmin(seen_low, stands - around)
+    seen_high = np.fmax(seen_high, stands + around)
     (low, high), margin = _allowed(scene)
     known = np.isfinite([low, high])  # by the model
     rest = settled(scene, stands, 0.5 * (seen_low + seen_high))
@@ -180,8 +180,8 @@ def _stands(scene: Scene, diagnosis: Diagnosis) -> Float[np.ndarray, " dof"]:
     if not diagnosis.traces:
         return rest
     # the last that were given are held out
-    held = [t for t in diagnosis.traces if t.role == "holdout"] or list(diagnosis.traces)
-    last, first = held[-1], next(t for t in diagnosis.traces[::-1] if t.name == held[-1].name)
+    latest = [t for t in diagnosis.traces if t.role == "holdout"] or list(diagnosis.traces)
+    last, first = latest[-1], next(t for t in diagnosis.traces[::-1] if t.name == latest[-1].name)
     speeds = [np.abs(np.nan_to_num(t.velocity)).max(axis=1) for t in (last, first)]
     still = _STILL * max(float(s.max()) for s in speeds)
     if speeds[0][-1] <= still:

@@ -113,23 +113,23 @@ def settled(
     Servos hold their joints; a machine that only has servos stays as it is. What stands on its head
     falls towards a pose that was seen.
     """
-    held = np.zeros(scene.model.nv, bool)
-    held[[d.dof for d in scene.drives if d.servo]] = True
-    if held.all():
+    servo = np.zeros(scene.model.nv, bool)
+    servo[[d.dof for d in scene.drives if d.servo]] = True
+    if servo.all():
         return pose
     model = copy.copy(scene.model)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     model.opt.timestep = 2e-3
-    model.dof_damping[~held] += _CALM * model.dof_M0[~held]
+    model.dof_damping[~servo] += _CALM * model.dof_M0[~servo]
     data = mujoco.MjData(model)
     # it would not fall by itself
-    data.qpos[:] = pose + _NUDGE * ~held * np.where(towards < pose, -1.0, 1.0)
+    data.qpos[:] = pose + _NUDGE * ~servo * np.where(towards < pose, -1.0, 1.0)
     for d in scene.drives:
         data.ctrl[d.index] = command(d, pose[d.dof], 0.0, 0.0) if d.servo else 0.0
     _charge(model, data, data.ctrl.copy())
     mujoco.mj_step(model, data, round(_SETTLE_S / model.opt.timestep))
     stays = np.abs(data.qpos - pose) < 2.0 * _NUDGE
-    return np.where(held | stays, pose, data.qpos)
+    return np.where(servo | stays, pose, data.qpos)
 
 
 def _charge(

@@ -112,14 +112,16 @@ class InitialState:
         What would go farther is held there, and the rest solved for once more.
         """
         wanted = np.asarray(self._solve @ error)
-        held = np.abs(wanted) > self.farthest
-        if not (bounded and held.any()):
+        at_limit = np.abs(wanted) > self.farthest
+        if not (bounded and at_limit.any()):
             return wanted
-        found, free = np.clip(wanted, -self.farthest, self.farthest), ~held
+        limited, free = np.clip(wanted, -self.farthest, self.farthest), ~at_limit
         if free.any():
-            right = self.weighted[free] @ error - self.gram[np.ix_(free, held)] @ found[held]
-            found[free] = np.linalg.solve(self.gram[np.ix_(free, free)], right)
-        return np.clip(found, -self.farthest, self.farthest)
+            right = (
+                self.weighted[free] @ error - self.gram[np.ix_(free, at_limit)] @ limited[at_limit]
+            )
+            limited[free] = np.linalg.solve(self.gram[np.ix_(free, free)], right)
+        return np.clip(limited, -self.farthest, self.farthest)
 
 
 def initial_deviations(

@@ -96,8 +96,8 @@ class NormalEquations:
         x, free = np.zeros(len(gram)), np.ones(len(gram), bool)
         fewest, patience = len(gram) + 1, _PATIENCE
         for _ in range(_ATTEMPTS):
-            held = gram[np.ix_(free, ~free)] @ x[~free]
-            x[free] = np.linalg.solve(gram[np.ix_(free, free)], right[free] - held)
+            at_bound = gram[np.ix_(free, ~free)] @ x[~free]
+            x[free] = np.linalg.solve(gram[np.ix_(free, free)], right[free] - at_bound)
             pull = right - gram @ x
             outside = free & ((x < lower) | (x > upper))
             inwards = ~free & np.where(x <= lower, pull > _SLACK, pull < -_SLACK)

@@ -71,10 +71,10 @@ def hidden_axes(
 
 def _vectors(parts: Sequence[Planted]) -> list[tuple[float | None, slice]]:
     """Neutral value and place among the parameters of every vector."""
-    found, start = [], 0
+    vectors, start = [], 0
     for planted in parts:
         for p in planted.effect.parameters:
             if p.size > 1:
-                found.append((p.neutral, slice(start, start + p.size)))
+                vectors.append((p.neutral, slice(start, start + p.size)))
             start += p.size
-    return found
+    return vectors

@@ -65,7 +65,7 @@ class _Resampled:
         self.t, self.known = t, np.ones(len(t), bool)
         self._since, self._columns, self._longest = since, columns, longest
 
-    def column(self, name: str, held: bool = False) -> Float[np.ndarray, " step"] | None:
+    def column(self, name: str, hold: bool = False) -> Float[np.ndarray, " step"] | None:
         """A column, interpolated or held; None where it has fewer than two samples."""
         column = self._columns.get(name)
         if column is None or np.isfinite(column).sum() < 2:
@@ -76,7 +76,7 @@ class _Resampled:
         after = np.clip(after, 1, len(times) - 1)
         self.known[times[after] - times[after - 1] > self._longest] = False
         self.known[np.maximum(self.t - times[-1], times[0] - self.t) > self._longest] = False
-        return values[after - 1] if held else np.interp(self.t, times, values)
+        return values[after - 1] if hold else np.interp(self.t, times, values)
 
 
 class Observer:
@@ -137,7 +137,7 @@ class Observer:
         qpos, qvel = self._joints(resampled)
         ctrl = np.zeros((len(t), self._model.nu))
         for i in range(self._model.nu):
-            value = resampled.column(f"ctrl/{self._model.actuator(i).name}", held=True)
+            value = resampled.column(f"ctrl/{self._model.actuator(i).name}", hold=True)
             if value is not None:
                 ctrl[:, i] = value
         if missing := [c.name for c in self.action if c.name not in columns]:

@@ -40,14 +40,14 @@ def commands_each(smoothed: Smoothed, parts: tuple[Part, ...], forgets: bool, st
     dt = min(s.dt for s in smoothed.samples)
     if not driven.any() or smoothed.motion.scene.free or not _always_new(smoothed):
         return 1
-    held = _error(smoothed, forgets, step)
-    if not np.isfinite(held[driven]).all():  # the model as given runs away
+    as_recorded = _error(smoothed, forgets, step)
+    if not np.isfinite(as_recorded[driven]).all():  # the model as given runs away
         return 1
     # the mean of two commands an interval, without smoothing anything anew
     early = replace(smoothed, samples=tuple(_earlier(s) for s in smoothed.samples))
-    if not _better(_error(early, forgets, step), held, driven):
+    if not _better(_error(early, forgets, step), as_recorded, driven):
         return 1
-    best, count = held, 1
+    best, count = as_recorded, 1
     for n in _COUNTS:
         if dt / n < _FASTEST_S:
             break
@@ -55,16 +55,16 @@ def commands_each(smoothed: Smoothed, parts: tuple[Part, ...], forgets: bool, st
         if error[driven].sum() > best[driven].sum():
             break
         best, count = error, n
-    return count if _better(best, held, driven) else 1
+    return count if _better(best, as_recorded, driven) else 1
 
 
 def _better(
     error: Float[np.ndarray, " dof"],
-    held: Float[np.ndarray, " dof"],
+    as_recorded: Float[np.ndarray, " dof"],
     driven: Bool[np.ndarray, " dof"],
 ) -> bool:
     """Tell whether replays of every driven joint err far less."""
-    return bool((error[driven] < THRESHOLDS.filled_in * held[driven]).all())
+    return bool((error[driven] < THRESHOLDS.filled_in * as_recorded[driven]).all())
 
 
 def _driven(smoothed: Smoothed) -> Bool[np.ndarray, " dof"]:

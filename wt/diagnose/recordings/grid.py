@@ -23,18 +23,18 @@ _OFF = 0.02  # of a step: what rounding in a file may move a value by
 
 
 def coarse_steps(
-    fitted: Sequence[Part], held: Sequence[Part], joints: Mapping[str, Units]
+    fitted: Sequence[Part], held_out: Sequence[Part], joints: Mapping[str, Units]
 ) -> tuple[Finding, ...]:
     """Joints whose positions were recorded in coarse steps, in the fitted and held-out parts.
 
     Args:
         fitted: the steps are read off these.
-        held: … and have to be found again in these.
+        held_out: … and have to be found again in these.
         joints: of the model, with their units.
     """
     findings = []
     for joint, units in joints.items():
-        values = [_values(parts, joint) for parts in (fitted, held)]
+        values = [_values(parts, joint) for parts in (fitted, held_out)]
         step = _step(values[0])
         if (
             step is None

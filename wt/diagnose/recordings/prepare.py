@@ -71,18 +71,20 @@ def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) ->
     read = [_read(scene, source, i, audit) for i, source in enumerate([*given, *holdout])]
     named = _numbered(read)
     parts = [Part(r, i) for i, (_, r) in enumerate(named)]
-    fit, held = parts[: len(given)], parts[len(given) :]
+    fit, held_out = parts[: len(given)], parts[len(given) :]
     split = _GIVEN
-    if not held and len(fit) > 1:
+    if not held_out and len(fit) > 1:
         total = sum(p.recording.seconds for p in fit)
-        while len(fit) > 1 and sum(p.recording.seconds for p in held) < 0.8 * _HELD_SHARE * total:
-            held.insert(0, fit.pop())
+        while (
+            len(fit) > 1 and sum(p.recording.seconds for p in held_out) < 0.8 * _HELD_SHARE * total
+        ):
+            held_out.insert(0, fit.pop())
         split = "the last of the recordings"
-    elif not held:
+    elif not held_out:
         (single,) = fit
-        fit, held = _cut(single)
+        fit, held_out = _cut(single)
         split = "the last quarter of the recording"
-    return _split(fit, held, tuple(name for name, _ in named), split, tuple(audit.values()))
+    return _split(fit, held_out, tuple(name for name, _ in named), split, tuple(audit.values()))
 
 
 def turned(prepared: Prepared) -> Prepared | None:
@@ -97,9 +99,9 @@ def turned(prepared: Prepared) -> Prepared | None:
     if len(names) == 1:
         single = Part(first.recording, first.index)
         cut = _HELD_SHARE * single.seconds
-        held, fit = replace(single, span=(0.0, cut)), replace(single, span=(cut, np.inf))
+        held_out, fit = replace(single, span=(0.0, cut)), replace(single, span=(cut, np.inf))
         split = "the first quarter of the recording, in its turn"
-        return _split([fit], [held], names, split, prepared.audit)
+        return _split([fit], [held_out], names, split, prepared.audit)
     fitted = [*rest, *prepared.held]
     split = "the first of the recordings, in its turn"
     return _split(fitted, [first], names, split, prepared.audit)
@@ -107,17 +109,17 @@ def turned(prepared: Prepared) -> Prepared | None:
 
 def _split(
     fit: list[Part],
-    held: list[Part],
+    held_out: list[Part],
     names: tuple[str, ...],
     split: str,
     audit: tuple[AuditFinding, ...],
 ) -> Prepared:
     used = [
         Used(names[p.index], role, p.seconds, p.recording.rate_hz)
-        for role, parts in _roles(fit, held)
+        for role, parts in _roles(fit, held_out)
         for p in parts
     ]
-    return Prepared(tuple(fit), tuple(held), tuple(used), names, split, audit)
+    return Prepared(tuple(fit), tuple(held_out), tuple(used), names, split, audit)
 
 
 def _refuse_both(given: Sequence[Source], holdout: Sequence[Source]) -> None:
@@ -131,8 +133,8 @@ def _refuse_both(given: Sequence[Source], holdout: Sequence[Source]) -> None:
             )
 
 
-def _roles(fit: list[Part], held: list[Part]) -> tuple[tuple[Role, list[Part]], ...]:
-    return ("fit", fit), ("holdout", held)
+def _roles(fit: list[Part], held_out: list[Part]) -> tuple[tuple[Role, list[Part]], ...]:
+    return ("fit", fit), ("holdout", held_out)
 
 
 def _read(

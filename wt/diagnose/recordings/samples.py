@@ -81,11 +81,11 @@ def samples_of(scene: Scene, parts: Sequence[Part]) -> tuple[Samples, ...]:
             columns |= base.coordinates(joint, columns)
         q = _table(len(recording), columns, [f"qpos/{name}" for name in scene.joints])
         v = _table(len(recording), columns, [f"qvel/{name}" for name in scene.joints])
-        held = _table(
+        command = _table(
             len(recording), columns, [f"ctrl/{m.actuator(i).name}" for i in range(m.nactuator)]
         )
-        known = np.isfinite(held).all(axis=1) & (t >= part.span[0]) & (t < part.span[1])
-        t, q, v, held = t[known], q[known], v[known], held[known]
+        known = np.isfinite(command).all(axis=1) & (t >= part.span[0]) & (t < part.span[1])
+        t, q, v, command = t[known], q[known], v[known], command[known]
         seen = np.flatnonzero(np.isfinite(q).any(axis=1))
         if len(seen) < 2:
             continue
@@ -95,7 +95,7 @@ def samples_of(scene: Scene, parts: Sequence[Part]) -> tuple[Samples, ...]:
         for part_seen in np.split(seen, ends):
             rows = slice(part_seen[0], part_seen[-1] + 1)
             if len(part_seen) >= 12 and t[part_seen[-1]] - t[part_seen[0]] >= SHORTEST:
-                segments.append(Samples(part.index, t[rows], q[rows], v[rows], held[rows]))
+                segments.append(Samples(part.index, t[rows], q[rows], v[rows], command[rows]))
     if not segments:
         raise RecordingError(
             f"no stretch of {SHORTEST:g} s without a gap has commands and positions; "

@@ -210,7 +210,7 @@ def _assemble(
         start += count
         q, v, a = (np.stack([f(s.t, d) for f in splines], axis=1) for d in range(3))
         at_samples.append((q, v, a))
-    t, q, v, a, held = (np.concatenate(x) for x in zip(*parts, strict=True))
-    motion = Motion(scene, tuple(segments), t, q, v, a, held)
+    t, q, v, a, command = (np.concatenate(x) for x in zip(*parts, strict=True))
+    motion = Motion(scene, tuple(segments), t, q, v, a, command)
     spacing = tuple(tuple(c.spacing for c in curves) for curves in chosen)
     return Smoothed(samples, motion, tuple(at_samples), noise, noise_v, spacing)

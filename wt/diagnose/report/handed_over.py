@@ -45,7 +45,7 @@ class HandedOver:
 
 def hand_over(
     holdout: Holdout,
-    found: Hypothesis,
+    complete: Hypothesis,
     comments: tuple[Hypothesis, Sequence[str]],
     recordings: Sequence[str],
     timestep: float | None,
@@ -54,13 +54,13 @@ def hand_over(
 
     Args:
         holdout: the held-out recordings.
-        found: everything that was found, and corrections.
+        complete: everything that was found, and corrections.
         comments: what of it is written into the MJCF, and a sentence for each.
         recordings: names of all recordings, by index.
         timestep: a finer one than the model's own [s], if the recordings need it.
     """
     scene = holdout.smoothed.motion.scene
-    named, graph = graphed(found)
+    named, graph = graphed(complete)
     everywhere = tuple(
         mine.beside(there) for mine, there in zip(named, holdout.here(named), strict=True)
     )
@@ -69,5 +69,5 @@ def hand_over(
         patched_xml(scene, *comments, timestep=timestep),
         physics_py(scene, everywhere, recordings, shown),
         graph,
-        holdout_npz(holdout, found, recordings),
+        holdout_npz(holdout, complete, recordings),
     )

@@ -100,10 +100,10 @@ def by_files(diagnosis: Diagnosis) -> str:
 
 def overall(diagnosis: Diagnosis) -> list[tuple[Error, str]]:
     """The held-out error and its unit; one of each unit where hinges and slides mix."""
-    whole, joints = diagnosis.proof.holdout, diagnosis.proof.joints
+    holdout, joints = diagnosis.proof.holdout, diagnosis.proof.joints
     if len(diagnosis.compared) < 2:
-        return [(whole, diagnosis.unit)]
-    found = []
+        return [(holdout, diagnosis.unit)]
+    by_unit = []
     for unit in diagnosis.compared:
         mine = [e for j, e in joints.items() if diagnosis.unit_of(j) == unit]
         before, after, noise = (
@@ -111,8 +111,8 @@ def overall(diagnosis: Diagnosis) -> list[tuple[Error, str]]:
             for x in zip(*((e.before, e.after, e.noise_floor) for e in mine), strict=True)
         )
         left = after / max(before, 1e-12)
-        found.append((Error(before, after, noise, left, (left, left)), unit))
-    return found
+        by_unit.append((Error(before, after, noise, left, (left, left)), unit))
+    return by_unit
 
 
 def name_of(effect: str) -> str:
@@ -358,20 +358,20 @@ def _e(text: str) -> str:
     return html.escape(tied(text))
 
 
-def verified(found: Verified) -> str:
+def verified(verification: Verified) -> str:
     """What a folder's files leave, in two or three lines."""
-    factor, unit = scaled(max(found.before, found.model), found.unit)
+    factor, unit = scaled(max(verification.before, verification.model), verification.unit)
 
     def line(name: str, value: float, stated: float) -> str:
-        share = percent(value / max(found.before, 1e-12))
+        share = percent(value / max(verification.before, 1e-12))
         said = f"{number(stated * factor)} {unit}"
         return f"{name}: {number(value * factor)} {unit}, {share} % (diagnosis.json: {said})"
 
     lines = [
-        f"{found.windows} replays of held-out recordings, {number(found.seconds)} s in all; the "
-        f"model as given errs by {number(found.before * factor)} {unit}",
-        line("model.xml alone", found.model, found.stated_model),
+        f"{verification.windows} replays of held-out recordings, {number(verification.seconds)} s "
+        f"in all; the model as given errs by {number(verification.before * factor)} {unit}",
+        line("model.xml alone", verification.model, verification.stated_model),
     ]
-    if found.has_physics:
-        lines.append(line("with physics.py", found.physics, found.stated_physics))
+    if verification.has_physics:
+        lines.append(line("with physics.py", verification.physics, verification.stated_physics))
     return "\n".join(lines)

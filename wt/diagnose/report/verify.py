@@ -129,8 +129,8 @@ def replayed(folder: Path, before: Path | None = None) -> Replayed:
             if done.returncode:
                 last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
                 raise WorkError(f"the files of '{folder}' do not run in plain MuJoCo: {last}")
-        with np.load(out, allow_pickle=False) as found, np.load(folder / HOLDOUT) as held:
-            errors = {name: _error(found[name], held["measured"]) for name in found.files}
+        with np.load(out, allow_pickle=False) as replays, np.load(folder / HOLDOUT) as stored:
+            errors = {name: _error(replays[name], stored["measured"]) for name in replays.files}
     model = errors["model"]
     return Replayed(model, errors.get("physics", model), errors.get("before", model[:0]))
 
@@ -213,18 +213,18 @@ def verify(folder: Path) -> Verified:
         fit = said["fit"]["holdout"]
         stated = (fit["before_rmse"], fit["model_only"]["after_rmse"], fit["after_rmse"])
         before, stated_model, stated_physics = map(float, stated)
-        with np.load(folder / HOLDOUT, allow_pickle=False) as held:
-            t, first = held["t"], held["first"]
+        with np.load(folder / HOLDOUT, allow_pickle=False) as stored:
+            t, first = stored["t"], stored["first"]
             ends = [*(first[1:] - 1), len(t) - 1]
             seconds = float(sum(t[ends] - t[first]))
     except (ValueError, KeyError, TypeError, OSError, zipfile.BadZipFile) as error:
         raise UserError(f"'{folder}' cannot be read as a diagnosis: {error}") from error
-    found = replayed(folder)
+    errors = replayed(folder)
     return Verified(
         unit=str(fit["unit"]),
         before=before,
-        model=_rmse(found.model),
-        physics=_rmse(found.physics),
+        model=_rmse(errors.model),
+        physics=_rmse(errors.physics),
         stated_model=stated_model,
         stated_physics=stated_physics,
         has_physics=(folder / PHYSICS).is_file(),

@@ -59,11 +59,11 @@ def unsaid(motion: Motion, law: Planted, named: Sequence[Planted], dof: int) -> 
     Returns:
         0 for a law that they say themselves, 1 for one that has nothing of them.
     """
-    whole = force(motion, law)
+    of_law = force(motion, law)
     signatures = [s[:, dof] for s in (signature(motion, p) for p in named) if s is not None]
-    if whole is None or not signatures:
+    if of_law is None or not signatures:
         return 1.0
-    target, design = whole[:, dof], np.concatenate(signatures, axis=1)
+    target, design = of_law[:, dof], np.concatenate(signatures, axis=1)
     size = np.linalg.norm(design, axis=0) + 1e-12
     x, *_ = np.linalg.lstsq(design / size, target, rcond=1e-8)
     left = target - (design / size) @ x

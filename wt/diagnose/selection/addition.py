@@ -87,13 +87,13 @@ def addition(
     if not ok:
         return []
     shapes = {s.planted.key: s.shape for s in ranked} | {p.key: shape for p, shape in tried}
-    found = _accepted(objective, best, fits, now, shapes)
+    joined = _accepted(objective, best, fits, now, shapes)
     for more in _beside(screen, objective, best, fits, now):
-        found += _accepted(objective, more.fit, more.fits, more.reference, shapes)
+        joined += _accepted(objective, more.fit, more.fits, more.reference, shapes)
         gain = worth(objective, more.fit, more.reference)
         planted = more.fit.hypothesis[-1]
-        log.add(planted, "joined", True, gain, THRESHOLDS.min_nats, f"beside {found[0].planted}")
-    return found[:most]
+        log.add(planted, "joined", True, gain, THRESHOLDS.min_nats, f"beside {joined[0].planted}")
+    return joined[:most]
 
 
 def _replayed(
@@ -111,8 +111,8 @@ def _finished(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> 
     """By falling worth, all effects of the best ones refined."""
     fits = _by_worth(objective, fits, now)
     finalists = [f.hypothesis for f in fits[:_FINALISTS]]
-    everything = [range(len(h)) for h in finalists]
-    best = refine(objective, finalists, everything, iterations=4)
+    all_free = [range(len(h)) for h in finalists]
+    best = refine(objective, finalists, all_free, iterations=4)
     return _by_worth(objective, [*best, *fits[_FINALISTS:]], now)
 
 
@@ -148,12 +148,12 @@ def _pairs(
         here = [s for s in ranked if dof_of(screen, s.planted.at) == dof]
         usual = [s for s in here[_PAIRED:] if _usual(s.planted)]
         groups.append([*here[:_PAIRED], *usual])
-    found = []
+    starts = []
     for pairs in screen.pairs(known, groups):
         allowed = [(p.first, p.second) for p in pairs if not excluded(p.first, p.second)]
         friction = [p for p in allowed[_PAIRS:] if all(_usual(x) for x in p)]
-        found += [*allowed[:_PAIRS], *friction]
-    return found
+        starts += [*allowed[:_PAIRS], *friction]
+    return starts
 
 
 def _usual(planted: Planted) -> bool:
@@ -191,13 +191,13 @@ def _beside(
     reference = objective.reference(best.hypothesis)
     both = [(*best.hypothesis, *f.hypothesis[len(now.hypothesis) :]) for f in chosen]
     trials = _by_worth(objective, _refined(objective, both, reference, 2), reference)
-    found = []
+    partners = []
     for dof in dict.fromkeys(dof_of(screen, f.hypothesis[-1].at) for f in trials):
         here = [f for f in trials if dof_of(screen, f.hypothesis[-1].at) == dof]
         winner = simplest(objective, here, reference)
         if earns(objective, winner, reference):
-            found.append(_More(winner, here, reference))
-    return found
+            partners.append(_More(winner, here, reference))
+    return partners
 
 
 def _accepted(
@@ -225,13 +225,13 @@ def _first_of_each(
     screen: Screen, objective: Objective, now: Assessed, additions: Sequence[Planted]
 ) -> list[Hypothesis]:
     """One start for each effect and place, the best of those that are given, and only the best."""
-    found: dict[Key, Assessed] = {}
+    by_key: dict[Key, Assessed] = {}
     for assessed in objective.evaluate([(*now.hypothesis, p) for p in additions]):
         key = assessed.hypothesis[-1].key
-        if key not in found or assessed.loglik > found[key].loglik:
-            found[key] = assessed
+        if key not in by_key or assessed.loglik > by_key[key].loglik:
+            by_key[key] = assessed
     # a start may be far off and its effect still right: a few that are worse than nothing stay
-    ordered = sorted(found.values(), key=lambda a: -a.loglik)
+    ordered = sorted(by_key.values(), key=lambda a: -a.loglik)
     finite = [a for a in ordered if np.isfinite(a.loglik)]
     return [
         a.hypothesis for a in _leading(screen, finite, _searched(objective, now), _STARTS, _STARTED)
@@ -248,13 +248,13 @@ def _leading(
 ) -> list[Assessed]:
     """The first of a list, and the first of what acts on one erring joint alone."""
     count: dict[int, int] = {}
-    found = []
+    leaders = []
     for i, assessed in enumerate(ordered):
         dof = dof_of(screen, assessed.hypothesis[-1].at)
         count[dof] = count.get(dof, 0) + 1
         if i < overall or (dof in erring and count[dof] <= each):
-            found.append(assessed)
-    return found
+            leaders.append(assessed)
+    return leaders
 
 
 def _log_replays(
@@ -268,7 +268,7 @@ def _log_replays(
     for fit in fits:
         planted, gain = fit.hypothesis[-1], worth(objective, fit, now)
         pair = len(fit.hypothesis) > len(now.hypothesis) + 1
-        beside = f", with {_seen_from(planted.at, fit.hypothesis[-2])}" if pair else ""
+        partner = f", with {_seen_from(planted.at, fit.hypothesis[-2])}" if pair else ""
         if best is None:
             reason, threshold = "gains too little", THRESHOLDS.min_nats
         elif fit is best:
@@ -280,7 +280,7 @@ def _log_replays(
         if why is not None:
             reason = why
         stage: Stage = "joined" if fit is best else "replayed"
-        log.add(planted, stage, fit is best, gain, threshold, reason + beside)
+        log.add(planted, stage, fit is best, gain, threshold, reason + partner)
 
 
 def _seen_from(at: Location, planted: Planted) -> str:

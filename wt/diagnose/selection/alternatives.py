@@ -131,14 +131,16 @@ class Lookalikes:
     def _starts(self, accepted: Sequence[Accepted], now: Assessed, index: int) -> list[Start]:
         """Lookalikes of an effect at its place or close to it, each from where it may start."""
         hypothesis, rivals = now.hypothesis, accepted[index].rivals
-        found, rest = hypothesis[index], without(hypothesis, index)
+        present, rest = hypothesis[index], without(hypothesis, index)
         motion = self.screen.motion
         wanted = {
             (name, at)
-            for name in alternatives(found.effect.id)
-            for at in near(self.screen, found.at)
+            for name in alternatives(present.effect.id)
+            for at in near(self.screen, present.at)
         } | {(r.effect.id, r.at) for r in rivals}
-        known = [(p, a.shape) for p, a in zip(hypothesis, accepted, strict=True) if p is not found]
+        known = [
+            (p, a.shape) for p, a in zip(hypothesis, accepted, strict=True) if p is not present
+        ]
         ranked = [s for s in self.screen.rank(known, wanted) if np.isfinite(s.gain)]
         shapes: dict[Key, Shape | None] = {s.planted.key: s.shape for s in ranked}
         plain = [*(s.planted for s in ranked), *rivals]
@@ -148,21 +150,21 @@ class Lookalikes:
             if at in effect.places(motion.scene):
                 here = [] if effect.shapes(motion, at) else effect.starts(motion, at)
                 plain += [Planted(effect, at, theta) for theta in here]
-                if at == found.at:
-                    further = found.beyond(effect, motion)
+                if at == present.at:
+                    further = present.beyond(effect, motion)
                     larger += [(Planted(shaped(effect, s), at, theta), s) for s, theta in further]
         starts = [*((p, shapes.get(p.key)) for p in plain), *larger]
         possible = [
             (p, shape)
             for p, shape in starts
-            if p.key != found.key and not any(p.key == r.key or excluded(p, r) for r in rest)
+            if p.key != present.key and not any(p.key == r.key or excluded(p, r) for r in rest)
         ]
         # no fit is better than one that leaves nothing but noise: a larger law may not earn its due
-        left, paid = room(self.objective, now), price(self.objective, (found,))
+        left, paid = room(self.objective, now), price(self.objective, (present,))
         return [
             (p, shape)
             for p, shape in possible
-            if (due := _due((p,), (found,))) <= 0.0
+            if (due := _due((p,), (present,))) <= 0.0
             or price(self.objective, (p,)) - paid + due < left
         ]
 
@@ -183,17 +185,17 @@ class Lookalikes:
         if not going:
             return [Option(hypothesis[index], 0.0, 0.0)]
         events = any(p.observed() for p in hypothesis)  # at other times in other recordings
-        judge = self.objective if events else self.all_replays()
-        judge.reference(hypothesis)
-        everything = [range(len(hypothesis))] * (len(going) + 1)
-        now, *others = refine(judge, [hypothesis, *going], everything, _STEPS)
-        found = [Option(hypothesis[index], 0.0, 0.0)]
+        deciding = self.objective if events else self.all_replays()
+        deciding.reference(hypothesis)
+        all_free = [range(len(hypothesis))] * (len(going) + 1)
+        now, *others = refine(deciding, [hypothesis, *going], all_free, _STEPS)
+        options = [Option(hypothesis[index], 0.0, 0.0)]
         for fit in others:
-            gained, due = worth(judge, fit, now), _due(fit.hypothesis, hypothesis)
+            gained, due = worth(deciding, fit, now), _due(fit.hypothesis, hypothesis)
             evidence = gained + odds_against(fit.hypothesis) - odds_against(hypothesis)
             law = fit.hypothesis[index]
-            found.append(Option(law, gained - due, evidence - max(due, 0.0)))
-        return found
+            options.append(Option(law, gained - due, evidence - max(due, 0.0)))
+        return options
 
 
 def _best(options: Sequence[Option]) -> Option:
@@ -227,13 +229,13 @@ def _shape(starts: Sequence[Start], law: Planted) -> Shape | None:
 def _best_of_each(fits: Iterable[Assessed], index: int, most: int) -> list[Assessed]:
     """The best fits of each law in a place, at most so many of each."""
     count: dict[Key, int] = {}
-    found = []
+    best = []
     for fit in sorted(fits, key=lambda f: -f.loglik):
         key = fit.hypothesis[index].key
         count[key] = count.get(key, 0) + 1
         if np.isfinite(fit.loglik) and count[key] <= most:
-            found.append(fit)
-    return found
+            best.append(fit)
+    return best
 
 
 def _due(one: Hypothesis, other: Hypothesis) -> float:
@@ -257,10 +259,10 @@ def simplified(
     """
     for i, planted in enumerate(estimated.hypothesis):
         intervals = {name: e.ci95 for name, e in estimated.estimates[i].items()}
-        found = planted.simpler(objective.motion, intervals)
-        if found is None:
+        simpler_law = planted.simpler(objective.motion, intervals)
+        if simpler_law is None:
             continue
-        law = Planted(effects()[found[0]], planted.at, found[1])
+        law = Planted(effects()[simpler_law[0]], planted.at, simpler_law[1])
         others = tuple(law if k == i else p for k, p in enumerate(estimated.hypothesis))
         again = estimate(objective, others)
         before, after = (erring_joints(objective, e.assessed) for e in (estimated, again))

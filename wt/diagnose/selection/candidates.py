@@ -65,16 +65,16 @@ def candidates(
         usual = s.planted.effect.common == "always" and dof in erring
         if (s.planted.effect.id, at) in wanted or (cheap and dof in worst) or usual:
             chosen.setdefault(s.planted.key, s)
-    found: list[tuple[Planted, Shape | None]] = [(s.planted, s.shape) for s in chosen.values()]
+    proposals: list[tuple[Planted, Shape | None]] = [(s.planted, s.shape) for s in chosen.values()]
     for s in chosen.values():
         starts = s.planted.effect.starts(screen.motion, s.planted.at)
-        found += [(replace(s.planted, theta=theta), s.shape) for theta in starts]
-    found += [(p, None) for p in _replay_only(screen, worst)]
+        proposals += [(replace(s.planted, theta=theta), s.shape) for theta in starts]
+    proposals += [(p, None) for p in _replay_only(screen, worst)]
     taken = {p.key for p in now.hypothesis}
     somewhere = (-1, *improvable(objective, now))
     return [
         (p, shape)
-        for p, shape in found
+        for p, shape in proposals
         if p.key not in taken
         and dof_of(screen, p.at) in somewhere
         and not any(excluded(p, other) for other in now.hypothesis)
@@ -100,12 +100,12 @@ def _strong(screen: Screen, ranked: Sequence[Scored]) -> list[Scored]:
 def _first_of_each(ranked: Sequence[Scored], label: Callable[[Scored], Hashable]) -> list[Scored]:
     """The first few with each label, in the order of a ranking."""
     count: Counter[Hashable] = Counter()
-    found = []
+    firsts = []
     for s in ranked:
         count[label(s)] += 1
         if count[label(s)] <= EACH:
-            found.append(s)
-    return found
+            firsts.append(s)
+    return firsts
 
 
 def near(screen: Screen, at: Location) -> list[Location]:
@@ -138,13 +138,15 @@ def excluded(one: Planted, other: Planted) -> bool:
 def _replay_only(screen: Screen, worst: Sequence[int]) -> list[Planted]:
     """Effects without a signature: at the joints whose replay is worst, and of contacts."""
     scene = screen.motion.scene
-    found = []
+    proposals = []
     for effect in effects().values():
         for at in effect.places(scene):
             somewhere = at.kind in ("geom", "world") or dof_of(screen, at) in worst
             if somewhere and not effect.shapes(screen.motion, at):
-                found += [Planted(effect, at, start) for start in effect.starts(screen.motion, at)]
-    return found
+                proposals += [
+                    Planted(effect, at, start) for start in effect.starts(screen.motion, at)
+                ]
+    return proposals
 
 
 def dof_of(screen: Screen, at: Location) -> int:

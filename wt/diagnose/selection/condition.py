@@ -47,16 +47,18 @@ def intervals(
     level = max(
         THRESHOLDS.stands_out, THRESHOLDS.stands_out_share * float(np.quantile(np.abs(size), 0.95))
     )
-    found: dict[int, list[tuple[float, float]]] = {}
+    by_recording: dict[int, list[tuple[float, float]]] = {}
     for s in m.segments:
         mine = np.flatnonzero((rows >= s.rows.start) & (rows < s.rows.stop))
         if len(mine) < 2:
             continue
-        found.setdefault(s.recording, []).extend(standing_out(m.t[rows[mine]], size[mine], level))
+        by_recording.setdefault(s.recording, []).extend(
+            standing_out(m.t[rows[mine]], size[mine], level)
+        )
     return tuple(
         Interval(names[r] if r < len(names) else f"recording {r + 1}", start, end)
-        for r in sorted(found)
-        for start, end in merged(found[r])
+        for r in sorted(by_recording)
+        for start, end in merged(by_recording[r])
     )
 
 
@@ -80,12 +82,12 @@ def standing_out(
     ]
 
 
-def merged(some: list[tuple[float, float]]) -> list[tuple[float, float]]:
+def merged(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:
     """Close intervals joined, with growing tolerance until there are few."""
     near = _MERGE_S
     while True:
         joined: list[tuple[float, float]] = []
-        for start, end in some:
+        for start, end in spans:
             if joined and start - joined[-1][1] <= near:
                 joined[-1] = (joined[-1][0], end)
             else:

@@ -123,11 +123,11 @@ def blocks_of(
     """
     total = sum(float(np.ptp(t[label == x])) for x in np.unique(label))
     lengths = (float(np.clip(total / _BLOCKS, _BLOCK_S[0], _BLOCK_S[1])), _BLOCK_S[0])
-    found = []
+    partitions = []
     for length in lengths:
         pairs = np.stack([label, (t / length).astype(int)], axis=1)
-        found.append(np.unique(pairs, axis=0, return_inverse=True)[1].ravel())
-    return found[0], found[1]
+        partitions.append(np.unique(pairs, axis=0, return_inverse=True)[1].ravel())
+    return partitions[0], partitions[1]
 
 
 def errors(
@@ -141,9 +141,9 @@ def errors(
     here = [holdout.here(h) for h in hypotheses]
     replayer = Replayer(holdout.smoothed.motion.scene, holdout.stretches, step)
     q = replayer.run(here).q
-    found = np.where(np.isfinite(q), q, holdout.measured + RAN_AWAY) - holdout.measured
+    replay_errors = np.where(np.isfinite(q), q, holdout.measured + RAN_AWAY) - holdout.measured
     if holdout.forgets:
-        return found
+        return replay_errors
     measured = np.isfinite(holdout.measured)
     first = here[:1] if not holdout.smoothed.motion.scene.free else here
     response = [holdout.response(h, replayer) * measured[:, :, None] for h in first]
@@ -151,7 +151,7 @@ def errors(
     return np.stack(
         [
             np.where(measured, _begun(holdout, e, r), np.nan)
-            for e, r in zip(found, response, strict=True)
+            for e, r in zip(replay_errors, response, strict=True)
         ]
     )
 
@@ -205,29 +205,29 @@ def gains(
 ) -> list[Gain]:
     """Held-out gain of a hypothesis over each of some lesser ones; p-values pay for all."""
     full, *lesser = scaled(errors(holdout, [hypothesis, *without], step), holdout.smoothed.noise)
-    found = [gain_of(less, full, (holdout.block, holdout.fine)) for less in lesser]
-    n = len(found)
+    each = [gain_of(less, full, (holdout.block, holdout.fine)) for less in lesser]
+    n = len(each)
     return [
-        replace(g, p_value=min(1.0, g.p_value * n), least_p=min(1.0, g.least_p * n)) for g in found
+        replace(g, p_value=min(1.0, g.p_value * n), least_p=min(1.0, g.least_p * n)) for g in each
     ]
 
 
 def gain(holdout: Holdout, hypothesis: Hypothesis, other: Hypothesis, step: float) -> Gain:
     """Held-out gain of one hypothesis over another."""
-    (found,) = gains(holdout, hypothesis, [other], step)
-    return found
+    (only,) = gains(holdout, hypothesis, [other], step)
+    return only
 
 
 def scaled(
-    found: Float[np.ndarray, "hypothesis sample dof"], noise: Float[np.ndarray, " dof"]
+    replay_errors: Float[np.ndarray, "hypothesis sample dof"], noise: Float[np.ndarray, " dof"]
 ) -> Float[np.ndarray, "hypothesis sample dof"]:
     """Errors (H, N, nv), joints in units of what the first hypothesis leaves of them.
 
     So none drowns another: in units of noise alone, a quiet sensor behind a model that is not
     exact would.
     """
-    left = np.sqrt(np.nanmean(found[0] ** 2, axis=0))
-    return np.asarray(found / np.fmax(left, noise))
+    left = np.sqrt(np.nanmean(replay_errors[0] ** 2, axis=0))
+    return np.asarray(replay_errors / np.fmax(left, noise))
 
 
 def gain_of(
@@ -316,7 +316,7 @@ def _error(
     ratio = rms[1] / max(rms[0], 1e-12)
     interval = (ratio, ratio)
     if len(a) >= 4 and np.isfinite(b).all():
-        found = bootstrap(
+        resampled = bootstrap(
             (a, b),
             lambda x, y, axis=-1: np.sqrt(y.sum(axis=axis) / np.maximum(x.sum(axis=axis), 1e-30)),
             paired=True,
@@ -325,7 +325,7 @@ def _error(
             method="percentile",
             rng=np.random.default_rng(seed),
         ).confidence_interval
-        interval = (float(found.low), float(found.high))
+        interval = (float(resampled.low), float(resampled.high))
     floor = float(np.sqrt(np.mean(noise**2)))
     return Error(rms[0], rms[1], floor, ratio, interval)
 
@@ -376,7 +376,7 @@ def where_mute(
     holdout: Holdout,
     hypothesis: Hypothesis,
     full: Hypothesis,
-    found: Sequence[Gain],
+    given: Sequence[Gain],
     step: float,
 ) -> list[Gain]:
     """Gains on held-out data, but on fitted ones where those cannot say.
@@ -386,28 +386,28 @@ def where_mute(
         holdout: held-out recordings.
         hypothesis: the effects.
         full: the same, and after them corrections of what any rig is off by.
-        found: gain of each effect over all others, with corrections of their own.
+        given: gain of each effect over all others, with corrections of their own.
         step: physics step of replays [s].
     """
-    found = list(found)
-    unproven = [i for i, g in enumerate(found) if g.p_value > THRESHOLDS.significant]
+    given = list(given)
+    unproven = [i for i, g in enumerate(given) if g.p_value > THRESHOLDS.significant]
     # corrections make up for what is missing, and differ: an effect itself may change less
     alone = gains(holdout, full, [without(full, i) for i in unproven], step) if unproven else []
     for i, changed in zip(unproven, alone, strict=True):
-        found[i] = replace(found[i], potential=changed.potential)
+        given[i] = replace(given[i], potential=changed.potential)
     asked = [
-        i for i in unproven if found[i].undecided or found[i].potential < THRESHOLDS.seldom_excited
+        i for i in unproven if given[i].undecided or given[i].potential < THRESHOLDS.seldom_excited
     ]
     for i in asked:
-        fitted, here = left_in_turn(objective, hypothesis, i), found[i]
+        fitted, here = left_in_turn(objective, hypothesis, i), given[i]
         if here.undecided or here.potential < THRESHOLDS.seldom_excited * fitted.potential:
             p_value = (
                 min(1.0, fitted.p_value * len(asked))
                 if fitted.share >= THRESHOLDS.in_turn_share
                 else 1.0
             )
-            found[i] = replace(here, p_value=p_value, in_turn=True)
-    return found
+            given[i] = replace(here, p_value=p_value, in_turn=True)
+    return given
 
 
 def left_in_turn(objective: Objective, hypothesis: Hypothesis, index: int) -> Gain:
@@ -425,8 +425,8 @@ def left_in_turn(objective: Objective, hypothesis: Hypothesis, index: int) -> Ga
         fits = refine(objective.only(~part), pair, free, iterations=2)
         # what the rig is off by is said by the other data too
         again = objective.evaluate([f.hypothesis for f in fits], [f.tolerances for f in fits])
-        for error, whole, fit in zip(errors, again, fits, strict=True):
-            error[part] = objective.adapted(whole.error, fit.tolerances)[part]
+        for error, refit, fit in zip(errors, again, fits, strict=True):
+            error[part] = objective.adapted(refit.error, fit.tolerances)[part]
     errors = np.where(objective.channels.valid, np.nan_to_num(errors, nan=RAN_AWAY), np.nan)
     full, less = scaled(errors, objective.noise)
     return gain_of(less, full, blocks_of(objective.recording, objective.t))

@@ -95,11 +95,11 @@ def _size(
     what is left if the effect is taken back.
     """
     dofs = _dofs(screen.motion.scene, planted.at)
-    part, whole = (x / screen.floor for x in (rest.parts[index], rest.without(index)))
-    explained = float(((whole - part)[:, dofs] ** 2).sum()) < 0.5 * float(
-        (whole[:, dofs] ** 2).sum()
+    part, total = (x / screen.floor for x in (rest.parts[index], rest.without(index)))
+    explained = float(((total - part)[:, dofs] ** 2).sum()) < 0.5 * float(
+        (total[:, dofs] ** 2).sum()
     )
-    return _norm(part if explained else whole, dofs)
+    return _norm(part if explained else total, dofs)
 
 
 def _norm(scaled: Float[np.ndarray, "row dof"], dofs: Sequence[int]) -> Float[np.ndarray, " row"]:
@@ -145,10 +145,10 @@ def places(screen: Screen, rest: Leftover, joints: Mapping[str, float]) -> dict[
         and float(rms.max() ** 2 / (rms[active] ** 2).sum()) < THRESHOLDS.joint_alone
     ):
         # with and without what the errors of any rig may have hidden of it
-        for some in ((rest.left + rest.adapted) / screen.floor, scaled):
-            whole = _pair(screen, some) or _whole(screen, some, len(active))
-            if whole:
-                return {whole: 1.0}
+        for sizes in ((rest.left + rest.adapted) / screen.floor, scaled):
+            shared = _pair(screen, sizes) or _whole(screen, sizes, len(active))
+            if shared:
+                return {shared: 1.0}
     # in no force: a sensor of that joint; otherwise the joint itself
     own = [d for d in named if d in active] or named
     weight: dict[Location, float] = {}
@@ -207,7 +207,7 @@ def _fit(
     for k in range(int(label.max()) + 1):
         rows = label == k
         design = columns[rows].transpose(0, 2, 1).reshape(-1, 3)
-        found, _, rank, _ = np.linalg.lstsq(design, target[rows].reshape(-1), rcond=1e-6)
-        left += float(((target[rows].reshape(-1) - design @ found) ** 2).sum())
+        coefficients, _, rank, _ = np.linalg.lstsq(design, target[rows].reshape(-1), rcond=1e-6)
+        left += float(((target[rows].reshape(-1) - design @ coefficients) ** 2).sum())
         freedom -= int(rank)
     return 1.0 - (left / max(freedom, 1)) / float(np.mean(target**2))

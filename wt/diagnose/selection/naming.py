@@ -147,8 +147,10 @@ class Naming:
     def claimed(self, proven: Claims) -> Claims:
         """Doubt names, learn what is left, and correct the model's tolerances."""
         claims = self._doubted(proven)
-        found = calibration(self.objective, self.holdout, claims.hypothesis, self.step, self.log)
-        return replace(claims, corrections=found)
+        corrections = calibration(
+            self.objective, self.holdout, claims.hypothesis, self.step, self.log
+        )
+        return replace(claims, corrections=corrections)
 
     def clean(self, claims: Claims) -> bool:
         """True if nothing but noise is left of the fitted recordings."""
@@ -205,19 +207,19 @@ class Naming:
         """Learn what is left, as long as that improves the held-out fit."""
         if self.clean(claims):
             return claims
-        found: list[Unknown] = []
+        laws: list[Unknown] = []
         assessed = claims.estimated.assessed
-        while len(found) < THRESHOLDS.most_unknown:
+        while len(laws) < THRESHOLDS.most_unknown:
             unknown = find(
                 self.screen, self.objective, assessed, self.holdout, step=self.step, seed=self.seed
             )
-            if unknown is None or any(unknown.planted.at == u.planted.at for u in found):
+            if unknown is None or any(unknown.planted.at == u.planted.at for u in laws):
                 break
-            found.append(unknown)
+            laws.append(unknown)
             p, limit = unknown.gain.p_value, THRESHOLDS.significant
             self.log.add(unknown.planted, "unknown", True, p, limit, "a learned law predicts it")
             assessed = self.objective.reference((*assessed.hypothesis, unknown.planted))
-        return replace(claims, unknown=tuple(found))
+        return replace(claims, unknown=tuple(laws))
 
     def _doubtful(self, claims: Claims, index: int) -> bool:
         rivalry = rivals_nonparametric(self.screen, claims.hypothesis, index, seed=self.seed)

@@ -188,18 +188,18 @@ def _reconsidered(
     now: Assessed,
     log: DecisionLog,
     banned: Container[Key],
-    found: Sequence[Accepted],
+    added: Sequence[Accepted],
 ) -> tuple[list[Accepted], Assessed]:
     """Each of some effects that joined together is looked for again beside the others.
 
     Two at one joint were chosen by the force residual, and few others were replayed in their
     place. Of many that joined only such pairs are looked for again: each costs a whole round.
     """
-    dofs = [dof_of(screen, a.planted.at) for a in found]
+    dofs = [dof_of(screen, a.planted.at) for a in added]
     again = [
-        a for a, dof in zip(found, dofs, strict=True) if len(found) <= FEW or dofs.count(dof) > 1
+        a for a, dof in zip(added, dofs, strict=True) if len(added) <= FEW or dofs.count(dof) > 1
     ]
-    for key in [a.planted.key for a in again] if len(found) > 1 else ():
+    for key in [a.planted.key for a in again] if len(added) > 1 else ():
         index = next((i for i, a in enumerate(accepted) if a.planted.key == key), None)
         if index is None:  # replaced or pruned already
             continue

@@ -35,12 +35,12 @@ def unforeseen(
             that nothing holds: there, the fewest are named that bear most of it.
         that: what is said of it.
     """
-    found: dict[Location, Finding] = {}
+    by_place: dict[Location, Finding] = {}
     for joint in bearing(where, THRESHOLDS.bearing_share) if objective.scene.free else where:
         dof, at = objective.scene.dof(joint), objective.scene.place(joint)
         excess = float(assessed.mse[dof] / objective.noise[dof] ** 2)
         count = float(objective.count[dof])
-        found.setdefault(
+        by_place.setdefault(
             at,
             _nameless(
                 at,
@@ -49,10 +49,10 @@ def unforeseen(
                 float(chi2.sf(excess * count, count)),
             ),
         )
-    return tuple(found.values())
+    return tuple(by_place.values())
 
 
-def shown_by_holdout(diagnosis: Diagnosis, assessed: Assessed, held: Objective) -> Diagnosis:
+def shown_by_holdout(diagnosis: Diagnosis, assessed: Assessed, replays: Objective) -> Diagnosis:
     """A diagnosis that leaves nothing open, unless the held-out recordings do.
 
     What only they show was not searched, so that it has no name; but nothing is missing only where
@@ -61,9 +61,9 @@ def shown_by_holdout(diagnosis: Diagnosis, assessed: Assessed, held: Objective) 
     Args:
         diagnosis: of the fitted recordings.
         assessed: what was found, on the held-out ones.
-        held: replays of these.
+        replays: replays of these.
     """
-    where = erring(assessed, held)
+    where = erring(assessed, replays)
     if not where or diagnosis.verdict not in ("no_mismatch", "explained"):
         return diagnosis
     if diagnosis.verdict == "explained":
@@ -74,8 +74,8 @@ def shown_by_holdout(diagnosis: Diagnosis, assessed: Assessed, held: Objective) 
     return replace(
         diagnosis,
         verdict="unexplained",
-        findings=unforeseen(assessed, held, where, said),
-        locations=tuple(Located(held.scene.place(j), share) for j, share in where.items()),
+        findings=unforeseen(assessed, replays, where, said),
+        locations=tuple(Located(replays.scene.place(j), share) for j, share in where.items()),
     )
 
 
@@ -139,7 +139,7 @@ def findings(claims: Claims, scene: Scene, experiment: str = "") -> tuple[Findin
         scene: the machine.
         experiment: that tells them from their rivals; by default each effect's own.
     """
-    found = [
+    listed = [
         Finding(
             effect=planted.effect.id,
             at=planted.at,
@@ -161,7 +161,7 @@ def findings(claims: Claims, scene: Scene, experiment: str = "") -> tuple[Findin
             strict=True,
         )
     ]
-    found += [
+    listed += [
         Finding(
             effect="unknown",
             at=u.planted.at,
@@ -175,12 +175,12 @@ def findings(claims: Claims, scene: Scene, experiment: str = "") -> tuple[Findin
         )
         for u in claims.unknown
     ]
-    return tuple(sorted(found, key=lambda f: -f.holdout_gain))
+    return tuple(sorted(listed, key=lambda f: -f.holdout_gain))
 
 
-def suggestions(found: Sequence[Finding]) -> tuple[str, ...]:
+def suggestions(listed: Sequence[Finding]) -> tuple[str, ...]:
     """Experiments to record next, so that what was confused can be told apart."""
-    experiments = [c.separating_experiment for f in found for c in f.confusable_with]
+    experiments = [c.separating_experiment for f in listed for c in f.confusable_with]
     return tuple(dict.fromkeys(experiments))
 
 

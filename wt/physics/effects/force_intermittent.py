@@ -70,19 +70,19 @@ class ForceIntermittent(FromRecordings, OnInputs):
         known = {p[:4] for p in mine}
         return self._of([*mine, *(p for p in others if p[:4] not in known)])
 
-    def _of(self, found: Sequence[Push]) -> Shown:
+    def _of(self, pushed: Sequence[Push]) -> Shown:
         """The effect of some pushes, with the torques that they have."""
-        if not found:
+        if not pushed:
             return type(self)(), np.zeros(1)
-        return self.shaped(flat(found)), np.array([p.height for p in found])
+        return self.shaped(flat(pushed)), np.array([p.height for p in pushed])
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Pushes that stand out of the residual of the joint."""
         if self.pushes:
             return [flat(self.pushes)]
         left = _left(motion, at)
-        found = {flat(pushes(motion, left, threshold)) for threshold in _THRESHOLDS}
-        return sorted(shape for shape in found if shape)
+        trains = {flat(pushes(motion, left, threshold)) for threshold in _THRESHOLDS}
+        return sorted(shape for shape in trains if shape)
 
     def columns(
         self, motion: Motion, at: Location, shape: Shape
@@ -123,10 +123,10 @@ class ForceIntermittent(FromRecordings, OnInputs):
         for push, size in zip(self.pushes, theta, strict=False):
             figures = ", ".join(map(number, (push.start, push.end, push.flank, size)))
             rows.setdefault(int(push.recording), []).append(f"({figures})")
-        each = [f"    {i}: ({', '.join(some)},)," for i, some in rows.items()]
+        each = [f"    {i}: ({', '.join(rows_text)},)," for i, rows_text in rows.items()]
         force = (
             "pushes = {  # recording: middles of both flanks, their length [s], and torque",
-            *(line for some in each for line in wrapped(some)),
+            *(line for rows_text in each for line in wrapped(rows_text)),
             "}.get(self.recording, ())",
             f'_, _, dof = self._joint("{at.name}", qpos, qvel)',
             "for start, end, flank, torque in pushes:",

@@ -129,8 +129,8 @@ def _braking(motion: Motion, dof: int) -> Float[np.ndarray, " 4"]:
     """Parameters that the residual of a joint is best braked with, whatever else is missing."""
     v, left = motion.v[:, dof], motion.unexplained[:, dof]
     rows = np.abs(v) > _SLOW * np.std(v)
-    found, *_ = np.linalg.lstsq(_braked(v[rows]), left[rows], rcond=1e-6)
-    return np.asarray(found)
+    coefficients, *_ = np.linalg.lstsq(_braked(v[rows]), left[rows], rcond=1e-6)
+    return np.asarray(coefficients)
 
 
 def _speed(motion: Motion, at: Location) -> float:
@@ -141,6 +141,6 @@ def _speed(motion: Motion, at: Location) -> float:
 def _apart(theta: Float[np.ndarray, " 4"], speed: float) -> bool:
     """Tell whether both directions are braked, and not alike, at rest or at a usual speed."""
     dry, wet = theta[:2], speed * theta[2:]
-    whole = dry + wet
-    apart = max(abs(dry[0] - dry[1]), abs(wet[0] - wet[1]), abs(whole[0] - whole[1]))
-    return bool(whole.min() > 0.0 and apart > _APART * whole.sum())
+    braking = dry + wet
+    apart = max(abs(dry[0] - dry[1]), abs(wet[0] - wet[1]), abs(braking[0] - braking[1]))
+    return bool(braking.min() > 0.0 and apart > _APART * braking.sum())
