@@ -52,13 +52,11 @@ def run(
     from deploy.scribe import Scribe
     from wt.worlds.robots import mjcf
 
-    bounds = Limits.parse(list(limits))
-    policy = load(reference)
+    bounds, policy = Limits.parse(list(limits)), load(reference)
     if realtime:
         take_precedence()  # before the network's threads begin
     robot = Go2(DdsParticipant(interface, domain), policy.card.joints)
-    folder = out or Path("runs") / f"go2-{datetime.now():%Y-%m-%dT%H-%M-%S}"
-    folder.mkdir(parents=True, exist_ok=True)  # if it cannot be, better now than after the run
+    folder = _folder(out)
     left = _leave_model(folder / MODEL, mjcf("go2"))
     operator, say = HumanOperator(policy.card.command_limits), teller()
     say(f"policy {policy.card.name} ({policy.card.sha256[:12]}) on {interface}\n{KEYS}")
@@ -77,13 +75,18 @@ def run(
         written = runner.recorder.write(folder, meta)
         scribe.dismiss()
         if left and not written:
-            (folder / MODEL).unlink()
-            with suppress(OSError):  # it was there before, with something in it
-                folder.rmdir()
-    _write_whole(folder / REPORT, json.dumps(_report(outcome, runner.events), indent=1) + "\n")
+            _take_back(folder)
+    _write_whole(folder / REPORT, _report(outcome, runner.events))
     _tell(folder, [p.name for p in written], outcome)
     if outcome.fault:
         raise WorkError(f"ended in damping after a fault: {outcome.fault}")
+
+
+def _folder(out: Path | None) -> Path:
+    """Make the folder of a run: if it cannot be, better before the run than after it."""
+    folder = out or Path("runs") / f"go2-{datetime.now():%Y-%m-%dT%H-%M-%S}"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
 
 
 def _leave_model(path: Path, xml: str) -> bool:
@@ -100,8 +103,16 @@ def _leave_model(path: Path, xml: str) -> bool:
     return True
 
 
-def _report(outcome: RunOutcome, events: object) -> dict[str, object]:
-    return {"timing": outcome.timing.dict(), "events": events, "began": outcome.began}
+def _take_back(folder: Path) -> None:
+    """Remove the model that no recording followed, and the folder if nothing else is in it."""
+    (folder / MODEL).unlink()
+    with suppress(OSError):
+        folder.rmdir()
+
+
+def _report(outcome: RunOutcome, events: object) -> str:
+    report = {"timing": outcome.timing.dict(), "events": events, "began": outcome.began}
+    return json.dumps(report, indent=1) + "\n"
 
 
 def _tell(folder: Path, written: Sequence[str], outcome: RunOutcome) -> None:

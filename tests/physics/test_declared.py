@@ -38,7 +38,10 @@ OVER = {
         "joint.friction_stribeck", "joint.friction_viscous", "sensor.delay",
     },
     "acceleration": {"joint.armature", "body.inertia"},
-    "drive": {"actuator.gain", "actuator.deadband", "actuator.saturation", "pair.crosstalk"},
+    "drive": {
+        "actuator.deadband", "actuator.gain", "actuator.saturation", "joint.backlash",
+        "joint.elasticity", "pair.crosstalk",
+    },
     "time": {
         "actuator.fade", "body.force_intermittent", "body.payload_moving",
         "joint.force_intermittent",

@@ -61,7 +61,9 @@ def place(at: Location, way: str) -> Location:
     """Where an effect is in a file that may have other names, of a machine without a b3."""
     name = at.name.replace("b3", "b2")
     own = name not in ("all", "floor", "world")
-    return Location(at.kind, f"a_{name}" if own and way == "attached" else name)
+    if own and way == "attached":
+        name = "+".join(f"a_{part}" for part in name.split("+"))
+    return Location(at.kind, name)
 
 
 @pytest.mark.parametrize("truth", [*FIRST, *GEARS], ids=lambda t: f"{t.id}-{t.at.name}")

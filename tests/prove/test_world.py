@@ -284,7 +284,8 @@ def test_truth_is_in_the_words_of_the_interface() -> None:
             assert isinstance(truth, HiddenEffect)
             rig = RIGS[case.rig]
             names = {
-                "joint": rig.joints, "actuator": rig.actuators, "body": rig.bodies,
+                "joint": rig.joints, "actuator": (*rig.actuators, "all"),
+                "body": (*rig.bodies, "all"),
                 "sensor": ("all",), "world": ("world",),
             }.get(truth.kind)  # fmt: skip
             assert names is None or truth.name in names, truth
