@@ -70,7 +70,7 @@ def price(objective: Objective, hypothesis: Hypothesis) -> float:
 
 def odds_against(hypothesis: Hypothesis) -> float:
     """Log odds against its effects beside more common ones [nats]: of no recording's saying."""
-    return sum(p.effect.odds_against for p in hypothesis)
+    return sum((p.effect.odds_against for p in hypothesis), 0.0)
 
 
 def worth(objective: Objective, fit: Assessed, now: Assessed) -> float:
