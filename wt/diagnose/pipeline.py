@@ -213,18 +213,14 @@ def _searched(
 
 def _diagnosis(scene: Scene, outcome: _Outcome) -> Diagnosis:
     """The claims, with all that a report shows of them."""
-    prepared, fitted, naming, claims = (
-        outcome.prepared,
-        outcome.fitted,
-        outcome.naming,
-        outcome.claims,
-    )
+    prepared, naming, claims = outcome.prepared, outcome.naming, outcome.claims
     holdout = naming.holdout
     refined = _too_coarse(scene, holdout, claims)
     units = {j: units_at(scene, Location("joint", j)) for j in scene.joints}
     quantized = coarse_steps(prepared.fit, prepared.held, units)
     where = claims.unexplained(naming.objective)
-    shown = traces(prepared, (fitted, holdout.smoothed), claims.complete, naming.step)
+    smoothed = (outcome.fitted, holdout.smoothed)
+    shown = traces(prepared, smoothed, claims.complete, naming.step)
     commanded = not any(f.voids_commands for f in prepared.audit)
     nameless = unforeseen(claims.estimated.assessed, naming.objective, where) if commanded else ()
     experiment = release(scene, shown) if passive(scene) else ""

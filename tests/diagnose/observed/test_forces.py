@@ -254,6 +254,6 @@ def test_a_diagnosis_has_it_and_its_json_stays(tmp_path: Path) -> None:
     assert gyro.after < 0.2 * gyro.before
     assert list(found.to_json()) == [
         "schema", "model", "recordings", "verdict", "locations", "findings", "fit",
-        "decisions", "artifacts",
+        "audit", "decisions", "artifacts",
     ]  # fmt: skip
     assert {i.recording for p in found.locations for i in p.intervals} <= {"recording 1"}
