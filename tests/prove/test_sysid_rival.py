@@ -111,7 +111,7 @@ def test_what_cannot_be_fitted_is_said(rival: Rival) -> None:
 
 def test_missing_packages_are_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(sysid_rival.importlib, "import_module", types.ModuleType)
-    with pytest.raises(WorkError, match=r"pip install 'world-translation\[rivals\]'"):
+    with pytest.raises(WorkError, match=r"pip install '\.\[rivals\]'"):
         Rival(tmp_path / "robot.xml", [])
 
 
