@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 
 from wt.diagnose.pipeline import STEP_S, diagnose
-from wt.diagnose.recordings.prepare import prepare
+from wt.diagnose.recordings.prepare import unsplit
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.result import Diagnosis
 from wt.diagnose.selection.holdout import Holdout, errors, prepare_holdout
@@ -227,7 +227,7 @@ def prepared_holdout(scene: Scene, recordings: Sequence[Recording]) -> Holdout:
     """Recordings ready for replays as the proof does them."""
     from wt.diagnose.recordings.stretches import forgets
 
-    smoothed = smooth(scene, prepare(scene, recordings, recordings).held)
+    smoothed = smooth(scene, unsplit(scene, recordings))
     return prepare_holdout(smoothed, forgets(smoothed, STEP_S))
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from wt.diagnose.pipeline import STEP_S
-from wt.diagnose.recordings.prepare import Source, prepare
+from wt.diagnose.recordings.prepare import GIVEN, Source, unsplit
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import forgets, stretches_of
 from wt.diagnose.result import Proof
@@ -116,8 +116,7 @@ class Rival:
         """
         self._sysid, self._threads = _sysid(), threads or os.cpu_count() or 1
         self.scene = Scene(model)
-        # given as held out too, so that nothing is split off
-        smoothed = smooth(self.scene, prepare(self.scene, recordings, recordings).fit)
+        smoothed = smooth(self.scene, unsplit(self.scene, recordings))
         self._motion = smoothed.motion
         self._spec = self.scene.spec()
         self._spec.option.timestep = min(STEP_S, float(self.scene.model.opt.timestep))
@@ -218,9 +217,9 @@ class Rival:
         Raises:
             RecordingError: a recording cannot be used.
         """
-        prepared = prepare(self.scene, holdout, holdout)
-        holdout_motion = prepare_holdout(smooth(self.scene, prepared.held), self._forgets)
-        return prove(holdout_motion, fitted.hypothesis, STEP_S, prepared.split, seed)
+        smoothed = smooth(self.scene, unsplit(self.scene, holdout))
+        holdout_motion = prepare_holdout(smoothed, self._forgets)
+        return prove(holdout_motion, fitted.hypothesis, STEP_S, GIVEN, seed)
 
     def _measured(
         self, pairs: Sequence[tuple[Stretch, Float[np.ndarray, "_sample joint"]]]

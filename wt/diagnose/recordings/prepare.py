@@ -27,7 +27,8 @@ Source = str | Path | Recording
 
 _HELD_SHARE = 0.25
 _STILL = 1e-6
-_GIVEN = "recordings given with --holdout"
+GIVEN = "recordings given with --holdout"
+"""How recordings were split where the user said it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +73,7 @@ def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) ->
     named = _numbered(read)
     parts = [Part(r, i) for i, (_, r) in enumerate(named)]
     fit, held_out = parts[: len(given)], parts[len(given) :]
-    split = _GIVEN
+    split = GIVEN
     if not held_out and len(fit) > 1:
         total = sum(p.recording.seconds for p in fit)
         while (
@@ -87,12 +88,22 @@ def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) ->
     return _split(fit, held_out, tuple(name for name, _ in named), split, tuple(audit.values()))
 
 
+def unsplit(scene: Scene, given: Sequence[Source]) -> tuple[Part, ...]:
+    """All of some recordings, read, checked and completed; nothing is held out.
+
+    Raises:
+        RecordingError: one of them cannot be used; the message names it.
+    """
+    audit: dict[tuple[object, ...], AuditFinding] = {}
+    return tuple(Part(_read(scene, s, i, audit)[1], i) for i, s in enumerate(given))
+
+
 def turned(prepared: Prepared) -> Prepared | None:
     """The same recordings with others held out: the first ones, or the first part of the only one.
 
     None where the user said which are for the proof only.
     """
-    if prepared.split == _GIVEN:
+    if prepared.split == GIVEN:
         return None
     first, *rest = prepared.fit
     names = prepared.names

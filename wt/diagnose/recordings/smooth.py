@@ -156,7 +156,9 @@ def _inner(
 
     They follow the samples and not the clock: between two that are far apart, nothing is known.
     """
-    index = np.linspace(0.0, len(t) - 1.0, max(2, round((len(t) - 1) / spacing) + 1))
+    # as many spaces as come nearest, in doubt one fewer
+    spaces = max(1, int(np.ceil((len(t) - 1) / spacing - 0.5)))
+    index = np.linspace(0.0, len(t) - 1.0, spaces + 1)
     knots = np.interp(index, np.arange(len(t)), t)
     knots[0], knots[-1] = s.t[0], s.t[-1]
     return knots
