@@ -17,6 +17,10 @@ ROOT = Path(__file__).resolve().parent.parent
 EVERY_STEP = {
     "wt.diagnose.unknown.law",
     "wt.diagnose.unknown.memory",
+    "wt.physics.effects._tools",
+    "wt.physics.effects.actuator_fade",
+    "wt.physics.effects.friction_load",
+    "wt.physics.effects.friction_stribeck",
     "wt.physics.live",
     "wt.physics.scene",
     "wt.prove.body_laws",

@@ -220,11 +220,12 @@ class _FaceProbe:
             mujoco.mj_kinematics(m, d)
             mujoco.mj_comPos(m, d)
             mujoco.mj_collision(m, d)
-            nearest = min(d.contact, key=lambda c: c.dist, default=None)
-            if nearest is None:
+            distance = d.contact.dist
+            if not len(distance):
                 lowest.append((np.nan, np.full(3, np.nan)))
                 continue
-            point = nearest.pos + 0.5 * nearest.dist * normal
+            nearest = int(np.argmin(distance))
+            point = d.contact.pos[nearest] + 0.5 * distance[nearest] * normal
             lowest.append((float(point @ normal), np.array(point)))
         return lowest
 
