@@ -13,7 +13,7 @@ import torch
 from tests.baselines.toy import REAL, SIM, Toy
 from wt.config import Mean, Method, Nets, Train, TranslationConfig
 from wt.nets.world_model import WorldModel
-from wt.train.batches import in_frame
+from wt.train.batches import StepBatches, in_frame
 from wt.train.data import TranslationData
 from wt.train.mean_field import fit_normalizers
 from wt.train.module import WorldTranslation
@@ -65,6 +65,11 @@ class Setup:
     module: WorldTranslation
     data: TranslationData
     callbacks: list[lightning.Callback] = field(default_factory=list)
+
+    @property
+    def batches(self) -> StepBatches:
+        """What one process trains on."""
+        return StepBatches(*self.data._train)
 
     def run(self, steps: int) -> lightning.Trainer:
         """Train for so many batches, with nothing around."""
