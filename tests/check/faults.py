@@ -13,7 +13,6 @@ from tests.check.machines import (
     Fault,
     clock,
     exchanged,
-    record,
     times,
     with_columns,
     wrapped,
@@ -257,4 +256,4 @@ FAULTS = [
 def both(one: Fault, other: Fault) -> Recording:
     """A log of one machine with two things wrong."""
     assert one.machine == other.machine
-    return other.spoil(one.spoil(record(one.machine, one.seed)))
+    return other.spoil(one.log())

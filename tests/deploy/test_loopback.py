@@ -188,13 +188,19 @@ def test_a_second_publisher_ends_in_damping_within_40_ms(pair: Pair, domain: int
     assert ticks_until_damping(pair, onset) <= MOST_TICKS
 
 
-def test_a_killed_runner_leaves_a_robot_that_brakes_within_40_ms(pair: Pair) -> None:
-    """Nobody can send anything any more: the robot's own watchdog is counted, in its ticks."""
+def standing(pair: Pair) -> subprocess.Popen[str]:
+    """A runner whose robot has begun to stand up."""
     pair.start("sim_go2", "0.1:stand")
     run = pair.start("run", "--policy", "go2", *LENIENT)
     assert run.stderr is not None
     while run.stderr.readline().strip() != "stand":
         assert run.poll() is None
+    return run
+
+
+def test_a_killed_runner_leaves_a_robot_that_brakes_within_40_ms(pair: Pair) -> None:
+    """Nobody can send anything any more: the robot's own watchdog is counted, in its ticks."""
+    run = standing(pair)
     time.sleep(0.5)
     run.kill()
     time.sleep(0.5)
@@ -209,11 +215,7 @@ def test_a_killed_runner_leaves_a_robot_that_brakes_within_40_ms(pair: Pair) -> 
 def test_a_killed_runner_leaves_its_recording_and_the_model_to_diagnose_it_with(
     pair: Pair,
 ) -> None:
-    pair.start("sim_go2", "0.1:stand")
-    run = pair.start("run", "--policy", "go2", *LENIENT)
-    assert run.stderr is not None
-    while run.stderr.readline().strip() != "stand":
-        assert run.poll() is None
+    run = standing(pair)
     time.sleep(4.0)
     run.kill()
     recording = pair.out / "run" / "recording.parquet"
@@ -226,11 +228,7 @@ def test_a_killed_runner_leaves_its_recording_and_the_model_to_diagnose_it_with(
 
 
 def test_ctrl_c_ends_in_damping_and_writes_what_there_is(pair: Pair) -> None:
-    pair.start("sim_go2", "0.1:stand")
-    run = pair.start("run", "--policy", "go2", *LENIENT)
-    assert run.stderr is not None
-    while run.stderr.readline().strip() != "stand":
-        assert run.poll() is None
+    run = standing(pair)
     time.sleep(0.5)
     run.send_signal(signal.SIGINT)
     code, out, _ = finished(run)

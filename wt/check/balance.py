@@ -91,11 +91,7 @@ class Balance:
             and signals.u[:, d.index].std() > _STILL
             and (self.dynamic or d.servo)
         )
-        self._model = mujoco.MjModel.__copy__(m)
-        off = mujoco.mjtDisableBit
-        self._model.opt.disableflags |= int(
-            off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_ACTUATION
-        )
+        self._model = free_of_forces(m)
         self._data = mujoco.MjData(self._model)
         self._demands: dict[tuple[Edit, ...], Float[np.ndarray, "row dof"]] = {}
         self._felt = self._inertia()
@@ -185,7 +181,7 @@ class Balance:
         columns = np.stack(
             [
                 demand[:, i] / row.scale,
-                np.tanh(speed / (_SLOW * max(float(speed.std()), 1e-9))) / row.scale,
+                soft_sign(speed) / row.scale,
                 speed / row.scale,
                 a[:, i] / row.scale,
                 du[:, drive.index],
@@ -195,6 +191,19 @@ class Balance:
         high = np.array([_MOST_GAIN, np.inf, np.inf, _ROTOR * self._felt[i], _LATEST])
         left = _left(columns, command - spring, high, self.dynamic)
         return left, max(float(command.var()), _STILL**2), float((command - spring).var())
+
+
+def free_of_forces(model: mujoco.MjModel) -> mujoco.MjModel:
+    """A copy whose inverse dynamics leave all to the drives: no contacts, limits, actuators."""
+    copied = mujoco.MjModel.__copy__(model)
+    off = mujoco.mjtDisableBit
+    copied.opt.disableflags |= int(off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_ACTUATION)
+    return copied
+
+
+def soft_sign(speed: Float[np.ndarray, " row"]) -> Float[np.ndarray, " row"]:
+    """Direction of a motion, −1…1, that turns over softly: dry friction is along it."""
+    return np.asarray(np.tanh(speed / (_SLOW * max(float(speed.std()), 1e-9))))
 
 
 def _left(

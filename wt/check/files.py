@@ -14,7 +14,7 @@ from wt.errors import RecordingError, UserError
 from wt.mjcf.edit import patched_xml
 from wt.mjcf.text import comment
 from wt.physics.scene import Scene
-from wt.show.files import write_whole
+from wt.show.files import kept, write_whole
 from wt.types import Recording
 
 MARK = "written by wt check"
@@ -80,12 +80,13 @@ def write_page(page: str, out: Path) -> Path:
     """Write ``check.html`` into a folder; an earlier one of ours is replaced.
 
     Raises:
-        UserError: something else is there.
+        UserError: something else is there, or the folder cannot be written into.
+        WorkError: another process writes into it.
     """
-    _folder(out)
     path = out / "check.html"
-    _refuse_foreign(path, MARK.encode())
-    write_whole(path, f"{page}\n<!-- {MARK} -->\n")
+    with kept(out):
+        _refuse_foreign(path)
+        write_whole(path, f"{page}\n<!-- {MARK} -->\n")
     return path
 
 
@@ -93,30 +94,41 @@ def write_fixed(model: Path | None, audited: Sequence[Audited], out: Path) -> li
     """Write corrected recordings, and the model if it is to blame, into a folder.
 
     Raises:
-        UserError: something else is there under such a name.
+        UserError: something else is there under such a name, or the folder cannot be written into.
+        WorkError: another process writes into it.
     """
-    _folder(out)
-    written = []
-    for each in audited:
-        changed = [f.kind for f in each.findings if f.sure and (f.change or _dropped(f))]
-        if each.path is None or each.corrected is None or not changed:
-            continue
-        path = out / f"{each.path.stem}.fixed.parquet"
-        _refuse_input(path, each.path)
-        _refuse_foreign(path, MARK.encode())
-        meta = {**each.corrected.meta, "audited": changed, "notes_of_audit": MARK}
-        recordings.write(replace(each.corrected, meta=meta), path)
-        written.append(path)
-    changes = [f for f in merged(audited) if f.sure and f.model_change]
-    if model is not None and changes:
-        path = out / f"{model.stem}.fixed.xml"
-        _refuse_input(path, model)
-        _refuse_foreign(path, MARK.encode())
-        amended = Scene(model, [f.model_change for f in changes if f.model_change])
-        said = "; ".join(f"{f.kind}: {f.evidence}" for f in changes)
-        write_whole(path, f"{patched_xml(amended, (), ())}\n{comment(f'{MARK}: {said}')}\n")
-        written.append(path)
-    return written
+    with kept(out):
+        written = [_write_recording(each, out) for each in audited]
+        if model is not None:
+            written.append(_write_model(model, merged(audited), out))
+    return [path for path in written if path is not None]
+
+
+def _write_recording(each: Audited, out: Path) -> Path | None:
+    """Write a corrected recording; None if nothing of it was changed."""
+    changed = [f.kind for f in each.findings if f.sure and (f.change or _dropped(f))]
+    if each.path is None or each.corrected is None or not changed:
+        return None
+    path = out / f"{each.path.stem}.fixed.parquet"
+    _refuse_input(path, each.path)
+    _refuse_foreign(path)
+    meta = {**each.corrected.meta, "audited": changed, "notes_of_audit": MARK}
+    recordings.write(replace(each.corrected, meta=meta), path)
+    return path
+
+
+def _write_model(model: Path, findings: Sequence[AuditFinding], out: Path) -> Path | None:
+    """Write a corrected model; None if it is not to blame."""
+    changes = [f for f in findings if f.sure and f.model_change]
+    if not changes:
+        return None
+    path = out / f"{model.stem}.fixed.xml"
+    _refuse_input(path, model)
+    _refuse_foreign(path)
+    amended = Scene(model, [f.model_change for f in changes if f.model_change])
+    said = "; ".join(f"{f.kind}: {f.evidence}" for f in changes)
+    write_whole(path, f"{patched_xml(amended, (), ())}\n{comment(f'{MARK}: {said}')}\n")
+    return path
 
 
 def _dropped(finding: AuditFinding) -> bool:
@@ -124,19 +136,13 @@ def _dropped(finding: AuditFinding) -> bool:
     return finding.kind in ("stamps_repeated", "clock_backwards")
 
 
-def _folder(out: Path) -> None:
-    if out.exists() and not out.is_dir():
-        raise UserError(f"--out {out} is a file; name a folder")
-    out.mkdir(parents=True, exist_ok=True)
-
-
 def _refuse_input(path: Path, source: Path) -> None:
     if path.resolve() == source.resolve():
         raise UserError(f"'{path}' is an input; give another folder with --out")
 
 
-def _refuse_foreign(path: Path, mark: bytes) -> None:
-    if path.exists() and mark not in path.read_bytes():
+def _refuse_foreign(path: Path) -> None:
+    if path.exists() and MARK.encode() not in path.read_bytes():
         raise UserError(
             f"'{path}' is there and was not written by wt check; nothing of yours is replaced: "
             "move it, or give another folder with --out"

@@ -6,12 +6,13 @@ import html
 from collections.abc import Sequence
 from pathlib import Path
 
-import mujoco
 import numpy as np
 from jaxtyping import Float
 
 from wt.check.files import Audited, merged
 from wt.check.finding import AuditFinding
+from wt.physics.replay import Stretch
+from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
 from wt.show.charts import Axes, Series, chart
 from wt.show.page import escaped, section, table, template
@@ -67,68 +68,69 @@ def _table(findings: Sequence[AuditFinding]) -> str:
 def _channels(scene: Scene | None, each: Audited) -> str:
     """A chart of every position, with the replay of the corrected commands where there is one."""
     assert each.given is not None and each.corrected is not None and each.path is not None
-    recording = each.given
     replayed = replay(scene, each.corrected) if scene is not None else {}
-    t = each.corrected.t - each.corrected.t[0]
-    figures = []
-    for name, column in recording.columns.items():
-        if not name.startswith("qpos/") or name.rpartition("/")[2].isdigit():
-            continue
-        wrong = [f for f in each.findings if name in f.columns and f.sure]
-        corrected = each.corrected.columns.get(name)
-        series = [Series("before", recording.t - recording.t[0], column)]
-        if len(recording) != len(t) or not np.array_equal(recording.t, each.corrected.t):
-            series = [Series("before", t, corrected)] if corrected is not None else []
-        said = [f"{name} as recorded"]
-        if name in replayed:
-            series.append(Series("after", t, replayed[name]))
-            said.append("the model's replay of the commands")
-        shown = [Series(s.css, s.x[s.x <= _MOST_S], s.y[s.x <= _MOST_S]) for s in series]
-        if not any(np.isfinite(s.y).any() for s in shown):
-            continue
-        title = " and ".join(said) + ("; " + wrong[0].kind.replace("_", " ") if wrong else "")
-        figures.append(
-            f"<figure>{chart(shown, Axes(x='time [s]', y=name, alt=title))}"
-            f"<figcaption>{escaped(title)}</figcaption></figure>"
-        )
+    names = [n for n in each.given.columns if n.startswith("qpos/")]
+    single = [n for n in names if not n.rpartition("/")[2].isdigit()]
+    figures = "".join(_channel(name, each, replayed.get(name)) for name in single)
     keys = '<p><span class="key before">recorded</span><span class="key after">replay</span></p>'
-    body = f'{keys}<div class="grid">{"".join(figures)}</div>'
-    return section(each.path.name, "", body) if figures else ""
+    return (
+        section(each.path.name, "", f'{keys}<div class="grid">{figures}</div>') if figures else ""
+    )
+
+
+def _channel(name: str, each: Audited, replayed: Float[np.ndarray, " sample"] | None) -> str:
+    """The chart of one position; "" where nothing is to be seen."""
+    assert each.given is not None and each.corrected is not None
+    shown = each.given if np.array_equal(each.given.t, each.corrected.t) else each.corrected
+    series, said = [], [f"{name} as recorded"]
+    if name in shown.columns:
+        series.append(_series("before", shown, shown.columns[name]))
+    if replayed is not None:
+        series.append(_series("after", each.corrected, replayed))
+        said.append("the model's replay of the commands")
+    if not any(np.isfinite(s.y).any() for s in series):
+        return ""
+    wrong = [f.kind for f in each.findings if name in f.columns and f.sure]
+    title = "; ".join([" and ".join(said), *(kind.replace("_", " ") for kind in wrong[:1])])
+    return (
+        f"<figure>{chart(series, Axes(x='time [s]', y=name, alt=title))}"
+        f"<figcaption>{escaped(title)}</figcaption></figure>"
+    )
+
+
+def _series(css: str, recording: Recording, y: Float[np.ndarray, " sample"]) -> Series:
+    t = recording.t - recording.t[0]
+    return Series(css, t[t <= _MOST_S], y[t <= _MOST_S])
 
 
 def replay(scene: Scene, recording: Recording) -> dict[str, Float[np.ndarray, " sample"]]:
     """Positions that the model takes under a recording's commands, by column.
 
     A machine that is held by servos runs through; any other is started anew from the recording,
-    or its errors would grow without end.
+    or its errors would grow without end. NaN where a replay explodes, and after what is drawn.
     """
-    m = scene.model
-    missing = [j for j in scene.joints if f"qpos/{j}" not in recording.columns]
-    unsent = [
-        i for i in range(m.nactuator) if f"ctrl/{m.actuator(i).name}" not in recording.columns
-    ]
-    if scene.free or missing or unsent:
+    m, columns = scene.model, recording.columns
+    joints = [f"qpos/{j}" for j in scene.joints]
+    actuators = [f"ctrl/{m.actuator(i).name}" for i in range(m.nactuator)]
+    if scene.free or any(name not in columns for name in (*joints, *actuators)):
         return {}
     t = recording.t - recording.t[0]
-    last = int(np.searchsorted(t, _MOST_S))
-    q = np.stack([_filled(t, recording.columns[f"qpos/{j}"]) for j in scene.joints], axis=1)
-    names = [f"ctrl/{m.actuator(i).name}" for i in range(m.nactuator)]
-    u = np.stack([recording.columns[n] for n in names], axis=1) if names else np.zeros((len(t), 0))
-    v = np.gradient(q, t, axis=0)
-    all_servos = {d.joint for d in scene.drives if d.servo} >= set(scene.joints)
-    d = mujoco.MjData(m)
+    q = np.stack([_filled(t, columns[name]) for name in joints], axis=1)
+    u = np.stack([columns[n] for n in actuators], axis=1) if actuators else np.zeros((len(t), 0))
+    v, u = np.gradient(q, t, axis=0), np.nan_to_num(u)
+    rows = int(np.searchsorted(t, _MOST_S))
+    held = {d.joint for d in scene.drives if d.servo} >= set(scene.joints)
+    pieces = [slice(0, rows)] if held else _pieces(t[:rows])
+    stretches = [Stretch(0, t[p], u[p], q[p][0], v[p][0]) for p in pieces]
     out = np.full(q.shape, np.nan)
-    start = 0.0
-    for k in range(min(last, len(t))):
-        if k == 0 or (not all_servos and t[k] - start >= _RESTART_S):
-            mujoco.mj_resetData(m, d)
-            d.qpos[:], d.qvel[:], start = q[k], v[k], t[k]
-        out[k] = d.qpos
-        d.ctrl[:] = np.nan_to_num(u[k])
-        if k + 1 < len(t):
-            for _ in range(min(round((t[k + 1] - t[k]) / m.opt.timestep), 1000)):
-                mujoco.mj_step(m, d)
-    return {f"qpos/{j}": out[:, i] for i, j in enumerate(scene.joints)}
+    out[:rows] = Replayer(scene, stretches, m.opt.timestep).run([()]).q[0]
+    return {name: out[:, i] for i, name in enumerate(joints)}
+
+
+def _pieces(t: Float[np.ndarray, " sample"]) -> list[slice]:
+    """Rows of one replay after another, of two samples at least."""
+    starts = range(0, len(t) - 1, max(2, round(_RESTART_S / float(np.median(np.diff(t))))))
+    return [slice(a, b) for a, b in zip(starts, [*starts[1:], len(t)], strict=True)]
 
 
 def _filled(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from wt.check.audit import STAGES, Audit, ChannelAudit, Subject, audits
 from wt.check.channels import found
 from wt.check.finding import AuditFinding
+from wt.physics.quiet import quiet
 from wt.physics.scene import Scene
 from wt.types import Recording
 
@@ -25,6 +26,7 @@ class Checked:
     recording: Recording | None
 
 
+@quiet()  # a model that explodes is a finding, and no warning
 def check(scene: Scene | None, recording: Recording | None) -> Checked:
     """Audit a model, a recording, or both.
 

@@ -63,15 +63,16 @@ class Signals:
         known = np.ones(len(grid), dtype=bool)
         tables = [np.zeros((len(grid), len(joints))) for _ in range(3)]
         for i, name in enumerate(joints):
-            if _has(columns.get(name)):
-                x, fine = _linear(grid, t, columns[name])
-                known &= fine
+            if has(columns.get(name)):
+                x, near = linear(grid, t, columns[name])
+                seen = t[np.isfinite(columns[name])]
+                known &= near & (grid >= seen[0]) & (grid <= seen[-1])
                 for order, table in enumerate(tables):
                     table[:, i] = gaussian_filter1d(x, sigma, order=order) / dt**order
         u = np.zeros((len(grid), len(actuators)))
         du = np.zeros_like(u)
         for i, name in enumerate(actuators):
-            if _has(columns.get(name)):
+            if has(columns.get(name)):
                 x = _held(grid, t, columns[name], dt)
                 u[:, i] = gaussian_filter1d(x, sigma)
                 du[:, i] = gaussian_filter1d(x, sigma, order=1) / dt
@@ -79,26 +80,32 @@ class Signals:
         if len(rows) < 20:
             return None
         q, v, a = (table[rows] for table in tables)
-        has = [_has(columns.get(name)) for name in joints]
-        sent = [_has(columns.get(name)) for name in actuators]
-        return cls(q, v, a, u[rows], du[rows], np.array(has, bool), np.array(sent, bool), dt)
+        measured = [has(columns.get(name)) for name in joints]
+        sent = [has(columns.get(name)) for name in actuators]
+        return cls(q, v, a, u[rows], du[rows], np.array(measured, bool), np.array(sent, bool), dt)
 
 
-def _has(column: Float[np.ndarray, " sample"] | None) -> bool:
+def has(column: Float[np.ndarray, " sample"] | None) -> bool:
+    """Tell whether a column is there, and has samples enough to be compared."""
     return column is not None and int(np.isfinite(column).sum()) >= 12
 
 
-def _linear(
+def linear(
     grid: Float[np.ndarray, " row"],
     t: Float[np.ndarray, " sample"],
     x: Float[np.ndarray, " sample"],
 ) -> tuple[Float[np.ndarray, " row"], Bool[np.ndarray, " row"]]:
-    """Values between samples, and where no sample is far."""
+    """Values of a column between its samples, and where the two around are not far apart.
+
+    Args:
+        grid: times [s].
+        t: times of the samples [s].
+        x: the column; at least two samples are finite.
+    """
     ok = np.isfinite(x)
     after = np.clip(np.searchsorted(t[ok], grid), 1, ok.sum() - 1)
     near = t[ok][after] - t[ok][after - 1] <= max(GAP_S, 3.0 * float(np.median(np.diff(t))))
-    inside = (grid >= t[ok][0]) & (grid <= t[ok][-1])
-    return np.interp(grid, t[ok], x[ok]), near & inside
+    return np.interp(grid, t[ok], x[ok]), near
 
 
 def _held(

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 
-from wt.check.signals import GAP_S
+from wt.check.signals import has, linear
 from wt.types import Recording
 
 _WINDOW_S = 0.03
@@ -65,12 +65,12 @@ def _smooth(
     recording: Recording, velocity: str, position: str
 ) -> tuple[Float[np.ndarray, " row"], Float[np.ndarray, " row"], float] | None:
     columns, t = recording.columns, recording.t
-    if velocity not in columns or position not in columns:
+    if not has(columns.get(velocity)) or not has(columns.get(position)):
         return None
     dt = float(np.median(np.diff(t)))
     grid = np.arange(t[0], t[-1], dt)
-    x, near = _even(grid, t, columns[position])
-    v, near_v = _even(grid, t, columns[velocity])
+    x, near = linear(grid, t, columns[position])
+    v, near_v = linear(grid, t, columns[velocity])
     sigma = max(_WINDOW_S / dt, 1.5)
     known = gaussian_filter1d((near & near_v).astype(float), sigma, mode="constant") > 0.999
     if known.sum() < 40:
@@ -86,19 +86,6 @@ def _smooth(
     ):
         return None
     return smooth[known], slope[known], dt
-
-
-def _even(
-    grid: Float[np.ndarray, " row"],
-    t: Float[np.ndarray, " sample"],
-    x: Float[np.ndarray, " sample"],
-) -> tuple[Float[np.ndarray, " row"], Bool[np.ndarray, " row"]]:
-    ok = np.isfinite(x)
-    if ok.sum() < 12:
-        return np.zeros_like(grid), np.zeros(len(grid), dtype=bool)
-    after = np.clip(np.searchsorted(t[ok], grid), 1, ok.sum() - 1)
-    near = t[ok][after] - t[ok][after - 1] <= max(GAP_S, 3.0 * float(np.median(np.diff(t))))
-    return np.interp(grid, t[ok], x[ok]), near
 
 
 def _late(v: Float[np.ndarray, " row"], slope: Float[np.ndarray, " row"]) -> int:

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.check.audit import Stage, Subject, register
-from wt.check.balance import Balance
+from wt.check.balance import Balance, free_of_forces, soft_sign
 from wt.check.finding import AuditFinding
 from wt.physics.scene import Amendment, Scene
 
@@ -28,7 +28,6 @@ _SHOWN = 0.05  # of the force's variance that the weight's share must be
 _TILT = math.radians(30.0)
 _ALONG = math.cos(math.radians(8.0))
 _STRENGTH = (0.8, 1.25)  # of gravity, that the fitted one may have
-_SLOW = 0.03
 _RIDGE = 1e-6
 
 
@@ -166,7 +165,7 @@ class _Weight:
         strength = float(np.linalg.norm(m.opt.gravity))
         demand = balance.inverse(s.q, s.v, s.a)
         bare, axes = _weights(m, s.q, s.v, s.a, strength)
-        direction = np.array(m.opt.gravity) / strength
+        down = np.array(m.opt.gravity) / strength
         force, along, scale, shown = [], [], [], []
         own = np.zeros(2)
         for row in balance.rows:
@@ -179,7 +178,7 @@ class _Weight:
             free = np.stack(
                 [
                     np.ones_like(speed),
-                    np.tanh(speed / (_SLOW * max(float(speed.std()), 1e-9))),
+                    soft_sign(speed),
                     speed,
                     s.a[:, i],
                     row.scale * s.du[:, drive.index],
@@ -187,7 +186,7 @@ class _Weight:
                 axis=1,
             )
             y, x = _without(pull - bare[:, i], free), _without(axes[:, i], free)
-            w = x @ direction
+            w = x @ down
             own += [w @ _without(demand[:, i] - bare[:, i], free), w @ w]
             best = np.linalg.lstsq(x, y, rcond=1e-8)[0]
             force.append(y)
@@ -202,7 +201,7 @@ class _Weight:
         return cls(
             tuple(force[k] for k in chosen),
             tuple(along[k] for k in chosen),
-            direction,
+            down,
             float(own[0] / own[1]),
             np.array(scale)[chosen],
         )
@@ -250,9 +249,7 @@ def _weights(
     strength: float,
 ) -> tuple[Float[np.ndarray, "row dof"], Float[np.ndarray, "row dof axis=3"]]:
     """Force that a motion demands without gravity, and the weight along each axis on top of it."""
-    m = mujoco.MjModel.__copy__(model)
-    off = mujoco.mjtDisableBit
-    m.opt.disableflags |= int(off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_ACTUATION)
+    m = free_of_forces(model)
     m.body_gravcomp[:] = 0.0
     d = mujoco.MjData(m)
     pulls = [np.zeros(3), *(strength * np.eye(3))]

@@ -69,8 +69,6 @@ def _write(diagnosis: Diagnosis, out: Path) -> None:
     said = diagnosis.to_json()
     if not plays:
         said["artifacts"]["rerun"] = None
-    # JSON has no NaN; a value that is not finite would be a mistake of ours
-    json.dumps(said, allow_nan=False)
     contents: dict[str, str | bytes] = {MODEL: diagnosis.patched_xml}
     if diagnosis.residual_onnx:
         contents[RESIDUAL] = diagnosis.residual_onnx
@@ -93,6 +91,7 @@ def _write(diagnosis: Diagnosis, out: Path) -> None:
 def _replace(out: Path, contents: Mapping[str, str | bytes], said: Mapping[str, object]) -> None:
     """Write these, and remove what an earlier diagnosis left beside them."""
     wrote = {name: _sha256(content) for name, content in contents.items()}
+    # JSON has no NaN; a value that is not finite would be a mistake of ours
     text = json.dumps({**said, "sha256": wrote}, indent=2, ensure_ascii=False, allow_nan=False)
     write_together(out, {**contents, RESULT: text + "\n"})  # where the last is, the rest is
     for name in OUTPUTS:

@@ -34,12 +34,13 @@ from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import refine
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.addition import Accepted
-from wt.diagnose.selection.candidates import excluded, near
+from wt.diagnose.selection.candidates import excluded, lookalikes
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.physics.effect import Common, Shape, alternatives, effects
+from wt.physics.effect import Common, Shape, effects
 from wt.physics.hooks import Uniting, shaped
 from wt.physics.planted import Hypothesis, Key, Planted, without
+from wt.types import Location
 
 Start = tuple[Planted, Shape | None]
 """Parameters to start from, and the shape of the signature if there is one."""
@@ -132,32 +133,18 @@ class Lookalikes:
         """Lookalikes of an effect at its place or close to it, each from where it may start."""
         hypothesis, rivals = now.hypothesis, accepted[index].rivals
         present, rest = hypothesis[index], without(hypothesis, index)
-        motion = self.screen.motion
-        wanted = {
-            (name, at)
-            for name in alternatives(present.effect.id)
-            for at in near(self.screen, present.at)
-        } | {(r.effect.id, r.at) for r in rivals}
+        wanted = lookalikes(self.screen, present) | {(r.effect.id, r.at) for r in rivals}
         known = [
             (p, a.shape) for p, a in zip(hypothesis, accepted, strict=True) if p is not present
         ]
         ranked = [s for s in self.screen.rank(known, wanted) if np.isfinite(s.gain)]
         shapes: dict[Key, Shape | None] = {s.planted.key: s.shape for s in ranked}
-        plain = [*(s.planted for s in ranked), *rivals]
-        larger: list[Start] = []
-        for name, at in sorted(wanted, key=str):
-            effect = effects()[name]
-            if at in effect.places(motion.scene):
-                here = [] if effect.shapes(motion, at) else effect.starts(motion, at)
-                plain += [Planted(effect, at, theta) for theta in here]
-                if at == present.at:
-                    further = present.beyond(effect, motion)
-                    larger += [(Planted(shaped(effect, s), at, theta), s) for s, theta in further]
-        starts = [*((p, shapes.get(p.key)) for p in plain), *larger]
+        plain, larger = self._unscreened(present, wanted)
+        plain = [*(s.planted for s in ranked), *rivals, *plain]
         possible = [
             (p, shape)
-            for p, shape in starts
-            if p.key != present.key and not any(p.key == r.key or excluded(p, r) for r in rest)
+            for p, shape in (*((p, shapes.get(p.key)) for p in plain), *larger)
+            if p.key != present.key and not any(excluded(p, r) for r in rest)
         ]
         # no fit is better than one that leaves nothing but noise: a larger law may not earn its due
         left, paid = room(self.objective, now), price(self.objective, (present,))
@@ -167,6 +154,24 @@ class Lookalikes:
             if (due := _due((p,), (present,))) <= 0.0
             or price(self.objective, (p,)) - paid + due < left
         ]
+
+    def _unscreened(
+        self, present: Planted, wanted: Iterable[tuple[str, Location]]
+    ) -> tuple[list[Planted], list[Start]]:
+        """Of wanted effects those that the screen cannot see, and larger laws from the present."""
+        motion = self.screen.motion
+        plain: list[Planted] = []
+        larger: list[Start] = []
+        for name, at in sorted(wanted, key=str):
+            effect = effects()[name]
+            if at not in effect.places(motion.scene):
+                continue
+            if not effect.shapes(motion, at):
+                plain += [Planted(effect, at, theta) for theta in effect.starts(motion, at)]
+            if at == present.at:
+                further = present.beyond(effect, motion)
+                larger += [(Planted(shaped(effect, s), at, theta), s) for s, theta in further]
+        return plain, larger
 
     def _compared(
         self, hypothesis: Hypothesis, index: int, starts: Sequence[Planted]

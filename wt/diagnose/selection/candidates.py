@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Container, Hashable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -42,43 +42,59 @@ def candidates(
     Returns:
         Effects with their starting parameters, and the shape of their signature if they have one.
     """
-    floating = bool(screen.motion.scene.free)
-    strong, erring = _strong(screen, ranked), erring_joints(objective, now)
-    if not floating and len(erring) > 1:
-        strong += [s for s in ranked if s.planted.effect.common == "often" and s not in strong][:1]
-    wanted = {
-        (name, place)
-        for s in strong
-        for name in alternatives(s.planted.effect.id)
-        for place in near(screen, s.planted.at)
-    }
-    # where replays err and forces show nothing, every effect of that joint gets its chance
-    excess = now.mse / objective.floor**2
-    worst = [int(d) for d in np.argsort(-excess)[:WORST] if excess[d] > 2.0]
-    if floating:  # all joints err where one does: the force residual knows which
+    strong = _strong(screen, ranked)
+    if screen.motion.scene.free:  # all joints err where one does: the force residual knows which
         places = [dof_of(screen, s.planted.at) for s in strong]
-        worst, erring = [d for d in dict.fromkeys(places) if d >= 0][:WORST], []
-    chosen = {s.planted.key: s for s in strong}
-    for s in ranked:
-        at = s.planted.at
-        cheap, dof = not is_live(s.planted.effect), dof_of(screen, at)
-        usual = s.planted.effect.common == "always" and dof in erring
-        if (s.planted.effect.id, at) in wanted or (cheap and dof in worst) or usual:
-            chosen.setdefault(s.planted.key, s)
-    proposals: list[tuple[Planted, Shape | None]] = [(s.planted, s.shape) for s in chosen.values()]
-    for s in chosen.values():
+        erring, worst = [], [d for d in dict.fromkeys(places) if d >= 0][:WORST]
+    else:
+        erring, worst = erring_joints(objective, now), _worst(objective, now)
+        if len(erring) > 1:
+            often = [s for s in ranked if s.planted.effect.common == "often" and s not in strong]
+            strong += often[:1]
+    chosen = _chosen(screen, ranked, strong, worst, erring)
+    proposals: list[tuple[Planted, Shape | None]] = [(s.planted, s.shape) for s in chosen]
+    for s in chosen:
         starts = s.planted.effect.starts(screen.motion, s.planted.at)
         proposals += [(replace(s.planted, theta=theta), s.shape) for theta in starts]
     proposals += [(p, None) for p in _replay_only(screen, worst)]
-    taken = {p.key for p in now.hypothesis}
     somewhere = (-1, *improvable(objective, now))
     return [
         (p, shape)
         for p, shape in proposals
-        if p.key not in taken
-        and dof_of(screen, p.at) in somewhere
-        and not any(excluded(p, other) for other in now.hypothesis)
+        if dof_of(screen, p.at) in somewhere and not any(excluded(p, q) for q in now.hypothesis)
     ]
+
+
+def _worst(objective: Objective, now: Assessed) -> list[int]:
+    """Joints whose replays err most: where forces show nothing, every effect gets its chance."""
+    excess = now.mse / objective.floor**2
+    return [int(d) for d in np.argsort(-excess)[:WORST] if excess[d] > 2.0]
+
+
+def _chosen(
+    screen: Screen,
+    ranked: Sequence[Scored],
+    strong: Sequence[Scored],
+    worst: Container[int],
+    erring: Container[int],
+) -> list[Scored]:
+    """The strong ones, then their lookalikes, what is cheap at the worst joints, and the usual."""
+    wanted = {pair for s in strong for pair in lookalikes(screen, s.planted)}
+    chosen = {s.planted.key: s for s in strong}
+    for s in ranked:
+        effect, at = s.planted.effect, s.planted.at
+        dof = dof_of(screen, at)
+        cheap = not is_live(effect) and dof in worst
+        usual = effect.common == "always" and dof in erring
+        if (effect.id, at) in wanted or cheap or usual:
+            chosen.setdefault(s.planted.key, s)
+    return list(chosen.values())
+
+
+def lookalikes(screen: Screen, planted: Planted) -> set[tuple[str, Location]]:
+    """What an effect may be taken for: ids of alternatives, at its place and close to it."""
+    places = near(screen, planted.at)
+    return {(name, at) for name in alternatives(planted.effect.id) for at in places}
 
 
 def _strong(screen: Screen, ranked: Sequence[Scored]) -> list[Scored]:
@@ -128,10 +144,10 @@ def near(screen: Screen, at: Location) -> list[Location]:
 
 
 def excluded(one: Planted, other: Planted) -> bool:
-    """True if two effects cannot stand beside each other."""
+    """True if two effects cannot stand beside each other: they are the same, or say the same."""
     same = one.at == other.at
-    return same and (
-        one.effect.id in other.effect.excludes or other.effect.id in one.effect.excludes
+    return one.key == other.key or (
+        same and (one.effect.id in other.effect.excludes or other.effect.id in one.effect.excludes)
     )
 
 
