@@ -34,6 +34,7 @@ PLACE = (-0.08, 0.03, 0.09)  # m, of the load in the frame of the trunk
 
 ARM = """\
 <mujoco model="arm">
+  <compiler angle="radian"/>
   <option timestep="0.002"/>
   <default>
     <geom contype="0" conaffinity="0"/>

@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 from wt import shipped
+from wt.check.run import check
 from wt.data.recording import check_against, read
 from wt.physics.effect import effects
+from wt.physics.scene import Scene
 
 FOLDER = shipped.folder("examples")
 NAMES = ("arm", "cart", "go2")
@@ -36,6 +38,23 @@ def test_recordings_are_of_the_model_and_answers_in_the_vocabulary(name: str) ->
     (hidden,) = json.loads((FOLDER / name / "answer.json").read_text())["truth"]
     known = effects()[hidden["effect"]]
     assert {p.name for p in known.parameters} >= set(hidden["parameters"]) - {"position"}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_audit_says_nothing_of_them(name: str) -> None:
+    scene = Scene(FOLDER / name / "model.xml")
+    for take in (1, 2):
+        assert check(scene, read(FOLDER / name / f"{take}.parquet")).findings == ()
+
+
+@pytest.mark.parametrize(("name", "joint"), [("arm", "shoulder"), ("cart", "rail")])
+def test_they_move_as_far_as_they_are_told(name: str, joint: str) -> None:
+    recording = read(FOLDER / name / "1.parquet")
+    told, moved = (
+        np.ptp(next(c for n, c in recording.columns.items() if n.startswith(kind)))
+        for kind in ("ctrl/", f"qpos/{joint}")
+    )
+    assert 0.8 * told < moved < 1.2 * told
 
 
 def test_they_are_less_than_a_megabyte() -> None:

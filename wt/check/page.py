@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from wt.check.files import Audited, merged
 from wt.check.finding import AuditFinding
+from wt.data.recording import coordinate
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
@@ -70,7 +71,7 @@ def _channels(scene: Scene | None, each: Audited) -> str:
     assert each.given is not None and each.corrected is not None and each.path is not None
     replayed = replay(scene, each.corrected) if scene is not None else {}
     names = [n for n in each.given.columns if n.startswith("qpos/")]
-    single = [n for n in names if not n.rpartition("/")[2].isdigit()]
+    single = [n for n in names if coordinate(n) is None]
     figures = "".join(_channel(name, each, replayed.get(name)) for name in single)
     keys = '<p><span class="key before">recorded</span><span class="key after">replay</span></p>'
     return (

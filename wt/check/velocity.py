@@ -9,6 +9,7 @@ from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 
 from wt.check.signals import has, linear
+from wt.data.recording import coordinate
 from wt.types import Recording
 
 _WINDOW_S = 0.03
@@ -34,11 +35,15 @@ class Relation:
 def related(recording: Recording, velocity: str, position: str) -> Relation | None:
     """How a velocity goes with a position; None where either is missing, or hardly moves.
 
+    None too for the turning of a free joint: its velocity is no slope of its quaternion.
+
     Args:
         recording: both are columns of it.
         velocity: name of the joint whose ``qvel`` is taken.
         position: name of the joint whose ``qpos`` is taken.
     """
+    if (coordinate(velocity) or 0) > 2:
+        return None
     pair = _smooth(recording, f"qvel/{velocity}", f"qpos/{position}")
     if pair is None:
         return None

@@ -170,6 +170,16 @@ def _meta(metadata: Mapping[bytes, bytes] | None) -> dict[str, object]:
     return meta
 
 
+def coordinate(channel: str) -> int | None:
+    """Number of a free joint's coordinate, as in ``base/4``; None for any other channel.
+
+    Args:
+        channel: name of a column, with its group or without.
+    """
+    joint, _, number = channel.rpartition("/")
+    return int(number) if joint not in ("", "qpos", "qvel", "ctrl") and number.isdigit() else None
+
+
 def check_against(recording: Recording, model: mujoco.MjModel) -> None:
     """Check that a recording is one of this model's robot, in the model's units.
 

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 from wt.check.audit import Stage, Subject, register
 from wt.check.finding import AuditFinding, Change
 from wt.check.velocity import belongs
+from wt.data.recording import coordinate
 from wt.types import Recording
 
 _LEAST = 0.01  # of all samples, at one end
@@ -33,7 +34,7 @@ class Clipped:
             return
         for name in recording.columns:
             group, _, joint = name.partition("/")
-            if group not in ("qpos", "qvel") or joint.rpartition("/")[2].isdigit():
+            if group not in ("qpos", "qvel") or coordinate(joint) is not None:
                 continue
             if not belongs(recording, joint):
                 continue

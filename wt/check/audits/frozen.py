@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from wt.check.audit import Stage, Subject, register
 from wt.check.finding import AuditFinding, Change
+from wt.data.recording import coordinate
 from wt.types import Recording
 
 _SWEPT = 0.3  # rad or m that a command sweeps while its joint's column stands still
@@ -34,9 +35,11 @@ class Frozen:
         if recording is None:
             return
         for name in recording.columns:
-            if name.startswith("qpos/") and not name.rpartition("/")[2].isdigit():
+            if coordinate(name) is not None:
+                continue
+            if name.startswith("qpos/"):
                 yield from _position(subject, recording, name)
-            if name.startswith("qvel/") and not name.rpartition("/")[2].isdigit():
+            elif name.startswith("qvel/"):
                 yield from _velocity(recording, name)
         yield from _repeats(recording)
 

@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from wt.check.audit import Stage, Subject, register
 from wt.check.finding import AuditFinding
+from wt.data.recording import coordinate
 from wt.types import Recording
 
 _TURNS = {2.0 * math.pi: "rad", 360.0: "degrees", 1.0: "turns", 4096.0: "ticks"}
@@ -31,7 +32,7 @@ class Wrap:
         recording = subject.recording
         for name, column in (recording.columns if recording else {}).items():
             group, _, channel = name.partition("/")
-            if group not in ("qpos", "ctrl") or channel.rpartition("/")[2].isdigit():
+            if group not in ("qpos", "ctrl") or coordinate(channel) is not None:
                 continue
             turn = _turn(column)
             if turn is None:

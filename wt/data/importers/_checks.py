@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from wt.data.importers import _mapping
 from wt.data.importers._mapping import Map
+from wt.data.recording import coordinate
 from wt.errors import DataError
 from wt.types import Recording
 
@@ -129,7 +130,7 @@ def _joints(recording: Recording) -> list[str]:
     names = []
     for column, values in recording.columns.items():
         joint = column.removeprefix("qpos/")
-        if joint != column and not joint.rpartition("/")[2].isdigit() and np.nanstd(values) > 1e-9:
+        if joint != column and coordinate(joint) is None and np.nanstd(values) > 1e-9:
             names.append(joint)
     return names
 
