@@ -14,8 +14,10 @@ import pytest
 from wt import shipped
 from wt.check.run import check
 from wt.data.recording import check_against, read
+from wt.diagnose.pipeline import diagnose
 from wt.physics.effect import effects
 from wt.physics.scene import Scene
+from wt.types import Location
 
 FOLDER = shipped.folder("examples")
 NAMES = ("arm", "cart", "go2")
@@ -55,6 +57,18 @@ def test_they_move_as_far_as_they_are_told(name: str, joint: str) -> None:
         for kind in ("ctrl/", f"qpos/{joint}")
     )
     assert 0.8 * told < moved < 1.2 * told
+
+
+@pytest.mark.parametrize("name", ["arm", "cart"])
+def test_what_is_hidden_in_them_is_found(name: str) -> None:
+    found = diagnose(FOLDER / name / "model.xml", [FOLDER / name / f"{i}.parquet" for i in (1, 2)])
+    (hidden,) = json.loads((FOLDER / name / "answer.json").read_text())["truth"]
+    (finding,) = found.findings
+    assert found.verdict == "explained" and finding.effect == hidden["effect"]
+    assert finding.at == Location(**hidden["at"])
+    for parameter, truth in hidden["parameters"].items():
+        low, high = finding.parameters[parameter].ci95
+        assert low < truth < high
 
 
 def test_they_are_less_than_a_megabyte() -> None:

@@ -17,8 +17,8 @@ from wt.types import Location
 KEY = '<keyframe><key name="home" qpos="0.1 -1.2 1.5" ctrl="0.1 -1.2 1.5"/></keyframe></mujoco>'
 HELD = ARM.replace("</mujoco>", KEY).replace("0 0 -9.81", "0 0 0")
 FOUND = [
-    ("joint.backlash", "joint", "j0", [0.04]),
-    ("joint.elasticity", "joint", "j1", [150.0, 0.5]),
+    ("joint.backlash", "joint", "j0", [0.04, 0.3]),
+    ("joint.elasticity", "joint", "j1", [150.0, 0.5, 0.0]),
     ("actuator.lag", "actuator", "m2", [0.05]),
 ]
 
@@ -44,7 +44,7 @@ def test_a_reset_to_the_users_keyframe_is_at_rest(count: int, tmp_path: Path) ->
 def test_a_keyframe_under_load_has_the_gear_wound_up(tmp_path: Path) -> None:
     loaded = ARM.replace("</mujoco>", KEY.replace('ctrl="0.1 -1.2 1.5"', 'ctrl="0.1 -1.0 1.5"'))
     elastic = Planted(
-        effects()["joint.elasticity"], Location("joint", "j1"), np.array([150.0, 0.5])
+        effects()["joint.elasticity"], Location("joint", "j1"), np.array([150.0, 0.5, 0.0])
     )
     model, _ = load(write(tmp_path, [elastic], loaded))
     data = mujoco.MjData(model)

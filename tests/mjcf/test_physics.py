@@ -65,7 +65,7 @@ EVERY = [
     Planted(effects()["actuator.speed_limit"], Location("actuator", "m1"), np.array([8.0, 3.0])),
     Planted(effects()["joint.friction_load"], Location("joint", "j1"), np.array([0.3, 0.2])),
     Planted(effects()["actuator.fade"], Location("actuator", "m2"), np.array([0.4, 2.0])),
-    Planted(effects()["joint.elasticity"], Location("joint", "j2"), np.array([150.0, 0.5])),
+    Planted(effects()["joint.elasticity"], Location("joint", "j2"), np.array([150.0, 0.5, 0.5])),
     Planted(effects()["actuator.delay"], Location("actuator", "m1"), np.array([0.0123])),
     Planted(effects()["actuator.lag"], Location("actuator", "m0"), np.array([0.02])),
     Planted(

@@ -39,7 +39,9 @@ CONTRADICTIONS: Mapping[str, Contradiction] = {
         lambda m: [float(_q(m).max()) - 1e-3, 1.0],
     ),
     "joint.backlash": Contradiction(
-        JOINT, lambda m: [1.1 * float(np.ptp(_q(m)))], lambda m: [0.5 * float(np.ptp(_q(m)))]
+        JOINT,
+        lambda m: [1.1 * float(np.ptp(_q(m))), 0.0],
+        lambda m: [0.5 * float(np.ptp(_q(m))), 0.0],
     ),
     "actuator.saturation": Contradiction(
         DRIVE,

@@ -1,7 +1,11 @@
-"""A rotor behind a gear begins where its drive and the gear are in balance."""
+"""A rotor behind a gear begins in balance, and takes its share of the joint's losses."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
 import numpy as np
 import pytest
 
@@ -39,7 +43,7 @@ def ahead(scene: Scene, stretch: Stretch) -> float:
 
 def twist(scene: Scene, stretch: Stretch, effect: str, *theta: float) -> float:
     """How far its rotor begins ahead of the link [rad]."""
-    found = effects()[effect].started(AT, np.array(theta), stretch)
+    found = effects()[effect].started(AT, np.array([*theta, 0.0]), stretch)
     assert set(found) == {"j1_rotor"} and found["j1_rotor"].velocity == stretch.v0[0]
     return found["j1_rotor"].position - float(stretch.q0[0])
 
@@ -66,8 +70,41 @@ def test_an_elastic_gear_is_twisted_in_balance(begun: tuple[Scene, Stretch]) -> 
 def test_a_replay_begins_so(begun: tuple[Scene, Stretch]) -> None:
     """The link is not jolted: in the first instants it moves as without a gear."""
     scene, stretch = begun
-    stiff = Planted(effects()["joint.elasticity"], AT, np.array([2000.0, 2.0]))
+    stiff = Planted(effects()["joint.elasticity"], AT, np.array([2000.0, 2.0, 0.0]))
     plain, geared = Replayer(scene, [stretch], 1e-3).run([(), (stiff,)]).q
     first = stretch.t <= stretch.t[0] + 0.05
     moved = np.ptp(plain[first])
     assert np.abs(geared - plain)[first].max() < 0.02 * moved
+
+
+LOSSY = """\
+<mujoco><compiler angle="radian"/><worldbody><body name="link"><joint name="j1" axis="0 1 0"
+  armature="0.02" damping="0.4" frictionloss="0.1"/>
+  <geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.02" mass="1"/></body></worldbody>
+  <actuator><motor name="m1" joint="j1"/></actuator></mujoco>
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "theta"), [("joint.backlash", [0.04]), ("joint.elasticity", [150, 1])]
+)
+def test_losses_are_shared_by_rotor_and_link(name: str, theta: list[float]) -> None:
+    spec = mujoco.MjSpec.from_string(LOSSY)
+    effects()[name].patch(spec, AT, np.array([*theta, 0.75]))
+    model = spec.compile()
+    for joint, damping, friction in (("j1", 0.1, 0.025), ("j1_rotor", 0.3, 0.075)):
+        dof = int(model.joint(joint).dofadr[0])
+        assert model.dof_damping[dof] == pytest.approx(damping)
+        assert model.dof_frictionloss[dof] == pytest.approx(friction)
+
+
+def test_where_losses_are_is_tried_where_there_are_any(
+    begun: tuple[Scene, Stretch], tmp_path: Path
+) -> None:
+    moved = begun[1].motion
+    assert moved is not None
+    path = tmp_path / "lossless.xml"
+    path.write_text(chain(1).replace(' damping=".3"', ""))
+    for scene, shares in ((begun[0], {0.0, 1.0}), (Scene(path), {0.0})):
+        starts = effects()["joint.elasticity"].starts(replace(moved, scene=scene), AT)
+        assert {float(s[-1]) for s in starts} == shares

@@ -147,7 +147,7 @@ TRUTHS = [
     Truth(
         "joint.backlash",
         _at("joint", "j1"),
-        (0.04,),
+        (0.04, 0.0),
         LINK_ONLY,
         hook=two_masses(play),
         fits=None,
@@ -156,7 +156,7 @@ TRUTHS = [
     Truth(
         "joint.elasticity",
         _at("joint", "j1"),
-        (150.0, 0.5),
+        (150.0, 0.5, 0.0),
         LINK_ONLY,
         hook=two_masses(lambda x, r: 150.0 * x + 0.5 * r),
         fits=None,

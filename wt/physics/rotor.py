@@ -9,7 +9,9 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from wt.physics.effect import Parameter
 from wt.physics.hooks import Stateful
+from wt.physics.motion import Motion
 from wt.physics.parts import add_body, add_geom, add_joint, add_tendon, compiled
 from wt.physics.replay import Hidden, Stretch
 from wt.physics.replay_only import ReplayOnly
@@ -20,8 +22,14 @@ from wt.types import Location
 ROTOR_SHARE = 0.02
 """Rotor inertia as a share of the joint's, where the model has no armature to take it from."""
 
+LOSSES = Parameter("losses", "-", 0.0, 1.0, 0.05, public=False)
+"""Share of the joint's damping and dry friction that brakes its rotor; the rest brakes its link.
 
-def split(spec: mujoco.MjSpec, joint: str) -> tuple[float, mujoco.MjsTendon]:
+A model of one mass does not say where they are. Between the teeth it decides how the link swings.
+"""
+
+
+def split(spec: mujoco.MjSpec, joint: str, losses: float) -> tuple[float, mujoco.MjsTendon]:
     """Put a rotor between a joint's drives and its link, in place.
 
     The user's joint stays the link's, which is what an encoder at the output measures; the rotor
@@ -31,6 +39,7 @@ def split(spec: mujoco.MjSpec, joint: str) -> tuple[float, mujoco.MjsTendon]:
     Args:
         spec: the model.
         joint: the joint's name.
+        losses: share of the joint's damping and dry friction that the rotor takes over.
 
     Returns:
         (inertia of the rotor [kg·m²], the tendon, without stiffness yet).
@@ -42,13 +51,16 @@ def split(spec: mujoco.MjSpec, joint: str) -> tuple[float, mujoco.MjsTendon]:
     if inertia <= 0.0:
         inertia = ROTOR_SHARE * float(model.dof_M0[given.dofadr[0]])
     link.armature = 0.0
+    friction, damping = float(link.frictionloss), np.array(link.damping)
+    link.frictionloss, link.damping = (1.0 - losses) * friction, (1.0 - losses) * damping
     name, body = rotor(joint), int(given.bodyid[0])
     place = {"pos": model.body_pos[body], "quat": model.body_quat[body]}
     carrier = add_body(spec, link.parent.parent, name, **place)
     # next to no mass: what counts is the armature
     add_geom(spec, carrier, name, size=[0.005, 0.0, 0.0], mass=1e-4, contype=0, conaffinity=0)
     turning = {"type": link.type, "axis": given.axis, "pos": given.pos, "armature": inertia}
-    add_joint(spec, carrier, name, **turning)
+    lossy = {"frictionloss": losses * friction, "damping": losses * damping}
+    add_joint(spec, carrier, name, **turning, **lossy)
     for actuator in spec.actuators:
         if actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT and actuator.target == joint:
             actuator.target = name
@@ -64,9 +76,31 @@ def rotor(joint: str) -> str:
 
 
 class GearEffect(Stateful, ReplayOnly):
-    """Base of effects between motor and link, which only a replay with a rotor can tell."""
+    """Base of effects between motor and link, which only a replay with a rotor can tell.
+
+    The last of their parameters is :data:`LOSSES`.
+    """
 
     kind = "joint"
+
+    @property
+    def n_free(self) -> int:
+        """Where losses are belongs to the model, as its tolerances do: only the rest is chosen."""
+        return super().n_free - LOSSES.size
+
+    def starts(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " parameter"]]:
+        """Each gear with the losses at the link, and at the rotor where there are any."""
+        joint = motion.scene.model.joint(at.name)
+        lossy = bool(np.any(joint.damping)) or bool(np.any(joint.frictionloss))
+        return [
+            np.append(theta, losses)
+            for losses in ((0.0, 1.0) if lossy else (0.0,))
+            for theta in self.gears(motion, at)
+        ]
+
+    @abstractmethod
+    def gears(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " _"]]:
+        """Parameters to start from, without the losses."""
 
     def places(self, scene: Scene) -> Sequence[Location]:
         """Joints with a drive."""

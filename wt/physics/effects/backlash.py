@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from wt.physics.effect import Parameter, register
 from wt.physics.motion import Motion
-from wt.physics.rotor import GearEffect, split
+from wt.physics.rotor import LOSSES, GearEffect, split
 from wt.physics.script import number
 from wt.physics.units import HINGE, Units, units_at
 from wt.types import Location
@@ -26,11 +26,11 @@ class Backlash(GearEffect):
     id = "joint.backlash"
     plotted_over = "drive"
     excludes = ("joint.elasticity",)
-    parameters = (Parameter("gap", "rad", 1e-4, 1.0, 2e-4, neutral=0.0),)
+    parameters = (Parameter("gap", "rad", 1e-4, 1.0, 2e-4, neutral=0.0), LOSSES)
     reference = "M. Nordin and P.-O. Gutman, Controlling mechanical systems with backlash, 2002"
     looks_like = ("offset",)
 
-    def starts(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " parameter"]]:
+    def gears(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " _"]]:
         """From 0.2° to 4°."""
         return [np.array([gap]) for gap in (0.004, 0.015, 0.06)]
 
@@ -42,7 +42,7 @@ class Backlash(GearEffect):
         Limits push and damp only where the teeth touch, and are stable at any time step; damping
         of the tendon itself would brake the rotor inside the gap as well.
         """
-        _, tendon = split(spec, at.name)
+        _, tendon = split(spec, at.name, float(theta[1]))
         tendon.limited = mujoco.mjtLimited.mjLIMITED_TRUE
         tendon.range = [-0.5 * theta[0], 0.5 * theta[0]]
         tendon.solref_limit = [_CONTACT, 1.0]

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from wt.physics.effect import Parameter, register
 from wt.physics.motion import Motion
-from wt.physics.rotor import GearEffect, split
+from wt.physics.rotor import LOSSES, GearEffect, split
 from wt.physics.script import number
 from wt.physics.units import HINGE, Units
 from wt.types import Location
@@ -26,10 +26,11 @@ class Elasticity(GearEffect):
     parameters = (
         Parameter("stiffness", "N·m/rad", 1e-2, 1e8, 1e-1),
         Parameter("damping", "N·m·s/rad", 0.0, 1e8, 1e-3),
+        LOSSES,
     )
     reference = "M. W. Spong, Modeling and control of elastic joint robots, ASME JDSMC 1987"
 
-    def starts(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " parameter"]]:
+    def gears(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " _"]]:
         """Twists of 10 to 300 mrad under the largest force, lightly damped."""
         drive = next(d for d in motion.scene.drives if d.joint == at.name)
         force = float(np.quantile(np.abs(motion.force(drive)), 0.98)) + 1e-3
@@ -44,7 +45,7 @@ class Elasticity(GearEffect):
         self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> None:
         """A rotor behind a tendon with stiffness and damping."""
-        _, tendon = split(spec, at.name)
+        _, tendon = split(spec, at.name, float(theta[2]))
         tendon.stiffness = [theta[0], 0.0, 0.0]
         tendon.damping = [theta[1], 0.0, 0.0]
         tendon.springlength = [0.0, 0.0]
