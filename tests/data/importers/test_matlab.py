@@ -41,3 +41,10 @@ def test_what_is_no_matlab_file(tmp_path: Path) -> None:
     (tmp_path / "a.mat").write_bytes(b"not a file of MATLAB at all, but long enough to be read" * 9)
     with pytest.raises(DataError, match="whole MATLAB file"):
         base.read(tmp_path / "a.mat", {"columns": {"qpos/a": "q"}})
+
+
+def test_version_7_3_is_another_format(tmp_path: Path) -> None:
+    head = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM"
+    (tmp_path / "a.mat").write_bytes(head + b"\x89HDF\r\n\x1a\n" + bytes(100))
+    with pytest.raises(DataError, match=r"save\(…, '-v7'\)"):
+        base.read(tmp_path / "a.mat", {"columns": {"qpos/a": "q"}})

@@ -41,11 +41,9 @@ class Matlab:
                 or has another shape.
         """
         try:
+            if scipy.io.matlab.matfile_version(path)[0] > 1:
+                raise DataError(f"'{path}' is of MATLAB's version 7.3; save it with save(…, '-v7')")
             content = scipy.io.loadmat(path)
-        except NotImplementedError as error:
-            raise DataError(
-                f"'{path}' is of MATLAB's version 7.3; save it with save(…, '-v7')"
-            ) from error
         except (ValueError, TypeError, OSError, EOFError) as error:
             raise DataError(f"'{path}' is not a whole MATLAB file: {error}") from error
         variables = {n: v for n, v in content.items() if isinstance(v, np.ndarray)}
