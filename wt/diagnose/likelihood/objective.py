@@ -177,7 +177,10 @@ class Objective:
         return np.where(self.channels.valid, q - self.measured, 0.0)
 
     def reference(
-        self, hypothesis: Hypothesis, centre: Float[np.ndarray, " tolerance"] | None = None
+        self,
+        hypothesis: Hypothesis,
+        centre: Float[np.ndarray, " tolerance"] | None = None,
+        most: int = _RELINEARISED,
     ) -> Assessed:
         """Linearise what may adapt around a hypothesis, and assess it.
 
@@ -187,13 +190,14 @@ class Objective:
         Args:
             hypothesis: the reference.
             centre: where the tolerances are believed [deviations]; as before if left out.
+            most: linearisations.
         """
         last = self._reference
         if centre is None and last and hypothesis == last.hypothesis:
             return last
         if centre is not None:
             self._around = replace(self._around, centre=np.where(self._able, centre, 0.0))
-        for _ in range(self._relinearised):
+        for _ in range(min(most, self._relinearised)):
             assessed = self._linearised(hypothesis)
             centre = np.where(self._able, assessed.tolerances, 0.0)
             (actual,) = self._raw([(*hypothesis, *self._nearby.rig(centre))])

@@ -130,7 +130,7 @@ def _settled(objective: Objective, fit: Assessed, best: Assessed, now: Assessed)
     far = np.abs(fit.tolerances - now.tolerances).max(initial=0.0) > _FAR
     if not far or worth(objective, fit, now) < _NEAR * worth(objective, best, now):
         return fit
-    again = objective.reference(fit.hypothesis, fit.tolerances)
+    again = objective.reference(fit.hypothesis, fit.tolerances, most=1)
     (again,) = refine(objective, [again.hypothesis], [range(len(again.hypothesis))], iterations=2)
     return max(fit, again, key=lambda a: a.loglik)
 
