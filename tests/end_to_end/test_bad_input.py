@@ -24,7 +24,8 @@ def hashes(folder: Path) -> dict[str, str]:
 
 def assert_refused(ended: tuple[int, str, str], code: int, *said: str) -> None:
     assert ended[:2] == (code, ""), ended
-    assert ended[2].startswith("error: ") and ended[2].count("\n") == 1, ended[2]
+    # on a busy machine there is progress before it
+    assert ended[2].splitlines()[-1].startswith("error: "), ended[2]
     for part in said:
         assert part in ended[2]
 
