@@ -102,12 +102,12 @@ class Nets:
 
 @dataclass
 class Vae:
-    """Weights of L_VAE (``vae:``)."""
+    """Weights of L_VAE (``vae:``), beside a reconstruction error that is summed over channels."""
 
-    beta: float = 1e-2
-    blind_weight: float = 0.1
+    beta: float = 0.12
+    blind_weight: float = 1.2
     blind_temperature: float = 0.5
-    classifier_weight: float = 0.1
+    classifier_weight: float = 1.2
 
 
 @dataclass
