@@ -171,15 +171,17 @@ class Baselines:
 
     names: list[str] = field(
         default_factory=lambda: [
-            "RawSim", "DirectPred", "ResDyn", "ResDynSim", "RSSM", "MeanShiftOT"
+            "RawSim", "DirectPred", "ResDyn", "ResDynSim", "RSSM", "MeanShiftOT", "DeltaAction",
+            "FlowTranslation", "PairedCeiling",
         ]
     )  # fmt: skip
+    members: int = 1
     width: int = 256
     depth: int = 3
     steps: int = 8000
     batch: int = 512
     learning_rate: float = 2e-3
-    history: int = 8
+    history: int = 16
 
 
 @dataclass
