@@ -32,9 +32,9 @@ from wt.diagnose.result import Diagnosis
 from wt.diagnose.selection.holdout import Holdout, errors, prepare_holdout
 from wt.errors import UserError, WorkError
 from wt.physics.effect import effects
-from wt.physics.replay import Planted
+from wt.physics.planted import Planted
 from wt.physics.scene import Scene
-from wt.prove.real import MACHINES, read
+from wt.prove.machines.base import between, machines
 from wt.prove.sysid_rival import Fitted, Rival, every_parameter
 from wt.types import Location, Recording
 from wt.worlds.rigs import spec_for, write_mjcf
@@ -106,20 +106,21 @@ KNOWN = {
 def main(argv: Sequence[str] | None = None) -> int:
     """Print a machine's tables; 0 if its diagnosis came back."""
     args = _arguments(argv)
-    machines = {m.name: m for m in MACHINES}
-    machine, known = machines[args.machine], KNOWN[args.machine]
+    machine, known = machines()[args.machine], KNOWN[args.machine]
     fit_names, held_names = args.fit or machine.fit, args.holdout or machine.holdout
     both = sorted(set(fit_names) & set(held_names))
     try:
         if both:
             raise UserError(f"'{both[0]}' is both fitted and held out; a motion can be one only")
-        seconds = args.seconds or machine.seconds
-        fit = [read(machine, args.recordings, n, seconds) for n in fit_names]
-        held = [read(machine, args.recordings, n, seconds) for n in held_names]
+        seconds = args.seconds or np.inf
+        fit, held = (
+            [between(machine.read(args.recordings, name), 0.0, seconds) for name in names]
+            for names in (fit_names, held_names)
+        )
         started = time.perf_counter()
         with tempfile.TemporaryDirectory() as scratch:
             model = Path(scratch) / f"{args.machine}.xml"
-            write_mjcf(spec_for(fit[0].meta), model)
+            write_mjcf(machine.given(), model)
             found = diagnose(model, fit, held, seed=args.seed, progress=_say)
             print(f"\n{args.machine}: {time.perf_counter() - started:.0f} s", flush=True)
             print(findings_table(found))
@@ -128,7 +129,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             if args.out:
                 found.write(args.out)
             for name in known.elsewhere:
-                log = read(machine, args.recordings, name, np.inf)
+                log = machine.read(args.recordings, name)
                 print(transfer_line(found, rival, log, known, model))
     except (UserError, WorkError) as error:
         print(f"error: {error}", file=sys.stderr)

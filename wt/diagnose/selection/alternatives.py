@@ -106,16 +106,28 @@ class Lookalikes:
                 continue
             options = self._compared(present.hypothesis, i, [p for p, _ in starts])
             best = _best(options)
+            other = present if best is options[0] else self._instead(present, i, best)
+            if other is None:
+                best, other = options[0], present
             self._log(now.planted, options, best)
             if best is not options[0]:
-                now = Accepted(best.law, _shape(starts, best.law), ())
-                parts = (*present.hypothesis[:i], best.law, *present.hypothesis[i + 1 :])
-                (present,) = refine(self.objective, [parts], [range(len(parts))], 1)
+                now, present = Accepted(best.law, _shape(starts, best.law), ()), other
             now = replace(now, rivals=tuple(o.law for o in _rivals(options, best)))
             accepted = (*accepted[:i], now, *accepted[i + 1 :])
         if present is not estimated.assessed:
             estimated = estimate(self.objective, present.hypothesis)
         return accepted, estimated
+
+    def _instead(self, present: Assessed, index: int, best: Option) -> Assessed | None:
+        """Another law in the place of one, as replays around itself say; None if they refuse it.
+
+        Options are compared with tolerances that are linear around the law that was found.
+        """
+        parts = (*present.hypothesis[:index], best.law, *present.hypothesis[index + 1 :])
+        around = self.objective.reference(parts)
+        (other,) = refine(self.objective, [around.hypothesis], [range(len(parts))], _STEPS)
+        lead = worth(self.objective, other, present) - _due(parts, present.hypothesis)
+        return other if lead > -THRESHOLDS.min_nats else None
 
     def _log(self, planted: Planted, options: Sequence[Option], best: Option) -> None:
         """Log the lookalikes of an effect; ``options`` as in :meth:`_compared`, itself first."""
