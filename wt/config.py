@@ -102,12 +102,12 @@ class Nets:
 
 @dataclass
 class Vae:
-    """Weights of L_VAE (``vae:``)."""
+    """Weights of L_VAE (``vae:``), beside a reconstruction error that is summed over channels."""
 
-    beta: float = 1e-2
-    blind_weight: float = 0.1
+    beta: float = 0.12
+    blind_weight: float = 1.2
     blind_temperature: float = 0.5
-    classifier_weight: float = 0.1
+    classifier_weight: float = 1.2
 
 
 @dataclass
@@ -171,15 +171,17 @@ class Baselines:
 
     names: list[str] = field(
         default_factory=lambda: [
-            "RawSim", "DirectPred", "ResDyn", "ResDynSim", "RSSM", "MeanShiftOT"
+            "RawSim", "DirectPred", "ResDyn", "ResDynSim", "RSSM", "MeanShiftOT", "DeltaAction",
+            "FlowTranslation", "PairedCeiling",
         ]
     )  # fmt: skip
+    members: int = 1
     width: int = 256
     depth: int = 3
     steps: int = 8000
     batch: int = 512
     learning_rate: float = 2e-3
-    history: int = 8
+    history: int = 16
 
 
 @dataclass

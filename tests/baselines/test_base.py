@@ -1,7 +1,10 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import torch
 
 from tests.baselines.toy import REAL, SIM, Toy
 from wt.baselines.base import find, register
@@ -17,14 +20,15 @@ each_baseline = pytest.mark.parametrize("name", NAMES)
 
 def predict(name: str, seed: int, test: Pairs | None = None) -> np.ndarray:
     toy = Toy(0.5)
-    baseline = find(name)(toy.spec, TINY, seed)
+    baseline = find(name)(toy.spec, TINY, seed, toy)
     baseline.train(toy.collect(SIM, 3, 1), toy.collect(REAL, 3, 2))
     return baseline.predict(test or toy.pairs(2, 3))
 
 
 def test_all_promised_names_are_found() -> None:
     assert {find(name).name for name in NAMES} == {
-        "RawSim", "DirectPred", "ResDyn", "ResDynSim", "RSSM", "MeanShiftOT"
+        "RawSim", "DirectPred", "ResDyn", "ResDynSim", "RSSM", "MeanShiftOT", "DeltaAction",
+        "FlowTranslation", "PairedCeiling",
     }  # fmt: skip
 
 
@@ -62,7 +66,8 @@ def test_never_reads_what_is_hidden_or_the_answer(name: str) -> None:
     test = Toy(0.5).pairs(2, 3)
     last = np.flatnonzero(test.real.step == 59)
     fields = {f: np.array(getattr(test.real, f)) for f in test.real.__dataclass_fields__}
-    fields["hidden"][:] = np.nan
+    if name != "DeltaAction":  # S, which it steps again, keeps it
+        fields["hidden"][:] = np.nan
     fields["s_next"][last] += 7.0  # no later step of the episode may have seen it
     other = Pairs(Transitions(**fields), test.sim_next)
     assert np.array_equal(predict(name, 0, test)[last], predict(name, 0, other)[last])
@@ -72,8 +77,55 @@ def test_never_reads_what_is_hidden_or_the_answer(name: str) -> None:
 def test_kept_weights_predict_the_same(name: str) -> None:
     toy = Toy(0.5)
     test = toy.pairs(2, 3)
-    first, second = (find(name)(toy.spec, TINY, 0) for _ in range(2))
+    first, second = (find(name)(toy.spec, TINY, 0, toy) for _ in range(2))
     first.train(toy.collect(SIM, 3, 1), toy.collect(REAL, 3, 2))
     second.nets.update(second.build())
     second.nets.load_state_dict(first.nets.state_dict())
     assert np.array_equal(second.predict(test), first.predict(test))
+
+
+@each_baseline
+def test_without_pairs_nothing_hidden_is_trained_on(name: str) -> None:
+    if name == "PairedCeiling":
+        pytest.skip("is trained on pairs")
+    toy = Toy(0.5)
+    test, answers = toy.pairs(2, 3), []
+    for scale in (1.0, 7.0):
+        sim, real = (
+            replace(data, hidden=scale * data.hidden)
+            for data in (toy.collect(SIM, 3, 1), toy.collect(REAL, 3, 2))
+        )
+        baseline = find(name)(toy.spec, TINY, 0, toy)
+        baseline.train(sim, real)
+        answers.append(baseline.predict(test))
+    assert np.array_equal(*answers)
+
+
+@pytest.mark.parametrize("name", ["DeltaAction", "PairedCeiling"])
+def test_what_steps_the_simulator_says_so_where_it_has_none(name: str) -> None:
+    toy = Toy(0.5)
+    with pytest.raises(ConfigError, match=f"'{name}' steps the simulator"):
+        find(name)(toy.spec, TINY, 0).train(toy.collect(SIM, 2, 1), toy.collect(REAL, 2, 2))
+
+
+def test_rows_that_need_a_word_have_one() -> None:
+    spec = Toy(0.5).spec
+    said = {name for name in NAMES if find(name).remark(spec)}
+    assert said == {"ResDyn", "DeltaAction", "PairedCeiling"}
+    assert find("ResDyn").remark(replace(spec, hidden=())) is None
+
+
+@pytest.mark.parametrize("name", ["DirectPred", "ResDyn", "PairedCeiling"])
+def test_members_of_an_ensemble_are_others_and_are_averaged(name: str) -> None:
+    toy = Toy(0.5)
+    test = toy.pairs(2, 3)
+    several = find(name)(toy.spec, replace(TINY, members=3), 0, toy)
+    several.train(toy.collect(SIM, 3, 1), toy.collect(REAL, 3, 2), test)
+    members = list(several.net.members)
+    together = several.predict(test).astype(float)
+    alone = []
+    for member in members:
+        several.net.members = torch.nn.ModuleList([member])
+        alone.append(several.predict(test).astype(float))
+    assert len(members) == 3 and not np.allclose(alone[0], alone[1])
+    np.testing.assert_allclose(together, np.mean(alone, axis=0), atol=1e-5)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import numpy as np
 import torch
 
 from tests.baselines.toy import Trial
@@ -25,3 +26,23 @@ def test_recovers_what_a_fleeting_force_does(fleeting: Trial, small: Baselines) 
     error = fleeting.error(baseline.predict(fleeting.test))
     assert error < 0.1 * fleeting.toy.error_without_history()
     assert error < 0.1 * fleeting.error(fleeting.test.sim_next)
+
+
+def test_the_step_is_chosen_that_is_best_on_validation_pairs(
+    fleeting: Trial, small: Baselines
+) -> None:
+    # so few transitions that they are learned by heart
+    few = np.arange(100)
+    sim, real = fleeting.sim.select(few), fleeting.real.select(few)
+    last, chosen = (find("MeanShiftOT")(fleeting.toy.spec, small, 0) for _ in range(2))
+    last.train(sim, real)
+    chosen.train(sim, real, fleeting.test)
+    errors = [fleeting.error(b.predict(fleeting.test)) for b in (last, chosen)]
+    assert errors[1] < errors[0]
+
+
+def test_the_domains_may_differ_in_size(fleeting: Trial, small: Baselines) -> None:
+    baseline = find("MeanShiftOT")(fleeting.toy.spec, small, 0)
+    baseline.train(fleeting.sim, fleeting.real.select(np.arange(3000)))
+    error = fleeting.error(baseline.predict(fleeting.test))
+    assert error < 0.2 * fleeting.toy.error_without_history()

@@ -28,6 +28,16 @@ def test_cannot_foresee_a_fleeting_force(fleeting: Trial, small: Baselines) -> N
     )
 
 
+def test_is_no_worse_than_a_regression_where_the_past_tells_nothing(
+    fleeting: Trial, small: Baselines
+) -> None:
+    direct, rssm = (
+        fleeting.error(fleeting.fitted(name, small).predict(fleeting.test))
+        for name in ("DirectPred", "RSSM")
+    )
+    assert rssm < 1.02 * direct
+
+
 def test_divergence_is_that_of_torch() -> None:
     generator = torch.Generator().manual_seed(0)
     mean_q, mean_p, std_q, std_p = torch.rand(4, 5, 3, generator=generator) + 0.1

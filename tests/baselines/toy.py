@@ -19,6 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
+from wt.baselines.base import Baseline, find
+from wt.config import Baselines
 from wt.types import Channel, Pairs, Transitions, TransitionSpec
 
 DT, SIGMA_F, SIGMA_A = 0.1, 1.0, 0.4
@@ -110,6 +112,15 @@ class Toy:
         real = self.collect(REAL, episodes, seed)
         return Pairs(real, SIM.step(*(np.float64(x) for x in (real.o[:, :4], real.a, real.hidden))))
 
+    def sim_step(self, o: np.ndarray, a: np.ndarray, hidden: np.ndarray | None) -> np.ndarray:
+        """S as baselines step it again."""
+        f = np.zeros((len(o), 2)) if hidden is None else np.float64(hidden)
+        return SIM.step(np.float64(o[:, :4]), np.float64(a), f).astype(np.float32)
+
+    def answers(self, real: Transitions) -> np.ndarray:
+        """S's answers to R's transitions."""
+        return self.sim_step(real.o, real.a, real.hidden)
+
     def error_without_history(self) -> float:
         """Best mean squared error of v_next from (o, a) in R."""
         return REAL.effect()[1] ** 2 * REAL.forces_left(self.rho)
@@ -127,6 +138,12 @@ class Trial:
     sim: Transitions
     real: Transitions
     test: Pairs
+
+    def fitted(self, name: str, settings: Baselines) -> Baseline:
+        """A baseline trained on it, with S at hand."""
+        baseline = find(name)(self.toy.spec, settings, 0, self.toy)
+        baseline.train(self.sim, self.real)
+        return baseline
 
     def error(self, predicted: np.ndarray, settled: int = 10) -> float:
         """Mean squared error of v_next, over steps that have a history."""

@@ -103,6 +103,16 @@ def test_a_diverged_method_stays_in_the_table_and_out_of_the_ratio(tmp_path: Pat
     assert "| RawSim | diverged |" in (tmp_path / "results.md").read_text()
 
 
+def test_what_is_possible_is_no_rival() -> None:
+    ceiling = {**results().single_step, "PairedCeiling": MethodScore(1e-9, 0.0, 1e-9)}
+    beside = results(single_step=ceiling)
+    assert beside.ratio_to_best_baseline == results().ratio_to_best_baseline
+    rows = [line for line in beside.to_markdown().splitlines() if line.startswith("| ")]
+    methods = rows[2 : 2 + len(ceiling)]  # below the head
+    assert methods[-1].startswith("| PairedCeiling | 1e-09 |")
+    assert methods[1].startswith("| WorldTranslation | **0.1** |")
+
+
 def test_no_ratio_without_baselines_or_without_ours() -> None:
     ours = {"WorldTranslationPlus": MethodScore(0.1, 0.0, 0.1)}
     assert results(single_step=ours).to_json()["ratio_to_best_baseline"] is None

@@ -115,7 +115,8 @@ def test_extraction_weighs_its_four_terms(set_up: SetUp, paper: Method) -> None:
     loss, metrics, z = phases.extraction(model, batch)
     kl = 0.5 * (mean.numpy() ** 2 + np.exp(-1) + 1.0 - 1.0).sum(axis=1).mean()
     bce = 0.5 * (np.log1p(np.exp(-2.0)) + np.log1p(np.exp(-3.0)))
-    expected = 0.1**2 + 0.3 * kl + 0.7 * np.exp(-(0.5**2) / 2.0**2) + 1.1 * bce
+    # the prior's weight is that of one channel's error, however many channels there are
+    expected = 4 * 0.1**2 + 0.3 * kl + 0.7 * np.exp(-(0.5**2) / 2.0**2) + 1.1 * bce
     assert float(loss) == pytest.approx(expected, rel=1e-5)
     assert float(metrics["vae/domain_accuracy"]) == 1.0
     assert float(metrics["latent/noise_std"]) == pytest.approx(np.exp(-0.5), rel=1e-6)
@@ -139,7 +140,7 @@ def test_blind_error_is_on_the_next_state_itself(set_up: SetUp, paper: Method) -
     model, batch = setup.module.model, setup.batches.at(0)
     model.blind = Answers(stacked(batch, "s_next") - 0.5)
     loss, _ = phases.blind(model, batch, torch.zeros(len(stacked(batch, "x")), 4))
-    assert float(loss) == pytest.approx(0.25)
+    assert float(loss) == pytest.approx(4 * 0.5**2)
 
 
 class Shift(nn.Module):

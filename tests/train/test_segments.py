@@ -45,7 +45,7 @@ def test_errors_add_up_along_a_segment(world: World, paper: Method) -> None:
 
     model.decoder = Off()
     found = float(segment_error(model, drawn).detach())
-    assert np.isclose(found, (0.2**2 + 0.3**2) / 2, rtol=1e-3)
+    assert np.isclose(found, 4 * (0.2**2 + 0.3**2) / 2, rtol=1e-3)  # a sum over four channels
 
 
 def test_training_on_segments_lowers_their_error(

@@ -268,3 +268,9 @@ def test_refuses_impossible_options(root: Path, change: str, message: str) -> No
     with pytest.raises(ConfigError, match=message) as caught:
         world_of(root, "r5.yaml", change)
     assert "\n" not in str(caught.value)
+
+
+def test_answers_are_those_of_pairs(world: R5World, pairs: Pairs) -> None:
+    np.testing.assert_array_equal(world.answers(pairs.real), pairs.sim_next)
+    without = world.sim_step(pairs.real.o, pairs.real.a, None)
+    assert not np.allclose(without, pairs.sim_next)

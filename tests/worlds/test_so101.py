@@ -176,6 +176,7 @@ def test_a_smaller_count_takes_unbroken_pieces_of_every_motion(world: SO101) -> 
         assert (real.episode == episode).sum() >= 49
     assert len(world.pairs("test", 10**6, 0)) == ROWS - 4
     pairs = world.pairs("validation", 50, 0)
+    np.testing.assert_array_equal(world.answers(pairs.real), pairs.sim_next)
     np.testing.assert_array_equal(pairs.sim_next, pairs.real.nominal)
 
 

@@ -2,7 +2,8 @@
 
 Adding a baseline is one new file in this package (and its test): subclass :class:`Baseline`, set
 ``name`` as it shall appear in tables, write ``build`` (unless nothing is learned), ``fit`` and
-``predict``, decorate with ``@register``.
+``predict``, decorate with ``@register``. What a reader of a table must know of its row, ``remark``
+says.
 It is found by itself; add its name to ``baselines.names`` to run it. All baselines share the
 data, the size of networks and the budget of :class:`wt.config.Baselines`.
 """
@@ -12,44 +13,82 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from abc import ABC, abstractmethod
-from typing import ClassVar
+from collections.abc import Callable
+from dataclasses import replace
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 import torch
+from jaxtyping import Float, Float32
 from torch import Tensor, nn
 
 import wt.baselines
 from wt.config import Baselines, Mean
 from wt.errors import ConfigError, suggest
 from wt.nets.frame import Frame
-from wt.nets.mlp import mlp
+from wt.nets.mlp import Ensemble, mlp
 from wt.train.mean_field import fit_normalizers
-from wt.train.regression import Progress, Regression, Score
+from wt.train.regression import (
+    Progress,
+    Regression,
+    Score,
+    member_seed,
+    one_by_one,
+    part_of,
+    regress,
+)
 from wt.types import Pairs, Transitions, TransitionSpec
 
 CHUNK = 16384
 
 
+@runtime_checkable
+class Simulator(Protocol):
+    """S, for the few baselines that step it again; every :class:`wt.worlds.base.World` is one."""
+
+    def sim_step(
+        self,
+        o: Float[np.ndarray, "sample obs"],
+        a: Float[np.ndarray, "sample action"],
+        hidden: Float[np.ndarray, "sample hidden"] | None,
+    ) -> Float32[np.ndarray, "sample state"]:
+        """S's answer to (o, a) under a hidden variable; None for nothing hidden."""
+        ...
+
+    def answers(self, real: Transitions) -> Float32[np.ndarray, "transition state"]:
+        """S's answers to R's transitions under what was hidden then."""
+        ...
+
+
 class Baseline(ABC):
-    """Predicts R's next state from pairs; learns from unpaired transitions only.
+    """Predicts R's next state from pairs; learns from unpaired transitions, unless it says so.
 
     Attributes:
         name: as in tables and ``results.json``.
+        simulator: S, where there is one.
         frame: normalisers, the same for all methods.
         nets: everything that is learned, by name, the frame included; what is kept of a fit.
     """
 
     name: ClassVar[str]
 
-    def __init__(self, spec: TransitionSpec, settings: Baselines, seed: int) -> None:
+    def __init__(
+        self,
+        spec: TransitionSpec,
+        settings: Baselines,
+        seed: int,
+        simulator: Simulator | None = None,
+    ) -> None:
         """Set up without data.
 
         Args:
             spec: layout of the transitions.
             settings: size and budget, shared by all baselines.
             seed: same seed, same baseline.
+            simulator: S, for a baseline that steps it again; most do without.
         """
         self.spec, self.settings, self.seed = spec, settings, seed
+        self.simulator = simulator
         self.frame = Frame(spec, Mean())
         self.nets = nn.ModuleDict({"frame": self.frame})
 
@@ -74,6 +113,11 @@ class Baseline(ABC):
         self.nets.update(self.build())
         self._validation = validation
         self.fit(sim, real, progress)
+
+    @classmethod
+    def remark(cls, spec: TransitionSpec) -> str | None:
+        """A sentence that a table of such a task needs beside this row, or None."""
+        return None
 
     def score(self) -> Score | None:
         """Error on the validation pairs with the networks as they are, for early choice."""
@@ -103,6 +147,46 @@ class Baseline(ABC):
     def network(self, inputs: int) -> nn.Module:
         """A network of the shared size that predicts the normalised change."""
         return mlp(inputs, self.spec.n_state, self.settings.width, self.settings.depth)
+
+    def ensemble(self, inputs: int) -> Ensemble:
+        """As many such networks as the settings say, averaged."""
+        return Ensemble([self.network(inputs) for _ in range(self.settings.members)])
+
+    def fit_ensemble(
+        self,
+        ensemble: Ensemble,
+        batch_error: Callable[[Tensor], Tensor],
+        rows: int,
+        progress: Progress | None,
+    ) -> None:
+        """Least squares for each member by itself, at the weights that validation pairs like best.
+
+        Args:
+            ensemble: trained in place; ``batch_error`` calls it.
+            batch_error: row indices (batch,) → prediction error (batch, channels).
+            rows: number of rows to draw from.
+            progress: called with (done, total) steps of all members.
+        """
+        budget, total = self.budget(), self.settings.steps * len(ensemble.members)
+        for k, _ in one_by_one(ensemble):
+            regress(
+                ensemble,
+                batch_error,
+                rows,
+                replace(budget, seed=member_seed(self.seed, k)),
+                progress=part_of(progress, k * budget.steps, total),
+                score=self.score(),
+            )
+
+    def the_simulator(self) -> Simulator:
+        """S, of a baseline that cannot do without.
+
+        Raises:
+            ConfigError: it was given none.
+        """
+        if self.simulator is None:
+            raise ConfigError(f"baseline {self.name!r} steps the simulator, and was given none")
+        return self.simulator
 
     @torch.no_grad()
     def tensors(self, data: Transitions) -> tuple[Tensor, Tensor, Tensor]:

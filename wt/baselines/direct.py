@@ -6,7 +6,7 @@ import numpy as np
 from torch import nn
 
 from wt.baselines.base import Baseline, in_chunks, register
-from wt.train.regression import Progress, regress
+from wt.train.regression import Progress
 from wt.types import Pairs, Transitions
 
 
@@ -17,21 +17,14 @@ class DirectPred(Baseline):
     name = "DirectPred"
 
     def build(self) -> dict[str, nn.Module]:
-        """The network f."""
-        self.net = self.network(self.frame.n_condition)
+        """The network f, or several, averaged."""
+        self.net = self.ensemble(self.frame.n_condition)
         return {"net": self.net}
 
     def fit(self, sim: Transitions, real: Transitions, progress: Progress | None) -> None:
         """Regress R's change on (o, a)."""
         x, _, change = self.tensors(real)
-        regress(
-            self.net,
-            lambda rows: self.net(x[rows]) - change[rows],
-            len(x),
-            self.budget(),
-            progress=progress,
-            score=self.score(),
-        )
+        self.fit_ensemble(self.net, lambda rows: self.net(x[rows]) - change[rows], len(x), progress)
 
     def predict(self, pairs: Pairs) -> np.ndarray:
         """The average outcome at (o, a)."""

@@ -1,7 +1,8 @@
 """ResDyn: the simulator's output plus a correction learned from history.
 
 The paper's sees history only: its simulator runs with nothing hidden, since in reality nobody
-knows what is. ``ResDynSim`` is the stronger reading, in which the correction also sees the
+knows what is. On legs it therefore lacks what RawSim and the translations are given, the trunk's
+velocity above all. ``ResDynSim`` is the stronger reading, in which the correction also sees the
 simulator's output, and that simulator is given the true hidden variable when it is evaluated.
 While training on R it cannot be, so its network learns from the nominal simulator: this is the
 handicap of every residual method without pairs.
@@ -15,8 +16,8 @@ from torch import Tensor, nn
 
 from wt.baselines.base import CHUNK, Baseline, register
 from wt.data.history import History
-from wt.train.regression import Progress, regress
-from wt.types import Pairs, Transitions
+from wt.train.regression import Progress
+from wt.types import Pairs, Transitions, TransitionSpec
 
 
 @register
@@ -26,11 +27,21 @@ class ResDyn(Baseline):
     name = "ResDyn"
     reads_simulator = False
 
+    @classmethod
+    def remark(cls, spec: TransitionSpec) -> str | None:
+        """What its simulator lacks that the others' has."""
+        if not spec.hidden or cls.reads_simulator:
+            return None
+        return (
+            "its simulator lacks what is hidden, which RawSim's and the translations' is given; "
+            "ResDynSim's is given it too."
+        )
+
     def build(self) -> dict[str, nn.Module]:
-        """The network δ."""
+        """The network δ, or several, averaged."""
         x, n = self.frame.n_condition, self.spec.n_state
         past = x if self.reads_simulator else x + n
-        self.net = self.network(x + self.settings.history * past + n * self.reads_simulator)
+        self.net = self.ensemble(x + self.settings.history * past + n * self.reads_simulator)
         return {"net": self.net}
 
     def fit(self, sim: Transitions, real: Transitions, progress: Progress | None) -> None:
@@ -42,7 +53,7 @@ class ResDyn(Baseline):
             inputs = self._inputs(x, past, history, rows, nominal)
             return nominal[rows] + self.net(inputs) - change[rows]
 
-        regress(self.net, error, len(x), self.budget(), progress=progress, score=self.score())
+        self.fit_ensemble(self.net, error, len(x), progress)
 
     @torch.no_grad()
     def predict(self, pairs: Pairs) -> np.ndarray:

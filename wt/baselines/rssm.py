@@ -5,9 +5,16 @@ latent z_t of a step has a prior p(z_t | h_t) and, once the step's outcome is kn
 q(z_t | h_t, o′). Filtering runs the posterior over the history; the prediction for the present
 step decodes its prior. Hafner et al., "Learning latent dynamics for planning from pixels" (2019)
 and, for the balanced KL, "Mastering Atari with discrete world models" (2020).
+
+What (o, a) alone tells is decoded by a network of its own, DirectPred's, which learns from as many
+single transitions a step as the other baselines do; h and z decode what it leaves. Windows of
+consecutive transitions resemble one another: half as wide and on windows alone, it made 2.9 times
+DirectPred's error on an R5 of which nothing is hidden, so 0.94 times.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -18,7 +25,7 @@ from wt.baselines.base import Baseline, register
 from wt.data.history import History
 from wt.nets.mlp import mlp
 from wt.train.device import seeded
-from wt.train.regression import Progress, Regression, regress
+from wt.train.regression import Progress, regress
 from wt.types import Pairs, Transitions
 
 LATENT = 16
@@ -37,14 +44,19 @@ class _Cell(nn.Module):
         self.gru = nn.GRUCell(condition + LATENT, width)
         self.prior = mlp(width, 2 * LATENT, width, 1)
         self.posterior = mlp(width + state, 2 * LATENT, width, 1)
-        self.decoder = mlp(width + LATENT + condition, state, width, 2)
+        self.decoder = mlp(width, state, width, 1, zero_last=True)
+        self.from_path = nn.Linear(width + condition, width)
+        self.from_latent = nn.Linear(LATENT, width, bias=False)
 
     def gaussian(self, net: nn.Module, inputs: Tensor) -> tuple[Tensor, Tensor]:
         mean, raw = net(inputs).chunk(2, dim=-1)
         return mean, nn.functional.softplus(raw) + SMALLEST_STD
 
-    def decode(self, h: Tensor, z: Tensor, x: Tensor) -> Tensor:
-        return self.decoder(torch.cat([h, z, x], dim=-1))
+    def decode(self, h: Tensor, latents: Sequence[Tensor], x: Tensor) -> list[Tensor]:
+        """What several latents say of the same steps; the rest of the first layer is shared."""
+        shared = self.from_path(torch.cat([h, x], dim=-1))
+        act = nn.functional.silu
+        return [self.decoder(act(shared + self.from_latent(z))) for z in latents]
 
 
 def _kl(q: tuple[Tensor, Tensor], p: tuple[Tensor, Tensor]) -> Tensor:
@@ -56,34 +68,36 @@ def _kl(q: tuple[Tensor, Tensor], p: tuple[Tensor, Tensor]) -> Tensor:
 
 @register
 class RSSM(Baseline):
-    """o′ = o + D(h, E[z | h], o, a), h and z filtered over the history."""
+    """o′ = o + f(o, a) + D(h, E[z | h], o, a), h and z filtered over the history."""
 
     name = "RSSM"
 
     def build(self) -> dict[str, nn.Module]:
-        """The cell; half as wide, since it consists of several networks."""
-        self.cell = _Cell(self.frame.n_condition, self.spec.n_state, self.settings.width // 2)
-        return {"cell": self.cell}
+        """The network f, and the cell."""
+        self.direct = self.network(self.frame.n_condition)
+        self.cell = _Cell(self.frame.n_condition, self.spec.n_state, self.settings.width)
+        return {"direct": self.direct, "cell": self.cell}
 
     def fit(self, sim: Transitions, real: Transitions, progress: Progress | None) -> None:
-        """Train on windows of R."""
+        """Train f on single transitions of R, and the cell on windows that hold as many."""
         x, _, change = self.tensors(real)
         history = History(real, self.settings.history)
-        cell = self.cell
-        noise = seeded(self.seed)
-        budget = self.budget()
-        # a window holds history + 1 transitions: same number of transitions per step as others
-        batch = max(1, budget.batch // (history.length + 1))
-        budget = Regression(budget.steps, batch, budget.learning_rate / 2, self.seed)
+        cell, direct, noise, budget = self.cell, self.direct, seeded(self.seed), self.budget()
+        windows = max(1, budget.batch // (history.length + 1))
 
-        def error(rows: Tensor) -> Tensor:
-            index, exists = history.before(rows)
-            index = torch.cat([index, rows[:, None]], dim=1)
-            exists = torch.cat([exists, torch.ones(len(rows), 1, dtype=torch.bool)], dim=1)
-            return _elbo_terms(cell, x[index], change[index], exists, noise)
+        def loss(rows: Tensor) -> Tensor:
+            alone = ((direct(x[rows]) - change[rows]) ** 2).mean()
+            last = rows[:windows]
+            index, exists = history.before(last)
+            index = torch.cat([index, last[:, None]], dim=1)
+            exists = torch.cat([exists, torch.ones(len(last), 1, dtype=torch.bool)], dim=1)
+            now, went = x[index], change[index]
+            with torch.no_grad():
+                told = direct(now)
+            return alone + _elbo_terms(cell, now, went, told, exists, noise).mean()
 
-        # the terms already are the loss: their mean is minimised
-        regress(cell, error, len(x), budget, lambda terms, _: terms.mean(), progress, self.score())
+        nets = nn.ModuleList([direct, cell])
+        regress(nets, loss, len(x), budget, lambda value, _: value, progress, self.score())
 
     @torch.no_grad()
     def predict(self, pairs: Pairs) -> np.ndarray:
@@ -103,7 +117,7 @@ class RSSM(Baseline):
                 h, z = torch.where(mask, h_new, h), torch.where(mask, z_new, z)
             h = cell.gru(torch.cat([x[rows], z], dim=-1), h)
             prior, _ = cell.gaussian(cell.prior, h)
-            parts.append(cell.decode(h, prior, x[rows]))
+            parts.append(self.direct(x[rows]) + cell.decode(h, [prior], x[rows])[0])
         return self.states(pairs, torch.cat(parts))
 
 
@@ -111,29 +125,39 @@ def _elbo_terms(
     cell: _Cell,
     x: Float[Tensor, "batch time condition"],
     change: Float[Tensor, "batch time state"],
+    told: Float[Tensor, "batch time state"],
     exists: Bool[Tensor, "batch time"],
     noise: torch.Generator,
 ) -> Float[Tensor, " batch"]:
-    """Reconstruction, prediction from the prior's mean, and balanced KL, per window."""
+    """Reconstruction, prediction from the prior's mean, and balanced KL, per window.
+
+    Args:
+        cell: the model.
+        x: normalised (o, a).
+        change: normalised change that followed.
+        told: what (o, a) alone tells of it.
+        exists: False before an episode began.
+        noise: of the posterior's samples.
+    """
     batch, steps = x.shape[:2]
     h, z = x.new_zeros(batch, cell.width), x.new_zeros(batch, LATENT)
-    total = x.new_zeros(batch)
+    path: list[tuple[Tensor, ...]] = []
     for k in range(steps):
         h_new = cell.gru(torch.cat([x[:, k], z], dim=-1), h)
-        prior = cell.gaussian(cell.prior, h_new)
-        posterior = cell.gaussian(cell.posterior, torch.cat([h_new, change[:, k]], dim=-1))
-        z_new = posterior[0] + posterior[1] * torch.randn(batch, LATENT, generator=noise)
-        rebuilt = (cell.decode(h_new, z_new, x[:, k]) - change[:, k]) ** 2
-        predicted = (cell.decode(h_new, prior[0], x[:, k]) - change[:, k]) ** 2
-        still_prior, still_posterior = _detached(prior), _detached(posterior)
-        kl = KL_BALANCE * _kl(still_posterior, prior)
-        kl = kl + (1 - KL_BALANCE) * _kl(posterior, still_prior)
-        terms = rebuilt.mean(-1) + predicted.mean(-1) + KL_WEIGHT * kl / change.shape[-1]
-        mask = exists[:, k]
-        total = total + terms * mask
-        h = torch.where(mask[:, None], h_new, h)
-        z = torch.where(mask[:, None], z_new, z)
-    return total / exists.sum(-1)
+        mean, std = cell.gaussian(cell.posterior, torch.cat([h_new, change[:, k]], dim=-1))
+        z_new = mean + std * torch.randn(batch, LATENT, generator=noise)
+        path.append((h_new, z_new, mean, std))
+        mask = exists[:, k, None]
+        h, z = torch.where(mask, h_new, h), torch.where(mask, z_new, z)
+    # what feeds nothing back is done for all steps at once
+    h_all, z_all, *posterior = (torch.stack(part, dim=1) for part in zip(*path, strict=True))
+    prior = cell.gaussian(cell.prior, h_all)
+    left = change - told
+    rebuilt, predicted = ((out - left) ** 2 for out in cell.decode(h_all, (z_all, prior[0]), x))
+    q = posterior[0], posterior[1]
+    kl = KL_BALANCE * _kl(_detached(q), prior) + (1 - KL_BALANCE) * _kl(q, _detached(prior))
+    terms = rebuilt.mean(-1) + predicted.mean(-1) + KL_WEIGHT * kl / change.shape[-1]
+    return (terms * exists).sum(-1) / exists.sum(-1)
 
 
 def _detached(gaussian: tuple[Tensor, Tensor]) -> tuple[Tensor, Tensor]:

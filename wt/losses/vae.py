@@ -11,9 +11,9 @@ from torch.nn import functional as F
 def reconstruction(
     target: Float[Tensor, "batch channel"], predicted: Float[Tensor, "batch channel"]
 ) -> Float[Tensor, ""]:
-    """Mean squared error over batch and channels."""
-    # ‖o′ − ô′‖², divided by the number of channels
-    return F.mse_loss(predicted, target)
+    """Squared error summed over channels, as the KL term is over latents; mean over the batch."""
+    # ‖o′ − ô′‖²
+    return ((target - predicted) ** 2).sum(-1).mean()
 
 
 def kl_divergence(

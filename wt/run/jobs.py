@@ -121,7 +121,7 @@ def train(study: Study, job: Job, index: int = 0) -> None:
     listener = study.listener
     if method not in (OURS, PAPERS_OWN):
         with on(config.device, index):
-            baseline = find(method)(study.world.spec, config.baselines, seed)
+            baseline = find(method)(study.world.spec, config.baselines, seed, study.world)
             baseline.train(
                 data.sim, data.real, data.validation, lambda k, n: listener.progress(str(job), k, n)
             )

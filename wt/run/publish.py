@@ -12,6 +12,7 @@ from registry import parity, store
 from registry.card import HeldOut, describe
 from registry.push import push
 from registry.store import Version
+from wt.baselines.base import find
 from wt.config import FitConfig
 from wt.data.transitions import content_hash
 from wt.errors import ConfigError, RegistryError
@@ -83,10 +84,11 @@ def publish(study: Study, by_seed: Mapping[int, Mapping[str, Errors]], tracked: 
     version = push(
         config.registry_name, study.folder, chosen[seed], tracked.id, uri=config.tracking.uri
     )
-    remarks = _gains_nothing(study, by_seed)
-    for method, remark in remarks.items():
+    nothing = _gains_nothing(study, by_seed)
+    for method, remark in nothing.items():
         study.listener.warn(f"{method}: {remark}")
-    results = replace(tabulate(study, by_seed, version), remarks=remarks)
+    results = tabulate(study, by_seed, version)
+    results = replace(results, remarks={**results.remarks, **nothing})
     results.save(study.folder)
     _figures(study, seed, results)
     tracked.metrics({"ratio_to_best_baseline": results.ratio_to_best_baseline}, 0)
@@ -163,7 +165,15 @@ def tabulate(
         channels=study.world.spec.state,
         rmse=rmse,
         note=study.world.note or ASSUMPTION,
+        remarks=_of_baselines(study),
     )
+
+
+def _of_baselines(study: Study) -> dict[str, str]:
+    """What baselines say themselves of their rows."""
+    spec = study.world.spec
+    remarks = {name: find(name).remark(spec) for name in study.config.baselines.names}
+    return {name: remark for name, remark in remarks.items() if remark}
 
 
 def _record(study: Study, seed: int) -> None:

@@ -139,13 +139,16 @@ class Study:
         self._keep_weights(seed, baseline.name, baseline.nets)
 
     def load_baseline(self, seed: int, name: str) -> Baseline | None:
-        """A trained baseline of this run; None if its weights were not kept."""
+        """A trained baseline of this run; None if its weights were not kept, or fit no longer."""
         kept = self.home(seed, name) / WEIGHTS
         if not kept.exists():
             return None
-        baseline = find(name)(self.world.spec, self.config.baselines, seed)
+        baseline = find(name)(self.world.spec, self.config.baselines, seed, self.world)
         baseline.nets.update(baseline.build())
-        baseline.nets.load_state_dict(torch.load(kept, weights_only=True))
+        try:
+            baseline.nets.load_state_dict(torch.load(kept, weights_only=True))
+        except RuntimeError:  # another version's networks
+            return None
         baseline.nets.eval()
         return baseline
 

@@ -21,6 +21,9 @@ _METHODS: dict[str, Color] = {
     "ResDynSim": (204, 121, 167),
     "RSSM": (187, 170, 51),
     "MeanShiftOT": (136, 84, 52),
+    "DeltaAction": (102, 37, 6),
+    "FlowTranslation": (170, 68, 153),
+    "PairedCeiling": (17, 119, 51),
 }
 
 

@@ -23,7 +23,17 @@ from wt.nets.frame import Frame
 from wt.nets.mlp import Ensemble
 from wt.nets.simulator_use import DomainSamples, Examples, use_of
 from wt.train.device import seeded
-from wt.train.regression import Loss, Progress, Regression, Score, mean_square, regress
+from wt.train.regression import (
+    Loss,
+    Progress,
+    Regression,
+    Score,
+    mean_square,
+    member_seed,
+    one_by_one,
+    part_of,
+    regress,
+)
 from wt.types import Transitions
 
 RIDGE = 1e-4
@@ -130,17 +140,8 @@ def _fit_ensemble(
     score: Score | None,
 ) -> None:
     """Train all members on the same examples, each with a seed of its own."""
-    for k, member in _one_by_one(ensemble):
-        _fit_member(member, examples, settings, seed + 1000 * k, next(parts), score)
-
-
-def _one_by_one(ensemble: Ensemble) -> Iterator[tuple[int, nn.Module]]:
-    """Each member, as the ensemble's only one: the others would hide what it scores."""
-    members = list(ensemble.members)
-    for k, member in enumerate(members):
-        ensemble.members = nn.ModuleList([member])
-        yield k, member
-    ensemble.members = nn.ModuleList(members)
+    for k, member in one_by_one(ensemble):
+        _fit_member(member, examples, settings, member_seed(seed, k), next(parts), score)
 
 
 def _fit_member(
@@ -173,12 +174,7 @@ def _parts(progress: Progress | None, settings: Mean) -> Iterator[Progress | Non
     """Progress of one regression after the other, as parts of all of them."""
     total = regressions(settings) * settings.steps
     for done in range(0, total, settings.steps):
-        yield _after(progress, done, total)
-
-
-def _after(progress: Progress | None, done: int, total: int) -> Progress | None:
-    """Progress of one regression among several."""
-    return progress and (lambda k, _: progress(done + k, total))
+        yield part_of(progress, done, total)
 
 
 def gaussian_transport(source: Tensor, target: Tensor) -> Tensor:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
 
+from wt.nets.mlp import Ensemble
 from wt.train.device import seeded
 
 Loss = Callable[[Tensor, float], Tensor]
@@ -76,10 +77,11 @@ def regress(
     """
     generator = seeded(settings.seed)
     # the schedule gives the rate itself, as a factor of one
-    optimizer = torch.optim.AdamW(net.parameters(), lr=1.0, weight_decay=settings.weight_decay)
+    optimizer = torch.optim.AdamW(
+        net.parameters(), lr=1.0, weight_decay=settings.weight_decay, fused=True
+    )
     schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, settings.rate)
-    best, kept = math.inf, net.state_dict()
-    look_every = max(1, settings.steps // LOOKS)
+    best = BestWeights(net, score, settings.steps)
     net.train()
     for step in range(settings.steps):
         index = torch.randint(rows, (settings.batch,), generator=generator)
@@ -90,10 +92,53 @@ def regress(
         schedule.step()
         if progress and step % 100 == 99:
             progress(step + 1, settings.steps)
-        if score and (step + 1) % look_every == 0:
-            now = score()
-            if now < best:
-                best, kept = now, copy.deepcopy(net.state_dict())
-    if score:
-        net.load_state_dict(kept)
+        best.look(step)
+    best.restore()
     net.eval()
+
+
+class BestWeights:
+    """The weights of a network at the look, of ``LOOKS``, that scored lowest."""
+
+    def __init__(self, net: nn.Module, score: Score | None, steps: int) -> None:
+        """Look at a network while it is trained.
+
+        Args:
+            net: the network.
+            score: what is to be low; None keeps the last weights.
+            steps: of the training.
+        """
+        self._net, self._score, self._every = net, score, max(1, steps // LOOKS)
+        self._best, self._kept = math.inf, net.state_dict()
+
+    def look(self, step: int) -> None:
+        """After a step, by its index; scores when it is time."""
+        if self._score is None or (step + 1) % self._every:
+            return
+        now = self._score()
+        if now < self._best:
+            self._best, self._kept = now, copy.deepcopy(self._net.state_dict())
+
+    def restore(self) -> None:
+        """Go back to the best weights."""
+        if self._score is not None:
+            self._net.load_state_dict(self._kept)
+
+
+def one_by_one(ensemble: Ensemble) -> Iterator[tuple[int, nn.Module]]:
+    """Each member, as the ensemble's only one: the others would hide what it scores."""
+    members = list(ensemble.members)
+    for k, member in enumerate(members):
+        ensemble.members = nn.ModuleList([member])
+        yield k, member
+    ensemble.members = nn.ModuleList(members)
+
+
+def member_seed(seed: int, k: int) -> int:
+    """Seed of an ensemble's member, so that members see other batches."""
+    return seed + 1000 * k
+
+
+def part_of(progress: Progress | None, done: int, total: int) -> Progress | None:
+    """Progress of one regression among several, after ``done`` of ``total`` steps of all."""
+    return progress and (lambda k, _: progress(done + k, total))

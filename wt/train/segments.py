@@ -70,7 +70,9 @@ class Segments:
 
 
 def segment_error(model: WorldModel, segment: TrajectorySegment) -> Tensor:
-    """Mean squared error of the normalised state along segments, each step from the last's outcome.
+    """Squared error of the normalised state along segments, each step from the last's outcome.
+
+    Summed over channels, as the reconstruction that it is added to, and averaged over the rest.
 
     The first step starts from an observation; single-step training has it already, so it is left
     out of the mean.
@@ -90,7 +92,7 @@ def segment_error(model: WorldModel, segment: TrajectorySegment) -> Tensor:
         change = nominal + frame.shift_change(x, nominal) + model.decoder(x, z)
         state = frame.next_states(o, change)
         if k:
-            total = total + (((state - s_next) / frame.change.std) ** 2).mean()
+            total = total + (((state - s_next) / frame.change.std) ** 2).sum(-1).mean()
         if k + 1 < length:
             # what follows the state is known without any prediction
             o = torch.cat([state, segment.o[:, k + 1, n:]], dim=-1)

@@ -90,6 +90,14 @@ class World(Protocol):
         """
         ...
 
+    def answers(self, real: Transitions) -> Float32[np.ndarray, "transition state"]:
+        """S's state channels after each of R's transitions, under what was hidden then.
+
+        What pairs are made of. Nobody has them of a real robot with something hidden, so nothing
+        but the paired ceiling is trained on them.
+        """
+        ...
+
     def pairs(self, split: str, count: int, seed: int) -> Pairs:
         """Paired transitions for a split, ``"validation"`` or ``"test"``, never trained on."""
         ...

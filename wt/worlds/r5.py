@@ -211,10 +211,14 @@ class R5World:
             out[start:stop, 6:] = batch.qvel[:n]
         return out
 
+    def answers(self, real: Transitions) -> Float32[np.ndarray, "transition state"]:
+        """S's answers under the same force; see :class:`World`."""
+        return self.sim_step(real.o, real.a, real.hidden)
+
     def pairs(self, split: str, count: int, seed: int) -> Pairs:
         """R's closed-loop transitions and S's answers under the same force."""
         real = self.collect("real", count, seed)
-        return Pairs(real, self.sim_step(real.o, real.a, real.hidden))
+        return Pairs(real, self.answers(real))
 
     def _episodes(
         self, domain: Domain, arms: int, first: int, rng: np.random.Generator

@@ -202,6 +202,10 @@ class SO101:
         ]
         return np.concatenate([*parts, np.empty((0, 2 * N))]).astype(np.float32)
 
+    def answers(self, real: Transitions) -> Float32[np.ndarray, "transition state"]:
+        """S's answers, nothing being hidden; see :class:`World`."""
+        return real.nominal
+
     def pairs(self, split: str, count: int, seed: int) -> Pairs:
         """Real transitions of held-out motions, each with S's answer from the same state.
 
@@ -217,7 +221,7 @@ class SO101:
         if split not in ("validation", "test"):
             raise ConfigError(f"split {split!r} is not known; it must be 'validation' or 'test'")
         real = self._real(split, count, seed, None)
-        return Pairs(real, real.nominal)
+        return Pairs(real, self.answers(real))
 
     def _real(self, split: str, count: int, seed: int, progress: Progress | None) -> Transitions:
         rng = np.random.default_rng(seed)

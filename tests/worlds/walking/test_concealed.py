@@ -101,6 +101,8 @@ def test_s_goes_along_with_r(alone: WalkingWorld, patched: WalkingWorld) -> None
     inside = np.flatnonzero(np.diff(real.episode) == 0)
     np.testing.assert_allclose(hidden[inside + 1, TRUNK:], after[inside, TRUNK:], atol=1e-5)
     np.testing.assert_allclose(pairs.sim_next, answer, atol=1e-4)
+    # R's unpaired transitions do not say where S's load is: it goes along from rest there, too
+    np.testing.assert_array_equal(patched.answers(patched.collect("real", 400, 4)), pairs.sim_next)
     # R's very ball is not known to it, and yet it explains most of what S alone cannot
     size = real.s_next.std(axis=0)
 

@@ -254,9 +254,15 @@ class WalkingWorld:
         ground = self._ground.height(hidden[:, 0], hidden[:, 1])
         return astray(self._robot, s, hidden, ground)
 
+    def answers(self, real: Transitions) -> Float32[np.ndarray, "transition state"]:
+        """S's answers from the same state; see :class:`World`."""
+        return self._paired(real).sim_next
+
     def pairs(self, split: str, count: int, seed: int) -> Pairs:
         """R's closed-loop transitions and S's answers from the same state; see the module."""
-        real = self.collect("real", count, seed)
+        return self._paired(self.collect("real", count, seed))
+
+    def _paired(self, real: Transitions) -> Pairs:
         if not self._apart:
             return Pairs(real, self.sim_step(real.o, real.a, real.hidden))
         sim_next, hidden = self._followed(real.o, real.a, real.hidden, real.step)
