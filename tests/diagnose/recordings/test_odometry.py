@@ -12,6 +12,7 @@ from wt.diagnose.observed.observer import Observer
 from wt.diagnose.recordings.odometry import located
 from wt.diagnose.recordings.prepare import prepare
 from wt.diagnose.recordings.smooth import smooth
+from wt.diagnose.recordings.stretches import stretches_of
 from wt.diagnose.residual.screen import Screen
 from wt.errors import RecordingError
 from wt.physics import base
@@ -73,6 +74,18 @@ def test_too_little_is_said_to_be(
     known = without_base(whole, *sensors)
     with pytest.raises(RecordingError, match=r"qpos/root/0…6, or a gyro and an accelerometer"):
         prepare(machine, [known], [])
+
+
+def test_replays_are_not_compared_with_what_an_estimator_says(
+    machine: Scene, whole: Recording
+) -> None:
+    known = without_base(whole, *SENSORS)
+    free = [machine.dof(name) for name in base.names("root")]
+    for recording, compared in ((known, False), (whole, True)):
+        fitted = smooth(machine, prepare(machine, [recording], []).fit)
+        for _, measured in stretches_of(fitted, forgets=False):
+            assert np.isfinite(measured[:, free]).any() == compared
+            assert np.isfinite(np.delete(measured, free, axis=1)).all()
 
 
 def test_a_load_is_seen_by_an_imu(machine: Scene) -> None:

@@ -17,7 +17,7 @@ from wt.check.run import check
 from wt.data import recording as recordings
 from wt.diagnose.evidence import Role
 from wt.diagnose.recordings.odometry import located
-from wt.diagnose.recordings.samples import Part, stamps
+from wt.diagnose.recordings.samples import ESTIMATED, Part, stamps
 from wt.diagnose.result import Used
 from wt.errors import RecordingError
 from wt.physics.scene import Scene
@@ -214,10 +214,12 @@ def _check_contents(scene: Scene, recording: Recording) -> None:
 
 def _completed(scene: Scene, recording: Recording) -> Recording:
     """A recording with the pose of every base that floats."""
-    columns = dict(recording.columns)
+    columns, computed = dict(recording.columns), list[str]()
     for joint in scene.free:
-        columns |= located(scene, joint, stamps(recording), columns)
-    return replace(recording, columns=columns)
+        if pose := located(scene, joint, stamps(recording), columns):
+            columns |= pose
+            computed.append(joint)
+    return replace(recording, columns=columns, meta={**recording.meta, ESTIMATED: tuple(computed)})
 
 
 def _swings(scene: Scene, recording: Recording) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -19,6 +19,8 @@ LONG_GAP = 0.15
 """A gap longer than this [s] ends a segment: what happened in it is not known."""
 SHORTEST = 0.5
 """Segments shorter than this [s] are left out."""
+ESTIMATED = "estimated"
+"""Key of a prepared recording's metadata: names of the free joints whose motion was computed."""
 _PARTS = 8  # whole intervals by which their number is searched either way
 
 
@@ -52,6 +54,7 @@ class Samples:
         q: measured positions [rad or m]; NaN where missing.
         v: measured velocities; NaN where missing or not recorded.
         command: commands.
+        estimated: degrees of freedom whose motion was not measured but computed from an IMU.
     """
 
     recording: int
@@ -59,6 +62,14 @@ class Samples:
     q: Float[np.ndarray, "sample dof"]
     v: Float[np.ndarray, "sample dof"]
     command: Float[np.ndarray, "sample actuator"]
+    estimated: tuple[int, ...] = ()
+
+    @property
+    def measured(self) -> Float[np.ndarray, "sample dof"]:
+        """Positions that replays are compared with: NaN too where an estimator says them."""
+        q = self.q.copy()
+        q[:, self.estimated] = np.nan
+        return q
 
     @property
     def dt(self) -> float:
@@ -95,13 +106,20 @@ def samples_of(scene: Scene, parts: Sequence[Part]) -> tuple[Samples, ...]:
         for part_seen in np.split(seen, ends):
             rows = slice(part_seen[0], part_seen[-1] + 1)
             if len(part_seen) >= 12 and t[part_seen[-1]] - t[part_seen[0]] >= SHORTEST:
-                segments.append(Samples(part.index, t[rows], q[rows], v[rows], command[rows]))
+                here = (t[rows], q[rows], v[rows], command[rows])
+                segments.append(Samples(part.index, *here, _estimated(scene, recording)))
     if not segments:
         raise RecordingError(
             f"no stretch of {SHORTEST:g} s without a gap has commands and positions; "
             "record at an even rate, with every actuator's command"
         )
     return tuple(segments)
+
+
+def _estimated(scene: Scene, recording: Recording) -> tuple[int, ...]:
+    joints = recording.meta.get(ESTIMATED, ())
+    assert isinstance(joints, tuple)
+    return tuple(scene.dof(name) for joint in joints for name in base.names(joint))
 
 
 def finer(s: Samples, count: int) -> Samples:
@@ -112,7 +130,7 @@ def finer(s: Samples, count: int) -> Samples:
     way = Akima1DInterpolator(s.t, s.command, axis=0, method="makima")
     q, v = (np.full((len(rows), x.shape[1]), np.nan) for x in (s.q, s.v))
     q[::count], v[::count] = s.q, s.v
-    return Samples(s.recording, t, q, v, way(t))
+    return replace(s, t=t, q=q, v=v, command=way(t))
 
 
 def _table(

@@ -76,7 +76,7 @@ def resmooth(smoothed: Smoothed, rng: np.random.Generator) -> Motion:
         noisy_q = q + smoothed.noise * rng.standard_normal(q.shape)
         noisy_v = v + np.nan_to_num(smoothed.noise_v) * rng.standard_normal(v.shape)
         noisy_q[np.isnan(s.q)], noisy_v[np.isnan(s.v)] = np.nan, np.nan
-        renewed.append(Samples(s.recording, s.t, noisy_q, noisy_v, s.command))
+        renewed.append(replace(s, q=noisy_q, v=noisy_v))
     nv = smoothed.noise.size
     chosen = [
         [_fit(s, j, spacing[j], smoothed.noise[j], smoothed.noise_v[j]) for j in range(nv)]

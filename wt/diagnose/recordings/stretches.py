@@ -79,7 +79,7 @@ def stretches_of(
     for i, first, last in blocks:
         later = ready[i][(ready[i] >= first) & (ready[i] <= (first + last) // 2)]
         rows = slice(int(later[0]) if len(later) else first, last)
-        pieces.append((cut(smoothed, i, rows), smoothed.samples[i].q[rows]))
+        pieces.append((cut(smoothed, i, rows), smoothed.samples[i].measured[rows]))
     return pieces
 
 
