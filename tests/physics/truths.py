@@ -132,6 +132,20 @@ TRUTHS = [
         fits=0.06,
         replays=0.1,
     ),
+    Truth(  # in the place of friction that the model has the same both ways
+        "joint.friction_directional",
+        _at("joint", "j1"),
+        (0.5, 0.9, 0.2, 0.6),
+        ARM,
+        hook=push(directed),
+        model=joint(
+            'damping="0.4" frictionloss="0.7" solreffriction="0.002 1" '
+            'solimpfriction="0.999 0.9999 0.001 0.5 2"'
+        ),
+        shape=(0.7, 0.4),
+        fits=0.06,
+        replays=0.1,
+    ),
     Truth("pair.crosstalk", _at("pair", "j1+j2"), (-0.2,), hook=lambda: leaking()),
     Truth("pair.spring", _at("pair", "j1+j2"), (6.0, -0.8, 0.3), hook=belted, shape=(-0.8,)),
     Truth("world.gravity_compensation", _at("body", "all"), (0.7,), hook=carried),
