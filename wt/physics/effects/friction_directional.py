@@ -54,6 +54,8 @@ class FrictionDirectional(FromRecordings, OnSteps):
     native = False
     signed = (1, 1, 1, 1)
     read_off = 2
+    looks_like = ("dry friction",)
+    odds_against = 4.0
     plotted_over = "velocity"
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
