@@ -37,6 +37,8 @@ ALSO_RIGHT = {"body.payload_fixed": ("body.mass", "body.com")}
 """Where a load sits on a link's own line, more mass there says the same of its motion."""
 AXES = ("0 1 0", "0 1 0", "1 0 0")
 KP, KV = (90.0, 60.0, 30.0), (5.0, 3.0, 1.5)
+ROTORS = (0.15, 0.05, 0.01)
+"""Inertia of rotors [kg·m²]: about half of what each joint moves, as behind a gear."""
 MASS, LENGTH = (1.2, 0.8, 0.5), (0.4, 0.3, 0.25)
 DELAY_S = 0.03
 
@@ -90,7 +92,7 @@ def mjcf(made: Toy, hidden: bool) -> str:
     bodies = ""
     for i in range(made.joints):
         extra = ' frictionloss=".5"' if here("joint.friction_coulomb", i) else ""
-        extra += ' armature=".03"' if here("joint.armature", i) else ""
+        extra += f' armature="{ROTORS[i]}"' if here("joint.armature", i) else ""
         extra += ' stiffness="4" springref=".3"' if here("joint.stiffness", i) else ""
         damping = 0.7 if here("joint.friction_viscous", i) else 0.1
         load = f'<geom type="sphere" size=".03" pos=".02 0 {-LENGTH[i]}" mass=".5"/>'

@@ -68,6 +68,19 @@ def test_warnings_are_back_after_an_error() -> None:
     assert LOG.exists()
 
 
+@pytest.mark.parametrize(
+    ("name", "theta"),
+    [("delay", 0.01), ("offset", 0.1), ("scale", 1.1), ("quantization", 0.01)],
+)
+def test_no_sensor_makes_something_of_an_explosion(name: str, theta: float, tmp_path: Path) -> None:
+    t, held = commands(0.1)
+    gain = Planted(effects()["actuator.gain"], Location("actuator", "m1"), np.array([-1e7]))
+    sensor = Planted(effects()[f"sensor.{name}"], Location("joint", "j1"), np.array([theta]))
+    stretch = Stretch(0, t, held, np.zeros(3), np.zeros(3))
+    replay = Replayer(scene(tmp_path, ARM), [stretch]).run([[gain, sensor], [sensor]])
+    assert np.isnan(replay.q[0]).all() and np.isfinite(replay.q[1]).all()
+
+
 def test_a_replay_that_explodes_is_silent(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

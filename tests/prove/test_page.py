@@ -36,7 +36,8 @@ def result(name: str, kind: str, said: str = "", false: int = 0, **rest: object)
 
     data = {
         "id": f"case-{name}", "name": name, "kind": kind, "rig": "arm", "level": "", "decoy": "",
-        "truth": truth if hidden else [], "noise_rms": 1e-3, "before_rmse": 0.02,
+        "truth": truth if hidden else [], "noise_rms": 1e-3, "published_rmse": None,
+        "known": "", "before_rmse": 0.02,
         "after_rmse": {US: 0.002, THEM: 0.02},
         "said": {US: answer(said, false), THEM: answer(DRY, 0)},
     } | rest  # fmt: skip
@@ -50,7 +51,7 @@ RESULTS = [
     result("magnet", "outsider", "unknown"),
     result("alarm", "null", false=1),
     result("decoy", "null", decoy="tight_servo"),
-    result("<b>arm</b>", "real"),
+    result("<b>arm</b>", "real", rig="<b>arm</b>", published_rmse=0.001, known="it is <dry>"),
 ]
 
 

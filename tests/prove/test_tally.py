@@ -42,6 +42,8 @@ def result(
         ),
         visibility=tuple(size for _, size in hidden),
         noise_rms=0.05,
+        published_rmse=math.nan,
+        known="",
         before_rmse=0.2,
         contenders={WHO: ContenderResult(60.0, error, findings, marks)},
         after_rmse={WHO: after},

@@ -205,8 +205,9 @@ def _simulate(jobs: Sequence[_Job], threads: int) -> list[Outputs]:
             _record(results[row], path[row], at, start, np.inf if stop == steps else stop)
     exploded = batch.warning[:, :, 1].any(axis=1)
     for row, job in enumerate(jobs):
-        if exploded[row]:
+        if exploded[row]:  # there is nothing that a sensor could make of it
             results[row].q[:], results[row].v[:] = np.nan, np.nan
+            continue
         for p in job.hypothesis:
             p.sense(results[row], job.scene)
     return results

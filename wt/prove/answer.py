@@ -33,6 +33,9 @@ class Answer:
         decoy: feature of a null that tempts to a false claim.
         level: size in a word.
         noise_rms: joint → rms noise of recorded positions [rad], where it is known.
+        published_rmse: of a real machine the held-out error of what its laboratory fitted [rad or
+            m]; NaN where there is none.
+        known: what others have established about it.
     """
 
     name: str
@@ -44,6 +47,8 @@ class Answer:
     decoy: str = ""
     level: str = ""
     noise_rms: Mapping[str, float] = field(default_factory=dict)
+    published_rmse: float = math.nan
+    known: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """As it is sealed."""
@@ -63,6 +68,8 @@ class Answer:
                 for effect, kind, name in self.excused
             ],
             "noise_rms": dict(self.noise_rms),
+            "published_rmse": None if math.isnan(self.published_rmse) else self.published_rmse,
+            "known": self.known,
         }
 
 
@@ -112,6 +119,8 @@ def _read(data: Any, name: str) -> Answer:  # noqa: ANN401 – JSON of others
         decoy=str(data.get("decoy") or ""),
         level=str(data.get("level") or ""),
         noise_rms={str(k): float(v) for k, v in (data.get("noise_rms") or {}).items()},
+        published_rmse=math.nan if (p := data.get("published_rmse")) is None else float(p),
+        known=str(data.get("known") or ""),
     )
 
 

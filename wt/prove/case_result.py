@@ -19,7 +19,7 @@ class ContenderResult:
     Attributes:
         seconds: wall-clock time of its diagnosis [s].
         error: one line; "" if a diagnosis was written.
-        findings: its claims, each with ``effect`` and ``at``.
+        findings: its claims, each with ``effect``, ``at`` and ``parameters`` if it has any.
         marks: the claims compared with the hidden effects.
     """
 
@@ -64,6 +64,8 @@ class CaseResult:
         visibility: for each of them the rms change it makes in the recordings over their noise;
             None where that is not known.
         noise_rms: rms noise of recorded positions over all joints [rad]; None where not known.
+        published_rmse: error of what a real machine's laboratory fitted, likewise; NaN if nothing.
+        known: what others have established about a real machine.
         before_rmse: error of the given model on held-out recordings [rad or m].
         contenders: contender → its result; ``said`` in JSON.
         after_rmse: contender → error of its patched model on held-out recordings [rad or m].
@@ -78,6 +80,8 @@ class CaseResult:
     truth: tuple[HiddenEffect, ...]
     visibility: tuple[float | None, ...]
     noise_rms: float | None
+    published_rmse: float
+    known: str
     before_rmse: float
     contenders: Mapping[str, ContenderResult]
     after_rmse: Mapping[str, float]
@@ -99,6 +103,8 @@ class CaseResult:
                 "level": self.level,
                 "truth": [effect_to_json(effect, visibility) for effect, visibility in effects],
                 "noise_rms": self.noise_rms,
+                "published_rmse": self.published_rmse,
+                "known": self.known,
                 "before_rmse": self.before_rmse,
                 "said": {who: result.to_json() for who, result in self.contenders.items()},
                 "after_rmse": dict(self.after_rmse),
@@ -115,6 +121,8 @@ class CaseResult:
             truth=tuple(effect_from_json(effect) for effect in data["truth"]),
             visibility=tuple(effect["visibility"] for effect in data["truth"]),
             noise_rms=data["noise_rms"],
+            published_rmse=or_nan(data["published_rmse"]),
+            known=data["known"],
             before_rmse=or_nan(data["before_rmse"]),
             contenders={who: ContenderResult.from_json(entry) for who, entry in entries.items()},
             after_rmse={who: or_nan(rmse) for who, rmse in data["after_rmse"].items()},

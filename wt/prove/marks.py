@@ -17,6 +17,8 @@ from wt.prove.blind import RAN, inputs
 from wt.prove.case_result import CaseResult, ContenderResult
 from wt.prove.score import mark
 
+_SAID = ("effect", "at", "parameters")  # of a finding that a trial keeps
+
 
 @quiet()  # bad models explode, and their error says it
 def mark_case(case: Path, name: str, answer: Answer, folders: Mapping[str, Path]) -> CaseResult:
@@ -42,6 +44,8 @@ def mark_case(case: Path, name: str, answer: Answer, folders: Mapping[str, Path]
         truth=answer.truth,
         visibility=tuple(v if math.isfinite(v) else None for v in answer.visibility),
         noise_rms=noise if math.isfinite(noise) else None,
+        published_rmse=answer.published_rmse,
+        known=answer.known,
         before_rmse=before,
         contenders={who: _result(folder, answer, names) for who, folder in folders.items()},
         after_rmse={who: _after(folder, recordings, before) for who, folder in folders.items()},
@@ -55,7 +59,7 @@ def _result(folder: Path, answer: Answer, names: machine.Machine) -> ContenderRe
     return ContenderResult(
         seconds=float(ran["seconds"]),
         error=ran["error"],
-        findings=tuple({"effect": f["effect"], "at": f["at"]} for f in diagnosis["findings"]),
+        findings=tuple({key: f[key] for key in _SAID if key in f} for f in diagnosis["findings"]),
         marks=mark(diagnosis, answer.truth, names, answer.excused),
     )
 

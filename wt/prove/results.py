@@ -93,10 +93,13 @@ def _machine(case: CaseResult) -> Results:
     errors: Results = finite(
         {
             "name": case.rig,
+            "published_rmse": case.published_rmse,
+            "known": case.known,
             "before_rmse": case.before_rmse,
             "after_rmse": case.after_rmse,
             "repeat_rmse": case.noise_rms,
             "findings": {who: result.findings for who, result in case.contenders.items()},
+            "seconds": {who: result.seconds for who, result in case.contenders.items()},
         }
     )
     return errors
@@ -158,11 +161,14 @@ def machines(results: Results) -> Table | None:
     if not results["machines"]:
         return None
     shown = Table(box=None, pad_edge=False, header_style="bold")
-    shown.add_column("held-out error, mrad", no_wrap=True)
-    for head in ("given", *(map(title, results["scores"])), "floor"):
+    shown.add_column("held-out error, mrad or mm", no_wrap=True)
+    for head in ("published", "given", *(map(title, results["scores"])), "floor"):
         shown.add_column(head, justify="right", no_wrap=True)
     for machine in results["machines"]:
-        errors = (machine["before_rmse"], *machine["after_rmse"].values(), machine["repeat_rmse"])
+        errors = (
+            machine["published_rmse"], machine["before_rmse"], *machine["after_rmse"].values(),
+            machine["repeat_rmse"],
+        )  # fmt: skip
         shown.add_row(machine["name"], *("–" if e is None else f"{1e3 * e:.1f}" for e in errors))
     return shown
 

@@ -55,6 +55,14 @@ def test_what_is_there_passes_and_what_is_not_does_not(tmp_path: Path, recording
     assert imagined.share < 0.3 * THRESHOLDS.in_turn_share
 
 
+def test_too_few_blocks_to_be_sure_decide_nothing() -> None:
+    """Of seven blocks the rank test is below .01 only if each of them gains."""
+    all_but_the_least = Gain(0.99, 2 * 0.5**7, least_p=0.5**7)
+    assert all_but_the_least.undecided
+    assert not Gain(0.99, 0.5**7, least_p=0.5**7).undecided
+    assert not Gain(0.3, 0.05, least_p=0.5**24).undecided
+
+
 def test_a_single_effect_is_compared_with_none(tmp_path: Path) -> None:
     some = objective(tmp_path, 2)
     now = some.reference((ROTOR,))

@@ -162,3 +162,14 @@ def _number(value: object, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise DataError(f"map {where} is {value!r}; it must be a number")
     return float(value)
+
+
+def refuse_unknown_keys(mapping: Map, allowed: set[str]) -> None:
+    """Refuse keys of a map that the importer does not know.
+
+    Raises:
+        DataError: naming the key and the nearest allowed one.
+    """
+    for key in mapping:
+        if key not in allowed:
+            raise DataError(f"map key {key!r} is not known: {suggest(str(key), allowed)}")

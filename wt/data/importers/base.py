@@ -18,8 +18,8 @@ from typing import ClassVar, Protocol, runtime_checkable
 import yaml
 
 from wt.data.importers import _checks, _mapping
-from wt.data.importers._mapping import Map
-from wt.errors import DataError, suggest
+from wt.data.importers._mapping import Map, refuse_unknown_keys
+from wt.errors import DataError
 from wt.types import Recording
 
 
@@ -148,14 +148,3 @@ def read_map(path: str | Path) -> Map:
     if not isinstance(content, Mapping):
         raise DataError(f"map '{path}' holds {type(content).__name__}; it must be 'key: value'")
     return content
-
-
-def refuse_unknown_keys(mapping: Map, allowed: set[str]) -> None:
-    """Refuse keys of a map that the importer does not know.
-
-    Raises:
-        DataError: naming the key and the nearest allowed one.
-    """
-    for key in mapping:
-        if key not in allowed:
-            raise DataError(f"map key {key!r} is not known: {suggest(str(key), allowed)}")

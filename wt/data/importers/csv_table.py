@@ -19,7 +19,8 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float64
 
-from wt.data.importers.base import Map, refuse_unknown_keys, register
+from wt.data.importers._mapping import Map, refuse_unknown_keys
+from wt.data.importers.base import register
 from wt.errors import DataError, suggest
 from wt.types import Recording
 

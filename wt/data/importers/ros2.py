@@ -34,7 +34,8 @@ import numpy as np
 
 from wt.data.importers import _ros_messages as ros
 from wt.data.importers._clock import Stream, held, interpolated
-from wt.data.importers.base import Map, refuse_unknown_keys, register
+from wt.data.importers._mapping import Map, refuse_unknown_keys
+from wt.data.importers.base import register
 from wt.errors import DataError, suggest
 from wt.types import Recording
 

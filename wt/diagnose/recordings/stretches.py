@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from wt.diagnose.recordings.samples import Samples
 from wt.diagnose.recordings.smooth import Smoothed
@@ -22,6 +22,8 @@ legs: what feet do to each other's forces soon makes two replays of the same wal
 _TEST_S, _SHOVE, _FORGOTTEN = 1.5, 0.02, 0.3
 _LOOSE = 4.0
 """Knots at a segment's ends where the slope of a curve is not to be trusted over a long stretch."""
+_JUMP, _LEAST = 10.0, 0.05
+"""A command jumps by so many times its usual change, and such a share of its range."""
 _AROUND, _MISFIT = 9, 2.0
 """Samples around a start, and how much noise the curve may miss the measured positions by there."""
 
@@ -103,10 +105,22 @@ def _telling(smoothed: Smoothed, taken: list[SampleRange], count: int) -> list[S
 def _ready(smoothed: Smoothed, index: int, forgets: bool) -> Int[np.ndarray, " start"]:
     """Samples of a segment that a stretch may begin with."""
     s, (q, _, _) = smoothed.samples[index], smoothed.at_samples[index]
-    ready = np.flatnonzero(_known(s.q - q, smoothed.noise))
     n = smoothed.commands
+    knot = max(smoothed.spacing[index]) * n
+    ready = np.flatnonzero(_known(s.q - q, smoothed.noise) & ~_jolted(s.command, knot))
     # at its very ends a curve's slope is loose; windows can hardly spare more, but may adapt
-    return ready[ready >= (_LOOSE if forgets else 1.0) * max(smoothed.spacing[index]) * n]
+    return ready[ready >= (_LOOSE if forgets else 1.0) * knot]
+
+
+def _jolted(
+    command: Float[np.ndarray, "sample actuator"], knot: float
+) -> Bool[np.ndarray, " sample"]:
+    """Samples within a knot of a jump of a command: the curve's velocity turns too early there."""
+    change = np.abs(np.diff(command, axis=0, prepend=command[:1]))
+    jump = (
+        change > _JUMP * np.median(change, axis=0) + 1e-12 + _LEAST * np.ptp(command, axis=0)
+    ).any(axis=1)
+    return np.asarray(maximum_filter1d(jump, 2 * int(np.ceil(knot)) + 1, mode="constant"))
 
 
 def _known(

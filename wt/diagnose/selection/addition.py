@@ -25,6 +25,9 @@ from wt.types import Location
 
 _STARTS, _PROMISING, _FINALISTS = 20, 8, 4
 """How many hypotheses of a round get one step, two more steps, and all effects refined."""
+_FAR, _NEAR = 1.0, 0.5
+"""Finalists are settled where a tolerance moves by so many deviations, if they are worth so much of
+the best."""
 _EACH = 2
 """… and so many at each joint get the two more steps, and their chance beside the best."""
 _STARTED = 5
@@ -112,8 +115,24 @@ def _finished(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> 
     fits = _by_worth(objective, fits, now)
     finalists = [f.hypothesis for f in fits[:_FINALISTS]]
     all_free = [range(len(h)) for h in finalists]
-    best = refine(objective, finalists, all_free, iterations=4)
+    best = _by_worth(objective, refine(objective, finalists, all_free, iterations=4), now)
+    if not objective.scene.free:
+        best = [_settled(objective, f, best[0], now) for f in best]
     return _by_worth(objective, [*best, *fits[_FINALISTS:]], now)
+
+
+def _settled(objective: Objective, fit: Assessed, best: Assessed, now: Assessed) -> Assessed:
+    """A fit with tolerances as they adapt around itself, if they adapt far and it is near the best.
+
+    They are linear around the present hypothesis: where a sensor is quiet, what is linear there
+    lets a law seem to leave several times what it does, and one that bends to the error gets ahead.
+    """
+    far = np.abs(fit.tolerances - now.tolerances).max(initial=0.0) > _FAR
+    if not far or worth(objective, fit, now) < _NEAR * worth(objective, best, now):
+        return fit
+    again = objective.reference(fit.hypothesis, fit.tolerances)
+    (again,) = refine(objective, [again.hypothesis], [range(len(again.hypothesis))], iterations=2)
+    return max(fit, again, key=lambda a: a.loglik)
 
 
 def _by_worth(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> list[Assessed]:

@@ -42,6 +42,8 @@ _TOUCHED = 1e-3
 """A block whose error changes by less than this share of the largest change is not touched."""
 _WHOLE, _SELDOM = 0.99, 0.25
 """What makes up so much of a change in fewer than this share of the blocks shows seldom."""
+_ALL_BUT_FEW = 8
+"""Ways to be no less extreme, of 2ⁿ signs of n ranks, if the least three may have either sign."""
 RAN_AWAY = 1.0
 """Error that a replay counts with after it exploded [rad or m]."""
 _RESAMPLES = 1000
@@ -195,8 +197,11 @@ class Gain:
 
     @property
     def undecided(self) -> bool:
-        """True if the data cannot tell: they are mute, or too few of them show the gain."""
-        few = self.least_p > THRESHOLDS.significant and self.share > 0.0
+        """True if the data cannot tell: they are mute, or too few of them show the gain.
+
+        Few are blocks of which a rank test is significant only if all, or all but the least, gain.
+        """
+        few = self.least_p > THRESHOLDS.significant / _ALL_BUT_FEW and self.share > 0.0
         return self.p_value > THRESHOLDS.significant and (few or self.potential < THRESHOLDS.mute)
 
 

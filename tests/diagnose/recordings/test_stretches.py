@@ -1,0 +1,71 @@
+"""Windows begin where the smooth curve is the motion: not in a jolt of the commands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from wt.diagnose.recordings.samples import Part
+from wt.diagnose.recordings.smooth import resmooth, smooth
+from wt.diagnose.recordings.stretches import WINDOW_S, stretches_of
+from wt.physics.scene import Scene
+from wt.types import Recording
+
+CHAIN = """\
+<mujoco><compiler angle="radian"/><option timestep="0.0005" integrator="implicitfast"/>
+<worldbody><body><joint name="j1" axis="0 1 0" damping=".1"/>
+<geom type="capsule" fromto="0 0 0 0 0 -.3" size=".03" mass=".8"/>
+<body pos="0 0 -.3"><joint name="j2" axis="1 0 0" damping=".1"/>
+<geom type="capsule" fromto="0 0 0 0 0 -.25" size=".03" mass=".5"/></body></body></worldbody>
+<actuator><motor name="a1" joint="j1"/><motor name="a2" joint="j2"/></actuator></mujoco>
+"""
+STIFF, DAMPED = np.array([30.0, 15.0]), np.array([1.5, 0.75])
+RATE, EVERY, NOISE, SECONDS = 100, 20, 1e-3, 12.0
+
+
+def steps() -> tuple[Recording, np.ndarray]:
+    """A torque loop around steps of its goal that fall on starts of windows, and its true speed."""
+    model = mujoco.MjModel.from_xml_string(CHAIN)
+    data, rng = mujoco.MjData(model), np.random.default_rng(0)
+    t = np.arange(int(SECONDS * RATE)) / RATE
+    goal = 0.3 * np.sin(t[:, None] * [1.7, 2.3]) + 0.3 * (np.floor(t / 1.0) % 2)[:, None]
+    q, v, u = (np.zeros((len(t), 2)) for _ in range(3))
+    for k in range(len(t)):
+        q[k], v[k] = data.qpos, data.qvel
+        u[k] = STIFF * (goal[k] - q[k]) - DAMPED * v[k]
+        data.ctrl[:] = u[k]
+        mujoco.mj_step(model, data, EVERY)
+    noisy = q + NOISE * rng.standard_normal(q.shape)
+    columns = {f"qpos/j{i + 1}": noisy[:, i] for i in range(2)}
+    return Recording(t, columns | {f"ctrl/a{i + 1}": u[:, i] for i in range(2)}), v
+
+
+def test_they_begin_on_the_true_motion(tmp_path: Path) -> None:
+    recording, true = steps()
+    path = tmp_path / "chain.xml"
+    path.write_text(CHAIN)
+    smoothed = smooth(Scene(path), [Part(recording, 0)])
+    again = resmooth(smoothed, np.random.default_rng(0))
+    uncertain = np.std(again.v - smoothed.motion.v, axis=0)
+    windows = [s for s, _ in stretches_of(smoothed, forgets=False)]
+    assert len(windows) > 0.8 * SECONDS / WINDOW_S
+    off = [np.abs(s.v0 - true[round(s.t[0] * RATE)]) / uncertain for s in windows]
+    assert np.max(off) < 6.0
+    jumps, knot = np.arange(1.0, SECONDS), max(smoothed.spacing[0]) / RATE
+    assert min(np.abs(jumps - s.t[0]).min() for s in windows) >= knot
+    # most of each window is kept
+    assert np.median([s.t[-1] - s.t[0] for s in windows]) > 0.8 * WINDOW_S
+
+
+def test_commands_that_change_all_the_time_hold_nothing_back(tmp_path: Path) -> None:
+    recording, _ = steps()
+    rng = np.random.default_rng(1)
+    busy = recording.columns["ctrl/a1"] + rng.standard_normal(len(recording.t))
+    path = tmp_path / "chain.xml"
+    path.write_text(CHAIN)
+    columns = recording.columns | {"ctrl/a1": busy, "ctrl/a2": busy}
+    smoothed = smooth(Scene(path), [Part(Recording(recording.t, columns), 0)])
+    windows = [s for s, _ in stretches_of(smoothed, forgets=False)]
+    assert np.median([s.t[-1] - s.t[0] for s in windows]) > 0.95 * (WINDOW_S - 1.0 / RATE)
