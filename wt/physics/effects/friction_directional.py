@@ -24,8 +24,7 @@ from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _APART = 0.1
-"""Difference of the two directions, as a share of their friction, that is more than an error; and
-the dry or viscous part, as a share of all friction, that counts."""
+"""Difference of the two directions, as a share of their friction, that is more than an error."""
 _SLOW = 0.1
 """Share of the usual speed below which a joint sticks as much as it slides."""
 
@@ -64,7 +63,7 @@ class FrictionDirectional(FromRecordings, OnSteps):
         if _apart(braking, speed):
             return [()]
         own = _own(motion.scene, at)
-        return [own] if any(own) and _apart(braking + np.repeat(own, 2), speed) else []
+        return [own] if _astride(braking + np.repeat(own, 2), own, speed) else []
 
     def shaped(self, shape: Shape) -> Effect:
         """The whole friction of a joint, where the model has some of its own."""
@@ -133,6 +132,12 @@ class _Whole(FrictionDirectional):
     excludes = ("joint.friction_coulomb", "joint.friction_viscous")
     settles = ("joint.friction_viscous",)
 
+    def plausible(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> bool:
+        """Refuse what could be added to the model, or is its own, a little more or less of it."""
+        return _astride(theta, _own(motion.scene, at), _speed(motion, at))
+
     def cleared(self, spec: mujoco.MjSpec, at: Location) -> None:
         """Without ``frictionloss``, and without the linear part of ``damping``."""
         spec.joint(at.name).frictionloss = 0.0
@@ -193,9 +198,19 @@ def _speed(motion: Motion, at: Location) -> float:
 
 
 def _apart(theta: Float[np.ndarray, " 4"], speed: float) -> bool:
-    """Tell whether both directions are braked, and not alike: dry, by speed, or in all."""
+    """Tell whether both directions are braked, and not alike, at rest or at a usual speed."""
     dry, wet = theta[:2], speed * theta[2:]
     braking = dry + wet
-    sums = [(abs(f - b), f + b) for f, b in (dry, wet, braking)]
-    apart = [d > _APART * both for d, both in sums if both > _APART * braking.sum()]
-    return bool(braking.min() > 0.0 and any(apart))
+    apart = max(abs(dry[0] - dry[1]), abs(wet[0] - wet[1]), abs(braking[0] - braking[1]))
+    return bool(braking.min() > 0.0 and apart > _APART * braking.sum())
+
+
+def _astride(theta: Float[np.ndarray, " 4"], own: tuple[float, float], speed: float) -> bool:
+    """Tell whether a model brakes too much one way and too little the other, dry or by speed.
+
+    By more than what is added to it, or an error of its friction both ways, could say.
+    """
+    if (theta[:2] + speed * theta[2:]).min() <= 0.0:
+        return False
+    parts = zip(np.split(theta, 2), own, strict=True)
+    return any(min(x) < known < max(x) and np.ptp(x) > _APART * np.sum(x) for x, known in parts)
