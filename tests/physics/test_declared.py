@@ -14,7 +14,7 @@ from wt.physics.hooks import Tolerated
 ALIKE = (
     (
         "joint.friction_coulomb", "joint.friction_directional", "joint.friction_load",
-        "joint.friction_stribeck",
+        "joint.friction_position", "joint.friction_stribeck",
     ),
     ("joint.friction_viscous", "joint.friction_quadratic", "joint.friction_stribeck"),
     ("actuator.delay", "actuator.lag", "sensor.delay"),
