@@ -54,6 +54,10 @@ def directed(d: mujoco.MjData) -> float:
     return -smooth_sign(v) * (0.5 + 0.2 * v if v > 0.0 else 0.9 - 0.6 * v)
 
 
+def along(d: mujoco.MjData) -> float:
+    return -smooth_sign(d.qvel[1]) * 0.8 * (1.0 + 0.6 * np.sin(4.0 * d.qpos[1] + 0.5))
+
+
 def leaking() -> Hook:
     """A fifth of the force of drive m1 acts on j2, too, the other way round."""
 

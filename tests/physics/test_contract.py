@@ -60,6 +60,12 @@ TABLE = {
         ("viscous_forward", "N·m·s/rad"),
         ("viscous_backward", "N·m·s/rad"),
     ],
+    "joint.friction_position": [
+        ("coulomb", "N·m"),
+        ("depth", "-"),
+        ("wavelength", "rad"),
+        ("phase", "rad"),
+    ],
     "joint.force_intermittent": [("torque", "N·m")],
     "pair.crosstalk": [("fraction", "-")],
     "pair.spring": [("stiffness", "N·m/rad"), ("ratio", "-"), ("reference", "rad")],

@@ -12,7 +12,10 @@ from wt.physics.hooks import Tolerated
 
 # Effects that look alike: any two of a group.
 ALIKE = (
-    ("joint.friction_coulomb", "joint.friction_stribeck", "joint.friction_load"),
+    (
+        "joint.friction_coulomb", "joint.friction_directional", "joint.friction_load",
+        "joint.friction_position", "joint.friction_stribeck",
+    ),
     ("joint.friction_viscous", "joint.friction_quadratic", "joint.friction_stribeck"),
     ("actuator.delay", "actuator.lag", "sensor.delay"),
     ("actuator.gain", "actuator.deadband", "actuator.fade", "actuator.saturation"),
@@ -21,7 +24,7 @@ ALIKE = (
     ("joint.armature", "body.inertia"),
     ("body.force", "body.tether"),
     ("body.mass", "body.com", "body.payload_fixed", "body.payload_moving"),
-)
+)  # fmt: skip
 ALWAYS = {
     "joint.friction_coulomb",
     "joint.friction_viscous",

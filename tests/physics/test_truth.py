@@ -61,7 +61,7 @@ def check_signature(truth: Truth, folder: Path) -> None:
     assert left < truth.leaves
     if truth.shape == truth.theta:
         assert found == pytest.approx(1.0, rel=truth.fits)
-    for sign, value in zip(effect.signed, found, strict=False):
+    for sign, value in zip(shaped(effect, shape).signed, found, strict=False):
         assert sign * value >= 0.0
 
 

@@ -20,6 +20,7 @@ from tests.physics.laws import (
     LINK_ONLY,
     M1,
     TILT,
+    along,
     belted,
     carried,
     carrying,
@@ -129,6 +130,29 @@ TRUTHS = [
         _at("joint", "j1"),
         (0.5, 0.9, 0.2, 0.6),
         hook=push(directed),
+        fits=0.06,
+        replays=0.1,
+    ),
+    Truth(  # in the place of friction that the model has the same both ways
+        "joint.friction_directional",
+        _at("joint", "j1"),
+        (0.5, 0.9, 0.2, 0.6),
+        ARM,
+        hook=push(directed),
+        model=joint(
+            'damping="0.4" frictionloss="0.7" solreffriction="0.002 1" '
+            'solimpfriction="0.999 0.9999 0.001 0.5 2"'
+        ),
+        shape=(0.7, 0.4),
+        fits=0.06,
+        replays=0.1,
+    ),
+    Truth(
+        "joint.friction_position",
+        _at("joint", "j1"),
+        (0.8, 0.6, np.pi / 2.0, 0.5),
+        hook=push(along),
+        shape=(np.pi / 2.0,),
         fits=0.06,
         replays=0.1,
     ),

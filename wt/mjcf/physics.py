@@ -18,6 +18,7 @@ import mujoco
 import numpy as np
 
 from wt.mjcf import template
+from wt.physics.hooks import InReplay
 from wt.physics.planted import Hypothesis, Planted
 from wt.physics.scene import Scene
 from wt.physics.script import WIDTH, Helper, Script, number
@@ -117,6 +118,8 @@ def _restored(scene: Scene, hypothesis: Hypothesis) -> list[str]:
         p.effect.patch(patched, p.at, p.theta)
         if not _acts(p):
             p.effect.patch(without, p.at, p.theta)
+        elif isinstance(p.effect, InReplay):
+            p.effect.cleared(without, p.at)
     lines = list(_differences(patched.compile(), without.compile()))
     why = "# for these model.xml has the nearest that MJCF can say, which would now act twice"
     return [why, *lines] if lines else []

@@ -24,6 +24,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+import mujoco
 import numpy as np
 from jaxtyping import Float
 
@@ -212,6 +213,9 @@ class Stateful(Effect):
 
 class InReplay(Effect):
     """An effect that a replay brings about by itself, without the patch: the user's stand-in."""
+
+    def cleared(self, spec: mujoco.MjSpec, at: Location) -> None:
+        """Take out of a replay's MJCF, in place, what the effect acts instead of."""
 
 
 class OnInputs(InReplay):

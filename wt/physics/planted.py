@@ -119,7 +119,9 @@ class Planted:
 
     def model(self, spec: mujoco.MjSpec) -> None:
         """Write into a replay's MJCF what the replay itself does not bring about, in place."""
-        if not isinstance(self.effect, InReplay):
+        if isinstance(self.effect, InReplay):
+            self.effect.cleared(spec, self.at)
+        else:
             self.effect.patch(spec, self.at, self.theta)
 
     def followers(self) -> Mapping[str, str]:

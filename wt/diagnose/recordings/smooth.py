@@ -28,6 +28,9 @@ AtSamples = tuple[
 DEGREE = 5
 _KNOTS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0)  # samples between knots that are tried
 _COARSEST = 0.05  # s between knots: slower than any motion that matters
+_FINEST = 3e-3
+"""Even grids are no finer [s]: forces at 1 kHz say no more than at a third of the rate, and the
+screen takes thrice the time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +39,7 @@ class Smoothed:
 
     Attributes:
         samples: the measured segments.
-        motion: the smooth motion on an even grid, segment by segment.
+        motion: the smooth motion on an even grid, segment by segment, no finer than 3 ms.
         at_samples: per segment, smooth (q, v, a) at the measured time stamps.
         noise: standard deviation of a position sample [rad or m].
         noise_v: of a velocity sample; NaN where none was recorded.
@@ -202,13 +205,17 @@ def _assemble(
     parts, segments, at_samples, start = [], [], [], 0
     for s, curves in zip(samples, chosen, strict=True):
         splines = [c.spline for c in curves]
-        count = int((s.t[-1] - s.t[0]) / s.dt + 1e-6) + 1
-        grid = s.t[0] + s.dt * np.arange(count)
-        # the command in force at a grid point is the last one sent
-        last = np.clip(np.searchsorted(s.t, grid + 1e-6 * s.dt, side="right") - 1, 0, len(s.t) - 1)
+        every = max(1, int(_FINEST / s.dt + 1e-6))
+        dt = every * s.dt
+        count = int((s.t[-1] - s.t[0]) / dt + 1e-6) + 1
+        fine = s.t[0] + s.dt * np.arange(count * every)
+        # the command in force is the last one sent; until the next grid point, their mean
+        last = np.clip(np.searchsorted(s.t, fine + 1e-6 * s.dt, side="right") - 1, 0, len(s.t) - 1)
+        command = s.command[last].reshape(count, every, -1).mean(axis=1)
+        grid = fine[::every]
         on_grid = [np.stack([f(grid, d) for f in splines], axis=1) for d in range(3)]
-        parts.append((grid, *on_grid, s.command[last]))
-        segments.append(Segment(slice(start, start + count), s.recording, s.dt))
+        parts.append((grid, *on_grid, command))
+        segments.append(Segment(slice(start, start + count), s.recording, dt))
         start += count
         q, v, a = (np.stack([f(s.t, d) for f in splines], axis=1) for d in range(3))
         at_samples.append((q, v, a))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -69,6 +70,11 @@ class Signature:
         """Tell whether there is anything to score."""
         return bool(self.columns.size and np.isfinite(self.columns).all() and self.columns.any())
 
+    @cached_property
+    def bound(self) -> Effect:
+        """The effect bound to the shape."""
+        return shaped(self.effect, self.shape)
+
     @property
     def alone(self) -> Signature:
         """Only its first column: what has no size stays nothing."""
@@ -79,7 +85,7 @@ class Signature:
     def signs(self) -> Float[np.ndarray, " coefficient"]:
         """Sign that each coefficient must have, 0 for any."""
         signs = np.zeros(self.columns.shape[2])
-        given = self.effect.signed[: len(signs)]
+        given = self.bound.signed[: len(signs)]
         signs[: len(given)] = given
         return signs
 
@@ -93,9 +99,8 @@ class Signature:
 
     def planted(self, coefficients: Float[np.ndarray, " coefficient"]) -> Planted:
         """The effect with the parameters that belong to coefficients."""
-        effect = shaped(self.effect, self.shape)
-        theta = np.nan_to_num(effect.theta(coefficients, self.shape))
-        return Planted(effect, self.at, np.clip(theta, *effect.bounds()))
+        theta = np.nan_to_num(self.bound.theta(coefficients, self.shape))
+        return Planted(self.bound, self.at, np.clip(theta, *self.bound.bounds()))
 
 
 class FreeFit:
@@ -177,7 +182,7 @@ class FreeFit:
         weight = 1.0 / self.mse[dofs]
         mixed = np.tensordot(weight, cross, 1)
         gram = np.block([[np.tensordot(weight, own, 1), mixed.T], [mixed, self.gram]])
-        room = self._room([Planted(s.effect, s.at, np.zeros(0)) for s in signatures])
+        room = self._room([Planted(s.bound, s.at, np.zeros(0)) for s in signatures])
         low = np.concatenate([np.where(signs > 0, 0.0, -np.inf), room[0]])
         high = np.concatenate([np.where(signs < 0, 0.0, np.inf), room[1]])
         # a push along an axis, say, that moves no joint: its size is anybody's guess

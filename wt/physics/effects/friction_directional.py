@@ -1,4 +1,9 @@
-"""Friction that differs with the direction of motion, as of a preloaded screw or a seal."""
+"""Friction that differs with the direction of motion, as of a preloaded screw or a seal.
+
+A model that has some friction, of one size for both directions, may have too little of it one way
+and too much the other. Nothing that is added to it says so: there the joint's whole friction is
+found, in the place of the model's own.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +13,9 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from wt.physics.effect import Parameter, Shape, register
+from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.effects._tools import Bristle, add_dry_friction
-from wt.physics.hooks import OnSteps
+from wt.physics.hooks import FromRecordings, OnSteps
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
@@ -25,8 +30,12 @@ _SLOW = 0.1
 
 
 @register
-class FrictionDirectional(OnSteps):
-    """τ = −(coulomb_forward + viscous_forward · v) for v > 0, and the like backward for v < 0."""
+class FrictionDirectional(FromRecordings, OnSteps):
+    """τ = −(coulomb_forward + viscous_forward · v) for v > 0, and the like backward for v < 0.
+
+    The shape () adds it to the model's own friction. The shape of two figures, which are the dry
+    and the viscous friction of the model, is :class:`_Whole`.
+    """
 
     id = "joint.friction_directional"
     kind = "joint"
@@ -43,12 +52,22 @@ class FrictionDirectional(OnSteps):
     )
     native = False
     signed = (1, 1, 1, 1)
+    read_off = 2
+    looks_like = ("dry friction",)
+    odds_against = 4.0
     plotted_over = "velocity"
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
-        """Linear; none where the residual brakes both directions alike, or does not brake."""
-        braking = _braking(motion, motion.scene.dof(at.name))
-        return [()] if _apart(braking, _speed(motion, at)) else []
+        """None where the joint is braked alike in both directions, or not braked."""
+        braking, speed = _braking(motion, motion.scene.dof(at.name)), _speed(motion, at)
+        if _apart(braking, speed):
+            return [()]
+        own = _own(motion.scene, at)
+        return [own] if _astride(braking + np.repeat(own, 2), own, speed) else []
+
+    def shaped(self, shape: Shape) -> Effect:
+        """The whole friction of a joint, where the model has some of its own."""
+        return _WHOLE if shape else self
 
     def columns(
         self, motion: Motion, at: Location, shape: Shape
@@ -60,13 +79,14 @@ class FrictionDirectional(OnSteps):
     def theta(
         self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
     ) -> Float[np.ndarray, " parameter"]:
-        """The coefficients are the parameters."""
-        return coefficients
+        """The coefficients are the parameters; what the model has comes on top for the whole."""
+        return coefficients + np.repeat(shape, 2) if shape else coefficients
 
     def patch(
         self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> None:
         """Stand-in: ``frictionloss`` and ``damping`` of the mean of both directions."""
+        self.cleared(spec, at)
         if np.any(theta[:2]):
             add_dry_friction(spec, at.name, float(np.mean(theta[:2])))
         spec.joint(at.name).damping[0] += np.mean(theta[2:])
@@ -98,18 +118,42 @@ class FrictionDirectional(OnSteps):
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
     ) -> str:
         """See :meth:`Effect.statement`."""
-        forward, backward = (
-            f"{dry:.3g} {units.force} and {wet:.3g} {units.of('N·m·s/rad')}"
-            for dry, wet in zip(theta[:2], theta[2:], strict=True)
-        )
-        return (
-            f"Joint {at.name} has friction of {forward} forward and of {backward} backward, which "
-            "the model leaves out."
-        )
+        return f"Joint {at.name} has friction of {_both(theta, units)}, which the model leaves out."
 
     def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"several constant speeds of {at.name}, each in both directions, and rests"
+
+
+class _Whole(FrictionDirectional):
+    """All friction that a joint has, in the place of the model's own."""
+
+    signed = (0, 0, 0, 0)
+    excludes = ("joint.friction_coulomb", "joint.friction_viscous")
+    settles = ("joint.friction_viscous",)
+
+    def plausible(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> bool:
+        """Refuse what could be added to the model, or is its own, a little more or less of it."""
+        return _astride(theta, _own(motion.scene, at), _speed(motion, at))
+
+    def cleared(self, spec: mujoco.MjSpec, at: Location) -> None:
+        """Without ``frictionloss``, and without the linear part of ``damping``."""
+        spec.joint(at.name).frictionloss = 0.0
+        spec.joint(at.name).damping[0] = 0.0
+
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
+        """See :meth:`Effect.statement`."""
+        return (
+            f"Joint {at.name} has friction of {_both(theta, units)} in all, where the model has "
+            "the same both ways."
+        )
+
+
+_WHOLE = _Whole()
 
 
 class _Directed(Bristle):
@@ -117,6 +161,21 @@ class _Directed(Bristle):
         v = state.v[:, self.dof]
         forward, backward, fast, slow = self.theta.T
         return np.where(v > 0.0, forward + fast * v, backward - slow * v)
+
+
+def _both(theta: Float[np.ndarray, " 4"], units: Units) -> str:
+    """Friction forward and backward, in words."""
+    forward, backward = (
+        f"{dry:.3g} {units.force} and {wet:.3g} {units.of('N·m·s/rad')}"
+        for dry, wet in zip(theta[:2], theta[2:], strict=True)
+    )
+    return f"{forward} forward and of {backward} backward"
+
+
+def _own(scene: Scene, at: Location) -> tuple[float, float]:
+    """Dry and viscous friction of a joint in the model [N·m, N·m·s/rad]."""
+    m, dof = scene.model, scene.dof(at.name)
+    return float(m.dof_frictionloss[dof]), float(np.ravel(m.dof_damping[dof])[0])
 
 
 def _braked(v: Float[np.ndarray, " sample"]) -> Float[np.ndarray, "sample 4"]:
@@ -144,3 +203,14 @@ def _apart(theta: Float[np.ndarray, " 4"], speed: float) -> bool:
     braking = dry + wet
     apart = max(abs(dry[0] - dry[1]), abs(wet[0] - wet[1]), abs(braking[0] - braking[1]))
     return bool(braking.min() > 0.0 and apart > _APART * braking.sum())
+
+
+def _astride(theta: Float[np.ndarray, " 4"], own: tuple[float, float], speed: float) -> bool:
+    """Tell whether a model brakes too much one way and too little the other, dry or by speed.
+
+    By more than what is added to it, or an error of its friction both ways, could say.
+    """
+    if (theta[:2] + speed * theta[2:]).min() <= 0.0:
+        return False
+    parts = zip(np.split(theta, 2), own, strict=True)
+    return any(min(x) < known < max(x) and np.ptp(x) > _APART * np.sum(x) for x, known in parts)
