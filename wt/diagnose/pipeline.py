@@ -27,6 +27,7 @@ from wt.diagnose.report.verify import replayed_files
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.result import Diagnosis
 from wt.diagnose.selection.decisions import DecisionLog
+from wt.diagnose.selection.events import Event, events
 from wt.diagnose.selection.holdout import Holdout, errors, prepare_holdout, prove
 from wt.diagnose.selection.locate import locate
 from wt.diagnose.selection.naming import Claims, Naming
@@ -201,8 +202,15 @@ def _searched(
     if any(f.voids_commands for f in prepared.audit):
         return _Outcome(prepared, fitted, naming, naming.proven(()), None)
     proven = _proven(naming, say, attempts)
+    say("looking for events", 0.75)
+    seen: tuple[Event, ...] = ()
+    # a servo holds against a push and forgets it, and of what feet meet nothing is known
+    if not forgetting and not scene.free:
+        whole = smooth(scene, prepared.whole, commands)
+        all_of_it = functools.partial(_objective, [whole], screen, False, effort.most_s, quick)
+        seen = events(whole.motion, all_of_it, proven.estimated.hypothesis, log)
     say("naming", 0.8)
-    claims, missed = naming.claimed(proven), None
+    claims, missed = naming.claimed(replace(proven, events=seen)), None
     # replays of legs are asked by the proof alone: they would cost a search
     if not scene.free and verdict(claims, objective) in ("no_mismatch", "explained"):
         replays = _objective([held_out], screen, forgetting, effort.most_s, step)
@@ -333,6 +341,11 @@ def _notes(holdout: Holdout, coarse: bool, claims: Claims) -> tuple[str, ...]:
         for p, gain in zip(claims.estimated.hypothesis, claims.gains, strict=True)
         if gain.in_turn
     ]
+    if claims.events:
+        notes.append(
+            "When the machine was pushed, and how hard, is read off each recording itself, the "
+            "held-out ones too: no other recording predicts it."
+        )
     if commands > 1:
         rate = 1.0 / min(s.dt for s in holdout.smoothed.samples)
         notes.append(

@@ -80,6 +80,7 @@ Stage = Literal[
     "contradicted",
     "certainty",
     "holdout",
+    "event",
     "doubted",
     "unknown",
     "calibrated",
@@ -96,6 +97,8 @@ Stage = Literal[
 - ``contradicted``: 1, by a recording that shows it to be otherwise;
 - ``certainty``: distance from being nothing [widths of the 95 % interval];
 - ``holdout``: p-value of its gain on data that it was not fitted to;
+- ``event``: probability that moments of usual errors hold it; where one of several is given up,
+  the lead of replays with it [nats];
 - ``doubted``: mean square that a nonparametric force leaves, over what the name leaves;
 - ``unknown``: p-value of a learned law;
 - ``calibrated``: p-value of all corrections within tolerance together.

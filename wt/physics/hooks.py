@@ -6,6 +6,7 @@ effect does not have a hook.
 
 ============== ==================================================================================
 FromRecordings part of it is read off the recordings instead of fitted: times of events, a load
+Evident        recordings show it at moments of their own, whatever else a model leaves out
 Linearised     its force is linear in its first parameter and in that one's products with others
 Nested         it contains a law with fewer parameters
 Uniting        it says alone what several others do together
@@ -26,7 +27,7 @@ from typing import ClassVar
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from wt.physics.effect import Effect, Shape
 from wt.physics.live import Live
@@ -74,6 +75,32 @@ class FromRecordings(Effect):
     def n_free(self) -> int:
         """Number of figures that were chosen for it: ``theta``, and what was read off."""
         return self.n_theta + sum(len(values) for _, values in self.observed().values())
+
+
+class Evident(FromRecordings):
+    """An effect of events that stand out by themselves, whatever else a model leaves out.
+
+    It has one parameter, with a component for each event.
+    """
+
+    DEVIATIONS: ClassVar[float] = 5.0
+    """Robust deviations of what models are usually off by, from which an event stands out."""
+
+    @abc.abstractmethod
+    def evident(
+        self, motion: Motion, at: Location
+    ) -> tuple[Effect, Float[np.ndarray, " parameter"], Float[np.ndarray, " parameter"]] | None:
+        """All that stands out of some recordings, for these only.
+
+        Returns:
+            (the effect, its parameters, half widths of their 95 % intervals); None if nothing does.
+        """
+
+    @abc.abstractmethod
+    def only(
+        self, theta: Float[np.ndarray, " parameter"], kept: Bool[np.ndarray, " parameter"]
+    ) -> Shown:
+        """The effect with some of its events."""
 
 
 def shaped(effect: Effect, shape: Shape) -> Effect:

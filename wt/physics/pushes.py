@@ -7,16 +7,19 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.ndimage import gaussian_filter1d, median_filter
 from scipy.optimize import least_squares
 
-from wt.physics.motion import Motion
+from wt.physics.motion import Motion, Segment
+from wt.physics.usual import EDGE_S, SMOOTH_S, smoothed
 
-_SMOOTH_S, _SHORTEST_S, _LONGEST_S, _GAP_S = 0.04, 0.03, 1.5, 0.04
+_SHORTEST_S, _LONGEST_S, _GAP_S = 0.1, 1.5, 0.04
 _USUAL_S = 2.0
 """Time over which what is usual may change: friction errs with the direction of motion."""
 _MOST = 12
 """Pushes of one recording; what has more of them is no push now and then."""
+_FITTED = 4 * _MOST
+"""Moments that stand out, from which on none is looked at."""
 _SELDOM = 0.2
 """Share of the time that all of them take at most."""
 _CLEAR = 0.6
@@ -71,59 +74,89 @@ def of(shape: Sequence[float]) -> tuple[Push, ...]:
     return tuple(Push(*shape[i : i + 5]) for i in range(0, len(shape), 5))
 
 
-def pushes(motion: Motion, force: Float[np.ndarray, " sample"], threshold: float) -> list[Push]:
+def pushes(
+    motion: Motion, force: Float[np.ndarray, " sample"], level: Float[np.ndarray, " sample"]
+) -> list[Push]:
     """Pushes that stand out of a force that is small else; none if there are too many.
 
     Args:
         motion: whose force it is.
         force: [N·m or N].
-        threshold: from which it stands out, in robust deviations.
+        level: from which it stands out, once it is smoothed [N·m or N].
     """
     kept = list[Push]()
+    smooth = smoothed(motion, force)
     for s in motion.segments:
-        t, x = motion.t[s.rows], force[s.rows]
-        y = uniform_filter1d(x, max(1, round(_SMOOTH_S / s.dt)))
-        y = y - median_filter(y, max(3, round(_USUAL_S / s.dt)), mode="nearest")
-        usual = 1.4826 * float(np.median(np.abs(y))) + 1e-12
+        t, x, least = motion.t[s.rows], smooth[s.rows], level[s.rows]
+        y = x - median_filter(x, max(3, round(_USUAL_S / s.dt)), mode="nearest")
+        edge = round(EDGE_S / s.dt)
         spans = [
-            span
+            _half(sign * y, span)
             for sign in (1.0, -1.0)
-            for span in _spans(sign * y > threshold * usual, round(_GAP_S / s.dt))
-            if t[span.stop - 1] - t[span.start] >= _SHORTEST_S
+            for span in _spans(sign * y > least, round(_GAP_S / s.dt))
+            if edge <= span.start and span.stop <= len(t) - edge
         ]
-        if len(spans) > _MOST or sum(map(_length, spans)) > _SELDOM * len(x):
+        if len(spans) > _FITTED:
             return []
-        each = [_fitted(t, x, span, float(s.recording)) for span in spans]
-        kept += [p for p in each if p is not None and abs(p.height) > threshold * usual]
+        each = [(_fitted(t, x, y, span, s), span) for span in spans]
+        clear = [(push, span) for push, span in each if push is not None]
+        lengths = [_length(span) for _, span in clear]
+        if len(clear) > _MOST or sum(lengths) > _SELDOM * len(x):
+            return []
+        kept += [push for push, _ in clear]
     return sorted(kept)
 
 
+def _half(y: Float[np.ndarray, " sample"], span: slice) -> slice:
+    """Samples around the peak of a span that have more than half of it."""
+    peak = span.start + int(np.argmax(y[span]))
+    low = np.flatnonzero(y < 0.5 * y[peak])
+    after = int(np.searchsorted(low, peak))
+    first = int(low[after - 1]) + 1 if after else 0
+    return slice(first, int(low[after]) if after < len(low) else len(y))
+
+
 def _fitted(
-    t: Float[np.ndarray, " sample"], x: Float[np.ndarray, " sample"], span: slice, recording: float
+    t: Float[np.ndarray, " sample"],
+    x: Float[np.ndarray, " sample"],
+    y: Float[np.ndarray, " sample"],
+    span: slice,
+    segment: Segment,
 ) -> Push | None:
-    """The push in a span of time, by least squares beside a constant; None if it is none."""
+    """The push in a span of time, by least squares beside a constant; None if it is none.
+
+    Args:
+        t: time [s].
+        x: smoothed force.
+        y: the same, but for what is usual.
+        span: that has more than half of the push.
+        segment: that is looked at.
+    """
     length = max(float(t[span.stop - 1] - t[span.start]), _SHORTEST_S)
     middle = 0.5 * float(t[span.stop - 1] + t[span.start])
-    rows = np.abs(t - middle) < 1.5 * length + _SMOOTH_S
-    time, force = t[rows], x[rows]
-    peak = float(x[span][np.argmax(np.abs(x[span]))])
+    rows = np.abs(t - middle) < 1.5 * length
+    force = x[rows]
+    peak = float(y[span][np.argmax(np.abs(y[span]))])
+    width = SMOOTH_S / segment.dt
 
     def push(z: Float[np.ndarray, " 4"]) -> Push:
         half, flank = np.exp(z[1:3])
-        return Push(recording, float(z[0] - half), float(z[0] + half), float(flank), float(z[3]))
+        ends = float(z[0] - half), float(z[0] + half)
+        return Push(segment.recording, *ends, float(flank), float(z[3]))
 
     def left(z: Float[np.ndarray, " 5"]) -> Float[np.ndarray, " moment"]:
         one = push(z[:4])
-        return np.asarray(one.height * one.course(time) + z[4] - force)
+        course = gaussian_filter1d(one.course(t), width)[rows]
+        return np.asarray(one.height * course + z[4] - force)
 
     start = np.array([middle, np.log(0.4 * length), np.log(0.3 * length), peak, 0.0])
-    reach = np.array([length, 2.5, 2.5, 2.0 * abs(peak) + 1e-12, abs(peak) + 1e-12])
+    reach = np.array([length, 2.5, 2.5, 3.0 * abs(peak) + 1e-12, 2.0 * abs(peak) + 1e-12])
     fit = least_squares(left, start, bounds=(start - reach, start + reach), x_scale=reach)
     total = float(((force - force.mean()) ** 2).sum())
     one = push(fit.x[:4])
     begin, end = one.window
     clear = 2.0 * fit.cost < (1.0 - _CLEAR) * total
-    return one if clear and end - begin < _LONGEST_S else None
+    return one if clear and _SHORTEST_S < end - begin < _LONGEST_S else None
 
 
 def _spans(above: Bool[np.ndarray, " sample"], gap: int) -> list[slice]:

@@ -102,6 +102,7 @@ class Objective:
         self.measured = np.concatenate([q for _, q in stretches])
         self.t = np.concatenate([s.t for s in self.stretches])
         self.recording = np.concatenate([np.full(len(s.t), s.recording) for s in self.stretches])
+        self.of_stretch = np.repeat(np.arange(len(stretches)), [len(q) for _, q in stretches])
         burn = BURN_IN_S if forgets else 0.0
         settled = np.concatenate([s.t >= s.t[0] + burn for s in self.stretches])
         valid = np.isfinite(self.measured) & settled[:, None]

@@ -52,6 +52,13 @@ class Prepared:
     split: str
     audit: tuple[AuditFinding, ...] = ()
 
+    @property
+    def whole(self) -> tuple[Part, ...]:
+        """All recordings, none held out."""
+        return tuple(
+            {p.index: Part(p.recording, p.index) for p in (*self.fit, *self.held)}.values()
+        )
+
 
 def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) -> Prepared:
     """Read, check, audit, complete and split recordings.

@@ -20,13 +20,14 @@ import numpy as np
 
 from wt.diagnose.likelihood.bic import erring, erring_joints
 from wt.diagnose.likelihood.estimate import Estimated, distances_from_nothing, estimate
-from wt.diagnose.likelihood.objective import Objective
+from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.residual.scoring import STRIDE, WINDOW
 from wt.diagnose.residual.screen import Screen, leftover
 from wt.diagnose.residual.signature import signature, unsaid
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.alternatives import Lookalikes, simplified, united
 from wt.diagnose.selection.decisions import DecisionLog
+from wt.diagnose.selection.events import Event
 from wt.diagnose.selection.holdout import Gain, Holdout, gain, gains, where_mute
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.choice import freest
@@ -48,6 +49,7 @@ class Claims:
         gains: what each is worth on held-out data.
         unknown: forces that no known effect explains.
         corrections: of the model's tolerances, beside the findings.
+        events: what happened at moments of its own in each recording.
     """
 
     accepted: tuple[Accepted, ...]
@@ -55,10 +57,18 @@ class Claims:
     gains: tuple[Gain, ...]
     unknown: tuple[Unknown, ...]
     corrections: Hypothesis = ()
+    events: tuple[Event, ...] = ()
+
+    def assessed(self, objective: Objective) -> Assessed:
+        """The named effects, with all events, on the fitted recordings."""
+        if not self.events:
+            return self.estimated.assessed
+        parts = (*self.estimated.hypothesis, *(e.planted for e in self.events))
+        return objective.reference(parts)
 
     def unexplained(self, objective: Objective) -> dict[str, float]:
         """Joints whose replays err by much although nothing was found, with their shares of it."""
-        if self.accepted or self.unknown:
+        if self.accepted or self.unknown or self.events:
             return {}
         return erring(self.estimated.assessed, objective)
 
@@ -79,13 +89,15 @@ class Claims:
 
     @property
     def hypothesis(self) -> Hypothesis:
-        """All effects that were found, named ones first."""
-        return (*self.estimated.hypothesis, *(u.planted for u in self.unknown))
+        """All effects that were found, named ones first, then laws, then events."""
+        unnamed: list[Unknown | Event] = [*self.unknown, *self.events]
+        return (*self.estimated.hypothesis, *(u.planted for u in unnamed))
 
     @property
     def shares(self) -> list[float]:
         """Held-out share of each effect of :attr:`hypothesis`."""
-        return [g.share for g in self.gains] + [u.gain.share for u in self.unknown]
+        others: list[Unknown | Event] = [*self.unknown, *self.events]
+        return [g.share for g in self.gains] + [u.gain.share for u in others]
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +166,7 @@ class Naming:
 
     def clean(self, claims: Claims) -> bool:
         """True if nothing but noise is left of the fitted recordings."""
-        return not erring_joints(self.objective, claims.estimated.assessed)
+        return not erring_joints(self.objective, claims.assessed(self.objective))
 
     def _doubted(self, proven: Claims) -> Claims:
         """The named effects, or what is left of them without those that are given up."""
@@ -163,7 +175,7 @@ class Naming:
         if not doubtful:
             return named
         rest = tuple(a for i, a in enumerate(proven.accepted) if i not in doubtful)
-        unnamed = self._with_unknown(self.proven(rest))
+        unnamed = self._with_unknown(replace(self.proven(rest), events=proven.events))
         return unnamed if self._better(unnamed, named) else named
 
     def _uncertain(self, estimated: Estimated) -> int | None:
@@ -208,7 +220,7 @@ class Naming:
         if self.clean(claims):
             return claims
         laws: list[Unknown] = []
-        assessed = claims.estimated.assessed
+        assessed = claims.assessed(self.objective)
         while len(laws) < THRESHOLDS.most_unknown:
             unknown = find(
                 self.screen, self.objective, assessed, self.holdout, step=self.step, seed=self.seed

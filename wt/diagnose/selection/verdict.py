@@ -107,8 +107,8 @@ def verdict(claims: Claims, objective: Objective, others: Sequence[Finding] = ()
         others: findings that replays do not show.
     """
     if claims.unknown:
-        return "partly_explained" if claims.accepted else "unexplained"
-    if not claims.accepted:
+        return "partly_explained" if claims.accepted or claims.events else "unexplained"
+    if not (claims.accepted or claims.events):
         if claims.unexplained(objective):
             return "unexplained"
         return "explained" if others else "no_mismatch"
@@ -121,9 +121,9 @@ def crowded_joints(claims: Claims, objective: Objective) -> list[int]:
     One may leave ``thresholds.clean`` times the smallest error; of several that share a joint, the
     excess over ``thresholds.crowded`` is divided by their number.
     """
-    scene, mse = objective.scene, claims.estimated.assessed.mse
+    scene, mse = objective.scene, claims.assessed(objective).mse
     count = np.zeros(len(mse))
-    for planted in claims.estimated.hypothesis:
+    for planted in (*claims.estimated.hypothesis, *(e.planted for e in claims.events)):
         dof = scene.dof_at(planted.at)
         count[slice(None) if dof < 0 else dof] += 1.0
     most, least = THRESHOLDS.clean, THRESHOLDS.crowded
@@ -174,6 +174,18 @@ def findings(claims: Claims, scene: Scene, experiment: str = "") -> tuple[Findin
             formula_gain=u.formula_gain,
         )
         for u in claims.unknown
+    ]
+    listed += [
+        Finding(
+            effect=e.planted.effect.id,
+            at=e.planted.at,
+            parameters=e.estimates,
+            statement=e.planted.statement(scene),
+            holdout_gain=e.gain.share,
+            p_value=e.gain.p_value,
+            reference=e.planted.effect.reference,
+        )
+        for e in claims.events
     ]
     return tuple(sorted(listed, key=lambda f: -f.holdout_gain))
 

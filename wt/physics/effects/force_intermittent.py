@@ -8,25 +8,34 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.hooks import FromRecordings, OnInputs, Shown
+from wt.physics.hooks import Evident, OnInputs, Shown
 from wt.physics.motion import Motion
 from wt.physics.pushes import Push, flat, of, pushes
 from wt.physics.replay import Inputs
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number, wrapped
 from wt.physics.units import HINGE, Units
+from wt.physics.usual import SMOOTH_S, smoothed, unusual
 from wt.types import Location
 
-_THRESHOLDS = (5.0, 9.0)  # robust deviations above the usual
+_THRESHOLDS = (Evident.DEVIATIONS, 9.0)
+_LEAST = 0.02
+"""Share of a joint's large forces that a push has at least."""
+_SMOOTHED = 4.3
+"""Length of a bell from a tenth of its height to a tenth, in its deviations."""
+_COURSE = 0.1
+"""Deviation [share] of a push's height, since none has the very course that is fitted."""
+_TURNING = 0.5
+"""Share of a joint's dry friction that a push has at least."""
 _TOLD = 6
 """Pushes that a sentence lists."""
 
 
 @register
-class ForceIntermittent(FromRecordings, OnInputs):
+class ForceIntermittent(Evident, OnInputs):
     """τ = Σ torqueₖ · courseₖ(t): pushes, each with its own torque, time and flanks.
 
     When they are is no part of ``theta``: it stands in the signature's shape, five figures of a
@@ -44,6 +53,8 @@ class ForceIntermittent(FromRecordings, OnInputs):
     read_off = sys.maxsize
     plotted_over = "time"
     pushes: tuple[Push, ...] = ()
+    everywhere: bool = False
+    """Whether these are the pushes of all recordings there are."""
 
     def shaped(self, shape: Shape) -> ForceIntermittent:
         """The effect bound to pushes."""
@@ -59,7 +70,9 @@ class ForceIntermittent(FromRecordings, OnInputs):
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> Shown:
         """The pushes that these recordings show."""
-        return self._of(pushes(motion, _left(motion, at), _THRESHOLDS[0]))
+        if self.everywhere:
+            return self, theta
+        return self._of(seen(motion, at, _THRESHOLDS[0]))
 
     def beside(self, theta: Float[np.ndarray, " parameter"], elsewhere: Shown) -> Shown:
         """The pushes of both."""
@@ -70,7 +83,34 @@ class ForceIntermittent(FromRecordings, OnInputs):
         known = {p[:4] for p in mine}
         return self._of([*mine, *(p for p in others if p[:4] not in known)])
 
-    def _of(self, pushed: Sequence[Push]) -> Shown:
+    def evident(
+        self, motion: Motion, at: Location
+    ) -> (
+        tuple[ForceIntermittent, Float[np.ndarray, " parameter"], Float[np.ndarray, " parameter"]]
+        | None
+    ):
+        """All pushes on the joint; where feet step, no force stands out of the usual ones."""
+        found = [] if motion.scene.free else seen(motion, at)
+        if not found:
+            return None
+        effect, theta = self._of(found)
+        effect.everywhere = True
+        # a bell that is smoothed by another loses height, and its error grows with what it lost
+        usual = float(unusual(motion).deviation[motion.scene.dof(at.name)])
+        length = np.array([np.ptp(p.window) for p in found])
+        error = usual * np.hypot(1.0, _SMOOTHED * SMOOTH_S / length)
+        return effect, theta, 2.0 * np.hypot(error, _COURSE * theta)
+
+    def only(
+        self, theta: Float[np.ndarray, " parameter"], kept: Bool[np.ndarray, " parameter"]
+    ) -> Shown:
+        """Some of the pushes."""
+        effect = self.shaped(flat([p for p, k in zip(self.pushes, kept, strict=True) if k]))
+        return effect, theta[kept]
+
+    def _of(
+        self, pushed: Sequence[Push]
+    ) -> tuple[ForceIntermittent, Float[np.ndarray, " parameter"]]:
         """The effect of some pushes, with the torques that they have."""
         if not pushed:
             return type(self)(), np.zeros(1)
@@ -80,8 +120,7 @@ class ForceIntermittent(FromRecordings, OnInputs):
         """Pushes that stand out of the residual of the joint."""
         if self.pushes:
             return [flat(self.pushes)]
-        left = _left(motion, at)
-        trains = {flat(pushes(motion, left, threshold)) for threshold in _THRESHOLDS}
+        trains = {flat(seen(motion, at, threshold)) for threshold in _THRESHOLDS}
         return sorted(shape for shape in trains if shape)
 
     def columns(
@@ -153,6 +192,34 @@ class ForceIntermittent(FromRecordings, OnInputs):
         return f"the same motion again, with nothing and nobody near {at.name}"
 
 
-def _left(motion: Motion, at: Location) -> Float[np.ndarray, " sample"]:
-    """What is left of a joint's residual, without moments of blows."""
-    return np.where(motion.calm, motion.unexplained[:, motion.scene.dof(at.name)], 0.0)
+def seen(motion: Motion, at: Location, threshold: float = _THRESHOLDS[0]) -> list[Push]:
+    """Pushes on a joint, which do not show in the same positions at other times.
+
+    Args:
+        motion: the recordings.
+        at: the joint.
+        threshold: robust deviations of what models are usually off by, from which a push shows.
+    """
+    dof, left = motion.scene.dof(at.name), unusual(motion)
+    force = np.where(motion.calm, left.force[:, dof], 0.0)
+    demand = smoothed(motion, motion.demand[:, dof])
+    least = _LEAST * float(np.quantile(np.abs(demand), 0.95))
+    # where a joint turns back, friction is known no better than when
+    dry = float(left.dry[dof])
+    least = max(threshold * float(left.deviation[dof]), least, _TURNING * dry)
+    level = least + dry * left.still[:, dof]
+    found, smooth = pushes(motion, force, level), smoothed(motion, force)
+    return [p for p in found if _only_then(motion, dof, smooth, p)]
+
+
+def _only_then(motion: Motion, dof: int, force: Float[np.ndarray, " sample"], push: Push) -> bool:
+    """Whether the joint feels no such force where it is pushed, at other times."""
+    course = np.zeros(len(motion))
+    for s in motion.segments:
+        if s.recording == int(push.recording):
+            course[s.rows] = push.course(motion.t[s.rows])
+    q, then = motion.q[:, dof], course > 0.5
+    low, high = q[then].min(), q[then].max()
+    other = (course < 0.01) & (q >= low) & (q <= high)
+    like = force[other] * np.sign(push.height) > 0.5 * np.abs(force[then]).max()
+    return not other.any() or bool(like.mean() < 0.5)
