@@ -41,7 +41,7 @@ class Whole:
     spec = base.TransitionSpec("toy", 50.0, (), (), 0, ())
     shard = 1
     force_body = note = None
-    identity = model = collect = sim_step = pairs = len
+    identity = model = collect = sim_step = answers = pairs = len
 
 
 def planted(name: str) -> type:
@@ -106,7 +106,7 @@ def test_a_new_file_is_found_by_itself(
         "@register('found')\n"
         "class Found:\n"
         "    options, spec, shard, force_body, note = Options, None, 1, None, None\n"
-        "    identity = model = collect = sim_step = pairs = len\n"
+        "    identity = model = collect = sim_step = answers = pairs = len\n"
         "    def __init__(self, options): pass\n"
     )
     monkeypatch.setattr(wt.worlds, "__path__", [*wt.worlds.__path__, str(tmp_path)])

@@ -15,7 +15,6 @@ import numpy as np
 
 from wt.data import recording as recordings
 from wt.errors import DataError
-from wt.physics.quiet import quiet
 from wt.prove import replay
 from wt.prove.answer import Answer
 from wt.prove.machines.base import Machine, machines
@@ -60,7 +59,6 @@ def write_case(machine: Machine, home: Path, case: Path) -> Answer:
     )
 
 
-@quiet()
 def _published(machine: Machine, case: Path) -> float:
     """Error of what the laboratory fitted, on the held-out motions [rad or m]; NaN if nothing."""
     spec = machine.published()

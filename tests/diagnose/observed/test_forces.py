@@ -211,7 +211,7 @@ def test_an_encoder_offset_is_seen_by_the_encoder_alone(tmp_path: Path) -> None:
 
 
 def test_forces_are_not_told_where_a_replay_does_not_hold_them(tmp_path: Path) -> None:
-    found = seen(tmp_path, XML, planted("joint.elasticity", J2, [400.0, 2.0])).sensors
+    found = seen(tmp_path, XML, planted("joint.elasticity", J2, [400.0, 2.0, 0.0])).sensors
     assert found["force/a2"].after is None
     assert found["gyro"].after is not None
 
