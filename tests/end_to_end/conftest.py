@@ -17,8 +17,8 @@ from wt.cli.main import main
 
 STEPS, EVERY = 120, 20
 METHODS = (
-    "RawSim", "DirectPred", "ResDyn", "ResDynSim", "RSSM", "MeanShiftOT", "DeltaAction",
-    "FlowTranslation", "PairedCeiling", "WorldTranslation", "WorldTranslationPlus",
+    "RawSim", "DirectPred", "ResDyn", "ResDynSim", "RSSM", "MeanShiftOT",
+    "PairedCeiling", "WorldTranslation", "WorldTranslationPlus",
 )  # fmt: skip
 
 Wt = Callable[..., tuple[int, str, str]]
