@@ -111,7 +111,7 @@ def _read(data: Any, name: str) -> Answer:  # noqa: ANN401 – JSON of others
         name=str(data.get("name") or name),
         kind=str(data.get("kind") or ("outsider" if outside else KINDS[len(truth)])),
         truth=truth,
-        visibility=tuple(float("nan") if v is None else float(v) for v in visibility),
+        visibility=tuple(or_nan(v) for v in visibility),
         excused=tuple(
             (str(entry["effect"]), *_place(entry["at"])) for entry in data.get("excused") or ()
         ),
@@ -119,7 +119,7 @@ def _read(data: Any, name: str) -> Answer:  # noqa: ANN401 – JSON of others
         decoy=str(data.get("decoy") or ""),
         level=str(data.get("level") or ""),
         noise_rms={str(k): float(v) for k, v in (data.get("noise_rms") or {}).items()},
-        published_rmse=math.nan if (p := data.get("published_rmse")) is None else float(p),
+        published_rmse=or_nan(data.get("published_rmse")),
         known=str(data.get("known") or ""),
     )
 
@@ -152,3 +152,8 @@ def effect_from_json(data: Mapping[str, Any]) -> HiddenEffect:
 
 def _place(data: Mapping[str, Any]) -> tuple[str, str]:
     return str(data["kind"]), str(data["name"])
+
+
+def or_nan(value: float | None) -> float:
+    """A number of an answer or a result; NaN for None."""
+    return math.nan if value is None else float(value)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from wt.prove.answer import effect_from_json, effect_to_json
+from wt.prove.answer import effect_from_json, effect_to_json, or_nan
 from wt.prove.case import HiddenEffect
 from wt.prove.score import CaseScore, Finding
 
@@ -136,8 +136,3 @@ def finite(value: Any) -> Any:  # noqa: ANN401 – any JSON
     if isinstance(value, (list, tuple)):
         return [finite(inner) for inner in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def or_nan(value: float | None) -> float:
-    """A number of ``results.json``; NaN for None."""
-    return math.nan if value is None else float(value)

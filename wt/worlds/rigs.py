@@ -66,12 +66,12 @@ def double_pendulum_spec(rotors: bool = True) -> mujoco.MjSpec:
         Joints and motors ``shoulder`` and ``elbow`` (relative to the shoulder's link); commands
         are torques [N·m], limited to the published 10 N·m.
     """
-    spec = _empty("dfki_double_pendulum", timestep=0.001)
+    spec = empty("dfki_double_pendulum", timestep=0.001)
     parent = spec.worldbody
     for i, name in enumerate(_PENDULUM_JOINTS):
         link = parent.add_body(name=f"{name}_link", pos=(0.0, 0.0, -_LENGTH[0] * i))
         # about the centre of mass: I − m·c²
-        _add_pendulum(link, name, _MASS[i], _COM[i], _INERTIA[i] - _MASS[i] * _COM[i] ** 2)
+        add_pendulum(link, name, _MASS[i], _COM[i], _INERTIA[i] - _MASS[i] * _COM[i] ** 2)
         _draw(link, _LENGTH[i])
         # rotor inertia at the joint: gear² · Ir
         spec.joint(name).armature = _GEAR**2 * _ROTOR if rotors else 0.0
@@ -103,12 +103,12 @@ def servo_bench_spec(
         One joint and one position actuator, both ``hinge``; commands are angles [rad].
     """
     motor = motor or MotorConstants()
-    spec = _empty("bam_xl330", timestep=0.0005)
+    spec = empty("bam_xl330", timestep=0.0005)
     arm = spec.worldbody.add_body(name="arm")
     mass = _BENCH_MASS + arm_mass
     com = (_BENCH_MASS + 0.5 * arm_mass) * _BENCH_LENGTH / mass
     about_pivot = (_BENCH_MASS + arm_mass / 3.0) * _BENCH_LENGTH**2
-    _add_pendulum(arm, "hinge", mass, com, about_pivot - mass * com**2)
+    add_pendulum(arm, "hinge", mass, com, about_pivot - mass * com**2)
     _draw(arm, _BENCH_LENGTH)
     # duty per radian of error: kp·(4096/2π)/(256·885)
     duty = kp * _COUNTS / (2.0 * np.pi) / (_GAIN_UNIT * _DUTY_FULL)
@@ -170,19 +170,24 @@ def write_mjcf(spec: mujoco.MjSpec, path: Path) -> None:
     write_whole(path, text)
 
 
-def _empty(name: str, timestep: float) -> mujoco.MjSpec:
+def empty(name: str, timestep: float, gravity: float = GRAVITY) -> mujoco.MjSpec:
+    """A machine without parts, in radians, stepped implicitly.
+
+    Args:
+        name: of the model.
+        timestep: physics step [s].
+        gravity: along −z [m/s²].
+    """
     spec = mujoco.MjSpec()
     spec.modelname = name
     spec.compiler.degree = False
     spec.option.timestep = timestep
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    spec.option.gravity = (0.0, 0.0, -GRAVITY)
+    spec.option.gravity = (0.0, 0.0, -gravity)
     return spec
 
 
-def _add_pendulum(
-    body: mujoco.MjsBody, joint: str, mass: float, com: float, inertia: float
-) -> None:
+def add_pendulum(body: mujoco.MjsBody, joint: str, mass: float, com: float, inertia: float) -> None:
     """A hinge about y and a thin rod's inertial: mass [kg], com [m] below, inertia [kg·m²]."""
     body.add_joint(name=joint, type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0.0, 1.0, 0.0))
     body.explicitinertial = True

@@ -76,10 +76,11 @@ def stretches_of(
     ]
     blocks = sorted(blocks + _telling(smoothed, blocks, round(telling * keep * total / window)))
     ready, pieces = [_ready(smoothed, i, forgets) for i in range(len(smoothed.samples))], []
+    measured = [s.measured for s in smoothed.samples]
     for i, first, last in blocks:
         later = ready[i][(ready[i] >= first) & (ready[i] <= (first + last) // 2)]
         rows = slice(int(later[0]) if len(later) else first, last)
-        pieces.append((cut(smoothed, i, rows), smoothed.samples[i].measured[rows]))
+        pieces.append((cut(smoothed, i, rows), measured[i][rows]))
     return pieces
 
 
@@ -117,9 +118,8 @@ def _jolted(
 ) -> Bool[np.ndarray, " sample"]:
     """Samples within a knot of a jump of a command: the curve's velocity turns too early there."""
     change = np.abs(np.diff(command, axis=0, prepend=command[:1]))
-    jump = (
-        change > _JUMP * np.median(change, axis=0) + 1e-12 + _LEAST * np.ptp(command, axis=0)
-    ).any(axis=1)
+    usual = _JUMP * np.median(change, axis=0) + _LEAST * np.ptp(command, axis=0)
+    jump = (change > usual).any(axis=1)
     return np.asarray(maximum_filter1d(jump, 2 * int(np.ceil(knot)) + 1, mode="constant"))
 
 

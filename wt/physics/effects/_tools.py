@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Callable, Sequence
+from typing import ClassVar
 
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from wt.physics.hooks import OnSteps
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.parts import add_actuator, add_body, add_geom, compiled, weigh_alone, write_weight
 from wt.physics.scene import Drive, Scene, between
+from wt.physics.script import Helper, Script
+from wt.types import Location
 
 _BRISTLE_FREQUENCY, _BRISTLE_DAMPING = 0.4, 0.5  # frequency · time step, damping ratio
 _LOAD_RADIUS = 0.01  # m, of the sphere that stands for a load
@@ -101,6 +105,38 @@ class Bristle(Live):
         bend = most / stiffness
         self.bent = between(self.bent + state.h * v, -bend, bend)
         state.applied[:, self.dof] -= between(stiffness * self.bent + damping * v, -most, most)
+
+
+class BristleFriction(OnSteps):
+    """Base of friction laws that brake a joint by an elastic bristle.
+
+    Attributes:
+        bristle: says how large the friction is.
+    """
+
+    bristle: ClassVar[type[Bristle]]
+
+    def live(
+        self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
+    ) -> Live:
+        """Friction by an elastic bristle that slips."""
+        return self.bristle(scene, at.name, theta)
+
+    @staticmethod
+    def slipping(at: Location, level: Sequence[str], helper: Helper) -> Script:
+        """The same without this package.
+
+        Args:
+            at: the joint.
+            level: lines that say at which friction the bristle slips, in ``level``.
+            helper: what they call.
+        """
+        force = (
+            *level,
+            f'friction, dof = self._bristle("{at.name}", qvel, level, h)',
+            "f[:, dof] += friction",
+        )
+        return Script(force=force, helpers=(helper, "bristle"))
 
 
 def neighbours(scene: Scene) -> list[tuple[str, str]]:

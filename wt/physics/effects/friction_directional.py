@@ -14,9 +14,9 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import Bristle, add_dry_friction
-from wt.physics.hooks import FromRecordings, OnSteps
-from wt.physics.live import Live, StepState
+from wt.physics.effects._tools import Bristle, BristleFriction, add_dry_friction
+from wt.physics.hooks import FromRecordings
+from wt.physics.live import StepState
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number
@@ -29,8 +29,15 @@ _SLOW = 0.1
 """Share of the usual speed below which a joint sticks as much as it slides."""
 
 
+class _Directed(Bristle):
+    def level(self, state: StepState) -> np.ndarray:
+        v = state.v[:, self.dof]
+        forward, backward, fast, slow = self.theta.T
+        return np.where(v > 0.0, forward + fast * v, backward - slow * v)
+
+
 @register
-class FrictionDirectional(FromRecordings, OnSteps):
+class FrictionDirectional(FromRecordings, BristleFriction):
     """τ = −(coulomb_forward + viscous_forward · v) for v > 0, and the like backward for v < 0.
 
     The shape () adds it to the model's own friction. The shape of two figures, which are the dry
@@ -39,6 +46,7 @@ class FrictionDirectional(FromRecordings, OnSteps):
 
     id = "joint.friction_directional"
     kind = "joint"
+    bristle = _Directed
     parameters = (
         Parameter("coulomb_forward", "N·m", 0.0, 1e8, 1e-3, neutral=0.0),
         Parameter("coulomb_backward", "N·m", 0.0, 1e8, 1e-3, neutral=0.0),
@@ -91,12 +99,6 @@ class FrictionDirectional(FromRecordings, OnSteps):
             add_dry_friction(spec, at.name, float(np.mean(theta[:2])))
         spec.joint(at.name).damping[0] += np.mean(theta[2:])
 
-    def live(
-        self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
-    ) -> Live:
-        """Friction by an elastic bristle that slips."""
-        return _Directed(scene, at.name, theta)
-
     def plausible(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> bool:
@@ -106,13 +108,11 @@ class FrictionDirectional(FromRecordings, OnSteps):
     def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """Friction by an elastic bristle that slips."""
         (forward, backward), (fast, slow) = (map(number, pair) for pair in np.split(theta, 2))
-        force = (
+        level = (
             f'_, v, dof = self._joint("{at.name}", qpos, qvel)',
             f"level = np.where(v > 0.0, {forward} + {fast} * v, {backward} - {slow} * v)",
-            f'friction, dof = self._bristle("{at.name}", qvel, level, h)',
-            "f[:, dof] += friction",
         )
-        return Script(force=force, helpers=("joint", "bristle"))
+        return self.slipping(at, level, "joint")
 
     def statement(
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
@@ -154,13 +154,6 @@ class _Whole(FrictionDirectional):
 
 
 _WHOLE = _Whole()
-
-
-class _Directed(Bristle):
-    def level(self, state: StepState) -> np.ndarray:
-        v = state.v[:, self.dof]
-        forward, backward, fast, slow = self.theta.T
-        return np.where(v > 0.0, forward + fast * v, backward - slow * v)
 
 
 def _both(theta: Float[np.ndarray, " 4"], units: Units) -> str:

@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._tools import Bristle
-from wt.physics.hooks import Intervals, Nested, OnSteps
-from wt.physics.live import Live, StepState
+from wt.physics.effects._tools import Bristle, BristleFriction
+from wt.physics.hooks import Intervals, Nested
+from wt.physics.live import StepState
 from wt.physics.motion import Motion
 from wt.physics.parts import compiled
 from wt.physics.scene import Scene
@@ -20,12 +20,28 @@ from wt.types import Location
 _NEGLIGIBLE = 0.05  # share of the constant part that the load must add to count
 
 
+class _Loaded(Bristle):
+    def __init__(
+        self, scene: Scene, joint: str, theta: Float[np.ndarray, "replay parameter"]
+    ) -> None:
+        super().__init__(scene, joint, theta)
+        self.drives = [d for d in scene.drives if d.dof == self.dof]
+
+    def level(self, state: StepState) -> np.ndarray:
+        q, v = state.q[:, self.dof], state.v[:, self.dof]
+        load = np.zeros_like(q)
+        for drive in self.drives:
+            load += drive.force(state.u[:, drive.index], q, v)
+        return np.asarray(self.theta[:, 0] + self.theta[:, 1] * np.abs(load))
+
+
 @register
-class FrictionLoad(Nested, OnSteps):
+class FrictionLoad(Nested, BristleFriction):
     """τ = −sign(v) · (coulomb + fraction · |drive force|), with the force before friction."""
 
     id = "joint.friction_load"
     kind = "joint"
+    bristle = _Loaded
     parameters = (
         Parameter("coulomb", "N·m", 0.0, 1e8, 1e-3, neutral=0.0),
         Parameter("fraction", "-", 0.0, 1.0, 1e-3, neutral=0.0),
@@ -57,12 +73,6 @@ class FrictionLoad(Nested, OnSteps):
         load = _mean_weight(compiled(spec), at.name)
         spec.joint(at.name).frictionloss += theta[0] + theta[1] * load
 
-    def live(
-        self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
-    ) -> Live:
-        """Friction by an elastic bristle that slips."""
-        return _Loaded(scene, at.name, theta)
-
     def plausible(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> bool:
@@ -84,13 +94,11 @@ class FrictionLoad(Nested, OnSteps):
     def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """Friction by an elastic bristle that slips."""
         coulomb, fraction = map(number, theta)
-        force = (
+        level = (
             f'load = np.abs(self._drives("{at.name}", qpos, qvel, ctrl))',
             f"level = {coulomb} + {fraction} * load",
-            f'friction, dof = self._bristle("{at.name}", qvel, level, h)',
-            "f[:, dof] += friction",
         )
-        return Script(force=force, helpers=("drives", "bristle"))
+        return self.slipping(at, level, "drives")
 
     def statement(
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
@@ -104,21 +112,6 @@ class FrictionLoad(Nested, OnSteps):
     def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"slow reversals of {at.name} under several loads, e.g. with the arm out and folded"
-
-
-class _Loaded(Bristle):
-    def __init__(
-        self, scene: Scene, joint: str, theta: Float[np.ndarray, "replay parameter"]
-    ) -> None:
-        super().__init__(scene, joint, theta)
-        self.drives = [d for d in scene.drives if d.dof == self.dof]
-
-    def level(self, state: StepState) -> np.ndarray:
-        q, v = state.q[:, self.dof], state.v[:, self.dof]
-        load = np.zeros_like(q)
-        for drive in self.drives:
-            load += drive.force(state.u[:, drive.index], q, v)
-        return np.asarray(self.theta[:, 0] + self.theta[:, 1] * np.abs(load))
 
 
 def _load(motion: Motion, at: Location) -> float:

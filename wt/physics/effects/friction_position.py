@@ -9,11 +9,10 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._tools import Bristle, add_dry_friction
-from wt.physics.hooks import Beyond, Intervals, Nested, OnSteps
-from wt.physics.live import Live, StepState
+from wt.physics.effects._tools import Bristle, BristleFriction, add_dry_friction
+from wt.physics.hooks import Beyond, Intervals, Nested
+from wt.physics.live import StepState
 from wt.physics.motion import Motion
-from wt.physics.scene import Scene
 from wt.physics.script import Script, number
 from wt.physics.units import HINGE, Units
 from wt.types import Location
@@ -25,12 +24,18 @@ _LEAST = 0.1
 _BEGUN = 0.3  # depth to start from where plain dry friction was found
 
 
+class _Along(Bristle):
+    def level(self, state: StepState) -> np.ndarray:
+        return np.asarray(self.theta[:, 0] * _shape(state.q[:, self.dof], self.theta.T))
+
+
 @register
-class FrictionPosition(Nested, OnSteps):
+class FrictionPosition(Nested, BristleFriction):
     """τ = −sign(v) · coulomb · (1 + depth · sin(2π q / wavelength + phase))."""
 
     id = "joint.friction_position"
     kind = "joint"
+    bristle = _Along
     parameters = (
         Parameter("coulomb", "N·m", 0.0, 1e8, 1e-3, neutral=0.0),
         Parameter("depth", "-", 0.0, 1.0, 1e-2, neutral=0.0),
@@ -74,12 +79,6 @@ class FrictionPosition(Nested, OnSteps):
         if theta[0] > 0.0:
             add_dry_friction(spec, at.name, float(theta[0]))
 
-    def live(
-        self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
-    ) -> Live:
-        """Friction by an elastic bristle that slips."""
-        return _Along(scene, at.name, theta)
-
     def beyond(
         self, motion: Motion, at: Location, law: str, theta: Float[np.ndarray, " smaller"]
     ) -> Sequence[Beyond]:
@@ -115,13 +114,11 @@ class FrictionPosition(Nested, OnSteps):
     def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """Friction by an elastic bristle that slips."""
         coulomb, depth, wave, phase = map(number, (*theta[:2], 2.0 * np.pi / theta[2], theta[3]))
-        force = (
+        level = (
             f'q, _, dof = self._joint("{at.name}", qpos, qvel)',
             f"level = {coulomb} * (1.0 + {depth} * np.sin({wave} * q + {phase}))",
-            f'friction, dof = self._bristle("{at.name}", qvel, level, h)',
-            "f[:, dof] += friction",
         )
-        return Script(force=force, helpers=("joint", "bristle"))
+        return self.slipping(at, level, "joint")
 
     def statement(
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
@@ -139,15 +136,8 @@ class FrictionPosition(Nested, OnSteps):
         return f"one slow speed of {at.name} over all of its range, in both directions"
 
 
-class _Along(Bristle):
-    def level(self, state: StepState) -> np.ndarray:
-        coulomb, depth, wave, phase = self.theta.T
-        q = state.q[:, self.dof]
-        return np.asarray(coulomb * (1.0 + depth * np.sin(2.0 * np.pi * q / wave + phase)))
-
-
 def _shape(
-    q: Float[np.ndarray, " sample"], theta: Float[np.ndarray, " parameter"]
+    q: Float[np.ndarray, " sample"], theta: Float[np.ndarray, "parameter ..."]
 ) -> Float[np.ndarray, " sample"]:
-    """Friction at some positions, over what it is on average."""
+    """Friction at some positions, over what it is on average; each may have its own law."""
     return np.asarray(1.0 + theta[1] * np.sin(2.0 * np.pi * q / theta[2] + theta[3]))

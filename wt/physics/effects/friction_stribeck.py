@@ -11,15 +11,15 @@ from jaxtyping import Float
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import (
     Bristle,
+    BristleFriction,
     compiled,
     effective_inertia,
     passive,
     physics_step,
 )
-from wt.physics.hooks import Beyond, Intervals, Nested, OnSteps
-from wt.physics.live import Live, StepState
+from wt.physics.hooks import Beyond, Intervals, Nested
+from wt.physics.live import StepState
 from wt.physics.motion import Motion
-from wt.physics.scene import Scene
 from wt.physics.units import HINGE, Units
 from wt.types import Location
 
@@ -28,12 +28,20 @@ _STIFFNESS, _DAMPING = 0.1, 0.5
 late, brakes too much; against a machine that has it, .1 errs by a seventh of what .4 does."""
 
 
+class _Sticking(Bristle):
+    def level(self, state: StepState) -> np.ndarray:
+        coulomb, static, velocity = self.theta.T
+        slow = np.exp(-((state.v[:, self.dof] / velocity) ** 2))
+        return np.asarray(coulomb + (np.maximum(static, coulomb) - coulomb) * slow)
+
+
 @register
-class FrictionStribeck(Nested, OnSteps):
+class FrictionStribeck(Nested, BristleFriction):
     """τ = −sign(v) · (coulomb + (static − coulomb) · exp(−(v / velocity)²))."""
 
     id = "joint.friction_stribeck"
     kind = "joint"
+    bristle = _Sticking
     parameters = (
         Parameter("coulomb", "N·m", 0.0, 1e8, 1e-3, neutral=0.0),
         Parameter("static", "N·m", 0.0, 1e8, 1e-3, neutral=0.0, inexact=0.03),
@@ -83,12 +91,6 @@ class FrictionStribeck(Nested, OnSteps):
         lugre = [stiffness, damping, max(coulomb, 1e-6 * static), static, float(theta[2])]
         passive(spec, f"{at.name}_friction", at.name, lugre=lugre)
 
-    def live(
-        self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
-    ) -> Live:
-        """Friction by an elastic bristle that slips."""
-        return _Sticking(scene, at.name, theta)
-
     def beyond(
         self, motion: Motion, at: Location, law: str, theta: Float[np.ndarray, " smaller"]
     ) -> Sequence[Beyond]:
@@ -128,10 +130,3 @@ class FrictionStribeck(Nested, OnSteps):
     def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"slow reversals of {at.name} below 0.05 {units.speed}, and starts from rest"
-
-
-class _Sticking(Bristle):
-    def level(self, state: StepState) -> np.ndarray:
-        coulomb, static, velocity = self.theta.T
-        slow = np.exp(-((state.v[:, self.dof] / velocity) ** 2))
-        return np.asarray(coulomb + (np.maximum(static, coulomb) - coulomb) * slow)

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import ClassVar
 
 import mujoco
-import numpy as np
 
 from wt.data.importers import base as importers
 from wt.errors import DataError, suggest
@@ -113,42 +112,3 @@ def between(recording: Recording, start: float, end: float) -> Recording:
     rows = (t >= start) & (t <= end)
     columns = {name: column[rows] for name, column in recording.columns.items()}
     return Recording(recording.t[rows], columns, recording.meta)
-
-
-def torque_driven(name: str, step: float = 0.001, gravity: float = 9.81) -> mujoco.MjSpec:
-    """An empty machine of radians for passive joints and torque drives.
-
-    Args:
-        name: of the model.
-        step: physics step [s].
-        gravity: along −z [m/s²].
-    """
-    spec = mujoco.MjSpec()
-    spec.modelname = name
-    spec.compiler.degree = False
-    spec.option.timestep = step
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    spec.option.gravity = np.array([0.0, 0.0, -gravity])
-    return spec
-
-
-def add_pendulum(
-    parent: mujoco.MjsBody, joint: str, mass: float, com: float, inertia: float, below: float = 0.0
-) -> mujoco.MjsBody:
-    """Add a rod that hangs from a hinge about y.
-
-    Args:
-        parent: body that it hangs on.
-        joint: name of the hinge.
-        mass: of the rod [kg].
-        com: distance of its centre of mass from the hinge [m].
-        inertia: about an axis through that centre, across the rod [kg·m²].
-        below: distance of the hinge below the parent's own [m].
-    """
-    rod = parent.add_body(name=f"{joint}_rod", pos=(0.0, 0.0, -below))
-    rod.add_joint(name=joint, type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0.0, 1.0, 0.0))
-    rod.explicitinertial = True
-    rod.mass, rod.ipos = mass, (0.0, 0.0, -com)
-    # about its own axis nothing turns; a hundredth keeps the tensor a body's
-    rod.inertia = (inertia, inertia, 0.01 * inertia)
-    return rod

@@ -8,8 +8,9 @@ from typing import ClassVar
 
 import mujoco
 
-from wt.prove.machines.base import Machine, add_pendulum, imported, register, torque_driven
+from wt.prove.machines.base import Machine, imported, register
 from wt.types import Recording
+from wt.worlds.rigs import add_pendulum, empty
 
 # published fit: centre of mass [m], mass [kg], inertia about it [kg·m²], friction [N·m·s/rad], g
 _COM, _MASS, _INERTIA = 0.147754901, 0.147584572, 1.09118505e-4
@@ -44,8 +45,8 @@ class FreePendulum(Machine):
 
     def given(self) -> mujoco.MjSpec:
         """The rod as published."""
-        spec = torque_driven("free_pendulum", gravity=_GRAVITY)
-        add_pendulum(spec.worldbody, "hinge", _MASS, _COM, _INERTIA)
+        spec = empty("free_pendulum", 0.001, _GRAVITY)
+        add_pendulum(spec.worldbody.add_body(name="rod"), "hinge", _MASS, _COM, _INERTIA)
         return spec
 
     def published(self) -> mujoco.MjSpec:

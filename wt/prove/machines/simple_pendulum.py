@@ -10,8 +10,9 @@ from typing import ClassVar
 
 import mujoco
 
-from wt.prove.machines.base import Machine, add_pendulum, between, imported, register, torque_driven
+from wt.prove.machines.base import Machine, between, imported, register
 from wt.types import Recording
+from wt.worlds.rigs import add_pendulum, empty
 
 _INERTIA, _MOMENT = 0.06259, 0.1022  # kg·m² about the pivot, kg·m
 _MASS = 0.67531  # kg
@@ -43,8 +44,9 @@ class SimplePendulum(Machine):
 
     def given(self) -> mujoco.MjSpec:
         """The rod of the published J and m·c."""
-        spec, com = torque_driven("dfki_simple_pendulum"), _MOMENT / _MASS
-        add_pendulum(spec.worldbody, "pendulum", _MASS, com, _INERTIA - _MASS * com**2)
+        spec, com = empty("dfki_simple_pendulum", 0.001), _MOMENT / _MASS
+        rod = spec.worldbody.add_body(name="rod")
+        add_pendulum(rod, "pendulum", _MASS, com, _INERTIA - _MASS * com**2)
         motor = spec.add_actuator(
             name="motor", target="pendulum", trntype=mujoco.mjtTrn.mjTRN_JOINT
         )

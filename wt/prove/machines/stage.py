@@ -11,8 +11,9 @@ from typing import ClassVar
 
 import mujoco
 
-from wt.prove.machines.base import Machine, imported, register, torque_driven
+from wt.prove.machines.base import Machine, imported, register
 from wt.types import Recording
+from wt.worlds.rigs import empty
 
 _MASS = 95.1089  # kg
 _FORCE = 35.15065188  # N/V
@@ -40,7 +41,7 @@ class Stage(Machine):
 
     def given(self) -> mujoco.MjSpec:
         """A mass on a rail and the motor's force; commands are volts."""
-        spec = torque_driven("emps", gravity=0.0)
+        spec = empty("emps", 0.001, gravity=0.0)
         carriage = spec.worldbody.add_body(name="carriage")
         slide = mujoco.mjtJoint.mjJNT_SLIDE
         carriage.add_joint(name="slide", type=slide, axis=(1.0, 0.0, 0.0))
