@@ -20,12 +20,13 @@ from wt.diagnose.recordings.commands import commands_each
 from wt.diagnose.recordings.grid import coarse_steps, located
 from wt.diagnose.recordings.prepare import Prepared, Source, prepare, turned
 from wt.diagnose.recordings.smooth import Smoothed, smooth
-from wt.diagnose.recordings.stretches import forgets, stretches_of
+from wt.diagnose.recordings.stretches import forgets, longest_window, stretches_of
 from wt.diagnose.report.handed_over import hand_over
 from wt.diagnose.report.traces import traces
 from wt.diagnose.report.verify import replayed_files
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.result import Diagnosis
+from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.events import Event, events
 from wt.diagnose.selection.holdout import Holdout, errors, prepare_holdout, prove
@@ -192,16 +193,27 @@ def _searched(
     held_out = smooth(scene, prepared.held, commands)
     say("screening hypotheses", 0.08)
     screen = Screen(fitted, seed)
-    search_replays = _objective([fitted], screen, forgetting, effort.search_s, quick)
-    objective = _objective([fitted], screen, forgetting, effort.most_s, step)
-    all_replays = functools.cache(
-        lambda: _objective([fitted, held_out], screen, forgetting, effort.doubt_s, quick)
-    )
-    data = prepare_holdout(held_out, forgetting, effort.proof_s, step)
-    naming = Naming(screen, search_replays, objective, all_replays, data, step, seed, log)
+
+    def naming_by(window: float | None) -> Naming:
+        def of(sets: Sequence[Smoothed], seconds: float, step: float) -> Objective:
+            return _objective(sets, screen, forgetting, seconds, step, window)
+
+        all_replays = functools.cache(lambda: of([fitted, held_out], effort.doubt_s, quick))
+        replays = of([fitted], effort.search_s, quick), of([fitted], effort.most_s, step)
+        data = prepare_holdout(held_out, forgetting, effort.proof_s, step, window)
+        return Naming(screen, *replays, all_replays, data, step, seed, log)
+
+    window = None if forgetting else longest_window(fitted, quick)
+    naming = naming_by(window)
     if any(f.voids_commands for f in prepared.audit):
         return _Outcome(prepared, fitted, naming, naming.proven(()), None)
-    proven = _proven(naming, say, attempts)
+    accepted = search(screen, naming.search_replays, log, say)
+    # what was found may keep replays beside the recordings for longer, which tells more
+    later = window and longest_window(fitted, quick, tuple(a.planted for a in accepted))
+    if window and later and later > window:
+        window, naming = later, naming_by(later)
+        accepted = search(screen, naming.search_replays, log, say, accepted)
+    proven = _proven(naming, accepted, say, attempts)
     say("looking for events", 0.75)
     seen: tuple[Event, ...] = ()
     # a servo holds against a push and forgets it, and of what feet meet nothing is known
@@ -212,9 +224,9 @@ def _searched(
     say("naming", 0.8)
     claims, missed = naming.claimed(replace(proven, events=seen)), None
     # replays of legs are asked by the proof alone: they would cost a search
-    if not scene.free and verdict(claims, objective) in ("no_mismatch", "explained"):
-        replays = _objective([held_out], screen, forgetting, effort.most_s, step)
-        assessed = replays.reference(data.here(claims.hypothesis))
+    if not scene.free and verdict(claims, naming.objective) in ("no_mismatch", "explained"):
+        replays = _objective([held_out], screen, forgetting, effort.most_s, step, window)
+        assessed = replays.reference(naming.holdout.here(claims.hypothesis))
         missed = (assessed, replays) if erring(assessed, replays) else None
     return _Outcome(prepared, fitted, naming, claims, missed)
 
@@ -281,16 +293,16 @@ def _diagnosis(scene: Scene, outcome: _Outcome) -> Diagnosis:
     )
 
 
-def _proven(naming: Naming, say: Report, before: int = 0) -> Claims:
-    """Search and prove; where the proof drops effects and leaves errors, search for others.
+def _proven(naming: Naming, accepted: tuple[Accepted, ...], say: Report, before: int = 0) -> Claims:
+    """Prove what was found; where the proof drops effects and leaves errors, search for others.
 
     Args:
         naming: makes the claims.
+        accepted: what was found.
         say: called as the work goes on.
         before: proofs on the same recordings, before these.
     """
     screen, replays, log = naming.screen, naming.search_replays, naming.log
-    accepted = search(screen, replays, log, say)
     banned, kept = set[Key](), set[Key]()
     for attempt in range(1, ATTEMPTS + 1):
         say("estimating and proving", 0.7)
@@ -310,13 +322,18 @@ def _silent(what: str, share: float) -> None:
 
 
 def _objective(
-    sets: Sequence[Smoothed], screen: Screen, forgetting: bool, seconds: float, step: float
+    sets: Sequence[Smoothed],
+    screen: Screen,
+    forgetting: bool,
+    seconds: float,
+    step: float,
+    window: float | None = None,
 ) -> Objective:
     """Replays of one or more sets of recordings, which are counted through."""
     telling = TELLING if screen.motion.scene.free else 0.0
     pairs, before = [], 0
     for smoothed in sets:
-        stretches = stretches_of(smoothed, forgetting, seconds, telling)
+        stretches = stretches_of(smoothed, forgetting, seconds, telling, window)
         pairs += [(replace(s, recording=s.recording + before), q) for s, q in stretches]
         before += max(s.recording for s in smoothed.samples) + 1
     return Objective(sets[0], pairs, screen.velocity_noise, step, forgetting)
@@ -359,5 +376,8 @@ def _notes(holdout: Holdout, coarse: bool, claims: Claims) -> tuple[str, ...]:
             f"these recordings: model.xml has {1e3 * STEP_S:g} ms, as the replays do."
         )
     if not holdout.forgets:
-        notes.append("The machine does not forget its initial state: replays restart every 0.5 s.")
+        every = max(s.t[-1] - s.t[0] for s in holdout.stretches)
+        notes.append(
+            f"The machine does not forget its initial state: replays restart every {every:.2g} s."
+        )
     return tuple(notes)

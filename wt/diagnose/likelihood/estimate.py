@@ -18,7 +18,7 @@ from scipy.stats import t as student
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import bounds, jacobian, pack, refine, steps
 from wt.diagnose.likelihood.shown import hidden_axes, shown
-from wt.diagnose.likelihood.tolerances import boxes
+from wt.diagnose.likelihood.tolerances import absorbed, alike, boxes
 from wt.diagnose.result import Estimate
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Parameter
@@ -27,8 +27,9 @@ from wt.physics.units import Units, units_at
 
 BLOCK_S = 2.0
 """Length of a block [s]: longer than a servo's or a gravity-loaded joint's memory."""
-_NEAR = 0.02
-"""Tolerances linearised within this share of the parameters are not linearised again."""
+_SETTLED, _NEAR = 3, 0.02
+"""Most fits, each with tolerances linear around the last: none where the parameters moved by less
+than this share."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,12 +56,21 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     if not start:
         return Estimated(now, ())
     parts = range(len(start))
-    (now,) = refine(objective, [start], [parts], iterations=3)
+    smallest = steps(objective, start, parts)
+    before = start
+    for _ in range(_SETTLED):
+        (now,) = refine(objective, [before], [parts], iterations=3)
+        whole = absorbed(objective.tolerances, now.tolerances, now.hypothesis)
+        theta = pack(whole, parts)
+        near = _NEAR * np.abs(theta) + smallest
+        if (np.abs(theta - pack(before, parts)) <= near).all():
+            break
+        own = alike(objective.tolerances, whole)
+        now = objective.reference(whole, np.where(own, 0.0, now.tolerances))
+        before = whole
     theta = pack(now.hypothesis, parts)
-    smallest = steps(objective, now.hypothesis, parts)
-    if (np.abs(theta - pack(start, parts)) > _NEAR * np.abs(theta) + smallest).any():
-        now = objective.reference(now.hypothesis, now.tolerances)
-    (slope,) = jacobian(objective, [now], [parts])
+    slopes = jacobian(objective, [now], [parts])
+    (slope,) = jacobian(objective, [now], [parts], slopes)
     visible = shown(now.hypothesis, slope, objective.channels.precision(now.variance))
     spread = _spread(objective, now, slope @ visible)
     spread = np.hypot(spread, least_spread(now.hypothesis, smallest))
@@ -111,8 +121,7 @@ def _spread(
         [np.zeros(p, bool), boxes(objective.tolerances, now.hypothesis) == 0.0]
     )
     if objective.scene.free:  # rough derivatives tell them from an effect, and nothing else can
-        alike = {(q.effect.id, q.at) for q in now.hypothesis}
-        settled[p:] |= [(n.planted.effect.id, n.planted.at) in alike for n in objective.tolerances]
+        settled[p:] |= alike(objective.tolerances, now.hypothesis)
         # soft drives hold all bodies: what pulls at one may be the weight of another
         if any(q.at.kind == "body" for q in now.hypothesis):
             settled[p:] |= [n.effect.at_rest for n in objective.tolerances]

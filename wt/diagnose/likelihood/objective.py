@@ -26,7 +26,7 @@ from wt.diagnose.likelihood.adapt import (
     linear,
 )
 from wt.diagnose.likelihood.replays import Extrapolated, Nearby
-from wt.diagnose.likelihood.tolerances import ModelTolerance, boxes, tolerances
+from wt.diagnose.likelihood.tolerances import ModelTolerance, alike, boxes, tolerances
 from wt.diagnose.likelihood.weights import Channels
 from wt.diagnose.recordings.smooth import Smoothed
 from wt.diagnose.thresholds import THRESHOLDS
@@ -286,8 +286,11 @@ class Objective:
         return other
 
     def calibration(self, assessed: Assessed) -> Hypothesis:
-        """The tolerances as small corrections of the model, without those that it cannot hold."""
-        able = np.flatnonzero(self._able)
+        """The tolerances as small corrections of the model, without those that it cannot hold.
+
+        Nor those that are of the kind and place of an effect, which says it for both.
+        """
+        able = np.flatnonzero(self._able & ~alike(self.tolerances, assessed.hypothesis))
         squares = self._around.squares(assessed.error).only(able)
         box = boxes(self.tolerances, assessed.hypothesis)[able]
         sizes = self._adapt(squares, assessed.variance, box)

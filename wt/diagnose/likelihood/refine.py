@@ -22,6 +22,10 @@ from wt.physics.planted import Hypothesis, Planted
 from wt.physics.scales import step_sizes
 
 _RELATIVE_STEP = 0.01
+_SEEN, _LONGEST = 0.1, 20.0
+"""Differences are taken so far apart that errors change by this share of themselves, but over no
+more than so many of the smallest steps: what a shorter one changes is lost in the replays' own
+roughness, where friction catches a step earlier or later."""
 _DAMPING = 0.03  # to begin with
 _TRIALS = (1e-6, 1.0)  # factors on it, tried side by side: a valley needs hardly any
 _CONVERGED = 0.05  # nats gained in a step
@@ -34,12 +38,14 @@ class _Climb:
     Attributes:
         free: which of its parts move.
         now: where it is.
+        slope: derivatives where it was, None to begin with.
         damping: Levenberg-Marquardt's.
         done: whether another step would not help.
     """
 
     free: tuple[int, ...]
     now: Assessed
+    slope: Float[np.ndarray, "sample dof parameter"] | None = None
     damping: float = _DAMPING
     done: bool = False
 
@@ -73,17 +79,28 @@ def refine(
 
 
 def jacobian(
-    objective: Objective, at: Sequence[Assessed], free: Sequence[Sequence[int]]
+    objective: Objective,
+    at: Sequence[Assessed],
+    free: Sequence[Sequence[int]],
+    before: Sequence[Float[np.ndarray, "sample dof _"] | None] | None = None,
 ) -> list[Float[np.ndarray, "sample dof _"]]:
-    """Derivatives of the projected errors in the free parameters of each."""
+    """Derivatives of the projected errors in the free parameters of each.
+
+    ``before`` has those of somewhere near, where they are known, which say how far apart to take
+    differences.
+    """
     neighbours: list[Hypothesis] = []
     centres: list[Float[np.ndarray, " tolerance"]] = []
     sizes: list[Float[np.ndarray, " parameter"]] = []
-    for assessed, parts in zip(at, free, strict=True):
+    for assessed, parts, known in zip(at, free, before or [None] * len(at), strict=True):
         theta = pack(assessed.hypothesis, parts)
         lower, upper = bounds(assessed.hypothesis, parts)
-        minimum = steps(objective, assessed.hypothesis, parts)
-        step = objective.nudge * np.maximum(minimum, _RELATIVE_STEP * np.abs(theta))
+        step = np.maximum(
+            steps(objective, assessed.hypothesis, parts), _RELATIVE_STEP * np.abs(theta)
+        )
+        if known is not None:
+            step = np.clip(_seen(objective, assessed, known), step, _LONGEST * step)
+        step *= objective.nudge
         up, down = np.minimum(step, upper - theta), np.minimum(step, theta - lower)
         step = np.where((up == step) | (up >= down), up, -down)
         for k in range(len(theta)):
@@ -101,6 +118,16 @@ def jacobian(
     return result
 
 
+def _seen(
+    objective: Objective, at: Assessed, slope: Float[np.ndarray, "sample dof parameter"]
+) -> Float[np.ndarray, " parameter"]:
+    """Steps that change the errors by some share of themselves."""
+    weights = objective.channels.precision(at.variance)
+    error = float(np.sum(weights * at.error**2))
+    change = np.einsum("ij,ijk->k", weights, slope**2)
+    return np.asarray(_SEEN * np.sqrt(error / np.maximum(change, 1e-300)))
+
+
 def _settled(objective: Objective, assessed: Sequence[Assessed]) -> list[Assessed]:
     """Assess once more where the base floats, with the tolerances that each hypothesis then has.
 
@@ -114,7 +141,9 @@ def _settled(objective: Objective, assessed: Sequence[Assessed]) -> list[Assesse
 
 
 def _step(objective: Objective, climbs: Sequence[_Climb]) -> list[_Climb]:
-    jacobians = jacobian(objective, [c.now for c in climbs], [c.free for c in climbs])
+    jacobians = jacobian(
+        objective, [c.now for c in climbs], [c.free for c in climbs], [c.slope for c in climbs]
+    )
     trials: list[Hypothesis] = []
     centres: list[Float[np.ndarray, " tolerance"]] = []
     for climb, slope in zip(climbs, jacobians, strict=True):
@@ -143,6 +172,7 @@ def _step(objective: Objective, climbs: Sequence[_Climb]) -> list[_Climb]:
     ]
     settled = _settled(objective, [assessed[k] for k in likeliest])
     result = []
+    climbs = [replace(c, slope=slope) for c, slope in zip(climbs, jacobians, strict=True)]
     for climb, k, best in zip(climbs, likeliest, settled, strict=True):
         gained = best.loglik - climb.now.loglik
         if gained <= 0.0:

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
 from wt.physics.hooks import Tolerance, Tolerated
 from wt.physics.motion import Motion
-from wt.physics.planted import Planted
+from wt.physics.planted import Hypothesis, Planted
 from wt.physics.scene import Scene
 from wt.types import Location
 
@@ -78,6 +78,33 @@ def boxes(
     settled = {(name, p.at) for p in hypothesis for name in p.effect.settles}
     free = [(t.planted.effect.id, t.planted.at) not in settled for t in tolerances]
     return THRESHOLDS.tolerance_box * np.array(free, dtype=float)
+
+
+def alike(
+    tolerances: Sequence[ModelTolerance], hypothesis: Sequence[Planted]
+) -> Bool[np.ndarray, " tolerance"]:
+    """Which are the small error of something that a hypothesis has: only the sum of both shows."""
+    keys = {p.key for p in hypothesis}
+    return np.array([t.planted.key in keys for t in tolerances], dtype=bool)
+
+
+def absorbed(
+    tolerances: Sequence[ModelTolerance],
+    sizes: Float[np.ndarray, " tolerance"],
+    hypothesis: Hypothesis,
+) -> Hypothesis:
+    """The hypothesis with the small errors of its own kinds in its parameters [deviations]."""
+    errors = {t.planted.key: t.scaled(float(x)) for t, x in zip(tolerances, sizes, strict=True)}
+    parts = []
+    for p in hypothesis:
+        error = errors.get(p.key)
+        if error is not None:
+            (parameter,) = p.effect.parameters
+            factor = parameter.neutral == 1.0
+            theta = p.theta * error.theta if factor else p.theta + error.theta
+            p = Planted(p.effect, p.at, np.clip(theta, *p.effect.bounds()))
+        parts.append(p)
+    return tuple(parts)
 
 
 def forces(

@@ -10,6 +10,7 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from wt.diagnose.recordings.samples import Samples
 from wt.diagnose.recordings.smooth import Smoothed
+from wt.physics.planted import Hypothesis
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 
@@ -19,7 +20,13 @@ SampleRange = tuple[int, int, int]
 WINDOW_S, FLOATING_S = 0.5, 0.25
 """Length of the stretches of a machine that does not forget its initial state [s], and of one on
 legs: what feet do to each other's forces soon makes two replays of the same walk two walks."""
+WINDOWS_S = (WINDOW_S, 1.0, 2.0, 4.0)
+"""What windows may be as long as: the longer, the better a replay tells one law from another, as
+long as it does not lose the recording."""
 _TEST_S, _SHOVE, _FORGOTTEN = 1.5, 0.02, 0.3
+_TRIED, _GROWTH, _LOST = 6, 3.0, 0.3
+"""Windows that are tried of each length, how fast shoves may grow in them [1/s], and what share of
+the spread of its positions a joint may err by, before its replay counts as lost."""
 _LOOSE = 4.0
 """Knots at a segment's ends where the slope of a curve is not to be trusted over a long stretch."""
 _JUMP, _LEAST = 10.0, 0.05
@@ -45,6 +52,32 @@ def forgets(smoothed: Smoothed, step: float) -> bool:
     return bool(np.isfinite(apart).all() and (apart < _FORGOTTEN * _SHOVE).all())
 
 
+def longest_window(smoothed: Smoothed, step: float, hypothesis: Hypothesis = ()) -> float:
+    """Length of the longest windows [s] whose replays tell of laws, and not of how they began.
+
+    For a machine that does not forget: shoves may grow with time, as the phase of a swing does, but
+    no faster, as they do where motion is chaotic; and what the hypothesis still lacks must not
+    carry its replays away from the recordings.
+    """
+    if smoothed.motion.scene.free:
+        return FLOATING_S
+    spread = np.nanmax([np.nanstd(s.q, axis=0) for s in smoothed.samples], axis=0)
+    longest = WINDOWS_S[0]
+    for length in WINDOWS_S[1:]:
+        pairs = stretches_of(smoothed, False, _TRIED * length, window=length)
+        if max(s.t[-1] - s.t[0] for s, _ in pairs) < 0.75 * length:
+            break
+        shoved = [replace(s, q0=s.q0 + _SHOVE) for s, _ in pairs]
+        both = Replayer(smoothed.motion.scene, [s for s, _ in pairs] + shoved, step)
+        q, other = np.split(both.run([hypothesis]).q[0], 2)
+        error = np.sqrt(np.nanmean((q - np.concatenate([x for _, x in pairs])) ** 2, axis=0))
+        grown, lost = np.abs(other - q).max() / _SHOVE, (error > _LOST * spread).any()
+        if not grown <= _GROWTH * length or lost or not np.isfinite(q).all():
+            break
+        longest = length
+    return longest
+
+
 def cut(smoothed: Smoothed, index: int, rows: slice) -> Stretch:
     """Some samples of a segment, to be replayed from the smooth state at the first of them."""
     s, (q, v, _) = smoothed.samples[index], smoothed.at_samples[index]
@@ -54,7 +87,11 @@ def cut(smoothed: Smoothed, index: int, rows: slice) -> Stretch:
 
 
 def stretches_of(
-    smoothed: Smoothed, forgets: bool, seconds: float = np.inf, telling: float = 0.0
+    smoothed: Smoothed,
+    forgets: bool,
+    seconds: float = np.inf,
+    telling: float = 0.0,
+    window: float | None = None,
 ) -> list[tuple[Stretch, Float[np.ndarray, "_ dof"]]]:
     """Cut recordings into stretches to replay, with the positions measured in them.
 
@@ -64,11 +101,13 @@ def stretches_of(
         seconds: at most this much in all; blocks spread evenly over the recordings.
         telling: share of them that is not, where windows are chosen from more than that: these are
             where forces differ most from the usual. A stop is hit, and a foot slips, now and then.
+        window: length of windows [s]; the shortest if left out.
     """
     total = sum(float(s.t[-1] - s.t[0]) for s in smoothed.samples)
     keep = min(1.0, seconds / total)
     telling = 0.0 if forgets or keep == 1.0 else telling
-    window = FLOATING_S if smoothed.motion.scene.free else WINDOW_S
+    if window is None:
+        window = FLOATING_S if smoothed.motion.scene.free else WINDOW_S
     blocks = [
         (i, *block)
         for i, s in enumerate(smoothed.samples)

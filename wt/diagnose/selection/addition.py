@@ -176,8 +176,8 @@ def _pairs(
 
 
 def _usual(planted: Planted) -> bool:
-    """Tell whether hardly a joint is without it: dry and viscous friction."""
-    return planted.effect.kind == "joint" and planted.effect.common == "always"
+    """Tell whether joints often have it beside another: dry and viscous friction, and drag."""
+    return planted.effect.kind == "joint" and planted.effect.common != "seldom"
 
 
 @dataclass(frozen=True, eq=False)

@@ -94,10 +94,22 @@ class Holdout:
 
 
 def prepare_holdout(
-    smoothed: Smoothed, forgets: bool, seconds: float = np.inf, step: float = 5e-4
+    smoothed: Smoothed,
+    forgets: bool,
+    seconds: float = np.inf,
+    step: float = 5e-4,
+    window: float | None = None,
 ) -> Holdout:
-    """Prepare held-out recordings, at most so many seconds, for replays of so long steps [s]."""
-    pairs = stretches_of(smoothed, forgets, seconds)
+    """Prepare held-out recordings for replays.
+
+    Args:
+        smoothed: the recordings.
+        forgets: whether the machine forgets its initial state.
+        seconds: at most so much of them.
+        step: physics step [s].
+        window: length of the windows of a machine that does not forget; the shortest if left out.
+    """
+    pairs = stretches_of(smoothed, forgets, seconds, window=window)
     stretches = tuple(s for s, _ in pairs)
     label = np.concatenate([np.full(len(s.t), i) for i, s in enumerate(stretches)])
     block, fine = blocks_of(label, np.concatenate([s.t for s in stretches]))

@@ -132,7 +132,8 @@ class Naming:
         Args:
             accepted: effects that the search found.
             attempts: how often held-out data have been asked; all that is asked has to be paid.
-            known: effects that were compared with their lookalikes before.
+            known: effects that were compared with their lookalikes, and proven, before: what others
+                are asked later is not theirs to pay.
         """
         objective, log = self.objective, self.log
         estimated = estimate(objective, tuple(a.planted for a in accepted))
@@ -140,18 +141,19 @@ class Naming:
         accepted, estimated = lookalikes.settled(accepted, estimated, known)
         accepted, estimated = simplified(objective, accepted, estimated, log)
         accepted, estimated = united(objective, accepted, estimated, log)
-        largest_p = THRESHOLDS.significant / attempts
         while accepted:
             weakest = self._uncertain(estimated)
             if weakest is None:
                 each = self._gains(estimated)
-                weakest = int(np.argmax([g.p_value for g in each]))
-                if each[weakest].p_value <= largest_p:
-                    for a, g in zip(accepted, each, strict=True):
-                        log.add(a.planted, "holdout", True, g.p_value, largest_p, "proven")
+                tries = [1 if a.planted.key in known else attempts for a in accepted]
+                weakest = int(np.argmax([g.p_value * n for g, n in zip(each, tries, strict=True)]))
+                limits = [THRESHOLDS.significant / n for n in tries]
+                if each[weakest].p_value <= limits[weakest]:
+                    for a, g, limit in zip(accepted, each, limits, strict=True):
+                        log.add(a.planted, "holdout", True, g.p_value, limit, "proven")
                     return Claims(accepted, estimated, tuple(each), ())
                 p, reason = each[weakest].p_value, "held-out replays do not clearly gain by it"
-                log.add(accepted[weakest].planted, "holdout", False, p, largest_p, reason)
+                log.add(accepted[weakest].planted, "holdout", False, p, limits[weakest], reason)
             accepted = tuple(a for i, a in enumerate(accepted) if i != weakest)
             estimated = estimate(objective, without(estimated.hypothesis, weakest))
         return Claims((), estimated, (), ())

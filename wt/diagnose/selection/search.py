@@ -77,7 +77,8 @@ def search(
             log.add(planted, "reconsidered", False, lead, 0.0, reason)
         return replace(state, now=objective.reference(state.now.hypothesis, state.now.tolerances))
 
-    begin = _State(list(start), objective.reference(tuple(a.planted for a in start)))
+    known = tuple(a.planted for a in start)
+    begin = _State(list(start), _fitted(objective, known) if known else objective.reference(()))
     end = uphill(begin, advance, lead, lambda s: s.names, back)
     return tuple(
         replace(a, planted=planted)

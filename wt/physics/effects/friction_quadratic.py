@@ -22,6 +22,7 @@ class FrictionQuadratic(Effect):
     reference = "MuJoCo XML reference, body/joint/damping (polynomial)"
     signed = (1,)
     looks_like = ("friction by speed",)
+    common = "often"
     plotted_over = "velocity"
 
     def columns(
