@@ -40,7 +40,8 @@ KP, KV = (90.0, 60.0, 30.0), (5.0, 3.0, 1.5)
 ROTORS = (0.15, 0.05, 0.01)
 """Inertia of rotors [kg·m²]: about half of what each joint moves, as behind a gear."""
 MASS, LENGTH = (1.2, 0.8, 0.5), (0.4, 0.3, 0.25)
-DELAY_S = 0.03
+DELAY_S = {"position": 0.03, "torque": 0.01}
+"""Longer ones make a loop that is closed over torques swing without end, as nobody would record."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +134,7 @@ def record(made: Toy) -> Recording:
         goal *= np.minimum(t / 2.0, 1.0)[:, None]
     late = np.zeros(nv, dtype=int)
     if made.effect == "actuator.delay":
-        late[made.place] = round(DELAY_S * RATE)
+        late[made.place] = round(DELAY_S["torque" if made.torque else "position"] * RATE)
     q, v, u = np.empty((n, nv)), np.empty((n, nv)), np.empty((n, nv))
     for k in range(n):
         q[k], v[k], u[k] = data.qpos, data.qvel, goal[k]

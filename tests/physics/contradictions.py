@@ -11,7 +11,7 @@ from wt.physics.motion import Motion
 from wt.types import Location
 
 Array = np.ndarray
-JOINT, DRIVE = Location("joint", "j1"), Location("actuator", "m1")
+JOINT, PAIR, DRIVE = Location("joint", "j1"), Location("pair", "j1+j2"), Location("actuator", "m1")
 
 
 @dataclass(frozen=True)
@@ -27,11 +27,26 @@ def _q(motion: Motion) -> Array:
     return motion.q[:, motion.scene.dof(JOINT.name)]
 
 
+def _both(motion: Motion) -> Array:
+    return np.asarray(sum(motion.q[:, motion.scene.dof(name)] for name in PAIR.name.split("+")))
+
+
 def _force(motion: Motion) -> Array:
     return np.abs(motion.force(motion.scene.drive(DRIVE.name)))
 
 
 CONTRADICTIONS: Mapping[str, Contradiction] = {
+    # hardly moved compared with how far its rest is away, a spring is a constant force
+    "joint.stiffness": Contradiction(
+        JOINT,
+        lambda m: [1.0, float(_q(m).mean() + 30.0 * np.ptp(_q(m)))],
+        lambda m: [1.0, float(_q(m).mean() + 3.0 * np.ptp(_q(m)))],
+    ),
+    "pair.spring": Contradiction(
+        PAIR,
+        lambda m: [1.0, 1.0, float(_both(m).mean() - 30.0 * np.ptp(_both(m)))],
+        lambda m: [1.0, 1.0, float(_both(m).mean() - 3.0 * np.ptp(_both(m)))],
+    ),
     # the joint goes on to where it turned round of itself
     "joint.stop": Contradiction(
         JOINT,

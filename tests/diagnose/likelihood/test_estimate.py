@@ -2,20 +2,52 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from unittest.mock import Mock
 
 import numpy as np
 
 from wt.diagnose.likelihood.estimate import Estimated, _named, distances_from_nothing, least_spread
 from wt.diagnose.likelihood.objective import Assessed
+from wt.diagnose.likelihood.tolerances import absorbed, alike, tolerances
 from wt.diagnose.result import Estimate
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
+from wt.physics.scene import Scene
 from wt.physics.units import HINGE
 from wt.types import Location
 
 J = Location("joint", "j")
+
+
+def test_the_small_error_of_a_finding_s_own_kind_is_part_of_it(tmp_path: Path) -> None:
+    """Replays show only their sum: in a valley of the two, a third went to the tolerance."""
+    path = tmp_path / "arm.xml"
+    path.write_text(
+        '<mujoco><worldbody><body name="link"><joint name="j" damping=".3" armature=".02"/>'
+        '<geom size=".1" mass="2" pos=".3 0 0"/></body></worldbody>'
+        '<actuator><motor name="m" joint="j"/></actuator></mujoco>'
+    )
+    known = tolerances(Scene(path))
+    for name, at, own, step in (
+        ("joint.armature", J, 0.03, lambda t, x: 0.03 + x * t.tolerance.size),
+        (
+            "actuator.gain",
+            Location("actuator", "m"),
+            1.5,
+            lambda t, x: 1.5 * (1.0 + x * t.tolerance.size),
+        ),
+    ):
+        planted = Planted(effects()[name], at, np.array([own]))
+        other = Planted(effects()["joint.stop"], J, np.array([1.0, 1.0]))
+        mine = alike(known, (planted, other))
+        assert [t.planted.key for t, m in zip(known, mine, strict=True) if m] == [planted.key]
+        sizes = np.where(mine, 2.0, 1.0)
+        whole, rest = absorbed(known, sizes, (planted, other))
+        (tolerance,) = (t for t, m in zip(known, mine, strict=True) if m)
+        np.testing.assert_allclose(whole.theta, step(tolerance, 2.0))
+        assert rest == other
 
 
 def estimated(*found: tuple[str, dict[str, tuple[float, float, float]]]) -> Estimated:

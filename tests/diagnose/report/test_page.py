@@ -206,6 +206,15 @@ def test_a_vector_has_a_row_a_component_and_one_warning(diagnosis: Diagnosis) ->
     assert [row[6] for row in rows] == ["at the bound", "", ""]
 
 
+def test_an_axis_that_no_recording_shows_has_no_figure(diagnosis: Diagnosis) -> None:
+    ends = ((0.0, -5.0, 0.2), (0.2, 5.0, 0.4))
+    position = Estimate((0.1, 0.0, 0.3), "m", ends, unshown=("y",))
+    finding = dataclasses.replace(diagnosis.findings[0], parameters={"position": position})
+    x, y, z = text.parameter_rows([finding])
+    assert y[3:6] == ("–", "", "not shown")
+    assert x[5] != "not shown" != z[5]
+
+
 def test_places_lead_to_their_joint() -> None:
     model = mujoco.MjModel.from_xml_string(synthetic.ARM)
     for kind, name, joint in (

@@ -263,7 +263,10 @@ def parameter_rows(findings: Sequence[Finding]) -> list[tuple[str, str, str, str
             warning = estimate.note
             for axis, (value, interval) in zip(axes, components, strict=True):
                 label = name if len(components) == 1 else f"{name} {axis}"
-                row = (finding.effect, str(finding.at), label, value, unit, interval, warning)
+                seen = (value, unit, interval)
+                if axis in estimate.unshown:
+                    seen = ("–", "", "not shown")
+                row = (finding.effect, str(finding.at), label, *seen, warning)
                 rows.append(row)
                 warning = ""  # said once
     return rows

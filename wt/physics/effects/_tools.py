@@ -20,6 +20,7 @@ from wt.types import Location
 
 _BRISTLE_FREQUENCY, _BRISTLE_DAMPING = 0.4, 0.5  # frequency · time step, damping ratio
 _LOAD_RADIUS = 0.01  # m, of the sphere that stands for a load
+_VARIES = 0.05  # least share of its farthest stretch that a spring's way makes up
 _BEYOND, _MOUNT = 2.0, 0.05
 """A load sits within so many radii of what carries it, and so much for its mount [m]."""
 
@@ -270,3 +271,15 @@ def _turn(m: mujoco.MjModel, body: int) -> Float[np.ndarray, "3 3"]:
     turn = np.zeros(9)
     mujoco.mju_quat2Mat(turn, m.body_quat[body])
     return turn.reshape(3, 3)
+
+
+def no_spring(stretch: Float[np.ndarray, " sample"], reference: float) -> str | None:
+    """Why a recording rules out a spring of such a reference, if it does.
+
+    One that hardly pulls harder at one end of its way than at the other pulls as a constant force
+    does: its stiffness says nothing.
+    """
+    farthest = float(np.abs(stretch - reference).max())
+    if np.ptp(stretch) >= _VARIES * farthest:
+        return None
+    return "so far from its rest the spring would pull the same all along, as a constant force does"

@@ -103,6 +103,8 @@ def _lagged(
     u: Float[np.ndarray, " interval"], h: float, time_constant: float
 ) -> Float[np.ndarray, " interval"]:
     """Mean of the filtered signal over each interval of a held one, (n,)."""
+    if time_constant <= 0.0:
+        return u
     keep = np.exp(-h / time_constant)
     # x at the end of each interval: x[k] = keep · x[k−1] + (1 − keep) · u[k]
     end = lfilter([1.0 - keep], [1.0, -keep], u, zi=[keep * u[0]])[0]

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import neighbours
+from wt.physics.effects._tools import neighbours, no_spring
 from wt.physics.motion import Motion
 from wt.physics.parts import add_tendon
 from wt.physics.scene import Scene
@@ -83,6 +83,13 @@ class PairSpring(Effect):
     ) -> bool:
         """Refuse a spring at one joint."""
         return bool(_EITHER < abs(theta[1]) < 1.0 / _EITHER)
+
+    def contradiction(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> str | None:
+        """Its rest is so far away that it would be a constant force."""
+        a, b = (motion.scene.dof(name) for name in at.name.split("+"))
+        return no_spring(motion.q[:, a] + theta[1] * motion.q[:, b], float(theta[2]))
 
     def statement(
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE

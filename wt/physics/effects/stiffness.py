@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._tools import per_radian
+from wt.physics.effects._tools import no_spring, per_radian
 from wt.physics.hooks import Linearised
 from wt.physics.motion import Motion
 from wt.physics.units import HINGE, Units
@@ -54,6 +54,12 @@ class Stiffness(Linearised):
             middle = (old[0] * joint.springref / unit + theta[0] * theta[1]) / total
             joint.springref = middle * unit
         joint.stiffness = [total, *old[1:]]
+
+    def contradiction(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> str | None:
+        """Its rest is so far away that it would be a constant force."""
+        return no_spring(motion.q[:, motion.scene.dof(at.name)], float(theta[1]))
 
     def statement(
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
