@@ -117,8 +117,10 @@ def test_ctrl_c_leaves_no_process_and_what_is_finished(tmp_path: Path) -> None:
     started.send_signal(signal.SIGINT)
     printed, error = started.communicate(timeout=60)
     assert (started.returncode, printed) == (1, "")
-    assert error.startswith("error: interrupted: nothing finished is lost; continue with: wt prove")
-    assert error.count("\n") == 1
+    *before, last = error.splitlines()
+    assert last.startswith("error: interrupted: nothing finished is lost; continue with: wt prove")
+    # on a busy machine there is progress before it, and nothing else
+    assert all(" % after " in line for line in before), error
     assert not list(scratch.glob("blind-*"))
     assert (out / "manifest.json").exists()
     assert not (out / "ledger.json").exists()

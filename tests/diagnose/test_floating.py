@@ -31,8 +31,8 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     return stool.scene(tmp_path_factory.mktemp("stool"))
 
 
-def ranked(machine: Scene, edit: stool.Edit | None) -> list[Scored]:
-    parts = [Part(stool.recording(seed, edit, seconds=6.0), seed) for seed in (3, 4)]
+def ranked(machine: Scene, edit: stool.Edit | None, seconds: float) -> list[Scored]:
+    parts = [Part(stool.recording(seed, edit, seconds), seed) for seed in (3, 4)]
     return Screen(smooth(machine, parts)).rank([])
 
 
@@ -63,14 +63,14 @@ def test_some_pieces_are_where_forces_are_unusual(machine: Scene) -> None:
 
 
 def test_where_nothing_is_hidden_little_is_gained(machine: Scene) -> None:
-    assert ranked(machine, None)[0].gain < 12.0
+    assert ranked(machine, None, 6.0)[0].gain < 12.0
 
 
 @pytest.mark.parametrize("at", [(0.08, -0.03, 0.06), (0.12, -0.05, 0.15)])
 def test_a_load_on_the_trunk_leads_wherever_it_sits(
     machine: Scene, at: tuple[float, float, float]
 ) -> None:
-    best = ranked(machine, stool.loaded(1.0, at))[0]
+    best = ranked(machine, stool.loaded(1.0, at), 4.0)[0]
     assert (best.planted.effect.id, best.planted.at.name) == ("body.payload_fixed", "trunk")
     assert best.gain > 200.0
     # linear around the trunk's centre of mass alone, the first weighs 0.72 kg
@@ -78,7 +78,7 @@ def test_a_load_on_the_trunk_leads_wherever_it_sits(
 
 
 def test_friction_of_a_leg_leads(machine: Scene) -> None:
-    best = ranked(machine, stool.stiff("rear_hip", 0.6))[0]
+    best = ranked(machine, stool.stiff("rear_hip", 0.6), 4.0)[0]
     assert best.planted.at.name == "rear_hip" and best.planted.effect.id.startswith(
         "joint.friction"
     )

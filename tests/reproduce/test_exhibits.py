@@ -16,7 +16,7 @@ from wt.config import load, to_yaml
 from wt.errors import ConfigError, WorkError
 from wt.evaluate import paper, probes
 from wt.evaluate.results import MethodScore, Results
-from wt.reproduce import bench
+from wt.reproduce import bench, report
 from wt.reproduce.exhibit import Exhibit, exhibits, register
 from wt.reproduce.exhibits import figure_4, latent_space, online
 from wt.reproduce.tasks import QUICK, TASKS
@@ -85,6 +85,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         scores = {m: MethodScore(0.1, 0.0, 0.1) for m in ("RawSim", "WorldTranslation", "RSSM")}
         Results(name, (0,), scores).save(run)
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(report, "_DPI", 30)
         patch.setattr(bench, "FEATURES_QUICK", 400)
         patch.setattr(probes, "EPOCHS", 2)
         patch.setattr(figure_4, "ROLLOUTS_QUICK", 4)

@@ -80,6 +80,7 @@ class Bench:
     listener: Listener
     _open: dict[str, Study] = field(default_factory=dict)
     _read: dict[tuple[str, ...], FitConfig] = field(default_factory=dict)
+    _written: dict[str, str] = field(default_factory=dict)
 
     def task(self, name: str) -> PaperTask:
         """The task of that name, which can be run."""
@@ -96,7 +97,10 @@ class Bench:
     def identity(self, tasks: Sequence[str]) -> str:
         """Hash of what decides the numbers of an exhibit of these tasks."""
         there = [task.name for task in self.tasks if task.name in tasks]
-        configs = {name: to_yaml(self.config(name)) for name in there}
+        for name in there:
+            if name not in self._written:  # every exhibit asks, and some ask twice
+                self._written[name] = to_yaml(self.config(name))
+        configs = {name: self._written[name] for name in there}
         return digest({"tasks": configs, "quick": self.quick})
 
     def results(self, task: PaperTask) -> Results:
