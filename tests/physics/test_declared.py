@@ -32,7 +32,7 @@ ALWAYS = {
     "actuator.gain",
     "actuator.delay",
 }
-OFTEN = {"body.payload_fixed", "body.mass", "body.com"}
+OFTEN = {"joint.friction_quadratic", "body.payload_fixed", "body.mass", "body.com"}
 OVER = {
     "velocity": {
         "actuator.delay", "actuator.lag", "actuator.speed_limit", "body.drag", "contact.friction",

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from wt.diagnose.experiment.release import passive, release
-from wt.diagnose.likelihood.bic import erring
+from wt.diagnose.likelihood.bic import erring, erring_joints
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.observed.forces import measured
 from wt.diagnose.observed.translation import TrainedTranslation, sentences, timed, translated
@@ -77,6 +77,8 @@ FLOATING = Effort(1e-3, 1e-3, 5.0, 8.0, 16.0, 16.0)
 """Steps with contacts cost several times as much, and there are many more of them to choose."""
 TELLING = 0.4
 """Share of a floating machine's windows that are not spread evenly: where forces are unusual."""
+_FAR_MORE = 1.5
+"""Mean square error of a joint, over another, that is no refinement any more."""
 ATTEMPTS = 3
 """At most this many searches, each without the effects that held-out data refused before."""
 
@@ -208,11 +210,16 @@ def _searched(
     if any(f.voids_commands for f in prepared.audit):
         return _Outcome(prepared, fitted, naming, naming.proven(()), None)
     accepted = search(screen, naming.search_replays, log, say)
-    # what was found may keep replays beside the recordings for longer, which tells more
-    later = window and longest_window(fitted, quick, tuple(a.planted for a in accepted))
-    if window and later and later > window:
-        window, naming = later, naming_by(later)
-        accepted = search(screen, naming.search_replays, log, say, accepted)
+    # what was found may keep replays beside the recordings for longer, which tells what is left
+    hypothesis = tuple(a.planted for a in accepted)
+    now = naming.search_replays.reference(hypothesis)
+    if window and accepted and erring_joints(naming.search_replays, now):
+        later = longest_window(fitted, quick, hypothesis)
+        if later > window:
+            longer = naming_by(later)
+            further = search(screen, longer.search_replays, log, say, accepted)
+            if not _lost(naming.search_replays, accepted, further):
+                window, naming, accepted = later, longer, further
     proven = _proven(naming, accepted, say, attempts)
     say("looking for events", 0.75)
     seen: tuple[Event, ...] = ()
@@ -291,6 +298,16 @@ def _diagnosis(scene: Scene, outcome: _Outcome) -> Diagnosis:
         physics_py=files.physics_py,
         holdout_npz=files.holdout_npz,
     )
+
+
+def _lost(replays: Objective, before: Sequence[Accepted], after: Sequence[Accepted]) -> bool:
+    """Tell whether longer windows led away from what shorter ones had found.
+
+    There the errors of a rig bend replays so much that a fit may stop on its way; the shorter ones
+    then err far more by what it says.
+    """
+    two = [replays.reference(tuple(a.planted for a in found)).mse for found in (before, after)]
+    return bool((two[1] > _FAR_MORE * two[0]).any())
 
 
 def _proven(naming: Naming, accepted: tuple[Accepted, ...], say: Report, before: int = 0) -> Claims:

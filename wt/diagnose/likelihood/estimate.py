@@ -60,14 +60,16 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     before = start
     for _ in range(_SETTLED):
         (now,) = refine(objective, [before], [parts], iterations=3)
+        own = alike(objective.tolerances, now.hypothesis)
         whole = absorbed(objective.tolerances, now.tolerances, now.hypothesis)
-        theta = pack(whole, parts)
-        near = _NEAR * np.abs(theta) + smallest
-        if (np.abs(theta - pack(before, parts)) <= near).all():
+        near = _NEAR * np.abs(pack(whole, parts)) + smallest
+        moved = (np.abs(pack(whole, parts) - pack(before, parts)) > near).any()
+        if not (moved or own.any()):
             break
-        own = alike(objective.tolerances, whole)
         now = objective.reference(whole, np.where(own, 0.0, now.tolerances))
         before = whole
+        if not moved:
+            break
     theta = pack(now.hypothesis, parts)
     slopes = jacobian(objective, [now], [parts])
     (slope,) = jacobian(objective, [now], [parts], slopes)

@@ -100,15 +100,7 @@ def prepare_holdout(
     step: float = 5e-4,
     window: float | None = None,
 ) -> Holdout:
-    """Prepare held-out recordings for replays.
-
-    Args:
-        smoothed: the recordings.
-        forgets: whether the machine forgets its initial state.
-        seconds: at most so much of them.
-        step: physics step [s].
-        window: length of the windows of a machine that does not forget; the shortest if left out.
-    """
+    """Prepare held-out recordings, as :func:`stretches_of` cuts them, for steps of so long [s]."""
     pairs = stretches_of(smoothed, forgets, seconds, window=window)
     stretches = tuple(s for s, _ in pairs)
     label = np.concatenate([np.full(len(s.t), i) for i, s in enumerate(stretches)])
