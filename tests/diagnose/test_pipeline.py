@@ -128,6 +128,7 @@ def test_only_an_effect_that_was_refused_starts_another_search(
     naming.log = DecisionLog()
     naming.proven.return_value = Mock(spec=Claims, accepted=standing(proven))
     naming.clean.return_value = False
-    pipeline._proven(naming, lambda *_: None)
+    first = search()
+    pipeline._proven(naming, first, lambda *_: None)
     assert len(searched) == searches
     assert searched[-1] == {f"law {i}" for i in range(1, searches)}
