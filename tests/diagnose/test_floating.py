@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -13,11 +12,9 @@ import pytest
 from tests.physics import stool
 from wt.diagnose.likelihood.estimate import estimate
 from wt.diagnose.likelihood.objective import Objective
-from wt.diagnose.pipeline import diagnose
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import FLOATING_S, forgets, stretches_of
-from wt.diagnose.report.write import write
 from wt.diagnose.residual.screen import Scored, Screen
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
@@ -150,15 +147,3 @@ def test_moments_of_a_blow_are_not_calm(machine: Scene) -> None:
     assert not calm[blow].any()
     far = np.abs(np.arange(len(calm)) - 201) > 10
     assert (calm | ~before)[far].all(), "a blow makes no other moment a worse one"
-
-
-def test_a_whole_diagnosis_is_silent_where_nothing_is_hidden(
-    machine: Scene, tmp_path: Path
-) -> None:
-    fit, held_out = (stool.recording(seed, seconds=5.0) for seed in (1, 3))
-    found = diagnose(machine.path, [fit], [held_out])
-    assert found.verdict == "no_mismatch" and not found.findings
-    write(found, tmp_path / "out")
-    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "model.xml"))
-    assert model.joint("root").type == mujoco.mjtJoint.mjJNT_FREE
-    assert "root/x" not in (tmp_path / "out" / "report.html").read_text().split("<svg")[1]
