@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -41,7 +41,7 @@ from wt.diagnose.selection.verdict import (
     verdict,
 )
 from wt.mjcf.edit import patched_xml
-from wt.physics.planted import Key
+from wt.physics.planted import Hypothesis, Key
 from wt.physics.quiet import quiet
 from wt.physics.scene import Scene
 from wt.physics.units import units_at
@@ -205,21 +205,14 @@ def _searched(
         data = prepare_holdout(held_out, forgetting, effort.proof_s, step, window)
         return Naming(screen, *replays, all_replays, data, step, seed, log)
 
-    window = None if forgetting else longest_window(fitted, quick)
+    window = None if forgetting or scene.free else longest_window(fitted, quick)
     naming = naming_by(window)
     if any(f.voids_commands for f in prepared.audit):
         return _Outcome(prepared, fitted, naming, naming.proven(()), None)
     accepted = search(screen, naming.search_replays, log, say)
-    # what was found may keep replays beside the recordings for longer, which tells what is left
-    hypothesis = tuple(a.planted for a in accepted)
-    now = naming.search_replays.reference(hypothesis)
-    if window and accepted and erring_joints(naming.search_replays, now):
-        later = longest_window(fitted, quick, hypothesis)
-        if later > window:
-            longer = naming_by(later)
-            further = search(screen, longer.search_replays, log, say, accepted)
-            if not _lost(naming.search_replays, accepted, further):
-                window, naming, accepted = later, longer, further
+    if window:
+        longest = functools.partial(longest_window, fitted, quick)
+        window, naming, accepted = _prolonged(naming, accepted, window, longest, naming_by, say)
     proven = _proven(naming, accepted, say, attempts)
     say("looking for events", 0.75)
     seen: tuple[Event, ...] = ()
@@ -298,6 +291,41 @@ def _diagnosis(scene: Scene, outcome: _Outcome) -> Diagnosis:
         physics_py=files.physics_py,
         holdout_npz=files.holdout_npz,
     )
+
+
+def _prolonged(
+    naming: Naming,
+    accepted: tuple[Accepted, ...],
+    window: float,
+    longest: Callable[[Hypothesis], float],
+    naming_by: Callable[[float], Naming],
+    say: Report,
+) -> tuple[float, Naming, tuple[Accepted, ...]]:
+    """Search on in longer windows, where something is left and what was found allows them.
+
+    It may keep replays beside the recordings for longer, which tells what else there is.
+
+    Args:
+        naming: of what was found.
+        accepted: what was found.
+        window: length of the windows that it was found in [s].
+        longest: length of the longest windows for a hypothesis [s].
+        naming_by: makes the claims of windows of a length [s].
+        say: called as the work goes on.
+
+    Returns:
+        (length of the windows; what makes the claims; what is found), as given or later.
+    """
+    given = window, naming, accepted
+    replays, hypothesis = naming.search_replays, tuple(a.planted for a in accepted)
+    if not accepted or not erring_joints(replays, replays.reference(hypothesis)):
+        return given
+    later = longest(hypothesis)
+    if later <= window:
+        return given
+    longer = naming_by(later)
+    further = search(naming.screen, longer.search_replays, naming.log, say, accepted)
+    return given if _lost(replays, accepted, further) else (later, longer, further)
 
 
 def _lost(replays: Objective, before: Sequence[Accepted], after: Sequence[Accepted]) -> bool:

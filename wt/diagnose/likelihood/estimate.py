@@ -57,19 +57,7 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
         return Estimated(now, ())
     parts = range(len(start))
     smallest = steps(objective, start, parts)
-    before = start
-    for _ in range(_SETTLED):
-        (now,) = refine(objective, [before], [parts], iterations=3)
-        own = alike(objective.tolerances, now.hypothesis)
-        whole = absorbed(objective.tolerances, now.tolerances, now.hypothesis)
-        near = _NEAR * np.abs(pack(whole, parts)) + smallest
-        moved = (np.abs(pack(whole, parts) - pack(before, parts)) > near).any()
-        if not (moved or own.any()):
-            break
-        now = objective.reference(whole, np.where(own, 0.0, now.tolerances))
-        before = whole
-        if not moved:
-            break
+    now = _fitted(objective, start, smallest)
     theta = pack(now.hypothesis, parts)
     slopes = jacobian(objective, [now], [parts])
     (slope,) = jacobian(objective, [now], [parts], slopes)
@@ -87,6 +75,25 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
             _named(planted, units, low[rows], high[rows], smallest[rows], visible[rows, rows])
         )
     return Estimated(now, tuple(estimates))
+
+
+def _fitted(
+    objective: Objective, start: Hypothesis, smallest: Float[np.ndarray, " parameter"]
+) -> Assessed:
+    """All effects refined, each with what its own tolerance took of it, linear around the last."""
+    parts, before = range(len(start)), start
+    for _ in range(_SETTLED):
+        (now,) = refine(objective, [before], [parts], iterations=3)
+        own = alike(objective.tolerances, now.hypothesis)
+        whole = absorbed(objective.tolerances, now.tolerances, now.hypothesis)
+        theta = pack(whole, parts)
+        moved = (np.abs(theta - pack(before, parts)) > _NEAR * np.abs(theta) + smallest).any()
+        if moved or own.any():
+            now = objective.reference(whole, np.where(own, 0.0, now.tolerances))
+        if not moved:
+            break
+        before = whole
+    return now
 
 
 def distances_from_nothing(estimated: Estimated) -> dict[int, float]:

@@ -55,12 +55,10 @@ def forgets(smoothed: Smoothed, step: float) -> bool:
 def longest_window(smoothed: Smoothed, step: float, hypothesis: Hypothesis = ()) -> float:
     """Length of the longest windows [s] whose replays tell of laws, and not of how they began.
 
-    For a machine that does not forget: shoves may grow with time, as the phase of a swing does, but
-    no faster, as they do where motion is chaotic; and what the hypothesis still lacks must not
-    carry its replays away from the recordings.
+    For a machine that does not forget, and does not float: shoves may grow with time, as the phase
+    of a swing does, but no faster, as they do where motion is chaotic; and what the hypothesis
+    still lacks must not carry its replays away from the recordings.
     """
-    if smoothed.motion.scene.free:
-        return FLOATING_S
     spread = np.nanmax([np.nanstd(s.q, axis=0) for s in smoothed.samples], axis=0)
     longest = WINDOWS_S[0]
     for length in WINDOWS_S[1:]:

@@ -145,9 +145,11 @@ class Naming:
             weakest = self._uncertain(estimated)
             if weakest is None:
                 each = self._gains(estimated)
-                tries = [1 if a.planted.key in known else attempts for a in accepted]
-                weakest = int(np.argmax([g.p_value * n for g, n in zip(each, tries, strict=True)]))
-                limits = [THRESHOLDS.significant / n for n in tries]
+                limits = [
+                    THRESHOLDS.significant / (1 if a.planted.key in known else attempts)
+                    for a in accepted
+                ]
+                weakest = int(np.argmax([g.p_value / p for g, p in zip(each, limits, strict=True)]))
                 if each[weakest].p_value <= limits[weakest]:
                     for a, g, limit in zip(accepted, each, limits, strict=True):
                         log.add(a.planted, "holdout", True, g.p_value, limit, "proven")
