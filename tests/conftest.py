@@ -15,6 +15,7 @@ from jaxtyping import install_import_hook
 ROOT = Path(__file__).resolve().parent.parent
 
 EVERY_STEP = {
+    "wt.diagnose.observed.states",
     "wt.diagnose.unknown.law",
     "wt.diagnose.unknown.memory",
     "wt.physics.effects._tools",
@@ -28,15 +29,17 @@ EVERY_STEP = {
     "wt.physics.scene",
     "wt.prove.body_laws",
     "wt.prove.contact_laws",
+    "wt.prove.controllers",
     "wt.prove.drive_laws",
     "wt.prove.hidden",
     "wt.prove.joint_laws",
     "wt.prove.laws",
     "wt.prove.moving_laws",
     "wt.prove.outside_laws",
+    "wt.prove.trajectory",
 }
-"""Modules whose functions run at every physics step: to check them would take longer than to run
-them, and made the tests three times as long."""
+"""Modules whose functions run at every physics step or sample: to check them would take longer than
+to run them, and made the tests three times as long."""
 
 
 def _check_shapes() -> None:
