@@ -12,12 +12,18 @@ from pathlib import Path
 import pytest
 from jaxtyping import install_import_hook
 
+from tests.order import pytest_collection_modifyitems as pytest_collection_modifyitems
+from tests.order import pytest_xdist_make_scheduler as pytest_xdist_make_scheduler
+
 ROOT = Path(__file__).resolve().parent.parent
 
 EVERY_STEP = {
+    "wt.diagnose.likelihood.adapt",
+    "wt.diagnose.likelihood.bounded",
     "wt.diagnose.observed.states",
     "wt.diagnose.unknown.law",
     "wt.diagnose.unknown.memory",
+    "wt.physics.acting",
     "wt.physics.effects._tools",
     "wt.physics.effects.actuator_fade",
     "wt.physics.effects.friction_directional",
@@ -26,6 +32,9 @@ EVERY_STEP = {
     "wt.physics.effects.friction_stribeck",
     "wt.physics.effects.pair_crosstalk",
     "wt.physics.live",
+    "wt.physics.planted",
+    "wt.physics.replay",
+    "wt.physics.rollout",
     "wt.physics.scene",
     "wt.prove.body_laws",
     "wt.prove.contact_laws",
@@ -38,8 +47,8 @@ EVERY_STEP = {
     "wt.prove.outside_laws",
     "wt.prove.trajectory",
 }
-"""Modules whose functions run at every physics step or sample: to check them would take longer than
-to run them, and made the tests three times as long."""
+"""Modules whose functions run at every physics step, sample or replay: to check them would take
+longer than to run them, and made the tests three times as long."""
 
 
 def _check_shapes() -> None:
