@@ -18,6 +18,7 @@ from tests.order import pytest_xdist_make_scheduler as pytest_xdist_make_schedul
 ROOT = Path(__file__).resolve().parent.parent
 
 EVERY_STEP = {
+    "wt.check.balance",
     "wt.diagnose.likelihood.adapt",
     "wt.diagnose.likelihood.bounded",
     "wt.diagnose.observed.states",
@@ -47,8 +48,9 @@ EVERY_STEP = {
     "wt.prove.outside_laws",
     "wt.prove.trajectory",
 }
-"""Modules whose functions run at every physics step, sample or replay: to check them would take
-longer than to run them, and made the tests three times as long."""
+"""Modules whose functions run at every physics step, sample or replay, or for every fault that an
+audit tries: to check them would take longer than to run them, and made the tests three times as
+long."""
 
 
 def _check_shapes() -> None:
