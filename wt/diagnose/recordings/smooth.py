@@ -193,7 +193,7 @@ def _derivative(knots: Float[np.ndarray, " knot"], n: int) -> sparse.spmatrix:
 def _acted_on(scene: Scene, s: Samples) -> Float[np.ndarray, "sample actuator"]:
     """What each drive acts on from each sample to the next: its command, or a mean activation."""
     following = np.concatenate([s.activation[1:], s.activation[-1:]])
-    return np.where(dynamic(scene.model), 0.5 * (s.activation + following), s.command)
+    return np.where(dynamic(scene.model), 0.5 * (s.activation + following), s.activation)
 
 
 def _anchored(smoothed: Smoothed) -> tuple[Samples, ...]:
