@@ -53,14 +53,14 @@ def bar(beginning: str, timed: bool = False) -> Iterator[Callable[[str, float], 
             yield lines.say
         return
     columns = TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn()
-    left = [TextColumn("{task.fields[left]}")] if timed else []
+    left = [TextColumn("{task.fields[clock]}")] * timed
     with Progress(*columns, *left, console=console, transient=True) as progress:
-        task, clock = progress.add_task(beginning, total=1.0, left=""), _Clock()
+        clock = _Clock()
+        task = progress.add_task(beginning, total=1.0, clock=clock)
 
         def say(what: str, share: float) -> None:
             clock.say(share)
-            left = f"{clock.left} to go" if clock.left else ""
-            progress.update(task, description=what, completed=share, left=left)
+            progress.update(task, description=what, completed=share)
 
         yield say
 
@@ -118,12 +118,12 @@ class Lines:
             what, share = said
             seconds = now - self._began
             line = f"{what}: {100 * share:.0f} % after {seconds:.0f} s"
-            left = f", about {self._clock.left} to go" if self._timed and self._clock.left else ""
+            left = f", {self._clock}" if self._timed and str(self._clock) else ""
             print(line + left, file=sys.stderr, flush=True)
 
 
 class _Clock:
-    """Says what is left, by shares of the time that all takes."""
+    """What is left, by shares of the time that all takes."""
 
     def __init__(self) -> None:
         self._began = time.monotonic()
@@ -134,13 +134,12 @@ class _Clock:
         now = time.monotonic()
         self._ends = self._began + (now - self._began) / share if share else now
 
-    @property
-    def left(self) -> str:
-        """The time that is left; empty where it is not known."""
+    def __str__(self) -> str:
+        """What is left; empty where that is not known."""
         from wt.show.text import duration
 
         left = self._ends - time.monotonic()
-        return duration(left) if left > 0.0 else ""
+        return f"about {duration(left)} to go" if left > 0.0 else ""
 
 
 class _Bars:
