@@ -113,10 +113,7 @@ def diagnose(
         RecordingError: a recording cannot be used.
     """
     began, pace = time.monotonic(), Pace(progress, expect)
-    pace.stage("auditing")
-    scene, prepared = _audited(model, recordings, holdout)
-    effort = _effort(scene)
-    pace.foretell(scene, effort.search_step, effort.search_s, prepared.used)
+    scene, prepared = _audited(model, recordings, holdout, pace)
     translation_evidence = translated(scene, prepared, translation) if translation else None
     log = DecisionLog()
     outcome = _searched(scene, prepared, seed, log, pace)
@@ -150,13 +147,17 @@ def diagnose(
 
 
 def _audited(
-    model: str | Path, recordings: Sequence[Source], holdout: Sequence[Source]
+    model: str | Path, recordings: Sequence[Source], holdout: Sequence[Source], pace: Pace
 ) -> tuple[Scene, Prepared]:
-    """The model and the recordings as corrected."""
+    """The model and the recordings as corrected; they say how long the rest will take."""
+    pace.stage("auditing")
     scene = Scene(model)
     prepared = prepare(scene, recordings, holdout)
     amendments = [f.model_change for f in prepared.audit if f.model_change]
-    return (Scene(model, amendments) if amendments else scene), prepared
+    scene = Scene(model, amendments) if amendments else scene
+    effort = _effort(scene)
+    pace.foretell(scene, effort.search_step, effort.search_s, prepared.used)
+    return scene, prepared
 
 
 def _effort(scene: Scene) -> Effort:
