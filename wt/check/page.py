@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -68,15 +68,29 @@ def _table(findings: Sequence[AuditFinding]) -> str:
 
 def _channels(scene: Scene | None, each: Audited) -> str:
     """A chart of every position, with the replay of the corrected commands where there is one."""
-    assert each.given is not None and each.corrected is not None and each.path is not None
-    replayed = replay(scene, each.corrected) if scene is not None else {}
-    names = [n for n in each.given.columns if n.startswith("qpos/")]
-    single = [n for n in names if coordinate(n) is None]
-    figures = "".join(_channel(name, each, replayed.get(name)) for name in single)
+    assert each.path is not None
+    drawn = figures(scene, each)
+    return section(each.path.name, "", grid(drawn)) if drawn else ""
+
+
+def grid(drawn: Mapping[str, str]) -> str:
+    """Figures beside each other, under their key."""
     keys = '<p><span class="key before">recorded</span><span class="key after">replay</span></p>'
-    return (
-        section(each.path.name, "", f'{keys}<div class="grid">{figures}</div>') if figures else ""
-    )
+    return f'{keys}<div class="grid">{"".join(drawn.values())}</div>'
+
+
+def figures(scene: Scene | None, each: Audited) -> dict[str, str]:
+    """A chart of every position with the replay of the corrected commands, by column.
+
+    Args:
+        scene: the model; without it there is no replay.
+        each: a recording and its audit.
+    """
+    assert each.given is not None and each.corrected is not None
+    replayed = replay(scene, each.corrected) if scene is not None else {}
+    names = [n for n in each.given.columns if n.startswith("qpos/") and coordinate(n) is None]
+    drawn = {name: _channel(name, each, replayed.get(name)) for name in names}
+    return {name: figure for name, figure in drawn.items() if figure}
 
 
 def _channel(name: str, each: Audited, replayed: Float[np.ndarray, " sample"] | None) -> str:

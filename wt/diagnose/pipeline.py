@@ -92,6 +92,7 @@ def diagnose(
     seed: int = 0,
     progress: Report | None = None,
     translation: TrainedTranslation | None = None,
+    log: DecisionLog | None = None,
 ) -> Diagnosis:
     """Find what a model leaves out, from recordings of the real machine.
 
@@ -104,6 +105,7 @@ def diagnose(
         progress: called as the work goes on.
         translation: trained between this model and the machine; says when something hidden acted
             where nothing else does, and what it cannot recover.
+        log: grows by every decision, for those who watch; it is empty.
 
     Raises:
         ModelError: the MJCF cannot be used, or the translation is of another machine.
@@ -113,7 +115,7 @@ def diagnose(
     say("auditing", 0.01)
     scene, prepared = _audited(model, recordings, holdout)
     translation_evidence = translated(scene, prepared, translation) if translation else None
-    log = DecisionLog()
+    log = DecisionLog() if log is None else log
     outcome = _searched(scene, prepared, seed, log, say)
     others = outcome.missed and turned(prepared)
     note: tuple[str, ...] = ()
