@@ -20,11 +20,11 @@ from wt.types import Recording
 
 @pytest.fixture
 def faulty(cart: Path, tmp_path: Path) -> Path:
-    """The first recording of the cart in millimetres, with its command the wrong way round."""
+    """The first recording of the cart with its command reversed and its velocity in mm/s."""
     given = recordings.read(cart / "1.parquet")
     columns = dict(given.columns)
     columns["ctrl/drive"] = -columns["ctrl/drive"]
-    columns |= {name: 1e3 * columns[name] for name in ("qpos/rail", "qvel/rail")}
+    columns["qvel/rail"] = 1e3 * columns["qvel/rail"]
     path = tmp_path / "faulty.parquet"
     recordings.write(Recording(given.t, columns), path)
     return path
@@ -47,29 +47,32 @@ def test_a_fault_is_found_mapped_and_gone(studio: Studio, cart: Path, faulty: Pa
     studio.drop(cart / "model.xml")
     studio.drop(faulty)
     assert "checking" in studio.post("check").lower()
-    assert {f["kind"] for f in studio.ended("check").result["findings"]}
-    page = studio.get("part/check")
+    job = studio.ended("check")
+    assert job.state == "done", job.line
+    assert {f["kind"] for f in job.result["findings"]}
+    page = studio.get("live/check")
     assert "found</span>" in page and 'name="reversed.0"' in page
 
+    filled = studio.get("mapping?log=logs/faulty.parquet&fixes=true")
+    # with a servo, a command and an encoder that are the wrong way round look the same
+    assert 'name="reversed.1" id="reversed-1" checked' in filled
+    assert re.search(r'name="factor.2"[^>]* value="-0.000999\d*"', filled)
     before = paths(studio.post("curves", **fields()))
-    assert len(before) == 2
-    after = paths(studio.post("curves", **fields(reversed_0="on", unit_1="mm", unit_2="mm")))
-    assert len(after) == 2 and after != before
+    assert len(before) == 5
+    after = paths(studio.post("curves", **fields(reversed_0="on", unit_2="mm")))
+    assert len(after) == 5 and after != before
     assert list((studio.session.folder / "maps").iterdir()) == []
 
-    studio.post("mapping", **fields(reversed_0="on", unit_1="mm", unit_2="mm"))
+    studio.post("mapping", **fields(reversed_0="on", unit_2="mm"))
     result = studio.ended("check").result
     assert result["errors"] == [] and not [f for f in result["findings"] if f["sure"]]
     mapping = yaml.safe_load((studio.session.folder / "maps/faulty.parquet.yaml").read_text())
-    assert mapping == {
-        "units": {"qpos/rail": "mm", "qvel/rail": "mm"},
-        "signs": {"ctrl/drive": -1},
-    }
-    made = recordings.read(studio.session.folder / "recordings/faulty.parquet.parquet")
+    assert mapping == {"units": {"qvel/rail": "mm"}, "signs": {"ctrl/drive": -1}}
+    made = recordings.read(studio.session.folder / "recordings/faulty.parquet")
     given = recordings.read(cart / "1.parquet")
-    np.testing.assert_allclose(made.columns["qpos/rail"], given.columns["qpos/rail"])
+    np.testing.assert_allclose(made.columns["qvel/rail"], given.columns["qvel/rail"])
     np.testing.assert_array_equal(made.columns["ctrl/drive"], given.columns["ctrl/drive"])
-    assert 'name="reversed.0" id="reversed-0" checked' in studio.get("part/check")
+    assert 'name="reversed.0" id="reversed-0" checked' in studio.get("live/check")
 
 
 def test_the_commands_that_the_page_prints_do_the_same(
@@ -77,13 +80,13 @@ def test_the_commands_that_the_page_prints_do_the_same(
 ) -> None:
     studio.drop(cart / "model.xml")
     studio.drop(faulty)
-    studio.post("mapping", **fields(reversed_0="on", unit_1="mm", unit_2="mm"))
+    studio.post("mapping", **fields(reversed_0="on", unit_2="mm"))
     studio.ended("check")
     folder = studio.session.folder
-    made = (folder / "recordings/faulty.parquet.parquet", folder / "check/check.html")
+    made = (folder / "recordings/faulty.parquet", folder / "check/check.html")
     first = [path.read_bytes() for path in made]
     lines = studio.session.checking()
-    assert all(line in studio.get("part/check") for line in lines)
+    assert all(line in studio.get("live/check") for line in lines)
     monkeypatch.chdir(folder)
     for line in lines:
         assert main(shlex.split(line)[1:]) == 0
@@ -101,7 +104,7 @@ def test_a_table_is_mapped_by_its_header(studio: Studio, cart: Path, tmp_path: P
     assert "needs a map" in studio.ended("check").result["errors"][0]
     form = fields(log="logs/log.csv", channel_0="t", channel_1="ctrl/drive", unit_1="mm",
                   channel_2="qpos/rail")  # fmt: skip
-    assert len(paths(studio.post("curves", **form))) == 2
+    assert len(paths(studio.post("curves", **form))) == 3
     twice = studio.post("curves", **form | {"channel.1": "qpos/rail"})
     assert "are both to be qpos/rail" in twice
     assert "no column is the time" in studio.post("mapping", **form | {"channel.0": ""})
@@ -161,5 +164,6 @@ def test_reports_may_ask_nobody_and_the_folder_comes_as_one(studio: Studio, cart
 
 def test_a_name_with_markup_is_text(studio: Studio, cart: Path) -> None:
     studio.drop(cart / "1.parquet", "%26lt;b%20onload='x()'&.parquet")
-    page = studio.get("part/files")
+    studio.post("check")
+    page = studio.get("")
     assert "<b onload" not in page and "&amp;" in page

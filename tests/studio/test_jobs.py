@@ -26,7 +26,7 @@ def test_a_parser_that_crashes_ends_its_job_alone(studio: Studio, cart: Path) ->
     os.kill(job._process.pid, signal.SIGSEGV)
     studio.ended("check")
     assert job.state == "failed" and "\n" not in job.line
-    assert "ended by SIGSEGV while checking logs/" in studio.get("part/check")
+    assert "ended by SIGSEGV while checking logs/" in studio.get("live/check")
     for number in range(1, 20):
         (studio.session.folder / f"logs/{number}.parquet").unlink()
     studio.post("check")
@@ -50,7 +50,8 @@ def test_a_new_job_ends_the_one_before(studio: Studio, cart: Path) -> None:
     second = studio.jobs.start("diagnose", out="diagnosis-2", **given)
     assert first.state == "stopped" and not first._process.is_alive()
     assert second.running and second.elapsed < 5.0
-    assert "Stop" in studio.get("part/diagnosis")
+    assert "0 hypotheses replayed" in studio.get("live/diagnosis")
+    assert ">Stop</button>" in studio.get("")
     assert "Stopped after" in studio.post("stop")
     assert studio.session.diagnoses() == []
     assert not second._process.is_alive()
@@ -93,6 +94,6 @@ def test_a_model_that_cannot_be_read_is_one_line(
     studio.post("check")
     (line,) = studio.ended("check").result["errors"]
     assert said in line and "\n" not in line and "'model/bad.xml'" in line
-    page = studio.get("part/check")
+    page = studio.get("live/check")
     assert line.replace("'", "&#39;").replace("<", "&lt;").replace(">", "&gt;") in page
     assert "logs/1.parquet" in studio.ended("check").result["forms"]

@@ -23,6 +23,8 @@ from wt.studio.view import View
 
 _FORM = 2**20  # bytes of a form
 _CURVES_S = 60.0
+_LIVE = {"check": "check", "diagnosis": "diagnose"}
+"""Parts of the page, and their works."""
 
 
 def make(session: Session, jobs: Jobs, limit: int) -> FastAPI:
@@ -39,6 +41,8 @@ def make(session: Session, jobs: Jobs, limit: int) -> FastAPI:
     app.add_exception_handler(Exception, _unexpected)
     here = Path(__file__).parent
     app.mount("/static", StaticFiles(directory=here / "static"))
+    if session.models() or session.logs():  # of an earlier time
+        studio.begin()
     for path, method, route in studio.routes():
         app.add_api_route(path, route, methods=[method], response_class=HTMLResponse)
     return app
@@ -85,7 +89,7 @@ class _Studio:
         return [
             ("/", "GET", self.page),
             ("/page.css", "GET", self.style),
-            ("/part/{name}", "GET", self.part),
+            ("/live/{name}", "GET", self.live),
             ("/files/{name:path}", "PUT", self.upload),
             ("/remove", "POST", self.remove),
             ("/model", "POST", self.choose),
@@ -103,25 +107,27 @@ class _Studio:
         self,
         template: str,
         log: str = "",
+        fixes: bool = False,
         line: str = "",
         alone: bool = False,
-        fresh: bool = False,
         job: Job | None = None,
+        part: str = "",
     ) -> HTMLResponse:
         """A template, filled with how everything stands.
 
         Args:
             template: its name.
             log: whose columns are mapped.
+            fixes: whether as the check proposes.
             line: what went wrong.
             alone: whether it replaces a part of the page.
-            fresh: whether other parts are replaced even while its job runs.
             job: whose result is shown.
+            part: of which it is the job.
         """
-        text = self._templates.get_template(f"{template}.html").render(
-            v=self.view, log=log, line=line, alone=alone, fresh=fresh, job=job, oob=False
-        )
-        return HTMLResponse(text)
+        given = {"log": log, "fixes": fixes, "line": line, "job": job, "part": part}
+        given |= {"alone": alone, "oob": False}
+        source = self._templates.get_template(f"{template}.html")
+        return HTMLResponse(source.render(v=self.view, **given))
 
     async def page(self) -> Response:
         """All of it."""
@@ -131,11 +137,16 @@ class _Studio:
         """What reports look like."""
         return Response(style().replace("$shades", ""), media_type="text/css")
 
-    async def part(self, name: str) -> Response:
-        """One part of the page, with those that change when it is done."""
-        if name not in ("files", "check", "diagnosis"):
-            raise UserError(f"the page has no part {name!r}")
-        return self.html(name, alone=True)
+    async def live(self, name: str) -> Response:
+        """How far a part is: what changes of it while its job runs, else all of it."""
+        if name not in _LIVE:
+            raise UserError(f"the page has no part {name!r} that works")
+        job = self.jobs.latest(_LIVE[name])
+        if job is not None and job.running:
+            return self.html("live", job=job, part=name)
+        answer = self.html(name, alone=True)
+        answer.headers.update({"HX-Retarget": f"#{name}", "HX-Reswap": "outerHTML"})
+        return answer
 
     async def upload(self, name: str, request: Request) -> Response:
         """A dropped file, as the body of the request; an archive is unpacked."""
@@ -169,17 +180,21 @@ class _Studio:
         return self._checked()
 
     def _checked(self) -> Response:
+        self.begin()
+        return self.html("check", alone=True)
+
+    def begin(self) -> None:
+        """Check what is there."""
         session = self.session
         logs = [
             {"log": log, "map": session.map_of(log), "recording": session.recording_of(log)}
             for log in session.logs()
         ]
         self.jobs.start("check", model=session.model(), logs=logs)
-        return self.html("check", alone=True, fresh=True)
 
-    async def mapping(self, log: str = "") -> Response:
-        """The form of another log."""
-        return self.html("mapping", log=log)
+    async def mapping(self, log: str = "", fixes: bool = False) -> Response:
+        """The form of another log, or with what the check proposes."""
+        return self.html("mapping", log=log, fixes=fixes)
 
     async def curves(self, request: Request) -> Response:
         """The channels as they would be with the form as it is now."""

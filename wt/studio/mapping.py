@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import yaml
+
+from wt.check.finding import AuditFinding
 from wt.data.importers import base
 from wt.data.importers.base import UNITS, Map
 from wt.errors import DataError, RecordingError, UserError
@@ -16,6 +20,8 @@ from wt.types import Recording
 
 TIME = "t"
 _TABLE = "csv_table"
+_ENTRY = re.compile(r"\b(joints|commands|units|signs|offsets): (\{[^{}…]*\}|[\w.]+)")
+"""What an audit's fix says of a map, but for what it leaves open (…)."""
 _HEAD = 2**16  # bytes in which the first line of a table ends
 
 
@@ -118,6 +124,44 @@ def _filled(source: str, channel: str | None, mapping: Map) -> Row:
     return Row(source, channel, word, factor, turned, mapping.get("offsets", {}).get(channel, 0.0))
 
 
+def proposed(form: Form, findings: Iterable[AuditFinding]) -> Form:
+    """The form with what an audit says should be in the map.
+
+    Args:
+        form: that the audited recording was made with.
+        findings: of the audit; those that are not sure change nothing.
+    """
+    rows = form.rows
+    for finding in findings:
+        for key, text in _ENTRY.findall(finding.fix) if finding.sure else ():
+            entries = yaml.safe_load(text)
+            rows = tuple(
+                _amended(row, key, entries) if row.channel in finding.columns else row
+                for row in rows
+            )
+    return Form(form.table, rows)
+
+
+def _amended(row: Row, key: str, entries: Any) -> Row:  # noqa: ANN401 – as YAML gives it
+    channel = str(row.channel)
+    kind, _, name = channel.partition("/")
+    if key in ("joints", "commands"):
+        fits = kind in (("ctrl",) if key == "commands" else ("qpos", "qvel"))
+        return replace(row, channel=f"{kind}/{entries[name]}") if fits and name in entries else row
+    value = entries.get(channel) if isinstance(entries, Mapping) else entries
+    if value is None:
+        return row
+    if key == "offsets":
+        return replace(row, offset=row.offset + float(value))
+    if key == "signs":
+        return replace(row, reversed=not row.reversed, offset=-row.offset)
+    factor = UNITS[value] if value in UNITS else float(value)
+    amended = replace(row, offset=factor * row.offset)
+    if value in UNITS and (row.unit, row.factor) == ("SI", 1.0):
+        return replace(amended, unit=value)
+    return replace(amended, factor=factor * row.factor)
+
+
 def content(form: Form) -> dict[str, Any]:
     """The map that a form says; empty if it changes nothing.
 
@@ -163,7 +207,8 @@ def parsed(form: Form, fields: Mapping[str, str]) -> Form:
 
     Args:
         form: of the log as it stands.
-        fields: of the page, ``channel.0``, ``unit.0``, …; "" for a channel leaves it out.
+        fields: of the page, ``channel.0``, ``unit.0``, …; "" for a channel leaves it out, for a
+            number it is the one that changes nothing.
 
     Raises:
         UserError: a field is missing, or no number or unit.
@@ -179,9 +224,9 @@ def _parsed(index: int, source: str, fields: Mapping[str, str]) -> Row:
         source,
         fields[f"channel.{index}"] or None,
         unit,
-        _number(source, "factor", fields.get(f"factor.{index}", "1")),
+        _number(source, "factor", fields.get(f"factor.{index}") or "1"),
         f"reversed.{index}" in fields,
-        _number(source, "offset", fields.get(f"offset.{index}", "0")),
+        _number(source, "offset", fields.get(f"offset.{index}") or "0"),
     )
 
 

@@ -15,14 +15,16 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shlex
 import shutil
 import tempfile
 import time
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from wt.data.importers.base import importers
 from wt.errors import UserError
 from wt.show.files import write_whole
 
@@ -31,6 +33,7 @@ MODEL, LOGS, MAPS, RECORDINGS, CHECK = "model", "logs", "maps", "recordings", "c
 DIAGNOSIS = "diagnosis"
 MODELS = (".xml", ".mjcf", ".urdf")
 """Endings of files that may be the model; others in its folder are what it includes."""
+_INCLUDE = re.compile(rb"""<include\s[^>]*file\s*=\s*["']([^"']+)""")
 
 
 class Session:
@@ -76,9 +79,14 @@ class Session:
         write_whole(self._state_file, json.dumps(state, indent=2) + "\n")
 
     def models(self) -> list[str]:
-        """Files that may be the model, relative to the folder; those nearest to the top first."""
+        """Files that may be the model, relative to the folder.
+
+        Those come first that no other includes, and of them those nearest to the top.
+        """
         files = [f for f in self._files(MODEL) if Path(f).suffix.lower() in MODELS]
-        return sorted(files, key=lambda f: (f.count("/"), f))
+        texts = {f: (self.folder / f).read_bytes() for f in files}
+        included = {Path(os.fsdecode(n)).name for t in texts.values() for n in _INCLUDE.findall(t)}
+        return sorted(files, key=lambda f: (Path(f).name in included, f.count("/"), f))
 
     def model(self) -> str | None:
         """The model, relative to the folder: as chosen, else the first; None if there is none."""
@@ -104,18 +112,22 @@ class Session:
         return [f for f in self._files(MODEL) if f not in self.models()]
 
     def logs(self) -> list[str]:
-        """Logs, relative to the folder; one that is a folder counts as one."""
-        return sorted(f"{LOGS}/{p.name}" for p in _visible(self.folder / LOGS))
+        """Logs, relative to the folder: files, and folders of a format that an importer knows."""
+        return sorted(p.relative_to(self.folder).as_posix() for p in _logs(self.folder / LOGS))
 
     def map_of(self, log: str) -> str:
         """Where the map of a log is, or would be."""
-        return f"{MAPS}/{Path(log).name}.yaml"
+        return f"{MAPS}/{_flat(log)}.yaml"
 
     def recording_of(self, log: str) -> str:
         """Where the recording that is made of a log is: the log itself if it is one unchanged."""
         if Path(log).suffix.lower() == ".parquet" and not self.has(self.map_of(log)):
             return log
-        return f"{RECORDINGS}/{Path(log).name}.parquet"
+        return self._made_of(log)
+
+    def _made_of(self, log: str) -> str:
+        name = _flat(log)
+        return f"{RECORDINGS}/{name if name.endswith('.parquet') else f'{name}.parquet'}"
 
     def recordings(self) -> list[str]:
         """Recordings that are there, of all logs."""
@@ -166,8 +178,8 @@ class Session:
         else:
             path.unlink()
         if name.startswith(f"{LOGS}/"):
-            (self.folder / self.map_of(name)).unlink(missing_ok=True)
-            (self.folder / RECORDINGS / f"{path.name}.parquet").unlink(missing_ok=True)
+            for made in (self.map_of(name), self._made_of(name)):
+                (self.folder / made).unlink(missing_ok=True)
 
     def output(self, name: str) -> Path:
         """A page that a command wrote.
@@ -203,6 +215,21 @@ def _line(command: str, words: Sequence[str]) -> str:
 
 def _visible(folder: Path) -> list[Path]:
     return [p for p in folder.iterdir() if not p.name.startswith(".")]
+
+
+def _logs(folder: Path) -> Iterator[Path]:
+    """Logs below a folder."""
+    known = importers().values()
+    for path in _visible(folder):
+        if path.is_file() or any(importer.recognises(path) for importer in known):
+            yield path
+        else:
+            yield from _logs(path)
+
+
+def _flat(log: str) -> str:
+    """A log's name in one part, whatever folder it is in."""
+    return "-".join(Path(log).parts[1:])
 
 
 def _number(diagnosis: str) -> int:

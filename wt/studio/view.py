@@ -57,11 +57,18 @@ class View:
         """Findings of the last check that are sure."""
         return [f for f in self.checked.get("findings", ()) if f["sure"]]
 
-    def form(self, log: str | None) -> tuple[str, dict[str, Any]] | None:
-        """A log and its columns: the one that is asked for, else the first that has any."""
+    def form(self, log: str, fixes: bool) -> tuple[str, dict[str, Any]] | None:
+        """A log and its columns: the one that is asked for, else the first that has any.
+
+        Args:
+            log: its file.
+            fixes: whether with what the check proposes.
+        """
         forms = self.checked.get("forms", {})
         name = log if log in forms else next(iter(forms), None)
-        return None if name is None else (name, forms[name])
+        if name is None:
+            return None
+        return name, (self.checked["proposed"].get(name) if fixes else None) or forms[name]
 
     @property
     def diagnosis(self) -> dict[str, Any] | None:
@@ -98,4 +105,4 @@ class View:
 
     def number(self, value: float) -> str:
         """A number as one would type it."""
-        return f"{value:.12g}"
+        return f"{value + 0.0:.12g}"  # no −0

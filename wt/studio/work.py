@@ -22,7 +22,7 @@ from wt.data.importers import base
 from wt.data.importers.base import Map
 from wt.diagnose.pipeline import diagnose as search
 from wt.diagnose.report.write import claimed
-from wt.diagnose.result import Decision, Stage
+from wt.diagnose.result import Stage
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.errors import WTError
 from wt.physics.planted import Planted
@@ -33,6 +33,8 @@ from wt.studio import session, uploads
 
 Send = Callable[[dict[str, Any]], None]
 """Tells the page what is being done."""
+DRAWN = ("qpos", "qvel", "ctrl")
+"""Kinds of channels whose curves are drawn."""
 
 
 def unpack(send: Send, archive: str, limit: int) -> list[str]:
@@ -49,14 +51,14 @@ def check(send: Send, model: str | None, logs: Sequence[dict[str, str]]) -> dict
         logs: of each its file ``log``, its ``map`` and its ``recording``, whether or not they are.
 
     Returns:
-        ``errors``, a line each; ``findings`` as in ``diagnosis.json``; ``forms`` and ``figures`` by
-        log; ``channels`` of the model; ``checked``, the recordings that can be diagnosed; ``page``,
-        the file that was written, or None.
+        ``errors``, a line each; ``findings`` as in ``diagnosis.json``; by log its ``forms``, those
+        that are ``proposed``, and its ``figures``; ``channels`` of the model; ``checked``, the
+        recordings that can be diagnosed; ``page``, the file that was written, or None.
     """
     errors: list[str] = []
     scene: Scene | None = None
     audited: list[Audited] = []
-    forms, drawn = dict[str, Any](), dict[str, str]()
+    forms, proposed, drawn = dict[str, Any](), dict[str, Any](), dict[str, str]()
     if model is not None:
         with _noted(errors):
             scene = Scene(model)
@@ -67,16 +69,20 @@ def check(send: Send, model: str | None, logs: Sequence[dict[str, str]]) -> dict
         with _noted(errors):
             form = maps.offered(Path(log))
             forms[log] = asdict(form)  # as it stands, should its map be broken
-            forms[log] = asdict(maps.filled(form, _map(each)))
+            form = maps.filled(form, _map(each))
+            forms[log] = asdict(form)
             (one,) = audit(given, [_recording(each)])
             audited.append(one)
-            drawn[log] = grid(figures(scene, replace(one, corrected=one.given)))
+            if (better := maps.proposed(form, one.findings)) != form:
+                proposed[log] = asdict(better)
+            drawn[log] = grid(figures(scene, replace(one, corrected=one.given), DRAWN))
     if given is not None and not logs:
         audited += audit(given, [])
     return {
         "errors": errors,
         "findings": [f.to_json() | {"sure": f.sure} for f in merged(audited)],
         "forms": forms,
+        "proposed": proposed,
         "figures": drawn,
         "channels": [] if scene is None else sorted(recordings.column_names(scene.given)),
         "checked": [str(a.path) for a in audited if a.path is not None],
@@ -112,7 +118,7 @@ def curves(send: Send, model: str | None, log: str, fields: dict[str, str]) -> d
     scene = Scene(model) if model else None
     if scene is not None:
         recordings.check_names(recording, scene.given)
-    drawn = figures(scene, Audited(Path(log), recording, recording, ()))
+    drawn = figures(scene, Audited(Path(log), recording, recording, ()), DRAWN)
     return {"figures": grid(drawn), "line": line}
 
 
@@ -182,20 +188,18 @@ class _Watched(DecisionLog):
         reason: str,
     ) -> None:
         super().add(planted, stage, kept, statistic, threshold, reason)
-        every = list(self)
-        last: Decision = every[-1]
         if stage == "screened":
-            return
+            return  # of thousands, without a replay
         joined: dict[str, None] = {}
-        for d in every:
+        for d in self:
             name = f"{d.effect} at {d.at}"
             if d.kept:
                 joined[name] = None
             elif d.stage in ("pruned", "reconsidered"):
                 joined.pop(name, None)
-        tried = sum(d.stage in ("replayed", "joined") for d in every)
-        line = f"{last.effect} at {last.at}: {'joins' if kept else reason}"
-        self._send({"tried": tried, "best": list(joined), "said": line})
+        tried = sum(d.stage in ("replayed", "joined") for d in self)
+        said = f"{planted.effect.id} at {planted.at}: {'joins' if kept else reason}"
+        self._send({"tried": tried, "best": list(joined), "said": said})
 
 
 WORKS: dict[str, Callable[..., Any]] = {

@@ -62,17 +62,31 @@ for (const type of ["dragover", "dragleave", "drop"]) addEventListener(type, eve
   if (type === "drop") dropped(event.dataTransfer.items).then(upload);
 });
 
-// a control that was replaced by another hands the focus on: to that of its id, else to the heading
-let lost = null;
-document.body.addEventListener("htmx:beforeSwap", event => {
-  const target = event.detail.target;
-  if (target && target.contains(document.activeElement)) lost = target.id;
+// the curves of the row that is being changed come into view
+function show(row) {
+  const channel = row?.querySelector("[name^=channel]")?.value, curves = byId("curves");
+  for (const figure of curves?.querySelectorAll("figure") ?? []) {
+    const now = figure.dataset.channel === channel;
+    figure.classList.toggle("now", now);
+    if (now) curves.scrollTop += figure.getBoundingClientRect().top - curves.getBoundingClientRect().top - 8;
+  }
+}
+addEventListener("focusin", event => show(event.target.closest(".rows tr")));
+
+// a control that was replaced hands the focus on: to the one of its id, else to its part's heading
+let focused = null, part = null;
+addEventListener("focusin", event => {
+  focused = event.target;
+  part = focused.closest("section")?.id;
 });
 document.body.addEventListener("htmx:afterSettle", event => {
-  for (const part of document.querySelectorAll("[data-say]"))
-    if (part.id === event.detail.elt.id) say(part.dataset.say);
-  if (lost && document.activeElement === document.body) byId(`${lost}-head`)?.focus();
-  lost = null;
+  const told = event.detail.elt.matches("[data-say]") ? event.detail.elt : event.detail.elt.querySelector("[data-say]");
+  if (told) say(told.dataset.say);
+  if (event.detail.elt.id === "curves") show(document.activeElement.closest(".rows tr"));
+  if (focused && !focused.isConnected && document.activeElement === document.body) byId(`${part}-head`)?.focus();
 });
 for (const type of ["htmx:sendError", "htmx:responseError"])
-  document.body.addEventListener(type, event => say(event.detail.xhr.responseText || "wt studio does not answer: is it still running?"));
+  document.body.addEventListener(type, event => {
+    const line = event.detail.xhr.responseText || "wt studio does not answer: is it still running?";
+    byId("refused").replaceChildren(Object.assign(document.createElement("li"), {textContent: line}));
+  });
