@@ -38,7 +38,7 @@ demo: env ## both halves on small examples, a minute and a half: leaves demo/
 	$(BIN)/wt demo $(ARGS)
 
 test: lint ## lint, types and all tests
-	OMP_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --dist loadfile --max-worker-restart=0 $(ARGS)
+	OMP_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --max-worker-restart=0 $(ARGS)
 
 lint: env ## ruff, its formatter and mypy
 	$(BIN)/ruff check --quiet .

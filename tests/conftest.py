@@ -12,11 +12,19 @@ from pathlib import Path
 import pytest
 from jaxtyping import install_import_hook
 
+from tests.order import pytest_collection_modifyitems as pytest_collection_modifyitems
+from tests.order import pytest_xdist_make_scheduler as pytest_xdist_make_scheduler
+
 ROOT = Path(__file__).resolve().parent.parent
 
 EVERY_STEP = {
+    "wt.check.balance",
+    "wt.diagnose.likelihood.adapt",
+    "wt.diagnose.likelihood.bounded",
+    "wt.diagnose.observed.states",
     "wt.diagnose.unknown.law",
     "wt.diagnose.unknown.memory",
+    "wt.physics.acting",
     "wt.physics.effects._tools",
     "wt.physics.effects.actuator_fade",
     "wt.physics.effects.friction_directional",
@@ -25,18 +33,24 @@ EVERY_STEP = {
     "wt.physics.effects.friction_stribeck",
     "wt.physics.effects.pair_crosstalk",
     "wt.physics.live",
+    "wt.physics.planted",
+    "wt.physics.replay",
+    "wt.physics.rollout",
     "wt.physics.scene",
     "wt.prove.body_laws",
     "wt.prove.contact_laws",
+    "wt.prove.controllers",
     "wt.prove.drive_laws",
     "wt.prove.hidden",
     "wt.prove.joint_laws",
     "wt.prove.laws",
     "wt.prove.moving_laws",
     "wt.prove.outside_laws",
+    "wt.prove.trajectory",
 }
-"""Modules whose functions run at every physics step: to check them would take longer than to run
-them, and made the tests three times as long."""
+"""Modules whose functions run at every physics step, sample or replay, or for every fault that an
+audit tries: to check them would take longer than to run them, and made the tests three times as
+long."""
 
 
 def _check_shapes() -> None:

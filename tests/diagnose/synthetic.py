@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 from pathlib import Path
 
@@ -83,8 +84,12 @@ def simulate(xml: str, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return q, v
 
 
+@functools.cache
 def trace(name: str, role: Role, seconds: float, phase: float) -> Trace:
-    """A recording of the arm with friction, and its replays without and with it."""
+    """A recording of the arm with friction, and its replays without and with it.
+
+    It takes most of a second, and many tests want the same: its arrays are read only.
+    """
     u = commands(seconds, phase)
     rng = np.random.default_rng(int(10 * phase))
     truth, v = simulate(PATCHED, u)
@@ -95,7 +100,7 @@ def trace(name: str, role: Role, seconds: float, phase: float) -> Trace:
     missing = np.zeros_like(v)
     missing[:, 1] = -COULOMB * np.tanh(v[:, 1] / 0.02)
     noise = rng.normal(0.0, 0.06, v.shape)
-    return Trace(
+    made = Trace(
         name=name,
         role=role,
         t=np.arange(len(u)) / RATE,
@@ -107,6 +112,10 @@ def trace(name: str, role: Role, seconds: float, phase: float) -> Trace:
         force_after=noise,
         command={"a1": u[:, 0], "a2": u[:, 1]},
     )
+    for array in (*vars(made).values(), *made.command.values()):
+        if isinstance(array, np.ndarray):
+            array.setflags(write=False)
+    return made
 
 
 def diagnosis(model_path: str = "arm.xml") -> Diagnosis:

@@ -63,10 +63,9 @@ def test_joints_and_actuators_get_names_by_id(tmp_path: Path) -> None:
         ("<mujoco>", '<!DOCTYPE m [<!ENTITY x "y">]><mujoco>', "has a DTD"),
         ('size="0.05"', 'size="0.05" mass="nan"', 'mass="nan" of <geom>'),
         ("<worldbody>", '<option timestep="0"/><worldbody>', "has a time step of 0 s"),
-        ('<motor joint="hip"/>', '<intvelocity name="w" joint="hip" kp="9"/>', "actuator 'w'"),
         (
             '<motor joint="hip"/>',
-            '<general name="w" joint="hip" dyntype="integrator"/>',
+            '<muscle name="w" joint="hip" lengthrange="0 1"/>',
             "actuator 'w'",
         ),
         ("</mujoco>", "", "does not compile"),

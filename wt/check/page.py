@@ -12,6 +12,7 @@ from jaxtyping import Float
 from wt.check.files import Audited, merged
 from wt.check.finding import AuditFinding
 from wt.data.recording import coordinate
+from wt.physics.activation import activated
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
@@ -139,7 +140,8 @@ def replay(scene: Scene, recording: Recording) -> dict[str, Float[np.ndarray, " 
     rows = int(np.searchsorted(t, _MOST_S))
     held = {d.joint for d in scene.drives if d.servo} >= set(scene.joints)
     pieces = [slice(0, rows)] if held else _pieces(t[:rows])
-    stretches = [Stretch(0, t[p], u[p], q[p][0], v[p][0]) for p in pieces]
+    acted = activated(m, t, u)
+    stretches = [Stretch(0, t[p], u[p], q[p][0], v[p][0], acted[p][0]) for p in pieces]
     replays = Replayer(scene, stretches, m.opt.timestep).run([()])
     replayed: dict[str, np.ndarray] = {}
     for kind, part in (("qpos", replays.q[0]), ("qvel", replays.v[0])):

@@ -8,9 +8,10 @@ whose replay exploded: ``model`` of model.xml alone, ``physics`` with physics.py
 and ``before`` of the MODEL that was given.
 
 Each window starts on the smoothed measurements of its first sample, with joints that the patch
-added where the search had them, and with late or filtered commands as if the first one had been
-sent before; then it runs open loop at the model's own time step. A command comes half a step after
-its time, to make up for MuJoCo's semi-implicit step, in which a force acts half a step early.
+added where the search had them, with late or filtered commands as if the first one had been sent
+before, and with the model's own filters and integrators where they had got to; then it runs open
+loop at the model's own time step. A command comes half a step after its time, to make up for
+MuJoCo's semi-implicit step, in which a force acts half a step early.
 """
 
 from __future__ import annotations
@@ -31,7 +32,11 @@ _BAD = (
     mujoco.mjtWarning.mjWARN_BADQVEL,
     mujoco.mjtWarning.mjWARN_BADQACC,
 )
-_FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
+_DYNAMICS = (
+    int(mujoco.mjtDyn.mjDYN_FILTER),
+    int(mujoco.mjtDyn.mjDYN_FILTEREXACT),
+    int(mujoco.mjtDyn.mjDYN_INTEGRATOR),
+)
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -71,7 +76,6 @@ def _window(
     u = _commands(t, stored["command"][rows], h, steps)
     data = mujoco.MjData(model)
     data.time, data.ctrl[ctrl] = t[0], stored["command"][rows][0]
-    _fill(model, data)
     begun = stored["q0"][window], stored["v0"][window]
     if physics is not None:
         begun = physics.state(*begun)
@@ -79,6 +83,7 @@ def _window(
     joints.put(data, *begun)
     if physics is not None:
         physics.reset(data)
+    _fill(model, data, dict(zip(stored["actuators"], stored["activation"][window], strict=True)))
     known = [model.joint(j).name for j in range(model.njnt)]
     for k, name in enumerate(map(str, stored["added"])):
         if name in known:
@@ -110,15 +115,15 @@ def _commands(t: Array, command: Array, h: float, steps: int) -> Array:
     return np.stack(means, axis=1) if means else np.zeros((steps, 0))
 
 
-def _fill(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Late and filtered commands as if data.ctrl had been sent for long."""
+def _fill(model: mujoco.MjModel, data: mujoco.MjData, acts: Mapping[str, float]) -> None:
+    """Late commands as if data.ctrl had been sent for long; drives at their activations."""
     for i in np.flatnonzero(model.actuator_ctrlnum == 1):
         u, late = data.ctrl[model.actuator_ctrladr[i]], int(model.actuator_history[i, 0])
         if late:
             times = data.time - model.opt.timestep * np.arange(late, 0.0, -1.0)
             mujoco.mj_initCtrlHistory(model, data, i, times[:, None], np.full((late, 1), u))
-        if int(model.actuator_dyntype[i]) in _FILTERS:
-            data.act[model.actuator_actadr[i]] = u
+        if int(model.actuator_dyntype[i]) in _DYNAMICS:
+            data.act[model.actuator_actadr[i]] = acts[model.actuator(i).name]
 
 
 class _Joints:

@@ -36,6 +36,8 @@ class Stretch:
         command: command sent at each sample, (K, nu).
         q0: joint positions at the first sample, (nv,).
         v0: joint velocities there, (nv,).
+        activation: what each drive acts on there, (nu,); filters that let the first command through
+            and integrators at zero if left out.
         segment: what it was cut from, of ``motion``: hidden states are those that this led to.
         motion: the smooth recording; None if nothing is known of what was before.
         shifts: what is added to position and velocity of joints that a patch adds.
@@ -46,6 +48,7 @@ class Stretch:
     command: Float[np.ndarray, "sample actuator"]
     q0: Float[np.ndarray, " dof"]
     v0: Float[np.ndarray, " dof"]
+    activation: Float[np.ndarray, " actuator"] | None = None
     segment: Segment | None = None
     motion: Motion | None = None
     shifts: Mapping[str, tuple[float, float]] = field(default_factory=dict)

@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 
 from wt.batch import Batch
 from wt.physics.acting import Acting, acting, is_live
+from wt.physics.activation import activated, dynamic
 from wt.physics.live import StepState
 from wt.physics.planted import Planted
 from wt.physics.quiet import quiet
@@ -128,6 +129,13 @@ def initial_states(
     return known
 
 
+def begun(model: mujoco.MjModel, stretch: Stretch) -> Float[np.ndarray, " actuator"]:
+    """What each drive of a model acts on where a stretch begins."""
+    if stretch.activation is not None:
+        return stretch.activation
+    return activated(model, stretch.t[:1], stretch.command[:1])[0]
+
+
 class _Job:
     """One stretch on one hypothesis."""
 
@@ -161,6 +169,14 @@ class _Job:
         states = np.array([known[self.model.joint(i).name] for i in range(self.model.njnt)])
         return states[:, 0], states[:, 1]
 
+    def activations(self) -> Float[np.ndarray, " activation"]:
+        """Activations to start from, in the order of the patched model's."""
+        given, start = self.scene.model, begun(self.scene.model, self.stretch)
+        act = np.zeros(self.model.na)
+        for i in np.flatnonzero(dynamic(given)):
+            act[self.model.actuator(given.actuator(i).name).actadr[0]] = start[i]
+        return act
+
 
 @functools.cache
 def _size_names() -> tuple[str, ...]:
@@ -186,6 +202,10 @@ def _simulate(jobs: Sequence[_Job], threads: int) -> list[Outputs]:
     qpos, qvel = batch.bind("qpos"), batch.bind("qvel")
     for row, job in enumerate(jobs):
         qpos[row], qvel[row] = job.initial()
+    if first.model.na:
+        act = batch.bind("act")
+        for row, job in enumerate(jobs):
+            act[row] = job.activations()
     controls = _control_map(first)
     acts = acting(first.scene, [job.hypothesis for job in jobs])
     steps, h = len(first.inputs.t), first.inputs.h

@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 
 from wt.errors import ModelError
 from wt.physics import base, source
+from wt.physics.activation import dynamic
 from wt.types import Location
 
 _DYNAMICS = tuple(
@@ -21,6 +22,7 @@ _DYNAMICS = tuple(
         mujoco.mjtDyn.mjDYN_NONE,
         mujoco.mjtDyn.mjDYN_FILTER,
         mujoco.mjtDyn.mjDYN_FILTEREXACT,
+        mujoco.mjtDyn.mjDYN_INTEGRATOR,
         mujoco.mjtDyn.mjDYN_DCMOTOR,
     )
 )
@@ -44,7 +46,8 @@ class Drive:
         gear: transmission ratio.
         gain: force per command.
         bias: constant, per position and per velocity part of the force, (3,).
-        commands: range that commands are clamped to.
+        commands: range that commands, or what the drive's own dynamics make of them, are clamped
+            to.
         forces: range that forces before the gear are clamped to.
     """
 
@@ -98,11 +101,17 @@ def drives(m: mujoco.MjModel) -> tuple[Drive, ...]:
                 gear=float(m.actuator_gear[i, 0]),
                 gain=float(m.actuator_gainprm[i, 0]),
                 bias=(float(bias[0]), float(bias[1]), float(bias[2])),
-                commands=_range(bool(m.actuator_ctrllimited[i]), m.actuator_ctrlrange[i]),
+                commands=_acted_on(m, i),
                 forces=_range(bool(m.actuator_forcelimited[i]), m.actuator_forcerange[i]),
             )
         )
     return tuple(listed)
+
+
+def _acted_on(m: mujoco.MjModel, i: int) -> tuple[float, float]:
+    if dynamic(m)[i]:  # of the command within its range
+        return _range(bool(m.actuator_actlimited[i]), m.actuator_actrange[i])
+    return _range(bool(m.actuator_ctrllimited[i]), m.actuator_ctrlrange[i])
 
 
 def _range(limited: bool, ends: Float[np.ndarray, " 2"]) -> tuple[float, float]:
@@ -158,7 +167,8 @@ class Scene:
                 raise ModelError(
                     f"actuator '{self.model.actuator(i).name}' of '{path}' has dynamics of its own "
                     f"({mujoco.mjtDyn(kind).name.removeprefix('mjDYN_').lower()}), whose state no "
-                    "recording tells; give a motor, position, velocity or filtered actuator"
+                    "recording tells; give a motor, position, velocity, intvelocity or filtered "
+                    "actuator"
                 )
 
     def written(self, amended: bool = True) -> mujoco.MjSpec:

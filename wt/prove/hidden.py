@@ -235,18 +235,21 @@ class Plant:
         shape = len(samples), len(self.rig.links), int(samples[-1]) + 1
         trace = HiddenTrajectory(*shape, self.h, self.model.nsensordata)
         row, stride = 0, max(1, round(float(np.median(np.diff(samples)))))
-        for k in range(-lead, int(samples[-1]) + 1):
+        # looked up once: views of what MuJoCo steps
+        qpos, qvel, qacc = self.data.qpos, self.data.qvel, self.data.qacc
+        half, rows = 0.5 * self.h, samples.tolist()
+        for k in range(-lead, rows[-1] + 1):
             mujoco.mj_step1(self.model, self.data)
-            speed = self.data.qvel + 0.5 * self.h * self.data.qacc
-            q, v = self.data.qpos[self.q_at], speed[self.v_at]
+            speed = qvel + half * qacc
+            q, v = qpos[self.q_at], speed[self.v_at]
             if k == 0:
                 for law in self._laws:
                     law.start()
-            if k == samples[row]:
+            if k == rows[row]:
                 u = controller(row, q, v)
                 trace.put(row, q, v, u, self.data.sensordata)
                 if self.floats:
-                    trace.base_q[row], trace.base_v[row] = self.data.qpos[:7], speed[:6]
+                    trace.base_q[row], trace.base_v[row] = qpos[:7], speed[:6]
                 row += 1
             elif k < 0 and k % stride == 0:
                 u = controller(0, q, v)
@@ -292,7 +295,7 @@ class Plant:
             for i, law in self._gear:
                 motor_q[i], motor_v[i] = law.angle, law.rate  # type: ignore[attr-defined]
         tau = u.copy() if self.rig.motor else self.kp * (u - motor_q) - self.kv * motor_v
-        np.clip(tau, -self.limit, self.limit, out=tau)
+        tau.clip(-self.limit, self.limit, out=tau)
         for i, law in self._torque:
             tau[i] = law.torque(float(tau[i]), float(motor_q[i]), float(motor_v[i]))  # type: ignore[attr-defined]
         for i, law in self._gear:

@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.prove import legged_motions
-from wt.prove.hidden import Controller, Plant
+from wt.prove.controllers import positions
+from wt.prove.hidden import Plant
 from wt.prove.legged_rigs import Legged
 from wt.prove.motions import reference
 from wt.prove.rigs import RIGS, Rig
@@ -89,7 +90,7 @@ def _in_air(rig: Rig, plant: Plant) -> dict[str, HiddenTrajectory]:
         rng = np.random.default_rng(seed)
         path = reference(kind, t, middle, amplitude, rig.tempo, rng)
         start = np.array(rig.hanging(path[0]))
-        traces[kind] = plant.run(start, np.arange(len(t)) * 10, _follow(path), 500)
+        traces[kind] = plant.run(start, np.arange(len(t)) * 10, positions(path), 500)
     return traces
 
 
@@ -99,9 +100,5 @@ def _on_legs(rig: Legged, plant: Plant) -> dict[str, HiddenTrajectory]:
     traces = {}
     for seed, (kind, motion) in enumerate(_ON_LEGS[rig.name].items()):
         path = legged_motions.reference(rig, motion, t, 0.8, np.random.default_rng(seed))
-        traces[kind] = plant.run(path[0], np.arange(len(t)) * 10, _follow(path), 500)
+        traces[kind] = plant.run(path[0], np.arange(len(t)) * 10, positions(path), 500)
     return traces
-
-
-def _follow(path: Float[np.ndarray, "sample joint"]) -> Controller:
-    return lambda row, q, v: np.asarray(path[row])

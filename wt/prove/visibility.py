@@ -10,10 +10,11 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.prove.case import Case, HiddenEffect
+from wt.prove.controllers import OUTER_KP
 from wt.prove.rigs import RIGS
 from wt.prove.sensing import measure
 from wt.prove.trajectory import HiddenTrajectory
-from wt.prove.world import OUTER_KP, hidden_plant, record, sensor_effects
+from wt.prove.world import hidden_plant, record, sensor_effects
 
 
 def visibility(case: Case, calm: Sequence[float] = ()) -> float:

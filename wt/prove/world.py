@@ -9,10 +9,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from wt.errors import WorkError
-from wt.prove import legged_motions
+from wt.prove import controllers, legged_motions
 from wt.prove.base_sensing import measure_base
 from wt.prove.case import Case, HiddenEffect
-from wt.prove.hidden import Controller, Plant
+from wt.prove.hidden import Plant
 from wt.prove.laws import LAWS as LAWS
 from wt.prove.legged_rigs import Legged
 from wt.prove.legged_world import CALM, tolerances, upright
@@ -23,8 +23,6 @@ from wt.prove.trajectory import HiddenTrajectory
 from wt.types import Recording
 
 LEAD_S = 1.5  # the robot settles under the first command
-OUTER_KP = 0.4
-"""Stiffness of the controller outside the model, as a share of the servo's."""
 
 
 class FallsError(WorkError):
@@ -143,7 +141,10 @@ def record(
     """
     rig = plant.rig
     path, steps = commands(case, plant, index, calm)
-    controller = _motor_loop(rig, path, steps * plant.h) if rig.motor else _commands(path)
+    if rig.motor:
+        controller = controllers.torques(rig, path, steps * plant.h)
+    else:
+        controller = controllers.positions(path)
     trace = plant.run(np.array(rig.hanging(path[0])), steps, controller, round(LEAD_S / plant.h))
     return trace, steps
 
@@ -174,27 +175,3 @@ def _path(
         lazy = np.random.default_rng([case.seed, 5]).integers(len(driven))
         amplitude[driven[lazy]] *= 0.02
     return reference(kind, t, middle, amplitude, rig.tempo, rng)
-
-
-def _commands(path: Float[np.ndarray, "sample joint"]) -> Controller:
-    return lambda row, q, v: path[row]
-
-
-def _motor_loop(
-    rig: Rig, path: Float[np.ndarray, "sample joint"], t: Float[np.ndarray, " sample"]
-) -> Controller:
-    """A PD controller with gravity compensation outside the model: its torque is the command."""
-    nominal = Plant(rig, [], 1.0, np.ones((2, len(rig.links))))
-    # softer than the servos, since it acts at the sampling rate
-    kp, kv = OUTER_KP * nominal.kp, 0.5 * nominal.kv
-    hold = nominal.gravity_torques(path)
-    speed = np.gradient(path, t, axis=0)
-    limit = nominal.limit
-
-    def control(
-        row: int, q: Float[np.ndarray, " joint"], v: Float[np.ndarray, " joint"]
-    ) -> Float[np.ndarray, " joint"]:
-        tau = kp * (path[row] - q) + kv * (np.clip(speed[row], -3, 3) - v) + hold[row]
-        return np.clip(tau, -limit, limit)
-
-    return control

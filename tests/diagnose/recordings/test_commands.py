@@ -48,7 +48,7 @@ def test_a_log_of_every_command_is_left_as_it_is(tmp_path: Path, made_by: str) -
 def test_what_is_filled_in_lies_between_and_was_not_measured() -> None:
     t = np.array([0.0, 0.03, 0.06, 0.1, 0.13, 0.16])
     steps = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])[:, None]
-    fine = finer(Samples(0, t, t[:, None], t[:, None], steps), 3)
+    fine = finer(Samples(0, t, t[:, None], t[:, None], steps, steps), 3)
     np.testing.assert_allclose(fine.t[::3], t)
     np.testing.assert_array_equal(fine.q[::3, 0], t)
     assert np.isnan(np.delete(fine.q[:, 0], np.arange(0, 16, 3))).all()

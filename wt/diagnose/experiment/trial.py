@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float, Int
 
+from wt.physics.activation import integrating
 from wt.physics.scene import Drive, Scene
 
 _STEP_S = 5e-4
@@ -90,10 +91,12 @@ def commands(
             still = d.servo
             torque = weight[d.dof] if still else data.qfrc_inverse[d.dof]
             ctrl[k, d.index] = command(d, q[d.dof], 0.0 if still else speed[k, d.dof], torque)
+    for d in scene.drives:
+        ctrl[:, d.index] = np.clip(ctrl[:, d.index], *d.commands)
+    for i in integrating(model):
+        ctrl[:, i] = np.gradient(ctrl[:, i], dt)  # their command is a speed
     for i in np.flatnonzero(model.actuator_ctrllimited):
         ctrl[:, i] = np.clip(ctrl[:, i], *model.actuator_ctrlrange[i])
-    for i in _integrators(model):
-        ctrl[:, i] = np.gradient(ctrl[:, i], dt)  # their command is a speed
     return ctrl
 
 
@@ -139,10 +142,6 @@ def _charge(
     for i in range(model.nactuator):
         if model.actuator_actnum[i] == 1:
             data.act[model.actuator_actadr[i]] = ctrl[i]
-
-
-def _integrators(model: mujoco.MjModel) -> Int[np.ndarray, " integrator"]:
-    return np.flatnonzero(model.actuator_dyntype == int(mujoco.mjtDyn.mjDYN_INTEGRATOR))
 
 
 def _touching(model: mujoco.MjModel, data: mujoco.MjData) -> set[tuple[int, int]]:

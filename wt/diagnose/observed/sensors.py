@@ -15,12 +15,12 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.diagnose.evidence import SensorError
+from wt.diagnose.observed.states import States
 from wt.diagnose.recordings.samples import Part, stamps
 from wt.diagnose.selection.holdout import Holdout
-from wt.physics.acting import is_live
 from wt.physics.hooks import OnOutputs
 from wt.physics.planted import Hypothesis, Planted
-from wt.physics.replay import Inputs, Outputs, Stretch
+from wt.physics.replay import Outputs, Stretch
 from wt.physics.rollout import Replayer, Replays
 from wt.physics.scene import Scene
 from wt.physics.units import units_at
@@ -174,11 +174,12 @@ class SensorChannel:
     delay: float = 0.0
 
     def of(self, model: mujoco.MjModel, data: mujoco.MjData) -> Float[np.ndarray, " reading"]:
-        """Its reading in a state."""
+        """Where its reading stands in ``data``, whose states come and go."""
         if self.name.startswith("force/"):
-            return np.array(data.actuator_force[[model.actuator(self.source).id]])
+            actuator = int(model.actuator(self.source).id)
+            return np.asarray(data.actuator_force[actuator : actuator + 1])
         start = int(model.sensor(self.source).adr[0])
-        return np.array(data.sensordata[start : start + self.measured.shape[1]])
+        return np.asarray(data.sensordata[start : start + self.measured.shape[1]])
 
 
 def predicted(
@@ -192,7 +193,7 @@ def predicted(
     replayer = Replayer(scene, [_with_neighbours(s, step) for s in holdout.stretches], step)
     replays = replayer.run([hypothesis])
     path = _true_path(scene, replayer, hypothesis, step) or replays
-    state = _States(scene, replayer, hypothesis)
+    state = States(scene, replayer, hypothesis)
     readings = {c: np.full((2, *c.measured.shape), np.nan) for c in channels}
     thin = max(1, sum(len(s.t) for s in holdout.stretches) // _MOST_ROWS)
     start = fine = 0
@@ -225,7 +226,7 @@ def _true_path(
 
 
 def _read_stretch(
-    state: _States,
+    state: States,
     s: Stretch,
     thin: int,
     near: float,
@@ -276,7 +277,7 @@ def _apart(
 
 
 def _read(
-    state: _States,
+    state: States,
     path: tuple[
         Float[np.ndarray, "sample dof"],
         Float[np.ndarray, "sample dof"],
@@ -287,12 +288,17 @@ def _read(
     into: Mapping[SensorChannel, Float[np.ndarray, "sample _"]],
 ) -> None:
     """Read sensors along a path of position, velocity, acceleration and command."""
-    for k in range(0, len(path[0]), thin):
-        if all(np.isfinite(x[k]).all() for x in path[:3]):
-            model, data = state.set(*(x[k] for x in path))
-            for channel, values in into.items():
-                if state.exact or channel.kind in MOTION:
-                    values[k] = channel.of(model, data)
+    readings = [
+        (channel.of(state.model, state.data), values)
+        for channel, values in into.items()
+        if state.exact or channel.kind in MOTION
+    ]
+    known = np.isfinite(np.hstack(path[:3])).all(axis=1)
+    for k in range(0, len(known), thin):
+        if known[k]:
+            state.set(*(x[k] for x in path))
+            for reading, values in readings:
+                values[k] = reading
 
 
 def _moment(
@@ -330,66 +336,6 @@ def _true_start(scene: Scene, s: Stretch, sensing: Sequence[Planted]) -> Stretch
     for p in sensing:
         p.sense(reported, scene)
     return replace(s, q0=2.0 * s.q0 - reported.q[0], v0=2.0 * s.v0 - reported.v[0])
-
-
-class _States:
-    """States of a machine in which sensors are read.
-
-    Attributes:
-        exact: true where all forces that a hypothesis adds follow from the joints' state alone.
-            Rotors of their own, laws that act step by step and pushes are not.
-    """
-
-    def __init__(self, scene: Scene, replayer: Replayer, hypothesis: Hypothesis) -> None:
-        self.scene, self.step, self.hypothesis = scene, replayer.step, hypothesis
-        model = replayer.compile(hypothesis)
-        lagging = model.na > 0 or bool((model.actuator_delay > 0.0).any())
-        live = any(is_live(p.effect) for p in hypothesis)
-        self.exact = model.nq == scene.model.nq and not lagging and not live
-        if model.nq != scene.model.nq:
-            model = replayer.compile(())
-        model.sensor_delay[:] = 0.0  # there is no past in which a buffer could have been filled
-        model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
-        self.model, self.data = model, mujoco.MjData(model)
-        joints = [model.joint(name) for name in scene.joints]
-        self._q = np.array([int(j.qposadr[0]) for j in joints])
-        self._v = np.array([int(j.dofadr[0]) for j in joints])
-        # patches add motors without commands
-        self._u = [
-            scene.model.actuator(model.actuator(i).name).id
-            for i in range(model.nactuator)
-            for _ in range(model.actuator_ctrlnum[i])
-        ]
-
-    def commands(
-        self, s: Stretch
-    ) -> tuple[Float[np.ndarray, "sample command"], Float[np.ndarray, "sample command"]]:
-        """Commands in force just before and just after the samples of a stretch."""
-        steps = int(np.ceil((s.t[-1] - s.t[0]) / self.step)) + 1
-        t = s.t[0] + self.step * np.arange(steps)
-        inputs = Inputs(s.recording, t, self.step, s.commands(self.step, steps))
-        for p in self.hypothesis:
-            p.drive(inputs, self.scene)
-        self.exact &= not inputs.force
-        at = np.round((s.t - s.t[0]) / self.step).astype(int)
-        return inputs.u[np.maximum(at - 1, 0)], inputs.u[np.minimum(at + 1, steps - 1)]
-
-    def set(
-        self,
-        q: Float[np.ndarray, " dof"],
-        v: Float[np.ndarray, " dof"],
-        a: Float[np.ndarray, " dof"],
-        u: Float[np.ndarray, " command"],
-    ) -> tuple[mujoco.MjModel, mujoco.MjData]:
-        """Model and data at a position, velocity, acceleration and command."""
-        m, d = self.model, self.data
-        d.qpos[self._q], d.qvel[self._v], d.ctrl[:] = q, v, u[self._u]
-        mujoco.mj_fwdPosition(m, d)
-        mujoco.mj_fwdVelocity(m, d)
-        mujoco.mj_fwdActuation(m, d)
-        d.qacc[self._v] = a
-        mujoco.mj_inverse(m, d)
-        return m, d
 
 
 def joint_of_sensor(m: mujoco.MjModel, sensor: int) -> str:

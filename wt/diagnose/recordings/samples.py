@@ -12,6 +12,7 @@ from scipy.optimize import isotonic_regression
 
 from wt.errors import RecordingError
 from wt.physics import base
+from wt.physics.activation import activated
 from wt.physics.scene import Scene
 from wt.types import Recording
 
@@ -54,6 +55,7 @@ class Samples:
         q: measured positions [rad or m]; NaN where missing.
         v: measured velocities; NaN where missing or not recorded.
         command: commands.
+        activation: what each drive acts on: what its own dynamics make of its commands.
         estimated: degrees of freedom whose motion was not measured but computed from an IMU.
     """
 
@@ -62,6 +64,7 @@ class Samples:
     q: Float[np.ndarray, "sample dof"]
     v: Float[np.ndarray, "sample dof"]
     command: Float[np.ndarray, "sample actuator"]
+    activation: Float[np.ndarray, "sample actuator"]
     estimated: tuple[int, ...] = ()
 
     @property
@@ -97,6 +100,7 @@ def samples_of(scene: Scene, parts: Sequence[Part]) -> tuple[Samples, ...]:
         )
         known = np.isfinite(command).all(axis=1) & (t >= part.span[0]) & (t < part.span[1])
         t, q, v, command = t[known], q[known], v[known], command[known]
+        activation = activated(m, t, command)
         seen = np.flatnonzero(np.isfinite(q).any(axis=1))
         if len(seen) < 2:
             continue
@@ -106,7 +110,7 @@ def samples_of(scene: Scene, parts: Sequence[Part]) -> tuple[Samples, ...]:
         for part_seen in np.split(seen, ends):
             rows = slice(part_seen[0], part_seen[-1] + 1)
             if len(part_seen) >= 12 and t[part_seen[-1]] - t[part_seen[0]] >= SHORTEST:
-                here = (t[rows], q[rows], v[rows], command[rows])
+                here = (t[rows], q[rows], v[rows], command[rows], activation[rows])
                 segments.append(Samples(part.index, *here, _estimated(scene, recording)))
     if not segments:
         raise RecordingError(
@@ -130,7 +134,8 @@ def finer(s: Samples, count: int) -> Samples:
     way = Akima1DInterpolator(s.t, s.command, axis=0, method="makima")
     q, v = (np.full((len(rows), x.shape[1]), np.nan) for x in (s.q, s.v))
     q[::count], v[::count] = s.q, s.v
-    return replace(s, t=t, q=q, v=v, command=way(t))
+    acted = np.stack([np.interp(t, s.t, x) for x in s.activation.T], axis=1)
+    return replace(s, t=t, q=q, v=v, command=way(t), activation=acted)
 
 
 def _table(

@@ -17,6 +17,7 @@ from scipy.interpolate import BSpline
 from scipy.sparse.linalg import splu
 
 from wt.diagnose.recordings.samples import Part, Samples, finer, samples_of
+from wt.physics.activation import dynamic, integrating
 from wt.physics.motion import Motion, Segment
 from wt.physics.scene import Scene
 
@@ -28,6 +29,7 @@ AtSamples = tuple[
 DEGREE = 5
 _KNOTS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0)  # samples between knots that are tried
 _COARSEST = 0.05  # s between knots: slower than any motion that matters
+_STILL = 0.1  # rad/s or m/s: below, dry friction may be less than it is
 _FINEST = 3e-3
 """Even grids are no finer [s]: forces at 1 kHz say no more than at a third of the rate, and the
 screen takes thrice the time."""
@@ -69,7 +71,11 @@ def smooth(scene: Scene, parts: Sequence[Part], commands: int = 1) -> Smoothed:
     chosen = [[_choose(s, joint) for joint in range(nv)] for s in samples]
     noise = np.array([_pooled([c[j].sigma for c in chosen]) for j in range(nv)])
     noise_v = np.array([_pooled([c[j].sigma_v for c in chosen]) for j in range(nv)])
-    return replace(_assemble(scene, samples, chosen, noise, noise_v), commands=commands)
+    smoothed = _assemble(scene, samples, chosen, noise, noise_v)
+    if len(integrating(scene.model)):
+        anchored = _anchored(smoothed)
+        smoothed = _assemble(scene, anchored, chosen, noise, noise_v)
+    return replace(smoothed, commands=commands)
 
 
 def resmooth(smoothed: Smoothed, rng: np.random.Generator) -> Motion:
@@ -184,6 +190,35 @@ def _derivative(knots: Float[np.ndarray, " knot"], n: int) -> sparse.spmatrix:
     return sparse.diags([-factor, factor], [0, 1], shape=(n - 1, n)).tocsc()
 
 
+def _acted_on(scene: Scene, s: Samples) -> Float[np.ndarray, "sample actuator"]:
+    """What each drive acts on from each sample to the next: its command, or a mean activation."""
+    following = np.concatenate([s.activation[1:], s.activation[-1:]])
+    return np.where(dynamic(scene.model), 0.5 * (s.activation + following), s.command)
+
+
+def _anchored(smoothed: Smoothed) -> tuple[Samples, ...]:
+    """Samples with the activations of integrators, of which no recording says where they began.
+
+    They began where forces balance in the mean of a recording, but for what follows the motion:
+    friction, inertia, or a share of all.
+    """
+    motion, anchored = smoothed.motion, [s.activation.copy() for s in smoothed.samples]
+    model = motion.scene.model
+    for drive in motion.scene.drives:
+        if drive.index not in integrating(model):
+            continue
+        lacking, v = motion.unexplained[:, drive.dof], motion.v[:, drive.dof]
+        following = [np.tanh(v / _STILL), v, motion.a[:, drive.dof], motion.demand[:, drive.dof]]
+        errors = np.stack([np.ones(len(v)), *following], axis=1)
+        for recording in {s.recording for s in smoothed.samples}:
+            mine = [k for k, s in enumerate(smoothed.samples) if s.recording == recording]
+            rows = np.concatenate([np.arange(len(v))[motion.segments[k].rows] for k in mine])
+            constant = np.linalg.lstsq(errors[rows], lacking[rows], rcond=1e-6)[0][0]
+            for k in mine:
+                anchored[k][:, drive.index] += constant / (drive.gear * drive.gain)
+    return tuple(replace(s, activation=x) for s, x in zip(smoothed.samples, anchored, strict=True))
+
+
 def _constant(t: Float[np.ndarray, " sample"], value: float) -> BSpline:
     knots = np.concatenate([np.repeat(t[0], DEGREE + 1), np.repeat(t[-1], DEGREE + 1)])
     return BSpline(knots, np.full(DEGREE + 1, value), DEGREE)
@@ -211,7 +246,7 @@ def _assemble(
         fine = s.t[0] + s.dt * np.arange(count * every)
         # the command in force is the last one sent; until the next grid point, their mean
         last = np.clip(np.searchsorted(s.t, fine + 1e-6 * s.dt, side="right") - 1, 0, len(s.t) - 1)
-        command = s.command[last].reshape(count, every, -1).mean(axis=1)
+        command = _acted_on(scene, s)[last].reshape(count, every, -1).mean(axis=1)
         grid = fine[::every]
         on_grid = [np.stack([f(grid, d) for f in splines], axis=1) for d in range(3)]
         parts.append((grid, *on_grid, command))

@@ -80,7 +80,7 @@ def cut(smoothed: Smoothed, index: int, rows: slice) -> Stretch:
     """Some samples of a segment, to be replayed from the smooth state at the first of them."""
     s, (q, v, _) = smoothed.samples[index], smoothed.at_samples[index]
     first, segment = rows.start, smoothed.motion.segments[index]
-    known = (q[first], v[first], segment, smoothed.motion)
+    known = (q[first], v[first], s.activation[first], segment, smoothed.motion)
     return Stretch(s.recording, s.t[rows], s.command[rows], *known)
 
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from wt.physics.activation import integrating
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.effects._tools import free_of_limits, settle
 from wt.physics.motion import Motion
+from wt.physics.scene import Scene
 from wt.physics.units import HINGE, Units
 from wt.types import Location
 
@@ -24,6 +28,11 @@ class ActuatorBias(Effect):
     signed = (0,)
     looks_like = ("spring", "offset")
     common = "always"
+
+    def places(self, scene: Scene) -> Sequence[Location]:
+        """Drives, but for those that integrate: where these began says as much and is not known."""
+        unknown = integrating(scene.model)
+        return [Location("actuator", d.name) for d in scene.drives if d.index not in unknown]
 
     def columns(
         self, motion: Motion, at: Location, shape: Shape

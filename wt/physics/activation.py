@@ -1,0 +1,57 @@
+"""What the model's own drives make of their commands before they act: filters and integrators.
+
+A drive with dynamics acts on its activation and not on its command. Between samples commands are
+held, so that the activation at each sample follows exactly from the one before (MuJoCo's
+documentation, Computation: activation dynamics).
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from jaxtyping import Float, Int
+
+_FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
+_INTEGRATOR = int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
+
+
+def activated(
+    model: mujoco.MjModel,
+    t: Float[np.ndarray, " sample"],
+    command: Float[np.ndarray, "sample actuator"],
+    start: Float[np.ndarray, " actuator"] | None = None,
+) -> Float[np.ndarray, "sample actuator"]:
+    """What each drive acts on at each sample: its activation, or its command if it has none.
+
+    Args:
+        model: the machine.
+        t: time of the samples (K,) [s].
+        command: commands sent at each sample, held until the next, (K, nu).
+        start: activations of integrators at the first sample, (nu,); zero if left out. Filters
+            begin as if their first command had been sent for long.
+    """
+    acted = command.copy()
+    for i in np.flatnonzero(dynamic(model)):
+        u = command[:, i]
+        if model.actuator_ctrllimited[i]:
+            u = np.clip(u, *model.actuator_ctrlrange[i])
+        limited = bool(model.actuator_actlimited[i])
+        low, high = model.actuator_actrange[i] if limited else (-np.inf, np.inf)
+        integrates = int(model.actuator_dyntype[i]) == _INTEGRATOR
+        x = (0.0 if start is None else float(start[i])) if integrates else float(u[0])
+        keep = np.exp(-np.diff(t) / max(float(model.actuator_dynprm[i, 0]), mujoco.mjMINVAL))
+        for k, dt in enumerate(np.diff(t)):
+            acted[k, i] = x = min(max(x, low), high)
+            x = x + u[k] * dt if integrates else u[k] + (x - u[k]) * keep[k]
+        acted[-1, i] = min(max(x, low), high)
+    return acted
+
+
+def dynamic(model: mujoco.MjModel) -> np.ndarray:
+    """Mask of the actuators that act on an activation computed here, (nactuator,)."""
+    return np.isin(model.actuator_dyntype, (*_FILTERS, _INTEGRATOR))
+
+
+def integrating(model: mujoco.MjModel) -> Int[np.ndarray, " integrator"]:
+    """Indices of the actuators whose command is the rate of what they act on."""
+    return np.flatnonzero(model.actuator_dyntype == _INTEGRATOR)
