@@ -38,6 +38,10 @@ def test_the_wheel_has_configurations_examples_policies_and_licence(tmp_path: Pa
         "wt/py.typed",
         "wt/worlds/policies/go2/policy.onnx",
         "wt/show/page.html",
+        "wt/show/page.css",
+        "wt/studio/static/htmx.min.js",
+        "wt/studio/static/htmx.LICENSE",
+        "wt/studio/templates/page.html",
         "licenses/LICENSE",
     ):
         assert any(name.endswith(ending) for name in inside), ending

@@ -7,6 +7,8 @@ EXTRAS = {
     "colorama": "rivals",
     "cyclonedds": "deploy",
     "daqp": "fit",
+    "fastapi": "studio",
+    "jinja2": "studio",
     "lightning": "fit",
     "matplotlib": "fit",
     "mink": "fit",
@@ -23,6 +25,7 @@ EXTRAS = {
     "tensordict": "rl",
     "torch": "fit",
     "umap": "report",
+    "uvicorn": "studio",
 }
 """Module → extra, as in ``pyproject.toml``."""
 

@@ -94,6 +94,7 @@ def diagnose(
     progress: Say | None = None,
     expect: Callable[[Expected], None] | None = None,
     translation: TrainedTranslation | None = None,
+    log: DecisionLog | None = None,
 ) -> Diagnosis:
     """Find what a model leaves out, from recordings of the real machine.
 
@@ -107,6 +108,7 @@ def diagnose(
         expect: called once, after the audit, with how long the whole will take.
         translation: trained between this model and the machine; says when something hidden acted
             where nothing else does, and what it cannot recover.
+        log: grows by every decision, for those who watch; it is empty.
 
     Raises:
         ModelError: the MJCF cannot be used, or the translation is of another machine.
@@ -115,7 +117,7 @@ def diagnose(
     began, pace = time.monotonic(), Pace(progress, expect)
     scene, prepared = _audited(model, recordings, holdout, pace)
     translation_evidence = translated(scene, prepared, translation) if translation else None
-    log = DecisionLog()
+    log = DecisionLog() if log is None else log
     outcome = _searched(scene, prepared, seed, log, pace)
     others = outcome.missed and turned(prepared)
     note: tuple[str, ...] = ()
