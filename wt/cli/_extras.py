@@ -7,6 +7,7 @@ EXTRAS = {
     "colorama": "rivals",
     "cyclonedds": "deploy",
     "daqp": "fit",
+    "h5py": "formats",
     "lightning": "fit",
     "matplotlib": "fit",
     "mink": "fit",

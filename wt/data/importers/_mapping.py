@@ -8,17 +8,18 @@ Map (all optional)::
     units: deg                                    # all joint positions, velocities and commands
     signs: {ctrl/motor1: -1}
     offsets: {qpos/joint1: 0.1}
+    drop: [sensor/temperature/*, force/*]         # columns that are left out
     meta: {robot: my arm, notes: …}
 
-``null`` leaves out. ``units``, ``signs`` and ``offsets`` name columns of the recording that comes
-out; ``*`` stands for any name (``qvel/*: deg``). A unit is one of :data:`UNITS` or the factor to
-SI. What comes out is sign · unit · value + offset, the offset in SI.
+``null`` leaves out too. ``drop``, ``units``, ``signs`` and ``offsets`` name columns of the
+recording that comes out; ``*`` stands for any name (``qvel/*: deg``). A unit is one of
+:data:`UNITS` or the factor to SI. What comes out is sign · unit · value + offset, the offset in SI.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ Column = Float[np.ndarray, " time"]
 Map = Mapping[str, Any]
 """The content of ``--map F.yaml``; what it may say stands here and at each importer."""
 
-KEYS = frozenset({"joints", "commands", "sensors", "units", "signs", "offsets", "meta"})
+KEYS = frozenset({"joints", "commands", "sensors", "units", "signs", "offsets", "drop", "meta"})
 UNITS = {
     "SI": 1.0,
     "rad": 1.0,
@@ -57,7 +58,7 @@ def apply(recording: Recording, mapping: Map) -> Recording:
     Raises:
         DataError: the map names something that is not there, or a value is of the wrong kind.
     """
-    columns = _renamed(recording.columns, mapping)
+    columns = _without(_renamed(recording.columns, mapping), mapping)
     factors = {name: 1.0 for name in columns}
     offsets = {name: 0.0 for name in columns}
     for pattern, unit in _entries(mapping, "units").items():
@@ -107,6 +108,15 @@ def says(mapping: Map, key: str, *columns: str) -> bool:
     entries = _entries(mapping, key)
     named = {c: np.empty(0) for c in columns}
     return any(matching(p, named, key, spread=False) for p in entries)
+
+
+def _without(columns: dict[str, Column], mapping: Map) -> dict[str, Column]:
+    """The columns that the map does not drop."""
+    patterns = mapping.get("drop", [])
+    if isinstance(patterns, str) or not isinstance(patterns, Sequence):
+        raise DataError(f"map drop holds {patterns!r}; it must be a list of columns: [force/*, …]")
+    dropped = {name for p in patterns for name in matching(str(p), columns, "drop")}
+    return {name: values for name, values in columns.items() if name not in dropped}
 
 
 def _entries(mapping: Map, key: str) -> dict[str, Any]:

@@ -33,7 +33,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from wt.data.importers import _ros_messages as ros
-from wt.data.importers._clock import Stream, held, interpolated
+from wt.data.importers._clock import Stream, joined
 from wt.data.importers._mapping import Map, refuse_unknown_keys
 from wt.data.importers.base import register
 from wt.errors import DataError, suggest
@@ -64,7 +64,7 @@ class Ros2:
 
     name: ClassVar[str] = "ros2"
     about: ClassVar[str] = "an .mcap or .db3 file of ROS 2, or a bag folder with metadata.yaml"
-    keys: ClassVar[frozenset[str]] = frozenset({"topics", "order", "command_field"})
+    keys: ClassVar[frozenset[str]] = frozenset({"topics", "order", "command_field", "join"})
     general: ClassVar[bool] = False
 
     def recognises(self, path: Path) -> bool:
@@ -95,18 +95,17 @@ class Ros2:
         primary = max(states, key=lambda s: (*_moves(s), len(s.stamps)))
         columns = dict(primary.columns)
         assumed: list[str] = []
-        for other in states:
-            if other is not primary:
-                columns |= interpolated(other, primary.stamps)
+        others = [s for s in states if s is not primary]
         for topic in roles["command"]:
             sent = _commanded(topic, stamps[topic.name], mapping, primary, assumed)
-            for name, values in held(sent, primary.stamps).items():
-                if name in columns:
-                    raise DataError(
-                        f"'{path}': '{name}' is sent on more than one topic, '{topic.name}' among "
-                        "them; choose in the map with 'topics: {command: …}'"
-                    )
-                columns[name] = values
+            twice = [name for s in others for name in s.columns if name in sent.columns]
+            if twice:
+                raise DataError(
+                    f"'{path}': '{twice[0]}' is sent on more than one topic, '{topic.name}' among "
+                    "them; choose in the map with 'topics: {command: …}'"
+                )
+            others.append(sent)
+        columns |= joined(others, primary.stamps, mapping.get("join"))
         t = (primary.stamps - primary.stamps[0]) / _SECOND
         meta = {"source": path.name, "format": self.name, "clock": clock, "assumed": assumed}
         return Recording(t, columns, meta)
