@@ -45,7 +45,8 @@ UNITS = {
 """Factor from each unit to SI; of a velocity, the unit of its position (``deg`` is deg/s)."""
 
 _COLUMN = re.compile(r"(qpos|qvel|ctrl|force|sensor)/(.+?)(/\d+)?")
-_SECTION = {"qpos": "joints", "qvel": "joints", "ctrl": "commands", "force": "commands"}
+SECTION = {"qpos": "joints", "qvel": "joints", "ctrl": "commands", "force": "commands"}
+"""The map's key for the names of a kind of column; ``sensors`` for every other."""
 
 
 def apply(recording: Recording, mapping: Map) -> Recording:
@@ -139,7 +140,7 @@ def _renamed(columns: Mapping[str, Column], mapping: Map) -> dict[str, Column]:
             renamed[column] = values
             continue
         kind, name, index = match[1], match[2], match[3] or ""
-        key = _SECTION.get(kind, "sensors")
+        key = SECTION.get(kind, "sensors")
         sources[key].add(name)
         if key == "commands":
             sources["joints"].add(name)

@@ -22,7 +22,7 @@ from wt.errors import DataError
 from wt.types import Recording
 
 BROKEN = (
-    ValueError, OSError, EOFError, MemoryError, OverflowError, NotImplementedError, RuntimeError,
+    ValueError, OSError, EOFError, MemoryError, OverflowError, RuntimeError,
     SyntaxError, TypeError, struct.error, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 """What the readers of a damaged NumPy file raise."""

@@ -65,7 +65,7 @@ def _read(path: Path) -> dict[str, Shaped[np.ndarray, " ..."]]:
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
             recordings.refuse_too_much(path, sum(info.file_size for info in archive.infolist()))
-    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
+    except (zipfile.BadZipFile, OSError, ValueError, RuntimeError) as error:
         raise DataError(f"'{path}' is not a whole file of tensors: {error}") from error
     if any(name.endswith("constants.pkl") for name in names):
         raise DataError(f"'{path}' is a TorchScript program, no file of tensors; save tensors")
