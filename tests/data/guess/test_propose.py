@@ -12,6 +12,7 @@ import yaml
 
 from tests.data.importers.test_hdf5 import robomimic
 from tests.data.importers.test_lerobot import write_dataset
+from tests.data.importers.test_mcap import drives
 from wt.cli.main import main
 from wt.data import recording as recordings
 from wt.data.guess.propose import propose
@@ -172,3 +173,9 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         assert main(wrong) == 2
         assert capsys.readouterr().err.count("\n") == 1
     assert out.read_text() == printed
+
+
+def test_messages_that_nobody_knows(tmp_path: Path) -> None:
+    r, said = mapped(drives(tmp_path / "log.mcap"), None)
+    assert "qpos/drives_drive_0: {topic: /drives, field: 'drive[0].angle'}" in said
+    np.testing.assert_allclose(r.columns["qpos/drives_drive_1"], -T[:250:5], atol=1e-9)
