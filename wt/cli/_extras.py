@@ -9,6 +9,7 @@ EXTRAS = {
     "daqp": "fit",
     "fastapi": "studio",
     "jinja2": "studio",
+    "h5py": "formats",
     "lightning": "fit",
     "matplotlib": "fit",
     "mink": "fit",

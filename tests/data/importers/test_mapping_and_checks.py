@@ -55,9 +55,17 @@ def test_units_signs_and_offsets(tmp_path: Path) -> None:
     assert read(tmp_path, {"meta": {"robot": "r2"}}).meta["robot"] == "r2"
 
 
+def test_any_column_can_be_dropped(tmp_path: Path) -> None:
+    mapping = {"joints": {"a": "hip"}, "drop": ["qvel/*", "sensor/imu/0"]}
+    r = read(tmp_path, mapping, sensor_imu_0=T, sensor_imu_1=T)
+    assert set(r.columns) == {"ctrl/hip", "qpos/hip", "sensor/imu/1"}
+
+
 @pytest.mark.parametrize(
     ("mapping", "said"),
     [
+        ({"drop": "qvel/a"}, r"must be a list"),
+        ({"drop": ["qvel/b"]}, "did you mean 'qvel/a'"),
         ({"units": {"qpos/a": "degrees"}}, "'degrees' is not known"),
         ({"units": {"qpos/a": True}}, "must be a number"),
         ({"signs": {"qpos/a": 2}}, "1 or -1"),

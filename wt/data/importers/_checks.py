@@ -37,7 +37,7 @@ def refuse_contradictions(recording: Recording, mapping: Map) -> None:
     """
     for joint in _joints(recording):
         position, velocity = f"qpos/{joint}", f"qvel/{joint}"
-        r, factor = _velocity_over_slope(recording, joint)
+        r, factor = velocity_over_slope(recording, joint)
         if r < -_ALIKE and not _mapping.says(mapping, "signs", position, velocity):
             raise DataError(
                 f"column '{velocity}' runs against the slope of '{position}'; set in the map "
@@ -67,7 +67,7 @@ def doubts(recording: Recording, mapping: Map) -> list[str]:
         )
     for joint in _joints(recording):
         position, velocity, command = (f"{kind}/{joint}" for kind in ("qpos", "qvel", "ctrl"))
-        r, factor = _velocity_over_slope(recording, joint)
+        r, factor = velocity_over_slope(recording, joint)
         units_open = not _mapping.says(mapping, "units", position, velocity)
         if r > _ALIKE and not 0.5 < factor < 2.0 and units_open:
             lines.append(
@@ -135,7 +135,7 @@ def _joints(recording: Recording) -> list[str]:
     return names
 
 
-def _velocity_over_slope(recording: Recording, joint: str) -> tuple[float, float]:
+def velocity_over_slope(recording: Recording, joint: str) -> tuple[float, float]:
     """Correlation of the velocity with the slope of the position, and ratio of their spreads."""
     position, velocity = (recording.columns.get(f"{kind}/{joint}") for kind in ("qpos", "qvel"))
     if position is None or velocity is None:

@@ -9,10 +9,11 @@ Map (all optional)::
     units: deg                                    # all joint positions, velocities and commands
     signs: {ctrl/motor1: -1}
     offsets: {qpos/joint1: 0.1}
+    drop: [sensor/temperature/*, force/*]         # columns that are left out
     meta: {robot: my arm, notes: …}
 
-``null`` leaves out; ``channels`` goes before the names above it. ``units``, ``signs`` and
-``offsets`` name columns of the recording that comes out; ``*`` stands for any name
+``null`` leaves out too; ``channels`` goes before the names above it. ``drop``, ``units``, ``signs``
+and ``offsets`` name columns of the recording that comes out; ``*`` stands for any name
 (``qvel/*: deg``). A unit is one of :data:`UNITS` or the factor to SI. What comes out is
 sign · unit · value + offset, the offset in SI.
 """
@@ -20,7 +21,7 @@ sign · unit · value + offset, the offset in SI.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,9 @@ Column = Float[np.ndarray, " time"]
 Map = Mapping[str, Any]
 """The content of ``--map F.yaml``; what it may say stands here and at each importer."""
 
-KEYS = frozenset({"joints", "commands", "sensors", "channels", "units", "signs", "offsets", "meta"})
+KEYS = frozenset(
+    {"joints", "commands", "sensors", "channels", "units", "signs", "offsets", "drop", "meta"}
+)
 UNITS = {
     "SI": 1.0,
     "rad": 1.0,
@@ -46,7 +49,8 @@ UNITS = {
 """Factor from each unit to SI; of a velocity, the unit of its position (``deg`` is deg/s)."""
 
 _COLUMN = re.compile(r"(qpos|qvel|ctrl|force|sensor)/(.+?)(/\d+)?")
-_SECTION = {"qpos": "joints", "qvel": "joints", "ctrl": "commands", "force": "commands"}
+SECTION = {"qpos": "joints", "qvel": "joints", "ctrl": "commands", "force": "commands"}
+"""The map's key for the names of a kind of column; ``sensors`` for every other."""
 
 
 def apply(recording: Recording, mapping: Map) -> Recording:
@@ -59,7 +63,7 @@ def apply(recording: Recording, mapping: Map) -> Recording:
     Raises:
         DataError: the map names something that is not there, or a value is of the wrong kind.
     """
-    columns = _renamed(recording.columns, mapping)
+    columns = _without(_renamed(recording.columns, mapping), mapping)
     factors = {name: 1.0 for name in columns}
     offsets = {name: 0.0 for name in columns}
     for pattern, unit in _entries(mapping, "units").items():
@@ -111,6 +115,15 @@ def says(mapping: Map, key: str, *columns: str) -> bool:
     return any(matching(p, named, key, spread=False) for p in entries)
 
 
+def _without(columns: dict[str, Column], mapping: Map) -> dict[str, Column]:
+    """The columns that the map does not drop."""
+    patterns = mapping.get("drop", [])
+    if isinstance(patterns, str) or not isinstance(patterns, Sequence):
+        raise DataError(f"map drop holds {patterns!r}; it must be a list of columns: [force/*, …]")
+    dropped = {name for p in patterns for name in matching(str(p), columns, "drop")}
+    return {name: values for name, values in columns.items() if name not in dropped}
+
+
 def _entries(mapping: Map, key: str) -> dict[str, Any]:
     entries = mapping.get(key, {})
     if key == "units" and isinstance(entries, str):
@@ -153,7 +166,7 @@ class _Renames:
         if match is None:
             return "channels", self._channel(column) if own else column
         kind, name, index = match[1], match[2], match[3] or ""
-        key = _SECTION.get(kind, "sensors")
+        key = SECTION.get(kind, "sensors")
         self.there[key].add(name)
         if key == "commands":
             self.there["joints"].add(name)

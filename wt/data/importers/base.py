@@ -3,8 +3,9 @@
 Adding a format is one new file in this package and its test: define a class with the members of
 :class:`Importer` and decorate it with ``@register``. The file is found by itself; a name used
 twice is refused. Names, units and signs that a map changes are no importer's concern: it gives
-the source's names, and :mod:`wt.data.importers._mapping` does the rest. Files whose names start
-with an underscore hold what importers share.
+the source's names, and :mod:`wt.data.importers._mapping` does the rest. One whose sources leave
+open what is what has a ``survey`` too (:mod:`wt.data.importers._survey`), for ``--guess``. Files
+whose names start with an underscore hold what importers share.
 """
 
 from __future__ import annotations
@@ -155,8 +156,11 @@ def delays(recording: Recording) -> dict[str, float]:
 def importer_of(path: Path) -> Importer:
     """The importer that knows a source best.
 
+    Args:
+        path: a file or folder.
+
     Raises:
-        DataError: nothing is there, or none does.
+        DataError: nothing is there, or no importer recognises it.
     """
     if not path.exists():
         raise DataError(f"'{path}' does not exist; give the file or folder to import")
