@@ -149,9 +149,8 @@ def test_from_drop_to_report_by_keyboard_in_the_dark(
     page.keyboard.press("Enter")
     expect(page.locator("#diagnosis progress")).to_be_visible()
     expect(page.locator("#start")).to_be_focused()
-    expect(page.locator("#diagnosis .watch")).to_contain_text(
-        "joint.friction_coulomb at joint rail", timeout=60_000
-    )
+    watched = page.locator("#diagnosis .watch")
+    expect(watched).to_contain_text("; now joint.friction_coulomb at joint rail", timeout=60_000)
     expect(page.locator("#report .verdict")).to_have_text("Explained", timeout=60_000)
     expect(page.locator("#status")).to_have_text("the diagnosis is done")
     report = page.frame_locator("#report iframe")

@@ -50,7 +50,7 @@ def test_a_new_job_ends_the_one_before(studio: Studio, cart: Path) -> None:
     second = studio.jobs.start("diagnose", out="diagnosis-2", **given)
     assert first.state == "stopped" and not first._process.is_alive()
     assert second.running and second.elapsed < 5.0
-    assert "0 hypotheses replayed" in studio.get("live/diagnosis")
+    assert "0 hypotheses decided" in studio.get("live/diagnosis")
     assert ">Stop</button>" in studio.get("")
     assert "Stopped after" in studio.post("stop")
     assert studio.session.diagnoses() == []

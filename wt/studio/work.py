@@ -172,11 +172,15 @@ def diagnose(
 
 
 class _Watched(DecisionLog):
-    """Tells each decision on what was replayed as it is taken."""
+    """Tells what is being replayed, and each decision on it as it is taken."""
 
     def __init__(self, send: Send) -> None:
         super().__init__()
         self._send = send
+
+    def trying(self, hypotheses: Sequence[Planted], leading: Planted | None = None) -> None:
+        names = dict.fromkeys(_said(h) for h in hypotheses)
+        self._send({"trying": list(names), "leading": _said(leading) if leading else ""})
 
     def add(
         self,
@@ -198,8 +202,12 @@ class _Watched(DecisionLog):
             elif d.stage in ("pruned", "reconsidered"):
                 joined.pop(name, None)
         tried = sum(d.stage in ("replayed", "joined") for d in self)
-        said = f"{planted.effect.id} at {planted.at}: {'joins' if kept else reason}"
-        self._send({"tried": tried, "best": list(joined), "said": said})
+        said = f"{_said(planted)}: {'joins' if kept else reason}"
+        self._send({"tried": tried, "best": list(joined), "leading": "", "said": said})
+
+
+def _said(planted: Planted) -> str:
+    return f"{planted.effect.id} at {planted.at}"
 
 
 WORKS: dict[str, Callable[..., Any]] = {
