@@ -127,6 +127,15 @@ def test_recordings_columns_find_the_models_names(tmp_path: Path, arm: mujoco.Mj
     assert "wheel: null" in said
 
 
+def test_degrees_of_a_joint_without_limits(tmp_path: Path) -> None:
+    free = mujoco.MjModel.from_xml_string(ARM.replace('limited="true"', 'limited="false"'))
+    kind = "microseconds and degrees, one velocity reversed"
+    pd.DataFrame(TABLES[kind]).to_csv(tmp_path / "log.csv", index=False)
+    r, said = mapped(tmp_path / "log.csv", free)
+    assert_truth(r)
+    assert "is taken for degrees" in said
+
+
 def test_percent_of_a_range_is_doubted_not_converted(tmp_path: Path, arm: mujoco.MjModel) -> None:
     table = {"t": T, "elbow_pos": 240.0 * Q[:, 1] + 90.0, "elbow_cmd": 240.0 * U[:, 1] + 90.0}
     pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False)
@@ -178,4 +187,29 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
 def test_messages_that_nobody_knows(tmp_path: Path) -> None:
     r, said = mapped(drives(tmp_path / "log.mcap"), None)
     assert "qpos/drives_drive_0: {topic: /drives, field: 'drive[0].angle'}" in said
-    np.testing.assert_allclose(r.columns["qpos/drives_drive_1"], -T[:250:5], atol=1e-9)
+    # the first runs over 24: degrees, and so is the second, which might be radians, unless told
+    np.testing.assert_allclose(r.columns["qpos/drives_drive_1"], -np.deg2rad(T[:250:5]), atol=1e-9)
+    assert "as qpos/drives_drive_0: see that it is not in radians" in said
+
+
+def test_unitrees_motors_have_the_sdks_order_not_the_models(tmp_path: Path) -> None:
+    """What PlotJuggler makes of /lowstate and /lowcmd; menagerie's Go2 begins with FL, not FR."""
+    parts = ("hip", "thigh", "calf")
+    legs = [f"{leg}_{part}" for leg in ("FL", "FR", "RL", "RR") for part in parts]
+    chain = "".join(f'<body><joint name="{n}_joint"/><geom size=".1"/>' for n in legs)
+    motors = "".join(f'<position name="{n}" joint="{n}_joint"/>' for n in legs)
+    bodies = f"<worldbody>{chain}{'</body>' * 12}</worldbody>"
+    xml = f"<mujoco>{bodies}<actuator>{motors}</actuator></mujoco>"
+    model = mujoco.MjModel.from_xml_string(xml)
+    t = 0.02 * np.arange(150)
+    table = {"__time": 1e9 + t}
+    for i in range(20):
+        move = np.sin(t + i) if i < 12 else 0.0 * t
+        table[f"/lowcmd/motor_cmd[{i}]/q"] = move
+        table[f"/lowstate/motor_state[{i}]/q"] = move + 0.1 * (i < 12)
+    pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False, float_format="%.9f")
+    r, said = mapped(tmp_path / "log.csv", model)
+    assert len(r.columns) == 24, said
+    np.testing.assert_allclose(r.columns["qpos/FR_hip_joint"], np.sin(t) + 0.1, atol=1e-8)
+    np.testing.assert_allclose(r.columns["ctrl/FL_hip"], np.sin(t + 3.0), atol=1e-8)
+    assert "motor_state has 12 motors" in said

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wt.data.importers import base
+from wt.data.importers import base, hdf5
 from wt.errors import DataError, RecordingError
 
 h5py = pytest.importorskip("h5py")
@@ -126,7 +126,8 @@ def test_links_that_lead_out_of_the_file(tmp_path: Path) -> None:
         base.read(tmp_path / "c.h5")
 
 
-def test_broken_and_huge_files(tmp_path: Path) -> None:
+def test_broken_and_huge_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hdf5, "_PATIENCE_S", 1)
     path = robomimic(tmp_path / "a.hdf5", control_freq=20)
     path.write_bytes(path.read_bytes()[:900])
     with pytest.raises(DataError, match="not a whole HDF5 file"):
@@ -134,6 +135,12 @@ def test_broken_and_huge_files(tmp_path: Path) -> None:
     path.write_bytes(b"no magic at all")
     with pytest.raises(DataError, match="not a whole HDF5 file"):
         base.read(path)
+    damaged = robomimic(tmp_path / "heap.hdf5", 1, control_freq=20)
+    content = damaged.read_bytes()
+    at = content.index(b"GCOL")  # the heap of the words: its first object of no size at all
+    damaged.write_bytes(content[: at + 16] + bytes(16) + content[at + 32 :])
+    with pytest.raises(DataError):
+        base.read(damaged)
     with h5py.File(tmp_path / "b.h5", "w") as root:  # promised, never written: a few kB
         root.create_dataset("t", (10**13,), dtype="f8", chunks=(1000,))
         root["qpos/a"] = np.arange(N)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import re
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,13 @@ from wt.data.guess.clock import PLACEHOLDER_HZ, Clock, clock, rate_of
 from wt.data.guess.names import match
 from wt.data.guess.units import units
 from wt.data.guess.words import meaning
-from wt.data.importers import _mapping, base
+from wt.data.importers import _mapping, _unitree, base
 from wt.data.importers._survey import Quantity, Survey, Surveyor
 from wt.data.recording import coordinate
 from wt.errors import DataError, RecordingError
 from wt.types import Recording
 
+_MOTOR = re.compile(r"motor_(?:state|cmd)\W*(\d+)")
 _AXES = {"x": 0, "y": 1, "z": 2, "0": 0, "1": 1, "2": 2}
 _SENSOR_TYPES = {
     "gyro": mujoco.mjtSensor.mjSENS_GYRO,
@@ -124,8 +126,14 @@ def _describe(survey: Survey, proposal: Proposal) -> dict[str, str]:
     named: dict[str, str] = {}
     silent: list[Quantity] = []
     rest = [q for q in survey.quantities if time is None or q is not time.quantity]
+    motors = _motors(rest, proposal)
     for quantity in rest:
         said = meaning(quantity.name)
+        if (slot := _MOTOR.search(quantity.name)) is not None and said.kind not in (None, "other"):
+            if int(slot[1]) not in motors:
+                proposal.left_out[quantity.name] = "an empty slot"
+                continue
+            said = replace(said, stem=motors[int(slot[1])])
         if said.kind is None:
             silent.append(quantity)
         elif said.kind in _SENSOR_TYPES:
@@ -147,6 +155,20 @@ def _describe(survey: Survey, proposal: Proposal) -> dict[str, str]:
             proposal.doubts.append("names say nothing: what is what was told by the motion alone")
     proposal.left_out |= {q.name: f"{_range(q)}: what is it?" for q in silent}
     return named
+
+
+def _motors(quantities: list[Quantity], proposal: Proposal) -> dict[int, str]:
+    """Unitree's numbers of motors → joints; those that are zero throughout are empty."""
+    found = [(slot, q) for q in quantities if (slot := _MOTOR.search(q.name))]
+    used = sorted(
+        {int(slot[1]) for slot, q in found if slot[0].startswith("motor_state") and q.values.any()}
+    )
+    if used:
+        proposal.doubts.append(
+            f"motor_state has {len(used)} motors; names are those of Unitree's SDK where 12 or 29 "
+            "are used: see that they are this robot's"
+        )
+    return _unitree.joint_names(used)
 
 
 def _put(proposal: Proposal, column: str, quantity: Quantity, of: str | None) -> bool:

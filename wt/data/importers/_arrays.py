@@ -20,7 +20,7 @@ every format has (joints, units, signs, …) in :mod:`wt.data.importers._mapping
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,12 +41,13 @@ _JOINT_NAMES = ("joint_names", "dof_names", "joints")
 _SECOND = 1e9  # ns
 _MOST_COLUMNS = 512  # of a table: what is wider is an image
 
+Rate = Callable[[], float | None]
 Arrays = Mapping[str, Shaped[np.ndarray, " ..."]]
 """Arrays by name; one that is not asked for need not be read."""
 
 
 def recording(
-    path: Path, arrays: Arrays, mapping: Map, format: str, rate_hz: float | None = None
+    path: Path, arrays: Arrays, mapping: Map, format: str, rate: Rate = lambda: None
 ) -> Recording:
     """Arrays as a recording.
 
@@ -55,7 +56,7 @@ def recording(
         arrays: by their names.
         mapping: see the module.
         format: name of the importer.
-        rate_hz: a rate that the file states elsewhere, for layouts without a time [Hz].
+        rate: a rate that the file states elsewhere, for layouts without a time [Hz].
 
     Raises:
         DataError: an array is missing or has another shape.
@@ -74,7 +75,7 @@ def recording(
     else:
         columns = _by_name(path, arrays)
     rows = max([len(values) for values in columns.values()], default=0)
-    t = _time(path, arrays, mapping, layout, rows, rate_hz)
+    t = _time(path, arrays, mapping, layout, rows, rate)
     if own:
         columns |= joined(own, _stamps(t), mapping.get("join"))
     elif mapping.get("join") is not None:
@@ -107,7 +108,7 @@ def _time(
     mapping: Map,
     layout: Layout | None,
     rows: int,
-    rate_hz: float | None,
+    rate: Rate,
 ) -> Float64[np.ndarray, " time"]:
     """Times [s]: by the map, else by the layout, else by an array's name."""
     entry = mapping.get("time")
@@ -117,15 +118,16 @@ def _time(
     if entry is not None:
         return _picked(path, arrays, entry)
     if layout is not None and layout.time is None:
-        rate: object = layout.rate_hz or rate_hz
         if layout.fps is not None:
-            rate = float(np.ravel(arrays[layout.fps])[0])
-        if rate is None:
+            hz: object = float(np.ravel(arrays[layout.fps])[0])
+        else:
+            hz = layout.rate_hz or rate()
+        if hz is None:
             raise DataError(
                 f"'{path}' ({layout.name}) does not say how fast it was recorded; set in the map "
                 "'time: {rate: <Hz>}'"
             )
-        return even(rate, rows, f"'{path}': its rate")
+        return even(hz, rows, f"'{path}': its rate")
     named = layout.time if layout else next((name for name in _TIMES if name in arrays), None)
     if named is None:
         raise DataError(

@@ -258,12 +258,12 @@ def _name_motors(log: _Log) -> None:
         log.assumed.append(_unitree.name_motors(states, sent, package))
 
 
-_Picked = list[tuple[str, dict[str, Float64[np.ndarray, " sample"]]]]
+_Picked = list[tuple[str, dict[str, Float64[np.ndarray, " _"]]]]
 
 
 def _picked(path: Path, log: _Log, wanted: Mapping[str, Mapping[str, Any]]) -> _Picked:
     """(topic, columns) of what the map names."""
-    by_topic: dict[str, dict[str, Float64[np.ndarray, " sample"]]] = {}
+    by_topic: dict[str, dict[str, Float64[np.ndarray, " _"]]] = {}
     for name, entry in wanted.items():
         topic = log.plain.get(str(entry["topic"]))
         if topic is None:

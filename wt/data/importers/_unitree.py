@@ -117,6 +117,18 @@ def imu(message: Any) -> SimpleNamespace:  # noqa: ANN401
     )
 
 
+def joint_names(used: Sequence[int]) -> dict[int, str]:
+    """Slot of a motor → its joint: a quadruped's if 12 are used, the G1's if 29 are.
+
+    Args:
+        used: slots that are not empty.
+    """
+    for known in (_LEGS, _G1):
+        if sorted(used) == list(range(len(known))):
+            return dict(enumerate(known))
+    return {i: f"motor{i}" for i in used}
+
+
 def name_motors(
     states: Sequence[SimpleNamespace], commands: Sequence[SimpleNamespace], package: str
 ) -> str:
@@ -136,9 +148,8 @@ def name_motors(
         i for i in range(width)
         if any(m.position[i] or m.velocity[i] or m.effort[i] for m in sample)
     ]  # fmt: skip
-    known = _LEGS if package == "unitree_go" else _G1
-    fits = used and len(used) == len(known) and used[-1] < len(known)
-    names = dict(zip(used, known, strict=True)) if fits else {i: f"motor{i}" for i in used}
+    names = joint_names(used)
+    fits = bool(used) and names[used[0]] in (_LEGS if package == "unitree_go" else _G1)
     by_torque = not any(any(gain > 0.0 for gain in m.kp) for m in commands)
     for message in (*states, *commands):
         keep = [i for i in used if i < len(message.name)]

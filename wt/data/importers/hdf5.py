@@ -15,10 +15,12 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from jaxtyping import Shaped
@@ -58,8 +60,7 @@ class Hdf5:
         """
         with opened(path) as file:
             arrays = _episode(path, datasets(path, file), mapping.get("episode"))
-            rate = _rate(file)
-            return _arrays.recording(path, arrays, mapping, self.name, rate)
+            return _arrays.recording(path, arrays, mapping, self.name, lambda: _rate(path, file))
 
     def survey(self, path: Path, mapping: Map) -> Survey:
         """The rows of numbers in a file, or in one of its episodes.
@@ -70,7 +71,7 @@ class Hdf5:
         with opened(path) as file:
             arrays = _episode(path, datasets(path, file), mapping.get("episode"))
             found = _arrays.survey({n: arrays[n] for n in arrays if arrays.is_table(n)})
-            return Survey(found.quantities, rate_hz=found.rate_hz or _rate(file))
+            return Survey(found.quantities, rate_hz=found.rate_hz or _rate(path, file))
 
 
 class Datasets(Mapping[str, Shaped[np.ndarray, " ..."]]):
@@ -84,12 +85,9 @@ class Datasets(Mapping[str, Shaped[np.ndarray, " ..."]]):
         """One array, read whole."""
         dataset = self._by_name[name]
         recordings.refuse_too_much(self._path, dataset.size * dataset.dtype.itemsize)
-        values = np.asarray(dataset[()])
-        if values.dtype.kind in "OS":  # words
-            words = [_text(word) for word in values.flat]
-            if all(isinstance(word, str) for word in words):
-                return np.array(words, dtype=np.str_).reshape(values.shape)
-        return values
+        if dataset.dtype.kind in "OS":
+            return np.array(_words(self._path, dataset.name), dtype=np.str_)
+        return np.asarray(dataset[()])
 
     def __iter__(self) -> Iterator[str]:
         """Paths in the file's order."""
@@ -112,8 +110,36 @@ class Datasets(Mapping[str, Shaped[np.ndarray, " ..."]]):
         return Datasets(self._path, inside)
 
 
-def _text(word: object) -> object:
-    return word.decode("utf-8", "replace") if isinstance(word, bytes) else word
+_WORDS = """
+import h5py, json, numpy, sys
+path, name, attribute = sys.argv[1:]
+with h5py.File(path, "r") as file:
+    found = file[name].attrs[attribute] if attribute else file[name][()]
+words = [w.decode("utf-8", "replace") if isinstance(w, bytes) else w for w in numpy.ravel(found)]
+print(json.dumps([w for w in words if isinstance(w, str)]))
+"""
+_PATIENCE_S = 8
+
+
+def _words(path: Path, name: str, attribute: str = "") -> list[str]:
+    """Words in an array or an attribute.
+
+    They are read in a process that can be ended: where a file is damaged, the library may look for
+    them for ever.
+
+    Raises:
+        DataError: they cannot be read.
+    """
+    command = [sys.executable, "-I", "-c", _WORDS, str(path), name, attribute]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=_PATIENCE_S, check=True
+        )
+        return [str(word) for word in json.loads(done.stdout)]
+    except (subprocess.SubprocessError, OSError, ValueError) as error:
+        raise DataError(
+            f"'{path}' is not a whole HDF5 file: the words in {attribute or name!r} cannot be read"
+        ) from error
 
 
 @contextmanager
@@ -189,13 +215,12 @@ def _episode(path: Path, arrays: Datasets, wanted: object) -> Datasets:
     return arrays.under(f"data/demo_{episode}/")
 
 
-def _rate(file: h5py.File) -> float | None:
+def _rate(path: Path, file: h5py.File) -> float | None:
     """Control rate of robosuite [Hz], which robomimic keeps in the metadata of ``data``."""
-    if "data" not in file:
+    if "data" not in file or "env_args" not in file["data"].attrs:
         return None
-    text: Any = file["data"].attrs.get("env_args")
     try:
-        rate = json.loads(text)["env_kwargs"]["control_freq"]
-        return float(rate)
+        (text,) = _words(path, "data", "env_args")
+        return float(json.loads(text)["env_kwargs"]["control_freq"])
     except (TypeError, ValueError, KeyError, RecursionError):
         return None

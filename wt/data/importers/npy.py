@@ -16,7 +16,6 @@ from wt.data import recording as recordings
 from wt.data.importers import _arrays
 from wt.data.importers._survey import Survey
 from wt.data.importers.base import Map, register
-from wt.data.importers.npz import BROKEN
 from wt.errors import DataError
 from wt.types import Recording
 
@@ -61,7 +60,7 @@ def _read(path: Path) -> dict[str, Shaped[np.ndarray, " ..."]]:
         if array.dtype.names is not None:
             return {name: np.array(array[name]) for name in array.dtype.names}
         return {"data": np.array(array)}
-    except BROKEN as error:
+    except Exception as error:  # the reader lets through whatever a broken file makes it raise
         raise DataError(
             f"'{path}' is not a whole array of plain numbers (cut off, or with Python objects "
             f"inside?): {error}"

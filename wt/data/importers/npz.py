@@ -5,9 +5,7 @@ What is taken, and the map: :mod:`wt.data.importers._arrays`.
 
 from __future__ import annotations
 
-import struct
 import zipfile
-import zlib
 from pathlib import Path
 from typing import ClassVar
 
@@ -18,14 +16,8 @@ from wt.data import recording as recordings
 from wt.data.importers import _arrays
 from wt.data.importers._survey import Survey
 from wt.data.importers.base import Map, register
-from wt.errors import DataError
+from wt.errors import DataError, WTError
 from wt.types import Recording
-
-BROKEN = (
-    ValueError, OSError, EOFError, MemoryError, OverflowError, RuntimeError,
-    SyntaxError, TypeError, struct.error, zipfile.BadZipFile, zlib.error,
-)  # fmt: skip
-"""What the readers of a damaged NumPy file raise."""
 
 
 @register
@@ -64,7 +56,9 @@ def _read(path: Path) -> dict[str, Shaped[np.ndarray, " ..."]]:
             recordings.refuse_too_much(path, sum(info.file_size for info in archive.infolist()))
         with np.load(path, allow_pickle=False) as archive:
             return {name: archive[name] for name in archive.files}
-    except BROKEN as error:
+    except WTError:
+        raise
+    except Exception as error:  # its readers let through whatever a broken file makes them raise
         raise DataError(
             f"'{path}' is not a whole archive of plain arrays (cut off, or with Python "
             f"objects inside?): {error}"
