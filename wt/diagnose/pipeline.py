@@ -119,16 +119,7 @@ def diagnose(
     translation_evidence = translated(scene, prepared, translation) if translation else None
     log = DecisionLog() if log is None else log
     outcome = _searched(scene, prepared, seed, log, pace)
-    others = outcome.missed and turned(prepared)
-    note: tuple[str, ...] = ()
-    if others:
-        pace.stage("recordings take turns")
-        again = _searched(scene, others, seed, log, pace, attempts=1)
-        if new := again.names - outcome.names:
-            said = ", ".join(str(a.planted) for a in again.claims.accepted if a.planted.key in new)
-            unfitted = " and ".join(f"'{u.path}'" for u in prepared.used if u.role == "holdout")
-            note = (f"Of the recordings, which took turns, only {unfitted} shows {said}.",)
-            outcome = again
+    outcome, note = _in_turns(scene, prepared, outcome, seed, log, pace)
     pace.stage("preparing pictures")
     diagnosis = _diagnosis(scene, outcome)
     if outcome.missed:
@@ -243,6 +234,23 @@ def _searched(
         assessed = replays.reference(naming.holdout.here(claims.hypothesis))
         missed = (assessed, replays) if erring(assessed, replays) else None
     return _Outcome(prepared, fitted, naming, claims, missed)
+
+
+def _in_turns(
+    scene: Scene, prepared: Prepared, outcome: _Outcome, seed: int, log: DecisionLog, pace: Pace
+) -> tuple[_Outcome, tuple[str, ...]]:
+    """What is found with others held out, where those held out show more; and a note of it."""
+    others = outcome.missed and turned(prepared)
+    if not others:
+        return outcome, ()
+    pace.stage("recordings take turns")
+    again = _searched(scene, others, seed, log, pace, attempts=1)
+    new = again.names - outcome.names
+    if not new:
+        return outcome, ()
+    said = ", ".join(str(a.planted) for a in again.claims.accepted if a.planted.key in new)
+    unfitted = " and ".join(f"'{u.path}'" for u in prepared.used if u.role == "holdout")
+    return again, (f"Of the recordings, which took turns, only {unfitted} shows {said}.",)
 
 
 def _diagnosis(scene: Scene, outcome: _Outcome) -> Diagnosis:

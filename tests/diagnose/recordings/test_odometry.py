@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.conftest import FromShared
 from tests.physics import stool
 from wt.diagnose.observed.observer import Observer
 from wt.diagnose.recordings import odometry
@@ -18,6 +19,7 @@ from wt.diagnose.recordings.stretches import stretches_of
 from wt.diagnose.residual.screen import Screen
 from wt.errors import RecordingError
 from wt.physics import base
+from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
 from wt.types import Channel, Recording
 
@@ -96,6 +98,20 @@ def test_the_floor_carries_it(machine: Scene, whole: Recording, sensors: tuple[s
         carried.append(d.qfrc_constraint[machine.dof("root/z")])
     weight = m.body_mass.sum() * 9.81
     assert np.mean(carried) == pytest.approx(weight, rel=0.15)
+
+
+def test_replays_keep_beside_a_go2_that_walks(from_shared: FromShared) -> None:
+    """With nothing hidden, as the runner of the package recorded it: 0.25 s at a time."""
+    walk = from_shared("cases/field/17_go2_runner_imu_only.parquet")
+    scene = Scene(from_shared("cases/field/17_go2.xml"))
+    fitted = smooth(scene, prepare(scene, [walk], []).fit)
+    pairs = stretches_of(fitted, forgets=False, seconds=2.0)
+    said = Replayer(scene, [stretch for stretch, _ in pairs], 1e-3).run([()]).q[0]
+    measured = np.concatenate([q for _, q in pairs])
+    legs = np.isfinite(measured).all(axis=0)
+    error = np.sqrt(np.mean((said - measured)[:, legs] ** 2, axis=0))
+    assert legs.sum() == 12
+    assert (error < 0.1 * np.std(measured[:, legs], axis=0)).all()
 
 
 def test_a_recorded_base_is_not_computed(machine: Scene, whole: Recording) -> None:
