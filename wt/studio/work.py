@@ -20,6 +20,7 @@ from wt.check.page import figures, grid, page
 from wt.data import recording as recordings
 from wt.data.importers import base
 from wt.data.importers.base import Map
+from wt.diagnose.pace import Expected
 from wt.diagnose.pipeline import diagnose as search
 from wt.diagnose.report.write import claimed
 from wt.diagnose.result import Stage
@@ -169,10 +170,15 @@ def diagnose(
     def progress(step: str, share: float) -> None:
         send({"step": step, "share": share})
 
+    def expect(expected: Expected) -> None:
+        send({"expected": str(expected)})
+
     with warnings.catch_warnings(), claimed(folder, inputs) as write:
         warnings.simplefilter("ignore", RuntimeWarning)
         warnings.simplefilter("ignore", UserWarning)
-        diagnosis = search(model, fitted, held, progress=progress, log=_Watched(send))
+        diagnosis = search(
+            model, fitted, held, progress=progress, expect=expect, log=_Watched(send)
+        )
         progress("writing", 0.98)
         write(diagnosis)
     return {"out": out, "verdict": diagnosis.verdict}
