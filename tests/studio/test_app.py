@@ -104,7 +104,8 @@ def test_a_table_is_mapped_by_its_header(studio: Studio, cart: Path, tmp_path: P
     assert studio.ended("check").result["errors"] == []
     page = studio.get("live/check")
     assert "This log needs a map" in page and '<option value="t" selected>t (time)' in page
-    assert "log.csv.yaml" not in page
+    guess = "wt import logs/log.csv --guess --model model/model.xml --to maps/log.csv.yaml"
+    assert guess in page and "--map" not in page and "Waits for the map of log.csv" in page
     form = fields(log="logs/log.csv", channel_0="t", channel_1="ctrl/drive", unit_1="mm",
                   channel_2="qpos/rail")  # fmt: skip
     assert len(paths(studio.post("curves", **form))) == 3
