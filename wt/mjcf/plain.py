@@ -8,10 +8,10 @@ whose replay exploded: ``model`` of model.xml alone, ``physics`` with physics.py
 and ``before`` of the MODEL that was given.
 
 Each window starts on the smoothed measurements of its first sample, with joints that the patch
-added where the search had them, with late or filtered commands as if the first one had been sent
-before, and with the model's own filters and integrators where they had got to; then it runs open
-loop at the model's own time step. A command comes half a step after its time, to make up for
-MuJoCo's semi-implicit step, in which a force acts half a step early.
+added where the search had them, with commands that were sent before on their way through drives
+that are late or slow, and with the model's own filters and integrators where they had got to; then
+it runs open loop at the model's own time step. A command comes half a step after its time, to make
+up for MuJoCo's semi-implicit step, in which a force acts half a step early.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def _window(
     t, h, joints = stored["t"][rows], float(model.opt.timestep), _Joints(model, stored["joints"])
     steps = max(1, int(np.ceil((t[-1] - t[0]) / h - 1e-6)))
     ctrl = [model.actuator_ctrladr[model.actuator(str(name)).id] for name in stored["actuators"]]
-    u = _commands(t, stored["command"][rows], h, steps)
+    before, u = _commands(*_sent(stored, window, rows), t[0], h, steps)
     data = mujoco.MjData(model)
     data.time, data.ctrl[ctrl] = t[0], stored["command"][rows][0]
     begun = stored["q0"][window], stored["v0"][window]
@@ -83,7 +83,8 @@ def _window(
     joints.put(data, *begun)
     if physics is not None:
         physics.reset(data)
-    _fill(model, data, dict(zip(stored["actuators"], stored["activation"][window], strict=True)))
+    _fill(model, data, stored["actuators"], stored["activation"][window], u[: before + 1])
+    u = u[before:]
     known = [model.joint(j).name for j in range(model.njnt)]
     for k, name in enumerate(map(str, stored["added"])):
         if name in known:
@@ -103,27 +104,62 @@ def _window(
     return np.stack([np.interp(t, times, column) for column in q.T], axis=1)
 
 
-def _commands(t: Array, command: Array, h: float, steps: int) -> Array:
-    """Commands of every step, (steps, actuator): the mean over a step's length around its start."""
+def _sent(stored: Mapping[str, Array], window: int, rows: slice) -> tuple[Array, Array]:
+    """Times and commands of a window, and those sent before it."""
+    ends = [*stored["lead_first"][1:], len(stored["lead_t"])]
+    lead = slice(stored["lead_first"][window], ends[window])
+    times = np.append(stored["lead_t"][lead], stored["t"][rows])
+    return times, np.vstack([stored["lead"][lead], stored["command"][rows]])
+
+
+def _commands(t: Array, command: Array, begin: float, h: float, steps: int) -> tuple[int, Array]:
+    """Commands of every step, (before + steps, actuator), of which the first lead to the window.
+
+    Each is the mean over a step's length around its start.
+    """
+    before = int(np.ceil((begin - t[0]) / h))
     integral = np.zeros_like(command)
     integral[1:] = np.cumsum(command[:-1] * np.diff(t)[:, None], axis=0)
     # a command is held until the next; the first was held before, and the last goes on
     knots = np.concatenate([[t[0] - 1.0], t, [t[-1] + 1.0]])
     integral = np.vstack([-command[0], integral, integral[-1] + command[-1]])
-    edges = t[0] + h * (np.arange(steps + 1) - 0.5)
+    edges = begin + h * (np.arange(-before, steps + 1) - 0.5)
     means = [np.diff(np.interp(edges, knots, column)) / h for column in integral.T]
-    return np.stack(means, axis=1) if means else np.zeros((steps, 0))
+    sent = np.stack(means, axis=1) if means else np.zeros((before + steps, 0))
+    # what came before the first has had its effect on the state there
+    sent[before] = command[np.searchsorted(t, begin)]
+    return before, sent
 
 
-def _fill(model: mujoco.MjModel, data: mujoco.MjData, acts: Mapping[str, float]) -> None:
-    """Late commands as if data.ctrl had been sent for long; drives at their activations."""
-    for i in np.flatnonzero(model.actuator_ctrlnum == 1):
-        u, late = data.ctrl[model.actuator_ctrladr[i]], int(model.actuator_history[i, 0])
+def _fill(
+    model: mujoco.MjModel, data: mujoco.MjData, names: Array, acts: Array, sent: Array
+) -> None:
+    """What was sent before is on its way through drives that are late or slow.
+
+    Args:
+        model: the machine.
+        data: at the begin of a window.
+        names: actuators.
+        acts: of those that the user's own model gives dynamics, what they act on; else NaN.
+        sent: commands of the steps before, and of the first in the window, (before + 1, actuator).
+    """
+    h = model.opt.timestep
+    for name, act, u in zip(map(str, names), acts, sent.T, strict=True):
+        i = model.actuator(name).id
+        late, delay = int(model.actuator_history[i, 0]), float(model.actuator_delay[i])
         if late:
-            times = data.time - model.opt.timestep * np.arange(late, 0.0, -1.0)
-            mujoco.mj_initCtrlHistory(model, data, i, times[:, None], np.full((late, 1), u))
-        if int(model.actuator_dyntype[i]) in _DYNAMICS:
-            data.act[model.actuator_actadr[i]] = acts[model.actuator(i).name]
+            times = h * np.arange(-late, 0.0)
+            known = np.interp(times, h * np.arange(1 - len(u), 1), u)
+            mujoco.mj_initCtrlHistory(model, data, i, (data.time + times)[:, None], known[:, None])
+        if int(model.actuator_dyntype[i]) not in _DYNAMICS:
+            continue
+        if np.isnan(act):
+            steps = np.arange(len(u))
+            arrived = np.interp(steps - delay / h, steps, u)
+            keep, act = np.exp(-h / max(float(model.actuator_dynprm[i, 0]), 1e-9)), arrived[0]
+            for value in arrived[:-1]:
+                act = value + (act - value) * keep
+        data.act[model.actuator_actadr[i]] = act
 
 
 class _Joints:

@@ -11,6 +11,9 @@ from jaxtyping import Float
 
 from wt.physics.motion import Motion, Segment
 
+_LATE_S = (1e-3, 3e-3)
+"""Delays [s] from which a replay's begin knows of commands before it a little, and all."""
+
 
 class Hidden(NamedTuple):
     """State of a joint that a patch adds, where a stretch begins.
@@ -38,6 +41,8 @@ class Stretch:
         v0: joint velocities there, (nv,).
         activation: what each drive acts on there, (nu,); filters that let the first command through
             and integrators at zero if left out.
+        lead_t: times of the samples before, as far as they are of use, (L,) [s].
+        lead: command sent at each of these, (L, nu); what is late arrives in the stretch.
         segment: what it was cut from, of ``motion``: hidden states are those that this led to.
         motion: the smooth recording; None if nothing is known of what was before.
         shifts: what is added to position and velocity of joints that a patch adds.
@@ -49,6 +54,8 @@ class Stretch:
     q0: Float[np.ndarray, " dof"]
     v0: Float[np.ndarray, " dof"]
     activation: Float[np.ndarray, " actuator"] | None = None
+    lead_t: Float[np.ndarray, " lead"] = field(default_factory=lambda: np.zeros(0))
+    lead: Float[np.ndarray, "lead _"] = field(default_factory=lambda: np.zeros((0, 0)))
     segment: Segment | None = None
     motion: Motion | None = None
     shifts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -58,22 +65,35 @@ class Stretch:
         """Median sampling interval [s]."""
         return float(np.median(np.diff(self.t)))
 
-    def commands(self, h: float, steps: int) -> Float[np.ndarray, "step actuator"]:
-        """Commands of every physics step, (steps, nu): the mean of the held ones around its start.
+    def steps_before(self, h: float) -> int:
+        """Physics steps from the first sample of the lead to the stretch."""
+        return int(np.ceil((self.t[0] - self.lead_t[0]) / h)) if len(self.lead_t) else 0
+
+    def commands(self, h: float, steps: int, before: int = 0) -> Float[np.ndarray, "step actuator"]:
+        """Commands of every physics step: the mean of the held ones around its start.
+
+        Args:
+            h: physics step [s].
+            steps: of the stretch.
+            before: further ones that lead to it.
 
         MuJoCo's semi-implicit step applies a force at once to velocity and position, half a step
         before the mean of the time it stands for: commands come half a step later to make up.
         """
-        integral = np.zeros_like(self.command)  # of the held command, from the first sample on
-        integral[1:] = np.cumsum(self.command[:-1] * np.diff(self.t)[:, None], axis=0)
+        t, command = np.append(self.lead_t, self.t), self.command
+        if len(self.lead):
+            command = np.vstack([self.lead, command])
+        integral = np.zeros_like(command)  # of the held command, from the first sample on
+        integral[1:] = np.cumsum(command[:-1] * np.diff(t)[:, None], axis=0)
         # the first command was held before, and the last goes on being held
-        knots = np.concatenate([[self.t[0] - 1.0], self.t, [self.t[-1] + 1.0]])
-        integral = np.vstack([-self.command[0], integral, integral[-1] + self.command[-1]])
-        edges = self.t[0] + h * (np.arange(steps + 1) - 0.5)
-        means = [
-            np.diff(np.interp(edges, knots, integral[:, i])) for i in range(self.command.shape[1])
-        ]
-        return np.stack(means, axis=1) / h if means else np.zeros((steps, 0))
+        knots = np.concatenate([[t[0] - 1.0], t, [t[-1] + 1.0]])
+        integral = np.vstack([integral[0] - command[0], integral, integral[-1] + command[-1]])
+        edges = self.t[0] + h * (np.arange(-before, steps + 1) - 0.5)
+        means = [np.diff(np.interp(edges, knots, column)) for column in integral.T]
+        sent = np.stack(means, axis=1) / h if means else np.zeros((before + steps, 0))
+        # what came before the first has had its effect on the state there
+        sent[before] = self.command[0]
+        return sent
 
 
 @dataclass(eq=False)
@@ -87,6 +107,7 @@ class Inputs:
         u: commands, (S, nu).
         force: world-frame force on bodies' centres of mass, body id → (S, 3) [N].
         torque: generalised force on degrees of freedom, dof → (S,) [N·m or N].
+        before: how many of the steps lead to the replay.
     """
 
     recording: int
@@ -95,11 +116,31 @@ class Inputs:
     u: Float[np.ndarray, "step actuator"]
     force: dict[int, Float[np.ndarray, "step 3"]] = field(default_factory=dict)
     torque: dict[int, Float[np.ndarray, " step"]] = field(default_factory=dict)
+    before: int = 0
+
+    def of_replay(self) -> Inputs:
+        """Without the steps that lead to it."""
+        n = self.before
+        force = {body: f[n:] for body, f in self.force.items()}
+        torque = {dof: f[n:] for dof, f in self.torque.items()}
+        return Inputs(self.recording, self.t[n:], self.h, self.u[n:], force, torque)
 
     def delayed(
         self, signal: Float[np.ndarray, " step"], delay: float
     ) -> Float[np.ndarray, " step"]:
-        """A held signal (S,) that arrives ``delay`` [s] late; before, its first value."""
+        """A held signal (S,) that arrives ``delay`` [s] late; before, its first value.
+
+        Replays begin where commands change. There even the least delay lets the one before act on,
+        and none that is early does so: within what any rig is late by, none does.
+        """
+        held = signal.copy()
+        held[: self.before] = signal[self.before]
+        share = float(np.clip((delay - _LATE_S[0]) / (_LATE_S[1] - _LATE_S[0]), 0.0, 1.0))
+        return self._shifted(held + share * (signal - held), delay)
+
+    def _shifted(
+        self, signal: Float[np.ndarray, " step"], delay: float
+    ) -> Float[np.ndarray, " step"]:
         edges = np.arange(len(signal) + 1) * self.h
         integral = np.concatenate([[0.0], np.cumsum(signal)]) * self.h
         start = edges[:-1] - delay

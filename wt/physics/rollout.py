@@ -155,14 +155,16 @@ class _Job:
         chunk = min(CHUNK, owner.shortest)
         steps = chunk * int(np.ceil((stretch.t[-1] - stretch.t[0]) / (h * chunk) - 1e-6))
         self.model = model
-        self.inputs = Inputs(
-            stretch.recording, stretch.t[0] + h * np.arange(steps), h, stretch.commands(h, steps)
-        )
+        before = stretch.steps_before(h)
+        t = stretch.t[0] + h * np.arange(-before, steps)
+        u = stretch.commands(h, steps, before)
+        self.inputs = Inputs(stretch.recording, t, h, u, before=before)
         for i in late(self.scene.model):
             own = float(self.scene.model.actuator_delay[i])
             self.inputs.u[:, i] = self.inputs.delayed(self.inputs.u[:, i], own)
         for p in hypothesis:
             p.drive(self.inputs, self.scene)
+        self.inputs = self.inputs.of_replay()
         self.live = any(is_live(p.effect) for p in hypothesis)
         pushed = bool(self.inputs.force), bool(self.inputs.torque)
         self.layout = (*_sizes(self.model), steps, *pushed, self.live)

@@ -194,7 +194,8 @@ def test_a_floating_base_in_coordinates() -> None:
         "added": np.array([], str), "first": np.array([0]), "recording": np.array([0]),
         "q0": q[:1], "v0": first[None],
         "added_q": np.zeros((1, 0)), "added_v": np.zeros((1, 0)), "t": t,
-        "command": np.full((501, 1), 0.5), "activation": np.full((1, 1), 0.5),
+        "command": np.full((501, 1), 0.5), "activation": np.full((1, 1), np.nan),
+        "lead_first": np.array([0]), "lead_t": np.zeros(0), "lead": np.zeros((0, 1)),
     }  # fmt: skip
     np.testing.assert_allclose(plain.replay(model, None, held), q, atol=2e-6)
 

@@ -23,6 +23,8 @@ legs: what feet do to each other's forces soon makes two replays of the same wal
 WINDOWS_S = (WINDOW_S, 1.0, 2.0, 4.0)
 """What windows may be as long as: the longer, the better a replay tells one law from another, as
 long as it does not lose the recording."""
+LEAD_S = 0.3
+"""Commands of so long before a stretch [s] reach drives that are late, or slow, in it."""
 _TEST_S, _SHOVE, _FORGOTTEN = 1.5, 0.02, 0.3
 _TRIED, _GROWTH, _LOST = 6, 3.0, 0.3
 """Windows that are tried of each length, how fast shoves may grow in them [1/s], and what share of
@@ -80,8 +82,9 @@ def cut(smoothed: Smoothed, index: int, rows: slice) -> Stretch:
     """Some samples of a segment, to be replayed from the smooth state at the first of them."""
     s, (q, v, _) = smoothed.samples[index], smoothed.at_samples[index]
     first, segment = rows.start, smoothed.motion.segments[index]
-    known = (q[first], v[first], s.activation[first], segment, smoothed.motion)
-    return Stretch(s.recording, s.t[rows], s.command[rows], *known)
+    lead = slice(int(np.searchsorted(s.t, s.t[first] - LEAD_S)), first)
+    known = (q[first], v[first], s.activation[first], s.t[lead], s.command[lead])
+    return Stretch(s.recording, s.t[rows], s.command[rows], *known, segment, smoothed.motion)
 
 
 def stretches_of(

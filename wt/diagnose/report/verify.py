@@ -7,9 +7,10 @@ same figures, and ``wt verify`` does.
 ``holdout.npz`` holds, for N samples of W windows: ``joints``, ``actuators``, ``added`` (names; the
 last are joints of the patch), ``recordings`` (names) and ``recording`` (W), ``first`` (first sample
 of each window), ``q0``, ``v0`` (W, joint: the smoothed measurements at that sample), ``added_q``,
-``added_v`` (W, added), ``activation`` (W, actuator: what each drive acts on there), ``t`` (N) [s
-since the recording's start], ``command`` (N, actuator), ``measured`` (N, joint; NaN where missing)
-and ``noise`` (joint: of the measurements).
+``added_v`` (W, added), ``activation`` (W, actuator: what drives of the given model that have
+dynamics act on there, else NaN), ``lead_first`` (W), ``lead_t``, ``lead`` (times and commands of
+the samples before each window), ``t`` (N) [s since the recording's start], ``command`` (N,
+actuator), ``measured`` (N, joint; NaN where missing) and ``noise`` (joint: of the measurements).
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from jaxtyping import Float
 import wt.mjcf.plain
 from wt.diagnose.selection.holdout import RAN_AWAY, Holdout
 from wt.errors import UserError, WorkError
+from wt.physics.activation import dynamic
 from wt.physics.planted import Hypothesis
 from wt.physics.rollout import begun, initial_states
 from wt.show.files import write_together
@@ -88,7 +90,12 @@ def holdout_npz(holdout: Holdout, hypothesis: Hypothesis, recordings: Sequence[s
             added_v=hidden[..., 1],
             t=np.concatenate([s.t for s in stretches]),
             command=np.concatenate([s.command for s in stretches]),
-            activation=np.stack([begun(model, s) for s in stretches]),
+            activation=np.stack(
+                [np.where(dynamic(model), begun(model, s), np.nan) for s in stretches]
+            ),
+            lead_first=np.cumsum([0, *(len(s.lead_t) for s in stretches[:-1])]),
+            lead_t=np.concatenate([s.lead_t for s in stretches]),
+            lead=np.concatenate([s.lead.reshape(-1, s.command.shape[1]) for s in stretches]),
             measured=holdout.measured,
             noise=np.nan_to_num(holdout.smoothed.noise),
         )
