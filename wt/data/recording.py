@@ -221,7 +221,7 @@ def check_names(recording: Recording, model: mujoco.MjModel) -> None:
     Raises:
         RecordingError: a column names nothing in the model, or no joint position was recorded.
     """
-    known = _column_names(model)
+    known = column_names(model)
     for name in recording.columns:
         if name not in known:
             raise RecordingError(
@@ -233,7 +233,8 @@ def check_names(recording: Recording, model: mujoco.MjModel) -> None:
         )
 
 
-def _column_names(model: mujoco.MjModel) -> set[str]:
+def column_names(model: mujoco.MjModel) -> set[str]:
+    """The columns that a recording of a model's machine may have, but for ``t``."""
     names = set()
     for i in range(model.nu):
         names |= {f"{kind}/{model.actuator(i).name}" for kind in ("ctrl", "force")}

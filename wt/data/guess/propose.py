@@ -69,12 +69,12 @@ def propose(path: Path, model: mujoco.MjModel | None = None) -> Proposal:
     if model is not None:
         renamed = _rename(recording, model, proposal)
         named = {renamed[c]: unit for c, unit in named.items() if c in renamed}
-    before = base.read_without_checks(path, proposal.mapping)
+    before = base.mapped(path, proposal.mapping)
     if proposal.mapping.get("time") == {"rate": PLACEHOLDER_HZ} and (rate := rate_of(before)):
         proposal.mapping["time"] = {"rate": rate}
         proposal.notes["time", ""] = "at this rate, speeds are the slopes of their positions"
         proposal.doubts = [d for d in proposal.doubts if "no row is a time" not in d]
-        before = base.read_without_checks(path, proposal.mapping)
+        before = base.mapped(path, proposal.mapping)
     found = units(before, named, model)
     for column, unit in found.units.items():
         proposal.say("units", column, unit, found.notes.get(column, ""))

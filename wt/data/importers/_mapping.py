@@ -5,15 +5,17 @@ Map (all optional)::
     joints: {panda_joint1: joint1, finger: null}  # joint name in the source: MJCF joint
     commands: {panda_joint1: motor1}              # … MJCF actuator; the joint's name if left out
     sensors: {imu_gyro: gyro}                     # sensor name in the source: MJCF sensor
+    channels: {qpos/a: qpos/b, qvel/a: null}      # single columns, whatever their names say above
     units: deg                                    # all joint positions, velocities and commands
     signs: {ctrl/motor1: -1}
     offsets: {qpos/joint1: 0.1}
     drop: [sensor/temperature/*, force/*]         # columns that are left out
     meta: {robot: my arm, notes: …}
 
-``null`` leaves out too. ``drop``, ``units``, ``signs`` and ``offsets`` name columns of the
-recording that comes out; ``*`` stands for any name (``qvel/*: deg``). A unit is one of
-:data:`UNITS` or the factor to SI. What comes out is sign · unit · value + offset, the offset in SI.
+``null`` leaves out too; ``channels`` goes before the names above it. ``drop``, ``units``, ``signs``
+and ``offsets`` name columns of the recording that comes out; ``*`` stands for any name
+(``qvel/*: deg``). A unit is one of :data:`UNITS` or the factor to SI. What comes out is
+sign · unit · value + offset, the offset in SI.
 """
 
 from __future__ import annotations
@@ -32,7 +34,9 @@ Column = Float[np.ndarray, " time"]
 Map = Mapping[str, Any]
 """The content of ``--map F.yaml``; what it may say stands here and at each importer."""
 
-KEYS = frozenset({"joints", "commands", "sensors", "units", "signs", "offsets", "drop", "meta"})
+KEYS = frozenset(
+    {"joints", "commands", "sensors", "channels", "units", "signs", "offsets", "drop", "meta"}
+)
 UNITS = {
     "SI": 1.0,
     "rad": 1.0,
@@ -130,37 +134,69 @@ def _entries(mapping: Map, key: str) -> dict[str, Any]:
 
 
 def _renamed(columns: Mapping[str, Column], mapping: Map) -> dict[str, Column]:
-    names = {key: _entries(mapping, key) for key in ("joints", "commands", "sensors")}
-    used: set[tuple[str, str]] = set()
-    sources: dict[str, set[str]] = {key: set() for key in names}
+    renames = _Renames(mapping, columns)
     renamed: dict[str, Column] = {}
     for column, values in columns.items():
-        match = _COLUMN.fullmatch(column)
-        if match is None:
-            renamed[column] = values
-            continue
-        kind, name, index = match[1], match[2], match[3] or ""
-        key = SECTION.get(kind, "sensors")
-        sources[key].add(name)
-        if key == "commands":
-            sources["joints"].add(name)
-            # a command that the map does not name follows its joint
-            key = key if name in names[key] else "joints"
-        if name in names[key]:
-            used.add((key, name))
-        new = names[key].get(name, name)
+        key, new = renames.of(column)
         if new is None:
             continue
-        if f"{kind}/{new}{index}" in renamed:
-            raise DataError(f"map {key}: two columns would be '{kind}/{new}{index}'")
-        renamed[f"{kind}/{new}{index}"] = values
-    for key, entries in names.items():
-        for name in entries:
-            if (key, name) not in used:
-                raise DataError(
-                    f"map {key}: {name!r} is not in the source; {suggest(name, sources[key])}"
-                )
+        if new in renamed:
+            raise DataError(f"map {key}: two columns would be '{new}'")
+        renamed[new] = values
+    renames.refuse_unused()
     return renamed
+
+
+class _Renames:
+    """What a map makes of each column's name, and which of its entries were of use."""
+
+    def __init__(self, mapping: Map, columns: Mapping[str, Column]) -> None:
+        self.channels = _entries(mapping, "channels")
+        self.names = {key: _entries(mapping, key) for key in ("joints", "commands", "sensors")}
+        self.used: set[tuple[str, str]] = set()
+        self.there: dict[str, set[str]] = {key: set() for key in self.names}
+        self.there["channels"] = set(columns)
+
+    def of(self, column: str) -> tuple[str, str | None]:
+        """The key of the map that names a column, and its new name; None leaves it out."""
+        match = _COLUMN.fullmatch(column)
+        own = column in self.channels
+        if own:
+            self.used.add(("channels", column))
+        if match is None:
+            return "channels", self._channel(column) if own else column
+        kind, name, index = match[1], match[2], match[3] or ""
+        key = SECTION.get(kind, "sensors")
+        self.there[key].add(name)
+        if key == "commands":
+            self.there["joints"].add(name)
+            # a command that the map does not name follows its joint
+            key = key if name in self.names[key] else "joints"
+        if name in self.names[key]:
+            self.used.add((key, name))
+        if own:
+            return "channels", self._channel(column)
+        new = self.names[key].get(name, name)
+        return key, None if new is None else f"{kind}/{new}{index}"
+
+    def _channel(self, column: str) -> str | None:
+        new = self.channels[column]
+        if new is not None and (not isinstance(new, str) or not _COLUMN.fullmatch(new)):
+            raise DataError(
+                f"map channels: {column!r} is to be {new!r}; give a column of a recording such as "
+                "'qpos/<joint>' or 'ctrl/<actuator>', or null to leave it out"
+            )
+        return new
+
+    def refuse_unused(self) -> None:
+        """Refuse entries that name nothing of the source."""
+        for key, entries in {**self.names, "channels": self.channels}.items():
+            for name in entries:
+                if (key, name) not in self.used:
+                    raise DataError(
+                        f"map {key}: {name!r} is not in the source; "
+                        f"{suggest(name, self.there[key])}"
+                    )
 
 
 def _factor(unit: object) -> float:

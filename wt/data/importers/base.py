@@ -19,6 +19,7 @@ from typing import ClassVar, Protocol, runtime_checkable
 import yaml
 
 from wt.data.importers import _checks, _mapping
+from wt.data.importers._mapping import UNITS as UNITS
 from wt.data.importers._mapping import Map, refuse_unknown_keys
 from wt.errors import DataError
 from wt.types import Recording
@@ -100,17 +101,13 @@ def read(path: str | Path, mapping: Map | None = None) -> Recording:
             or a column contradicts another in sign or unit.
         RecordingError: what was read is not a valid recording.
     """
-    recording = read_without_checks(path, mapping)
-    _checks.refuse_contradictions(recording, mapping or {})
+    recording = mapped(path, mapping)
+    refuse_contradictions(path, recording, mapping)
     return recording
 
 
-def read_without_checks(path: str | Path, mapping: Map | None = None) -> Recording:
-    """Read a source whose signs and units may still contradict each other.
-
-    Args:
-        path: a file or folder.
-        mapping: as for :func:`read`.
+def mapped(path: str | Path, mapping: Map | None = None) -> Recording:
+    """The same, even where columns contradict each other: to be looked at.
 
     Raises:
         DataError: nothing there, no importer recognises it, it is broken, or the map does not fit.
@@ -120,8 +117,25 @@ def read_without_checks(path: str | Path, mapping: Map | None = None) -> Recordi
     importer = importer_of(path)
     refuse_unknown_keys(mapping, set(_mapping.KEYS | importer.keys))
     own = {key: value for key, value in mapping.items() if key in importer.keys}
-    common = {key: value for key, value in mapping.items() if key not in importer.keys}
-    return _mapping.apply(importer.read(path, own), common)
+    return _mapping.apply(importer.read(path, own), _common(importer, mapping))
+
+
+def refuse_contradictions(path: str | Path, recording: Recording, mapping: Map | None) -> None:
+    """Refuse a recording of which a column contradicts another in sign or unit.
+
+    Args:
+        path: what it was read from.
+        recording: what :func:`mapped` gave.
+        mapping: the map that it was read with.
+
+    Raises:
+        DataError: naming the column, and the entry of the map that settles it.
+    """
+    _checks.refuse_contradictions(recording, _common(importer_of(Path(path)), mapping or {}))
+
+
+def _common(importer: Importer, mapping: Map) -> Map:
+    return {key: value for key, value in mapping.items() if key not in importer.keys}
 
 
 def doubts(recording: Recording, mapping: Map | None = None) -> list[str]:
