@@ -175,7 +175,7 @@ def _episode(path: Path, files: list[Path], wanted: object) -> pa.Table:
             "in the map with 'episode: N', or give one episode's file"
         )
     episode = episodes[0] if wanted is None else wanted
-    if episode not in episodes:
+    if isinstance(episode, bool) or episode not in episodes:
         raise DataError(
             f"map episode: {episode!r} is not there; there are {episodes[0]}…{episodes[-1]}"
         )
