@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64, Shaped
 
-from wt.data.importers._clock import Stream, joined
+from wt.data.importers._clock import Stream, joined, nanoseconds, timed
 from wt.data.importers._layouts import Layout, layout_of
 from wt.data.importers._mapping import Map, refuse_unknown_keys
 from wt.data.importers._survey import Quantity, Survey
@@ -38,7 +38,6 @@ KEYS = frozenset({"time", "columns", "join"})
 _TIMES = ("t", "time", "timestamps")
 _NAMES = {"qpos": "joints", "qvel": "joints", "ctrl": "actuators", "force": "actuators"}
 _JOINT_NAMES = ("joint_names", "dof_names", "joints")
-_SECOND = 1e9  # ns
 _MOST_COLUMNS = 512  # of a table: what is wider is an image
 
 Rate = Callable[[], float | None]
@@ -77,7 +76,7 @@ def recording(
     rows = max([len(values) for values in columns.values()], default=0)
     t = _time(path, arrays, mapping, layout, rows, rate)
     if own:
-        columns |= joined(own, _stamps(t), mapping.get("join"))
+        columns |= joined(own, nanoseconds(t), mapping.get("join"))
     elif mapping.get("join") is not None:
         raise DataError("map join is for columns with a 'time' of their own; none has one")
     return Recording(t, columns, meta)
@@ -169,14 +168,8 @@ def _mapped(
         t = _picked(path, arrays, clock)
         if len(t) != len(values):
             raise DataError(f"map: {name!r} has {len(values)} samples and its time {len(t)}")
-        order = np.unique(_stamps(t), return_index=True)[1]
-        own.append(Stream(_stamps(t)[order], {str(name): values[order]}))
+        own.append(timed(str(name), t, values))
     return own, columns
-
-
-def _stamps(t: Float64[np.ndarray, " time"]) -> np.ndarray:
-    """Times [s] as nanoseconds; what is no time counts as long ago."""
-    return np.round(np.clip(np.nan_to_num(t, nan=-9e9), -9e9, 9e9) * _SECOND).astype(np.int64)
 
 
 def _laid_out(path: Path, arrays: Arrays, layout: Layout) -> dict[str, Float64[np.ndarray, " _"]]:
