@@ -70,7 +70,10 @@ def recording(
         own, columns = _mapped(path, arrays, wanted)
     elif layout is not None:
         columns = _laid_out(path, arrays, layout)
-        meta |= {"format": f"{format} ({layout.name})", "assumed": list(layout.assumed)}
+        assumed = list(layout.assumed)
+        if "qpos/joint0" in columns:
+            assumed.append("joints have no names in the file: joint0, joint1, … in its order")
+        meta |= {"format": f"{format} ({layout.name})", "assumed": assumed}
     else:
         columns = _by_name(path, arrays)
     rows = max([len(values) for values in columns.values()], default=0)

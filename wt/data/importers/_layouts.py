@@ -94,8 +94,8 @@ LAYOUTS = (
         },
         next_row=frozenset({"ctrl"}),
         assumed=(
-            "joints are in the order of the simulated articulation, and commands in that of the "
-            "action terms: the file has no names",
+            "joints are in the order of the simulated articulation, commands in that of its "
+            "action terms",
             "commands are 'processed_actions', where they were recorded; 'actions' are what the "
             "policy gave, before it was scaled, and are left out",
         ),
