@@ -101,7 +101,11 @@ def test_a_table_is_mapped_by_its_header(studio: Studio, cart: Path, tmp_path: P
     studio.drop(cart / "model.xml")
     studio.drop(tmp_path / "log.csv")
     studio.post("check")
-    assert "needs a map" in studio.ended("check").result["errors"][0]
+    assert studio.ended("check").result["errors"] == []
+    page = studio.get("live/check")
+    assert "This log needs a map" in page and '<option value="t" selected>t (time)' in page
+    guess = "wt import logs/log.csv --guess --model model/model.xml --to maps/log.csv.yaml"
+    assert guess in page and "--map" not in page and "Waits for the map of log.csv" in page
     form = fields(log="logs/log.csv", channel_0="t", channel_1="ctrl/drive", unit_1="mm",
                   channel_2="qpos/rail")  # fmt: skip
     assert len(paths(studio.post("curves", **form))) == 3
@@ -167,3 +171,28 @@ def test_a_name_with_markup_is_text(studio: Studio, cart: Path) -> None:
     studio.post("check")
     page = studio.get("")
     assert "<b onload" not in page and "&amp;" in page
+
+
+def test_a_model_with_an_include_and_a_mesh_comes_as_an_archive(
+    studio: Studio, tmp_path: Path
+) -> None:
+    parts = {
+        "arm/a_robot.xml": '<mujoco><asset><mesh name="m" file="m.obj"/></asset><worldbody><body>'
+        '<joint name="j"/><geom type="mesh" mesh="m" mass="1"/></body></worldbody></mujoco>',
+        "arm/scene.xml": '<mujoco><compiler meshdir="meshes"/>'
+        '<include file="a_robot.xml"/></mujoco>',
+        "arm/meshes/m.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+        "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n",
+    }
+    with zipfile.ZipFile(tmp_path / "arm.zip", "w") as archive:
+        for name, text in parts.items():
+            archive.writestr(name, text)
+    assert studio.drop(tmp_path / "arm.zip").startswith("200")
+    assert studio.session.model() == "model/arm/scene.xml"
+    assert studio.session.assets() == ["model/arm/meshes/m.obj"]
+    studio.post("check")
+    result = studio.ended("check").result
+    assert result["errors"] == [] and "qpos/j" in result["channels"]
+    studio.post("model", model="model/arm/a_robot.xml")
+    (line,) = studio.ended("check").result["errors"]  # its meshes are where the scene says
+    assert "model/arm/a_robot.xml" in line

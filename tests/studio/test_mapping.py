@@ -11,6 +11,7 @@ import pytest
 from tests.check.machines import record, with_columns, write_model
 from wt.check.run import check
 from wt.data import recording as recordings
+from wt.data.guess.propose import propose
 from wt.data.importers import base
 from wt.physics.scene import Scene
 from wt.studio import mapping as maps
@@ -46,13 +47,40 @@ def test_a_form_and_its_map_say_the_same(tmp_path: Path) -> None:
 def test_a_table_and_its_map_say_the_same(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("ms,x,y,note\n" + "".join(f"{10 * k},{k},{-k},1\n" for k in range(300)))
-    rows = (Row("ms", "t", factor=1e-3), Row("x", "qpos/a", "mm"), Row("y", "ctrl/u"))
-    form = Form(True, (*rows, Row("note", None)))
+    as_it_stands = maps.offered(path)
+    assert [r.source for r in as_it_stands.rows] == ["ms", "x", "y", "note"]
+    changes = ({"channel": "t", "factor": 1e-3}, {"channel": "qpos/a", "unit": "mm"},
+               {"channel": "ctrl/u"}, {})  # fmt: skip
+    rows = [replace(r, **c) for r, c in zip(as_it_stands.rows, changes, strict=True)]
+    form = replace(as_it_stands, rows=tuple(rows))
     mapping = maps.content(form)
     made, _ = maps.read(path, mapping)
     np.testing.assert_allclose(made.t, T)
     np.testing.assert_allclose(made.columns["qpos/a"], 1e-3 * np.arange(300))
-    assert maps.filled(maps.offered(path), mapping) == form
+    assert maps.filled(as_it_stands, mapping) == form
+    untimed = replace(form, rows=(replace(rows[0], channel=None, factor=1.0), *rows[1:]), rate=50.0)
+    mapping = maps.content(untimed)
+    assert mapping["time"] == {"rate": 50.0}
+    assert maps.read(path, mapping)[0].rate_hz == pytest.approx(50.0)
+    assert maps.filled(as_it_stands, mapping) == untimed
+
+
+def test_an_archive_is_guessed_as_the_command_does(tmp_path: Path) -> None:
+    """Names of a log become those of the model; what comes out is what its map says."""
+    clean, model = record("planar", 3), write_model("planar", tmp_path)
+    q = np.stack([clean.columns["qpos/hip"], clean.columns["qpos/knee"]], axis=1)
+    np.savez(
+        tmp_path / "a.npz", time=clean.t, joint_positions=np.rad2deg(q),
+        hip_target=next(c for n, c in clean.columns.items() if n.startswith("ctrl/")),
+    )  # fmt: skip
+    path = tmp_path / "a.npz"
+    given = Scene(model).given
+    form, _ = maps.guessed(path, maps.offered(path), given)
+    made, _ = maps.read(path, maps.content(form), even_if=True)
+    told, _ = maps.read(path, propose(path, given).mapping, even_if=True)
+    assert set(made.columns) == set(told.columns)
+    for name, values in told.columns.items():
+        np.testing.assert_allclose(made.columns[name], values)
 
 
 @pytest.mark.parametrize(

@@ -32,6 +32,7 @@ def command(
     """
     import webbrowser
 
+    from wt.show.files import kept
     from wt.studio.serve import bound, serve
     from wt.studio.session import Session
     from wt.studio.uploads import MB
@@ -45,4 +46,5 @@ def command(
         if show:
             webbrowser.open(address)
 
-    serve(session, limit_mb * MB, listening, ready)
+    with kept(session.folder, "--dir"):  # from a second studio
+        serve(session, limit_mb * MB, listening, ready)

@@ -3,6 +3,6 @@
 The page does what the commands do, by the same functions, and prints them. Map: ``session`` is the
 folder in which everything lies; ``uploads`` lets files into it; ``mapping`` is the form of
 ``wt import --map``; ``work`` is what runs in a process of its own, and ``jobs`` starts and watches
-it; ``guard`` lets nobody in but the page itself; ``app`` is the routes, ``templates`` and
-``static`` the page, ``serve`` the server on the loopback.
+it; ``guard`` lets nobody in but the page itself; ``app`` is the routes, ``view`` what the page
+shows, ``templates`` and ``static`` the page, ``serve`` the server on the loopback.
 """

@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import yaml
 
 from wt.check.finding import AuditFinding
-from wt.data.importers import base
+from wt.data.guess.propose import propose
+from wt.data.importers import _mapping, base
+from wt.data.importers._survey import Surveyor
 from wt.data.importers.base import UNITS, Map
 from wt.errors import DataError, RecordingError, UserError
 from wt.types import Recording
 
 TIME = "t"
-_TABLE = "csv_table"
 _ENTRY = re.compile(r"\b(joints|commands|units|signs|offsets): (\{[^{}…]*\}|[\w.]+)")
 """What an audit's fix says of a map, but for what it leaves open (…)."""
-_HEAD = 2**16  # bytes in which the first line of a table ends
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,7 @@ class Row:
 
     Attributes:
         source: its name in the log.
+        entry: how a map names it, in a table.
         channel: its name in the recording; None leaves it out.
         unit: a word of a map's ``units``.
         factor: to that unit.
@@ -44,6 +45,7 @@ class Row:
     factor: float = 1.0
     reversed: bool = False
     offset: float = 0.0
+    entry: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -53,75 +55,84 @@ class Form:
     Attributes:
         table: whether its columns have names of their own, which a map has to translate.
         rows: one a column.
+        timed: whether a map names no time.
+        rate: of the samples, where no row is the time [Hz].
     """
 
     table: bool
     rows: tuple[Row, ...]
+    timed: bool = True
+    rate: float | None = None
 
 
 def offered(log: Path) -> Form:
-    """A log's columns as they stand, each mapped to the channel of its name.
+    """A log's columns as they stand: under their channels, or in a table that a map translates.
 
     Raises:
-        UserError: the log cannot be read; a table needs no map for that.
+        UserError: the log cannot be read.
     """
     importer = base.importer_of(log)
-    if importer.name == _TABLE:
-        return Form(True, tuple(Row(n, _channel_of(n)) for n in _header(log)))
-    return Form(False, tuple(Row(n, n) for n in read(log, {}, even_if=True)[0].columns))
-
-
-def _header(log: Path) -> list[str]:
-    with log.open("rb") as file:
-        line = file.readline(_HEAD)
     try:
-        names = next(csv.reader([line.decode("utf-8-sig").strip()]), [])
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise DataError(f"'{log}' cannot be read as CSV: {error}") from error
-    return [n for n in names if n]
+        return Form(False, tuple(Row(n, n) for n in read(log, {}, even_if=True)[0].columns))
+    except (DataError, RecordingError):
+        if not isinstance(importer, Surveyor):
+            raise
+    survey = importer.survey(log, {})
+    rows = tuple(Row(q.name, None, entry=dict(q.entry)) for q in survey.quantities)
+    return Form(True, rows, survey.timed)
 
 
-def _channel_of(name: str) -> str | None:
-    """The channel that a table's column is, where its name says so."""
-    if name.lower() in (TIME, "time", "timestamp"):
-        return TIME
-    kind, slash, rest = name.partition("/")
-    return name if slash and rest and kind in ("qpos", "qvel", "ctrl", "force", "sensor") else None
+def guessed(log: Path, form: Form, model: mujoco.MjModel | None) -> tuple[Form, list[str]]:
+    """A table's columns as ``wt import --guess`` believes them to be, with its doubts."""
+    proposal = propose(log, model)
+    return filled(form, proposal.mapping), list(dict.fromkeys(proposal.doubts))
 
 
 def filled(form: Form, mapping: Map) -> Form:
-    """The form with what a map of ours says.
+    """The form with what a map says.
 
     Args:
         form: of the log as it stands.
-        mapping: from :func:`content`.
+        mapping: from :func:`content`, or a guess.
     """
-    if form.table:
-        targets = {_picked(w): name for name, w in mapping.get("columns", {}).items()}
-        if "time" in mapping:
-            targets[_picked(mapping["time"])] = TIME
-        channels = {row.source: targets.get(row.source) for row in form.rows}
-    else:
-        named = mapping.get("channels", {})
-        channels = {row.source: named.get(row.source, row.source) for row in form.rows}
-    return Form(form.table, tuple(_filled(s, c, mapping) for s, c in channels.items()))
+    if not form.table:
+        channels = _mapping.renames([row.source for row in form.rows], mapping)
+        return replace(form, rows=tuple(_filled(r, channels[r.source], mapping) for r in form.rows))
+    columns = mapping.get("columns", {})
+    channels = _mapping.renames(columns, mapping)
+    time = mapping.get("time", {})
+    rows = []
+    for row in form.rows:
+        target = next((n for n, wanted in columns.items() if _names(wanted, row)), None)
+        if time and _names(time, row):
+            scale = time.get("scale", 1.0) if isinstance(time, Mapping) else 1.0
+            rows.append(replace(row, channel=TIME, factor=float(scale)))
+        else:
+            rows.append(_filled(row, channels.get(str(target)), mapping))
+    rate = time.get("rate") if isinstance(time, Mapping) else None
+    return replace(form, rows=tuple(rows), rate=None if rate is None else float(rate))
 
 
-def _picked(wanted: object) -> str:
-    return str(wanted["column"] if isinstance(wanted, Mapping) else wanted)
+def _names(wanted: object, row: Row) -> bool:
+    """Tell whether an entry of a map names a row."""
+    if isinstance(wanted, Mapping):
+        return {k: v for k, v in wanted.items() if k != "scale"} == row.entry
+    return wanted in row.entry.values() and len(row.entry) == 1
 
 
-def _filled(source: str, channel: str | None, mapping: Map) -> Row:
+def _filled(row: Row, channel: str | None, mapping: Map) -> Row:
     if channel is None:
-        return Row(source, None)
-    if channel == TIME:
-        wanted = mapping["time"]
-        scale = wanted.get("scale", 1.0) if isinstance(wanted, Mapping) else 1.0
-        return Row(source, TIME, factor=float(scale))
+        return replace(row, channel=None)
     unit = mapping.get("units", {}).get(channel, "SI")
     word, factor = (unit, 1.0) if isinstance(unit, str) else ("SI", float(unit))
-    turned = mapping.get("signs", {}).get(channel, 1) == -1
-    return Row(source, channel, word, factor, turned, mapping.get("offsets", {}).get(channel, 0.0))
+    return replace(
+        row,
+        channel=channel,
+        unit=word,
+        factor=factor,
+        reversed=mapping.get("signs", {}).get(channel, 1) == -1,
+        offset=float(mapping.get("offsets", {}).get(channel, 0.0)),
+    )
 
 
 def proposed(form: Form, findings: Iterable[AuditFinding]) -> Form:
@@ -139,7 +150,7 @@ def proposed(form: Form, findings: Iterable[AuditFinding]) -> Form:
                 _amended(row, key, entries) if row.channel in finding.columns else row
                 for row in rows
             )
-    return Form(form.table, rows)
+    return replace(form, rows=rows)
 
 
 def _amended(row: Row, key: str, entries: Any) -> Row:  # noqa: ANN401 – as YAML gives it
@@ -172,17 +183,24 @@ def content(form: Form) -> dict[str, Any]:
     kept = [r for r in form.rows if r.channel is not None and r.channel != TIME]
     said: dict[str, Any] = {}
     if form.table:
-        times = [r for r in form.rows if r.channel == TIME]
-        if not times:
-            raise UserError("no column is the time: choose 't' for one of them")
-        said["time"] = {"column": times[0].source, "scale": times[0].factor}
-        said["columns"] = {str(r.channel): r.source for r in kept}
+        if not form.timed:
+            said["time"] = _time(form)
+        said["columns"] = {str(r.channel): dict(r.entry) for r in kept}
     else:
         said["channels"] = {r.source: r.channel for r in form.rows if r.channel != r.source}
     said["units"] = {str(r.channel): _unit(r) for r in kept if _unit(r) != "SI"}
     said["signs"] = {str(r.channel): -1 for r in kept if r.reversed}
     said["offsets"] = {str(r.channel): r.offset for r in kept if r.offset}
     return {key: value for key, value in said.items() if value}
+
+
+def _time(form: Form) -> dict[str, Any]:
+    for row in form.rows:
+        if row.channel == TIME:
+            return {**row.entry, "scale": row.factor}
+    if form.rate is None:
+        raise UserError("no column is the time: choose 't' for one of them, or give the rate")
+    return {"rate": form.rate}
 
 
 def _unit(row: Row) -> str | float:
@@ -207,26 +225,31 @@ def parsed(form: Form, fields: Mapping[str, str]) -> Form:
 
     Args:
         form: of the log as it stands.
-        fields: of the page, ``channel.0``, ``unit.0``, …; "" for a channel leaves it out, for a
-            number it is the one that changes nothing.
+        fields: of the page, ``rate``, ``channel.0``, ``unit.0``, …; "" for a channel leaves it
+            out, for a number it is the one that changes nothing.
 
     Raises:
         UserError: a field is missing, or no number or unit.
     """
-    return Form(form.table, tuple(_parsed(i, r.source, fields) for i, r in enumerate(form.rows)))
+    rate = fields.get("rate") or None
+    return replace(
+        form,
+        rows=tuple(_parsed(i, row, fields) for i, row in enumerate(form.rows)),
+        rate=None if rate is None else _number("samples", "rate", rate),
+    )
 
 
-def _parsed(index: int, source: str, fields: Mapping[str, str]) -> Row:
+def _parsed(index: int, row: Row, fields: Mapping[str, str]) -> Row:
     unit = fields.get(f"unit.{index}", "SI")
     if f"channel.{index}" not in fields or unit not in UNITS:
-        raise UserError(f"the form has no channel or unit for '{source}'; reload the page")
-    return Row(
-        source,
-        fields[f"channel.{index}"] or None,
-        unit,
-        _number(source, "factor", fields.get(f"factor.{index}") or "1"),
-        f"reversed.{index}" in fields,
-        _number(source, "offset", fields.get(f"offset.{index}") or "0"),
+        raise UserError(f"the form has no channel or unit for '{row.source}'; reload the page")
+    return replace(
+        row,
+        channel=fields[f"channel.{index}"] or None,
+        unit=unit,
+        factor=_number(row.source, "factor", fields.get(f"factor.{index}") or "1"),
+        reversed=f"reversed.{index}" in fields,
+        offset=_number(row.source, "offset", fields.get(f"offset.{index}") or "0"),
     )
 
 
@@ -235,7 +258,11 @@ def _number(source: str, what: str, text: str) -> float:
         value = float(text)
     except ValueError:
         value = math.nan
-    if not math.isfinite(value) or (what == "factor" and value == 0.0):
+    if (
+        not math.isfinite(value)
+        or (what == "factor" and value == 0.0)
+        or (what == "rate" and value <= 0.0)
+    ):
         raise UserError(f"the {what} of '{source}' is {text[:20]!r}; give a number")
     return value
 

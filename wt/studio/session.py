@@ -21,7 +21,7 @@ import shutil
 import tempfile
 import time
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 from wt.data.importers.base import importers
@@ -125,6 +125,9 @@ class Session:
             return log
         return self._made_of(log)
 
+    def _mapped(self, log: str) -> bool:
+        return self.has(self.map_of(log))
+
     def _made_of(self, log: str) -> str:
         name = _flat(log)
         return f"{RECORDINGS}/{name if name.endswith('.parquet') else f'{name}.parquet'}"
@@ -148,15 +151,25 @@ class Session:
         number = max(map(_number, self.diagnoses()), default=0) + 1
         return DIAGNOSIS if number == 1 else f"{DIAGNOSIS}-{number}"
 
-    def checking(self) -> list[str]:
-        """The commands that import the logs and check all."""
+    def checking(self, guessed: Collection[str] = ()) -> list[str]:
+        """The commands that import the logs and check all.
+
+        Args:
+            guessed: logs that need a map and have none yet.
+        """
         lines = []
+        model = self.model()
         for log in self.logs():
             recording, mapping = self.recording_of(log), self.map_of(log)
+            if log in guessed and not self._mapped(log):
+                of = ["--model", model] if model else []
+                lines.append(_line("import", [log, "--guess", *of, "--to", mapping]))
+                continue
             if recording != log:
                 mapped = ["--map", mapping] if self.has(mapping) else []
                 lines.append(_line("import", [log, *mapped, "--to", recording]))
-        given = [*filter(None, [self.model()]), *map(self.recording_of, self.logs())]
+        made = [self.recording_of(r) for r in self.logs() if r not in guessed or self._mapped(r)]
+        given = [*filter(None, [model]), *made]
         return [*lines, _line("check", [*given, "--out", CHECK])] if given else lines
 
     def diagnosing(self, fitted: Sequence[str], held: Sequence[str], out: str) -> list[str]:

@@ -53,6 +53,11 @@ class View:
         return list(self.checked.get("checked", ())) if self.session.model() else []
 
     @property
+    def commands(self) -> list[str]:
+        """The commands that check what is here."""
+        return self.session.checking(self.checked.get("doubts", {}))
+
+    @property
     def faults(self) -> list[dict[str, Any]]:
         """Findings of the last check that are sure."""
         return [f for f in self.checked.get("findings", ()) if f["sure"]]

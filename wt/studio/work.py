@@ -20,6 +20,7 @@ from wt.check.page import figures, grid, page
 from wt.data import recording as recordings
 from wt.data.importers import base
 from wt.data.importers.base import Map
+from wt.diagnose.pace import Expected
 from wt.diagnose.pipeline import diagnose as search
 from wt.diagnose.report.write import claimed
 from wt.diagnose.result import Stage
@@ -52,13 +53,15 @@ def check(send: Send, model: str | None, logs: Sequence[dict[str, str]]) -> dict
 
     Returns:
         ``errors``, a line each; ``findings`` as in ``diagnosis.json``; by log its ``forms``, those
-        that are ``proposed``, and its ``figures``; ``channels`` of the model; ``checked``, the
-        recordings that can be diagnosed; ``page``, the file that was written, or None.
+        that are ``proposed``, its ``figures``, and the ``doubts`` of a map that was guessed;
+        ``channels`` of the model; ``checked``, the recordings that can be diagnosed; ``page``, the
+        file that was written, or None.
     """
     errors: list[str] = []
     scene: Scene | None = None
     audited: list[Audited] = []
     forms, proposed, drawn = dict[str, Any](), dict[str, Any](), dict[str, str]()
+    doubts = dict[str, list[str]]()
     if model is not None:
         with _noted(errors):
             scene = Scene(model)
@@ -69,6 +72,10 @@ def check(send: Send, model: str | None, logs: Sequence[dict[str, str]]) -> dict
         with _noted(errors):
             form = maps.offered(Path(log))
             forms[log] = asdict(form)  # as it stands, should its map be broken
+            if form.table and not Path(each["map"]).is_file():
+                form, doubts[log] = maps.guessed(Path(log), form, scene.given if scene else None)
+                forms[log] = asdict(form)
+                continue
             form = maps.filled(form, _map(each))
             forms[log] = asdict(form)
             (one,) = audit(given, [_recording(each)])
@@ -83,6 +90,7 @@ def check(send: Send, model: str | None, logs: Sequence[dict[str, str]]) -> dict
         "findings": [f.to_json() | {"sure": f.sure} for f in merged(audited)],
         "forms": forms,
         "proposed": proposed,
+        "doubts": doubts,
         "figures": drawn,
         "channels": [] if scene is None else sorted(recordings.column_names(scene.given)),
         "checked": [str(a.path) for a in audited if a.path is not None],
@@ -162,10 +170,15 @@ def diagnose(
     def progress(step: str, share: float) -> None:
         send({"step": step, "share": share})
 
+    def expect(expected: Expected) -> None:
+        send({"expected": str(expected)})
+
     with warnings.catch_warnings(), claimed(folder, inputs) as write:
         warnings.simplefilter("ignore", RuntimeWarning)
         warnings.simplefilter("ignore", UserWarning)
-        diagnosis = search(model, fitted, held, progress=progress, log=_Watched(send))
+        diagnosis = search(
+            model, fitted, held, progress=progress, expect=expect, log=_Watched(send)
+        )
         progress("writing", 0.98)
         write(diagnosis)
     return {"out": out, "verdict": diagnosis.verdict}

@@ -21,7 +21,7 @@ sign · unit · value + offset, the offset in SI.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -134,23 +134,31 @@ def _entries(mapping: Map, key: str) -> dict[str, Any]:
 
 
 def _renamed(columns: Mapping[str, Column], mapping: Map) -> dict[str, Column]:
-    renames = _Renames(mapping, columns)
-    renamed: dict[str, Column] = {}
-    for column, values in columns.items():
-        key, new = renames.of(column)
-        if new is None:
-            continue
-        if new in renamed:
+    return {new: columns[old] for old, new in renames(columns, mapping).items() if new is not None}
+
+
+def renames(columns: Iterable[str], mapping: Map) -> dict[str, str | None]:
+    """New name of each column of a source; None where it is left out.
+
+    Raises:
+        DataError: the map names something that is not there, or two columns would be one.
+    """
+    names = tuple(columns)
+    made = _Renames(mapping, names)
+    renamed: dict[str, str | None] = {}
+    for column in names:
+        key, new = made.of(column)
+        if new is not None and new in renamed.values():
             raise DataError(f"map {key}: two columns would be '{new}'")
-        renamed[new] = values
-    renames.refuse_unused()
+        renamed[column] = new
+    made.refuse_unused()
     return renamed
 
 
 class _Renames:
     """What a map makes of each column's name, and which of its entries were of use."""
 
-    def __init__(self, mapping: Map, columns: Mapping[str, Column]) -> None:
+    def __init__(self, mapping: Map, columns: Iterable[str]) -> None:
         self.channels = _entries(mapping, "channels")
         self.names = {key: _entries(mapping, key) for key in ("joints", "commands", "sensors")}
         self.used: set[tuple[str, str]] = set()
