@@ -240,7 +240,8 @@ def _picked(path: Path, arrays: Arrays, wanted: object) -> Float64[np.ndarray, "
     scale = entry.get("scale", 1.0)
     if isinstance(scale, bool) or not isinstance(scale, int | float):
         raise DataError(f"map: scale of {name!r} is {scale!r}; it must be a number")
-    scaled: np.ndarray = float(scale) * array.astype(np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):  # a recording refuses what is infinite
+        scaled: np.ndarray = float(scale) * array.astype(np.float64)
     return scaled
 
 
