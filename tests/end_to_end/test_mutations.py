@@ -19,7 +19,7 @@ from yaml import safe_load
 
 from registry.card import CARD_FILE, Card, Golden, HeldOut, Port
 from tests.data.importers.test_hdf5 import robomimic
-from tests.data.importers.test_lerobot import write_dataset
+from tests.data.importers.test_lerobot import calibrated, write_dataset
 from tests.data.importers.test_mcap import MAP, drives
 from tests.data.importers.test_ros1 import write as write_ros1
 from tests.data.importers.test_ros2 import (
@@ -257,9 +257,40 @@ def odd(tree: object, rng: random.Random) -> object:
     return rng.choice(ODD)
 
 
-@pytest.mark.parametrize("kind", ["map", "lerobot", "card"])
+def a_map(folder: Path, source: Path, mapping: dict[str, object]) -> tuple[Path, Reader]:
+    (folder / "map.yaml").write_text(json.dumps(mapping))
+    return folder / "map.yaml", lambda path: base.read(source, base.read_map(path))
+
+
+def map_of_messages(folder: Path) -> tuple[Path, Reader]:
+    nearest = {"join": {"ctrl/*": {"how": "nearest", "tolerance": 0.01}}}
+    more = {"order": ["a", "b"], "command_field": "effort", "drop": ["ctrl/knee"]}
+    return a_map(folder, drives(folder / "a.mcap"), MAP | nearest | more)
+
+
+def map_of_arrays(folder: Path) -> tuple[Path, Reader]:
+    angle = {"array": "obs/robot0_joint_pos", "index": 0}
+    own = {"array": "actions", "index": 1, "time": {"array": "actions", "index": 0, "scale": 2.0}}
+    columns = {"columns": {"qpos/a": angle, "sensor/a/0": own}, "join": {"sensor/a/0": "held"}}
+    source = robomimic(folder / "a.h5", 2)
+    return a_map(folder, source, {"episode": 1, "time": {"rate": 20}, **columns})
+
+
+def map_of_a_dataset(folder: Path) -> tuple[Path, Reader]:
+    calibration = {"calibration": "calibration/robots/so101_follower/mine.json", "unit": "percent"}
+    source = calibrated(folder, "v3.0", [1.0, 2.0, 3.0])
+    return a_map(folder, source, {"episode": 1, **calibration})
+
+
+PLACES: dict[str, Callable[[Path], tuple[Path, Reader]]] = {
+    "map": yaml, "lerobot": lerobot, "card": card, "messages": map_of_messages,
+    "arrays": map_of_arrays, "dataset": map_of_a_dataset,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", PLACES)
 def test_whatever_stands_at_a_place_only_a_line_comes_out(kind: str, tmp_path: Path) -> None:
-    path, read = {"map": yaml, "lerobot": lerobot, "card": card}[kind](tmp_path)
+    path, read = PLACES[kind](tmp_path)
     read(path)
     tree = safe_load(path.read_text())
     trees = [odd(tree, random.Random(f"{kind} {k}")) for k in range(120)]

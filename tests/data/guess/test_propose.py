@@ -21,7 +21,7 @@ from wt.data.importers import base
 from wt.errors import DataError
 from wt.types import Recording
 
-T = 0.01 * np.arange(600)
+T = 0.01 * np.arange(300)
 Q = np.stack([0.4 * np.sin(3 * T) + 0.3 * np.sin(7.3 * T + 1), 0.5 * np.cos(2 * T)], axis=1)
 V = np.stack([1.2 * np.cos(3 * T) + 2.19 * np.cos(7.3 * T + 1), -np.sin(2 * T)], axis=1)
 U = np.stack([np.interp(T + 0.03, T, q) for q in Q.T], axis=1)
@@ -102,6 +102,19 @@ def test_an_array_of_numbers_alone(tmp_path: Path, arm: mujoco.MjModel) -> None:
     r, said = mapped(tmp_path / "log.npy", arm)
     assert_truth(r)
     assert "told by the motion alone" in said
+
+
+def test_a_servo_without_speeds_is_told_by_what_it_follows(tmp_path: Path) -> None:
+    volts = np.cos(40.0 * T)  # neither follows nor leads
+    table = np.stack([T, volts, U[:, 0], Q[:, 0]], axis=1)
+    np.save(tmp_path / "log.npy", table)
+    r, said = mapped(tmp_path / "log.npy", None)
+    assert set(r.columns) == {"qpos/joint0", "ctrl/joint0"}, said
+    np.testing.assert_array_equal(r.columns["qpos/joint0"], Q[:, 0])
+    assert "data/1: -1 … 1: what is it?" in said
+    np.save(tmp_path / "log.npy", table[:, [0, 1, 3]])
+    with pytest.raises(DataError, match="no row says"):
+        propose(tmp_path / "log.npy")
 
 
 def test_a_rate_is_told_by_the_speeds_or_doubted(tmp_path: Path, arm: mujoco.MjModel) -> None:

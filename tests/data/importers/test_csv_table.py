@@ -46,3 +46,23 @@ def test_maps_that_do_not_fit(source: Path) -> None:
         base.read(source, {"time": time, "colums": {}})
     with pytest.raises(DataError, match="must be numbers"):
         base.read(source, {"time": time | {"scale": "micro"}, "columns": {"ctrl/hip": "cmd"}})
+
+
+def test_two_clocks_in_one_table(tmp_path: Path) -> None:
+    """The second sensor is half as fast, and its columns end earlier."""
+    rows = []
+    for k in range(120):
+        late = f"{40_000 * k + 5_000},{k}" if k < 60 else ","
+        rows.append(f"{0.02 * k:.2f},{np.sin(k):.6f},{late}")
+    (tmp_path / "log.csv").write_text("t,q,imu_us,gyro\n" + "\n".join(rows) + "\n")
+    gyro = {"column": "gyro", "time": {"column": "imu_us", "scale": 1e-6}}
+    mapping = {"time": "t", "columns": {"qpos/a": "q", "sensor/gyro/0": gyro},
+               "join": {"sensor/*/*": {"how": "nearest", "tolerance": 0.006}}}  # fmt: skip
+    r = base.read(tmp_path / "log.csv", mapping)
+    np.testing.assert_array_equal(r.columns["sensor/gyro/0"][:4], [0.0, np.nan, 1.0, np.nan])
+    del mapping["join"]
+    linear = base.read(tmp_path / "log.csv", mapping).columns["sensor/gyro/0"]
+    np.testing.assert_allclose(linear[1:4], [0.375, 0.875, 1.375])
+    with pytest.raises(DataError, match="none has one"):
+        base.read(tmp_path / "log.csv", {"time": "t", "columns": {"qpos/a": "q"},
+                                         "join": {"qpos/a": "held"}})  # fmt: skip

@@ -11,7 +11,7 @@ import torch
 
 from wt.cli.main import main
 from wt.data.importers import base
-from wt.errors import DataError
+from wt.errors import DataError, RecordingError
 
 T = 0.0025 * np.arange(1000)
 Q = np.stack([np.sin(T), np.cos(T)], axis=1)
@@ -59,6 +59,9 @@ def test_nothing_is_run_and_broken_files_are_said(
     torch.save({"a": torch.zeros(3)}, tmp_path / "old.pt", _use_new_zipfile_serialization=False)
     with pytest.raises(DataError, match=r"since PyTorch 1\.6"):
         base.read(tmp_path / "old.pt")
+    torch.save({"t": torch.zeros(1).expand(10**13)}, tmp_path / "endless.pt")
+    with pytest.raises(RecordingError, match="GiB"):
+        base.read(tmp_path / "endless.pt")
     deep: object = torch.zeros(3)
     for _ in range(20):
         deep = {"in": deep}

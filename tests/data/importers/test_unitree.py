@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from pathlib import Path
 from typing import Any
 
@@ -57,9 +58,13 @@ def log(path: Path, package: str, motors: int, slots: int, kp: float = 20.0) -> 
     return path
 
 
-def test_a_quadruped(tmp_path: Path) -> None:
-    bag = log(tmp_path / "bag", "unitree_go", 12, 20)
-    r = base.read(next(bag.glob("*.db3")))
+@pytest.mark.parametrize("kept", [True, False], ids=["definitions kept", "none, as before Iron"])
+def test_a_quadruped(kept: bool, tmp_path: Path) -> None:
+    bag = next(log(tmp_path / "bag", "unitree_go", 12, 20).glob("*.db3"))
+    if not kept:
+        with sqlite3.connect(bag) as database:
+            assert database.execute("DELETE FROM message_definitions").rowcount > 0
+    r = base.read(bag)
     assert sum(name.startswith("qpos/") for name in r.columns) == 12
     np.testing.assert_allclose(r.columns["qpos/FL_calf_joint"], 5.0 + np.sin(r.t), atol=1e-6)
     np.testing.assert_allclose(r.columns["ctrl/FL_calf_joint"], 5.5 + np.sin(r.t), atol=1e-6)

@@ -30,19 +30,23 @@ def kinds(t: _Values, silent: Sequence[Quantity]) -> list[tuple[str, str, Quanti
     moving = [q for q in silent if len(q.values) == len(t) and _moves(q.values)][:_MOST]
     pairs = _slopes(t, moving)
     taken = {q.name for pair in pairs for q in pair}
-    rest = [q for q in moving if q.name not in taken]
     found = []
-    positions = [position for position, _ in pairs] or rest
-    for k, position in enumerate(positions):
-        found.append(("qpos", f"joint{k}", position))
-        found += [("qvel", f"joint{k}", v) for p, v in pairs if p is position]
+    for k, (position, velocity) in enumerate(pairs):
+        found += [("qpos", f"joint{k}", position), ("qvel", f"joint{k}", velocity)]
+        free = [q for q in moving if q.name not in taken]
+        if (command := _command(position.values, free)) is not None:
+            taken.add(command.name)
+            found.append(("ctrl", f"joint{k}", command))
     if pairs:
-        for k, position in enumerate(positions):
-            command = _command(position.values, [q for q in rest if q.name not in taken])
-            if command is not None:
-                taken.add(command.name)
-                found.append(("ctrl", f"joint{k}", command))
-    return found
+        return found
+    for position in moving:
+        free = [q for q in moving if q is not position and q.name not in taken]
+        command = None if position.name in taken else _command(position.values, free)
+        if command is not None:
+            joint = f"joint{len(found) // 2}"
+            taken |= {position.name, command.name}
+            found += [("qpos", joint, position), ("ctrl", joint, command)]
+    return found or [("qpos", "joint0", q) for q in moving if len(moving) == 1]
 
 
 def _moves(values: _Values) -> bool:
@@ -70,12 +74,13 @@ def _slopes(t: _Values, moving: Sequence[Quantity]) -> list[tuple[Quantity, Quan
 
 
 def _command(position: _Values, rest: Sequence[Quantity]) -> Quantity | None:
-    """What the position follows."""
+    """What the position follows: it is more like it a little later than at once."""
     best, which = _FOLLOWS, None
     for quantity in rest:
+        at_once = _correlation(quantity.values, position)
         for lag in range(1, min(_LONGEST, len(position) // 4)):
             r = _correlation(quantity.values[:-lag], position[lag:])
-            if r > best:
+            if r > max(best, at_once):
                 best, which = r, quantity
     return which
 

@@ -28,12 +28,14 @@ class Units:
         signs: column → -1.
         notes: column → why.
         doubts: what the data leave open.
+        open: column → what its range leaves open, unless something else tells its unit.
     """
 
     units: dict[str, str] = field(default_factory=dict)
     signs: dict[str, int] = field(default_factory=dict)
     notes: dict[str, str] = field(default_factory=dict)
     doubts: list[str] = field(default_factory=list)
+    open: dict[str, str] = field(default_factory=dict)
 
 
 def units(recording: Recording, named: dict[str, str], model: mujoco.MjModel | None) -> Units:
@@ -66,6 +68,7 @@ def units(recording: Recording, named: dict[str, str], model: mujoco.MjModel | N
             _by_slope(found, recording, joint)
             command, of_position = _command_of(joint, model)
             _by_answer(found, recording, column, command, of_position)
+    found.doubts += [doubt for column, doubt in found.open.items() if column not in found.units]
     return found
 
 
@@ -84,7 +87,7 @@ def _by_range(
         found.units[column] = "deg"
         found.notes[column] = f"{runs}, the model allows {limit[0]:.3g} to {limit[1]:.3g} rad"
     elif not inside:
-        found.doubts.append(
+        found.open[column] = (
             f"{column}: {runs} and the model allows {limit[0]:.4g} to {limit[1]:.4g}: another "
             "unit, another zero ('offsets'), or percent of a range?"
         )
@@ -99,7 +102,7 @@ def _by_turns(found: Units, column: str, values: Float[np.ndarray, " time"]) -> 
         found.notes[column] = f"{runs}: as radians it would turn round and round"
         found.doubts.append(f"{column} is taken for degrees, since {runs}; percent, or a wheel?")
     elif high - low > _TURN:
-        found.doubts.append(f"{column}: {runs}; radians, or degrees?")
+        found.open[column] = f"{column}: {runs}; radians, or degrees?"
 
 
 def _alike(

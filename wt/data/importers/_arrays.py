@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64, Shaped
 
-from wt.data.importers._clock import Stream, joined
+from wt.data.importers._clock import Stream, joined, nanoseconds, timed
 from wt.data.importers._layouts import Layout, layout_of
 from wt.data.importers._mapping import Map, refuse_unknown_keys
 from wt.data.importers._survey import Quantity, Survey
@@ -38,7 +38,6 @@ KEYS = frozenset({"time", "columns", "join"})
 _TIMES = ("t", "time", "timestamps")
 _NAMES = {"qpos": "joints", "qvel": "joints", "ctrl": "actuators", "force": "actuators"}
 _JOINT_NAMES = ("joint_names", "dof_names", "joints")
-_SECOND = 1e9  # ns
 _MOST_COLUMNS = 512  # of a table: what is wider is an image
 
 Rate = Callable[[], float | None]
@@ -71,13 +70,16 @@ def recording(
         own, columns = _mapped(path, arrays, wanted)
     elif layout is not None:
         columns = _laid_out(path, arrays, layout)
-        meta |= {"format": f"{format} ({layout.name})", "assumed": list(layout.assumed)}
+        assumed = list(layout.assumed)
+        if "qpos/joint0" in columns:
+            assumed.append("joints have no names in the file: joint0, joint1, … in its order")
+        meta |= {"format": f"{format} ({layout.name})", "assumed": assumed}
     else:
         columns = _by_name(path, arrays)
     rows = max([len(values) for values in columns.values()], default=0)
     t = _time(path, arrays, mapping, layout, rows, rate)
     if own:
-        columns |= joined(own, _stamps(t), mapping.get("join"))
+        columns |= joined(own, nanoseconds(t), mapping.get("join"))
     elif mapping.get("join") is not None:
         raise DataError("map join is for columns with a 'time' of their own; none has one")
     return Recording(t, columns, meta)
@@ -169,14 +171,8 @@ def _mapped(
         t = _picked(path, arrays, clock)
         if len(t) != len(values):
             raise DataError(f"map: {name!r} has {len(values)} samples and its time {len(t)}")
-        order = np.unique(_stamps(t), return_index=True)[1]
-        own.append(Stream(_stamps(t)[order], {str(name): values[order]}))
+        own.append(timed(str(name), t, values))
     return own, columns
-
-
-def _stamps(t: Float64[np.ndarray, " time"]) -> np.ndarray:
-    """Times [s] as nanoseconds; what is no time counts as long ago."""
-    return np.round(np.clip(np.nan_to_num(t, nan=-9e9), -9e9, 9e9) * _SECOND).astype(np.int64)
 
 
 def _laid_out(path: Path, arrays: Arrays, layout: Layout) -> dict[str, Float64[np.ndarray, " _"]]:
@@ -244,7 +240,8 @@ def _picked(path: Path, arrays: Arrays, wanted: object) -> Float64[np.ndarray, "
     scale = entry.get("scale", 1.0)
     if isinstance(scale, bool) or not isinstance(scale, int | float):
         raise DataError(f"map: scale of {name!r} is {scale!r}; it must be a number")
-    scaled: np.ndarray = float(scale) * array.astype(np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):  # a recording refuses what is infinite
+        scaled: np.ndarray = float(scale) * array.astype(np.float64)
     return scaled
 
 

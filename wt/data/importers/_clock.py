@@ -60,6 +60,30 @@ def stream(stamps: Iterable[int], rows: Iterable[Mapping[str, float]]) -> Stream
     return Stream(np.array(list(by_time), dtype=np.int64), columns)
 
 
+def nanoseconds(t: Float64[np.ndarray, " sample"]) -> Int[np.ndarray, " sample"]:
+    """Times as stamps; what is no time of three centuries counts as long ago.
+
+    Args:
+        t: times [s].
+    """
+    return np.round(np.clip(np.nan_to_num(t, nan=-9e9), -9e9, 9e9) * _SECOND).astype(np.int64)
+
+
+def timed(
+    name: str, t: Float64[np.ndarray, " sample"], values: Float64[np.ndarray, " sample"]
+) -> Stream:
+    """One quantity with times of its own as a stream; of equal times the first counts.
+
+    Args:
+        name: of its recording column.
+        t: times [s], in any order; what is not finite is left out with its value.
+        values: at these times.
+    """
+    known = np.isfinite(t)
+    stamps, first = np.unique(nanoseconds(t[known]), return_index=True)
+    return Stream(stamps, {name: values[known][first]})
+
+
 def joined(
     sources: Sequence[Stream], stamps: Int[np.ndarray, " stamp"], wanted: object = None
 ) -> Columns:

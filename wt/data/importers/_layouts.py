@@ -93,7 +93,12 @@ LAYOUTS = (
             "processed_actions": "ctrl",
         },
         next_row=frozenset({"ctrl"}),
-        assumed=("joints are in the order of the simulated articulation; the file has no names",),
+        assumed=(
+            "joints are in the order of the simulated articulation, commands in that of its "
+            "action terms",
+            "commands are 'processed_actions', where they were recorded; 'actions' are what the "
+            "policy gave, before it was scaled, and are left out",
+        ),
     ),
     Layout(
         "robomimic",

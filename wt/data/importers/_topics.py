@@ -307,7 +307,7 @@ def _roles(path: Path, topics: list[_Topic], wanted: object) -> dict[str, list[_
     refuse_unknown_keys(wanted, set(_ROLES))
     by_name = {topic.name: topic for topic in topics}
     for role, names in wanted.items():
-        listed = [names] if isinstance(names, str) else list(names or [])
+        listed = _listed(names, f"topics: {role}")
         for name in listed:
             if name not in by_name:
                 raise DataError(f"'{path}' has no topic {name!r}: {suggest(str(name), by_name)}")
@@ -316,6 +316,14 @@ def _roles(path: Path, topics: list[_Topic], wanted: object) -> dict[str, list[_
             roles[other] = [topic for topic in roles[other] if topic not in chosen]
         roles[role] = chosen
     return roles
+
+
+def _listed(names: object, where: str) -> list[str]:
+    """One name, or several, or none."""
+    listed = [names] if isinstance(names, str) else names or []
+    if not isinstance(listed, list) or not all(isinstance(name, str) for name in listed):
+        raise DataError(f"map {where} is {names!r}; it must be a name or a list of names")
+    return listed
 
 
 def _stamps(topics: list[_Topic]) -> tuple[dict[str, list[int]], str]:
@@ -364,7 +372,9 @@ def _commanded(
     if topic.type == ros.JOINT_STATE:
         return ros.joint_commands(topic.name, stamps, topic.messages, chosen)
     order = mapping.get("order")
-    if order is None:
+    if order is not None:
+        order = _listed(order, "order")
+    else:
         order = [n.removeprefix("qpos/") for n in primary.columns if n.startswith("qpos/")]
         if len(order) > 1:
             assumed.append(

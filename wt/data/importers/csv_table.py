@@ -6,6 +6,8 @@ Map::
     columns:                                     # recording column: CSV column
       ctrl/shoulder: cmd
       qpos/shoulder: {column: angle_deg, scale: 0.017453292519943295, offset: 0.0}
+      sensor/gyro/0: {column: gyro_x, time: {column: imu_us, scale: 1e-6}}   # its own clock
+    join: {"sensor/*/*": {how: nearest, tolerance: 0.01}}   # see wt.data.importers._clock
 
 Columns may be separated by commas, semicolons or tabs. ``wt import --guess`` proposes a map. Keys
 that every format has (units, signs, meta, …) stand in :mod:`wt.data.importers._mapping`.
@@ -23,6 +25,7 @@ from jaxtyping import Float64
 
 from wt.data import recording as recordings
 from wt.data.importers._arrays import even
+from wt.data.importers._clock import joined, nanoseconds, timed
 from wt.data.importers._mapping import Map, refuse_unknown_keys
 from wt.data.importers._survey import Quantity, Survey
 from wt.data.importers.base import register
@@ -36,7 +39,7 @@ class CsvTable:
 
     name: ClassVar[str] = "csv_table"
     about: ClassVar[str] = "a .csv file with a header (needs --map)"
-    keys: ClassVar[frozenset[str]] = frozenset({"time", "columns"})
+    keys: ClassVar[frozenset[str]] = frozenset({"time", "columns", "join"})
     general: ClassVar[bool] = True
 
     def recognises(self, path: Path) -> bool:
@@ -58,12 +61,20 @@ class CsvTable:
         table = read_table(path)
         wanted = {n: entry for n, entry in mapping["columns"].items() if entry is not None}
         columns = {name: picked(path, table, entry) for name, entry in wanted.items()}
+        clocks = {n: e["time"] for n, e in wanted.items() if isinstance(e, dict) and "time" in e}
+        own = [
+            timed(name, picked(path, table, clock), columns.pop(name))
+            for name, clock in clocks.items()
+        ]
         time = mapping["time"]
         if isinstance(time, dict) and "rate" in time:
             refuse_unknown_keys(time, {"rate"})
             t = even(time["rate"], len(table), "map time: rate")
         else:
             t = picked(path, table, time)
+        if mapping.get("join") is not None and not own:
+            raise DataError("map join is for columns with a 'time' of their own; none has one")
+        columns |= joined(own, nanoseconds(t), mapping.get("join"))
         return Recording(t, columns, {"source": path.name, "format": self.name})
 
     def survey(self, path: Path, mapping: Map) -> Survey:
@@ -106,7 +117,7 @@ def picked(path: Path, table: pd.DataFrame, wanted: object) -> Float64[np.ndarra
         DataError: it is not there, or is not numeric.
     """
     entry: dict[str, Any] = wanted if isinstance(wanted, dict) else {"column": wanted}
-    refuse_unknown_keys(entry, {"column", "scale", "offset"})
+    refuse_unknown_keys(entry, {"column", "scale", "offset", "time"})
     name = str(entry.get("column"))
     if name not in table:
         raise DataError(f"'{path}' has no column {name!r}: {suggest(name, map(str, table))}")

@@ -208,7 +208,7 @@ def _episode(path: Path, arrays: Datasets, wanted: object) -> Datasets:
             "the map with 'episode: N'"
         )
     episode = numbers[0] if wanted is None else wanted
-    if episode not in numbers:
+    if isinstance(episode, bool) or episode not in numbers:
         raise DataError(
             f"map episode: {episode!r} is not there; there are {numbers[0]}…{numbers[-1]}"
         )

@@ -34,6 +34,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from jaxtyping import Float64
 
+from wt.data import recording as recordings
 from wt.data.importers import _calibration
 from wt.data.importers.base import Map, register
 from wt.errors import DataError
@@ -174,7 +175,7 @@ def _episode(path: Path, files: list[Path], wanted: object) -> pa.Table:
             "in the map with 'episode: N', or give one episode's file"
         )
     episode = episodes[0] if wanted is None else wanted
-    if episode not in episodes:
+    if isinstance(episode, bool) or episode not in episodes:
         raise DataError(
             f"map episode: {episode!r} is not there; there are {episodes[0]}…{episodes[-1]}"
         )
@@ -185,7 +186,13 @@ def _episode(path: Path, files: list[Path], wanted: object) -> pa.Table:
 
 def _known_columns(file: Path) -> pa.Table:
     known = {*_KINDS, "timestamp", "episode_index", "frame_index"}
-    table = pq.read_table(file, columns=[c for c in pq.read_schema(file).names if c in known])
+    names = [name for name in pq.read_schema(file).names if name in known]
+    metadata = pq.read_metadata(file)
+    groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
+    chunks = [group.column(i) for group in groups for i in range(group.num_columns)]
+    sizes = [c.total_uncompressed_size for c in chunks if c.path_in_schema.startswith(tuple(names))]
+    recordings.refuse_too_much(file, sum(sizes))
+    table = pq.read_table(file, columns=names)
     if "episode_index" not in table.column_names:
         raise KeyError("episode_index")
     return table

@@ -20,7 +20,7 @@ from wt.data import recording as recordings
 from wt.data.importers import _arrays
 from wt.data.importers._survey import Survey
 from wt.data.importers.base import Map, register
-from wt.errors import DataError
+from wt.errors import DataError, WTError
 from wt.types import Recording
 
 _DEEPEST = 8
@@ -73,7 +73,9 @@ def _read(path: Path) -> dict[str, Shaped[np.ndarray, " ..."]]:
 
     try:
         content = torch.load(path, map_location="cpu", weights_only=True)
-        return dict(_flat("", content, 0))
+        return dict(_flat(path, "", content, 0))
+    except WTError:
+        raise
     except Exception as error:  # whatever broken bytes make the reader raise
         said = str(error).strip().splitlines() or [type(error).__name__]
         raise DataError(
@@ -82,20 +84,24 @@ def _read(path: Path) -> dict[str, Shaped[np.ndarray, " ..."]]:
         ) from error
 
 
-def _flat(name: str, value: object, depth: int) -> Iterator[tuple[str, Shaped[np.ndarray, " ..."]]]:
-    """Arrays by their names in nested dictionaries."""
+def _flat(
+    path: Path, name: str, value: object, depth: int
+) -> Iterator[tuple[str, Shaped[np.ndarray, " ..."]]]:
+    """Arrays by their names in nested dictionaries of the file ``path``."""
     import torch
 
     if depth > _DEEPEST:
         raise ValueError(f"its dictionaries are nested more than {_DEEPEST} deep")
     if isinstance(value, torch.Tensor):
         if value.layout == torch.strided and not value.is_quantized and not value.is_complex():
+            # one number, repeated for ever, takes no room in a file
+            recordings.refuse_too_much(path, 8 * value.numel())
             whole = value.detach()
             whole = whole.to(torch.float64) if whole.is_floating_point() else whole
             yield name or "data", whole.numpy()
     elif isinstance(value, dict):
         for key, inner in value.items():
-            yield from _flat(f"{name}/{key}" if name else str(key), inner, depth + 1)
+            yield from _flat(path, f"{name}/{key}" if name else str(key), inner, depth + 1)
     elif isinstance(value, list | tuple):
         if value and all(isinstance(word, str) for word in value):
             yield name, np.array(value)
@@ -103,6 +109,6 @@ def _flat(name: str, value: object, depth: int) -> Iterator[tuple[str, Shaped[np
             yield name or "data", np.array(value, dtype=np.float64)
         else:
             for i, inner in enumerate(value):
-                yield from _flat(f"{name}/{i}" if name else str(i), inner, depth + 1)
+                yield from _flat(path, f"{name}/{i}" if name else str(i), inner, depth + 1)
     elif isinstance(value, bool | int | float):
         yield name, np.array([float(value)])
