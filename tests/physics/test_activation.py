@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -10,10 +11,12 @@ import pytest
 
 from wt.diagnose.pipeline import diagnose
 from wt.physics.activation import activated
+from wt.physics.effect import effects
+from wt.physics.planted import Planted
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
-from wt.types import Recording
+from wt.types import Location, Recording
 
 STEP, EVERY = 5e-4, 20
 DRIVES = {
@@ -101,3 +104,22 @@ def test_a_machine_of_such_drives_is_diagnosed(drive: str, friction: float, tmp_
         assert found.verdict == "no_mismatch"
     # a setpoint moves in the half physics step by which commands come late; friction hides its zero
     assert found.proof.holdout.after < 3e-3
+
+
+def test_late_commands_of_before_arrive_in_a_replay(tmp_path: Path) -> None:
+    path, xml = tmp_path / "machine.xml", machine("direct")
+    path.write_text(xml)
+    model = mujoco.MjModel.from_xml_string(xml)
+    data, n, rng = mujoco.MjData(model), 120, np.random.default_rng(0)
+    u, t = rng.uniform(-1.0, 1.0, n), np.arange(n) * STEP * EVERY
+    q, v = np.empty((2, n))
+    for k in range(n):
+        data.ctrl[0], q[k], v[k] = u[max(k - 2, 0)], data.qpos[0], data.qvel[0]
+        mujoco.mj_step(model, data, EVERY)
+    late = Planted(effects()["actuator.delay"], Location("actuator", "a"), np.array([0.02]))
+    first = 40
+    begun = Stretch(0, t[first:], u[first:, None], q[first : first + 1], v[first : first + 1])
+    led = replace(begun, lead_t=t[20:first], lead=u[20:first, None])
+    replayed = Replayer(Scene(path), [begun, led], STEP).run([(late,)]).q[0][:, 0]
+    errors = [np.abs(x - q[first:]).max() for x in np.split(replayed, 2)]
+    assert errors[1] < 0.2 * errors[0]
