@@ -28,6 +28,7 @@ LONG = (
     "tests/locomotion/test_train.py",
     "tests/prove/test_world.py",
     "tests/diagnose/recordings/test_odometry.py",
+    "tests/studio/test_browser.py",
     "tests/mjcf/test_physics.py",
     "tests/prove/test_legged_laws.py",
     "tests/diagnose/selection/test_lookalikes.py",

@@ -82,7 +82,7 @@ def test_fixed_files(model: Path, flipped: Path, tmp_path: Path) -> None:
     assert main(["check", str(model), str(out / "log.fixed.parquet")]) == 0
     page = (out / "check.html").read_text()
     assert "encoder_sign" in page
-    assert page.count("<figure>") == 2
+    assert page.count("<figure ") == 2
     assert "http://" not in page.replace("http://www.w3.org", "")
 
 

@@ -20,6 +20,18 @@ def test_lines_say_the_step_its_share_and_the_time(capsys: pytest.CaptureFixture
     assert not capsys.readouterr().err
 
 
+def test_lines_of_timed_work_say_what_is_left(capsys: pytest.CaptureFixture[str]) -> None:
+    with Lines(every=0.2, timed=True) as lines:
+        time.sleep(0.1)
+        lines.say("naming", 0.001)
+        time.sleep(0.3)
+    (line, *_) = capsys.readouterr().err.splitlines()
+    # a thousandth took a tenth of a second
+    assert line.startswith("naming: 0 % after 0 s, about ") and line.endswith(" to go")
+    seconds, unit = line.split()[-4:-2]
+    assert float(seconds) * {"s": 1, "min": 60}[unit] == pytest.approx(120.0, rel=0.4)
+
+
 def test_quick_work_says_nothing_and_draws_no_bar(capsys: pytest.CaptureFixture[str]) -> None:
     with bar("reading") as say:
         say("naming", 0.5)

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import urllib.parse
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -89,8 +89,14 @@ def served(recording: Path, tmp_path: Path) -> Iterator[tuple[subprocess.Popen[s
     process.wait()
 
 
-def test_serve_answers_at_the_printed_url_until_interrupted(
-    served: tuple[subprocess.Popen[str], Path],
+def interrupt(process: subprocess.Popen[str]) -> None:
+    """Ctrl-C reaches every process of a terminal."""
+    os.killpg(process.pid, signal.SIGINT)
+
+
+@pytest.mark.parametrize("end", [interrupt, subprocess.Popen.terminate], ids=["Ctrl-C", "kill"])
+def test_serve_answers_at_the_printed_url_until_it_is_ended(
+    served: tuple[subprocess.Popen[str], Path], end: Callable[[subprocess.Popen[str]], None]
 ) -> None:
     process, home = served
     assert process.stdout is not None
@@ -102,7 +108,7 @@ def test_serve_answers_at_the_printed_url_until_interrupted(
     with urllib.request.urlopen(url, timeout=10) as page:
         assert b"rerun" in page.read().lower()
 
-    os.killpg(process.pid, signal.SIGINT)
+    end(process)
     assert process.wait(timeout=20) == 0
     with pytest.raises(OSError, match="refused"):
         urllib.request.urlopen(url, timeout=5)

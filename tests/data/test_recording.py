@@ -177,7 +177,7 @@ def test_what_is_wrong_inside_a_file_is_said(tmp_path: Path) -> None:
 
 def test_more_than_the_memory_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     recordings.write(make(), tmp_path / "a.parquet")
-    monkeypatch.setattr(recordings, "_BYTES_A_VALUE", 1e12)
+    monkeypatch.setattr(recordings, "_COPIES", 1e12)
     assert "400 rows of 4 columns" in refused(tmp_path / "a.parquet")
 
 

@@ -13,6 +13,7 @@ import pytest
 
 from wt.diagnose import pipeline
 from wt.diagnose.likelihood.objective import Objective
+from wt.diagnose.pace import Pace
 from wt.diagnose.pipeline import diagnose
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.result import Diagnosis
@@ -129,6 +130,6 @@ def test_only_an_effect_that_was_refused_starts_another_search(
     naming.proven.return_value = Mock(spec=Claims, accepted=standing(proven))
     naming.clean.return_value = False
     first = search()
-    pipeline._proven(naming, first, lambda *_: None)
+    pipeline._proven(naming, first, Mock(spec=Pace))
     assert len(searched) == searches
     assert searched[-1] == {f"law {i}" for i in range(1, searches)}

@@ -13,10 +13,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.io
+import torch
 from yaml import safe_load
 
 from registry.card import CARD_FILE, Card, Golden, HeldOut, Port
+from tests.data.importers.test_hdf5 import robomimic
 from tests.data.importers.test_lerobot import write_dataset
+from tests.data.importers.test_mcap import MAP, drives
+from tests.data.importers.test_ros1 import write as write_ros1
 from tests.data.importers.test_ros2 import (
     MULTI,
     STATE,
@@ -29,6 +34,8 @@ from tests.data.importers.test_ros2 import (
 )
 from tests.physics.ways import PLAIN
 from wt.data import recording as recordings
+from wt.data.guess.propose import propose
+from wt.data.guess.text import text
 from wt.data.importers import base
 from wt.errors import UserError
 from wt.physics.quiet import quiet
@@ -123,6 +130,47 @@ def mcap(folder: Path) -> tuple[Path, Reader]:
     return write_mcap(folder / "a.mcap", bag_log()), base.read
 
 
+def protobuf(folder: Path) -> tuple[Path, Reader]:
+    return drives(folder / "a.mcap"), lambda path: base.read(path, MAP)
+
+
+def ros1(folder: Path) -> tuple[Path, Reader]:
+    return write_ros1(folder / "a.bag"), base.read
+
+
+def hdf5(folder: Path) -> tuple[Path, Reader]:
+    path = robomimic(folder / "a.h5", 1, control_freq=20)
+    return path, lambda path: base.read(path, {"time": {"rate": 20}})
+
+
+ARRAYS = {"t": np.arange(0.0, 2.2, 0.02), "qpos/a": np.sin(np.arange(110.0))}
+
+
+def npz(folder: Path) -> tuple[Path, Reader]:
+    np.savez(folder / "a.npz", **ARRAYS)
+    return folder / "a.npz", base.read
+
+
+def npy(folder: Path) -> tuple[Path, Reader]:
+    np.save(folder / "a.npy", np.stack(list(ARRAYS.values()), axis=1))
+    mapping = {"time": {"rate": 20}, "columns": {"qpos/a": {"array": "data", "index": 1}}}
+    return folder / "a.npy", lambda path: base.read(path, mapping)
+
+
+def matlab(folder: Path) -> tuple[Path, Reader]:
+    scipy.io.savemat(folder / "a.mat", {"t": ARRAYS["t"], "q": ARRAYS["qpos/a"]})
+    return folder / "a.mat", lambda path: base.read(path, {"columns": {"qpos/a": "q"}})
+
+
+def tensors(folder: Path) -> tuple[Path, Reader]:
+    torch.save({name: torch.tensor(x) for name, x in ARRAYS.items()}, folder / "a.pt")
+    return folder / "a.pt", base.read
+
+
+def guessed(folder: Path) -> tuple[Path, Reader]:
+    return table(folder), lambda path: text(propose(path), path)
+
+
 def db3(folder: Path) -> tuple[Path, Reader]:
     bag = write_bag(folder / "bag", bag_log())
     return next(bag.glob("*.db3")), base.read
@@ -157,6 +205,14 @@ READERS = {
     "map": (yaml, 200),
     "mcap": (mcap, 150),
     "db3": (db3, 150),
+    "protobuf": (protobuf, 40),
+    "ros1": (ros1, 60),
+    "hdf5": (hdf5, 100),
+    "npz": (npz, 100),
+    "npy": (npy, 100),
+    "matlab": (matlab, 100),
+    "tensors": (tensors, 60),
+    "guessed": (guessed, 40),
     "mjcf": (mjcf, 400),
     "card": (card, 300),
 }

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import io
 
+import pytest
 from rich.console import Console
 
-from wt.show.text import terminal_table
+from wt.show.text import duration, terminal_table
 
 HEAD = ["MSE at horizon", "1", "5", "10", "20", "30", "40", "50"]
 ROW = ["WorldTranslationPlus", "0.00496 ± 0.0002", "0.043 ± 0.001", "0.13 ± 0.006",
@@ -38,3 +39,12 @@ def test_markup_takes_no_room() -> None:
     Console(file=out, width=70).print(table)
     assert "…" not in out.getvalue()
     assert all(word in out.getvalue() for word in ("0.0069", "1.44", "0.04"))
+
+
+@pytest.mark.parametrize(
+    ("seconds", "said"),
+    [(0.2, "5 s"), (12.0, "10 s"), (99.0, "100 s"), (101.0, "2 min"), (5900.0, "98 min"),
+     (7000.0, "1.9 h")],
+)  # fmt: skip
+def test_a_time_is_said_roughly(seconds: float, said: str) -> None:
+    assert duration(seconds) == said

@@ -194,10 +194,16 @@ class Balance:
 
 
 def free_of_forces(model: mujoco.MjModel) -> mujoco.MjModel:
-    """A copy whose inverse dynamics leave all to the drives: no contacts, limits, actuators."""
+    """A copy whose inverse dynamics leave all to the commands.
+
+    Without contacts, limits, couplings and actuators; gravity that drives carry by themselves is
+    not theirs to be commanded.
+    """
     copied = mujoco.MjModel.__copy__(model)
     off = mujoco.mjtDisableBit
-    copied.opt.disableflags |= int(off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_ACTUATION)
+    without = off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_ACTUATION | off.mjDSBL_EQUALITY
+    copied.opt.disableflags |= int(without)
+    copied.jnt_actgravcomp[:] = 0
     return copied
 
 

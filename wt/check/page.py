@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -69,19 +69,35 @@ def _table(findings: Sequence[AuditFinding]) -> str:
 
 def _channels(scene: Scene | None, each: Audited) -> str:
     """A chart of every position, with the replay of the corrected commands where there is one."""
-    assert each.given is not None and each.corrected is not None and each.path is not None
-    replayed = replay(scene, each.corrected) if scene is not None else {}
-    names = [n for n in each.given.columns if n.startswith("qpos/")]
-    single = [n for n in names if coordinate(n) is None]
-    figures = "".join(_channel(name, each, replayed.get(name)) for name in single)
+    assert each.path is not None
+    drawn = figures(scene, each)
+    return section(each.path.name, "", grid(drawn)) if drawn else ""
+
+
+def grid(drawn: Mapping[str, str]) -> str:
+    """Figures beside each other, under their key."""
     keys = '<p><span class="key before">recorded</span><span class="key after">replay</span></p>'
-    return (
-        section(each.path.name, "", f'{keys}<div class="grid">{figures}</div>') if figures else ""
-    )
+    return f'{keys}<div class="grid">{"".join(drawn.values())}</div>'
+
+
+def figures(scene: Scene | None, each: Audited, kinds: Sequence[str] = ("qpos",)) -> dict[str, str]:
+    """A chart of every position with the replay of the corrected commands, by column.
+
+    Args:
+        scene: the model; without it there is no replay.
+        each: a recording and its audit.
+        kinds: of columns; velocities have a replay too, commands none.
+    """
+    assert each.given is not None and each.corrected is not None
+    replayed = replay(scene, each.corrected) if scene is not None else {}
+    shown = [n for n in each.given.columns if n.partition("/")[0] in kinds]
+    names = [n for n in shown if coordinate(n) is None]
+    drawn = {name: _channel(name, each, replayed.get(name)) for name in names}
+    return {name: figure for name, figure in drawn.items() if figure}
 
 
 def _channel(name: str, each: Audited, replayed: Float[np.ndarray, " sample"] | None) -> str:
-    """The chart of one position; "" where nothing is to be seen."""
+    """The chart of one column; "" where nothing is to be seen."""
     assert each.given is not None and each.corrected is not None
     shown = each.given if np.array_equal(each.given.t, each.corrected.t) else each.corrected
     series, said = [], [f"{name} as recorded"]
@@ -95,7 +111,8 @@ def _channel(name: str, each: Audited, replayed: Float[np.ndarray, " sample"] | 
     wrong = [f.kind for f in each.findings if name in f.columns and f.sure]
     title = "; ".join([" and ".join(said), *(kind.replace("_", " ") for kind in wrong[:1])])
     return (
-        f"<figure>{chart(series, Axes(x='time [s]', y=name, alt=title))}"
+        f'<figure data-channel="{escaped(name)}">'
+        f"{chart(series, Axes(x='time [s]', y=name, alt=title))}"
         f"<figcaption>{escaped(title)}</figcaption></figure>"
     )
 
@@ -106,7 +123,7 @@ def _series(css: str, recording: Recording, y: Float[np.ndarray, " sample"]) -> 
 
 
 def replay(scene: Scene, recording: Recording) -> dict[str, Float[np.ndarray, " sample"]]:
-    """Positions that the model takes under a recording's commands, by column.
+    """Positions and velocities that the model takes under a recording's commands, by column.
 
     A machine that is held by servos runs through; any other is started anew from the recording,
     or its errors would grow without end. NaN where a replay explodes, and after what is drawn.
@@ -125,9 +142,13 @@ def replay(scene: Scene, recording: Recording) -> dict[str, Float[np.ndarray, " 
     pieces = [slice(0, rows)] if held else _pieces(t[:rows])
     acted = activated(m, t, u)
     stretches = [Stretch(0, t[p], u[p], q[p][0], v[p][0], acted[p][0]) for p in pieces]
-    out = np.full(q.shape, np.nan)
-    out[:rows] = Replayer(scene, stretches, m.opt.timestep).run([()]).q[0]
-    return {name: out[:, i] for i, name in enumerate(joints)}
+    replays = Replayer(scene, stretches, m.opt.timestep).run([()])
+    replayed: dict[str, np.ndarray] = {}
+    for kind, part in (("qpos", replays.q[0]), ("qvel", replays.v[0])):
+        out = np.full(q.shape, np.nan)
+        out[:rows] = part
+        replayed |= {f"{kind}/{joint}": out[:, i] for i, joint in enumerate(scene.joints)}
+    return replayed
 
 
 def _pieces(t: Float[np.ndarray, " sample"]) -> list[slice]:

@@ -7,6 +7,9 @@ EXTRAS = {
     "colorama": "rivals",
     "cyclonedds": "deploy",
     "daqp": "fit",
+    "fastapi": "studio",
+    "jinja2": "studio",
+    "h5py": "formats",
     "lightning": "fit",
     "matplotlib": "fit",
     "mink": "fit",
@@ -23,6 +26,7 @@ EXTRAS = {
     "tensordict": "rl",
     "torch": "fit",
     "umap": "report",
+    "uvicorn": "studio",
 }
 """Module → extra, as in ``pyproject.toml``."""
 

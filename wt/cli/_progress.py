@@ -37,20 +37,32 @@ def bars() -> Iterator[Listener]:
 
 
 @contextmanager
-def bar(beginning: str) -> Iterator[Callable[[str, float], None]]:
-    """One bar, drawn anew when called with the present step and the share that is done, 0 … 1."""
+def bar(beginning: str, timed: bool = False) -> Iterator[Callable[[str, float], None]]:
+    """One bar, drawn anew when called with the present step and the share that is done, 0 … 1.
+
+    Args:
+        beginning: the first step.
+        timed: whether shares are of the time that all takes, so that they say what is left of it.
+    """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     console = Console(stderr=True)
     if not console.is_terminal:
-        with Lines(beginning) as lines:
+        with Lines(beginning, timed=timed) as lines:
             yield lines.say
         return
     columns = TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task(beginning, total=1.0)
-        yield lambda what, share: progress.update(task, description=what, completed=share)
+    left = [TextColumn("{task.fields[clock]}")] * timed
+    with Progress(*columns, *left, console=console, transient=True) as progress:
+        clock = _Clock()
+        task = progress.add_task(beginning, total=1.0, clock=clock)
+
+        def say(what: str, share: float) -> None:
+            clock.say(share)
+            progress.update(task, description=what, completed=share)
+
+        yield say
 
 
 @contextmanager
@@ -66,20 +78,25 @@ def waiting(what: str) -> Iterator[Callable[[str], None]]:
 class Lines:
     """Lines for a log, while the context lasts: which step, how much of it, and since when."""
 
-    def __init__(self, beginning: str = "starting", every: float = _EVERY) -> None:
+    def __init__(
+        self, beginning: str = "starting", every: float = _EVERY, timed: bool = False
+    ) -> None:
         """Begin to count.
 
         Args:
             beginning: the first step.
             every: time between two lines [s].
+            timed: whether shares are of the time that all takes.
         """
         self._now, self._every = (beginning, 0.0), every
+        self._clock, self._timed = _Clock(), timed
         self._began, self._ended = time.monotonic(), threading.Event()
         self._thread = threading.Thread(target=self._print, daemon=True)
 
     def say(self, what: str, share: float) -> None:
         """Take note of the step and the share that is done, 0 … 1."""
         self._now = (what, share)
+        self._clock.say(share)
 
     def __enter__(self) -> Lines:
         """Start to print."""
@@ -101,7 +118,28 @@ class Lines:
             what, share = said
             seconds = now - self._began
             line = f"{what}: {100 * share:.0f} % after {seconds:.0f} s"
-            print(line, file=sys.stderr, flush=True)
+            left = f", {self._clock}" if self._timed and str(self._clock) else ""
+            print(line + left, file=sys.stderr, flush=True)
+
+
+class _Clock:
+    """What is left, by shares of the time that all takes."""
+
+    def __init__(self) -> None:
+        self._began = time.monotonic()
+        self._ends = self._began
+
+    def say(self, share: float) -> None:
+        """Take note of the share that has passed, 0 … 1."""
+        now = time.monotonic()
+        self._ends = self._began + (now - self._began) / share if share else now
+
+    def __str__(self) -> str:
+        """What is left; empty where that is not known."""
+        from wt.show.text import duration
+
+        left = self._ends - time.monotonic()
+        return f"about {duration(left)} to go" if left > 0.0 else ""
 
 
 class _Bars:

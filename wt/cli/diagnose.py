@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -20,10 +21,13 @@ if TYPE_CHECKING:
     from typer._click.core import Context  # typer.Context is a subclass
 
     from wt.diagnose.observed.translation import TrainedTranslation
+    from wt.diagnose.pace import Expected
     from wt.diagnose.result import Decision, Diagnosis
 
 EXPERIMENT = "diagnose"
 """Name of the experiment in MLflow."""
+QUICK_S = 10.0
+"""Shorter than this [s], nothing is said of how long it will take."""
 
 
 TranslationOption = Annotated[
@@ -131,8 +135,9 @@ def command(
     translator = _registered(translation) if translation else None
     with _working(out, inputs, jobs) as (write, progress):
         diagnosis = diagnose(
-            model, recordings, holdout or (), seed=seed, progress=progress, translation=translator
-        )
+            model, recordings, holdout or (), seed=seed, progress=progress, expect=_print_expected,
+            translation=translator,
+        )  # fmt: skip
         progress("writing", 0.98)
         write(diagnosis)
     console = Console()
@@ -144,6 +149,12 @@ def command(
         _suggest(diagnosis, model, suggest_experiment, console)
     if track:
         _track(diagnosis, out, seed, console)
+
+
+def _print_expected(expected: Expected) -> None:
+    """Say how long it will take, unless it is quick."""
+    if expected.one > QUICK_S:
+        print(expected, file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager
@@ -158,7 +169,7 @@ def _working(
     with (
         warnings.catch_warnings(),
         claimed(out, inputs) as write,
-        bar("reading") as progress,
+        bar("reading", timed=True) as progress,
         over(jobs),
     ):
         if os.environ.get("WT_DEBUG", "0") in ("", "0"):

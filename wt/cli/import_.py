@@ -12,20 +12,31 @@ from wt.errors import UserError
 
 def command(
     source: Annotated[Path, typer.Argument(help="The file or folder to import.")],
-    to: Annotated[Path, typer.Option("--to", help="The recording to write, OUT.parquet.")],
+    to: Annotated[
+        Path | None,
+        typer.Option("--to", help="The recording to write, OUT.parquet; the map with --guess."),
+    ] = None,
     map_file: Annotated[
         Path | None, typer.Option("--map", help="YAML that maps names, units and signs.")
     ] = None,
     model: Annotated[
         Path | None,
-        typer.Option("--model", help="Write the robot's MJCF here, where the format tells it."),
+        typer.Option(
+            "--model",
+            help="Write the robot's MJCF here, where the format tells it; with --guess, the MJCF "
+            "whose names are looked for.",
+        ),
     ] = None,
+    guess: Annotated[
+        bool, typer.Option("--guess", help="Propose a map, with its doubts, and import nothing.")
+    ] = False,
 ) -> None:
     """Turn a robot's log into a recording.
 
-    Reads MCAP files and ROS 2 bags (JointState, JointTrajectory, Float64MultiArray, Imu,
-    Odometry), CSV tables, NumPy archives, LeRobot episodes, SO-101 motion folders, logs of the
-    XL330 servo bench and runs of the DFKI double pendulum. The format is recognised by itself.
+    Reads MCAP files, bags of ROS 1 and 2, CSV tables (PlotJuggler's among them), archives of NumPy,
+    MATLAB, PyTorch and HDF5 (ALOHA, robomimic, Isaac Lab), LeRobot episodes, Unitree's LowState,
+    and the logs of three laboratories. The format is recognised by itself; what a log leaves open,
+    --map settles, and --guess proposes that map.
 
     One line says what came out, among it the median delay from commands to the force or motion
     that answers them. Signs and units that contradict each other are refused, those that look
@@ -33,9 +44,20 @@ def command(
 
     Example:
         wt import ../shared/recordings/so101/multisine --to multisine.parquet
+        wt import log.csv --guess --model arm.xml --to arm.yaml
         wt import run.mcap --map arm.yaml --to run.parquet
         wt import ../shared/recordings/bam_xl330/kp100_sin_sin.json --to a.parquet --model rig.xml
     """
+    if guess:
+        _guess(source, model, to, map_file)
+        return
+    if to is None:
+        raise UserError("--to OUT.parquet says where the recording goes; give it, or --guess")
+    _import(source, to, map_file, model)
+
+
+def _import(source: Path, to: Path, map_file: Path | None, model: Path | None) -> None:
+    """Write a recording, and say what came out."""
     import statistics
 
     from wt.data import recording as recordings
@@ -65,3 +87,24 @@ def command(
     notes = [str(note) for note in assumed] if isinstance(assumed, list) else []
     for note in notes + base.doubts(recording, mapping):
         typer.echo(f"note: {note}", err=True)
+
+
+def _guess(source: Path, model: Path | None, to: Path | None, map_file: Path | None) -> None:
+    """Print a map of a log, or write it where nothing is yet."""
+    from wt.data.guess.propose import propose
+    from wt.data.guess.text import text
+    from wt.physics.scene import Scene
+    from wt.show.files import write_whole
+
+    if map_file is not None:
+        raise UserError("--guess proposes a map; leave --map out")
+    if to is not None and to.exists():
+        raise UserError(f"--to {to} is there already; name another file for the map")
+    proposed = text(propose(source, Scene(model).given if model else None), source)
+    if to is None:
+        typer.echo(proposed, nl=False)
+        return
+    to.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(to, proposed)
+    doubts = proposed.count("\n#   - ")
+    typer.echo(f"{to}: a map of {source.name} with {doubts} doubts; read it, then give it as --map")

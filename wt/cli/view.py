@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import socket
 import subprocess
 import time
@@ -83,6 +84,8 @@ def _serve(path: Path) -> None:
     web, data = _free_port(_WEB_PORT), _free_port(_DATA_PORT)
     ports = ["--serve-web", "--web-viewer-port", str(web), "--port", str(data)]
     server = subprocess.Popen([*_viewer(path), *ports], env=_quiet())
+    # a kill ends the server too, which would serve on for nobody
+    before = signal.signal(signal.SIGTERM, _interrupt)
     try:
         _wait_until_up(server, web)
         # 'notebook' is Rerun's switch that keeps its page from sending usage statistics
@@ -95,6 +98,11 @@ def _serve(path: Path) -> None:
     finally:
         server.terminate()
         server.wait()
+        signal.signal(signal.SIGTERM, before)
+
+
+def _interrupt(number: int, frame: object) -> None:
+    raise KeyboardInterrupt
 
 
 def _viewer(path: Path) -> list[str]:

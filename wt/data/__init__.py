@@ -2,6 +2,7 @@
 
 ``recording``    one Parquet file each, checked against an MJCF
 ``importers``    foreign formats, one file each
+``guess``        a map of a source that nobody has described
 ``transitions``  collections in shards, reused and resumed
 ``history``      the steps before a transition, by index
 ``normalize``    normalisation that lives inside a model

@@ -25,7 +25,7 @@ from wt.types import Recording
 
 META_KEY = b"wt"
 DEGREE = np.pi / 180.0
-_BYTES_A_VALUE, _SHARE_OF_MEMORY = 64, 0.7  # smoothing keeps about eight copies
+_COPIES, _SHARE_OF_MEMORY = 8, 0.7  # smoothing keeps about eight copies
 _BEYOND = 0.5  # rad past a limit: more than any sensor offset or compliance explains
 _TURN = 2.0 * np.pi  # rad: what stays inside may as well be radians
 
@@ -63,7 +63,8 @@ def table(path: str | Path) -> tuple[dict[str, Float[np.ndarray, " sample"]], di
         )
     try:
         with pq.ParquetFile(path) as file:
-            _refuse_too_much(path, file.metadata)
+            rows, width = file.metadata.num_rows, file.metadata.num_columns
+            refuse_too_much(path, 8 * rows * width, f"{rows} rows of {width} columns")
             _refuse_twice(path, file.schema_arrow.names)
             content = file.read()
     except (pa.ArrowException, OSError, ValueError) as error:
@@ -94,15 +95,24 @@ def table(path: str | Path) -> tuple[dict[str, Float[np.ndarray, " sample"]], di
     return columns, meta
 
 
-def _refuse_too_much(path: Path, metadata: pq.FileMetaData) -> None:
-    """Refuse what does not fit the memory of this machine, before it is read."""
-    needed = _BYTES_A_VALUE * metadata.num_rows * metadata.num_columns
+def refuse_too_much(path: Path, size: int, what: str = "") -> None:
+    """Refuse what does not fit the memory of this machine, before it is read.
+
+    Args:
+        path: the file.
+        size: of its numbers when read [B].
+        what: how many there are, for the message.
+
+    Raises:
+        RecordingError: they would not fit.
+    """
+    needed = _COPIES * size
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if needed > _SHARE_OF_MEMORY * memory:
         raise RecordingError(
-            f"'{path}' has {metadata.num_rows} rows of {metadata.num_columns} columns, which take "
-            f"about {needed / 2**30:.0f} GiB of this machine's {memory / 2**30:.0f}; cut it, or "
-            "thin it out"
+            f"'{path}' has {what or f'{size / 2**30:.0f} GiB of data'}, which take about "
+            f"{needed / 2**30:.0f} GiB of this machine's {memory / 2**30:.0f}; cut it, or thin it "
+            "out"
         )
 
 
@@ -211,7 +221,7 @@ def check_names(recording: Recording, model: mujoco.MjModel) -> None:
     Raises:
         RecordingError: a column names nothing in the model, or no joint position was recorded.
     """
-    known = _column_names(model)
+    known = column_names(model)
     for name in recording.columns:
         if name not in known:
             raise RecordingError(
@@ -223,7 +233,8 @@ def check_names(recording: Recording, model: mujoco.MjModel) -> None:
         )
 
 
-def _column_names(model: mujoco.MjModel) -> set[str]:
+def column_names(model: mujoco.MjModel) -> set[str]:
+    """The columns that a recording of a model's machine may have, but for ``t``."""
     names = set()
     for i in range(model.nu):
         names |= {f"{kind}/{model.actuator(i).name}" for kind in ("ctrl", "force")}

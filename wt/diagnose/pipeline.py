@@ -16,6 +16,7 @@ from wt.diagnose.likelihood.bic import erring, erring_joints
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.observed.forces import measured
 from wt.diagnose.observed.translation import TrainedTranslation, sentences, timed, translated
+from wt.diagnose.pace import Expected, Pace, Say
 from wt.diagnose.recordings.commands import commands_each
 from wt.diagnose.recordings.grid import coarse_steps, located
 from wt.diagnose.recordings.prepare import Prepared, Source, prepare, turned
@@ -32,7 +33,7 @@ from wt.diagnose.selection.events import Event, events
 from wt.diagnose.selection.holdout import Holdout, errors, prepare_holdout, prove
 from wt.diagnose.selection.locate import locate
 from wt.diagnose.selection.naming import Claims, Naming
-from wt.diagnose.selection.search import Report, search
+from wt.diagnose.selection.search import search
 from wt.diagnose.selection.verdict import (
     findings,
     shown_by_holdout,
@@ -90,8 +91,10 @@ def diagnose(
     holdout: Sequence[Source] = (),
     *,
     seed: int = 0,
-    progress: Report | None = None,
+    progress: Say | None = None,
+    expect: Callable[[Expected], None] | None = None,
     translation: TrainedTranslation | None = None,
+    log: DecisionLog | None = None,
 ) -> Diagnosis:
     """Find what a model leaves out, from recordings of the real machine.
 
@@ -102,30 +105,22 @@ def diagnose(
             held out, or the last quarter of a single one.
         seed: of everything random.
         progress: called as the work goes on.
+        expect: called once, after the audit, with how long the whole will take.
         translation: trained between this model and the machine; says when something hidden acted
             where nothing else does, and what it cannot recover.
+        log: grows by every decision, for those who watch; it is empty.
 
     Raises:
         ModelError: the MJCF cannot be used, or the translation is of another machine.
         RecordingError: a recording cannot be used.
     """
-    began, say = time.monotonic(), progress or _silent
-    say("auditing", 0.01)
-    scene, prepared = _audited(model, recordings, holdout)
+    began, pace = time.monotonic(), Pace(progress, expect)
+    scene, prepared = _audited(model, recordings, holdout, pace)
     translation_evidence = translated(scene, prepared, translation) if translation else None
-    log = DecisionLog()
-    outcome = _searched(scene, prepared, seed, log, say)
-    others = outcome.missed and turned(prepared)
-    note: tuple[str, ...] = ()
-    if others:
-        say("recordings take turns", 0.1)
-        again = _searched(scene, others, seed, log, say, attempts=1)
-        if new := again.names - outcome.names:
-            said = ", ".join(str(a.planted) for a in again.claims.accepted if a.planted.key in new)
-            unfitted = " and ".join(f"'{u.path}'" for u in prepared.used if u.role == "holdout")
-            note = (f"Of the recordings, which took turns, only {unfitted} shows {said}.",)
-            outcome = again
-    say("preparing pictures", 0.9)
+    log = DecisionLog() if log is None else log
+    outcome = _searched(scene, prepared, seed, log, pace)
+    outcome, note = _in_turns(scene, prepared, outcome, seed, log, pace)
+    pace.stage("preparing pictures")
     diagnosis = _diagnosis(scene, outcome)
     if outcome.missed:
         diagnosis = shown_by_holdout(diagnosis, *outcome.missed)
@@ -145,13 +140,24 @@ def diagnose(
 
 
 def _audited(
-    model: str | Path, recordings: Sequence[Source], holdout: Sequence[Source]
+    model: str | Path, recordings: Sequence[Source], holdout: Sequence[Source], pace: Pace
 ) -> tuple[Scene, Prepared]:
-    """The model and the recordings as corrected."""
+    """The model and the recordings as corrected; they say how long the rest will take."""
+    pace.stage("auditing")
     scene = Scene(model)
     prepared = prepare(scene, recordings, holdout)
     amendments = [f.model_change for f in prepared.audit if f.model_change]
-    return (Scene(model, amendments) if amendments else scene), prepared
+    scene = Scene(model, amendments) if amendments else scene
+    effort = _effort(scene)
+    pace.foretell(scene, effort.search_step, effort.search_s, prepared.used)
+    return scene, prepared
+
+
+def _effort(scene: Scene) -> Effort:
+    """What a machine is worth, in steps that are no longer than the model's own."""
+    effort = FLOATING if scene.free else FIXED
+    own = float(scene.model.opt.timestep)
+    return replace(effort, step=min(effort.step, own), search_step=min(effort.search_step, own))
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,20 +186,19 @@ class _Outcome:
 
 
 def _searched(
-    scene: Scene, prepared: Prepared, seed: int, log: DecisionLog, say: Report, attempts: int = 0
+    scene: Scene, prepared: Prepared, seed: int, log: DecisionLog, pace: Pace, attempts: int = 0
 ) -> _Outcome:
     """Search the fitted recordings and ask the held-out ones, which were asked before so often."""
-    say("smoothing", 0.02)
-    effort = FLOATING if scene.free else FIXED
-    own = float(scene.model.opt.timestep)
-    step, quick = min(effort.step, own), min(effort.search_step, own)
+    pace.stage("smoothing")
+    effort = _effort(scene)
+    step, quick = effort.step, effort.search_step
     fitted = smooth(scene, prepared.fit)
     forgetting = forgets(fitted, step)
     commands = commands_each(fitted, prepared.fit, forgetting, quick)
     if commands > 1:
         fitted = smooth(scene, prepared.fit, commands)
     held_out = smooth(scene, prepared.held, commands)
-    say("screening hypotheses", 0.08)
+    pace.stage("screening hypotheses")
     screen = Screen(fitted, seed)
 
     def naming_by(window: float | None) -> Naming:
@@ -209,19 +214,19 @@ def _searched(
     naming = naming_by(window)
     if any(f.voids_commands for f in prepared.audit):
         return _Outcome(prepared, fitted, naming, naming.proven(()), None)
-    accepted = search(screen, naming.search_replays, log, say)
+    accepted = search(screen, naming.search_replays, log, pace.search)
     if window:
         longest = functools.partial(longest_window, fitted, quick)
-        window, naming, accepted = _prolonged(naming, accepted, window, longest, naming_by, say)
-    proven = _proven(naming, accepted, say, attempts)
-    say("looking for events", 0.75)
+        window, naming, accepted = _prolonged(naming, accepted, window, longest, naming_by, pace)
+    proven = _proven(naming, accepted, pace, attempts)
+    pace.stage("looking for events")
     seen: tuple[Event, ...] = ()
     # a servo holds against a push and forgets it, and of what feet meet nothing is known
     if not forgetting and not scene.free:
         whole = smooth(scene, prepared.whole, commands)
         all_of_it = functools.partial(_objective, [whole], screen, False, effort.most_s, quick)
         seen = events(whole.motion, all_of_it, proven.estimated.hypothesis, log)
-    say("naming", 0.8)
+    pace.stage("naming")
     claims, missed = naming.claimed(replace(proven, events=seen)), None
     # replays of legs are asked by the proof alone: they would cost a search
     if not scene.free and verdict(claims, naming.objective) in ("no_mismatch", "explained"):
@@ -229,6 +234,23 @@ def _searched(
         assessed = replays.reference(naming.holdout.here(claims.hypothesis))
         missed = (assessed, replays) if erring(assessed, replays) else None
     return _Outcome(prepared, fitted, naming, claims, missed)
+
+
+def _in_turns(
+    scene: Scene, prepared: Prepared, outcome: _Outcome, seed: int, log: DecisionLog, pace: Pace
+) -> tuple[_Outcome, tuple[str, ...]]:
+    """What is found with others held out, where those held out show more; and a note of it."""
+    others = outcome.missed and turned(prepared)
+    if not others:
+        return outcome, ()
+    pace.stage("recordings take turns")
+    again = _searched(scene, others, seed, log, pace, attempts=1)
+    new = again.names - outcome.names
+    if not new:
+        return outcome, ()
+    said = ", ".join(str(a.planted) for a in again.claims.accepted if a.planted.key in new)
+    unfitted = " and ".join(f"'{u.path}'" for u in prepared.used if u.role == "holdout")
+    return again, (f"Of the recordings, which took turns, only {unfitted} shows {said}.",)
 
 
 def _diagnosis(scene: Scene, outcome: _Outcome) -> Diagnosis:
@@ -299,7 +321,7 @@ def _prolonged(
     window: float,
     longest: Callable[[Hypothesis], float],
     naming_by: Callable[[float], Naming],
-    say: Report,
+    pace: Pace,
 ) -> tuple[float, Naming, tuple[Accepted, ...]]:
     """Search on in longer windows, where something is left and what was found allows them.
 
@@ -311,7 +333,7 @@ def _prolonged(
         window: length of the windows that it was found in [s].
         longest: length of the longest windows for a hypothesis [s].
         naming_by: makes the claims of windows of a length [s].
-        say: called as the work goes on.
+        pace: is told of each stage.
 
     Returns:
         (length of the windows; what makes the claims; what is found), as given or later.
@@ -324,7 +346,7 @@ def _prolonged(
     if later <= window:
         return given
     longer = naming_by(later)
-    further = search(naming.screen, longer.search_replays, naming.log, say, accepted)
+    further = search(naming.screen, longer.search_replays, naming.log, pace.search, accepted)
     return given if _lost(replays, accepted, further) else (later, longer, further)
 
 
@@ -338,19 +360,19 @@ def _lost(replays: Objective, before: Sequence[Accepted], after: Sequence[Accept
     return bool((two[1] > _FAR_MORE * two[0]).any())
 
 
-def _proven(naming: Naming, accepted: tuple[Accepted, ...], say: Report, before: int = 0) -> Claims:
+def _proven(naming: Naming, accepted: tuple[Accepted, ...], pace: Pace, before: int = 0) -> Claims:
     """Prove what was found; where the proof drops effects and leaves errors, search for others.
 
     Args:
         naming: makes the claims.
         accepted: what was found.
-        say: called as the work goes on.
+        pace: is told of each stage.
         before: proofs on the same recordings, before these.
     """
     screen, replays, log = naming.screen, naming.search_replays, naming.log
     banned, kept = set[Key](), set[Key]()
     for attempt in range(1, ATTEMPTS + 1):
-        say("estimating and proving", 0.7)
+        pace.stage("estimating and proving")
         proven = naming.proven(accepted, before + attempt, kept)
         # fewer, not others: an effect that a simpler law says as well was not refused
         refused = len(proven.accepted) < len(accepted)
@@ -358,12 +380,8 @@ def _proven(naming: Naming, accepted: tuple[Accepted, ...], say: Report, before:
             break
         kept = {a.planted.key for a in proven.accepted}
         banned |= {a.planted.key for a in accepted} - kept
-        accepted = search(screen, replays, log, say, proven.accepted, banned)
+        accepted = search(screen, replays, log, pace.search, proven.accepted, banned)
     return proven
-
-
-def _silent(what: str, share: float) -> None:
-    """Nobody listens."""
 
 
 def _objective(

@@ -1,4 +1,4 @@
-"""What the model's own drives make of their commands before they act: filters and integrators.
+"""What the model's own drives make of their commands before they act: delays, filters, integrators.
 
 A drive with dynamics acts on its activation and not on its command. Between samples commands are
 held, so that the activation at each sample follows exactly from the one before (MuJoCo's
@@ -31,8 +31,10 @@ def activated(
             begin as if their first command had been sent for long.
     """
     acted = command.copy()
+    for i in late(model):
+        acted[:, i] = _late(t, command[:, i], float(model.actuator_delay[i]))
     for i in np.flatnonzero(dynamic(model)):
-        u = command[:, i]
+        u = acted[:, i].copy()
         if model.actuator_ctrllimited[i]:
             u = np.clip(u, *model.actuator_ctrlrange[i])
         limited = bool(model.actuator_actlimited[i])
@@ -47,9 +49,24 @@ def activated(
     return acted
 
 
+def _late(
+    t: Float[np.ndarray, " sample"], u: Float[np.ndarray, " sample"], delay: float
+) -> Float[np.ndarray, " sample"]:
+    """Mean of a held command over each sample's interval that arrives so late."""
+    ends = np.append(t, 2.0 * t[-1] - t[-2]) - delay if len(t) > 1 else np.array([t[0], t[0] + 1.0])
+    knots = np.concatenate([[ends[0] - 1.0], t, [ends[-1] + 1.0 + delay]])
+    integral = np.concatenate([[0.0], np.cumsum(np.append(u[0], u) * np.diff(knots))])
+    return np.asarray(np.diff(np.interp(ends, knots, integral)) / np.diff(ends))
+
+
 def dynamic(model: mujoco.MjModel) -> np.ndarray:
     """Mask of the actuators that act on an activation computed here, (nactuator,)."""
     return np.isin(model.actuator_dyntype, (*_FILTERS, _INTEGRATOR))
+
+
+def late(model: mujoco.MjModel) -> Int[np.ndarray, " late"]:
+    """Indices of the actuators that the model gives a delay."""
+    return np.flatnonzero(model.actuator_history[:, 0] > 0)
 
 
 def integrating(model: mujoco.MjModel) -> Int[np.ndarray, " integrator"]:

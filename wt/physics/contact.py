@@ -1,4 +1,4 @@
-"""Contact forces are not known; what they cannot explain of a force residual is.
+"""Forces of contacts are not known; what they cannot explain of a force residual is.
 
 Which parts carry load is not recorded. Wherever a part of the machine may touch something fixed, a
 contact there could supply any force along the Jacobian of the point that touches. The *free* part
@@ -6,6 +6,9 @@ of a generalised force is what is left beside all of these: its projection along
 in the metric of the inverse inertia (M. Mistry and L. Righetti, Operational space control of
 constrained and underactuated systems, 2011). To take a foot for touching that does not only loses
 what it would have told.
+
+Equality constraints, as of a gripper whose fingers are coupled, hold with forces that are not known
+either: their Jacobians are taken out in the same way.
 
 What the contacts do supply says who carries load, and how slippery it is (:class:`ContactLoad`).
 """
@@ -52,7 +55,7 @@ class Touching:
 
     Attributes:
         projector: takes a generalised force to its free part, (T, nv, nv); None if nothing ever
-            comes near anything.
+            comes near anything, and no joints are coupled.
         near: how many contacts are possible at each sample, (T,).
     """
 
@@ -77,17 +80,20 @@ def touching(
 
     One with a fixed base is taken to touch nothing: its parts are close to much all the time.
     """
-    if not scene.free:
+    coupled = bool(scene.model.eq_active0.any())
+    if not scene.free and not coupled:
         return Touching(None, np.zeros(len(q), dtype=int))
     probe = _ContactProbe(scene, floors)
     near, projector = np.zeros(len(q), dtype=int), np.zeros((len(q), *2 * (scene.model.nv,)))
     projector[:] = np.eye(scene.model.nv)
     for k, pose in enumerate(q):
         _, jacobian = probe.contacts(pose)
-        near[k] = len(jacobian) // 3
-        if near[k]:
-            projector[k] -= jacobian.T @ probe.carried(jacobian)
-    return Touching(projector if near.any() else None, near)
+        if scene.free:
+            near[k] = len(jacobian) // 3
+        rows = np.vstack([jacobian[: 3 * near[k]], probe.couplings()])
+        if len(rows):
+            projector[k] -= rows.T @ probe.carried(rows)
+    return Touching(projector if coupled or near.any() else None, near)
 
 
 def loads(
@@ -176,6 +182,7 @@ class _ContactProbe:
         self._model = reaching(scene.model, NEAR)
         for floor in floors:
             floor.move(self._model)
+        self._model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         self._data = mujoco.MjData(self._model)
         self._fixed = fixed(self._model)
 
@@ -197,6 +204,12 @@ class _ContactProbe:
         felt = np.abs(rows).max(axis=(1, 2), initial=0.0) > _UNFELT
         geoms = np.array([c.geom for c in touching], dtype=int).reshape(-1, 2)
         return geoms[felt], rows[felt].reshape(-1, m.nv)
+
+    def couplings(self) -> Float[np.ndarray, "row dof"]:
+        """Jacobian of the equality constraints at the last pose, (R, nv)."""
+        d = self._data
+        rows = d.efc_J.reshape(-1, self._model.nv)
+        return rows[d.efc_type[: len(rows)] == mujoco.mjtConstraint.mjCNSTR_EQUALITY]
 
     def carried(self, jacobian: Float[np.ndarray, "row dof"]) -> Float[np.ndarray, "row dof"]:
         """Contact forces per generalised force, (3C, nv): (J M⁻¹ Jᵀ)⁺ J M⁻¹ at the last pose."""

@@ -122,6 +122,8 @@ class Effect(abc.ABC):
             :func:`alternatives`.
         common: how often real machines have it although their models do not.
         plotted_over: the variable that its force is best seen over.
+        form: in words, of a law that MuJoCo has in several; "" for the usual one.
+        forms: the others.
     """
 
     id: ClassVar[str]
@@ -136,6 +138,8 @@ class Effect(abc.ABC):
     looks_like: ClassVar[tuple[str, ...]] = ()
     common: ClassVar[Common] = "seldom"
     plotted_over: ClassVar[Variable] = "position"
+    form: ClassVar[str] = ""
+    forms: ClassVar[tuple[Effect, ...]] = ()
 
     def places(self, scene: Scene) -> Sequence[Location]:
         """Places of a model at which it can stand; by default all of its kind."""

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import uniform_filter1d
 
+from wt.physics.activation import dynamic
 from wt.physics.contact import Touching, touching
 from wt.physics.ground import Floor, floors
 from wt.physics.scene import Drive, Scene
@@ -141,10 +142,24 @@ class Motion:
 
     @cached_property
     def drive_forces(self) -> Float[np.ndarray, "sample dof"]:
-        """Force of all drives on each degree of freedom, (T, nv) [N·m]."""
-        total = np.zeros_like(self.q)
+        """Force of all actuators on each degree of freedom, (T, nv) [N·m]."""
+        total = self._beside_drives()
         for drive in self.scene.drives:
             total[:, drive.dof] += self.force(drive)
+        return total
+
+    def _beside_drives(self) -> Float[np.ndarray, "sample dof"]:
+        total, m = np.zeros_like(self.q), self.scene.beside_drives
+        if m is None:
+            return total
+        data, acting = mujoco.MjData(m), np.flatnonzero(dynamic(m))
+        for k, (q, v, u) in enumerate(zip(self.q, self.v, self.u, strict=True)):
+            data.qpos[:], data.qvel[:] = q, v
+            data.ctrl[m.actuator_ctrladr], data.act[m.actuator_actadr[acting]] = u, u[acting]
+            mujoco.mj_fwdPosition(m, data)
+            mujoco.mj_fwdVelocity(m, data)
+            mujoco.mj_fwdActuation(m, data)
+            total[k] = data.qfrc_actuator
         return total
 
     @cached_property
@@ -207,13 +222,14 @@ class Motion:
     def inverse(self, model: mujoco.MjModel) -> Float[np.ndarray, "sample dof"]:
         """Inverse dynamics of this motion on a model with the same joints, (T, nv) [N·m].
 
-        Actuators, contacts and limits are left out; passive forces count.
+        Actuators, contacts, limits and what couples joints are left out; passive forces count.
         """
         if model is self.scene.model:
             model = mujoco.MjModel.__copy__(model)
         flags = model.opt.disableflags
         off = mujoco.mjtDisableBit
-        model.opt.disableflags |= int(off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_ACTUATION)
+        without = off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_ACTUATION | off.mjDSBL_EQUALITY
+        model.opt.disableflags |= int(without)
         data = mujoco.MjData(model)
         result = np.empty_like(self.q)
         for k in range(len(self.t)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -12,7 +13,7 @@ from jaxtyping import Float, Int
 
 from wt.batch import Batch
 from wt.physics.acting import Acting, acting, is_live
-from wt.physics.activation import activated, dynamic
+from wt.physics.activation import activated, dynamic, late
 from wt.physics.live import StepState
 from wt.physics.planted import Planted
 from wt.physics.quiet import quiet
@@ -157,6 +158,9 @@ class _Job:
         self.inputs = Inputs(
             stretch.recording, stretch.t[0] + h * np.arange(steps), h, stretch.commands(h, steps)
         )
+        for i in late(self.scene.model):
+            own = float(self.scene.model.actuator_delay[i])
+            self.inputs.u[:, i] = self.inputs.delayed(self.inputs.u[:, i], own)
         for p in hypothesis:
             p.drive(self.inputs, self.scene)
         self.live = any(is_live(p.effect) for p in hypothesis)
@@ -195,9 +199,9 @@ def _sizes(model: mujoco.MjModel) -> tuple[int, ...]:
 def _simulate(jobs: Sequence[_Job], threads: int) -> list[Outputs]:
     """Run jobs of one layout side by side."""
     first = jobs[0]
-    # a step of few replays is shorter than waking a second thread
-    alone = first.live and len(jobs) <= FEW
-    batch = Batch(first.model, nsim=len(jobs), nthread=1 if alone else threads)
+    if first.live:
+        threads = _awake(first.model.nv, len(jobs), threads)
+    batch = Batch(first.model, nsim=len(jobs), nthread=threads)
     batch.set_models([job.model for job in jobs])
     qpos, qvel = batch.bind("qpos"), batch.bind("qvel")
     for row, job in enumerate(jobs):
@@ -233,8 +237,17 @@ def _simulate(jobs: Sequence[_Job], threads: int) -> list[Outputs]:
     return results
 
 
-FEW = 12
-"""Up to so many replays that are stepped one step at a time run on one thread."""
+def _awake(nv: int, replays: int, threads: int) -> int:
+    """Threads that are worth waking at every step of replays that are stepped one at a time."""
+    work = replays * (_STEP_US + nv * _DOF_US)
+    cores = threads or os.cpu_count() or 1
+    return min(cores, max(1, int(work / _WAKE_US)))
+
+
+_STEP_US, _DOF_US = 1.5, 0.9
+"""What a physics step takes [µs], and more for each degree of freedom: arms of one to six."""
+_WAKE_US = 75.0
+"""Work that a thread is woken for [µs]: several times what waking it takes on a busy machine."""
 CHUNK = 2000
 """Physics steps per call: bounds memory, whatever the recording's length."""
 

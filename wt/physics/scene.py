@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -83,15 +84,16 @@ def between(x: np.ndarray, low: float | np.ndarray, high: float | np.ndarray) ->
 
 
 def drives(m: mujoco.MjModel) -> tuple[Drive, ...]:
-    """The actuators of a model that act on a joint, in its order."""
+    """The actuators of a model that act on a hinge or slide by an affine law, in its order."""
     listed = []
     for i in range(m.nactuator):
-        if m.actuator_trntype[i] != mujoco.mjtTrn.mjTRN_JOINT:
-            continue
         joint = int(m.actuator_trnid[i, 0])
-        bias = m.actuator_biasprm[i, :3]
-        if m.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_NONE:
-            bias = np.zeros(3)
+        if m.actuator_trntype[i] != mujoco.mjtTrn.mjTRN_JOINT or m.jnt_type[joint] not in _SCALAR:
+            continue
+        law = _affine(m, i)
+        if law is None:
+            continue
+        gain, *bias = law
         listed.append(
             Drive(
                 name=m.actuator(i).name,
@@ -99,13 +101,58 @@ def drives(m: mujoco.MjModel) -> tuple[Drive, ...]:
                 joint=m.joint(joint).name,
                 dof=int(m.jnt_dofadr[joint]),
                 gear=float(m.actuator_gear[i, 0]),
-                gain=float(m.actuator_gainprm[i, 0]),
-                bias=(float(bias[0]), float(bias[1]), float(bias[2])),
+                gain=gain,
+                bias=(bias[0], bias[1], bias[2]),
                 commands=_acted_on(m, i),
-                forces=_range(bool(m.actuator_forcelimited[i]), m.actuator_forcerange[i]),
+                forces=_forces(m, i, joint),
             )
         )
     return tuple(listed)
+
+
+def _affine(m: mujoco.MjModel, i: int) -> tuple[float, float, float, float] | None:
+    """Force of an actuator per command, constant, per length and per velocity; None if not so."""
+    if m.actuator_gaintype[i] == mujoco.mjtGain.mjGAIN_FIXED:
+        if m.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_NONE:
+            return float(m.actuator_gainprm[i, 0]), 0.0, 0.0, 0.0
+        if m.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_AFFINE:
+            constant, stiffness, damping = map(float, m.actuator_biasprm[i, :3])
+            return float(m.actuator_gainprm[i, 0]), constant, stiffness, damping
+    if m.actuator_ctrlnum[i] != 1 or m.actuator_gear[i, 0] == 0.0:
+        return None
+    # any other kind: what MuJoCo makes of it
+    free = copy.copy(m)
+    free.actuator_ctrllimited[i] = free.actuator_forcelimited[i] = False
+    free.actuator_history[i] = 0
+    data, joint = mujoco.MjData(free), m.actuator_trnid[i, 0]
+
+    def force(u: float, length: float, velocity: float) -> float:
+        gear = float(m.actuator_gear[i, 0])
+        data.qpos[m.jnt_qposadr[joint]] = length / gear
+        data.qvel[m.jnt_dofadr[joint]] = velocity / gear
+        data.ctrl[m.actuator_ctrladr[i]] = u
+        mujoco.mj_fwdPosition(free, data)
+        mujoco.mj_fwdVelocity(free, data)
+        mujoco.mj_fwdActuation(free, data)
+        return float(data.actuator_force[i])
+
+    constant = force(0.0, 0.0, 0.0)
+    gain, stiffness, damping = (force(*axis) - constant for axis in np.eye(3))
+    for u, q, v in ((0.7, -0.4, 0.9), (-0.8, 0.3, -0.6)):
+        summed = gain * u + constant + stiffness * q + damping * v
+        if not np.isclose(force(u, q, v), summed, rtol=1e-6, atol=1e-9) or gain == 0.0:
+            return None
+    return gain, constant, stiffness, damping
+
+
+def _forces(m: mujoco.MjModel, i: int, joint: int) -> tuple[float, float]:
+    """Range of an actuator's force: its own, and what its joint lets through."""
+    low, high = _range(bool(m.actuator_forcelimited[i]), m.actuator_forcerange[i])
+    gear = float(m.actuator_gear[i, 0])
+    if m.jnt_actfrclimited[joint] and gear != 0.0:
+        ends = np.sort(m.jnt_actfrcrange[joint] / gear)
+        low, high = max(low, float(ends[0])), min(high, float(ends[1]))
+    return low, high
 
 
 def _acted_on(m: mujoco.MjModel, i: int) -> tuple[float, float]:
@@ -183,9 +230,14 @@ class Scene:
         return spec
 
     def spec(self) -> mujoco.MjSpec:
-        """The same with its free joints taken apart, as it is replayed."""
+        """The same with its free joints taken apart and on-time commands, as it is replayed.
+
+        Replays get commands as late as the drives do.
+        """
         spec = self.written()
         base.expand(spec)
+        for actuator in spec.actuators:
+            actuator.delay, actuator.nsample = 0.0, 0
         return spec
 
     @cached_property
@@ -221,6 +273,25 @@ class Scene:
     def drives(self) -> tuple[Drive, ...]:
         """The actuators that act on a joint, in the model's order."""
         return drives(self.model)
+
+    @cached_property
+    def beside_drives(self) -> mujoco.MjModel | None:
+        """The model whose actuators do what is not a drive's law; None if they do no more.
+
+        Actuators on tendons and sites, those whose law is not affine, and joints whose drives carry
+        gravity by themselves (``actuatorgravcomp``).
+        """
+        m = self.model
+        carried = bool(m.jnt_actgravcomp.any() and m.body_gravcomp.any())
+        if len(self.drives) == m.nactuator and not carried:
+            return None
+        beside = copy.copy(m)
+        beside.actuator_history[:] = 0
+        silent = [d.index for d in self.drives]
+        beside.actuator_gaintype[silent] = mujoco.mjtGain.mjGAIN_FIXED
+        beside.actuator_biastype[silent] = mujoco.mjtBias.mjBIAS_NONE
+        beside.actuator_gainprm[silent] = 0.0
+        return beside
 
     def drive(self, name: str) -> Drive:
         """The drive of an actuator.

@@ -24,7 +24,7 @@ Mark = Literal["line", "dots", "beads"]
 """A line, a cloud of points, or a line with a bead at each point."""
 
 WIDTH, HEIGHT = 520.0, 230.0
-_LEFT, _RIGHT, _TOP, _BOTTOM = 54.0, 8.0, 10.0, 38.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 62.0, 8.0, 10.0, 38.0
 _COLUMNS = 300  # of a line's envelope
 _DOTS = 500
 _LOG_FLOOR = 1e-12

@@ -12,9 +12,18 @@ from string import Template
 from wt.show.text import tied
 
 
+def style() -> str:
+    """The style sheet of all pages, with ``$shades`` where a robot's colours go."""
+    return _beside("page.css")
+
+
 def template() -> Template:
     """The page around a report: styles, and ``$name`` where its parts go."""
-    return Template(resources.files(__package__).joinpath("page.html").read_text(encoding="utf-8"))
+    return Template(_beside("page.html").replace("$style", style()))
+
+
+def _beside(name: str) -> str:
+    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 
 def escaped(said: str) -> str:

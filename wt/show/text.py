@@ -45,3 +45,11 @@ def terminal_table(head: Sequence[str], rows: Sequence[Sequence[str]], title: st
     for row in rows:
         table.add_row(*row)
     return table
+
+
+def duration(seconds: float) -> str:
+    """A time in words, as roughly as such times are foretold."""
+    if seconds < 100.0:
+        return f"{max(round(seconds / 5.0) * 5, 5)} s"
+    minutes = seconds / 60.0
+    return f"{minutes:.0f} min" if minutes < 100.0 else f"{minutes / 60.0:.1f} h"

@@ -94,3 +94,87 @@ def test_broken_datasets(dataset: Path) -> None:
     (dataset / "meta" / "info.json").write_text('{"fps": ')
     with pytest.raises(DataError, match=r"info\.json"):
         base.read(dataset)
+
+
+ARM = {"pan": (1047, 3047), "lift": (47, 4047), "gripper": (2000, 3000)}  # counts
+
+
+def calibrated(folder: Path, version: str, values: list[float]) -> Path:
+    """A dataset of one posture an episode in LeRobot's layout of a version, with a calibration."""
+    (folder / "meta" / "episodes" / "chunk-000").mkdir(parents=True)
+    (folder / "data" / "chunk-000").mkdir(parents=True)
+    names = {f"{name}.pos": i for i, name in enumerate(ARM)}  # v3 may have name: index
+    features = {f: {"dtype": "float32", "names": names} for f in ("action", "observation.state")}
+    info = {"codebase_version": version, "fps": 30, "total_episodes": 4, "features": features}
+    (folder / "meta" / "info.json").write_text(json.dumps(info))
+    tables = {e: table(e) for e in range(4)}
+    for e, rows in tables.items():
+        posture = [[x + e for x in values]] * len(rows)
+        for column in ("action", "observation.state"):
+            i = rows.column_names.index(column)
+            rows = rows.set_column(i, column, pa.array(posture))
+        tables[e] = rows
+    data = folder / "data" / "chunk-000"
+    if version == "v3.0":
+        pq.write_table(pa.concat_tables([tables[0], tables[1]]), data / "file-000.parquet")
+        pq.write_table(pa.concat_tables([tables[2], tables[3]]), data / "file-001.parquet")
+        place = {"data/chunk_index": [0] * 4, "data/file_index": [0, 0, 1, 1]}
+        index = pa.table({"episode_index": [0, 1, 2, 3], **place})
+        pq.write_table(index, folder / "meta" / "episodes" / "chunk-000" / "file-000.parquet")
+    else:
+        for e, rows in tables.items():
+            pq.write_table(rows, data / f"episode_{e:06d}.parquet")
+    robot = folder / "calibration" / "robots" / "so101_follower"
+    robot.mkdir(parents=True)
+    motors = {
+        name: {"id": 1, "drive_mode": 0, "homing_offset": 7, "range_min": low, "range_max": high}
+        for name, (low, high) in ARM.items()
+    }
+    (robot / "mine.json").write_text(json.dumps(motors))
+    return folder
+
+
+@pytest.mark.parametrize("version", ["v2.1", "v3.0"])
+def test_percent_with_the_datasets_calibration(version: str, tmp_path: Path) -> None:
+    folder = calibrated(tmp_path, version, [47.0, -97.0, 17.0])
+    # only the file that holds the episode is read
+    other = "file-000.parquet" if version == "v3.0" else "episode_000001.parquet"
+    (folder / "data" / "chunk-000" / other).write_bytes(b"not read")
+    r = base.read(folder, {"episode": 3})
+    turn = 2.0 * np.pi / 4095.0
+    # 50 of 100 of half of 2000 counts, -94 of half of 4000; the gripper's 20 of 100 from its end
+    assert r.columns["qpos/pan"][0] == pytest.approx(0.50 * 1000 * turn)
+    assert r.columns["ctrl/lift"][0] == pytest.approx(-0.94 * 2000 * turn)
+    assert r.columns["qpos/gripper"][0] == pytest.approx(0.20 * 1000 * turn)
+    assert "percent" in str(r.meta["assumed"])
+    degrees = base.read(folder, {"episode": 3, "unit": "degrees"})
+    assert degrees.columns["qpos/pan"][0] == pytest.approx(np.deg2rad(50.0))
+    assert base.read(folder, {"episode": 3, "calibration": False}).columns["qpos/pan"][0] == 50.0
+
+
+def test_degrees_are_told_by_their_values(tmp_path: Path) -> None:
+    r = base.read(calibrated(tmp_path, "v3.0", [120.0, 3.0, 50.0]), {"episode": 0})
+    assert r.columns["qpos/lift"][0] == pytest.approx(np.deg2rad(3.0))
+    assert r.columns["qpos/gripper"][0] == pytest.approx(0.5 * 1000 * 2.0 * np.pi / 4095.0)
+    assert "degrees" in str(r.meta["assumed"])
+
+
+def test_calibrations_and_versions_that_do_not_fit(tmp_path: Path) -> None:
+    folder = calibrated(tmp_path, "v2.1", [1.0, 2.0, 3.0])
+    with pytest.raises(DataError, match=r"4 episodes, 0 to 3"):
+        base.read(folder)
+    for mapping, said in (
+        ({"calibration": "none.json"}, "no file 'none.json'"),
+        ({"calibration": "meta/info.json"}, "none of lerobot-calibrate"),
+        ({"unit": "turns"}, "percent or degrees"),
+        ({"calibration": False, "unit": "percent"}, "needs a calibration"),
+    ):
+        with pytest.raises(DataError, match=said):
+            base.read(folder, {"episode": 0, **mapping})
+    robot = folder / "calibration" / "robots" / "so101_follower"
+    (robot / "other.json").write_text("{}")
+    with pytest.raises(DataError, match="several calibrations"):
+        base.read(folder, {"episode": 0})
+    (folder / "meta" / "info.json").write_text('{"codebase_version": "v1.6"}')
+    with pytest.raises(DataError, match=r"v1\.6; v2\.0 to v3 are read"):
+        base.read(folder, {"episode": 0})

@@ -38,6 +38,13 @@ def test_names(tmp_path: Path) -> None:
         read(tmp_path, {"joints": {"a": "b"}}, qpos_b=T)
 
 
+def test_single_columns_go_before_names(tmp_path: Path) -> None:
+    mapping = {"joints": {"a": "hip"}, "channels": {"qpos/a": "qpos/knee", "qvel/a": None}}
+    assert set(read(tmp_path, mapping).columns) == {"ctrl/hip", "qpos/knee"}
+    swapped = read(tmp_path, {"channels": {"ctrl/a": "qpos/a", "qpos/a": "ctrl/a"}})
+    np.testing.assert_array_equal(swapped.columns["qpos/a"], ANGLE)
+
+
 def test_units_signs_and_offsets(tmp_path: Path) -> None:
     mapping = {"units": {"*/a": "deg"}, "signs": {"*/a": -1}, "offsets": {"qpos/a": 0.5}}
     plain, r = read(tmp_path), read(tmp_path, mapping)
@@ -48,14 +55,25 @@ def test_units_signs_and_offsets(tmp_path: Path) -> None:
     assert read(tmp_path, {"meta": {"robot": "r2"}}).meta["robot"] == "r2"
 
 
+def test_any_column_can_be_dropped(tmp_path: Path) -> None:
+    mapping = {"joints": {"a": "hip"}, "drop": ["qvel/*", "sensor/imu/0"]}
+    r = read(tmp_path, mapping, sensor_imu_0=T, sensor_imu_1=T)
+    assert set(r.columns) == {"ctrl/hip", "qpos/hip", "sensor/imu/1"}
+
+
 @pytest.mark.parametrize(
     ("mapping", "said"),
     [
+        ({"drop": "qvel/a"}, r"must be a list"),
+        ({"drop": ["qvel/b"]}, "did you mean 'qvel/a'"),
         ({"units": {"qpos/a": "degrees"}}, "'degrees' is not known"),
         ({"units": {"qpos/a": True}}, "must be a number"),
         ({"signs": {"qpos/a": 2}}, "1 or -1"),
         ({"signs": {"qpos/b": -1}}, "did you mean 'qpos/a'"),
         ({"offsets": 3}, "name: value"),
+        ({"channels": {"qpos/b": None}}, "channels: 'qpos/b' is not in the source; did you mean"),
+        ({"channels": {"qvel/a": "speed"}}, "is to be 'speed'; give a column"),
+        ({"channels": {"qvel/a": "qpos/a"}}, "two columns would be 'qpos/a'"),
         ({"sings": {}}, "did you mean 'signs'"),
         ({"meta": "mine"}, "key: value"),
     ],

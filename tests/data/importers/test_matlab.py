@@ -43,8 +43,17 @@ def test_what_is_no_matlab_file(tmp_path: Path) -> None:
         base.read(tmp_path / "a.mat", {"columns": {"qpos/a": "q"}})
 
 
-def test_version_7_3_is_another_format(tmp_path: Path) -> None:
-    head = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM"
-    (tmp_path / "a.mat").write_bytes(head + b"\x89HDF\r\n\x1a\n" + bytes(100))
-    with pytest.raises(DataError, match=r"save\(…, '-v7'\)"):
-        base.read(tmp_path / "a.mat", {"columns": {"qpos/a": "q"}})
+def test_version_7_3_is_hdf5_turned_over(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
+        file["t"] = T[None]
+        file["q"] = np.stack([np.sin(T), np.cos(T)])  # (2, N) here is (N, 2) in MATLAB
+        file.create_group("#refs#")["a"] = np.zeros(3)
+    head = b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM"
+    with (tmp_path / "a.mat").open("r+b") as raw:
+        raw.write(head)
+    r = base.read(tmp_path / "a.mat", {"columns": {"qpos/a": {"array": "q", "index": 1}}})
+    np.testing.assert_allclose(r.columns["qpos/a"], np.cos(T))
+    (tmp_path / "b.mat").write_bytes(head + b"\x89HDF\r\n\x1a\n" + bytes(100))
+    with pytest.raises(DataError, match="not a whole HDF5 file"):
+        base.read(tmp_path / "b.mat")

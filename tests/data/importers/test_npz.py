@@ -59,3 +59,13 @@ def test_broken_archives(tmp_path: Path) -> None:
     file.write_bytes(file.read_bytes()[:100])
     with pytest.raises(DataError, match="whole archive"):
         base.read(file)
+
+
+def test_a_motion_of_mjlab(tmp_path: Path) -> None:
+    """What csv_to_npz.py of mjlab writes."""
+    np.savez(tmp_path / "motion.npz", fps=[50], joint_pos=TABLE, joint_vel=TABLE,
+             body_pos_w=np.zeros((300, 4, 3)))  # fmt: skip
+    mapping = {"joints": {"joint0": "hip", "joint1": "knee"}, "drop": ["qvel/*"]}
+    r = base.read(tmp_path / "motion.npz", mapping)
+    assert r.rate_hz == pytest.approx(50.0)
+    assert set(r.columns) == {"qpos/hip", "qpos/knee"}

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 
+from tests.conftest import FromShared
 from tests.physics import stool
 from wt.diagnose.observed.observer import Observer
+from wt.diagnose.recordings import odometry
 from wt.diagnose.recordings.odometry import located
 from wt.diagnose.recordings.prepare import prepare
 from wt.diagnose.recordings.smooth import smooth
@@ -16,6 +19,7 @@ from wt.diagnose.recordings.stretches import stretches_of
 from wt.diagnose.residual.screen import Screen
 from wt.errors import RecordingError
 from wt.physics import base
+from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
 from wt.types import Channel, Recording
 
@@ -61,6 +65,53 @@ def test_base_is_where_it_was(machine: Scene, whole: Recording, sensors: tuple[s
     true_speed = np.stack([true[f"qvel/root/{axis}"][50:] for axis in "xyz"])
     assert np.sqrt(np.mean(speed**2)) < 0.25 * np.sqrt(np.mean(true_speed**2))
     assert np.abs(off("qpos/root/x")).max() < 0.25 * np.ptp(true["qpos/root/x"][50:])
+
+
+def test_a_speed_that_is_off_leads_down_no_slope() -> None:
+    """Three feet of a walk that goes 0.5 m/s ahead, and sinks by 3 cm/s as far as speeds tell."""
+    t = np.linspace(0.0, 5.0, 501)
+    feet = np.array([[0.2, 0.1, -0.3], [-0.2, -0.1, -0.3], [-0.2, 0.1, -0.3]])
+    swings = 0.05 * np.sin(2.0 * np.pi * t)[:, None]
+    for rise in (0.0, 0.1):
+        place = np.tile(feet, (len(t), 1, 1))
+        place[:, :, 0] += swings
+        place[:, :, 2] += rise * place[:, :, 0]
+        low, weight = np.zeros(place.shape[:2]), np.ones(place.shape[:2])
+        speed = np.tile([0.5, 0.0, 0.5 * rise - 0.03], (len(t), 1))
+        seen = odometry._Feet(np.tile(speed[:, None], (1, 3, 1)), low, place, 0.0)
+        where = odometry._on_the_ground(t, seen, speed, weight)
+        np.testing.assert_allclose(where[:, 2], 0.3 + rise * where[:, 0], atol=4e-3)
+
+
+@pytest.mark.parametrize("sensors", [("gyro", "accelerometer"), ("gyro", "orientation")])
+def test_the_floor_carries_it(machine: Scene, whole: Recording, sensors: tuple[str, ...]) -> None:
+    known = without_base(whole, *sensors)
+    columns = known.columns | located(machine, "root", whole.t, known.columns)
+    columns |= base.coordinates("root", columns)
+    m, d = machine.model, mujoco.MjData(machine.model)
+    carried = []
+    for k in range(50, len(whole.t), 5):
+        for kind, state in (("qpos", d.qpos), ("qvel", d.qvel)):
+            state[:] = [columns[f"{kind}/{name}"][k] for name in machine.joints]
+        d.ctrl[:] = [columns[f"ctrl/{name}"][k] for name in stool.JOINTS]
+        mujoco.mj_forward(m, d)
+        carried.append(d.qfrc_constraint[machine.dof("root/z")])
+    weight = m.body_mass.sum() * 9.81
+    assert np.mean(carried) == pytest.approx(weight, rel=0.15)
+
+
+def test_replays_keep_beside_a_go2_that_walks(from_shared: FromShared) -> None:
+    """With nothing hidden, as the runner of the package recorded it: 0.25 s at a time."""
+    walk = from_shared("cases/field/17_go2_runner_imu_only.parquet")
+    scene = Scene(from_shared("cases/field/17_go2.xml"))
+    fitted = smooth(scene, prepare(scene, [walk], []).fit)
+    pairs = stretches_of(fitted, forgets=False, seconds=2.0)
+    said = Replayer(scene, [stretch for stretch, _ in pairs], 1e-3).run([()]).q[0]
+    measured = np.concatenate([q for _, q in pairs])
+    legs = np.isfinite(measured).all(axis=0)
+    error = np.sqrt(np.mean((said - measured)[:, legs] ** 2, axis=0))
+    assert legs.sum() == 12
+    assert (error < 0.1 * np.std(measured[:, legs], axis=0)).all()
 
 
 def test_a_recorded_base_is_not_computed(machine: Scene, whole: Recording) -> None:

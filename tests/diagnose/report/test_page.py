@@ -318,6 +318,8 @@ def test_a_law_that_only_replays_tell_shows_no_after(diagnosis: Diagnosis) -> No
     assert "beads before" in chart
     assert "beads after" not in chart
     assert "shows in replays alone" in chart
+    keys = page.split("What the missing force depends on")[1].partition("<svg")[0]
+    assert "key before" in keys and "key after" not in keys
 
 
 def force(actuator: str, joint: str, side: str) -> MeasuredForce:

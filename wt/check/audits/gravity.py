@@ -49,9 +49,7 @@ class Gravity:
         weight = _Weight.of(balance)
         if weight is None:
             return
-        given, all_of_it, none = (
-            weight.left(s) for s in (weight.given, np.array(1.0), np.array(0.0))
-        )
+        given, all_of_it, none = weight.left_as_given(), weight.left(1.0), weight.left(0.0)
         share = weight.share()
         compensated = weight.given < 0.2
         if not compensated and abs(share) < _WHOLE and given > _DECISIVE * none:
@@ -148,13 +146,15 @@ class _Weight:
         force: of each row's drive, less the model's inertia.
         along: weight on each row's joint, per strength of the model's gravity along each axis.
         gravity: direction of the model's, as a unit vector.
-        given: share of the weight that the model leaves to the drives.
+        own: weight that the model leaves to each row's drive.
+        given: share of the weight that it leaves to all of them.
         scale: variance that is left of each row's force at the best, to weigh the rows.
     """
 
     force: tuple[Float[np.ndarray, " row"], ...]
     along: tuple[Float[np.ndarray, "row 3"], ...]
     gravity: Float[np.ndarray, " 3"]
+    own: tuple[Float[np.ndarray, " row"], ...]
     given: float
     scale: Float[np.ndarray, " drive"]
 
@@ -167,7 +167,7 @@ class _Weight:
         bare, axes = _weights(m, s.q, s.v, s.a, strength)
         down = np.array(m.opt.gravity) / strength
         force, along, scale, shown = [], [], [], []
-        own = np.zeros(2)
+        left_to, own = [], np.zeros(2)
         for row in balance.rows:
             drive, i = row.drive, row.drive.dof
             u = np.clip(s.u[:, drive.index], *drive.commands)
@@ -187,7 +187,8 @@ class _Weight:
             )
             y, x = _without(pull - bare[:, i], free), _without(axes[:, i], free)
             w = x @ down
-            own += [w @ _without(demand[:, i] - bare[:, i], free), w @ w]
+            left_to.append(_without(demand[:, i] - bare[:, i], free))
+            own += [w @ left_to[-1], w @ w]
             best = np.linalg.lstsq(x, y, rcond=1e-8)[0]
             force.append(y)
             along.append(x)
@@ -202,9 +203,15 @@ class _Weight:
             tuple(force[k] for k in chosen),
             tuple(along[k] for k in chosen),
             down,
+            tuple(left_to[k] for k in chosen),
             float(own[0] / own[1]),
             np.array(scale)[chosen],
         )
+
+    def left_as_given(self) -> float:
+        """Weighted mean square that is left with the weight as the model has it."""
+        pairs = zip(self.force, self.own, self.scale, strict=True)
+        return float(np.mean([np.mean((y - w) ** 2) / s for y, w, s in pairs]))
 
     def left(self, pull: Float[np.ndarray, "*axis"] | float) -> float:
         """Weighted mean square that is left with a share of the weight, or with another pull."""

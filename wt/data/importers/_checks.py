@@ -18,6 +18,8 @@ from wt.errors import DataError
 from wt.types import Recording
 
 DEGREE = np.pi / 180.0
+_QUIETLY = np.errstate(over="ignore", invalid="ignore", divide="ignore")
+"""Absurd numbers are refused or doubted; NumPy need not warn of them."""
 _ALIKE = 0.8  # correlation from which two signals are the same quantity
 _SLOWEST, _FASTEST = 0.25, 1.5e-4  # s, intervals of any controller's log
 _TURNS = 4.0 * np.pi  # rad, more than a joint of a limb sweeps
@@ -25,6 +27,7 @@ _MAX_DELAY = 0.4  # s, longest delay looked for
 _SHORT_DELAY = 0.06  # s, longest at which an answer's sign is checked
 
 
+@_QUIETLY
 def refuse_contradictions(recording: Recording, mapping: Map) -> None:
     """Refuse velocities of another sign or unit than the slope of their positions.
 
@@ -37,7 +40,7 @@ def refuse_contradictions(recording: Recording, mapping: Map) -> None:
     """
     for joint in _joints(recording):
         position, velocity = f"qpos/{joint}", f"qvel/{joint}"
-        r, factor = _velocity_over_slope(recording, joint)
+        r, factor = velocity_over_slope(recording, joint)
         if r < -_ALIKE and not _mapping.says(mapping, "signs", position, velocity):
             raise DataError(
                 f"column '{velocity}' runs against the slope of '{position}'; set in the map "
@@ -52,6 +55,7 @@ def refuse_contradictions(recording: Recording, mapping: Map) -> None:
                 )
 
 
+@_QUIETLY
 def doubts(recording: Recording, mapping: Map) -> list[str]:
     """Doubts about columns that look wrong without being impossible, with the map's key to set.
 
@@ -67,7 +71,7 @@ def doubts(recording: Recording, mapping: Map) -> list[str]:
         )
     for joint in _joints(recording):
         position, velocity, command = (f"{kind}/{joint}" for kind in ("qpos", "qvel", "ctrl"))
-        r, factor = _velocity_over_slope(recording, joint)
+        r, factor = velocity_over_slope(recording, joint)
         units_open = not _mapping.says(mapping, "units", position, velocity)
         if r > _ALIKE and not 0.5 < factor < 2.0 and units_open:
             lines.append(
@@ -101,6 +105,7 @@ def _doubts_of_time(recording: Recording) -> list[str]:
     return []
 
 
+@_QUIETLY
 def delays(recording: Recording) -> dict[str, float]:
     """Delay from commands to what answers them, by actuator [s].
 
@@ -135,7 +140,7 @@ def _joints(recording: Recording) -> list[str]:
     return names
 
 
-def _velocity_over_slope(recording: Recording, joint: str) -> tuple[float, float]:
+def velocity_over_slope(recording: Recording, joint: str) -> tuple[float, float]:
     """Correlation of the velocity with the slope of the position, and ratio of their spreads."""
     position, velocity = (recording.columns.get(f"{kind}/{joint}") for kind in ("qpos", "qvel"))
     if position is None or velocity is None:

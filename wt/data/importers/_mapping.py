@@ -5,20 +5,23 @@ Map (all optional)::
     joints: {panda_joint1: joint1, finger: null}  # joint name in the source: MJCF joint
     commands: {panda_joint1: motor1}              # … MJCF actuator; the joint's name if left out
     sensors: {imu_gyro: gyro}                     # sensor name in the source: MJCF sensor
+    channels: {qpos/a: qpos/b, qvel/a: null}      # single columns, whatever their names say above
     units: deg                                    # all joint positions, velocities and commands
     signs: {ctrl/motor1: -1}
     offsets: {qpos/joint1: 0.1}
+    drop: [sensor/temperature/*, force/*]         # columns that are left out
     meta: {robot: my arm, notes: …}
 
-``null`` leaves out. ``units``, ``signs`` and ``offsets`` name columns of the recording that comes
-out; ``*`` stands for any name (``qvel/*: deg``). A unit is one of :data:`UNITS` or the factor to
-SI. What comes out is sign · unit · value + offset, the offset in SI.
+``null`` leaves out too; ``channels`` goes before the names above it. ``drop``, ``units``, ``signs``
+and ``offsets`` name columns of the recording that comes out; ``*`` stands for any name
+(``qvel/*: deg``). A unit is one of :data:`UNITS` or the factor to SI. What comes out is
+sign · unit · value + offset, the offset in SI.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -31,7 +34,9 @@ Column = Float[np.ndarray, " time"]
 Map = Mapping[str, Any]
 """The content of ``--map F.yaml``; what it may say stands here and at each importer."""
 
-KEYS = frozenset({"joints", "commands", "sensors", "units", "signs", "offsets", "meta"})
+KEYS = frozenset(
+    {"joints", "commands", "sensors", "channels", "units", "signs", "offsets", "drop", "meta"}
+)
 UNITS = {
     "SI": 1.0,
     "rad": 1.0,
@@ -44,7 +49,8 @@ UNITS = {
 """Factor from each unit to SI; of a velocity, the unit of its position (``deg`` is deg/s)."""
 
 _COLUMN = re.compile(r"(qpos|qvel|ctrl|force|sensor)/(.+?)(/\d+)?")
-_SECTION = {"qpos": "joints", "qvel": "joints", "ctrl": "commands", "force": "commands"}
+SECTION = {"qpos": "joints", "qvel": "joints", "ctrl": "commands", "force": "commands"}
+"""The map's key for the names of a kind of column; ``sensors`` for every other."""
 
 
 def apply(recording: Recording, mapping: Map) -> Recording:
@@ -57,7 +63,7 @@ def apply(recording: Recording, mapping: Map) -> Recording:
     Raises:
         DataError: the map names something that is not there, or a value is of the wrong kind.
     """
-    columns = _renamed(recording.columns, mapping)
+    columns = _without(_renamed(recording.columns, mapping), mapping)
     factors = {name: 1.0 for name in columns}
     offsets = {name: 0.0 for name in columns}
     for pattern, unit in _entries(mapping, "units").items():
@@ -109,6 +115,15 @@ def says(mapping: Map, key: str, *columns: str) -> bool:
     return any(matching(p, named, key, spread=False) for p in entries)
 
 
+def _without(columns: dict[str, Column], mapping: Map) -> dict[str, Column]:
+    """The columns that the map does not drop."""
+    patterns = mapping.get("drop", [])
+    if isinstance(patterns, str) or not isinstance(patterns, Sequence):
+        raise DataError(f"map drop holds {patterns!r}; it must be a list of columns: [force/*, …]")
+    dropped = {name for p in patterns for name in matching(str(p), columns, "drop")}
+    return {name: values for name, values in columns.items() if name not in dropped}
+
+
 def _entries(mapping: Map, key: str) -> dict[str, Any]:
     entries = mapping.get(key, {})
     if key == "units" and isinstance(entries, str):
@@ -119,37 +134,77 @@ def _entries(mapping: Map, key: str) -> dict[str, Any]:
 
 
 def _renamed(columns: Mapping[str, Column], mapping: Map) -> dict[str, Column]:
-    names = {key: _entries(mapping, key) for key in ("joints", "commands", "sensors")}
-    used: set[tuple[str, str]] = set()
-    sources: dict[str, set[str]] = {key: set() for key in names}
-    renamed: dict[str, Column] = {}
-    for column, values in columns.items():
-        match = _COLUMN.fullmatch(column)
-        if match is None:
-            renamed[column] = values
-            continue
-        kind, name, index = match[1], match[2], match[3] or ""
-        key = _SECTION.get(kind, "sensors")
-        sources[key].add(name)
-        if key == "commands":
-            sources["joints"].add(name)
-            # a command that the map does not name follows its joint
-            key = key if name in names[key] else "joints"
-        if name in names[key]:
-            used.add((key, name))
-        new = names[key].get(name, name)
-        if new is None:
-            continue
-        if f"{kind}/{new}{index}" in renamed:
-            raise DataError(f"map {key}: two columns would be '{kind}/{new}{index}'")
-        renamed[f"{kind}/{new}{index}"] = values
-    for key, entries in names.items():
-        for name in entries:
-            if (key, name) not in used:
-                raise DataError(
-                    f"map {key}: {name!r} is not in the source; {suggest(name, sources[key])}"
-                )
+    return {new: columns[old] for old, new in renames(columns, mapping).items() if new is not None}
+
+
+def renames(columns: Iterable[str], mapping: Map) -> dict[str, str | None]:
+    """New name of each column of a source; None where it is left out.
+
+    Raises:
+        DataError: the map names something that is not there, or two columns would be one.
+    """
+    names = tuple(columns)
+    made = _Renames(mapping, names)
+    renamed: dict[str, str | None] = {}
+    for column in names:
+        key, new = made.of(column)
+        if new is not None and new in renamed.values():
+            raise DataError(f"map {key}: two columns would be '{new}'")
+        renamed[column] = new
+    made.refuse_unused()
     return renamed
+
+
+class _Renames:
+    """What a map makes of each column's name, and which of its entries were of use."""
+
+    def __init__(self, mapping: Map, columns: Iterable[str]) -> None:
+        self.channels = _entries(mapping, "channels")
+        self.names = {key: _entries(mapping, key) for key in ("joints", "commands", "sensors")}
+        self.used: set[tuple[str, str]] = set()
+        self.there: dict[str, set[str]] = {key: set() for key in self.names}
+        self.there["channels"] = set(columns)
+
+    def of(self, column: str) -> tuple[str, str | None]:
+        """The key of the map that names a column, and its new name; None leaves it out."""
+        match = _COLUMN.fullmatch(column)
+        own = column in self.channels
+        if own:
+            self.used.add(("channels", column))
+        if match is None:
+            return "channels", self._channel(column) if own else column
+        kind, name, index = match[1], match[2], match[3] or ""
+        key = SECTION.get(kind, "sensors")
+        self.there[key].add(name)
+        if key == "commands":
+            self.there["joints"].add(name)
+            # a command that the map does not name follows its joint
+            key = key if name in self.names[key] else "joints"
+        if name in self.names[key]:
+            self.used.add((key, name))
+        if own:
+            return "channels", self._channel(column)
+        new = self.names[key].get(name, name)
+        return key, None if new is None else f"{kind}/{new}{index}"
+
+    def _channel(self, column: str) -> str | None:
+        new = self.channels[column]
+        if new is not None and (not isinstance(new, str) or not _COLUMN.fullmatch(new)):
+            raise DataError(
+                f"map channels: {column!r} is to be {new!r}; give a column of a recording such as "
+                "'qpos/<joint>' or 'ctrl/<actuator>', or null to leave it out"
+            )
+        return new
+
+    def refuse_unused(self) -> None:
+        """Refuse entries that name nothing of the source."""
+        for key, entries in {**self.names, "channels": self.channels}.items():
+            for name in entries:
+                if (key, name) not in self.used:
+                    raise DataError(
+                        f"map {key}: {name!r} is not in the source; "
+                        f"{suggest(name, self.there[key])}"
+                    )
 
 
 def _factor(unit: object) -> float:

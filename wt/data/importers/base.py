@@ -3,8 +3,9 @@
 Adding a format is one new file in this package and its test: define a class with the members of
 :class:`Importer` and decorate it with ``@register``. The file is found by itself; a name used
 twice is refused. Names, units and signs that a map changes are no importer's concern: it gives
-the source's names, and :mod:`wt.data.importers._mapping` does the rest. Files whose names start
-with an underscore hold what importers share.
+the source's names, and :mod:`wt.data.importers._mapping` does the rest. One whose sources leave
+open what is what has a ``survey`` too (:mod:`wt.data.importers._survey`), for ``--guess``. Files
+whose names start with an underscore hold what importers share.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import ClassVar, Protocol, runtime_checkable
 import yaml
 
 from wt.data.importers import _checks, _mapping
+from wt.data.importers._mapping import UNITS as UNITS
 from wt.data.importers._mapping import Map, refuse_unknown_keys
 from wt.errors import DataError
 from wt.types import Recording
@@ -99,16 +101,41 @@ def read(path: str | Path, mapping: Map | None = None) -> Recording:
             or a column contradicts another in sign or unit.
         RecordingError: what was read is not a valid recording.
     """
+    recording = mapped(path, mapping)
+    refuse_contradictions(path, recording, mapping)
+    return recording
+
+
+def mapped(path: str | Path, mapping: Map | None = None) -> Recording:
+    """The same, even where columns contradict each other: to be looked at.
+
+    Raises:
+        DataError: nothing there, no importer recognises it, it is broken, or the map does not fit.
+        RecordingError: what was read is not a valid recording.
+    """
     path, mapping = Path(path), mapping or {}
-    if not path.exists():
-        raise DataError(f"'{path}' does not exist; give the file or folder to import")
-    importer = _importer_of(path)
+    importer = importer_of(path)
     refuse_unknown_keys(mapping, set(_mapping.KEYS | importer.keys))
     own = {key: value for key, value in mapping.items() if key in importer.keys}
-    common = {key: value for key, value in mapping.items() if key not in importer.keys}
-    recording = _mapping.apply(importer.read(path, own), common)
-    _checks.refuse_contradictions(recording, common)
-    return recording
+    return _mapping.apply(importer.read(path, own), _common(importer, mapping))
+
+
+def refuse_contradictions(path: str | Path, recording: Recording, mapping: Map | None) -> None:
+    """Refuse a recording of which a column contradicts another in sign or unit.
+
+    Args:
+        path: what it was read from.
+        recording: what :func:`mapped` gave.
+        mapping: the map that it was read with.
+
+    Raises:
+        DataError: naming the column, and the entry of the map that settles it.
+    """
+    _checks.refuse_contradictions(recording, _common(importer_of(Path(path)), mapping or {}))
+
+
+def _common(importer: Importer, mapping: Map) -> Map:
+    return {key: value for key, value in mapping.items() if key not in importer.keys}
 
 
 def doubts(recording: Recording, mapping: Map | None = None) -> list[str]:
@@ -126,7 +153,17 @@ def delays(recording: Recording) -> dict[str, float]:
     return _checks.delays(recording)
 
 
-def _importer_of(path: Path) -> Importer:
+def importer_of(path: Path) -> Importer:
+    """The importer that knows a source best.
+
+    Args:
+        path: a file or folder.
+
+    Raises:
+        DataError: nothing is there, or no importer recognises it.
+    """
+    if not path.exists():
+        raise DataError(f"'{path}' does not exist; give the file or folder to import")
     known = importers()
     fitting = [i for i in known.values() if i.recognises(path)]
     if not fitting:

@@ -2,16 +2,18 @@
 
 Map::
 
-    time: {column: stamp_us, scale: 1e-6}        # scale to seconds, 1 if left out
+    time: {column: stamp_us, scale: 1e-6}        # scale to seconds, 1 if left out; or {rate: 50}
     columns:                                     # recording column: CSV column
       ctrl/shoulder: cmd
       qpos/shoulder: {column: angle_deg, scale: 0.017453292519943295, offset: 0.0}
 
-Keys that every format has (units, signs, meta, …) stand in :mod:`wt.data.importers._mapping`.
+Columns may be separated by commas, semicolons or tabs. ``wt import --guess`` proposes a map. Keys
+that every format has (units, signs, meta, …) stand in :mod:`wt.data.importers._mapping`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -19,7 +21,10 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float64
 
+from wt.data import recording as recordings
+from wt.data.importers._arrays import even
 from wt.data.importers._mapping import Map, refuse_unknown_keys
+from wt.data.importers._survey import Quantity, Survey
 from wt.data.importers.base import register
 from wt.errors import DataError, suggest
 from wt.types import Recording
@@ -47,24 +52,65 @@ class CsvTable:
         if "time" not in mapping or not isinstance(mapping.get("columns"), dict):
             raise DataError(
                 f"'{path}' needs a map with 'time: {{column: …}}' and 'columns: "
-                "{qpos/<joint>: <csv column>, …}'; give it with --map F.yaml"
+                "{qpos/<joint>: <csv column>, …}'; give it with --map F.yaml; 'wt import "
+                f"{path.name} --guess' proposes one"
             )
-        try:
-            table = pd.read_csv(path)
-        except (ValueError, OSError) as error:
-            raise DataError(f"'{path}' cannot be read as CSV: {error}") from error
-        columns = {name: _column(path, table, w) for name, w in mapping["columns"].items()}
-        meta = {"source": path.name, "format": self.name}
-        return Recording(_column(path, table, mapping["time"]), columns, meta)
+        table = read_table(path)
+        wanted = {n: entry for n, entry in mapping["columns"].items() if entry is not None}
+        columns = {name: picked(path, table, entry) for name, entry in wanted.items()}
+        time = mapping["time"]
+        if isinstance(time, dict) and "rate" in time:
+            refuse_unknown_keys(time, {"rate"})
+            t = even(time["rate"], len(table), "map time: rate")
+        else:
+            t = picked(path, table, time)
+        return Recording(t, columns, {"source": path.name, "format": self.name})
+
+    def survey(self, path: Path, mapping: Map) -> Survey:
+        """The numeric columns of the table.
+
+        Raises:
+            DataError: it cannot be read as a table.
+        """
+        return Survey(list(quantities(read_table(path))))
 
 
-def _column(path: Path, table: pd.DataFrame, wanted: object) -> Float64[np.ndarray, " row"]:
+def read_table(path: Path) -> pd.DataFrame:
+    """The table in a file, whatever separates its columns.
+
+    Raises:
+        DataError: it cannot be read as a table.
+    """
+    recordings.refuse_too_much(path, path.stat().st_size)
+    try:
+        with path.open("rb") as file:
+            header = file.readline(1 << 20)
+        between = max(b",;\t", key=lambda sign: header.count(bytes([sign])))
+        return pd.read_csv(path, sep=chr(between), skipinitialspace=True)
+    except (ValueError, OSError) as error:
+        raise DataError(f"'{path}' cannot be read as CSV: {error}") from error
+
+
+def quantities(table: pd.DataFrame) -> Iterable[Quantity]:
+    """The columns of a table that are numbers."""
+    for name in table.columns:
+        values = _numbers(table, name)
+        if np.isfinite(values).any():
+            yield Quantity(str(name), {"column": str(name)}, values)
+
+
+def picked(path: Path, table: pd.DataFrame, wanted: object) -> Float64[np.ndarray, " row"]:
+    """One column of a table by a map's entry, scaled.
+
+    Raises:
+        DataError: it is not there, or is not numeric.
+    """
     entry: dict[str, Any] = wanted if isinstance(wanted, dict) else {"column": wanted}
     refuse_unknown_keys(entry, {"column", "scale", "offset"})
     name = str(entry.get("column"))
     if name not in table:
         raise DataError(f"'{path}' has no column {name!r}: {suggest(name, map(str, table))}")
-    values = pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64)
+    values = _numbers(table, name)
     if not np.isfinite(values).any():
         raise DataError(f"'{path}': column {name!r} holds no numbers")
     try:
@@ -73,3 +119,7 @@ def _column(path: Path, table: pd.DataFrame, wanted: object) -> Float64[np.ndarr
         raise DataError(f"map: scale and offset of {name!r} must be numbers: {error}") from error
     # SI value = scale · raw + offset
     return scale * values + offset
+
+
+def _numbers(table: pd.DataFrame, name: str) -> Float64[np.ndarray, " row"]:
+    return pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64)

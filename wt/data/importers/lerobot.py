@@ -1,15 +1,23 @@
-"""Episodes of LeRobot datasets: Parquet with lists of numbers, names in meta/info.json.
+"""Episodes of LeRobot datasets, v2.0, v2.1 and v3: Parquet with lists of numbers, names in meta.
+
+The layouts are those of github.com/huggingface/lerobot: in ``meta/info.json`` ``codebase_version``,
+``fps`` and ``features``; up to v2.1 one file each (``data/chunk-000/episode_000000.parquet``),
+in v3 several in one (``data/chunk-000/file-000.parquet``), found by ``meta/episodes``.
 
 ``action`` becomes commands, ``observation.state`` positions, ``observation.velocity`` and
 ``observation.effort`` velocities and forces. An element's name is that of its joint; an ending
 ``.pos``, ``.vel``, ``.effort`` or ``.torque`` says what it is, and other endings (``.x``, …) stay
 part of the name. Where the dataset has no names, joints are ``joint0``, ``joint1``, ….
 The action of a row is in force from that row on. LeRobot leaves units open (degrees, or percent
-of the range): give ``units`` in the map.
+of the range): give ``units`` in the map, or the robot's calibration, which is looked for in the
+dataset (``calibration/robots/<type>/<id>.json``, as LeRobot keeps it) and turns both into radians
+(:mod:`wt.data.importers._calibration`).
 
 Map (all optional)::
 
-    episode: 3       # needed where there are several in the source
+    episode: 3                # needed where there are several in the source
+    calibration: arm.json     # of lerobot-calibrate; false for none
+    unit: percent             # with a calibration: percent or degrees; left out, the values tell
 
 Keys that every format has (joints, units, signs, …) stand in :mod:`wt.data.importers._mapping`.
 """
@@ -17,6 +25,7 @@ Keys that every format has (joints, units, signs, …) stand in :mod:`wt.data.im
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -25,11 +34,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from jaxtyping import Float64
 
+from wt.data.importers import _calibration
 from wt.data.importers.base import Map, register
 from wt.errors import DataError
 from wt.types import Recording
 
 _INFO = Path("meta") / "info.json"
+_PLACE = ("data/chunk_index", "data/file_index")
 _KINDS = {
     "action": "ctrl",
     "observation.state": "qpos",
@@ -46,7 +57,7 @@ class LeRobot:
 
     name: ClassVar[str] = "lerobot"
     about: ClassVar[str] = f"a dataset folder with {_INFO}, or one of its .parquet files"
-    keys: ClassVar[frozenset[str]] = frozenset({"episode"})
+    keys: ClassVar[frozenset[str]] = frozenset({"episode", "calibration", "unit"})
     general: ClassVar[bool] = False
 
     def recognises(self, path: Path) -> bool:
@@ -68,8 +79,9 @@ class LeRobot:
         """
         folder = path if path.is_dir() else _dataset_of(path)
         info = _info(folder) if folder else {}
-        files = sorted((path / "data").rglob("*.parquet")) if path.is_dir() else [path]
-        table = _episode(path, files, mapping.get("episode"))
+        wanted = mapping.get("episode")
+        files = _files(path, info, wanted) if path.is_dir() else [path]
+        table = _episode(path, files, wanted)
         if "timestamp" in table.column_names:
             t = table["timestamp"].to_numpy().astype(np.float64)
         elif isinstance(info.get("fps"), int | float):
@@ -84,8 +96,18 @@ class LeRobot:
                 for name, column in zip(names, values.T, strict=True):
                     stem, what = _what(name, kind)
                     columns[f"{what}/{stem}"] = column
-        meta = {"source": path.name, "format": self.name, "robot": info.get("robot_type")}
+        meta: dict[str, object] = {"source": path.name, "format": self.name}
+        meta |= {"robot": info.get("robot_type")}
         meta |= {"episode": int(table["episode_index"][0].as_py())}
+        unit = mapping.get("unit")
+        if unit not in (None, "percent", "degrees"):
+            raise DataError(f"map unit is {unit!r}; it must be percent or degrees")
+        calibration = _calibration.of_dataset(folder or path.parent, mapping.get("calibration"))
+        if calibration is not None:
+            columns, said = calibration.radians(columns, unit)
+            meta |= {"assumed": [said]}
+        elif unit is not None:
+            raise DataError("map unit needs a calibration; without one give 'units'")
         return Recording(t, columns, meta)
 
 
@@ -101,6 +123,36 @@ def _info(folder: Path) -> dict[str, Any]:
         return content
     except (ValueError, OSError) as error:
         raise DataError(f"'{folder / _INFO}' is not a whole JSON object: {error}") from error
+
+
+def _files(folder: Path, info: dict[str, Any], episode: object) -> list[Path]:
+    """The files in which an episode may be: the one that is named after it, or all.
+
+    Raises:
+        DataError: the dataset is of a version that is not read, or the episode is not given.
+    """
+    version = str(info.get("codebase_version", "v2"))
+    if not version.startswith(("v2", "v3")):
+        raise DataError(
+            f"'{folder}' is of LeRobot's {version}; v2.0 to v3 are read: convert it with lerobot"
+        )
+    total = info.get("total_episodes")
+    if episode is None and isinstance(total, int) and total > 1:
+        raise DataError(
+            f"'{folder}' holds {total} episodes, 0 to {total - 1}; choose one in the map with "
+            "'episode: N', or give one episode's file"
+        )
+    files = sorted((folder / "data").rglob("*.parquet"))
+    if not isinstance(episode, int):
+        return files
+    names = {f"episode_{episode:06d}.parquet"}
+    for index in sorted((folder / "meta" / "episodes").rglob("*.parquet")):
+        with suppress(pa.ArrowException, OSError, ValueError, KeyError):
+            table = pq.read_table(index, columns=["episode_index", *_PLACE])
+            row = table.filter(pa.compute.equal(table["episode_index"], episode)).to_pylist()
+            names |= {f"chunk-{r[_PLACE[0]]:03d}/file-{r[_PLACE[1]]:03d}.parquet" for r in row}
+    fitting = [file for file in files if any(file.as_posix().endswith(name) for name in names)]
+    return fitting or files
 
 
 def _episode(path: Path, files: list[Path], wanted: object) -> pa.Table:
@@ -160,6 +212,8 @@ def _names(info: dict[str, Any], feature: str, width: int) -> list[str]:
                 "'name: {names: …}'"
             )
         names = names.get(key, {} if key != "names" else None)
+    if isinstance(names, dict) and all(isinstance(i, int) for i in names.values()):
+        names = sorted(names, key=names.__getitem__)
     if isinstance(names, dict):
         names = [n for group in names.values() for n in (group if isinstance(group, list) else [])]
     if not isinstance(names, list) or len(names) != width:

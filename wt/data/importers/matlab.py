@@ -1,11 +1,13 @@
-"""MATLAB files (``.mat`` up to version 7): one array a variable, cells as ``variable/0``, ….
+"""MATLAB files (``.mat``): one array a variable, cells as ``variable/0``, ….
 
-Columns of one value are flat arrays here, and tables that are wider than long are turned over:
-time goes down. Beyond that see :mod:`wt.data.importers._arrays`.
+Files of version 7.3 need the package h5py, and their cells are left out. Columns of one value are
+flat arrays here, and tables that are wider than long are turned over: time goes down. Beyond that
+see :mod:`wt.data.importers._arrays`.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import ClassVar
@@ -14,9 +16,11 @@ import numpy as np
 import scipy.io
 from jaxtyping import Shaped
 
-from wt.data.importers import _arrays
+from wt.data import recording as recordings
+from wt.data.importers import _arrays, hdf5
+from wt.data.importers._survey import Survey
 from wt.data.importers.base import Map, register
-from wt.errors import DataError
+from wt.errors import DataError, WTError
 from wt.types import Recording
 
 
@@ -40,15 +44,38 @@ class Matlab:
             DataError: it is no whole file of a version that can be read, or a variable is missing
                 or has another shape.
         """
-        try:
-            if scipy.io.matlab.matfile_version(path)[0] > 1:
-                raise DataError(f"'{path}' is of MATLAB's version 7.3; save it with save(…, '-v7')")
-            content = scipy.io.loadmat(path)
-        except (ValueError, TypeError, OSError, EOFError) as error:
-            raise DataError(f"'{path}' is not a whole MATLAB file: {error}") from error
-        variables = {n: v for n, v in content.items() if isinstance(v, np.ndarray)}
-        arrays = dict(pair for n, v in variables.items() for pair in _flat(n, v))
-        return _arrays.recording(path, arrays, mapping, self.name)
+        return _arrays.recording(path, _read(path), mapping, self.name)
+
+    def survey(self, path: Path, mapping: Map) -> Survey:
+        """The rows of numbers in the file.
+
+        Raises:
+            DataError: it is no whole file of a version that can be read.
+        """
+        return _arrays.survey(_read(path))
+
+
+def _read(path: Path) -> dict[str, Shaped[np.ndarray, " ..."]]:
+    try:
+        if scipy.io.matlab.matfile_version(path)[0] > 1:
+            return _read_hdf5(path)
+        sizes = [math.prod(shape) for _, shape, _ in scipy.io.whosmat(path)]
+        recordings.refuse_too_much(path, 8 * sum(sizes))
+        content = scipy.io.loadmat(path)
+    except (WTError, ModuleNotFoundError):
+        raise
+    except Exception as error:  # the reader lets through whatever a broken file makes it raise
+        raise DataError(f"'{path}' is not a whole MATLAB file: {error}") from error
+    variables = {n: v for n, v in content.items() if isinstance(v, np.ndarray)}
+    return dict(pair for n, v in variables.items() for pair in _flat(n, v))
+
+
+def _read_hdf5(path: Path) -> dict[str, Shaped[np.ndarray, " ..."]]:
+    """The numbers of a file of version 7.3, which is HDF5 with every array turned over."""
+    with hdf5.opened(path) as file:
+        found = hdf5.datasets(path, file)
+        tables = {n: found[n] for n in found if found.is_table(n) and not n.startswith("#")}
+    return dict(pair for n, v in tables.items() for pair in _flat(n, v.T))
 
 
 def _flat(

@@ -17,6 +17,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from wt.diagnose.likelihood.bounded import NormalEquations
+from wt.diagnose.recordings.odometry import UNSURE_Q, UNSURE_V
+from wt.diagnose.recordings.smooth import Smoothed
+from wt.physics import base
 from wt.physics.planted import Planted
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
@@ -125,10 +128,20 @@ class InitialState:
 
 
 def initial_deviations(
-    noise: Float[np.ndarray, " dof"], velocity_noise: Float[np.ndarray, " dof"]
+    smoothed: Smoothed, velocity_noise: Float[np.ndarray, " dof"]
 ) -> Float[np.ndarray, " 2*dof"]:
-    """Deviations of a stretch's estimated initial positions and velocities, from the sensors'."""
-    return np.concatenate([0.5 * np.nan_to_num(noise, nan=1.0), velocity_noise])
+    """Deviations of a stretch's estimated initial positions and velocities, from the sensors'.
+
+    A base that was computed from an IMU moves smoothly, and is off by more than that tells.
+    """
+    scene = smoothed.motion.scene
+    q, v = 0.5 * np.nan_to_num(smoothed.noise, nan=1.0), velocity_noise.copy()
+    computed = {dof for s in smoothed.samples for dof in s.estimated}
+    for joint in scene.free:
+        dofs = [scene.dof(name) for name in base.names(joint)]
+        if computed.issuperset(dofs):
+            q[dofs], v[dofs] = np.maximum(q[dofs], UNSURE_Q), np.maximum(v[dofs], UNSURE_V)
+    return np.concatenate([q, v])
 
 
 def responses(

@@ -120,7 +120,7 @@ class Objective:
         parts = self._rows if self.scene.free else (slice(None),)
         self.channels = Channels(valid, parts, count, np.tile(self.noise, (len(parts), 1)))
         self.tolerances: tuple[ModelTolerance, ...] = tolerances(self.scene)
-        uncertain = np.zeros(0) if forgets else initial_deviations(self.noise, noise_v0)
+        uncertain = np.zeros(0) if forgets else initial_deviations(smoothed, noise_v0)
         floating = bool(self.scene.free)
         self._nearby = Nearby(self._replays, self.tolerances, uncertain, once=floating)
         self._farthest = np.inf if floating else FARTHEST

@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg import solveh_banded
 from scipy.ndimage import gaussian_filter1d
+from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from wt.errors import RecordingError
@@ -40,10 +41,16 @@ _JOLT = 3.0
 """Accelerations that are off by so many deviations count half."""
 _SIGMA_CLIMB, _SIGMA_GROUND = 0.02, 0.003
 """Deviation of the vertical velocity [m/s], and of a standing point from the plane [m]."""
+UNSURE_Q, UNSURE_V = (0.0, 0.0, 1e-3, 0.0, 2e-3, 2e-3), (0.03, 0.03, 0.03, 0.01, 0.01, 0.01)
+"""What a base's coordinates are off by, as :func:`wt.physics.base.names` has them [m, rad], and its
+velocities [m/s, rad/s]. Where it is on a plane, and its heading, change no force.
+"""
 _STEADY_S = 1.0
 """Time over which gravity is averaged to say which way is up [s]."""
 _PASSES = 2
 """Times that which way is up and how fast the trunk moves are estimated from one another."""
+_WEIGHED, _DEEPEST = 100, 0.02
+"""Samples at which what the floor carries is weighed, and the deepest that feet sink in [m]."""
 _LEVEL = 0.012
 """A plane that falls by less [rad] is taken to be level."""
 
@@ -111,8 +118,13 @@ def located(
         now = turned if turned is not None else _upright(t, imu, speed)
         feet = _feet(scene, joint, now, imu.turning, q, v)
         speed, weight = _agreed(t, feet, _pull(imu, now))
-    height, ahead = _on_the_ground(t, feet, speed, weight)
-    place = np.stack([*ahead.T, height], axis=1)
+    place = _on_the_ground(t, feet, speed, weight)
+    command = [f"ctrl/{scene.model.actuator(i).name}" for i in range(scene.model.nactuator)]
+    place[:, 2] -= _sunk(
+        scene, joint, (place, now), (speed, imu.turning), (q, v), _table(t, columns, command)
+    )
+    # feet that lift or land bend the vertical speed, and where it leads; the height knows better
+    speed[:, 2] = np.gradient(place[:, 2], t)
     quaternion = now.as_quat(scalar_first=True)
     pose = np.concatenate([place, quaternion], axis=1).T
     rate = np.concatenate([speed, imu.turning], axis=1).T
@@ -237,10 +249,8 @@ def _feet(
     m = reaching(m, 2.0 * high, planes[0])
     d, jacobian = mujoco.MjData(m), np.zeros((3, m.nv))
     dofs = [scene.dof(name) for name in base.names(joint)]
-    angles = np.unwrap(turned.as_euler("ZYX"), axis=0)
-    q, v = q.copy(), v.copy()
-    q[:, dofs] = np.column_stack([np.zeros((len(q), 2)), np.full(len(q), level + high), angles])
-    v[:, dofs] = np.column_stack([np.zeros((len(q), 3)), base.rates(angles, turning)])
+    above = np.tile([0.0, 0.0, level + high], (len(q), 1))
+    q, v = _with_base(scene, joint, (above, turned), (np.zeros_like(above), turning), (q, v))
     standing = []
     for pose, rate in zip(q, v, strict=True):
         d.qpos[:] = pose
@@ -259,6 +269,54 @@ def _feet(
     for row, points in zip(table, standing, strict=True):
         row[: len(points)] = points
     return _Feet(table[..., :3], table[..., 3], table[..., 4:], level)
+
+
+def _with_base(
+    scene: Scene,
+    joint: str,
+    pose: tuple[Float[np.ndarray, "sample 3"], Rotation],
+    rate: tuple[Float[np.ndarray, "sample 3"], Float[np.ndarray, "sample 3"]],
+    state: tuple[Float[np.ndarray, "sample dof"], Float[np.ndarray, "sample dof"]],
+) -> tuple[Float[np.ndarray, "sample dof"], Float[np.ndarray, "sample dof"]]:
+    """Positions and velocities of all joints, with a base's place and orientation, and rates."""
+    dofs = [scene.dof(name) for name in base.names(joint)]
+    angles = np.unwrap(pose[1].as_euler("ZYX"), axis=0)
+    q, v = state[0].copy(), state[1].copy()
+    q[:, dofs] = np.column_stack([pose[0], angles])
+    v[:, dofs] = np.column_stack([rate[0], base.rates(angles, rate[1])])
+    return q, v
+
+
+def _sunk(
+    scene: Scene,
+    joint: str,
+    pose: tuple[Float[np.ndarray, "sample 3"], Rotation],
+    rate: tuple[Float[np.ndarray, "sample 3"], Float[np.ndarray, "sample 3"]],
+    state: tuple[Float[np.ndarray, "sample dof"], Float[np.ndarray, "sample dof"]],
+    command: Float[np.ndarray, "sample actuator"],
+) -> float:
+    """How far feet sink into the floor until it carries the machine on average [m].
+
+    MuJoCo's contacts are soft: feet that only touch carry nothing, and a replay would begin with a
+    fall.
+    """
+    m, up = scene.model, scene.dof(base.names(joint)[2])
+    d, rows = mujoco.MjData(m), np.linspace(0, len(command) - 1, _WEIGHED).astype(int)
+    q, v = (x[rows] for x in _with_base(scene, joint, pose, rate, state))
+    weight = float(m.body_mass.sum() * np.linalg.norm(m.opt.gravity))
+
+    def carried(depth: float) -> float:
+        force = 0.0
+        for i, (pose_, rate_) in enumerate(zip(q, v, strict=True)):
+            d.qpos[:], d.qvel[:], d.ctrl[:] = pose_, rate_, command[rows[i]]
+            d.qpos[up] -= depth
+            mujoco.mj_forward(m, d)
+            force += float(d.qfrc_constraint[up]) / len(rows)
+        return force - weight
+
+    if carried(0.0) >= 0.0 or carried(_DEEPEST) <= 0.0:
+        return 0.0
+    return float(brentq(carried, 0.0, _DEEPEST, xtol=1e-5))
 
 
 def _agreed(
@@ -306,21 +364,32 @@ def _on_the_ground(
     feet: _Feet,
     speed: Float[np.ndarray, "sample 3"],
     weight: Float[np.ndarray, "sample point"],
-) -> tuple[Float[np.ndarray, " sample"], Float[np.ndarray, "sample 2"]]:
-    """Height and place of the base [m], its feet standing on one plane."""
+) -> Float[np.ndarray, "sample 3"]:
+    """Place of the base [m], its feet standing on one plane."""
     dt = np.diff(t)[:, None]
     moved = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (speed[1:] + speed[:-1]) * dt, 0)])
     place = np.nan_to_num(feet.place)
     points = moved[:, None] + place
-    scale = np.sqrt(weight).reshape(-1)
-    design = np.column_stack([points[..., 0].ravel(), points[..., 1].ravel(), np.ones(weight.size)])
-    (a, b, _), *_ = np.linalg.lstsq(design * scale[:, None], points[..., 2].ravel() * scale)
-    if np.hypot(a, b) < _LEVEL:
-        a = b = 0.0
+    a, b = _slope(place, weight)
     # the plane is the floor below the start; what integration drifts by is taken off
     wanted = feet.ground + a * points[..., 0] + b * points[..., 1] - place[..., 2]
     strong = weight / _SIGMA_GROUND**2
     stiff = 1.0 / (_SIGMA_CLIMB * dt[:, 0]) ** 2
     climbed = np.diff(moved[:, 2])[:, None]
     height = _chained(strong.sum(axis=1), (strong * wanted).sum(axis=1)[:, None], stiff, climbed)
-    return height[:, 0], moved[:, :2]
+    return np.concatenate([moved[:, :2], height], axis=1)
+
+
+def _slope(
+    place: Float[np.ndarray, "sample point 3"], weight: Float[np.ndarray, "sample point"]
+) -> tuple[float, float]:
+    """Rise of the ground along x and y, as the feet that stand at the same time see it.
+
+    Not from where the base went: a speed that is a little off leads down any slope in time.
+    """
+    total = np.maximum(weight.sum(axis=1), 1e-12)
+    middle = np.einsum("kp,kpi->ki", weight, place) / total[:, None]
+    apart = (place - middle[:, None]) * np.sqrt(weight)[:, :, None]
+    x, y, z = apart.reshape(-1, 3).T
+    (a, b), *_ = np.linalg.lstsq(np.column_stack([x, y]), z)
+    return (0.0, 0.0) if np.hypot(a, b) < _LEVEL else (float(a), float(b))

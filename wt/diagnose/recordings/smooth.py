@@ -30,7 +30,7 @@ DEGREE = 5
 _KNOTS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0)  # samples between knots that are tried
 _COARSEST = 0.05  # s between knots: slower than any motion that matters
 _STILL = 0.1  # rad/s or m/s: below, dry friction may be less than it is
-_FINEST = 3e-3
+FINEST_S = 3e-3
 """Even grids are no finer [s]: forces at 1 kHz say no more than at a third of the rate, and the
 screen takes thrice the time."""
 
@@ -193,7 +193,7 @@ def _derivative(knots: Float[np.ndarray, " knot"], n: int) -> sparse.spmatrix:
 def _acted_on(scene: Scene, s: Samples) -> Float[np.ndarray, "sample actuator"]:
     """What each drive acts on from each sample to the next: its command, or a mean activation."""
     following = np.concatenate([s.activation[1:], s.activation[-1:]])
-    return np.where(dynamic(scene.model), 0.5 * (s.activation + following), s.command)
+    return np.where(dynamic(scene.model), 0.5 * (s.activation + following), s.activation)
 
 
 def _anchored(smoothed: Smoothed) -> tuple[Samples, ...]:
@@ -240,7 +240,7 @@ def _assemble(
     parts, segments, at_samples, start = [], [], [], 0
     for s, curves in zip(samples, chosen, strict=True):
         splines = [c.spline for c in curves]
-        every = max(1, int(_FINEST / s.dt + 1e-6))
+        every = max(1, int(FINEST_S / s.dt + 1e-6))
         dt = every * s.dt
         count = int((s.t[-1] - s.t[0]) / dt + 1e-6) + 1
         fine = s.t[0] + s.dt * np.arange(count * every)

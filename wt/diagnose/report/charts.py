@@ -27,9 +27,8 @@ _BINS, _LEAST = 36, 5
 _MOST_TRACES = 4
 _MOST_SHADED = 0.8  # of a trace, from which shading tells nothing
 _EXTREME = 0.005  # share of samples at either end that would squeeze all the rest
-BEFORE_AFTER = (
-    '<span class="key before">model as given</span> <span class="key after">patched model</span>'
-)
+BEFORE = '<span class="key before">model as given</span>'
+BEFORE_AFTER = f'{BEFORE} <span class="key after">patched model</span>'
 
 
 def model_of(diagnosis: Diagnosis) -> mujoco.MjModel | None:

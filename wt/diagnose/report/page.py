@@ -154,7 +154,9 @@ def _dependence(d: Diagnosis) -> str:
     drawn = [c for f in d.findings if (c := charts.dependence(d, f, model))]
     if not drawn:
         return ""
-    keys = f"<p>{charts.BEFORE_AFTER}</p>"
+    # what a law takes may show in replays alone: then no force is drawn after it
+    after = any("beads after" in c for c in drawn)
+    keys = f"<p>{charts.BEFORE_AFTER if after else charts.BEFORE}</p>"
     intro = (
         "Force that the recorded motion demands, by inverse dynamics, less what the model supplies."
     )

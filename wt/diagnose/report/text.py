@@ -76,6 +76,15 @@ def fit(diagnosis: Diagnosis) -> str:
     noise = f"measurement noise alone would give {' and '.join(noises)}"
     if not diagnosis.findings:
         return f"The replay's error on held-out data is {' and '.join(said)}; {noise}."
+    if percent(diagnosis.proof.holdout.ratio) == percent(1.0):
+        stays = " and ".join(
+            f"{number(h.after * scaled(h.before, of)[0])} {scaled(h.before, of)[1]}"
+            for h, of in overall(diagnosis)
+        )
+        return (
+            f"The replay's error on held-out data stays at {stays}, since what was found does not "
+            f"show in it; {noise}."
+        )
     return (
         f"The replay's error on held-out data fell from {' and from '.join(said)}, to "
         f"{ratio(diagnosis.proof.holdout)}; {noise}.{by_files(diagnosis)}"
@@ -253,10 +262,15 @@ def _to_precision(value: float, low: float, high: float) -> tuple[str, str, str]
 
 
 def parameter_rows(findings: Sequence[Finding]) -> list[tuple[str, str, str, str, str, str, str]]:
-    """(effect, place, parameter, value, unit, interval, warning), one row a component."""
+    """(effect, place, parameter, value, unit, interval, warning), one row a component.
+
+    What has no interval, as the times of pushes, stands in the finding's sentence alone.
+    """
     rows = []
     for finding in findings:
-        for name, estimate in finding.parameters.items():
+        given = finding.parameters
+        estimated = {n: e for n, e in given.items() if not np.array_equal(*e.ci95)} or given
+        for name, estimate in estimated.items():
             unit = "" if estimate.unit == "-" else estimate.unit
             components = values_and_intervals(estimate)
             axes = "xyz" if len(components) == 3 else range(1, len(components) + 1)
@@ -302,8 +316,11 @@ def print_summary(diagnosis: Diagnosis, console: Console) -> None:
             table.add_column(head, overflow="fold")
         for head in ("value", "95 % interval"):
             table.add_column(head, justify="right", no_wrap=True)
+        before = ("", "")
         for effect, at, name, value, unit, interval, _ in rows:
-            table.add_row(*(Text(x) for x in (effect, at, name, f"{value} {unit}", interval)))
+            whose = ("", "") if (effect, at) == before else (effect, at)
+            table.add_row(*(Text(x) for x in (*whose, name, f"{value} {unit}", interval)))
+            before = effect, at
         console.print(table)
     notes = []
     for finding in diagnosis.findings:

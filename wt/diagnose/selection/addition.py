@@ -78,7 +78,10 @@ def addition(
     for s in (s for s in ranked if s.planted.key not in replayed):
         least = THRESHOLDS.replay_share * ranked[0].gain
         log.add(s.planted, "screened", False, s.gain, least, "not replayed: others show far more")
+    log.trying([p for p, _ in tried])
     fits = _replayed(screen, objective, now, [p for p, _ in tried])
+    if fits:
+        log.trying([p for p, _ in tried], _by_worth(objective, fits, now)[0].hypothesis[-1])
     pairs = [(*now.hypothesis, *p) for p in _pairs(screen, objective, known, ranked, fits)]
     fits += _refined(objective, pairs, now, 3)
     fits = _finished(objective, fits, now)

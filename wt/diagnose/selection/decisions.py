@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from wt.diagnose.result import Decision, Stage
 from wt.physics.planted import Planted
@@ -19,6 +19,14 @@ class DecisionLog:
     def __iter__(self) -> Iterator[Decision]:
         """All decisions so far, in the order of time."""
         return iter(self._decisions)
+
+    def trying(self, hypotheses: Sequence[Planted], leading: Planted | None = None) -> None:
+        """Called before hypotheses are replayed, and when one leads: for those who watch.
+
+        Args:
+            hypotheses: what may join, each beside what has.
+            leading: the one that explains most by the first replays.
+        """
 
     def add(
         self,

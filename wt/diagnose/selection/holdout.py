@@ -114,7 +114,7 @@ def prepare_holdout(
     if not forgets:
         renewed = resmooth(smoothed, np.random.default_rng(0))
         velocity_noise = np.std(renewed.v - smoothed.motion.v, axis=0)
-        deviations = initial_deviations(smoothed.noise, velocity_noise)
+        deviations = initial_deviations(smoothed, velocity_noise)
     return Holdout(smoothed, stretches, measured, block, fine, forgets, deviations)
 
 

@@ -28,6 +28,7 @@ from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.alternatives import Lookalikes, simplified, united
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.events import Event
+from wt.diagnose.selection.forms import in_best_form
 from wt.diagnose.selection.holdout import Gain, Holdout, gain, gains, where_mute
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.choice import freest
@@ -136,6 +137,8 @@ class Naming:
                 are asked later is not theirs to pay.
         """
         objective, log = self.objective, self.log
+        objective.reference(tuple(a.planted for a in accepted))
+        accepted = in_best_form(objective, accepted, log)
         estimated = estimate(objective, tuple(a.planted for a in accepted))
         lookalikes = Lookalikes(self.screen, self.search_replays, objective, self.all_replays, log)
         accepted, estimated = lookalikes.settled(accepted, estimated, known)

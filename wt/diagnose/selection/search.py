@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from wt.diagnose.likelihood.bic import earns, exhausted, merit, worth
+from wt.diagnose.likelihood.bic import earns, erring_joints, exhausted, merit, worth
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import refine
 from wt.diagnose.residual.screen import Screen
@@ -25,9 +25,6 @@ from wt.physics.planted import Hypothesis, Key, Planted, without
 S = TypeVar("S")
 DOWNHILL = 2
 """At most this many rounds that went downhill are tried anew without what they added."""
-Report = Callable[[str, float], None]
-"""Called with (what is being done, share of the whole 0…1)."""
-
 FEW = 3
 """So many effects that joined in one round are all looked for again."""
 
@@ -36,7 +33,7 @@ def search(
     screen: Screen,
     objective: Objective,
     log: DecisionLog,
-    report: Report | None = None,
+    report: Callable[[int, int], None] | None = None,
     start: Sequence[Accepted] = (),
     banned: Container[Key] = frozenset(),
 ) -> tuple[Accepted, ...]:
@@ -46,7 +43,7 @@ def search(
         screen: the force residual.
         objective: the replays.
         log: grows by every decision.
-        report: called with (what is being done, share of the whole 0…1).
+        report: called with (number of the effect that is looked for, joints that err).
         start: effects to start from.
         banned: effects at places that have been found to predict nothing.
 
@@ -60,8 +57,7 @@ def search(
         if len(state.accepted) >= most or exhausted(objective, state.now):
             return state, set()
         if report:
-            count = len(state.accepted)
-            report(f"looking for effect {count + 1}", 0.15 + 0.55 * count / most)
+            report(len(state.accepted) + 1, len(erring_joints(objective, state.now)))
         after, joined = _round(screen, objective, state, log, _Union(banned, refused))
         latest[:] = joined
         return after, {p.key for p in joined}

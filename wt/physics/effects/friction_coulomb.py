@@ -58,3 +58,19 @@ class FrictionCoulomb(Effect):
     def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"slow reversals of {at.name} at several speeds, with the rest held still"
+
+
+class _Creeping(FrictionCoulomb):
+    """The same with the joint's own ``solreffriction`` and ``solimpfriction``."""
+
+    form = "MuJoCo has it by default, which creeps before it slips"
+    forms = ()
+
+    def patch(
+        self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
+        """Add to the joint's ``frictionloss`` and leave the rest."""
+        spec.joint(at.name).frictionloss += theta[0]
+
+
+FrictionCoulomb.forms = (_Creeping(),)

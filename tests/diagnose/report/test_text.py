@@ -1,0 +1,42 @@
+"""What is said of a diagnosis, in sentences and tables."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from tests.diagnose import synthetic
+from wt.diagnose.report import text
+from wt.diagnose.result import Diagnosis, Estimate, Finding
+
+
+def pushed() -> Diagnosis:
+    """Pushes in a fitted recording, of which the held-out one has none."""
+    d = synthetic.diagnosis()
+    first = d.findings[0]
+    push = Finding(
+        effect="joint.force_intermittent",
+        at=first.at,
+        parameters={
+            "torque": Estimate(-0.4, "N·m", (-0.6, -0.2)),
+            "windows": Estimate((1.1, 1.5), "s", ((1.1, 1.5), (1.1, 1.5))),
+        },
+        statement="Joint j2 is pushed now and then: -0.4 N·m at 1.10–1.50 s.",
+        holdout_gain=0.5,
+        p_value=1e-4,
+        confusable_with=(),
+        reference="",
+    )
+    h = d.proof.holdout
+    same = replace(h, after=1.001 * h.before, ratio=1.001, ratio_ci95=(1.0, 1.0))
+    return replace(d, findings=(push,), proof=replace(d.proof, holdout=same))
+
+
+def test_an_error_that_stays_does_not_fall() -> None:
+    said = text.fit(pushed())
+    assert "stays at 8.78 mrad" in said
+    assert "fell" not in said
+    assert "fell from 8.78 to" in text.fit(synthetic.diagnosis())
+
+
+def test_times_of_pushes_are_no_estimates() -> None:
+    assert [row[2] for row in text.parameter_rows(pushed().findings)] == ["torque"]

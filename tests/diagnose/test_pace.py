@@ -1,0 +1,106 @@
+"""How long a diagnosis takes is foretold, and what is said of it while it runs never goes back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from tests.diagnose import synthetic
+from tests.physics import stool
+from wt.diagnose import pace
+from wt.diagnose.pace import Expected, Pace, step_seconds
+from wt.diagnose.result import Used
+from wt.physics.scene import Scene
+
+EIGHT = (Used("a", "fit", 8.0, 100.0), Used("b", "holdout", 8.0, 100.0))
+
+
+@dataclass
+class Told:
+    """What a pace says, on a clock that stands unless it is set."""
+
+    now: float = 0.0
+    slower: float = 1.0
+    shares: list[tuple[str, float]] = field(default_factory=list)
+    expected: list[Expected] = field(default_factory=list)
+
+    def pace(self) -> Pace:
+        return Pace(
+            lambda *stage: self.shares.append(stage), self.expected.append,
+            lambda: self.now, lambda: self.now / self.slower,
+        )  # fmt: skip
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Scene:
+    path = tmp_path / "arm.xml"
+    path.write_text(synthetic.ARM)
+    return Scene(path)
+
+
+@pytest.mark.parametrize("slower", [1.0, 3.0])
+def test_a_round_costs_its_replays_and_its_screen(arm: Scene, slower: float) -> None:
+    told = Told(slower=slower)
+    pace_ = told.pace()
+    told.now = 2.0
+    pace_.foretell(arm, 1e-3, 16.0, EIGHT)
+    assert not told.expected, "what errs is not known yet"
+    pace_.search(1, 2)
+    # the clock stands, so that a step takes no time but that of laws
+    replays, steps, samples = 130 + 2 * 135, 8.0 / 2e-3, 8.0 * 100.0
+    a_round = slower * (replays * steps * pace.LIVE_S + 2 * samples * pace.SCREEN_S)
+    (expected,) = told.expected
+    assert expected.one == pytest.approx(2.0 + pace.ONE * a_round)
+    assert expected.each == pytest.approx(pace.EACH * a_round)
+    pace_.search(2, 1)
+    assert len(told.expected) == 1
+
+
+def test_a_floating_machine_is_told_of_before_it_is_smoothed(tmp_path: Path) -> None:
+    told = Told()
+    told.pace().foretell(stool.scene(tmp_path), 1e-3, 5.0, EIGHT)
+    assert len(told.expected) == 1
+
+
+def test_a_round_that_took_longer_makes_the_rest_longer(arm: Scene) -> None:
+    told = Told()
+    pace_ = told.pace()
+    pace_.foretell(arm, 1e-3, 16.0, EIGHT)
+    pace_.search(1, 2)
+    told.now = 100.0
+    pace_.search(2, 1)
+    what, share = told.shares[-1]
+    assert what == "looking for effect 2"
+    assert share == pytest.approx(100.0 / (100.0 + pace.EACH * 100.0))
+
+
+def test_what_is_done_stays_done(arm: Scene) -> None:
+    told = Told()
+    pace_ = told.pace()
+    pace_.stage("auditing")
+    pace_.foretell(arm, 1e-3, 16.0, EIGHT)
+    pace_.search(1, 2)
+    for now, rounds in ((1.0, 1), (50.0, 2), (60.0, 3)):
+        told.now = now
+        pace_.search(rounds + 1, 1)
+    pace_.stage("estimating and proving")
+    told.now = 65.0
+    pace_.stage("recordings take turns")
+    shares = [share for _, share in told.shares]
+    assert shares == sorted(shares) and shares[0] == 0.0 and shares[-1] < 1.0
+
+
+def test_steps_of_more_joints_take_longer(arm: Scene, tmp_path: Path) -> None:
+    few, many = (
+        min(step_seconds(scene, 1e-3) for _ in range(5)) for scene in (arm, stool.scene(tmp_path))
+    )
+    assert 0.0 < few < many < 1e-3
+
+
+def test_the_sentence_is_as_rough_as_what_it_says() -> None:
+    assert str(Expected(13.2, 4.0)) == (
+        "this takes about 15 s, and 5 s more for each effect that is found beyond one"
+    )
+    assert str(Expected(130.0, 5e4)).startswith("this takes about 2 min, and 13.9 h more")

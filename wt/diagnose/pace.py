@@ -1,0 +1,163 @@
+"""How long a diagnosis takes: foretold from the machine and its recordings, then from each step.
+
+Most of it goes into rounds of the search, and a round into two things: replays, whose time is that
+of a physics step, which is measured, times their steps; and the screen of forces, whose time goes
+with the samples. How many rounds the whole takes depends on what is found.
+
+The constants come from 11 diagnoses on one core that steps a pendulum in 2.4 µs: of the examples
+``arm`` and ``cart``, toys 0 to 3 and 9 (``benchmarks/toys.py``), and trials of one, two, three and
+six joints. Where the base floats they come from one walk of a Go2 with nothing hidden.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from wt.batch import Batch
+from wt.diagnose.likelihood.replays import COARSE
+from wt.diagnose.recordings.smooth import FINEST_S
+from wt.diagnose.result import Used
+from wt.physics.scene import Scene
+from wt.show.text import duration
+
+Say = Callable[[str, float], None]
+"""Called with (what is being done, share of the whole 0…1)."""
+
+ROUND, OF_JOINT = 130, 135
+"""Replays of a round of the search, and for each joint that errs: 240 to 670."""
+FLOATING = 2000
+"""Replays of a round where the base floats, whatever errs."""
+LIVE_S, SCREEN_S = 3.5e-6, 1.5e-3
+"""Time that laws which act at every step add to a step on average, and that the screen takes for a
+sample of one joint [s]. Both are Python's."""
+ONE, EACH = 1.5, 0.8
+"""Time of a diagnosis that finds one effect, and for each further one, in rounds: 1.1 to 3.3."""
+_PROBES, _PROBED = 16, 200  # replays and steps that are timed
+
+Stage = Literal[
+    "auditing", "smoothing", "screening hypotheses", "estimating and proving",
+    "looking for events", "naming", "recordings take turns", "preparing pictures",
+]  # fmt: skip
+_LEFT = dict(zip(get_args(Stage), (0.0, ONE, ONE, 0.4, 0.2, 0.2, ONE, 0.1), strict=True))
+"""What is left as each stage begins, in rounds."""
+
+
+@dataclass(frozen=True)
+class Expected:
+    """How long a diagnosis will take [s].
+
+    Attributes:
+        one: if one effect is found, or none.
+        each: … and so much more for each further one.
+    """
+
+    one: float
+    each: float
+
+    def __str__(self) -> str:
+        """In a sentence."""
+        return (
+            f"this takes about {duration(self.one)}, and {duration(self.each)} more for each "
+            "effect that is found beyond one"
+        )
+
+
+class Pace:
+    """Says what is being done, and foretells when all of it will be.
+
+    A share is that of the time: of what has passed in what it will take in all.
+    """
+
+    def __init__(
+        self,
+        say: Say | None,
+        expect: Callable[[Expected], None] | None,
+        clock: Callable[[], float] = time.monotonic,
+        cpu: Callable[[], float] = time.process_time,
+    ) -> None:
+        """Begin to count.
+
+        Args:
+            say: is told of each stage.
+            expect: is told how long it will take, once that is known.
+            clock: [s]
+            cpu: time that this process has computed [s].
+        """
+        self._say, self._expect, self._clock = say, expect, clock
+        self._began, self._computed, self._share = clock(), cpu(), 0.0
+        self._cpu, self._replay, self._screen = cpu, 0.0, 0.0
+        self._round: float | None = None
+        self._round_began: float | None = None
+
+    def foretell(
+        self, scene: Scene, step: float, seconds: float, recordings: Sequence[Used]
+    ) -> None:
+        """Measure how fast replays are; where the base floats, that says how long all will take.
+
+        Args:
+            scene: the machine.
+            step: physics step of replays while hypotheses are compared [s].
+            seconds: at most so much of the recordings is replayed meanwhile [s].
+            recordings: all of them.
+        """
+        fitted = [u for u in recordings if u.role == "fit"]
+        steps = min(seconds, sum(u.seconds for u in fitted)) / (COARSE * step)
+        samples = sum(u.seconds * min(u.rate_hz, 1.0 / FINEST_S) for u in fitted)
+        # other work on this machine slows Python down as it has done till here
+        slower = max(1.0, self._passed() / max(self._cpu() - self._computed, 1e-9))
+        each = step_seconds(scene, COARSE * step, self._clock) + LIVE_S * slower
+        self._replay, self._screen = each * steps, SCREEN_S * slower * samples * scene.model.nv
+        if scene.free:
+            self._announce(FLOATING)
+
+    def stage(self, stage: Stage) -> None:
+        """A stage begins."""
+        self._measure()
+        self._tell(stage, _LEFT[stage])
+
+    def search(self, number: int, erring: int) -> None:
+        """A round of the search begins.
+
+        Args:
+            number: of the effect that is looked for, counted from 1.
+            erring: how many joints err.
+        """
+        self._measure()
+        if self._round is None:
+            self._announce(ROUND + OF_JOINT * erring)
+        self._round_began = self._clock()
+        self._tell(f"looking for effect {number}", ONE if number == 1 else EACH)
+
+    def _announce(self, replays: int) -> None:
+        self._round = replays * self._replay + self._screen
+        if self._expect:
+            self._expect(Expected(self._passed() + ONE * self._round, EACH * self._round))
+
+    def _measure(self) -> None:
+        """What a round really took says what the others will."""
+        if self._round_began is not None:
+            self._round, self._round_began = self._clock() - self._round_began, None
+
+    def _tell(self, what: str, rounds: float) -> None:
+        passed, left = self._passed(), rounds * (self._round or 0.0)
+        if left > 0.0:  # what was said to be done stays so
+            self._share = max(self._share, passed / (passed + left))
+        if self._say:
+            self._say(what, self._share)
+
+    def _passed(self) -> float:
+        return self._clock() - self._began
+
+
+def step_seconds(scene: Scene, step: float, clock: Callable[[], float] = time.monotonic) -> float:
+    """Time that a physics step of one of many replays takes on this machine, at present [s]."""
+    spec = scene.spec()
+    spec.option.timestep = step
+    batch = Batch(spec.compile(), nsim=_PROBES)
+    batch.rollout(1)  # wakes its threads
+    began = clock()
+    batch.rollout(_PROBED)
+    return (clock() - began) / (_PROBES * _PROBED)
