@@ -22,7 +22,7 @@ from wt.config import Mean, SimulatorUseName
 ALL = (1.0,)
 """Shares where nothing but the whole is tried."""
 UNTRIED = 0.5
-"""A share that only pairs could tell: of all, the one that is never far from the best.
+"""A share that only pairs could tell: the one of least regret in the worst case.
 
 The error grows with the square of the distance from the best share, which may be any of 0 … 1.
 """
