@@ -29,7 +29,8 @@ from wt.train import phases
 from wt.train.batches import StepBatches, in_frame
 from wt.train.fit import fit_world_model
 from wt.train.mean_field import fit_normalizers
-from wt.types import Pairs, Transitions, TransitionSpec
+from wt.train.selection import Unpaired
+from wt.types import Transitions, TransitionSpec
 from wt.worlds.base import make
 
 TURN, TURNS, ROWS = 50, 13, 50_000
@@ -64,15 +65,15 @@ def race(spec: TransitionSpec, method: Method) -> list[tuple[float, float]]:
 
     def sink(metrics: Mapping[str, float], step: int) -> None:
         nonlocal resumed
-        if "val/mse" in metrics:
+        if any(name.startswith("val/") for name in metrics):
             return
         turns.append((time.perf_counter() - resumed, bare.run(TURN)))
         resumed = time.perf_counter()
 
-    few = real.select(np.arange(256))
-    pairs = Pairs(few, few.s_next)
+    few = np.arange(256)
+    selection = Unpaired(sim.select(few), real.select(few))
     with tempfile.TemporaryDirectory() as folder:
-        fit_world_model(spec, method, sim, real, pairs, 0, Path(folder), sink=sink)
+        fit_world_model(spec, method, sim, real, selection, 0, Path(folder), sink=sink)
     return turns[1:]
 
 

@@ -61,9 +61,9 @@ class HeldOut:
     """The metric by which versions of a model are compared: lower is better.
 
     Attributes:
-        set: which data, e.g. ``"validation pairs"``.
+        set: which data, e.g. ``"held-out transitions"``, or ``"validation pairs"``.
         data_hash: hash of that data; only equal hashes are comparable.
-        metric: e.g. ``"mse"``, on normalised o′ [-].
+        metric: e.g. ``"energy_distance"`` of transitions, or ``"mse"`` of normalised o′ [-].
         value: the metric.
     """
 

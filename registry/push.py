@@ -111,7 +111,8 @@ def _about(card: Card) -> About:
         f"World Translation for the task `{card.task}`: from an observation, an action and the "
         "simulator's next observation to the real robot's next observation, in physical units "
         f"at {card.rate_hz:g} Hz. Joints: {', '.join(card.joints)}.",
-        f"**{measured}** (errors of the normalised next state).\n\nOn the test pairs: {others}.\n\n"
+        f"**{measured}** is what versions are compared by; MSE is of the normalised next state."
+        f"\n\nOn the test pairs: {others}.\n\n"
         f"Trained from data {card.data_hash} by commit {card.commit[:12]}; `card.json` beside the "
         "graph has the rest. `mlflow.pyfunc.load_model` takes a frame with one column a channel, "
         "as in the example.",

@@ -185,6 +185,8 @@ def test_bad_override(override: str, says: str) -> None:
     [
         ("data.transitions=0", "data.transitions is 0; it must be above zero"),
         ("data.seed=-1", "data.seed is -1; it must be zero or more"),
+        ("data.held_out=0", "data.held_out is 0; it must be above zero"),
+        ("data.held_out=0.6", "data.held_out is 0.6; it must be at most 0.5"),
         ("baselines.history=-1", "baselines.history is -1; it must be zero or more"),
         ("plus.train.learning_rate=nan", "plus.train.learning_rate is nan"),
         ("plus.train.validate_every=0", "plus.train.validate_every is 0"),

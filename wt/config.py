@@ -38,9 +38,13 @@ SimulatorUseName = Literal["base", "read", "mean", "blend", "ignored"]
 hidden, and with only such a share of what S then says of the hidden variable as helps: where
 hidden variables are never absent.
 ``blend``: as ``mean``, and beside it a correction that reads S's answer, as with ``read``, gives an
-answer of its own: each channel takes the mix of both that is nearest to R on the validation pairs.
+answer of its own: pairs, where they select, tell the share of each in every channel, which is a
+half without.
 ``ignored``: R's change is regressed on (o, a) alone.
 """
+
+ModelSelection = Literal["unpaired", "pairs"]
+"""The held-out data that choose between models; see ``wt.train.selection``."""
 
 Device = Literal["auto", "cpu", "cuda"]
 """The device that networks are trained on; ``auto`` is CUDA where there is any."""
@@ -66,6 +70,7 @@ class DataConfig:
 
     dir: str = "data"
     transitions: int = 300_000
+    held_out: float = 0.1
     validation_pairs: int = 10_000
     test_pairs: int = 25_000
     seed: int = 0
@@ -210,6 +215,7 @@ class FitConfig:
     seeds: list[int] = field(default_factory=lambda: [0])
     workers: int = 0
     device: Device = "auto"
+    model_selection: ModelSelection = "unpaired"
     world: dict[str, Any] = omegaconf.MISSING
     data: DataConfig = field(default_factory=DataConfig)
     paper: Method = field(default_factory=Method)
@@ -251,9 +257,9 @@ def vary(method: Method, changes: Sequence[str]) -> Method:
 
 
 _ABOVE_ZERO = {
-    "transitions", "real_transitions", "validation_pairs", "test_pairs", "steps", "batch",
-    "validate_every", "log_every", "learning_rate", "gan_learning_rate", "width", "depth", "latent",
-    "translator_width", "translator_depth", "members", "mode_width", "blind_temperature",
+    "transitions", "real_transitions", "held_out", "validation_pairs", "test_pairs", "steps",
+    "batch", "validate_every", "log_every", "learning_rate", "gan_learning_rate", "width", "depth",
+    "latent", "translator_width", "translator_depth", "members", "mode_width", "blind_temperature",
     "segment", "memory", "devices", "nodes", "recordings", "holdout", "rollouts",
 }  # fmt: skip
 """Numbers of any section that zero makes meaningless; no other may be negative either."""
@@ -266,6 +272,11 @@ def _check(config: FitConfig) -> None:
         raise ConfigError(f"seeds {seeds} must be a list of different integers, zero or more")
     for name, method in (("paper", config.paper), ("plus", config.plus)):
         _check_method(name, method)
+    if config.data.held_out > 0.5:
+        raise ConfigError(
+            f"data.held_out is {config.data.held_out}; it must be at most 0.5, since the rest is "
+            "what is trained on"
+        )
     if config.diagnose and config.diagnose.holdout >= config.diagnose.recordings:
         raise ConfigError(
             f"diagnose.holdout {config.diagnose.holdout} leaves none of diagnose.recordings "

@@ -112,7 +112,7 @@ def _tags(config: FitConfig) -> dict[str, str]:
 
 
 def _datasets(study: Study) -> list[Dataset]:
-    """The four collections, as MLflow lists them."""
+    """The collections, as MLflow lists them."""
     collected, task = study.data, study.config.task
     uses = {"sim": "training", "real": "training", "validation": "validation", "test": "test"}
     return [
@@ -124,6 +124,7 @@ def _datasets(study: Study) -> list[Dataset]:
             len(getattr(collected, what)),
         )
         for what, use in uses.items()
+        if what in collected.folders
     ]
 
 

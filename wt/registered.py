@@ -8,6 +8,7 @@ reproduce`` trains.
 from __future__ import annotations
 
 import tempfile
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
@@ -25,11 +26,12 @@ from wt.errors import ConfigError, ModelError
 from wt.evaluate import figures
 from wt.evaluate.multi_step import Now, Step, alignment_of, roll_out, simulator
 from wt.evaluate.results import OURS, Results
-from wt.evaluate.single_step import errors
+from wt.evaluate.single_step import by_kind, errors
 from wt.export.onnx import FEATURES, OUTPUT
 from wt.run.publish import tabulate
 from wt.run.study import Listener, Study
 from wt.show.files import write_together
+from wt.train.selection import Paired, Unpaired
 from wt.types import Pairs, TransitionSpec
 from wt.worlds.closed_loop import ClosedLoop
 
@@ -203,7 +205,8 @@ def evaluate(reference: str, config: FitConfig, folder: Path, listener: Listener
             "RawSim": errors(pairs.sim_next, pairs, scales),
             OURS: errors(model.on(pairs), pairs, scales),
         }
-        results = tabulate(study, {0: by_method}, version)
+        kind = Unpaired if card.heldout.metric == Unpaired.metric else Paired
+        results = replace(tabulate(study, {0: by_method}, version), model_selection=kind.name)
         drawn = {
             "single_step": figures.bar_table(results),
             "per_channel": figures.per_channel(
@@ -229,6 +232,11 @@ def _rollouts(study: Study, world: ClosedLoop, model: Registered) -> Figure:
     panels = [
         ("diverged rollouts [%]", {m: (horizon, 100 * r.diverged) for m, r in rolled.items()}),
         ("MSE of the normalised state", {m: (horizon, r.mse) for m, r in rolled.items()}),
+    ]
+    kinds = {m: by_kind(r.rmse, study.world.spec.state) for m, r in rolled.items()}
+    panels += [
+        (f"RMSE of {kind.name} [{kind.unit}]", {m: (horizon, k[kind]) for m, k in kinds.items()})
+        for kind in kinds["RawSim"]
     ]
     return figures.curves(panels, "horizon [control steps]")
 

@@ -10,6 +10,7 @@ from tests.baselines.toy import REAL, SIM, Toy
 from wt.baselines.base import find, register
 from wt.config import Baselines
 from wt.errors import ConfigError
+from wt.train.selection import Paired, Unpaired
 from wt.types import Pairs, Transitions
 
 NAMES = Baselines().names
@@ -84,6 +85,22 @@ def test_kept_weights_predict_the_same(name: str) -> None:
     assert np.array_equal(second.predict(test), first.predict(test))
 
 
+@pytest.mark.parametrize("name", [n for n in NAMES if n != "RawSim"])
+def test_is_selected_without_pairs_and_without_what_is_hidden(name: str) -> None:
+    toy = Toy(0.5)
+    test, answers = toy.pairs(2, 3), []
+    for scale in (1.0, 7.0):
+        domains = (toy.collect(SIM, 3, 1), toy.collect(REAL, 3, 2))
+        held = (toy.collect(SIM, 2, 4), toy.collect(REAL, 2, 5))
+        if name != "PairedCeiling":
+            held = tuple(replace(data, hidden=scale * data.hidden) for data in held)
+        baseline = find(name)(toy.spec, replace(TINY, steps=20, learning_rate=0.3), 0, toy)
+        baseline.train(*domains, Unpaired(*held))
+        assert baseline.score is not None and np.isfinite(baseline.score()())
+        answers.append(baseline.predict(test))
+    assert np.array_equal(*answers)
+
+
 @each_baseline
 def test_without_pairs_nothing_hidden_is_trained_on(name: str) -> None:
     if name == "PairedCeiling":
@@ -120,7 +137,7 @@ def test_members_of_an_ensemble_are_others_and_are_averaged(name: str) -> None:
     toy = Toy(0.5)
     test = toy.pairs(2, 3)
     several = find(name)(toy.spec, replace(TINY, members=3), 0, toy)
-    several.train(toy.collect(SIM, 3, 1), toy.collect(REAL, 3, 2), test)
+    several.train(toy.collect(SIM, 3, 1), toy.collect(REAL, 3, 2), Paired(test, np.ones(4)))
     members = list(several.net.members)
     together = several.predict(test).astype(float)
     alone = []

@@ -1,12 +1,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import torch
 
 from tests.baselines.toy import Trial
 from wt.baselines.base import find
 from wt.config import Baselines
 from wt.train.mean_field import gaussian_transport
+from wt.train.selection import Paired, Unpaired
 
 
 def test_map_between_2d_gaussians_is_the_known_one() -> None:
@@ -28,15 +30,17 @@ def test_recovers_what_a_fleeting_force_does(fleeting: Trial, small: Baselines) 
     assert error < 0.1 * fleeting.error(fleeting.test.sim_next)
 
 
-def test_the_step_is_chosen_that_is_best_on_validation_pairs(
-    fleeting: Trial, small: Baselines
+@pytest.mark.parametrize("paired", [False, True])
+def test_the_step_is_chosen_that_is_best_on_what_is_held_out(
+    paired: bool, fleeting: Trial, small: Baselines
 ) -> None:
     # so few transitions that they are learned by heart
     few = np.arange(100)
     sim, real = fleeting.sim.select(few), fleeting.real.select(few)
     last, chosen = (find("MeanShiftOT")(fleeting.toy.spec, small, 0) for _ in range(2))
     last.train(sim, real)
-    chosen.train(sim, real, fleeting.test)
+    held = Unpaired(fleeting.sim.select(np.arange(1000, 3000)), fleeting.test.real)
+    chosen.train(sim, real, Paired(fleeting.test, np.ones(4)) if paired else held)
     errors = [fleeting.error(b.predict(fleeting.test)) for b in (last, chosen)]
     assert errors[1] < errors[0]
 

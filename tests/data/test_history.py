@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from wt.data.history import History
-from wt.types import Transitions
+from wt.data.history import History, remember, with_history
+from wt.types import Channel, Transitions, TransitionSpec
 
 
 def transitions(episode: list[int], step: list[int]) -> Transitions:
@@ -69,3 +69,29 @@ def test_rows_of_a_batch_may_come_in_any_order() -> None:
     index, exists = history.before(torch.tensor([2, 0, 2]))
     assert index[[0, 2], 0].tolist() == [1, 1]
     assert exists[:, 0].tolist() == [True, False, True]
+
+
+SPEC = TransitionSpec(
+    "toy", 50.0, ("j",), (Channel("qvel/j", "rad/s"), Channel("qpos/j", "rad")), 2,
+    (Channel("ctrl/j", "rad"),), pose=(1,),
+)  # fmt: skip
+
+
+def test_an_observation_with_history_holds_what_was_the_steps_before() -> None:
+    n = 7
+    row = np.arange(n, dtype=np.float32)[:, None]
+    data = Transitions(
+        o=np.hstack([100 + row, 200 + row]), a=300 + row, s_next=np.hstack([row, row]),
+        nominal=np.hstack([row, row]), hidden=np.zeros((n, 0)),
+        episode=np.array([0, 0, 0, 0, 1, 1, 1]), step=np.array([0, 1, 2, 3, 0, 1, 2]),
+    )  # fmt: skip
+    spec = with_history(SPEC, 2)
+    assert [c.name for c in spec.observation[2:]] == [
+        "qpos/j@-1", "ctrl/j@-1", "qpos/j@-2", "ctrl/j@-2",
+    ]  # fmt: skip
+    assert (spec.n_state, spec.state) == (2, SPEC.state)
+    found, rows = remember(data, SPEC, 2)
+    assert rows.tolist() == [2, 3, 6]  # no other has two steps before it in its episode
+    assert found.o[0].tolist() == [102, 202, 201, 301, 200, 300]
+    assert found.o[2].tolist() == [106, 206, 205, 305, 204, 304]
+    assert found.step.tolist() == [2, 3, 2] and found.s_next[:, 0].tolist() == [2, 3, 6]

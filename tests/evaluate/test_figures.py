@@ -45,7 +45,9 @@ def test_bar_table_shows_each_mse_smallest_first_with_the_papers() -> None:
     labels = [label.get_text() for label in axes.get_yticklabels()]
     assert labels == ["WorldTranslationPlus", "RSSM", "RawSim", "ResDyn"]
     texts = [text.get_text() for text in axes.texts]
-    assert texts == ["0.2 ± 0.05", "0.5 ± 0", "0.7 ± 0.1", "diverged"]
+    assert texts == [
+        "0.2 ± 0.05; change 0.3", "0.5 ± 0; change 0.6", "0.7 ± 0.1; change 0.8", "diverged",
+    ]  # fmt: skip
     diamonds = next(line for line in axes.lines if line.get_label() == "in the paper")
     points = np.asarray(diamonds.get_xydata())
     assert points[:, 1].tolist() == [1, 2, 3]

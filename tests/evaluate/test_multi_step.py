@@ -85,6 +85,8 @@ def test_rawsim_is_s_in_closed_loop() -> None:
         o = np.hstack([s, a])
         error = np.mean(((s - TRUTH.o[:, PAST + k + 1, :4]) / 2.0) ** 2)
         assert rolled.mse[k] == pytest.approx(error, rel=1e-4)
+        # in the channels' own units, whatever the scale
+        assert np.mean(rolled.rmse[k] ** 2) == pytest.approx(4.0 * error, rel=1e-4)
 
 
 def test_rollouts_that_leave_the_bounds_are_counted_and_left_out() -> None:

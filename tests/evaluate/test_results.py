@@ -11,6 +11,7 @@ import pytest
 from rich.console import Console
 
 from tests.conftest import FromShared
+from wt.config import ModelSelection
 from wt.errors import DataError
 from wt.evaluate import paper
 from wt.evaluate.results import MethodScore, Results
@@ -84,6 +85,17 @@ def test_a_row_with_a_remark_is_marked_and_explained(tmp_path: Path) -> None:
     assert "WorldTranslation*" in (shown := console.export_text()) and "gains nothing" in shown
     marked.save(tmp_path)
     assert Results.load(tmp_path) == marked
+
+
+@pytest.mark.parametrize("selection", ["unpaired", "pairs"])
+def test_every_table_says_what_selected(selection: ModelSelection, tmp_path: Path) -> None:
+    selected = results(model_selection=selection)
+    selected.save(tmp_path)
+    assert f"model_selection: {selection}" in (tmp_path / "results.md").read_text()
+    assert json.loads((tmp_path / "results.json").read_text())["model_selection"] == selection
+    console = Console(width=200, file=io.StringIO(), record=True)
+    selected.print_table(console)
+    assert f"model_selection: {selection}" in console.export_text()
 
 
 def test_what_is_saved_is_what_is_loaded(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from wt.config import Baselines, Mean, Method, Nets, Train, TranslationConfig
 from wt.nets.world_model import WorldModel
 from wt.train.fit import fit_world_model
 from wt.train.score import PairTensors, errors
+from wt.train.selection import Selection, Unpaired
 from wt.types import Domain, Pairs, Transitions
 
 SPEC, DT = Toy(0.0).spec, 0.1
@@ -57,11 +58,11 @@ def both_answers(n: int, seed: int) -> Pairs:
 
 @dataclass(frozen=True)
 class Data:
-    """Both domains' transitions, pairs to choose by and pairs to be judged by."""
+    """Both domains' transitions, more of both to select by, and pairs to be judged by."""
 
     sim: Transitions
     real: Transitions
-    validation: Pairs
+    selection: Selection
     test: Pairs
 
     def error(self, predicted: np.ndarray) -> float:
@@ -86,15 +87,15 @@ class Data:
 
     def fit(self, method: Method, folder: Path) -> WorldModel:
         return fit_world_model(
-            SPEC, method, self.sim, self.real, self.validation, 0, folder, warn=pytest.fail
+            SPEC, method, self.sim, self.real, self.selection, 0, folder, warn=pytest.fail
         )
 
 
 @pytest.fixture(scope="module")
 def data() -> Data:
     return Data(
-        collect("sim", 4000, 1), collect("real", 4000, 2), both_answers(1000, 3),
-        both_answers(2000, 4),
+        collect("sim", 4000, 1), collect("real", 4000, 2),
+        Unpaired(collect("sim", 1000, 5), collect("real", 1000, 6)), both_answers(2000, 4),
     )  # fmt: skip
 
 

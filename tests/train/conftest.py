@@ -17,7 +17,7 @@ from wt.train.batches import StepBatches, in_frame
 from wt.train.data import TranslationData
 from wt.train.mean_field import fit_normalizers
 from wt.train.module import WorldTranslation
-from wt.train.score import PairTensors
+from wt.train.selection import Paired, Selection
 from wt.types import Pairs, Transitions, TransitionSpec
 
 
@@ -29,6 +29,11 @@ class World:
     sim: Transitions
     real: Transitions
     pairs: Pairs
+
+    @property
+    def selection(self) -> Selection:
+        """By these pairs."""
+        return Paired(self.pairs, self.real.s_next.std(axis=0))
 
 
 @pytest.fixture(scope="session")
@@ -101,9 +106,8 @@ def set_up(world: World) -> Callable[[Method], Setup]:
         fit_normalizers(model.frame, world.sim, world.real)
         model.frame.requires_grad_(False)
         data = in_frame(model.frame, world.sim, world.real)
-        pairs = PairTensors.of(world.pairs, model.frame.state.std, model.frame.change.std)
         loaded = TranslationData(
-            *data, pairs, batch=method.train.batch, latent=method.nets.latent, seed=0, test=pairs
+            *data, world.selection, batch=method.train.batch, latent=method.nets.latent, seed=0
         )
         return Setup(WorldTranslation(world.spec, method, model), loaded)
 

@@ -7,12 +7,13 @@ from pathlib import Path
 import pytest
 import torch
 
-from tests.learning.test_toy_translation import NETS, SPEC, both_answers, collect
+from tests.learning.test_toy_translation import NETS, SPEC, collect
 from wt.baselines.base import find
 from wt.config import Baselines, Method, Train
 from wt.errors import ConfigError
 from wt.train.device import beside, check, on, seeded
 from wt.train.fit import fit_world_model
+from wt.train.selection import Unpaired
 
 
 @pytest.fixture
@@ -48,13 +49,14 @@ def test_generators_follow_the_device_and_repeat() -> None:
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device on this machine")
 def test_every_method_trains_on_cuda_and_leaves_what_the_cpu_reads(tmp_path: Path) -> None:
-    sim, real, pairs = collect("sim", 2000, 0), collect("real", 2000, 1), both_answers(200, 2)
+    sim, real = collect("sim", 2000, 0), collect("real", 2000, 1)
+    selection = Unpaired(collect("sim", 200, 2), collect("real", 200, 3))
     method = Method(nets=NETS, train=Train(steps=20, validate_every=10, batch=64, segment=2))
     with on("cuda") as device:
-        model = fit_world_model(SPEC, method, sim, real, pairs, 0, tmp_path)
+        model = fit_world_model(SPEC, method, sim, real, selection, 0, tmp_path)
         assert {p.device for p in model.parameters()} == {device}
         for name in Baselines().names:
             baseline = find(name)(SPEC, Baselines(steps=20, batch=64, width=16), 0)
-            baseline.train(sim, real, pairs)
+            baseline.train(sim, real, selection)
             baseline.nets.cpu()
     assert model.cpu().strength.device == torch.device("cpu")

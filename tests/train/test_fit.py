@@ -15,7 +15,8 @@ from wt.config import Mean, Method, TranslationConfig, Vae
 from wt.errors import WorkError
 from wt.nets.world_model import WorldModel
 from wt.train.fit import fit_world_model
-from wt.train.score import PairTensors, errors
+from wt.train.score import PairTensors, errors, score
+from wt.train.selection import Unpaired
 from wt.types import Pairs, Transitions
 
 
@@ -37,7 +38,7 @@ class Sink:
 
 def fit(world: World, method: Method, folder: Path, sink: Sink, seed: int = 0) -> WorldModel:
     return fit_world_model(
-        world.spec, method, world.sim, world.real, world.pairs, seed, folder, sink=sink
+        world.spec, method, world.sim, world.real, world.selection, seed, folder, sink=sink
     )
 
 
@@ -114,7 +115,7 @@ def test_a_silent_latent_is_reported(world: World, paper: Method, folder: Path) 
     sink = Sink()
     said: list[str] = []
     fit_world_model(
-        world.spec, method, world.sim, world.real, world.pairs, 0, folder,
+        world.spec, method, world.sim, world.real, world.selection, 0, folder,
         sink=sink, warn=said.append,
     )  # fmt: skip
     assert len(said) == 1 and "latent went silent" in said[0]
@@ -151,6 +152,18 @@ def test_the_checkpoint_with_the_lowest_validation_error_is_chosen(
     assert not model.training
 
 
+def test_selection_without_pairs_takes_the_least_distance_and_needs_no_pairs(
+    world: World, plus: Method, folder: Path
+) -> None:
+    sink, toy = Sink(), Toy(0.0)
+    held = toy.collect(SIM, 10, 7), toy.collect(REAL, 10, 8)
+    model = fit_world_model(
+        world.spec, plus, world.sim, world.real, Unpaired(*held), 0, folder, sink=sink
+    )
+    assert "val/mse" not in {name for values in sink.seen.values() for name in values}
+    assert score(model, Unpaired(*held)) <= min(sink.curve("val/energy_distance")) + 1e-6
+
+
 def test_validation_pairs_train_nothing(world: World, paper: Method, tmp_path: Path) -> None:
     # one look at the end: whatever the pairs are, the same model comes out
     method = replace(paper, train=replace(paper.train, validate_every=40))
@@ -162,7 +175,7 @@ def test_progress_covers_mean_field_and_loop(world: World, plus: Method, folder:
     told: list[tuple[int, int]] = []
     method = replace(plus, mean=replace(plus.mean, steps=100))
     fit_world_model(
-        world.spec, method, world.sim, world.real, world.pairs, 0, folder,
+        world.spec, method, world.sim, world.real, world.selection, 0, folder,
         progress=lambda done, total: told.append((done, total)),
     )  # fmt: skip
     assert [done for done, _ in told] == [100, 200, 300, *range(305, 345, 5)]

@@ -11,6 +11,7 @@ import torch
 from tests.train.conftest import Setup
 from wt.config import Method
 from wt.train import module
+from wt.train.score import PairTensors
 
 SetUp = Callable[[Method], Setup]
 
@@ -116,7 +117,9 @@ def test_validation_tells_what_the_encoder_keeps_and_what_translation_adds(
     set_up: SetUp, paper: Method
 ) -> None:
     setup = set_up(paper)
-    model, pairs = setup.module.model, setup.data.validation
+    model = setup.module.model
+    std = model.frame.state.std
+    pairs = PairTensors.of(setup.data.validation.translated, std, std)
     trainer = lightning.Trainer(
         accelerator="cpu", logger=False, enable_checkpointing=False, enable_progress_bar=False
     )

@@ -26,7 +26,7 @@ def curve(world: World, method: Method, devices: int, folder: Path) -> tuple[See
 
     method = replace(method, train=replace(method.train, devices=devices))
     model = fit_world_model(
-        world.spec, method, world.sim, world.real, world.pairs, 0, folder, sink=sink
+        world.spec, method, world.sim, world.real, world.selection, 0, folder, sink=sink
     )
     return seen, model
 

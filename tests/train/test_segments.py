@@ -57,7 +57,7 @@ def test_training_on_segments_lowers_their_error(
     for length in (1, 6):
         train = replace(paper.train, segment=length, steps=100)
         model = fit_world_model(
-            world.spec, replace(paper, train=train), world.sim, world.real, world.pairs, 0,
+            world.spec, replace(paper, train=train), world.sim, world.real, world.selection, 0,
             tmp_path / str(length),
         )  # fmt: skip
         found.append(float(segment_error(model, drawn).detach()))
@@ -67,7 +67,9 @@ def test_training_on_segments_lowers_their_error(
 def test_a_stream_teaches_a_model_what_changed(world: World, paper: Method, tmp_path: Path) -> None:
     online = Online(iterations=30, memory=1000, learning_rate=3e-3)
     settings = replace(paper, online=online)
-    model = fit_world_model(world.spec, settings, world.sim, world.sim, world.pairs, 0, tmp_path)
+    model = fit_world_model(
+        world.spec, settings, world.sim, world.sim, world.selection, 0, tmp_path
+    )
     before = {name: value.clone() for name, value in model.state_dict().items()}
     pairs = PairTensors.of(world.pairs, torch.ones(4), torch.ones(4))
     adaptation = OnlineAdaptation(model, world.sim, 0)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import wt.worlds
@@ -128,3 +129,32 @@ def test_every_shipped_world_keeps_the_contract(name: str) -> None:
         model = world.model(domain)  # type: ignore[arg-type]
         named = {model.joint(j).name for j in range(model.njnt)}
         assert set(spec.joints) <= named
+
+
+def test_a_world_with_history_is_the_same_world_with_its_past_in_the_observation() -> None:
+    section = {
+        **SECTIONS["r5"], "arms": 4, "episode_steps": 25, "threads": 1,
+        "motion": {"routes": 2, "route_seconds": 2.0},
+    }  # fmt: skip
+    plain, remembering = base.make(section), base.make({**section, "history": 3})
+    assert isinstance(remembering, base.World)
+    assert remembering.identity() != plain.identity()
+    assert remembering.spec.n_obs == plain.spec.n_obs + 3 * 2 * 6
+    whole, kept = (world.pairs("test", 50, 1) for world in (plain, remembering))
+    rows = np.flatnonzero(whole.real.step >= 3)
+    n = plain.spec.n_obs
+    np.testing.assert_array_equal(kept.real.o[:, :n], whole.real.o[rows])
+    np.testing.assert_array_equal(kept.sim_next, whole.sim_next[rows])
+    # the last action is an observation of its own here
+    np.testing.assert_array_equal(kept.real.o[:, n + 6 : n + 12], kept.real.o[:, n - 6 : n])
+    # S answers as it did, whatever was before
+    np.testing.assert_allclose(remembering.answers(kept.real), kept.sim_next, atol=1e-5)
+    some = kept.real
+    answer = remembering.sim_step(some.o, some.a, some.hidden)
+    np.testing.assert_array_equal(answer, plain.sim_step(some.o[:, :n], some.a, some.hidden))
+
+
+@pytest.mark.parametrize("history", [-1, 1.5, "two"])
+def test_a_history_that_is_no_number_of_steps_is_refused(history: object) -> None:
+    with pytest.raises(ConfigError, match=r"world\.history is .* zero or more"):
+        base.make({**SECTIONS["r5"], "history": history})

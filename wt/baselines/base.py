@@ -37,6 +37,7 @@ from wt.train.regression import (
     part_of,
     regress,
 )
+from wt.train.selection import Selection
 from wt.types import Pairs, Transitions, TransitionSpec
 
 CHUNK = 16384
@@ -65,12 +66,16 @@ class Baseline(ABC):
 
     Attributes:
         name: as in tables and ``results.json``.
+        translates: whether it moves S's outcome, whatever that is, to R, and nothing else; without
+            pairs it is then scored by distributions, as World Translation is.
+        selection: held-out data of the training at hand.
         simulator: S, where there is one.
         frame: normalisers, the same for all methods.
         nets: everything that is learned, by name, the frame included; what is kept of a fit.
     """
 
     name: ClassVar[str]
+    translates: ClassVar[bool] = False
 
     def __init__(
         self,
@@ -91,12 +96,13 @@ class Baseline(ABC):
         self.simulator = simulator
         self.frame = Frame(spec, Mean())
         self.nets = nn.ModuleDict({"frame": self.frame})
+        self.selection: Selection | None = None
 
     def train(
         self,
         sim: Transitions,
         real: Transitions,
-        validation: Pairs | None = None,
+        selection: Selection | None = None,
         progress: Progress | None = None,
     ) -> None:
         """Fit normalisers and networks.
@@ -104,14 +110,14 @@ class Baseline(ABC):
         Args:
             sim: unpaired transitions of S.
             real: unpaired transitions of R.
-            validation: pairs on which :meth:`score` is taken while training; None to keep the
-                last weights.
+            selection: held-out data on which :meth:`score` is taken while training; None to keep
+                the last weights.
             progress: called with (done, total) steps.
         """
         torch.manual_seed(self.seed)
         fit_normalizers(self.frame, sim, real)
         self.nets.update(self.build())
-        self._validation = validation
+        self.selection = selection
         self.fit(sim, real, progress)
 
     @classmethod
@@ -120,12 +126,19 @@ class Baseline(ABC):
         return None
 
     def score(self) -> Score | None:
-        """Error on the validation pairs with the networks as they are, for early choice."""
-        pairs = self._validation
-        if pairs is None:
+        """Error on what is held out with the networks as they are, for early choice."""
+        chosen_by = self.selection
+        if chosen_by is None:
             return None
-        scale = self.frame.state.std.cpu().numpy()
+        if self.translates:
+            source = chosen_by.translated
+            return lambda: chosen_by.error(torch.tensor(self.predict(source)))
+        pairs, scale = self.held_out(chosen_by), self.frame.state.std.cpu().numpy()
         return lambda: float((((self.predict(pairs) - pairs.real.s_next) / scale) ** 2).mean())
+
+    def held_out(self, selection: Selection) -> Pairs:
+        """R's transitions that score a prediction, with the answer of S that it may read."""
+        return selection.predicted
 
     def build(self) -> dict[str, nn.Module]:
         """Untrained networks by name, their sizes from ``spec`` and ``settings`` alone."""
@@ -159,7 +172,7 @@ class Baseline(ABC):
         rows: int,
         progress: Progress | None,
     ) -> None:
-        """Least squares for each member by itself, at the weights that validation pairs like best.
+        """Least squares for each member by itself, at the weights that score best.
 
         Args:
             ensemble: trained in place; ``batch_error`` calls it.
@@ -237,6 +250,6 @@ def find(name: str) -> type[Baseline]:
 
 
 @torch.no_grad()
-def in_chunks(net: nn.Module, inputs: Tensor) -> Tensor:
+def in_chunks(net: Callable[[Tensor], Tensor], inputs: Tensor) -> Tensor:
     """Apply a network to many rows without holding all activations."""
     return torch.cat([net(part) for part in inputs.split(CHUNK)])

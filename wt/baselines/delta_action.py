@@ -18,7 +18,8 @@ from torch import Tensor, nn
 
 from wt.baselines.base import Baseline, in_chunks, register
 from wt.nets.mlp import mlp
-from wt.train.regression import Progress, part_of, regress
+from wt.train.regression import Progress, Score, part_of, regress
+from wt.train.selection import Unpaired
 from wt.types import Pairs, Transitions, TransitionSpec
 
 REACH = 1.0
@@ -66,6 +67,19 @@ class DeltaAction(Baseline):
         x = self.frame.conditions(o, a)
         corrected = a + self._scale() * REACH * torch.tanh(in_chunks(self.delta, x))
         return self.the_simulator().sim_step(real.o, corrected.cpu().numpy(), real.hidden)
+
+    def score(self) -> Score | None:
+        """Error on what is held out; of the imitation where S's own answer needs what is hidden."""
+        if not isinstance(self.selection, Unpaired):
+            return super().score()
+        x, _, change = self.tensors(self.selection.predicted.real)
+
+        @torch.no_grad()
+        def measured() -> float:
+            answer = in_chunks(lambda rows: self.imitation(self._corrected(rows)), x)
+            return float(((answer - change) ** 2).mean())
+
+        return measured
 
     def _imitate(
         self, x: Tensor, nominal: Tensor, real: Transitions, progress: Progress | None

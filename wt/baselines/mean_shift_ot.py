@@ -12,7 +12,7 @@ from wt.train.regression import Progress, Score, regress
 from wt.types import Pairs, Transitions
 
 LOOKED_AT = 20_000
-"""Transitions of each domain that T is fitted to at each look at the validation pairs."""
+"""Transitions of each domain that T is fitted to each time that it is scored."""
 
 
 @register
@@ -21,10 +21,11 @@ class MeanShiftOT(Baseline):
 
     m_S and m_R are least-squares regressors, each on its own domain's transitions, and T moves
     the covariance of S's residuals to that of R's. Both are trained side by side, and taken at the
-    step at which all three together are best on the validation pairs.
+    step at which all three together score best on what is held out.
     """
 
     name = "MeanShiftOT"
+    translates = True
 
     def build(self) -> dict[str, nn.Module]:
         """The regressors m_S and m_R, and T."""

@@ -13,6 +13,7 @@ from torch import Tensor, nn
 
 from wt.baselines.base import Baseline, in_chunks, register
 from wt.train.regression import Progress
+from wt.train.selection import Paired, Selection
 from wt.types import Pairs, Transitions, TransitionSpec
 
 
@@ -48,6 +49,13 @@ class PairedCeiling(Baseline):
         """S's answer, corrected."""
         inputs, answer = self._inputs(pairs)
         return self.states(pairs, answer + in_chunks(self.net, inputs))
+
+    def held_out(self, selection: Selection) -> Pairs:
+        """Pairs, as it is trained on: made of what is held out where that has none."""
+        if isinstance(selection, Paired):
+            return selection.predicted
+        real = selection.predicted.real
+        return Pairs(real, self.the_simulator().answers(real))
 
     @torch.no_grad()
     def _inputs(self, pairs: Pairs) -> tuple[Tensor, Tensor]:

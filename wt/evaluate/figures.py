@@ -29,7 +29,8 @@ def bar_table(results: Results) -> Figure:
     """Single-step MSE of each method, smallest on top, with its spread over seeds.
 
     Bars are in units of RawSim's error where there is one, since that is what can be compared
-    with the paper, whose number is a diamond on the method's row; absolute errors stand beside.
+    with the paper, whose number is a diamond on the method's row; absolute errors stand beside, of
+    the state and of its change. :func:`per_channel` has the physical ones.
     """
     scores = results.single_step
     methods = sorted(scores, key=lambda m: (math.isnan(scores[m].mse), scores[m].mse))
@@ -58,7 +59,11 @@ def bar_table(results: Results) -> Figure:
     for row, method in enumerate(methods):
         score = scores[method]
         spread = f" ± {score.std:.1g}" if len(results.seeds) > 1 else ""
-        value = f"{score.mse:.2g}{spread}" if math.isfinite(score.mse) else "diverged"
+        value = (
+            f"{score.mse:.2g}{spread}; change {score.mse_change:.2g}"
+            if math.isfinite(score.mse)
+            else "diverged"
+        )
         axes.text(1.02, row, value, transform=margin, va="center", fontsize=9, color=_DARK)
     axes.set_yticks(rows, methods)
     axes.invert_yaxis()

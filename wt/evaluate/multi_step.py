@@ -52,10 +52,12 @@ class Rolled:
     Attributes:
         mse: squared error of the normalised state, mean over channels and over the rollouts that
             have not diverged; NaN once all have.
+        rmse: root mean squared error of each channel over the same rollouts, physical units.
         diverged: share of rollouts that have left the bounds.
     """
 
     mse: Float[np.ndarray, " horizon"]
+    rmse: Float[np.ndarray, "horizon state"]
     diverged: Float[np.ndarray, " horizon"]
 
 
@@ -81,7 +83,7 @@ def roll_out(
     o, hidden = truth.o[:, : past + 1], truth.hidden[:, past]
     a = truth.a[:, :past]
     gone = np.zeros(len(truth), bool)
-    mse, diverged = np.full(truth.horizon, np.nan), np.zeros(truth.horizon)
+    square, diverged = np.full((truth.horizon, n), np.nan), np.zeros(truth.horizon)
     for k in range(truth.horizon):
         action = world.act(o[:, -1], truth.context[:, past + k]).astype(np.float32)
         a = np.concatenate([a, action[:, None]], axis=1)
@@ -98,9 +100,9 @@ def roll_out(
         a = a[:, -past:] if past else a[:, :0]
         diverged[k] = gone.mean()
         if not gone.all():
-            error = (state - truth.o[:, past + k + 1, :n])[~gone] / scale
-            mse[k] = float(np.mean(error.astype(np.float64) ** 2))
-    return Rolled(mse, diverged)
+            error = (state - truth.o[:, past + k + 1, :n])[~gone].astype(np.float64)
+            square[k] = np.mean(error**2, axis=0)
+    return Rolled((square / scale**2).mean(axis=1), np.sqrt(square), diverged)
 
 
 class _WorldStep:

@@ -2,7 +2,7 @@
 
 Errors are in three units: of the state's spread, of its change's, and physical. ``results.json``
 follows the public schema 1; after its keys come ``per_channel`` and ``per_group`` (errors in
-physical units) and ``note`` (what the comparison assumes).
+physical units), ``note`` (what the comparison assumes), ``remarks`` and ``model_selection``.
 """
 
 from __future__ import annotations
@@ -15,11 +15,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
+from wt.config import ModelSelection
 from wt.errors import DataError
 from wt.evaluate import paper
+from wt.evaluate.single_step import by_kind
 from wt.show.files import write_whole
 from wt.show.text import markdown_table, short, terminal_table
 from wt.types import Channel
@@ -74,6 +77,7 @@ class Results:
         rmse: each method's root mean squared error of each channel, in the channel's unit.
         note: what the comparison assumes.
         remarks: sentences on methods whose rows need one; these are marked in tables.
+        model_selection: what chose checkpoints, seed and champion.
     """
 
     task: str
@@ -85,6 +89,7 @@ class Results:
     rmse: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     note: str = ASSUMPTION
     remarks: Mapping[str, str] = field(default_factory=dict)
+    model_selection: ModelSelection = "pairs"
 
     def __post_init__(self) -> None:
         """Check that every method's errors speak of every channel."""
@@ -121,15 +126,9 @@ class Results:
     @property
     def groups(self) -> Mapping[Channel, Mapping[str, float]]:
         """Each method's RMSE over the channels of one kind, e.g. ``qpos`` [rad], physical units."""
-        by_channel: dict[Channel, list[int]] = {}
-        for c, channel in enumerate(self.channels):
-            kind = Channel(channel.name.partition("/")[0], channel.unit)
-            by_channel.setdefault(kind, []).append(c)
-        return {
-            kind: {m: math.sqrt(statistics.fmean(e[c] ** 2 for c in rows))
-                   for m, e in self.rmse.items()}
-            for kind, rows in by_channel.items()
-        }  # fmt: skip
+        kinds = {m: by_kind(np.array(e), self.channels) for m, e in self.rmse.items()}
+        names = next(iter(kinds.values()), {})
+        return {kind: {m: float(e[kind]) for m, e in kinds.items()} for kind in names}
 
     def save(self, folder: Path) -> None:
         """Write ``results.json`` and ``results.md`` into ``folder``.
@@ -194,6 +193,7 @@ class Results:
             },
             "note": self.note,
             "remarks": dict(self.remarks),
+            "model_selection": self.model_selection,
         }
 
     @classmethod
@@ -226,6 +226,7 @@ class Results:
             },
             note=content.get("note", ASSUMPTION),
             remarks=content.get("remarks", {}),
+            model_selection=content.get("model_selection", "pairs"),
         )
 
     def to_markdown(self) -> str:
@@ -237,10 +238,17 @@ class Results:
             "",
             " ".join([self._ratio(), *self._remarks()]),
             "",
-            " ".join([_LEGEND, *([_PAPER_LEGEND] * bool(self.paper)), self.note]),
+            " ".join(
+                [
+                    _LEGEND,
+                    _SELECTED[self.model_selection],
+                    *([_PAPER_LEGEND] * bool(self.paper)),
+                    self.note,
+                ]
+            ),
         ]
         if self.channels:
-            lines += ["", f"## {_PHYSICAL}", "", *markdown_table(*self._physical())]
+            lines += ["", f"## {_PHYSICAL}", "", *markdown_table(*self.physical())]
             head = ["channel", *self.rmse]
             rows = [
                 [f"{channel.name} [{channel.unit}]", *(f"{e[c]:.3g}" for e in self.rmse.values())]
@@ -259,12 +267,13 @@ class Results:
         rows = self._rows(bold="[bold]{}[/bold]")
         console.print(terminal_table(self._head(), rows, self._title()))
         if self.channels:
-            head, rows = self._physical()
+            head, rows = self.physical()
             console.print(terminal_table([escape(name) for name in head], rows, _PHYSICAL))
         console.print(self._ratio(), highlight=False)
         for remark in self._remarks():
             console.print(remark, highlight=False, markup=False)
-        console.print(self.note, style="dim", highlight=False)
+        for line in (_SELECTED[self.model_selection], self.note):
+            console.print(line, style="dim", highlight=False, markup=False)
 
     def _title(self) -> str:
         seeds = f"{len(self.seeds)} seed" + ("s" if len(self.seeds) != 1 else "")
@@ -296,7 +305,7 @@ class Results:
             rows.append(row)
         return rows
 
-    def _physical(self) -> tuple[list[str], list[list[str]]]:
+    def physical(self) -> tuple[list[str], list[list[str]]]:
         """Head and rows of the table in physical units, methods in the order of the other one."""
         groups = self.groups
         order = [m for m in self._order() if m in self.rmse]
@@ -317,11 +326,13 @@ class Results:
         return f"{OURS} makes {ratio:.3f} of the error of the best baseline."
 
 
-_LEGEND = (
-    "MSE in units of the state's variance (and of its change's), teacher forcing; spread over "
-    "seeds. Pairs of S and R choose each model's checkpoint, the seed that is exported and the "
-    "champion: the validation pairs, none of the test pairs that the table is of."
-)
+_LEGEND = "MSE in units of the state's variance (and of its change's), under teacher forcing."
+_SELECTED: Mapping[ModelSelection, str] = {
+    "unpaired": "Checkpoints, seed and champion were selected without pairs, on held-out "
+    "transitions of S and of R (model_selection: unpaired).",
+    "pairs": "Checkpoints, seed and champion were selected on pairs of S and R, which a real robot "
+    "with something hidden does not give (model_selection: pairs); none is a test pair.",
+}
 _PHYSICAL = "Error in physical units (RMSE of each kind of channel)"
 _PAPER_LEGEND = (
     "The paper's numbers are those of its figure 3, on its own worlds and in a unit that it does "

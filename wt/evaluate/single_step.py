@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 from jaxtyping import Float, Int
 
-from wt.types import Pairs, Transitions, TransitionSpec
+from wt.types import Channel, Pairs, Transitions, TransitionSpec
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,26 @@ def errors(predicted: Float[np.ndarray, "pair state"], pairs: Pairs, scales: Err
         mse_change=float(np.mean((error / scales.change) ** 2)),
         rmse=np.sqrt(np.mean(error**2, axis=0)),
     )
+
+
+def by_kind(
+    rmse: Float[np.ndarray, "*of state"], channels: Sequence[Channel]
+) -> dict[Channel, Float[np.ndarray, "*of"]]:
+    """Root mean squared errors over the channels of one kind, e.g. ``qpos`` [rad].
+
+    Args:
+        rmse: of each channel, physical units.
+        channels: their names and units.
+
+    Returns:
+        By the name that a kind's channels begin with, and their unit.
+    """
+    rows: dict[Channel, list[int]] = {}
+    for c, channel in enumerate(channels):
+        kind = Channel(channel.name.partition("/")[0], channel.unit)
+        rows.setdefault(kind, []).append(c)
+    mean = {kind: np.mean(rmse[..., of] ** 2, axis=-1) for kind, of in rows.items()}
+    return {kind: np.asarray(np.sqrt(square)) for kind, square in mean.items()}
 
 
 def first_episode(pairs: Pairs, longest: int) -> Int[np.ndarray, " row"]:

@@ -1,7 +1,7 @@
 """Uses of the simulator's own answer in the mean field: one class for each ``mean.simulator``.
 
-A class says which regressors a frame holds, what each of them learns, and what is tried on the
-validation pairs. The other half of a mean field, ``mean.kind``, is the loss that they learn with:
+A class says which regressors a frame holds, what each of them learns, and what model selection
+tries. The other half of a mean field, ``mean.kind``, is the loss that they learn with:
 :func:`wt.train.mean_field.shift_loss`; of kind ``none`` the use is :class:`Absent`.
 
 Adding one: subclass :class:`SimulatorUse`, enter it in :data:`USES` and its name in
@@ -21,6 +21,11 @@ from wt.config import Mean, SimulatorUseName
 
 ALL = (1.0,)
 """Shares where nothing but the whole is tried."""
+UNTRIED = 0.5
+"""A share that only pairs could tell: the one of least regret in the worst case.
+
+The error grows with the square of the distance from the best share, which may be any of 0 … 1.
+"""
 
 
 class DomainSamples(NamedTuple):
@@ -52,9 +57,10 @@ class SimulatorUse:
         has_nominal: n imitates the simulator.
         has_reader: a second correction reads S's answer, and has a share of each channel.
         shift_reads_simulator: S's answer is an input of δ.
-        scored_alone: validation pairs score each regressor by itself, not the whole translation.
-        shift_shares: of δ, tried on the validation pairs.
-        outcome_shares: of what S does beyond n, likewise.
+        scored_alone: pairs score each regressor by itself, not the whole translation.
+        shift_shares: of δ, of which model selection takes one.
+        outcome_shares: of what S does beyond n, of which pairs take one.
+        untried_share: of the same, where there are no pairs.
     """
 
     has_shift: ClassVar[bool] = True
@@ -64,6 +70,7 @@ class SimulatorUse:
     scored_alone: ClassVar[bool] = False
     shift_shares: ClassVar[tuple[float, ...]] = ALL
     outcome_shares: ClassVar[tuple[float, ...]] = ALL
+    untried_share: ClassVar[float] = 1.0
 
     def nominal_examples(self, sim: DomainSamples, real: DomainSamples) -> Examples:
         """Lessons of n: S's answer with nothing hidden, which is known for both domains."""
@@ -113,6 +120,7 @@ class Average(SimulatorUse):
     scored_alone = True
     shift_shares = (1.0, 0.75, 0.5, 0.25, 0.0)
     outcome_shares = tuple(k / 10 for k in range(11))
+    untried_share = UNTRIED
 
     def nominal_examples(self, sim: DomainSamples, real: DomainSamples) -> Examples:
         """Lessons of n: S's answer as it came out, whatever was hidden."""

@@ -29,7 +29,7 @@ class WorldModel(nn.Module):
         to_sim: G_{R→S}.
         discriminator_real: D_R.
         discriminator_sim: D_S.
-        strength: share of the translation that is applied, chosen on validation pairs; 1 for
+        strength: share of the translation that is applied, as model selection chose it; 1 for
             the paper's model.
     """
 

@@ -117,25 +117,23 @@ def _submit(pool: ProcessPoolExecutor, job: Job) -> Future[None]:
 def train(study: Study, job: Job, index: int = 0) -> None:
     """Train one method and keep its prediction, in the process of an index among its like."""
     seed, method, _ = job
-    data, config = study.data, study.config
+    (sim, real, selection), config = study.split, study.config
     listener = study.listener
     if method not in (OURS, PAPERS_OWN):
         with on(config.device, index):
             baseline = find(method)(study.world.spec, config.baselines, seed, study.world)
-            baseline.train(
-                data.sim, data.real, data.validation, lambda k, n: listener.progress(str(job), k, n)
-            )
+            baseline.train(sim, real, selection, lambda k, n: listener.progress(str(job), k, n))
         baseline.nets.cpu()
         study.keep_baseline(seed, baseline)
-        study.keep(seed, method, baseline.predict(data.test))
+        study.keep(seed, method, baseline.predict(study.data.test))
         return
     with on(config.device, index):
         model = fit_world_model(
             study.world.spec,
             job.settings(config),
-            data.sim,
-            data.real,
-            data.validation,
+            sim,
+            real,
+            selection,
             seed,
             study.home(seed, job.key),
             sink=lambda values, step: listener.metrics(str(job), values, step),
@@ -143,7 +141,7 @@ def train(study: Study, job: Job, index: int = 0) -> None:
             progress=lambda k, n: listener.progress(str(job), k, n),
         ).cpu()
     study.keep_model(seed, job.key, model)
-    tensors = PairTensors.of(data.test, model.frame.state.std, model.frame.change.std)
+    tensors = PairTensors.of(study.data.test, model.frame.state.std, model.frame.change.std)
     study.keep(seed, job.key, predictions(model, tensors).numpy())
 
 

@@ -24,7 +24,7 @@ from wt.export.onnx import eager, export
 from wt.run.study import Study
 from wt.run.track import Run, source
 from wt.show.files import write_whole
-from wt.train.score import PairTensors, predictions, reconstructions
+from wt.train.score import PairTensors, reconstructions, score
 from wt.translate import Exported, SimToReal
 
 MODEL, RECORDING, FIGURES = "model.onnx", "rollout.rrd", "figures"
@@ -79,11 +79,12 @@ def publish(study: Study, by_seed: Mapping[int, Mapping[str, Errors]], tracked: 
     config = study.config
     chosen = chosen_by(study, by_seed)
     seed = min(chosen, key=lambda s: chosen[s])
-    _record(study, seed)
     _export(study, seed, by_seed[seed], chosen[seed])
     version = push(
         config.registry_name, study.folder, chosen[seed], tracked.id, uri=config.tracking.uri
     )
+    # from here on it is registered: the test pairs only tell how good it is
+    _record(study, seed)
     nothing = _gains_nothing(study, by_seed)
     for method, remark in nothing.items():
         study.listener.warn(f"{method}: {remark}")
@@ -105,16 +106,12 @@ def publish(study: Study, by_seed: Mapping[int, Mapping[str, Errors]], tracked: 
 
 
 def chosen_by(study: Study, seeds: Iterable[int]) -> dict[int, float]:
-    """MSE of our model on the validation pairs for each seed: what seed and champion are chosen by.
+    """Error of our model on what is held out for each seed: seed and champion are chosen by it.
 
     Never the test pairs: the smallest of several errors on them would be no measurement of them.
     """
-    pairs, by_name = study.data.validation, {}
-    for seed in seeds:
-        model = study.load_model(seed, OURS, study.config.plus)
-        tensors = PairTensors.of(pairs, model.frame.state.std, model.frame.change.std)
-        by_name[seed] = errors(predictions(model, tensors).numpy(), pairs, study.scales).mse
-    return by_name
+    selection, config = study.split.selection, study.config
+    return {s: score(study.load_model(s, OURS, config.plus), selection) for s in seeds}
 
 
 def _gains_nothing(study: Study, by_seed: Mapping[int, Mapping[str, Errors]]) -> dict[str, str]:
@@ -166,6 +163,7 @@ def tabulate(
         rmse=rmse,
         note=study.world.note or ASSUMPTION,
         remarks=_of_baselines(study),
+        model_selection=study.config.model_selection,
     )
 
 
@@ -206,7 +204,8 @@ def _export(study: Study, seed: int, by_method: Mapping[str, Errors], chosen: fl
     config, spec, folder = study.config, study.world.spec, study.folder
     trained = study.load_model(seed, OURS, config.plus)
     module = SimToReal(trained).eval()
-    pairs = study.data.validation
+    selection = study.split.selection
+    pairs = selection.translated
     known = pairs.real.o[:, spec.n_state :].copy()
     known[:, : spec.n_action] = pairs.real.a  # the last action of o′ is this step's
     n = EXAMPLES
@@ -225,7 +224,7 @@ def _export(study: Study, seed: int, by_method: Mapping[str, Errors], chosen: fl
         config_hash=study.config_hash,
         commit=commit,
         metrics={f"{name}/mse": e.mse for name, e in by_method.items()},
-        heldout=HeldOut("validation pairs", study.held_out, "mse", chosen),
+        heldout=HeldOut(selection.data, selection.hash, selection.metric, chosen),
         parity=difference,
         golden=(o, a, o_next_sim, model(o, a, o_next_sim)),
     )

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from io import BytesIO
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -15,12 +16,14 @@ from torch import nn
 
 from wt.baselines.base import Baseline, find
 from wt.config import FitConfig, Method, to_yaml
-from wt.data.transitions import content_hash, digest
+from wt.data.transitions import digest
 from wt.errors import ConfigError
 from wt.evaluate.single_step import ErrorScales
 from wt.nets.world_model import WorldModel
 from wt.show.files import write_whole
 from wt.train import device
+from wt.train.selection import Paired, Selection, Unpaired, hold_out
+from wt.types import Transitions
 from wt.worlds.base import World, make
 from wt.worlds.closed_loop import ClosedLoop
 from wt.worlds.collect import Collected, collect
@@ -61,6 +64,20 @@ class Listener(Protocol):
         """A training collapsed or something else needs to be said."""
 
 
+class Split(NamedTuple):
+    """The unpaired transitions of a study that are trained on, and what selects models.
+
+    Attributes:
+        sim: transitions of S.
+        real: transitions of R.
+        selection: held-out data.
+    """
+
+    sim: Transitions
+    real: Transitions
+    selection: Selection
+
+
 @dataclass(frozen=True)
 class Study:
     """Everything that the steps of a run share.
@@ -68,7 +85,7 @@ class Study:
     Attributes:
         config: the resolved configuration.
         world: the task.
-        data: the four collections.
+        data: the collections.
         scales: units of errors.
         folder: the run's folder.
         listener: told of progress, metrics and warnings.
@@ -91,13 +108,18 @@ class Study:
             listener: told of progress.
         """
         world = make(config.world)
-        data = collect(world, config.data, listener.progress)
+        pairs = config.model_selection == "pairs"
+        data = collect(world, config.data, listener.progress, validation=pairs)
         return cls(config, world, data, ErrorScales.of(data.real, world.spec), folder, listener)
 
-    @property
-    def held_out(self) -> str:
-        """Hash of the validation pairs: two models compare only on the same ones."""
-        return content_hash(self.data.validation)
+    @cached_property
+    def split(self) -> Split:
+        """What is trained on, and what selects; the test pairs are neither."""
+        data, share = self.data, self.config.data.held_out
+        if data.validation is not None:
+            return Split(data.sim, data.real, Paired(data.validation, self.scales.state))
+        (sim, held_sim), (real, held_real) = (hold_out(d, share) for d in (data.sim, data.real))
+        return Split(sim, real, Unpaired(held_sim, held_real))
 
     @property
     def config_hash(self) -> str:

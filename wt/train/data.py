@@ -1,4 +1,4 @@
-"""The data of a training as Lightning takes it: loaders of training, validation and test."""
+"""The data of a training as Lightning takes it: loaders of training and of validation."""
 
 from __future__ import annotations
 
@@ -10,48 +10,45 @@ from torch.utils.data import DataLoader, IterableDataset
 
 from wt.train.batches import DomainData, StepBatch, StepBatches
 from wt.train.module import WorldTranslation
-from wt.train.score import PairTensors
 from wt.train.segments import Segments
+from wt.train.selection import Selection
 
 
 class TranslationData(lightning.LightningDataModule):
-    """Unpaired transitions that are trained on, pairs that choose, and pairs that judge.
+    """Unpaired transitions that are trained on, and held-out data that choose.
 
     A batch of training is a pure function of the seed and the module's own step; where several
     processes train together, each takes its share of the rows of every batch.
 
     Attributes:
-        validation: pairs that choose the checkpoint; nothing is trained on them.
-        test: pairs for ``Trainer.test``; None without.
+        validation: what chooses the checkpoint; nothing is trained on it.
     """
 
     def __init__(
         self,
         sim: DomainData,
         real: DomainData,
-        validation: PairTensors,
+        validation: Selection,
         *,
         batch: int,
         latent: int,
         seed: int,
         segments: Segments | None = None,
-        test: PairTensors | None = None,
     ) -> None:
         """Keep references.
 
         Args:
             sim: transitions of S in the frame of the model.
             real: transitions of R.
-            validation: pairs.
+            validation: held-out data.
             batch: transitions per domain and step, of all processes together.
             latent: size of z, for the noise.
             seed: same seed, same batches.
             segments: where training is on segments too.
-            test: pairs.
         """
         super().__init__()
         self._train = sim, real, batch, latent, seed, segments
-        self.validation, self.test = validation, test
+        self.validation = validation
 
     def train_dataloader(self) -> DataLoader[StepBatch]:
         """Endless batches, from the module's own step on."""
@@ -61,15 +58,9 @@ class TranslationData(lightning.LightningDataModule):
         batches = StepBatches(*self._train, part=(trainer.global_rank, trainer.world_size))
         return DataLoader(_FromOwnStep(batches, trainer), batch_size=None, collate_fn=_as_it_is)
 
-    def val_dataloader(self) -> DataLoader[PairTensors]:
-        """The validation pairs, in order; every process sees all, and so chooses the same."""
-        return _in_order(self.validation)
-
-    def test_dataloader(self) -> DataLoader[PairTensors]:
-        """The test pairs, in order."""
-        if self.test is None:
-            raise RuntimeError("no test pairs were given to this data module")
-        return _in_order(self.test)
+    def val_dataloader(self) -> DataLoader[Selection]:
+        """What is held out, as one batch; every process sees all, and so chooses the same."""
+        return DataLoader([self.validation], batch_size=None, collate_fn=_as_it_is)  # type: ignore[arg-type]
 
     def to(self, device: torch.device) -> TranslationData:
         """The same data on another device."""
@@ -77,12 +68,11 @@ class TranslationData(lightning.LightningDataModule):
         return TranslationData(
             DomainData(*(x.to(device) for x in sim)),
             DomainData(*(x.to(device) for x in real)),
-            PairTensors(*(x.to(device) for x in self.validation)),
+            self.validation,
             batch=batch,
             latent=latent,
             seed=seed,
             segments=segments and segments.to(device),
-            test=self.test and PairTensors(*(x.to(device) for x in self.test)),
         )
 
 
@@ -101,10 +91,6 @@ class _FromOwnStep(IterableDataset[StepBatch]):
             raise TypeError(f"these batches train WorldTranslation, not {type(module).__name__}")
         self._batches.next_step = module.own_step
         yield from self._batches
-
-
-def _in_order(pairs: PairTensors) -> DataLoader[PairTensors]:
-    return DataLoader(pairs.parts(), batch_size=None, collate_fn=_as_it_is)  # type: ignore[arg-type]
 
 
 def _as_it_is(batch: object) -> object:

@@ -19,7 +19,7 @@ from torch import Tensor
 
 from wt.config import Method, Train
 from wt.nets.mlp import Ensemble
-from wt.nets.simulator_use import use_of
+from wt.nets.simulator_use import UNTRIED, use_of
 from wt.nets.world_model import WorldModel
 from wt.train.batches import in_frame
 from wt.train.callbacks import CollapseWatch, ShowProgress
@@ -32,17 +32,19 @@ from wt.train.mean_field import (
     fit_mean_field,
     fit_normalizers,
     gaussian_transport,
+    held_out_losses,
     regressions,
 )
 from wt.train.module import WorldTranslation
 from wt.train.regression import Progress, Score
 from wt.train.replicas import OneMachine, Place, Unwrapped, end_with_parent, followers
-from wt.train.score import PairTensors, errors, predictions
+from wt.train.score import PairTensors, predictions, score
 from wt.train.segments import Segments
-from wt.types import Pairs, Transitions, TransitionSpec
+from wt.train.selection import Selection, Unpaired
+from wt.types import Transitions, TransitionSpec
 
 STRENGTHS = tuple(k / 10 for k in range(11))
-"""Shares of an anchored translation that are tried on the validation pairs."""
+"""Shares of an anchored translation that are tried on what is held out."""
 
 
 def _ignore(metrics: Mapping[str, float], step: int) -> None:
@@ -54,7 +56,7 @@ def fit_world_model(
     method: Method,
     sim: Transitions,
     real: Transitions,
-    validation: Pairs,
+    selection: Selection,
     seed: int,
     folder: Path,
     *,
@@ -69,7 +71,7 @@ def fit_world_model(
         method: which World Translation: the paper's or ours.
         sim: unpaired transitions of S.
         real: unpaired transitions of R.
-        validation: pairs that choose between checkpoints; nothing is trained on them.
+        selection: held-out data that choose; nothing is trained on them.
         seed: same seed, same model on the same machine.
         folder: checkpoints are kept here and continued from.
         sink: where metrics go.
@@ -85,26 +87,25 @@ def fit_world_model(
     torch.manual_seed(seed)
     model = WorldModel(spec, method)
     fit_normalizers(model.frame, sim, real)
-    pairs = PairTensors.of(validation, model.frame.state.std, _change_std(real, spec))
     sim, real = (_within(model, data) for data in (sim, real))
     extra = regressions(method.mean) * method.mean.steps
     total = extra + method.train.steps
     in_front = progress and (lambda k, _: progress(k, total))
-    _mean_field(model, sim, real, pairs, seed, folder, in_front)
-    _choose_transport(model, sim, real, pairs)
+    _mean_field(model, sim, real, selection, seed, folder, in_front)
+    _choose_transport(model, sim, real, selection)
     data = in_frame(model.frame, sim, real)
     train = method.train
     segments = Segments(real, train.segment, train.batch) if train.segment > 1 else None
     loaded = TranslationData(
-        *data, pairs, batch=train.batch, latent=method.nets.latent, seed=seed, segments=segments
+        *data, selection, batch=train.batch, latent=method.nets.latent, seed=seed, segments=segments
     )
     module = WorldTranslation(spec, method, model)
     on_step = progress and (lambda k, _: progress(extra + k, total))
     best = _run(module, loaded, folder, sink, warn, on_step)
     module.load_state_dict(torch.load(best, "cpu", weights_only=True)["state_dict"])
     chosen = module.deployed().eval()
-    _choose_strength(chosen, pairs)
-    _fit_trust_on_pairs(chosen, pairs)
+    _choose_strength(chosen, selection)
+    _choose_trust(chosen, selection)
     return chosen
 
 
@@ -112,7 +113,7 @@ def _mean_field(
     model: WorldModel,
     sim: Transitions,
     real: Transitions,
-    pairs: PairTensors,
+    selection: Selection,
     seed: int,
     folder: Path,
     progress: Progress | None,
@@ -123,7 +124,7 @@ def _mean_field(
         model.frame.load_state_dict(torch.load(kept, "cpu", weights_only=True))
         model.frame.requires_grad_(False)
         return
-    scores = _scores(model, pairs)
+    scores = _scores(model, selection)
     fit_mean_field(model.frame, sim, real, model.method.mean, seed, progress, scores)
     folder.mkdir(parents=True, exist_ok=True)
     torch.save(model.frame.state_dict(), kept.with_suffix(".tmp"))
@@ -139,33 +140,36 @@ def _within(model: WorldModel, data: Transitions) -> Transitions:
     return data.select(model.frame.within(x, reach).cpu().numpy())
 
 
-def _scores(model: WorldModel, pairs: PairTensors) -> Scores:
-    """Errors on the validation pairs that stop δ, n and the reader from being over-trained."""
+def _scores(model: WorldModel, selection: Selection) -> Scores:
+    """Errors on what is held out that stop δ, n and the reader from being over-trained."""
     frame, use = model.frame, use_of(model.method.mean)
     if not use.has_shift:
         return Scores()
+    if isinstance(selection, Unpaired):
+        return held_out_losses(frame, selection.sim, selection.real, model.method.mean)
     if use.scored_alone:
+        pairs = PairTensors.of(selection.translated, frame.state.std, frame.change.std)
         # averages, so that the rest of S's answer, which only a translation can tell, is left out
         x = frame.conditions(pairs.o, pairs.a)
         seen = frame.within(x, model.method.translation.reach)
         o, x = pairs.o[seen], x[seen]
         simulated, real = (frame.changes(o, s[seen]) for s in (pairs.sim_next, pairs.real_next))
         return Scores(
-            _score(lambda: frame.nominal_change(x) + frame.shift_change(x, simulated) - real),
-            _score(lambda: frame.nominal_change(x) - simulated),
-            _score(lambda: frame.read_change(x, simulated) - real),
+            _mse(lambda: frame.nominal_change(x) + frame.shift_change(x, simulated) - real),
+            _mse(lambda: frame.nominal_change(x) - simulated),
+            _mse(lambda: frame.read_change(x, simulated) - real),
         )
     # an untrained decoder has no say only where its difference is added to the simulator's answer
     anchored = model.method.translation.anchored
-    return Scores((lambda: errors(model, pairs)[0]) if anchored else None)
+    return Scores((lambda: score(model, selection)) if anchored else None)
 
 
-def _score(error: Callable[[], Tensor]) -> Score:
+def _mse(error: Callable[[], Tensor]) -> Score:
     @torch.no_grad()
-    def score() -> float:
+    def mse() -> float:
         return float((error() ** 2).mean())
 
-    return score
+    return mse
 
 
 def _run(
@@ -176,7 +180,7 @@ def _run(
     warn: Callable[[str], None],
     progress: Progress | None,
 ) -> Path:
-    """Algorithm 1's loop; returns the checkpoint with the lowest validation error."""
+    """Algorithm 1's loop; returns the checkpoint with the lowest error on what is held out."""
     train, device = module.model.method.train, torch.get_default_device()
     watchers: list[lightning.Callback] = [CollapseWatch(warn, train.log_every)]
     if progress:
@@ -215,7 +219,7 @@ def _loop(
 ) -> Path:
     """Let Lightning train, from the newest checkpoint on; returns the best one."""
     train, device = module.model.method.train, torch.get_default_device()
-    best = ModelCheckpoint(folder, "best", monitor="val/mse")
+    best = ModelCheckpoint(folder, "best", monitor=f"val/{data.validation.metric}")
     # one of its own: save_last of the one above writes only when the error has fallen
     newest = ModelCheckpoint(folder, "last", enable_version_counter=False)
     last = folder / "last.ckpt"
@@ -280,33 +284,45 @@ def _unadvised() -> Iterator[None]:
             logger.setLevel(level)
 
 
-def _change_std(real: Transitions, spec: TransitionSpec) -> torch.Tensor:
-    return torch.tensor((real.s_next - real.o[:, : spec.n_state]).std(axis=0) + 1e-12)
-
-
 def _choose_transport(
-    model: WorldModel, sim: Transitions, real: Transitions, pairs: PairTensors
+    model: WorldModel, sim: Transitions, real: Transitions, selection: Selection
 ) -> None:
-    """Take the closed-form transport, and as large shares as :class:`SimulatorUse` has tried.
+    """Take the closed-form transport or not, and shares of those :class:`SimulatorUse` has tried.
 
-    The validation pairs decide.
+    Whatever is nearest to R on what is held out. Without pairs δ's share is scored by itself, at
+    R's (o, a); S's is not tried, since what S and R say of the same event is seen by pairs alone.
     """
     if not model.method.translation.transport:
         return
     frame, use = model.frame, use_of(model.method.mean)
     plain, shift = frame.transport.clone(), copy.deepcopy(frame.shift)
+    shift_shares, outcome_shares = use.shift_shares, use.outcome_shares
+    if isinstance(selection, Unpaired):
+        shift_shares = (_best_shift_share(model, selection, use.shift_shares),)
+        outcome_shares = (use.untried_share,)
     best = math.inf, plain, shift
-    for part in use.shift_shares:
+    for part in shift_shares:
         frame.shift = _scaled(shift, part)
         source, target = in_frame(frame, sim, real)
         for option in (plain, gaussian_transport(source.y, target.y)):
-            for share in use.outcome_shares:
+            for share in outcome_shares:
                 frame.transport.copy_(share * option)
-                error = errors(model, pairs)[0]
+                error = score(model, selection)
                 if error < best[0]:
                     best = error, share * option, frame.shift
     frame.transport.copy_(best[1])
     frame.shift = best[2]
+
+
+def _best_shift_share(model: WorldModel, selection: Unpaired, shares: Sequence[float]) -> float:
+    """The share of δ that has the least error on R's held-out transitions."""
+    frame, shift, errors = model.frame, model.frame.shift, []
+    score = held_out_losses(frame, selection.sim, selection.real, model.method.mean).shift
+    for share in shares:
+        frame.shift = _scaled(shift, share)
+        errors.append(score() if score else 0.0)
+    frame.shift = shift
+    return shares[errors.index(min(errors))]
 
 
 @torch.no_grad()
@@ -321,26 +337,31 @@ def _scaled(shift: Ensemble | None, share: float) -> Ensemble | None:
 
 
 @torch.no_grad()
-def _choose_strength(model: WorldModel, pairs: PairTensors) -> None:
-    """Apply as much of an anchored translation as helps on the validation pairs."""
+def _choose_strength(model: WorldModel, selection: Selection) -> None:
+    """Apply as much of an anchored translation as helps on what is held out."""
     if not model.method.translation.anchored:
         return
     scores = []
     for strength in STRENGTHS:
         model.strength.fill_(strength)
-        scores.append(errors(model, pairs)[0])
+        scores.append(score(model, selection))
     model.strength.fill_(STRENGTHS[scores.index(min(scores))])
 
 
 @torch.no_grad()
-def _fit_trust_on_pairs(model: WorldModel, pairs: PairTensors) -> None:
-    """Fit the reader's share of each channel to R by least squares on the validation pairs.
+def _choose_trust(model: WorldModel, selection: Selection) -> None:
+    """Set the reader's share of the answer, where there is a reader.
 
-    Of all weights these alone are fitted on pairs, and only with ``mean.simulator: blend``.
+    On pairs it is fitted, by least squares and for each channel: the only weights that pairs train.
+    Nothing else tells it, and without them both answers have the same share.
     """
     frame = model.frame
     if frame.reader is None:
         return
+    if isinstance(selection, Unpaired):
+        frame.trusted.fill_(UNTRIED)
+        return
+    pairs = PairTensors.of(selection.translated, frame.state.std, frame.change.std)
     answers = []
     for share in (0.0, 1.0):
         frame.trusted.fill_(share)

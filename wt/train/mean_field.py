@@ -51,7 +51,7 @@ def fit_normalizers(frame: Frame, sim: Transitions, real: Transitions) -> None:
 
 
 class Scores(NamedTuple):
-    """Errors on validation pairs, which stop regressors from being over-trained; None for no stop.
+    """Errors on held-out data, which stop regressors from being over-trained; None for no stop.
 
     Attributes:
         shift: of δ.
@@ -82,7 +82,7 @@ def fit_mean_field(
         settings: kind, use of the simulator and budget.
         seed: same seed, same regressors.
         progress: called with (done, total) steps.
-        scores: errors on validation pairs; None keeps the last weights of all.
+        scores: errors on held-out data; None keeps the last weights of all.
     """
     if frame.shift is None:
         return
@@ -106,6 +106,34 @@ def fit_mean_field(
         reader = use.reader_examples(of_real)
         _fit_ensemble(frame.reader, reader, settings, seed, parts, scores.reader)
     frame.requires_grad_(False)
+
+
+def held_out_losses(frame: Frame, sim: Transitions, real: Transitions, settings: Mean) -> Scores:
+    """Each regressor's own loss on transitions that nothing is trained on: no pairs are needed.
+
+    Args:
+        frame: a frame with fitted normalisers, whose regressors are being trained.
+        sim: transitions of S.
+        real: transitions of R.
+        settings: kind and use of the simulator.
+    """
+    use, of_real = use_of(settings), samples(frame, real)
+    inputs, target = use.nominal_examples(samples(frame, sim), of_real)
+
+    def shift_error() -> Tensor:
+        # n is trained before δ, which learns what n leaves
+        reference = use.reference(frame.nominal_change, of_real)
+        return frame.shift_change(of_real.x, reference) - (of_real.change - reference)
+
+    def score(error: Callable[[], Tensor], loss: Loss) -> Score:
+        return torch.no_grad()(lambda: float(loss(error(), 1.0)))
+
+    return Scores(
+        score(shift_error, shift_loss(settings)),
+        score(lambda: frame.nominal_change(inputs) - target, mean_square),
+        score(lambda: frame.read_change(of_real.x, of_real.nominal) - of_real.change,
+              shift_loss(settings)),
+    )  # fmt: skip
 
 
 def regressions(settings: Mean) -> int:

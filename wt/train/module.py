@@ -20,8 +20,9 @@ from wt.config import Method
 from wt.nets.world_model import WorldModel
 from wt.train import phases, replicas
 from wt.train.batches import StepBatch
-from wt.train.score import PairTensors, errors, reconstructions
+from wt.train.score import PairTensors, reconstructions, score
 from wt.train.segments import segment_error
+from wt.train.selection import Selection
 from wt.types import TransitionSpec
 
 WARM_UP = 100
@@ -118,19 +119,20 @@ class WorldTranslation(lightning.LightningModule):
             self.log_dict(self.metrics | self.gradient_norms(), sync_dist=together)
             self._log_step()
 
-    def validation_step(self, batch: PairTensors, batch_idx: int) -> None:
-        """Error on the validation pairs, with the averaged generator."""
-        self._log_errors("val", batch)
-        self._log_step()
+    def validation_step(self, batch: Selection, batch_idx: int) -> None:
+        """Error on what is held out, with the averaged generator."""
+        frame = self.model.frame
         # what the encoder keeps of R's own outcome, and what is left without translation
-        error = (reconstructions(self.model, batch) - batch.real_next) / batch.state_std
-        untranslated, _ = errors(_with_generator(self.model, _Unchanged()), batch)
-        self.log("val/self_reconstruction", (error**2).mean(), batch_size=len(batch.o))
-        self.log("val/untranslated", untranslated, batch_size=len(batch.o))
-
-    def test_step(self, batch: PairTensors, batch_idx: int) -> None:
-        """Error on the test pairs, with the averaged generator."""
-        self._log_errors("test", batch)
+        real = PairTensors.of(batch.predicted, frame.state.std, frame.change.std)
+        kept = (reconstructions(self.model, real) - real.real_next) / real.state_std
+        values = {
+            batch.metric: score(self.deployed(), batch),
+            "self_reconstruction": float((kept**2).mean()),
+            "untranslated": score(_with_generator(self.model, _Unchanged()), batch),
+        }
+        for name, value in values.items():
+            self.log(f"val/{name}", value, batch_size=1)
+        self._log_step()
 
     def deployed(self) -> WorldModel:
         """The model as it would be exported now, sharing all but an averaged generator."""
@@ -172,11 +174,6 @@ class WorldTranslation(lightning.LightningModule):
         schedules = self.lr_schedulers()
         for schedule in schedules if isinstance(schedules, list) else [schedules]:
             schedule.step()  # type: ignore[union-attr]
-
-    def _log_errors(self, split: str, pairs: PairTensors) -> None:
-        mse, mse_change = errors(self.deployed(), pairs)
-        self.log(f"{split}/mse", mse, batch_size=len(pairs.o))
-        self.log(f"{split}/mse_change", mse_change, batch_size=len(pairs.o))
 
     def _log_step(self) -> None:
         """Say where on the axis this is: Lightning's own step counts every optimizer."""

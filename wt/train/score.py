@@ -1,4 +1,4 @@
-"""Single-step error on pairs: what chooses checkpoints, and what the tables report."""
+"""A model's single-step predictions and their errors, on pairs and on what is held out."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from wt.nets.world_model import WorldModel
+from wt.train.selection import Selection
 from wt.translate import reconstruct_state, translate_state
 from wt.types import Pairs
 
@@ -42,12 +43,6 @@ class PairTensors(NamedTuple):
         )
         return cls(o, a, sim_next, real_next, state_std, change_std)
 
-    def parts(self) -> list[PairTensors]:
-        """The same pairs, a batch at a time."""
-        *rows, state_std, change_std = self
-        parts = zip(*(x.split(CHUNK) for x in rows), strict=True)
-        return [PairTensors._make([*part, state_std, change_std]) for part in parts]
-
 
 @torch.no_grad()
 def predictions(model: WorldModel, pairs: PairTensors) -> Tensor:
@@ -65,6 +60,13 @@ def reconstructions(model: WorldModel, pairs: PairTensors) -> Tensor:
         pairs.o.split(CHUNK), pairs.a.split(CHUNK), pairs.real_next.split(CHUNK), strict=True
     )
     return torch.cat([reconstruct_state(model, *chunk) for chunk in chunks])
+
+
+def score(model: WorldModel, selection: Selection) -> float:
+    """Error of a model's translation on the data that choose."""
+    std, change_std = model.frame.state.std, model.frame.change.std
+    tensors = PairTensors.of(selection.translated, std, change_std)
+    return selection.error(predictions(model, tensors))
 
 
 def errors(model: WorldModel, pairs: PairTensors) -> tuple[float, float]:

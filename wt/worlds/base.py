@@ -11,6 +11,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Callable, Mapping
+from dataclasses import fields, replace
 from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
 import mujoco
@@ -19,6 +20,7 @@ from jaxtyping import Float, Float32
 
 import wt.worlds
 from wt.config import parse
+from wt.data.history import remember, with_history
 from wt.errors import ConfigError, suggest
 from wt.types import Domain, Pairs, Transitions, TransitionSpec
 
@@ -151,12 +153,72 @@ def make(section: Mapping[str, Any]) -> World:
     """Build the world of a configuration's ``world:`` section.
 
     Args:
-        section: ``name`` and the options of that world.
+        section: ``name`` and the options of that world; ``history``, of any world, is the number of
+            control steps whose positions and actions its observations also hold.
 
     Raises:
         ConfigError: no world has that name, or an option is unknown or of the wrong type.
     """
     kind = kind_of(section)
     options = {key: value for key, value in section.items() if key != "name"}
+    own = "history" in {field.name for field in fields(kind.options)}
+    history = 0 if own else options.pop("history", 0)
+    if not isinstance(history, int) or history < 0:
+        raise ConfigError(f"world.history is {history!r}; it must be a whole number, zero or more")
     world: World = kind(parse(kind.options, options, "world."))
-    return world
+    return Remembering(world, history) if history else world
+
+
+class Remembering:
+    """A world whose observations also hold the positions and actions of some steps before.
+
+    For a robot that carries what S knows nothing of: the past may tell what no simulated outcome
+    can. It cannot be rolled out, since nobody keeps the past of a simulated robot.
+    """
+
+    options: ClassVar[type] = object  # it is made of another world, not of options
+
+    def __init__(self, world: World, history: int) -> None:
+        """Extend a world.
+
+        Args:
+            world: without history.
+            history: control steps that are remembered.
+        """
+        self._world, self._history = world, history
+        self.spec = with_history(world.spec, history)
+        self.shard, self.force_body, self.note = world.shard, world.force_body, world.note
+
+    def identity(self) -> dict[str, object]:
+        """Of the world, and the length of its history."""
+        return {**self._world.identity(), "history": self._history}
+
+    def model(self, domain: Domain) -> mujoco.MjModel:
+        """The compiled MJCF of a domain."""
+        return self._world.model(domain)
+
+    def collect(
+        self, domain: Domain, count: int, seed: int, progress: Progress | None = None
+    ) -> Transitions:
+        """Transitions that have a past: fewer than ``count``, by the beginnings of episodes."""
+        collected = self._world.collect(domain, count, seed, progress)
+        return remember(collected, self._world.spec, self._history)[0]
+
+    def sim_step(
+        self,
+        o: Float[np.ndarray, "sample obs"],
+        a: Float[np.ndarray, "sample action"],
+        hidden: Float[np.ndarray, "sample hidden"] | None,
+    ) -> Float32[np.ndarray, "sample state"]:
+        """S's answer, which does not depend on the past."""
+        return self._world.sim_step(o[:, : self._world.spec.n_obs], a, hidden)
+
+    def answers(self, real: Transitions) -> Float32[np.ndarray, "transition state"]:
+        """S's answers to R's transitions."""
+        return self._world.answers(replace(real, o=real.o[:, : self._world.spec.n_obs]))
+
+    def pairs(self, split: str, count: int, seed: int) -> Pairs:
+        """Paired transitions that have a past."""
+        pairs = self._world.pairs(split, count, seed)
+        real, rows = remember(pairs.real, self._world.spec, self._history)
+        return Pairs(real, pairs.sim_next[rows])

@@ -1,4 +1,4 @@
-"""The four collections of a task: both domains unpaired, and pairs for choices and for tests."""
+"""The collections of a task: both domains unpaired, and pairs for tests, or also to select by."""
 
 from __future__ import annotations
 
@@ -27,25 +27,28 @@ class Collected:
     Attributes:
         sim: unpaired transitions of S, for training.
         real: unpaired transitions of R, for training.
-        validation: pairs that choose checkpoints and settings.
+        validation: pairs to select models by; None where they are selected without.
         test: pairs that are evaluated once, at the end.
         folders: of each on disk, by its name here.
     """
 
     sim: Transitions
     real: Transitions
-    validation: Pairs
+    validation: Pairs | None
     test: Pairs
     folders: Mapping[str, Path] = field(default_factory=dict)
 
 
-def collect(world: World, settings: DataConfig, report: Report | None = None) -> Collected:
-    """Collect or reuse the four collections of a task.
+def collect(
+    world: World, settings: DataConfig, report: Report | None = None, *, validation: bool = True
+) -> Collected:
+    """Collect or reuse the collections of a task.
 
     Args:
         world: the task.
         settings: folder, sizes and seed.
         report: for a progress bar.
+        validation: whether pairs to select by are needed.
 
     Raises:
         DataError: a stored part is damaged.
@@ -54,6 +57,8 @@ def collect(world: World, settings: DataConfig, report: Report | None = None) ->
     collections: dict[str, Transitions | Pairs] = {}
     folders = {}
     for what, count, seed in _parts(settings):
+        if what == "validation" and not validation:
+            continue
         shards = plan(count, seed, world.shard)
         identity = {"what": what, **world.identity(), "models": models}
         where = Path(settings.dir), identity, world.spec, shards
@@ -62,7 +67,7 @@ def collect(world: World, settings: DataConfig, report: Report | None = None) ->
     return Collected(
         _transitions(collections["sim"]),
         _transitions(collections["real"]),
-        _pairs(collections["validation"]),
+        _pairs(collections["validation"]) if validation else None,
         _pairs(collections["test"]),
         folders,
     )

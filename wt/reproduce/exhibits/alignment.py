@@ -41,7 +41,7 @@ class Alignments(Exhibit):
                     bench.listener.progress(f"rollouts, seed {seed}", len(rolled), total)
                     rolled[label] = roll_out(world, truth, step, scale, alignment)
             for label, one in rolled.items():
-                keep(numbers, label, one)
+                keep(numbers, label, one, study)
         return numbers
 
     def present(self, numbers: Numbers) -> Section:

@@ -49,10 +49,23 @@ class SingleStep(Exhibit):
         return Section(
             "MSE of the normalised next state under teacher forcing, in units of RawSim's; mean "
             f"and spread over seeds. {ASSUMPTION}",
-            [Grid(head(results), rows(results))],
+            [Grid(head(results), rows(results)), *_units(results)],
             {"single_step": figure(results)},
             [_difference(task, one) for task, one in results.items()] + _models(results),
         )
+
+
+def _units(by_task: ResultsByTask) -> list[Grid]:
+    """The same errors in the other units: of the state and its change, and physical."""
+    grids = []
+    for task, results in by_task.items():
+        scores = results.single_step
+        table = [[m, short(scores[m].mse), short(scores[m].mse_change)] for m in scores]
+        place = f"{task.robot}, {task.condition}"
+        grids.append(Grid(["method", "MSE of the state", "of its change"], table, place))
+        if results.channels:
+            grids.append(Grid(*results.physical(), f"{place}: RMSE"))
+    return grids
 
 
 def _difference(task: PaperTask, results: Results) -> str:

@@ -17,6 +17,7 @@ from wt.evaluate.multi_step import (
     simulator,
 )
 from wt.evaluate.results import OURS, PAPERS_OWN
+from wt.evaluate.single_step import by_kind
 from wt.reproduce.bench import FULL, PLUS, Bench
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
 from wt.reproduce.words import gain, mean, spread
@@ -44,12 +45,20 @@ def truth_of(study: Study, quick: bool, seed: int) -> tuple[ClosedLoop, Referenc
     return world, world.truth(count, past, HORIZON, START_SEED + seed)
 
 
-def keep(numbers: Numbers, label: str, rolled: Rolled) -> None:
+def keep(numbers: Numbers, label: str, rolled: Rolled, study: Study) -> None:
     """Add one seed's rollouts; NaN, where every rollout has diverged, is kept as null."""
-    mse = [float(x) if np.isfinite(x) else None for x in rolled.mse]
-    values = numbers.setdefault(label, {"mse": [], "diverged": []})
-    values["mse"].append(mse)
-    values["diverged"].append([float(x) for x in rolled.diverged])
+    of_change = ((rolled.rmse / study.scales.change) ** 2).mean(axis=1)
+    physical = by_kind(rolled.rmse, study.world.spec.state)
+    columns = {
+        "mse": rolled.mse,
+        "mse_change": of_change,
+        "diverged": rolled.diverged,
+        **{f"{kind.name} [{kind.unit}]": rmse for kind, rmse in physical.items()},
+    }
+    values = numbers.setdefault(label, {})
+    for name, column in columns.items():
+        row = [float(x) if np.isfinite(x) else None for x in column]
+        values.setdefault(name, []).append(row)
 
 
 @register
@@ -78,7 +87,7 @@ class MultiStep(Exhibit):
                 bench.listener.progress(f"rollouts, seed {seed}", i, len(steps))
                 alignment = alignment_of(study.config, method)
                 rolled = roll_out(world, truth, step, study.scales.state, alignment)
-                keep(numbers, method, rolled)
+                keep(numbers, method, rolled, study)
         return numbers
 
     def present(self, numbers: Numbers) -> Section:
@@ -92,7 +101,7 @@ class MultiStep(Exhibit):
             "the error is the mean over those that have not. RawSim starts from R's true hidden "
             "state, as all do.",
             [Grid(*table) for table in horizon_tables(numbers)],
-            {"multi_step": draw(numbers)},
+            {"multi_step": draw(numbers), "multi_step_units": draw_units(numbers)},
             _differences(numbers),
         )
 
@@ -104,6 +113,17 @@ def draw(numbers: Numbers) -> Figure:
     errors = {m: (horizon, over(v["mse"])) for m, v in numbers.items()}
     return curves([("diverged rollouts [%]", rates), ("MSE of the normalised state", errors)],
                   "horizon [control steps]", zoom=True)  # fmt: skip
+
+
+def draw_units(numbers: Numbers) -> Figure:
+    """Error over the horizon in the other units: of the change, and physical."""
+    horizon = np.arange(1, HORIZON + 1)
+    panels = [
+        (f"RMSE of {name}" if name in _kinds(numbers) else "MSE of the normalised change",
+         {m: (horizon, over(v[name])) for m, v in numbers.items()})
+        for name in ("mse_change", *_kinds(numbers))
+    ]  # fmt: skip
+    return curves(panels, "horizon [control steps]", zoom=True)
 
 
 def gains(numbers: Numbers, plain: str, other: str) -> str:
@@ -125,17 +145,26 @@ def over(by_seed: list[list[float | None]]) -> np.ndarray:
 
 
 def horizon_tables(numbers: Numbers) -> list[tuple[list[str], list[list[str]]]]:
-    """Error and divergence at some horizons: head and rows of each table."""
-    return [_errors(numbers), _divergence(numbers)]
+    """Error in each unit, and divergence, at some horizons: head and rows of each table."""
+    return [
+        _errors(numbers, "mse", "MSE at horizon"),
+        _divergence(numbers),
+        _errors(numbers, "mse_change", "MSE of the change at horizon"),
+        *(_errors(numbers, kind, f"RMSE of {kind} at horizon") for kind in _kinds(numbers)),
+    ]
 
 
-def _errors(numbers: Numbers) -> tuple[list[str], list[list[str]]]:
+def _kinds(numbers: Numbers) -> list[str]:
+    """Kinds of channels with their units."""
+    return [name for name in next(iter(numbers.values())) if name.endswith("]")]
+
+
+def _errors(numbers: Numbers, column: str, title: str) -> tuple[list[str], list[list[str]]]:
     rows = [
-        [m, *(spread([row[h - 1] for row in v["mse"] if row[h - 1] is not None]) for h in SHOWN)]
+        [m, *(spread([row[h - 1] for row in v[column] if row[h - 1] is not None]) for h in SHOWN)]
         for m, v in numbers.items()
     ]
-    head = ["MSE at horizon", *map(str, SHOWN)]
-    return head, rows
+    return [title, *map(str, SHOWN)], rows
 
 
 def _divergence(numbers: Numbers) -> tuple[list[str], list[list[str]]]:

@@ -76,7 +76,7 @@ def _measured(bench: Bench, name: str, reference: str) -> Numbers:
     pairs = study.data.test
     model = registered.load(reference, study.world.spec, study.config.tracking.uri)
     card = model.card
-    same = card.heldout.data_hash == study.held_out
+    same = card.heldout.data_hash == study.split.selection.hash
     rollouts: Numbers = {}
     if name == figure_4.TASK:
         world, truth = figure_4.truth_of(study, bench.quick, START_SEED)
@@ -84,7 +84,7 @@ def _measured(bench: Bench, name: str, reference: str) -> Numbers:
         for label, (method, step) in steps.items():
             alignment = alignment_of(study.config, method)
             rolled = roll_out(world, truth, step, study.scales.state, alignment)
-            figure_4.keep(rollouts, label, rolled)
+            figure_4.keep(rollouts, label, rolled, study)
     return {
         "model": reference,
         "raw": errors(pairs.sim_next, pairs, study.scales).mse,

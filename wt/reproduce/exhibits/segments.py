@@ -36,7 +36,7 @@ class SegmentTraining(Exhibit):
             steps = {v.name: of_model(bench.model(study, v, seed)) for v in VARIANTS}
             for label, step in {"RawSim": simulator, **steps}.items():
                 rolled = roll_out(world, truth, step, study.scales.state, alignment)
-                keep(numbers["rolled"], label, rolled)
+                keep(numbers["rolled"], label, rolled, study)
             for variant in VARIANTS:
                 mse = bench.errors(study, variant, seed).mse
                 numbers["single"].setdefault(variant.name, []).append(mse)

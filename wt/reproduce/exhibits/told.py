@@ -41,7 +41,7 @@ class Told(Exhibit):
                 bench.listener.progress(f"rollouts, seed {seed}", i, len(runs))
                 alignment = alignment_of(study.config, name)
                 rolled = roll_out(world, truth, step, study.scales.state, alignment, true_hidden)
-                keep(numbers, name + SUFFIX * true_hidden, rolled)
+                keep(numbers, name + SUFFIX * true_hidden, rolled, study)
         return numbers
 
     def present(self, numbers: Numbers) -> Section:

@@ -1,0 +1,85 @@
+"""What trains, selects and registers models never looks at the test pairs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+import pytest
+import torch
+
+from tests.end_to_end.conftest import METHODS, Place, Silent
+from wt.config import load
+from wt.evaluate.results import OURS
+from wt.evaluate.single_step import Errors
+from wt.run import publish
+from wt.run.folder import tracked
+from wt.run.jobs import Job, train
+from wt.run.study import WEIGHTS, Study
+from wt.types import Pairs
+
+
+class LookedError(Exception):
+    """The test pairs were looked at."""
+
+
+class Sealed(Pairs):
+    """Test pairs that nobody may look at."""
+
+    def __getattribute__(self, name: str) -> object:
+        if name.startswith("__"):
+            return object.__getattribute__(self, name)
+        raise LookedError(name)
+
+    def __len__(self) -> NoReturn:
+        raise LookedError("len")
+
+
+def sealed(place: Place, folder: Path, *words: str) -> Study:
+    """A study of the shared run's configuration, with test pairs that raise."""
+    config = load(place.words[1], [*place.words[2:], *words])
+    study = Study.open(config, folder, Silent())
+    return replace(study, data=replace(study.data, test=object.__new__(Sealed)))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_training_and_selection_end_before_the_test_pairs_are_looked_at(
+    method: str, place: Place, finished: Path, tmp_path: Path
+) -> None:
+    study = sealed(place, tmp_path)
+    with pytest.raises(LookedError):  # in the end: every method predicts them
+        train(study, Job(0, method))
+    (kept, other) = (
+        torch.load(home / "work" / "seed0" / method / WEIGHTS, weights_only=True)
+        for home in (tmp_path, finished)
+    )
+    assert kept.keys() == other.keys()
+    assert all(torch.equal(kept[name], other[name]) for name in kept)
+
+
+def test_seed_model_and_champion_are_settled_before_the_test_pairs_are_looked_at(
+    place: Place, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    weights = Path("work") / "seed0" / OURS / WEIGHTS
+    (tmp_path / weights).parent.mkdir(parents=True)
+    (tmp_path / weights).write_bytes((finished / weights).read_bytes())
+    pushed: list[float] = []
+    monkeypatch.setattr(publish, "push", lambda *given, **_: pushed.append(given[2]))
+    study = sealed(place, tmp_path)
+    errors = {0: {OURS: Errors(0.1, 0.1, np.ones(12))}}
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", place.store)
+    with tracked(study.config, tmp_path) as current, pytest.raises(LookedError):
+        publish.publish(study, errors, current)
+    assert pushed == [publish.chosen_by(study, [0])[0]]
+    assert (tmp_path / "card.json").is_file()
+
+
+def test_pairs_select_where_they_are_asked_for(place: Place, tmp_path: Path) -> None:
+    words = ("model_selection=pairs", f"data.dir={tmp_path / 'data'}", "data.transitions=500")
+    study = sealed(place, tmp_path, *words)
+    assert study.data.validation is not None
+    sim, real, selection = study.split
+    assert (len(sim), len(real), selection.name) == (500, 500, "pairs")
+    assert selection.translated is study.data.validation
