@@ -127,7 +127,7 @@ def test_unknown_key_names_the_nearest(override: str, key: str, near: str) -> No
 
 
 def test_unknown_key_far_from_all_lists_them() -> None:
-    assert "allowed: dir, real_transitions, seed" in refused("data.zzz=1")
+    assert "allowed: dir, held_out, real_transitions, seed" in refused("data.zzz=1")
 
 
 @pytest.mark.parametrize(
@@ -185,7 +185,7 @@ def test_bad_override(override: str, says: str) -> None:
     [
         ("data.transitions=0", "data.transitions is 0; it must be above zero"),
         ("data.seed=-1", "data.seed is -1; it must be zero or more"),
-        ("data.held_out=0", "data.held_out is 0; it must be above zero"),
+        ("data.held_out=0", "data.held_out is 0.0; it must be above zero"),
         ("data.held_out=0.6", "data.held_out is 0.6; it must be at most 0.5"),
         ("baselines.history=-1", "baselines.history is -1; it must be zero or more"),
         ("plus.train.learning_rate=nan", "plus.train.learning_rate is nan"),

@@ -70,11 +70,11 @@ class DataConfig:
 
     dir: str = "data"
     transitions: int = 300_000
-    held_out: float = 0.1
     validation_pairs: int = 10_000
     test_pairs: int = 25_000
     seed: int = 0
     real_transitions: int | None = None  # of R, where it has fewer
+    held_out: float = 0.1
 
 
 @dataclass

@@ -168,3 +168,14 @@ def test_model_hash_sees_one_number(world: World) -> None:
     before = model_hash(model)
     model.opt.timestep = 0.0100001
     assert model_hash(model) != before
+
+
+def test_pairs_to_select_by_are_collected_only_where_they_are_needed(
+    world: World, tmp_path: Path
+) -> None:
+    reported: set[str] = set()
+    found = collect(
+        world, settings(tmp_path), lambda what, *_: reported.add(what), validation=False
+    )
+    assert found.validation is None and set(found.folders) == {"sim", "real", "test"}
+    assert "validation" not in reported and not list(tmp_path.glob("*validation*"))
