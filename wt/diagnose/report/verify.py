@@ -95,7 +95,9 @@ def holdout_npz(holdout: Holdout, hypothesis: Hypothesis, recordings: Sequence[s
             ),
             lead_first=np.cumsum([0, *(len(s.lead_t) for s in stretches[:-1])]),
             lead_t=np.concatenate([s.lead_t for s in stretches]),
-            lead=np.concatenate([s.lead.reshape(-1, s.command.shape[1]) for s in stretches]),
+            lead=np.concatenate(
+                [s.lead if len(s.lead) else np.zeros((0, model.nactuator)) for s in stretches]
+            ),
             measured=holdout.measured,
             noise=np.nan_to_num(holdout.smoothed.noise),
         )
