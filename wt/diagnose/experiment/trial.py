@@ -46,10 +46,11 @@ def trial(scene: Scene, wanted: Float[np.ndarray, "sample dof"], rate: float) ->
     model = copy.copy(scene.model)
     each = int(np.ceil(1.0 / (rate * min(_STEP_S, model.opt.timestep)) - 1e-9))
     model.opt.timestep = 1.0 / (rate * each)
-    ctrl = commands(scene, wanted, 1.0 / rate)
+    acted = setpoints(scene, wanted, 1.0 / rate)
+    ctrl = _sent(model, acted, 1.0 / rate)
     data = mujoco.MjData(model)
     data.qpos[:] = wanted[0]
-    _charge(model, data, ctrl[0])
+    _charge(model, data, acted[0])
     mujoco.mj_forward(model, data)
     at_rest = _touching(model, data)
     touched: set[tuple[int, int]] = set()
@@ -64,10 +65,10 @@ def trial(scene: Scene, wanted: Float[np.ndarray, "sample dof"], rate: float) ->
     return Trial(ctrl, q, force, np.array(sorted(touched), int).reshape(-1, 2))
 
 
-def commands(
+def setpoints(
     scene: Scene, wanted: Float[np.ndarray, "sample dof"], dt: float
 ) -> Float[np.ndarray, "sample actuator"]:
-    """Commands for a motion on the model as given.
+    """What drives have to act on for a motion on the model as given.
 
     A servo gets the position, plus what carries the weight there; a torque motor gets the torque
     of inverse dynamics.
@@ -77,7 +78,7 @@ def commands(
     data = mujoco.MjData(model)
     speed = np.gradient(wanted, dt, axis=0)
     acceleration = np.gradient(speed, dt, axis=0)
-    ctrl = np.zeros((len(wanted), model.nactuator))
+    acted = np.zeros((len(wanted), model.nactuator))
     loose = [d for d in scene.drives if not d.servo]
     for k, q in enumerate(wanted):
         data.qpos[:] = q
@@ -90,11 +91,19 @@ def commands(
         for d in scene.drives:
             still = d.servo
             torque = weight[d.dof] if still else data.qfrc_inverse[d.dof]
-            ctrl[k, d.index] = command(d, q[d.dof], 0.0 if still else speed[k, d.dof], torque)
+            acted[k, d.index] = command(d, q[d.dof], 0.0 if still else speed[k, d.dof], torque)
     for d in scene.drives:
-        ctrl[:, d.index] = np.clip(ctrl[:, d.index], *d.commands)
+        acted[:, d.index] = np.clip(acted[:, d.index], *d.commands)
+    return acted
+
+
+def _sent(
+    model: mujoco.MjModel, acted: Float[np.ndarray, "sample actuator"], dt: float
+) -> Float[np.ndarray, "sample actuator"]:
+    """Commands by which drives come to act on something: of integrators, its rate."""
+    ctrl = acted.copy()
     for i in integrating(model):
-        ctrl[:, i] = np.gradient(ctrl[:, i], dt)  # their command is a speed
+        ctrl[:, i] = np.gradient(ctrl[:, i], dt)
     for i in np.flatnonzero(model.actuator_ctrllimited):
         ctrl[:, i] = np.clip(ctrl[:, i], *model.actuator_ctrlrange[i])
     return ctrl
@@ -130,6 +139,7 @@ def settled(
     for d in scene.drives:
         data.ctrl[d.index] = command(d, pose[d.dof], 0.0, 0.0) if d.servo else 0.0
     _charge(model, data, data.ctrl.copy())
+    data.ctrl[integrating(model)] = 0.0
     mujoco.mj_step(model, data, round(_SETTLE_S / model.opt.timestep))
     stays = np.abs(data.qpos - pose) < 2.0 * _NUDGE
     return np.where(servo | stays, pose, data.qpos)
@@ -138,7 +148,7 @@ def settled(
 def _charge(
     model: mujoco.MjModel, data: mujoco.MjData, ctrl: Float[np.ndarray, " actuator"]
 ) -> None:
-    """Let filters and integrators of actuators start where their commands are."""
+    """Let filters and integrators of actuators start with what they are to act on."""
     for i in range(model.nactuator):
         if model.actuator_actnum[i] == 1:
             data.act[model.actuator_actadr[i]] = ctrl[i]
