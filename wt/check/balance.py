@@ -20,6 +20,7 @@ from jaxtyping import Float
 from scipy.optimize import lsq_linear, nnls
 
 from wt.check.signals import Signals
+from wt.physics.motion import NOT_DEMANDED
 from wt.physics.scene import Drive, Scene
 
 _LEAST_GAIN, _MOST_GAIN = 0.12, 8.0  # of the model's, over the drive's
@@ -200,9 +201,7 @@ def free_of_forces(model: mujoco.MjModel) -> mujoco.MjModel:
     not theirs to be commanded.
     """
     copied = mujoco.MjModel.__copy__(model)
-    off = mujoco.mjtDisableBit
-    without = off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_ACTUATION | off.mjDSBL_EQUALITY
-    copied.opt.disableflags |= int(without)
+    copied.opt.disableflags |= NOT_DEMANDED
     copied.jnt_actgravcomp[:] = 0
     return copied
 

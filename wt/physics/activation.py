@@ -11,6 +11,8 @@ import mujoco
 import numpy as np
 from jaxtyping import Float, Int
 
+from wt.physics.held import impulses
+
 _FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
 _INTEGRATOR = int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
 
@@ -53,10 +55,10 @@ def _late(
     t: Float[np.ndarray, " sample"], u: Float[np.ndarray, " sample"], delay: float
 ) -> Float[np.ndarray, " sample"]:
     """Mean of a held command over each sample's interval that arrives so late."""
-    ends = np.append(t, 2.0 * t[-1] - t[-2]) - delay if len(t) > 1 else np.array([t[0], t[0] + 1.0])
-    knots = np.concatenate([[ends[0] - 1.0], t, [ends[-1] + 1.0 + delay]])
-    integral = np.concatenate([[0.0], np.cumsum(np.append(u[0], u) * np.diff(knots))])
-    return np.asarray(np.diff(np.interp(ends, knots, integral)) / np.diff(ends))
+    if len(t) < 2:
+        return u
+    ends = np.append(t, 2.0 * t[-1] - t[-2]) - delay
+    return np.asarray(impulses(t, u[:, None], ends)[:, 0] / np.diff(ends))
 
 
 def dynamic(model: mujoco.MjModel) -> np.ndarray:

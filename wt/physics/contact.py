@@ -87,10 +87,12 @@ def touching(
     near, projector = np.zeros(len(q), dtype=int), np.zeros((len(q), *2 * (scene.model.nv,)))
     projector[:] = np.eye(scene.model.nv)
     for k, pose in enumerate(q):
-        _, jacobian = probe.contacts(pose)
+        probe.put(pose)
+        rows = probe.couplings()
         if scene.free:
+            _, jacobian = probe.contacts()
             near[k] = len(jacobian) // 3
-        rows = np.vstack([jacobian[: 3 * near[k]], probe.couplings()])
+            rows = np.vstack([jacobian, rows])
         if len(rows):
             projector[k] -= rows.T @ probe.carried(rows)
     return Touching(projector if coupled or near.any() else None, near)
@@ -114,7 +116,8 @@ def loads(
     """
     probe, contact_loads = _ContactProbe(scene, floors), []
     for pose, speed, force in zip(q, v, residual, strict=True):
-        geoms, jacobian = probe.contacts(pose)
+        probe.put(pose)
+        geoms, jacobian = probe.contacts()
         if len(geoms):
             carried = (probe.carried(jacobian) @ force).reshape(-1, 3)
             contact_loads.append(
@@ -186,13 +189,14 @@ class _ContactProbe:
         self._data = mujoco.MjData(self._model)
         self._fixed = fixed(self._model)
 
-    def contacts(
-        self, pose: Float[np.ndarray, " dof"]
-    ) -> tuple[Int[np.ndarray, "contact 2"], Float[np.ndarray, "row dof"]]:
+    def put(self, pose: Float[np.ndarray, " dof"]) -> None:
+        """Take a pose, which all that follows is of."""
+        self._data.qpos[:] = pose
+        mujoco.mj_fwdPosition(self._model, self._data)
+
+    def contacts(self) -> tuple[Int[np.ndarray, "contact 2"], Float[np.ndarray, "row dof"]]:
         """The pairs of geoms that may touch, (C, 2), and Jacobians of their points, (3C, nv)."""
         m, d = self._model, self._data
-        d.qpos[:] = pose
-        mujoco.mj_fwdPosition(m, d)
         # parts of the machine are close to each other always, and hardly ever touch
         touching = [c for c in d.contact if self._fixed[c.geom].any()]
         rows, one = np.zeros((len(touching), 3, m.nv)), np.zeros((3, m.nv))
@@ -206,13 +210,13 @@ class _ContactProbe:
         return geoms[felt], rows[felt].reshape(-1, m.nv)
 
     def couplings(self) -> Float[np.ndarray, "row dof"]:
-        """Jacobian of the equality constraints at the last pose, (R, nv)."""
+        """Jacobian of the equality constraints, (R, nv)."""
         d = self._data
         rows = d.efc_J.reshape(-1, self._model.nv)
         return rows[d.efc_type[: len(rows)] == mujoco.mjtConstraint.mjCNSTR_EQUALITY]
 
     def carried(self, jacobian: Float[np.ndarray, "row dof"]) -> Float[np.ndarray, "row dof"]:
-        """Contact forces per generalised force, (3C, nv): (J M⁻¹ Jᵀ)⁺ J M⁻¹ at the last pose."""
+        """Contact forces per generalised force, (3C, nv): (J M⁻¹ Jᵀ)⁺ J M⁻¹."""
         inertia = np.zeros(2 * (self._model.nv,))
         mujoco.mj_fullM(self._model, self._data, inertia)
         lighter = np.linalg.solve(inertia, jacobian.T)

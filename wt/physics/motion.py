@@ -19,6 +19,13 @@ _BLOW_S, _BLOW = 0.05, 8.0
 """A blow shows so long [s], and makes the residual's change so many times what it usually is."""
 
 
+_OFF = mujoco.mjtDisableBit
+NOT_DEMANDED = int(
+    _OFF.mjDSBL_CONTACT | _OFF.mjDSBL_LIMIT | _OFF.mjDSBL_ACTUATION | _OFF.mjDSBL_EQUALITY
+)
+"""What inverse dynamics leave out, so that they say what a motion demands of all of it together."""
+
+
 @dataclass(frozen=True)
 class Segment:
     """A stretch without gaps of one recording, evenly sampled.
@@ -227,9 +234,7 @@ class Motion:
         if model is self.scene.model:
             model = mujoco.MjModel.__copy__(model)
         flags = model.opt.disableflags
-        off = mujoco.mjtDisableBit
-        without = off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_ACTUATION | off.mjDSBL_EQUALITY
-        model.opt.disableflags |= int(without)
+        model.opt.disableflags |= NOT_DEMANDED
         data = mujoco.MjData(model)
         result = np.empty_like(self.q)
         for k in range(len(self.t)):

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from wt.physics.held import impulses
 from wt.physics.motion import Motion, Segment
 
 _LATE_S = (1e-3, 3e-3)
@@ -83,14 +84,8 @@ class Stretch:
         t, command = np.append(self.lead_t, self.t), self.command
         if len(self.lead):
             command = np.vstack([self.lead, command])
-        integral = np.zeros_like(command)  # of the held command, from the first sample on
-        integral[1:] = np.cumsum(command[:-1] * np.diff(t)[:, None], axis=0)
-        # the first command was held before, and the last goes on being held
-        knots = np.concatenate([[t[0] - 1.0], t, [t[-1] + 1.0]])
-        integral = np.vstack([integral[0] - command[0], integral, integral[-1] + command[-1]])
         edges = self.t[0] + h * (np.arange(-before, steps + 1) - 0.5)
-        means = [np.diff(np.interp(edges, knots, column)) for column in integral.T]
-        sent = np.stack(means, axis=1) / h if means else np.zeros((before + steps, 0))
+        sent = impulses(t, command, edges) / h
         # what came before the first has had its effect on the state there
         sent[before] = self.command[0]
         return sent

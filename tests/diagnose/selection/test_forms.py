@@ -20,7 +20,6 @@ J2 = Location("joint", "j2")
 
 def form(of: World) -> str:
     found = Accepted(Planted(COULOMB, J2, np.array([0.3])), (), ())
-    of.objective.reference((found.planted,))
     (chosen,) = in_best_form(of.objective, (found,), DecisionLog())
     assert chosen.planted.effect.id == COULOMB.id
     return chosen.planted.effect.form

@@ -66,24 +66,22 @@ def audited(finding: AuditFinding) -> str:
 def fit(diagnosis: Diagnosis) -> str:
     """The held-out fit in one sentence or two."""
     said, noises = [], []
+    stays = percent(diagnosis.proof.holdout.ratio) == percent(1.0)
     for h, of in overall(diagnosis):
         factor, unit = scaled(max(h.before, h.after), of)
         left = f" to {error(h.after * factor, h.noise_floor * factor)}"
-        change = f"{number(h.before * factor)}{left if diagnosis.findings else ''} {unit}"
+        falls = diagnosis.findings and not stays
+        change = f"{number(h.before * factor)}{left if falls else ''} {unit}"
         whose = f" ({_PLURAL[of]})" if len(diagnosis.compared) > 1 else ""
         said.append(change + whose)
         noises.append(f"{number(h.noise_floor * factor, 2)} {unit}")
     noise = f"measurement noise alone would give {' and '.join(noises)}"
     if not diagnosis.findings:
         return f"The replay's error on held-out data is {' and '.join(said)}; {noise}."
-    if percent(diagnosis.proof.holdout.ratio) == percent(1.0):
-        stays = " and ".join(
-            f"{number(h.after * scaled(h.before, of)[0])} {scaled(h.before, of)[1]}"
-            for h, of in overall(diagnosis)
-        )
+    if stays:
         return (
-            f"The replay's error on held-out data stays at {stays}, since what was found does not "
-            f"show in it; {noise}."
+            f"The replay's error on held-out data stays at {' and '.join(said)}, since what was "
+            f"found does not show in it; {noise}."
         )
     return (
         f"The replay's error on held-out data fell from {' and from '.join(said)}, to "

@@ -28,13 +28,14 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 import wt.mjcf.plain
 from wt.diagnose.selection.holdout import RAN_AWAY, Holdout
 from wt.errors import UserError, WorkError
 from wt.physics.activation import dynamic
 from wt.physics.planted import Hypothesis
+from wt.physics.replay import Stretch
 from wt.physics.rollout import begun, initial_states
 from wt.show.files import write_together
 
@@ -83,7 +84,7 @@ def holdout_npz(holdout: Holdout, hypothesis: Hypothesis, recordings: Sequence[s
             added=np.array(added, dtype=str),
             recordings=np.array(recordings, dtype=str),
             recording=np.array([s.recording for s in stretches]),
-            first=np.cumsum([0, *(len(s.t) for s in stretches[:-1])]),
+            first=_first(stretches, "t"),
             q0=np.stack([s.q0 for s in stretches]),
             v0=np.stack([s.v0 for s in stretches]),
             added_q=hidden[..., 0],
@@ -93,15 +94,18 @@ def holdout_npz(holdout: Holdout, hypothesis: Hypothesis, recordings: Sequence[s
             activation=np.stack(
                 [np.where(dynamic(model), begun(model, s), np.nan) for s in stretches]
             ),
-            lead_first=np.cumsum([0, *(len(s.lead_t) for s in stretches[:-1])]),
+            lead_first=_first(stretches, "lead_t"),
             lead_t=np.concatenate([s.lead_t for s in stretches]),
-            lead=np.concatenate(
-                [s.lead if len(s.lead) else np.zeros((0, model.nactuator)) for s in stretches]
-            ),
+            lead=np.concatenate([s.lead for s in stretches]),
             measured=holdout.measured,
             noise=np.nan_to_num(holdout.smoothed.noise),
         )
         return stream.getvalue()
+
+
+def _first(stretches: Sequence[Stretch], times: str) -> Int[np.ndarray, " stretch"]:
+    """Where the samples of each stretch begin, of all one after another."""
+    return np.cumsum([0, *(len(getattr(s, times)) for s in stretches[:-1])])
 
 
 _LIBRARIES = sorted({str(Path(m.__file__).parents[1]) for m in (mujoco, np) if m.__file__})

@@ -25,6 +25,8 @@ def in_best_form(
         accepted: effects that were found.
         log: grows by what changes.
     """
+    if any(a.planted.effect.forms for a in accepted):
+        objective.reference(tuple(a.planted for a in accepted))
     for i, found in enumerate(accepted):
         for form in found.planted.effect.forms:
             planted = replace(found.planted, effect=form)

@@ -137,7 +137,6 @@ class Naming:
                 are asked later is not theirs to pay.
         """
         objective, log = self.objective, self.log
-        objective.reference(tuple(a.planted for a in accepted))
         accepted = in_best_form(objective, accepted, log)
         estimated = estimate(objective, tuple(a.planted for a in accepted))
         lookalikes = Lookalikes(self.screen, self.search_replays, objective, self.all_replays, log)
