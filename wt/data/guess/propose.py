@@ -145,16 +145,25 @@ def _describe(survey: Survey, proposal: Proposal) -> dict[str, str]:
             if _put(proposal, column, quantity, said.of) and said.unit:
                 named[column] = said.unit
     if time is not None and time.quantity is not None:
-        told = any(name.startswith("qpos/") for name in proposal.mapping.get("columns", {}))
-        by_motion = [] if told else series.kinds(time.quantity.values, silent)
-        for kind, joint, quantity in by_motion:
-            _put(proposal, f"{kind}/{joint}", quantity, None)
-            proposal.notes["columns", f"{kind}/{joint}"] = f"{_range(quantity)}, by its motion"
-            silent.remove(quantity)
-        if by_motion:
-            proposal.doubts.append("names say nothing: what is what was told by the motion alone")
+        _by_motion(proposal, time.quantity, silent)
     proposal.left_out |= {q.name: f"{_range(q)}: what is it?" for q in silent}
     return named
+
+
+def _by_motion(proposal: Proposal, time: Quantity, silent: list[Quantity]) -> None:
+    """Put what the motion tells of quantities whose names say nothing into the map, out of these.
+
+    Nothing is told where names have said what a position is.
+    """
+    if any(name.startswith("qpos/") for name in proposal.mapping.get("columns", {})):
+        return
+    told = series.kinds(time.values, silent)
+    for kind, joint, quantity in told:
+        _put(proposal, f"{kind}/{joint}", quantity, None)
+        proposal.notes["columns", f"{kind}/{joint}"] = f"{_range(quantity)}, by its motion"
+        silent.remove(quantity)
+    if told:
+        proposal.doubts.append("names say nothing: what is what was told by the motion alone")
 
 
 def _motors(quantities: list[Quantity], proposal: Proposal) -> dict[int, str]:

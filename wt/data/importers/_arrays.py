@@ -20,9 +20,10 @@ every format has (joints, units, signs, …) in :mod:`wt.data.importers._mapping
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float64, Shaped
@@ -43,6 +44,43 @@ _MOST_COLUMNS = 512  # of a table: what is wider is an image
 Rate = Callable[[], float | None]
 Arrays = Mapping[str, Shaped[np.ndarray, " ..."]]
 """Arrays by name; one that is not asked for need not be read."""
+
+
+class ArrayImporter(abc.ABC):
+    """Base of importers of files that are told by their suffix and hold arrays by their names."""
+
+    name: ClassVar[str]
+    suffixes: ClassVar[tuple[str, ...]]
+    keys: ClassVar[frozenset[str]] = KEYS
+    general: ClassVar[bool] = True
+
+    def recognises(self, path: Path) -> bool:
+        """True if ``path`` is such a file by its name."""
+        return path.is_file() and path.suffix.lower() in self.suffixes
+
+    @abc.abstractmethod
+    def arrays(self, path: Path) -> Arrays:
+        """The arrays of a file.
+
+        Raises:
+            DataError: it is not whole, or holds more than numbers and words.
+        """
+
+    def read(self, path: Path, mapping: Map) -> Recording:
+        """The arrays as a recording.
+
+        Raises:
+            DataError: the file is not whole, or an array is missing or has another shape.
+        """
+        return recording(path, self.arrays(path), mapping, self.name)
+
+    def survey(self, path: Path, mapping: Map) -> Survey:
+        """The rows of numbers among the arrays.
+
+        Raises:
+            DataError: the file is not whole.
+        """
+        return survey(self.arrays(path))
 
 
 def recording(

@@ -22,7 +22,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 from jaxtyping import Float
@@ -106,6 +107,29 @@ def matching(
     if not matches and spread:
         raise DataError(f"map {key}: {pattern!r} is no column; {suggest(pattern, columns)}")
     return matches
+
+
+def episode(path: Path, known: Sequence[int], wanted: object, else_: str = "") -> int:
+    """The episode of a source that a map asks for, or its only one.
+
+    Args:
+        path: the source.
+        known: its episodes, ascending.
+        wanted: the map's ``episode``; None without.
+        else_: what else can be done where there are several.
+
+    Raises:
+        DataError: there are several and none was asked for, or it is not among them.
+    """
+    if wanted is None and len(known) > 1:
+        raise DataError(
+            f"'{path}' holds {len(known)} episodes, {known[0]} to {known[-1]}; choose one in the "
+            f"map with 'episode: N'{else_}"
+        )
+    chosen = known[0] if wanted is None else wanted
+    if isinstance(chosen, bool) or chosen not in known:
+        raise DataError(f"map episode: {chosen!r} is not there; there are {known[0]}…{known[-1]}")
+    return cast(int, chosen)
 
 
 def says(mapping: Map, key: str, *columns: str) -> bool:

@@ -74,6 +74,24 @@ def ros_decoders(ros_version: int) -> Callable[[str, str], Decoder]:
     return decoder
 
 
+def bag_messages(
+    reader: Any,  # noqa: ANN401
+    decoder: Callable[[str, str], Decoder],
+    encoding: str,
+) -> Iterator[Raw]:
+    """All messages of an opened bag.
+
+    Args:
+        reader: one of rosbags'.
+        decoder: as :func:`ros_decoders` gives it.
+        encoding: of the messages.
+    """
+    decoders = {c.id: decoder(c.msgtype, c.msgdef.data) for c in reader.connections}
+    for connection, logged, data in reader.messages():
+        decode = decoders[connection.id]
+        yield Raw(connection.topic, connection.msgtype, encoding, logged, bytes(data), decode)
+
+
 def from_json(data: bytes) -> Any:  # noqa: ANN401
     """An object of JSON's; its members are attributes."""
     return json.loads(data, object_hook=lambda members: SimpleNamespace(**members))

@@ -28,12 +28,13 @@ Keys that every format has (joints, commands, units, signs, …) stand in
 
 from __future__ import annotations
 
+import abc
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float64
@@ -99,6 +100,34 @@ class _Log:
     misses: Counter[str] = field(default_factory=Counter)
     assumed: list[str] = field(default_factory=list)
     size: int = 0
+
+
+class TopicImporter(abc.ABC):
+    """Base of importers of files that hold topics of messages."""
+
+    name: ClassVar[str]
+    keys: ClassVar[frozenset[str]] = KEYS
+    general: ClassVar[bool] = False
+
+    @abc.abstractmethod
+    def messages(self, path: Path) -> Iterator[Raw]:
+        """All messages of a file, in the order in which they were logged."""
+
+    def read(self, path: Path, mapping: Map) -> Recording:
+        """The topics as a recording.
+
+        Raises:
+            DataError: the file is broken, has no known topic, or the map does not fit it.
+        """
+        return recording(path, self.messages(path), mapping, self.name)
+
+    def survey(self, path: Path, mapping: Map) -> Survey:
+        """The numbers of all topics.
+
+        Raises:
+            DataError: the file is broken.
+        """
+        return survey(path, self.messages(path))
 
 
 def recording(path: Path, raws: Iterable[Raw], mapping: Map, format: str) -> Recording:

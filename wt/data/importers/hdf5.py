@@ -26,7 +26,7 @@ import numpy as np
 from jaxtyping import Shaped
 
 from wt.data import recording as recordings
-from wt.data.importers import _arrays
+from wt.data.importers import _arrays, _mapping
 from wt.data.importers._survey import Survey
 from wt.data.importers.base import Map, register
 from wt.errors import DataError, WTError
@@ -202,17 +202,7 @@ def _episode(path: Path, arrays: Datasets, wanted: object) -> Datasets:
         if wanted is not None:
             raise DataError(f"'{path}' has no episodes data/demo_<N>; leave 'episode' out")
         return arrays
-    if wanted is None and len(numbers) > 1:
-        raise DataError(
-            f"'{path}' holds {len(numbers)} episodes, {numbers[0]} to {numbers[-1]}; choose one in "
-            "the map with 'episode: N'"
-        )
-    episode = numbers[0] if wanted is None else wanted
-    if isinstance(episode, bool) or episode not in numbers:
-        raise DataError(
-            f"map episode: {episode!r} is not there; there are {numbers[0]}…{numbers[-1]}"
-        )
-    return arrays.under(f"data/demo_{episode}/")
+    return arrays.under(f"data/demo_{_mapping.episode(path, numbers, wanted)}/")
 
 
 def _rate(path: Path, file: h5py.File) -> float | None:

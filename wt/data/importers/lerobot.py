@@ -35,7 +35,7 @@ import pyarrow.parquet as pq
 from jaxtyping import Float64
 
 from wt.data import recording as recordings
-from wt.data.importers import _calibration
+from wt.data.importers import _calibration, _mapping
 from wt.data.importers.base import Map, register
 from wt.errors import DataError
 from wt.types import Recording
@@ -169,16 +169,7 @@ def _episode(path: Path, files: list[Path], wanted: object) -> pa.Table:
         ) from error
     if not episodes:
         raise DataError(f"'{path}' holds no episode; download its data folder too")
-    if wanted is None and len(episodes) > 1:
-        raise DataError(
-            f"'{path}' holds {len(episodes)} episodes, {episodes[0]} to {episodes[-1]}; choose one "
-            "in the map with 'episode: N', or give one episode's file"
-        )
-    episode = episodes[0] if wanted is None else wanted
-    if isinstance(episode, bool) or episode not in episodes:
-        raise DataError(
-            f"map episode: {episode!r} is not there; there are {episodes[0]}…{episodes[-1]}"
-        )
+    episode = _mapping.episode(path, episodes, wanted, ", or give one episode's file")
     parts = [t.filter(pa.compute.equal(t["episode_index"], episode)) for t in tables]
     table = pa.concat_tables(part for part in parts if len(part))
     return table.sort_by("frame_index") if "frame_index" in table.column_names else table

@@ -17,57 +17,34 @@ import scipy.io
 from jaxtyping import Shaped
 
 from wt.data import recording as recordings
-from wt.data.importers import _arrays, hdf5
-from wt.data.importers._survey import Survey
-from wt.data.importers.base import Map, register
+from wt.data.importers import hdf5
+from wt.data.importers._arrays import ArrayImporter, Arrays
+from wt.data.importers.base import register
 from wt.errors import DataError, WTError
-from wt.types import Recording
 
 
 @register
-class Matlab:
+class Matlab(ArrayImporter):
     """Reads one file."""
 
     name: ClassVar[str] = "matlab"
     about: ClassVar[str] = "a MATLAB .mat file"
-    keys: ClassVar[frozenset[str]] = _arrays.KEYS
-    general: ClassVar[bool] = True
+    suffixes: ClassVar[tuple[str, ...]] = (".mat",)
 
-    def recognises(self, path: Path) -> bool:
-        """True if ``path`` is such a file by its name."""
-        return path.is_file() and path.suffix.lower() == ".mat"
-
-    def read(self, path: Path, mapping: Map) -> Recording:
-        """The variables as a recording.
-
-        Raises:
-            DataError: it is no whole file of a version that can be read, or a variable is missing
-                or has another shape.
-        """
-        return _arrays.recording(path, _read(path), mapping, self.name)
-
-    def survey(self, path: Path, mapping: Map) -> Survey:
-        """The rows of numbers in the file.
-
-        Raises:
-            DataError: it is no whole file of a version that can be read.
-        """
-        return _arrays.survey(_read(path))
-
-
-def _read(path: Path) -> dict[str, Shaped[np.ndarray, " ..."]]:
-    try:
-        if scipy.io.matlab.matfile_version(path)[0] > 1:
-            return _read_hdf5(path)
-        sizes = [math.prod(shape) for _, shape, _ in scipy.io.whosmat(path)]
-        recordings.refuse_too_much(path, 8 * sum(sizes))
-        content = scipy.io.loadmat(path)
-    except (WTError, ModuleNotFoundError):
-        raise
-    except Exception as error:  # the reader lets through whatever a broken file makes it raise
-        raise DataError(f"'{path}' is not a whole MATLAB file: {error}") from error
-    variables = {n: v for n, v in content.items() if isinstance(v, np.ndarray)}
-    return dict(pair for n, v in variables.items() for pair in _flat(n, v))
+    def arrays(self, path: Path) -> Arrays:
+        """See :class:`ArrayImporter`."""
+        try:
+            if scipy.io.matlab.matfile_version(path)[0] > 1:
+                return _read_hdf5(path)
+            sizes = [math.prod(shape) for _, shape, _ in scipy.io.whosmat(path)]
+            recordings.refuse_too_much(path, 8 * sum(sizes))
+            content = scipy.io.loadmat(path)
+        except (WTError, ModuleNotFoundError):
+            raise
+        except Exception as error:  # the reader lets through whatever a broken file makes it raise
+            raise DataError(f"'{path}' is not a whole MATLAB file: {error}") from error
+        variables = {n: v for n, v in content.items() if isinstance(v, np.ndarray)}
+        return dict(pair for n, v in variables.items() for pair in _flat(n, v))
 
 
 def _read_hdf5(path: Path) -> dict[str, Shaped[np.ndarray, " ..."]]:

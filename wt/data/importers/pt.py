@@ -11,77 +11,55 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
+from types import UnionType
 from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Shaped
 
 from wt.data import recording as recordings
-from wt.data.importers import _arrays
-from wt.data.importers._survey import Survey
-from wt.data.importers.base import Map, register
+from wt.data.importers._arrays import ArrayImporter, Arrays
+from wt.data.importers.base import register
 from wt.errors import DataError, WTError
-from wt.types import Recording
 
 _DEEPEST = 8
 
 
 @register
-class Pt:
+class Pt(ArrayImporter):
     """Reads one file."""
 
     name: ClassVar[str] = "pt"
     about: ClassVar[str] = "a .pt file of tensors"
-    keys: ClassVar[frozenset[str]] = _arrays.KEYS
-    general: ClassVar[bool] = True
+    suffixes: ClassVar[tuple[str, ...]] = (".pt", ".pth")
 
-    def recognises(self, path: Path) -> bool:
-        """True if ``path`` is such a file by its name."""
-        return path.is_file() and path.suffix.lower() in (".pt", ".pth")
+    def arrays(self, path: Path) -> Arrays:
+        """See :class:`ArrayImporter`."""
+        if not zipfile.is_zipfile(path):
+            raise DataError(
+                f"'{path}' is no file of torch.save since PyTorch 1.6 (cut off?); save it again"
+            )
+        try:
+            with zipfile.ZipFile(path) as archive:
+                names = archive.namelist()
+                recordings.refuse_too_much(path, sum(info.file_size for info in archive.infolist()))
+        except (zipfile.BadZipFile, OSError, ValueError, RuntimeError) as error:
+            raise DataError(f"'{path}' is not a whole file of tensors: {error}") from error
+        if any(name.endswith("constants.pkl") for name in names):
+            raise DataError(f"'{path}' is a TorchScript program, no file of tensors; save tensors")
+        import torch
 
-    def read(self, path: Path, mapping: Map) -> Recording:
-        """The tensors as a recording.
-
-        Raises:
-            DataError: it is no whole file of tensors, or the map does not fit it.
-        """
-        return _arrays.recording(path, _read(path), mapping, self.name)
-
-    def survey(self, path: Path, mapping: Map) -> Survey:
-        """The rows of numbers among the tensors.
-
-        Raises:
-            DataError: it is no whole file of tensors.
-        """
-        return _arrays.survey(_read(path))
-
-
-def _read(path: Path) -> dict[str, Shaped[np.ndarray, " ..."]]:
-    if not zipfile.is_zipfile(path):
-        raise DataError(
-            f"'{path}' is no file of torch.save since PyTorch 1.6 (cut off?); save it again"
-        )
-    try:
-        with zipfile.ZipFile(path) as archive:
-            names = archive.namelist()
-            recordings.refuse_too_much(path, sum(info.file_size for info in archive.infolist()))
-    except (zipfile.BadZipFile, OSError, ValueError, RuntimeError) as error:
-        raise DataError(f"'{path}' is not a whole file of tensors: {error}") from error
-    if any(name.endswith("constants.pkl") for name in names):
-        raise DataError(f"'{path}' is a TorchScript program, no file of tensors; save tensors")
-    import torch
-
-    try:
-        content = torch.load(path, map_location="cpu", weights_only=True)
-        return dict(_flat(path, "", content, 0))
-    except WTError:
-        raise
-    except Exception as error:  # whatever broken bytes make the reader raise
-        said = str(error).strip().splitlines() or [type(error).__name__]
-        raise DataError(
-            f"'{path}' is not a whole file of tensors alone (cut off, or with Python objects "
-            f"inside? save a dict of tensors): {said[0]}"
-        ) from error
+        try:
+            content = torch.load(path, map_location="cpu", weights_only=True)
+            return dict(_flat(path, "", content, 0))
+        except WTError:
+            raise
+        except Exception as error:  # whatever broken bytes make the reader raise
+            said = str(error).strip().splitlines() or [type(error).__name__]
+            raise DataError(
+                f"'{path}' is not a whole file of tensors alone (cut off, or with Python objects "
+                f"inside? save a dict of tensors): {said[0]}"
+            ) from error
 
 
 def _flat(
@@ -99,16 +77,20 @@ def _flat(
             whole = value.detach()
             whole = whole.to(torch.float64) if whole.is_floating_point() else whole
             yield name or "data", whole.numpy()
-    elif isinstance(value, dict):
-        for key, inner in value.items():
-            yield from _flat(path, f"{name}/{key}" if name else str(key), inner, depth + 1)
-    elif isinstance(value, list | tuple):
-        if value and all(isinstance(word, str) for word in value):
-            yield name, np.array(value)
-        elif value and all(isinstance(x, bool | int | float) for x in value):
-            yield name or "data", np.array(value, dtype=np.float64)
-        else:
-            for i, inner in enumerate(value):
-                yield from _flat(path, f"{name}/{i}" if name else str(i), inner, depth + 1)
     elif isinstance(value, bool | int | float):
         yield name, np.array([float(value)])
+    elif _all(value, str):
+        yield name, np.array(value)
+    elif _all(value, bool | int | float):
+        yield name or "data", np.array(value, dtype=np.float64)
+    elif isinstance(value, dict | list | tuple):
+        parts = value.items() if isinstance(value, dict) else enumerate(value)
+        for key, inner in parts:
+            yield from _flat(path, f"{name}/{key}" if name else str(key), inner, depth + 1)
+
+
+def _all(value: object, kind: type | UnionType) -> bool:
+    """Tell whether it is a list of one kind, and not empty."""
+    return (
+        isinstance(value, list | tuple) and bool(value) and all(isinstance(x, kind) for x in value)
+    )
