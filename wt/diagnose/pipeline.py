@@ -197,7 +197,7 @@ def _searched(
     commands = commands_each(fitted, prepared.fit, forgetting, quick)
     if commands > 1:
         fitted = smooth(scene, prepared.fit, commands)
-    held_out = smooth(scene, prepared.held, commands)
+    held_out = smooth(scene, prepared.held, commands, fitted.begun)
     pace.stage("screening hypotheses")
     screen = Screen(fitted, seed)
 
@@ -223,7 +223,7 @@ def _searched(
     seen: tuple[Event, ...] = ()
     # a servo holds against a push and forgets it, and of what feet meet nothing is known
     if not forgetting and not scene.free:
-        whole = smooth(scene, prepared.whole, commands)
+        whole = smooth(scene, prepared.whole, commands, fitted.begun)
         all_of_it = functools.partial(_objective, [whole], screen, False, effort.most_s, quick)
         seen = events(whole.motion, all_of_it, proven.estimated.hypothesis, log)
     pace.stage("naming")
