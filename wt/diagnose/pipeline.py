@@ -403,14 +403,18 @@ def _objective(
 
 
 def _too_coarse(scene: Scene, holdout: Holdout, claims: Claims) -> bool:
-    """True if the model's own time step adds more to the error than measurement noise does."""
+    """True if the model's own time step adds more to the error than measurement noise does.
+
+    Where it is itself a part of what was recorded, as in another simulator's robot, it adds none.
+    """
     own = float(scene.model.opt.timestep)
     if own <= STEP_S:
         return False
     coarse = errors(holdout, [claims.hypothesis], own)[0]
     fine = errors(holdout, [claims.hypothesis], STEP_S)[0]
     added = np.sqrt(np.nanmean((coarse - fine) ** 2, axis=0))
-    return bool((added > holdout.smoothed.noise).any())
+    worse = np.nanmean(coarse**2, axis=0) > np.nanmean(fine**2, axis=0)
+    return bool((worse & (added > holdout.smoothed.noise)).any())
 
 
 def _notes(holdout: Holdout, coarse: bool, claims: Claims) -> tuple[str, ...]:
