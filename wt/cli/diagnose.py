@@ -126,9 +126,12 @@ def command(
         return _print_decisions(_decisions_in(out), why)
     from rich.console import Console
 
+    from wt.cli._extras import need
     from wt.diagnose.pipeline import diagnose
     from wt.diagnose.report.text import print_summary
 
+    if track:
+        need("mlflow")
     inputs = [model, *recordings, *(holdout or ())]
     if suggest_experiment is not None:
         _refuse_to_lose(suggest_experiment, inputs)
