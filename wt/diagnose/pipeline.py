@@ -105,7 +105,8 @@ def diagnose(
             held out, or the last quarter of a single one.
         seed: of everything random.
         progress: called as the work goes on.
-        expect: called once, after the audit, with how long the whole will take.
+        expect: called after the audit with how long the whole will take, and again where it
+            turns out otherwise.
         translation: trained between this model and the machine; says when something hidden acted
             where nothing else does, and what it cannot recover.
         log: grows by every decision, for those who watch; it is empty.
@@ -214,6 +215,7 @@ def _searched(
     naming = naming_by(window)
     if any(f.voids_commands for f in prepared.audit):
         return _Outcome(prepared, fitted, naming, naming.proven(()), None)
+    pace.time(naming.search_replays)
     accepted = search(screen, naming.search_replays, log, pace.search)
     if window:
         longest = functools.partial(longest_window, fitted, quick)
@@ -267,7 +269,10 @@ def _diagnosis(scene: Scene, outcome: _Outcome) -> Diagnosis:
     nameless = unforeseen(claims.estimated.assessed, naming.objective, where) if commanded else ()
     experiment = release(scene, shown) if passive(scene) else ""
     all_findings = (*findings(claims, scene, experiment), *nameless, *quantized)
-    further = measured(prepared, naming.screen, holdout, claims.complete, naming.step)
+    said = verdict(claims, naming.objective, quantized)
+    further = measured(
+        prepared, naming.screen, holdout, claims.complete, naming.step, said != "no_mismatch"
+    )
     files = hand_over(
         holdout,
         claims.complete,
@@ -283,7 +288,7 @@ def _diagnosis(scene: Scene, outcome: _Outcome) -> Diagnosis:
         joints=scene.joints,
         units=tuple(u.position for u in units.values()),
         recordings=prepared.used,
-        verdict=verdict(claims, naming.objective, quantized),
+        verdict=said,
         locations=(
             *locate(
                 naming.screen,
