@@ -68,7 +68,8 @@ def test_a_load_on_the_trunk_is_found(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_drives_that_are_late_are_found(tmp_path: Path) -> None:
     found = the_finding(diagnosed(WALK, tmp_path, late(0.015)), "actuator.delay", "all")
-    assert found.parameters["delay"].value == pytest.approx(0.015, abs=0.002)
+    # to half a step of the simulated robot, by which its motion is ahead of a force
+    assert found.parameters["delay"].value == pytest.approx(0.015, abs=0.001)
 
 
 @pytest.mark.long
