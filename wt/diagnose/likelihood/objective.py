@@ -347,7 +347,14 @@ class Objective:
         return self._around.columns
 
     def numerical_error(self, reference: Assessed) -> Float[np.ndarray, "sample dof"]:
-        """What the steps' length may still do to replays of the reference, projected."""
-        here = (*reference.hypothesis, *self._nearby.rig(reference.centre))
-        left = np.where(self.channels.valid, self._replays.unsettled(here), 0.0)
-        return self._around.project(left)
+        """What the steps' length may still do to replays of the reference, projected.
+
+        Where feet land, errors go with no power of a step: half of what was extrapolated is left.
+        """
+        if self.scene.free:
+            left = 0.5 * self._replays.correction
+        else:
+            left = self._replays.unsettled(
+                (*reference.hypothesis, *self._nearby.rig(reference.centre))
+            )
+        return self._around.project(np.where(self.channels.valid, left, 0.0))
