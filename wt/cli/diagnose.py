@@ -156,7 +156,7 @@ def command(
 
 def _print_expected(expected: Expected) -> None:
     """Say how long it will take, unless it is quick."""
-    if expected.one > QUICK_S:
+    if expected.nothing > QUICK_S:
         print(expected, file=sys.stderr, flush=True)
 
 
