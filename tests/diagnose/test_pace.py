@@ -39,8 +39,8 @@ class Told:
 class Replays(Objective):
     """Take so long each, on the clock of a pace [s]."""
 
-    def __init__(self, told: Told, seconds: float) -> None:
-        self._told, self._seconds = told, seconds
+    def __init__(self, told: Told, seconds: float, forgets: bool = True) -> None:
+        self._told, self._seconds, self.forgets = told, seconds, forgets
 
     def reference(self, *_: object, **__: object) -> None:  # type: ignore[override]
         """What a search begins with is no part of what is timed."""
@@ -57,18 +57,20 @@ def arm(tmp_path: Path) -> Scene:
     return Scene(path)
 
 
-@pytest.mark.parametrize("slower", [1.0, 3.0])
-def test_a_round_costs_its_replays_and_its_screen(arm: Scene, slower: float) -> None:
+@pytest.mark.parametrize(("slower", "forgets"), [(1.0, True), (3.0, True), (1.0, False)])
+def test_a_round_costs_its_replays_and_its_screen(arm: Scene, slower: float, forgets: bool) -> None:
     told = Told(slower=slower)
     pace_ = told.pace()
     told.now = 2.0
     pace_.foretell(arm, 1e-3, 16.0, EIGHT)
-    pace_.time(Replays(told, 0.05))
+    pace_.time(Replays(told, 0.05, forgets))
     assert not told.expected, "what errs is not known yet"
     pace_.search(1, 2)
-    replays, steps, samples = 130 + 2 * 135, 8.0 / 2e-3, 8.0 * 100.0
+    replays, steps, samples = 95 + 2 * 100, 8.0 / 2e-3, 8.0 * 100.0
     each = 0.05 + slower * steps * pace.LIVE_S
-    a_round = replays * each + slower * 2 * samples * pace.SCREEN_S
+    a_round = (
+        1.0 if forgets else pace.KEEPING
+    ) * replays * each + slower * 2 * samples * pace.SCREEN_S
     (expected,) = told.expected
     assert expected.nothing == pytest.approx(told.now + pace.NOTHING * a_round)
     assert expected.each == pytest.approx(pace.EACH * a_round)

@@ -28,9 +28,10 @@ from wt.show.text import duration
 Say = Callable[[str, float], None]
 """Called with (what is being done, share of the whole 0…1)."""
 
-ROUND, OF_JOINT = 130, 135
-"""Replays of a round of the search, and for each joint that errs: 240 to 860."""
-FLOATING, FEET = 370, 3.5
+ROUND, OF_JOINT, KEEPING = 95, 100, 1.35
+"""Replays of a round of the search, and for each joint that errs: 240 to 860 in all; and how many
+times more where a machine keeps its initial state: it is fitted too, and windows may grow."""
+FLOATING, FEET = 370.0, 3.5
 """Replays of a round where the base floats, whatever errs; and how many times longer they take
 than such a machine at rest: feet land, and coarse steps do not do."""
 LIVE_S, SCREEN_S = 3.5e-6, 1.5e-3
@@ -105,7 +106,7 @@ class Pace:
         self._say, self._expect, self._clock = say, expect, clock
         self._began, self._computed, self._share = clock(), cpu(), 0.0
         self._cpu, self._replay, self._live, self._screen = cpu, 0.0, 0.0, 0.0
-        self._floats = False
+        self._floats, self._more = False, 1.0
         self._said: Expected | None = None
         self._round: float | None = None
         self._round_began: float | None = None
@@ -142,6 +143,7 @@ class Pace:
         began = self._clock()
         replays.evaluate([()] * _TIMED)
         self._replay = (self._clock() - began) / _TIMED + self._live
+        self._more = 1.0 if replays.forgets else KEEPING
 
     def stage(self, stage: Stage) -> None:
         """A stage begins."""
@@ -157,11 +159,12 @@ class Pace:
         """
         self._measure()
         if number == 1:
-            self._announce(FLOATING if self._floats else ROUND + OF_JOINT * erring)
+            fixed = self._more * (ROUND + OF_JOINT * erring)
+            self._announce(FLOATING if self._floats else fixed)
         self._round_began = self._clock()
         self._tell(f"looking for effect {number}", _WHOLE if number == 1 else NOTHING)
 
-    def _announce(self, replays: int) -> None:
+    def _announce(self, replays: float) -> None:
         self._round = replays * self._replay + self._screen
         nothing = self._passed() + NOTHING * self._round
         each = (EACH_FLOATING if self._floats else EACH) * self._round
