@@ -177,7 +177,7 @@ class Baselines:
     names: list[str] = field(
         default_factory=lambda: [
             "RawSim", "DirectPred", "ResDyn", "ResDynSim", "RSSM", "MeanShiftOT", "DeltaAction",
-            "FlowTranslation", "PairedCeiling",
+            "FlowTranslation", "SimulatorEncoder", "PairedCeiling",
         ]
     )  # fmt: skip
     members: int = 1
