@@ -69,8 +69,8 @@ class SimulatorEncoder(Baseline):
 
     def _answered(self, real: Transitions) -> Pairs:
         """R's transitions, each with S's answer at the estimate of what was hidden."""
-        hidden = self._estimator.estimate(real)
-        return Pairs(real, self.the_simulator().sim_step(real.o, real.a, hidden))
+        answered = self._estimator.answered(real, self.the_simulator())
+        return Pairs(real, answered.nominal)
 
     def _regressor(self, inputs: int, outputs: int) -> nn.Module:
         """A network of the shared size."""

@@ -24,16 +24,22 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
 from jaxtyping import Float, Float32, Int
 from torch import Tensor, nn
 
+from wt.config import Mean
+from wt.errors import ConfigError
 from wt.losses.robust import cauchy
 from wt.nets.frame import Frame
+from wt.nets.mlp import mlp
+from wt.nets.simulator_use import use_of
 from wt.train.mean_field import gaussian_transport
 from wt.train.regression import Progress, Regression, member_seed, part_of, regress
+from wt.train.selection import Selection, Unpaired
 from wt.types import Transitions
 
 AROUND = 6
@@ -52,6 +58,24 @@ CHUNK = 8192
 
 Network = Callable[[int, int], nn.Module]
 """(inputs, outputs) → an untrained network."""
+
+
+@runtime_checkable
+class Simulator(Protocol):
+    """S, for what steps it again; every :class:`wt.worlds.base.World` is one."""
+
+    def sim_step(
+        self,
+        o: Float[np.ndarray, "sample obs"],
+        a: Float[np.ndarray, "sample action"],
+        hidden: Float[np.ndarray, "sample hidden"] | None,
+    ) -> Float32[np.ndarray, "sample state"]:
+        """S's answer to (o, a) under a hidden variable; None for nothing hidden."""
+        ...
+
+    def answers(self, real: Transitions) -> Float32[np.ndarray, "transition state"]:
+        """S's answers to R's transitions under what was hidden then."""
+        ...
 
 
 class HiddenEstimator:
@@ -107,6 +131,58 @@ class HiddenEstimator:
         for part in self._parts:
             out[:, part.channels] = part.estimate(real)
         return out
+
+    def answered(self, real: Transitions, simulator: Simulator) -> Transitions:
+        """R's transitions, their nominal answers replaced by S's at estimates of what was hidden.
+
+        Args:
+            real: ordered by episode and step; their hidden variables are not read.
+            simulator: S.
+        """
+        answers = simulator.sim_step(real.o, real.a, self.estimate(real))
+        return replace(real, nominal=answers)
+
+
+def estimator_of(frame: Frame, settings: Mean, seed: int) -> HiddenEstimator | None:
+    """What estimates R's hidden variables for a mean field; None for one that does without.
+
+    Args:
+        frame: with fitted normalisers.
+        settings: use of the simulator, and budget.
+        seed: same seed, same estimates.
+    """
+    if not use_of(settings).estimates_hidden:
+        return None
+    budget = Regression(settings.steps, settings.batch, settings.learning_rate, seed)
+    return HiddenEstimator(frame, lambda n, m: mlp(n, m, settings.width, settings.depth), budget)
+
+
+def encoded(
+    estimator: HiddenEstimator,
+    simulator: Simulator | None,
+    domains: tuple[Transitions, Transitions],
+    selection: Selection,
+    progress: Progress | None,
+) -> tuple[Transitions, Selection]:
+    """R's transitions with S's answers at estimates of what was hidden, held-out ones too.
+
+    Args:
+        estimator: is fitted.
+        simulator: S.
+        domains: transitions of S and of R.
+        selection: held-out data; pairs have answers already.
+        progress: called with (done, total) steps.
+
+    Raises:
+        ConfigError: there is no simulator.
+    """
+    if simulator is None:
+        raise ConfigError("mean.simulator encoded steps the simulator, and was given none")
+    sim, real = domains
+    estimator.fit(sim, real, progress)
+    if isinstance(selection, Unpaired):
+        selection = Unpaired(selection.sim, estimator.answered(selection.real, simulator))
+    return estimator.answered(real, simulator), selection
 
 
 class _Estimator(ABC):
