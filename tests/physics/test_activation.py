@@ -92,7 +92,7 @@ def test_replays_go_on_from_where_drives_had_got_to(drive: str, tmp_path: Path) 
 def test_friction_behind_an_integrator_is_found(tmp_path: Path) -> None:
     path = tmp_path / "machine.xml"
     path.write_text(machine("rate"))
-    made = run(machine("rate", 0.3), 6.0)
+    made = run(machine("rate", 0.3), 5.0, start=0.2)
     noisy = made["q"] + 2e-4 * np.random.default_rng(0).standard_normal(len(made["q"]))
     found = diagnose(path, [Recording(made["t"], {"ctrl/a": made["u"][:, 0], "qpos/j": noisy})])
     named = [(f.effect, f.parameters["coulomb"].value) for f in found.findings]

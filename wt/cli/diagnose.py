@@ -57,6 +57,12 @@ WhyOption = Annotated[
         "diagnosis in --out.",
     ),
 ]
+BundleOption = Annotated[
+    bool,
+    typer.Option(
+        "--bundle", help="Copy the model's meshes and textures into OUT/assets, to take it along."
+    ),
+]
 JobsOption = Annotated[
     str | None,
     typer.Option(
@@ -106,6 +112,7 @@ def command(
     translation: TranslationOption = None,
     jobs: JobsOption = None,
     why: WhyOption = None,
+    bundle: BundleOption = False,
 ) -> None:
     """Locate, name, model and prove what the simulator leaves out.
 
@@ -124,31 +131,41 @@ def command(
         if why is None or model is not None:
             raise UserError("name MODEL.xml and at least one RECORDING; see wt diagnose --help")
         return _print_decisions(_decisions_in(out), why)
-    from rich.console import Console
-
+    from wt.cli._extras import need
     from wt.diagnose.pipeline import diagnose
-    from wt.diagnose.report.text import print_summary
 
+    if track:
+        need("mlflow")
     inputs = [model, *recordings, *(holdout or ())]
     if suggest_experiment is not None:
         _refuse_to_lose(suggest_experiment, inputs)
     translator = _registered(translation) if translation else None
-    with _working(out, inputs, jobs) as (write, progress):
+    with _working(out, inputs, jobs, bundle) as (write, progress):
         diagnosis = diagnose(
             model, recordings, holdout or (), seed=seed, progress=progress, expect=_print_expected,
             translation=translator,
         )  # fmt: skip
         progress("writing", 0.98)
         write(diagnosis)
-    console = Console()
-    print_summary(diagnosis, console)
-    console.print(f"\n{out / 'report.html'}", highlight=False, soft_wrap=True)
+    console = _printed(diagnosis, out)
     if why:
         _print_decisions(diagnosis.decisions, why)
     if suggest_experiment is not None:
         _suggest(diagnosis, model, suggest_experiment, console)
     if track:
         _track(diagnosis, out, seed, console)
+
+
+def _printed(diagnosis: Diagnosis, out: Path) -> Console:
+    """Print what was found and where the report is; gives what it was printed on."""
+    from rich.console import Console
+
+    from wt.diagnose.report.text import print_summary
+
+    console = Console()
+    print_summary(diagnosis, console)
+    console.print(f"\n{out / 'report.html'}", highlight=False, soft_wrap=True)
+    return console
 
 
 def _print_expected(expected: Expected) -> None:
@@ -159,16 +176,18 @@ def _print_expected(expected: Expected) -> None:
 
 @contextlib.contextmanager
 def _working(
-    out: Path, inputs: Sequence[Path], jobs: str | None
+    out: Path, inputs: Sequence[Path], jobs: str | None, bundle: bool
 ) -> Iterator[tuple[Callable[[Diagnosis], None], Callable[[str, float], None]]]:
     """Keep the folder, and show how far the work is; yields what writes into it, and the bar."""
     from wt.cli._progress import bar
     from wt.diagnose.report.write import claimed
     from wt.physics.spread import over
 
+    if bundle:
+        _refuse_what_cannot_travel(inputs[0])
     with (
         warnings.catch_warnings(),
-        claimed(out, inputs) as write,
+        claimed(out, inputs, bundle) as write,
         bar("reading", timed=True) as progress,
         over(jobs),
     ):
@@ -203,6 +222,14 @@ def _print_decisions(decisions: Sequence[Decision], place: str) -> None:
     from wt.diagnose.report.text import why
 
     Console().print(why(decisions, place))
+
+
+def _refuse_what_cannot_travel(model: Path) -> None:
+    from wt.mjcf.bundle import bundled
+    from wt.mjcf.edit import patched_xml
+    from wt.physics.scene import Scene
+
+    bundled(patched_xml(Scene(model), (), ()))
 
 
 def _refuse_to_lose(suggestion: Path, inputs: Sequence[Path]) -> None:

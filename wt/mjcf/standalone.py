@@ -107,15 +107,23 @@ def _relative_files(element: Element) -> dict[str, str]:
     }
 
 
-def compiles_to(text: str, truth: mujoco.MjModel) -> bool:
-    """Tell whether an MJCF text, read from another folder, compiles to the numbers of a model."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "model.xml"
-        path.write_text(text, encoding="utf-8")
-        try:
-            model = mujoco.MjModel.from_xml_path(str(path))
-        except (ValueError, mujoco.FatalError):
-            return False
+def compiles_to(text: str, truth: mujoco.MjModel, folder: Path | None = None) -> bool:
+    """Tell whether an MJCF text compiles to the numbers of a model.
+
+    Args:
+        text: the MJCF.
+        truth: the model.
+        folder: where it is written to and read from; a new one if left out.
+    """
+    if folder is None:
+        with tempfile.TemporaryDirectory() as new:
+            return compiles_to(text, truth, Path(new))
+    path = folder / "model.xml"
+    path.write_text(text, encoding="utf-8")
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except (ValueError, mujoco.FatalError):
+        return False
     return all(
         _equal(np.asarray(getattr(a, name)), np.asarray(getattr(b, name)))
         for a, b in ((model, truth), (model.opt, truth.opt), (model.stat, truth.stat))

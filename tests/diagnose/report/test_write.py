@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -53,6 +54,29 @@ def test_a_remainder_comes_and_goes(tmp_path: Path) -> None:
     write(synthetic.diagnosis(model), out)
     assert listing(out) == NAMES
     assert json.loads((out / "diagnosis.json").read_text())["artifacts"]["residual"] is None
+
+
+def test_a_bundle_takes_its_meshes_along_and_loses_nobody_s(tmp_path: Path) -> None:
+    model = synthetic.write_model(tmp_path)
+    mesh = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    (tmp_path / "link.obj").write_text(mesh)
+    patched = (
+        f'<mujoco><compiler meshdir="{tmp_path}"/><asset><mesh file="link.obj"/></asset><worldbody>'
+        '<body><joint name="j"/><geom type="mesh" mesh="link"/></body></worldbody></mujoco>'
+    )
+    found = replace(synthetic.diagnosis(str(model)), patched_xml=patched)
+    out = tmp_path / "out"
+    for _ in range(2):  # again into its own folder
+        with claimed(out, bundle=True) as write_into:
+            write_into(found)
+    assert listing(out) == ["assets", *NAMES]
+    (tmp_path / "link.obj").unlink()
+    assert mujoco.MjModel.from_xml_path(str(out / "model.xml")).nmesh == 1
+    (tmp_path / "link.obj").write_text(mesh)
+    (out / "assets" / "link.obj").write_text("mine")
+    with claimed(out, bundle=True) as write_into, pytest.raises(UserError, match="another file"):
+        write_into(found)
+    assert (out / "assets" / "link.obj").read_text() == "mine"
 
 
 @pytest.mark.parametrize("whole", range(4))

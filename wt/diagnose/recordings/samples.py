@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.interpolate import Akima1DInterpolator
 from scipy.optimize import isotonic_regression
 
@@ -80,27 +80,35 @@ class Samples:
         return float(np.median(np.diff(self.t)))
 
 
-def samples_of(scene: Scene, parts: Sequence[Part]) -> tuple[Samples, ...]:
+def samples_of(
+    scene: Scene,
+    parts: Sequence[Part],
+    begun: Mapping[int, Float[np.ndarray, " actuator"]] | None = None,
+) -> tuple[Samples, ...]:
     """The segments without long gaps of some prepared recordings.
+
+    Args:
+        scene: the machine.
+        parts: recordings, or parts of them.
+        begun: activations of integrators where recordings began, (nu,), by index; zero of the rest.
 
     Raises:
         RecordingError: nothing is left.
     """
     segments = []
     for part in parts:
-        recording = part.recording
-        t = stamps(recording)
-        m, columns = scene.model, dict(recording.columns)
+        recording, columns = part.recording, dict(part.recording.columns)
         for joint in scene.free:
             columns |= base.coordinates(joint, columns)
-        q = _table(len(recording), columns, [f"qpos/{name}" for name in scene.joints])
-        v = _table(len(recording), columns, [f"qvel/{name}" for name in scene.joints])
-        command = _table(
-            len(recording), columns, [f"ctrl/{m.actuator(i).name}" for i in range(m.nactuator)]
+        t, command, known = commanded(scene, recording)
+        # a part begins with what all commands before it have led to
+        activation = activated(scene.model, t, command, (begun or {}).get(part.index))
+        q, v = (
+            _table(len(recording), columns, [f"{what}/{name}" for name in scene.joints])[known]
+            for what in ("qpos", "qvel")
         )
-        known = np.isfinite(command).all(axis=1) & (t >= part.span[0]) & (t < part.span[1])
-        t, q, v, command = t[known], q[known], v[known], command[known]
-        activation = activated(m, t, command)
+        mine = (t >= part.span[0]) & (t < part.span[1])
+        t, q, v, command, activation = (x[mine] for x in (t, q, v, command, activation))
         seen = np.flatnonzero(np.isfinite(q).any(axis=1))
         if len(seen) < 2:
             continue
@@ -118,6 +126,21 @@ def samples_of(scene: Scene, parts: Sequence[Part]) -> tuple[Samples, ...]:
             "record at an even rate, with every actuator's command"
         )
     return tuple(segments)
+
+
+def commanded(
+    scene: Scene, recording: Recording
+) -> tuple[
+    Float[np.ndarray, " commanded"],
+    Float[np.ndarray, "commanded actuator"],
+    Bool[np.ndarray, " sample"],
+]:
+    """Times [s] and commands of a recording's samples that have them all; and which these are."""
+    t, m = stamps(recording), scene.model
+    names = [f"ctrl/{m.actuator(i).name}" for i in range(m.nactuator)]
+    command = _table(len(recording), recording.columns, names)
+    known = np.isfinite(command).all(axis=1)
+    return t[known], command[known], known
 
 
 def _estimated(scene: Scene, recording: Recording) -> tuple[int, ...]:

@@ -7,8 +7,8 @@ by generalised cross-validation (P. Craven and G. Wahba, 1979), joint by joint.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -16,8 +16,8 @@ from scipy import sparse
 from scipy.interpolate import BSpline
 from scipy.sparse.linalg import splu
 
-from wt.diagnose.recordings.samples import Part, Samples, finer, samples_of
-from wt.physics.activation import dynamic, integrating
+from wt.diagnose.recordings.samples import Part, Samples, commanded, finer, samples_of
+from wt.physics.activation import activated, dynamic, integrating
 from wt.physics.motion import Motion, Segment
 from wt.physics.scene import Scene
 
@@ -30,6 +30,8 @@ DEGREE = 5
 _KNOTS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0)  # samples between knots that are tried
 _COARSEST = 0.05  # s between knots: slower than any motion that matters
 _STILL = 0.1  # rad/s or m/s: below, dry friction may be less than it is
+_STEPS, _NUDGE = 8, 1e-6
+"""Steps in which an integrator's begin is found, and by what its slope is taken [rad or m]."""
 FINEST_S = 3e-3
 """Even grids are no finer [s]: forces at 1 kHz say no more than at a third of the rate, and the
 screen takes thrice the time."""
@@ -47,6 +49,7 @@ class Smoothed:
         noise_v: of a velocity sample; NaN where none was recorded.
         spacing: per segment and joint the spacing of knots, in measured samples.
         commands: for each measured sample; more than one where those between were filled in.
+        begun: activations of integrators where each recording began, (nu,); zero of other drives.
     """
 
     samples: tuple[Samples, ...]
@@ -56,26 +59,49 @@ class Smoothed:
     noise_v: Float[np.ndarray, " dof"]
     spacing: tuple[tuple[float, ...], ...]
     commands: int = 1
+    begun: Mapping[int, Float[np.ndarray, " actuator"]] = field(default_factory=dict)
 
 
-def smooth(scene: Scene, parts: Sequence[Part], commands: int = 1) -> Smoothed:
-    """Smooth recordings of one machine, with so many commands for each sample.
+def smooth(
+    scene: Scene,
+    parts: Sequence[Part],
+    commands: int = 1,
+    begun: Mapping[int, Float[np.ndarray, " actuator"]] | None = None,
+) -> Smoothed:
+    """Smooth recordings of one machine.
+
+    Args:
+        scene: the machine.
+        parts: recordings, or parts of them.
+        commands: for each sample.
+        begun: activations of integrators where recordings began, (nu,), as other parts of these
+            showed them; those of the rest are estimated.
 
     Raises:
         RecordingError: nothing usable is in them.
     """
-    samples = samples_of(scene, parts)
-    if commands > 1:
-        samples = tuple(finer(s, commands) for s in samples)
+    samples = _measured(scene, parts, commands, begun)
     nv = scene.model.nv
     chosen = [[_choose(s, joint) for joint in range(nv)] for s in samples]
     noise = np.array([_pooled([c[j].sigma for c in chosen]) for j in range(nv)])
     noise_v = np.array([_pooled([c[j].sigma_v for c in chosen]) for j in range(nv)])
     smoothed = _assemble(scene, samples, chosen, noise, noise_v)
     if len(integrating(scene.model)):
-        anchored = _anchored(smoothed)
-        smoothed = _assemble(scene, anchored, chosen, noise, noise_v)
-    return replace(smoothed, commands=commands)
+        begun = {**_begun(smoothed, parts), **(begun or {})}
+        samples = _measured(scene, parts, commands, begun)
+        smoothed = _assemble(scene, samples, chosen, noise, noise_v)
+    return replace(smoothed, commands=commands, begun=begun or {})
+
+
+def _measured(
+    scene: Scene,
+    parts: Sequence[Part],
+    commands: int,
+    begun: Mapping[int, Float[np.ndarray, " actuator"]] | None,
+) -> tuple[Samples, ...]:
+    """The segments of recordings, with so many commands for each sample."""
+    samples = samples_of(scene, parts, begun)
+    return tuple(finer(s, commands) for s in samples) if commands > 1 else samples
 
 
 def resmooth(smoothed: Smoothed, rng: np.random.Generator) -> Motion:
@@ -196,27 +222,40 @@ def _acted_on(scene: Scene, s: Samples) -> Float[np.ndarray, "sample actuator"]:
     return np.where(dynamic(scene.model), 0.5 * (s.activation + following), s.activation)
 
 
-def _anchored(smoothed: Smoothed) -> tuple[Samples, ...]:
-    """Samples with the activations of integrators, of which no recording says where they began.
+def _begun(smoothed: Smoothed, parts: Sequence[Part]) -> dict[int, Float[np.ndarray, " actuator"]]:
+    """Activations of integrators where each recording began, of which nothing recorded says.
 
     They began where forces balance in the mean of a recording, but for what follows the motion:
-    friction, inertia, or a share of all.
+    friction, inertia, or a share of all. At the ends of its range an activation forgets where it
+    began, so that this is found in steps.
     """
-    motion, anchored = smoothed.motion, [s.activation.copy() for s in smoothed.samples]
-    model = motion.scene.model
-    for drive in motion.scene.drives:
-        if drive.index not in integrating(model):
-            continue
-        lacking, v = motion.unexplained[:, drive.dof], motion.v[:, drive.dof]
-        following = [np.tanh(v / _STILL), v, motion.a[:, drive.dof], motion.demand[:, drive.dof]]
-        errors = np.stack([np.ones(len(v)), *following], axis=1)
-        for recording in {s.recording for s in smoothed.samples}:
-            mine = [k for k, s in enumerate(smoothed.samples) if s.recording == recording]
-            rows = np.concatenate([np.arange(len(v))[motion.segments[k].rows] for k in mine])
-            constant = np.linalg.lstsq(errors[rows], lacking[rows], rcond=1e-6)[0][0]
-            for k in mine:
-                anchored[k][:, drive.index] += constant / (drive.gear * drive.gain)
-    return tuple(replace(s, activation=x) for s, x in zip(smoothed.samples, anchored, strict=True))
+    motion, model = smoothed.motion, smoothed.motion.scene.model
+    begun = {part.index: np.zeros(model.nactuator) for part in parts}
+    for part in parts:
+        rows = np.zeros(len(motion.t), bool)
+        for segment in motion.segments:
+            rows[segment.rows] |= segment.recording == part.index
+        t, command, _ = commanded(motion.scene, part.recording)
+        start, given = begun[part.index], activated(model, t, command)
+        for drive in (d for d in motion.scene.drives if d.index in integrating(model)):
+            i, force, v = drive.index, drive.gear * drive.gain, motion.v[rows, drive.dof]
+            following = [np.tanh(v / _STILL), v, motion.a[rows, drive.dof]]
+            following.append(motion.demand[rows, drive.dof])
+            for _ in range(_STEPS):
+                nudged = start.copy()
+                nudged[i] += _NUDGE
+                acted, moved = (activated(model, t, command, x)[:, i] for x in (start, nudged))
+                since, slope = (
+                    np.interp(motion.t[rows], t, x)
+                    for x in (acted - given[:, i], (moved - acted) / _NUDGE)
+                )
+                lacking = motion.unexplained[rows, drive.dof] - force * since
+                columns = np.stack([slope, *following], axis=1)
+                step = np.linalg.lstsq(columns, lacking, rcond=1e-6)[0][0] / force
+                start[i] += step
+                if abs(step) < _NUDGE:
+                    break
+    return begun
 
 
 def _constant(t: Float[np.ndarray, " sample"], value: float) -> BSpline:

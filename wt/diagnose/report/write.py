@@ -15,6 +15,7 @@ from wt.diagnose.report.page import report
 from wt.diagnose.report.verify import HOLDOUT, PHYSICS
 from wt.diagnose.result import Diagnosis
 from wt.errors import UserError
+from wt.mjcf.bundle import ASSETS, bundled
 from wt.show.files import kept, write_together
 
 MODEL, RESULT, REPORT, PLAYBACK = "model.xml", "diagnosis.json", "report.html", "diagnosis.rrd"
@@ -22,7 +23,9 @@ OUTPUTS = (RESULT, MODEL, REPORT, PLAYBACK, PHYSICS, RESIDUAL, HOLDOUT)
 
 
 @contextlib.contextmanager
-def claimed(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Callable[[Diagnosis], None]]:
+def claimed(
+    out: Path, inputs: Iterable[Path] = (), bundle: bool = False
+) -> Iterator[Callable[[Diagnosis], None]]:
     """Keep a folder for a diagnosis that is to come, and give what writes it there.
 
     Whatever can be wrong with the folder is said here, before any work.
@@ -30,6 +33,7 @@ def claimed(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Callable[[Diagno
     Args:
         out: the folder; made if it is not there.
         inputs: files that the diagnosis reads.
+        bundle: whether copies of the model's meshes and textures go into ``assets/``.
 
     Raises:
         UserError: ``out`` cannot be written into, one of its outputs is an input, or it holds
@@ -39,7 +43,7 @@ def claimed(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Callable[[Diagno
     with kept(out):
         _refuse_inputs(out, inputs)
         _refuse_foreign(out)
-        yield functools.partial(_write, out=out)
+        yield functools.partial(_write, out=out, bundle=bundle)
 
 
 def write(diagnosis: Diagnosis, out: Path) -> None:
@@ -64,18 +68,20 @@ def write(diagnosis: Diagnosis, out: Path) -> None:
         write_into(diagnosis)
 
 
-def _write(diagnosis: Diagnosis, out: Path) -> None:
+def _write(diagnosis: Diagnosis, out: Path, bundle: bool) -> None:
     plays = importlib.util.find_spec("rerun") is not None
     said = diagnosis.to_json()
     if not plays:
         said["artifacts"]["rerun"] = None
-    contents: dict[str, str | bytes] = {MODEL: diagnosis.patched_xml}
+    model, assets = bundled(diagnosis.patched_xml) if bundle else (diagnosis.patched_xml, {})
+    contents: dict[str, str | bytes] = {MODEL: model}
     if diagnosis.residual_onnx:
         contents[RESIDUAL] = diagnosis.residual_onnx
     if diagnosis.physics_py:
         contents[PHYSICS] = diagnosis.physics_py
     if diagnosis.holdout_npz:
         contents[HOLDOUT] = diagnosis.holdout_npz
+    _copy(assets, out / ASSETS)
     try:
         pictures: dict[str, str | bytes] = {REPORT: report(diagnosis)}
         if plays:
@@ -86,6 +92,21 @@ def _write(diagnosis: Diagnosis, out: Path) -> None:
         _replace(out, contents, said)
         raise
     _replace(out, {**contents, **pictures}, said)
+
+
+def _copy(assets: Mapping[str, bytes], folder: Path) -> None:
+    """Write copies of assets; a file that is there with other contents is not replaced."""
+    if not assets:
+        return
+    folder.mkdir(exist_ok=True)
+    for name, content in assets.items():
+        path = folder / name
+        if path.exists() and path.read_bytes() != content:
+            raise UserError(
+                f"--bundle: {path} is there and is another file than the model's; move it, or name "
+                "another folder"
+            )
+    write_together(folder, assets)
 
 
 def _replace(out: Path, contents: Mapping[str, str | bytes], said: Mapping[str, object]) -> None:
