@@ -11,7 +11,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 # Test processes, each on one thread: two of them beat one with two threads.
 WORKERS ?= 2
 
-.PHONY: help env fit demo test lint format bench docs stranger wheel-smoke docker docker-run
+.PHONY: help env fit demo test test-long lint format bench docs stranger wheel-smoke docker docker-run
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -39,6 +39,9 @@ demo: env ## both halves on small examples, a minute and a half: leaves demo/
 
 test: lint ## lint, types and all tests
 	OMP_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --max-worker-restart=0 $(ARGS)
+
+test-long: env ## the tests that take minutes each, which test leaves out
+	OMP_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --max-worker-restart=0 -m long $(ARGS)
 
 lint: env ## ruff, its formatter and mypy
 	$(BIN)/ruff check --quiet .

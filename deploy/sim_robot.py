@@ -7,6 +7,7 @@ written into MuJoCo's actuators, whose velocity part the integrator takes implic
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import mujoco
 import numpy as np
@@ -44,9 +45,14 @@ class SimRobot:
         missed: time that passed without physics [s].
     """
 
-    def __init__(self) -> None:
-        """Put it down and let it settle."""
+    def __init__(self, edit: Callable[[mujoco.MjSpec], None] = lambda spec: None) -> None:
+        """Put it down and let it settle.
+
+        Args:
+            edit: makes it another robot than the published one, in place.
+        """
         spec = go2_model.spec(go2_model.PUBLISHED, _TIMESTEP)
+        edit(spec)
         spec.add_sensor(
             name=_ACCELEROMETER, type=mujoco.mjtSensor.mjSENS_ACCELEROMETER,
             objtype=mujoco.mjtObj.mjOBJ_SITE, objname="imu",

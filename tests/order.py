@@ -33,7 +33,7 @@ LONG = (
     "tests/prove/test_legged_laws.py",
     "tests/diagnose/selection/test_lookalikes.py",
     "tests/cli/test_diagnose.py",
-    "tests/diagnose/selection/test_crossfit.py",
+    "tests/diagnose/selection/test_in_turn.py",
     "tests/prove/test_legged.py",
     "tests/check/test_faults.py",
     "tests/diagnose/unknown/test_force.py",

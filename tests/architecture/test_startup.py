@@ -46,12 +46,13 @@ def test_help_is_quick() -> None:
 
 
 BLOCKED = """
-import importlib, importlib.abc, sys
-class Absent(importlib.abc.MetaPathFinder):
-    def find_spec(self, name, path=None, target=None):
-        if name.partition('.')[0] in {absent}:
-            raise ModuleNotFoundError(f'No module named {{name!r}}', name=name)
-sys.meta_path.insert(0, Absent())
+import importlib, sys
+from importlib.machinery import PathFinder
+def find_spec(name, path=None, target=None):
+    return None if name.partition('.')[0] in {absent} else PathFinder.find_spec(name, path, target)
+class Fewer(PathFinder):
+    find_spec = staticmethod(find_spec)
+sys.meta_path[sys.meta_path.index(PathFinder)] = Fewer
 for name in {modules}:
     importlib.import_module(name)
 """
@@ -78,6 +79,51 @@ def test_an_installation_without_other_extras_is_enough(
     code = BLOCKED.format(absent=set(absent), modules=modules)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr.splitlines()[-6:]
+
+
+WANTS = {
+    ("fit", "--config", "debug"): "fit",
+    ("evaluate", "wt-r5@champion", "--config", "r5"): "fit",
+    ("reproduce",): "fit",
+    ("train-policy", "--config", "policy_go2"): "fit",
+    ("finetune", "--config", "finetune_go2"): "fit",
+    ("demo",): "fit",
+    ("view", "some.rrd"): "view",
+    ("studio",): "studio",
+    ("import", "log.h5", "--to", "log.parquet"): "formats",
+    ("prove", "--quick", "--rivals"): "rivals",
+    ("diagnose", "robot.xml", "log.parquet", "--out", "diagnosis", "--track"): "registry",
+    ("diagnose", "robot.xml", "log.parquet", "--out", "diagnosis", "--jobs", "ray"): "scale",
+    ("wt-run", "--policy", "go2"): "deploy",
+    ("wt-sim-go2",): "deploy",
+}
+"""Command → extra without which it cannot do what it is asked to."""
+RUN_ALL = """
+import deploy.cli.run, deploy.cli.sim_go2
+import wt.cli.main
+PROGRAMS = {{"wt-run": deploy.cli.run.main, "wt-sim-go2": deploy.cli.sim_go2.main}}
+for first, *rest in {commands}:
+    main = PROGRAMS.get(first)
+    code = main(rest) if main else wt.cli.main.main([first, *rest])
+    assert code, first
+"""
+
+
+def test_every_command_says_at_once_which_extra_it_misses(tmp_path: Path) -> None:
+    (tmp_path / "some.rrd").write_bytes(b"RRF2")
+    (tmp_path / "log.h5").write_bytes(b"\x89HDF\r\n\x1a\n")
+    # no extra brings pydantic alone: typer does
+    code = BLOCKED.format(absent=set(EXTRAS) - {"pydantic"}, modules=[])
+    done = subprocess.run(
+        [sys.executable, "-c", code + RUN_ALL.format(commands=list(WANTS))],
+        capture_output=True, text=True, check=False, cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (0, ""), done.stderr[-2000:]
+    lines = done.stderr.splitlines()
+    for words, line in zip(WANTS, lines, strict=True):
+        assert line.startswith("error: ") and f"pip install '.[{WANTS[words]}]'" in line, words
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["log.h5", "some.rrd"]
 
 
 def test_every_extra_is_one_of_the_project_and_brings_what_is_said() -> None:

@@ -6,6 +6,7 @@ import time
 
 import pytest
 
+from wt.cli import _progress
 from wt.cli._progress import Lines, bar, bars
 
 
@@ -30,6 +31,21 @@ def test_lines_of_timed_work_say_what_is_left(capsys: pytest.CaptureFixture[str]
     assert line.startswith("naming: 0 % after 0 s, about ") and line.endswith(" to go")
     seconds, unit = line.split()[-4:-2]
     assert float(seconds) * {"s": 1, "min": 60}[unit] == pytest.approx(120.0, rel=0.4)
+
+
+def test_the_share_of_timed_work_grows_within_a_step(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_progress, "_AT_LEAST", 0.0)
+    with Lines(every=0.2, timed=True) as lines:
+        time.sleep(0.1)
+        lines.say("naming", 0.1)  # so that all takes a second
+        time.sleep(0.4)
+        lines.say("proving", 0.4)
+        time.sleep(0.3)
+    shares = [int(line.split()[1]) for line in capsys.readouterr().err.splitlines()]
+    assert len(shares) >= 3 and shares == sorted(shares)
+    assert 15 <= shares[0] < shares[-1] <= 99
 
 
 def test_quick_work_says_nothing_and_draws_no_bar(capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,8 +11,10 @@ import pytest
 from tests.diagnose import synthetic
 from tests.physics import stool
 from wt.diagnose import pace
+from wt.diagnose.likelihood.objective import Objective
 from wt.diagnose.pace import Expected, Pace, step_seconds
 from wt.diagnose.result import Used
+from wt.physics.planted import Hypothesis
 from wt.physics.scene import Scene
 
 EIGHT = (Used("a", "fit", 8.0, 100.0), Used("b", "holdout", 8.0, 100.0))
@@ -33,6 +36,20 @@ class Told:
         )  # fmt: skip
 
 
+class Replays(Objective):
+    """Take so long each, on the clock of a pace [s]."""
+
+    def __init__(self, told: Told, seconds: float) -> None:
+        self._told, self._seconds = told, seconds
+
+    def reference(self, *_: object, **__: object) -> None:  # type: ignore[override]
+        """What a search begins with is no part of what is timed."""
+        self._told.now += 1.0
+
+    def evaluate(self, hypotheses: Sequence[Hypothesis], *_: object) -> None:  # type: ignore[override]
+        self._told.now += len(hypotheses) * self._seconds
+
+
 @pytest.fixture
 def arm(tmp_path: Path) -> Scene:
     path = tmp_path / "arm.xml"
@@ -46,22 +63,33 @@ def test_a_round_costs_its_replays_and_its_screen(arm: Scene, slower: float) -> 
     pace_ = told.pace()
     told.now = 2.0
     pace_.foretell(arm, 1e-3, 16.0, EIGHT)
+    pace_.time(Replays(told, 0.05))
     assert not told.expected, "what errs is not known yet"
     pace_.search(1, 2)
-    # the clock stands, so that a step takes no time but that of laws
     replays, steps, samples = 130 + 2 * 135, 8.0 / 2e-3, 8.0 * 100.0
-    a_round = slower * (replays * steps * pace.LIVE_S + 2 * samples * pace.SCREEN_S)
+    each = 0.05 + slower * steps * pace.LIVE_S
+    a_round = replays * each + slower * 2 * samples * pace.SCREEN_S
     (expected,) = told.expected
-    assert expected.one == pytest.approx(2.0 + pace.ONE * a_round)
+    assert expected.one == pytest.approx(told.now + pace.ONE * a_round)
     assert expected.each == pytest.approx(pace.EACH * a_round)
     pace_.search(2, 1)
     assert len(told.expected) == 1
 
 
-def test_a_floating_machine_is_told_of_before_it_is_smoothed(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("times", "said"), [(1.0, 1), (10.0, 2), (0.1, 2)])
+def test_a_floating_machine_is_told_of_before_it_is_smoothed_and_again_where_it_differs(
+    tmp_path: Path, times: float, said: int
+) -> None:
     told = Told()
-    told.pace().foretell(stool.scene(tmp_path), 1e-3, 5.0, EIGHT)
-    assert len(told.expected) == 1
+    pace_ = told.pace()
+    pace_.foretell(stool.scene(tmp_path), 1e-3, 5.0, EIGHT)
+    (first,) = told.expected
+    assert not first.again
+    # the clock stood while steps were timed, so that only what laws add was counted
+    pace_.time(Replays(told, (times - 1.0) * 2500 * pace.LIVE_S))
+    pace_.search(1, 1)
+    assert len(told.expected) == said
+    assert told.expected[-1].again == (said == 2)
 
 
 def test_a_round_that_took_longer_makes_the_rest_longer(arm: Scene) -> None:
@@ -103,4 +131,5 @@ def test_the_sentence_is_as_rough_as_what_it_says() -> None:
     assert str(Expected(13.2, 4.0)) == (
         "this takes about 15 s, and 5 s more for each effect that is found beyond one"
     )
+    assert str(Expected(13.2, 4.0, again=True)).startswith("it turns out that all of this takes")
     assert str(Expected(130.0, 5e4)).startswith("this takes about 2 min, and 13.9 h more")

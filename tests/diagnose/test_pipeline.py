@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.diagnose import hidden_forces
 from wt.diagnose import pipeline
 from wt.diagnose.likelihood.objective import Objective
 from wt.diagnose.pace import Pace
@@ -19,9 +20,11 @@ from wt.diagnose.residual.screen import Screen
 from wt.diagnose.result import Diagnosis
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.decisions import DecisionLog
+from wt.diagnose.selection.holdout import Holdout
 from wt.diagnose.selection.naming import Claims, Naming
 from wt.errors import RecordingError, UserError
-from wt.physics.planted import Planted
+from wt.physics.planted import Hypothesis, Planted
+from wt.physics.scene import Scene
 from wt.prove.cases import Case, cases
 from wt.prove.score import score
 from wt.prove.world import HiddenWorld, build
@@ -133,3 +136,21 @@ def test_only_an_effect_that_was_refused_starts_another_search(
     pipeline._proven(naming, first, Mock(spec=Pace))
     assert len(searched) == searches
     assert searched[-1] == {f"law {i}" for i in range(1, searches)}
+
+
+@pytest.mark.parametrize(("coarse", "finer"), [(3e-3, True), (5e-4, False)])
+def test_a_step_is_refined_only_if_that_comes_nearer_to_the_robot(
+    coarse: float, finer: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A simulator's robot may take the model's own coarse steps, which finer ones would miss."""
+    path = tmp_path / "chain.xml"
+    path.write_text(hidden_forces.chain(2).replace('timestep="0.0005"', 'timestep="0.002"'))
+    leaves = {2e-3: coarse, 5e-4: 2e-3}
+    holdout = Mock(spec=Holdout, smoothed=Mock(noise=np.full(2, 1e-4)))
+
+    def errors(_: Holdout, hypotheses: list[Hypothesis], step: float) -> np.ndarray:
+        return np.full((len(hypotheses), 50, 2), leaves[step])
+
+    monkeypatch.setattr(pipeline, "errors", errors)
+    nothing = Mock(spec=Claims, hypothesis=())
+    assert pipeline._too_coarse(Scene(path), holdout, nothing) is finer

@@ -6,60 +6,18 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
 import pytest
 
+from tests.end_to_end.conftest import Tried
+
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-
-
-@dataclass(frozen=True)
-class Tried:
-    """What came of it.
-
-    Attributes:
-        clone: the folder it was typed in.
-        promised: what README says that it prints.
-        printed: what it printed.
-    """
-
-    clone: Path
-    promised: str
-    printed: str
-
-    @property
-    def found(self) -> Mapping[str, object]:
-        return json.loads((self.clone / "diagnosis" / "diagnosis.json").read_text())  # type: ignore[no-any-return]
-
-
-@pytest.fixture(scope="module")
-def tried(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Tried:
-    if not (root / ".git").exists():
-        pytest.skip("this is no checkout that could be cloned")
-    clone = tmp_path_factory.mktemp("stranger") / "clone"
-    subprocess.run(["git", "clone", "--quiet", str(root), str(clone)], check=True)
-    block = re.search(r"^```console\n\$ wt (.*?)\n(.*?)^```", readme(clone), re.M | re.S)
-    assert block is not None
-    words, promised = block.groups()
-    done = subprocess.run(
-        [f"{sys.executable} -m wt.cli.main {words}"],
-        cwd=clone, shell=True, capture_output=True, text=True, check=False,
-        env={**os.environ, "PYTHONPATH": str(clone), "COLUMNS": "80"},
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    return Tried(clone, promised, done.stdout)
-
-
-def readme(clone: Path) -> str:
-    return (clone / "README.md").read_text(encoding="utf-8")
 
 
 def words(text: str) -> list[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib.util
+
 EXTRAS = {
     "absl": "rivals",
     "colorama": "rivals",
@@ -45,3 +47,17 @@ def missing(module: str | None) -> str | None:
         f"this needs the package '{top}', which the extra '{extra}' brings: "
         f"pip install '.[{extra}]' in a clone, or pip install 'world_translation-….whl[{extra}]'"
     )
+
+
+def need(*modules: str) -> None:
+    """Look for modules that a command imports only in the end: what is missing is said at once.
+
+    Args:
+        modules: names of their packages, as they are imported.
+
+    Raises:
+        ModuleNotFoundError: one is not installed.
+    """
+    for name in modules:
+        if importlib.util.find_spec(name) is None:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)

@@ -109,13 +109,15 @@ class Lines:
         self._thread.join()
 
     def _print(self) -> None:
-        said, when = None, self._began
+        said, when, furthest = None, self._began, 0.0
         while not self._ended.wait(self._every):
             now = time.monotonic()
             if self._now == said and now - when < _AT_LEAST:
                 continue
             said, when = self._now, now
             what, share = said
+            if self._timed:  # time passes within a step too, and what was said is not taken back
+                share = furthest = max(furthest, self._clock.share())
             seconds = now - self._began
             line = f"{what}: {100 * share:.0f} % after {seconds:.0f} s"
             left = f", {self._clock}" if self._timed and str(self._clock) else ""
@@ -127,12 +129,20 @@ class _Clock:
 
     def __init__(self) -> None:
         self._began = time.monotonic()
-        self._ends = self._began
+        self._ends, self._said = self._began, 0.0
 
     def say(self, share: float) -> None:
         """Take note of the share that has passed, 0 … 1."""
         now = time.monotonic()
         self._ends = self._began + (now - self._began) / share if share else now
+        self._said = share
+
+    def share(self) -> float:
+        """The share that has passed by now; that which was said, where more time has than all."""
+        now = time.monotonic()
+        if now < self._ends:
+            return max(self._said, (now - self._began) / (self._ends - self._began))
+        return self._said
 
     def __str__(self) -> str:
         """What is left; empty where that is not known."""

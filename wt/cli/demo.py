@@ -21,8 +21,10 @@ def command(
         wt demo
         wt demo --out /tmp/demo
     """
+    from wt.cli._extras import need
     from wt.cli._progress import waiting
     from wt.demo import demonstrate
 
+    need("lightning", "mlflow", "rerun")
     with waiting("two diagnoses and a fit, a minute and a half") as say:
         demonstrate(out, say)

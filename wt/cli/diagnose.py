@@ -131,11 +131,11 @@ def command(
         if why is None or model is not None:
             raise UserError("name MODEL.xml and at least one RECORDING; see wt diagnose --help")
         return _print_decisions(_decisions_in(out), why)
-    from rich.console import Console
-
+    from wt.cli._extras import need
     from wt.diagnose.pipeline import diagnose
-    from wt.diagnose.report.text import print_summary
 
+    if track:
+        need("mlflow")
     inputs = [model, *recordings, *(holdout or ())]
     if suggest_experiment is not None:
         _refuse_to_lose(suggest_experiment, inputs)
@@ -147,15 +147,25 @@ def command(
         )  # fmt: skip
         progress("writing", 0.98)
         write(diagnosis)
-    console = Console()
-    print_summary(diagnosis, console)
-    console.print(f"\n{out / 'report.html'}", highlight=False, soft_wrap=True)
+    console = _printed(diagnosis, out)
     if why:
         _print_decisions(diagnosis.decisions, why)
     if suggest_experiment is not None:
         _suggest(diagnosis, model, suggest_experiment, console)
     if track:
         _track(diagnosis, out, seed, console)
+
+
+def _printed(diagnosis: Diagnosis, out: Path) -> Console:
+    """Print what was found and where the report is; gives what it was printed on."""
+    from rich.console import Console
+
+    from wt.diagnose.report.text import print_summary
+
+    console = Console()
+    print_summary(diagnosis, console)
+    console.print(f"\n{out / 'report.html'}", highlight=False, soft_wrap=True)
+    return console
 
 
 def _print_expected(expected: Expected) -> None:

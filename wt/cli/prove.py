@@ -115,6 +115,7 @@ def _folder(
     resume: bool,
     bring: Path | None,
 ) -> Folder:
+    from wt.cli._extras import need
     from wt.prove.bench import chosen
     from wt.prove.contenders import OURS, RIVALS
     from wt.prove.folder import Folder, Plan, code
@@ -128,6 +129,8 @@ def _folder(
     if not bring:
         chosen(name, only, seed)  # a wrong name fails before anything is written
     compete = rivals if rivals is not None else name == "full"
+    if compete:
+        need("absl", "pysindy")
     plan = Plan(
         set=name,
         only=only,

@@ -1,8 +1,9 @@
 """How long a diagnosis takes: foretold from the machine and its recordings, then from each step.
 
-Most of it goes into rounds of the search, and a round into two things: replays, whose time is that
-of a physics step, which is measured, times their steps; and the screen of forces, whose time goes
-with the samples. How many rounds the whole takes depends on what is found.
+Most of it goes into rounds of the search, and a round into two things: replays, some of which are
+timed as the search begins; and the screen of forces, whose time goes with the samples. How many
+rounds the whole takes depends on what is found. Where the base floats even the way to the search
+takes long: there a physics step is timed first, and it is said again what comes out otherwise.
 
 The constants come from 11 diagnoses on one core that steps a pendulum in 2.4 µs: of the examples
 ``arm`` and ``cart``, toys 0 to 3 and 9 (``benchmarks/toys.py``), and trials of one, two, three and
@@ -17,6 +18,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from wt.batch import Batch
+from wt.diagnose.likelihood.objective import Objective
 from wt.diagnose.likelihood.replays import COARSE
 from wt.diagnose.recordings.smooth import FINEST_S
 from wt.diagnose.result import Used
@@ -35,7 +37,10 @@ LIVE_S, SCREEN_S = 3.5e-6, 1.5e-3
 sample of one joint [s]. Both are Python's."""
 ONE, EACH = 1.5, 0.8
 """Time of a diagnosis that finds one effect, and for each further one, in rounds: 1.1 to 3.3."""
-_PROBES, _PROBED = 16, 200  # replays and steps that are timed
+_PROBES, _PROBED = 16, 200  # replays and steps of a machine that are timed
+_TIMED = 4  # … and of recordings
+_OTHERWISE = 1.5
+"""What takes so many times longer than was said, or shorter, is said again."""
 
 Stage = Literal[
     "auditing", "smoothing", "screening hypotheses", "estimating and proving",
@@ -52,17 +57,24 @@ class Expected:
     Attributes:
         one: if one effect is found, or none.
         each: … and so much more for each further one.
+        again: whether it was said before, otherwise.
     """
 
     one: float
     each: float
+    again: bool = False
 
     def __str__(self) -> str:
         """In a sentence."""
+        this = "it turns out that all of this takes" if self.again else "this takes"
         return (
-            f"this takes about {duration(self.one)}, and {duration(self.each)} more for each "
+            f"{this} about {duration(self.one)}, and {duration(self.each)} more for each "
             "effect that is found beyond one"
         )
+
+    def differs(self, other: Expected) -> bool:
+        """Whether another one makes it another wait."""
+        return not 1.0 / _OTHERWISE < self.one / max(other.one, 1e-9) < _OTHERWISE
 
 
 class Pace:
@@ -82,13 +94,15 @@ class Pace:
 
         Args:
             say: is told of each stage.
-            expect: is told how long it will take, once that is known.
+            expect: is told how long it will take, once that is known, and again where it changes.
             clock: [s]
             cpu: time that this process has computed [s].
         """
         self._say, self._expect, self._clock = say, expect, clock
         self._began, self._computed, self._share = clock(), cpu(), 0.0
-        self._cpu, self._replay, self._screen = cpu, 0.0, 0.0
+        self._cpu, self._replay, self._live, self._screen = cpu, 0.0, 0.0, 0.0
+        self._floats = False
+        self._said: Expected | None = None
         self._round: float | None = None
         self._round_began: float | None = None
 
@@ -108,10 +122,21 @@ class Pace:
         samples = sum(u.seconds * min(u.rate_hz, 1.0 / FINEST_S) for u in fitted)
         # other work on this machine slows Python down as it has done till here
         slower = max(1.0, self._passed() / max(self._cpu() - self._computed, 1e-9))
-        each = step_seconds(scene, COARSE * step, self._clock) + LIVE_S * slower
-        self._replay, self._screen = each * steps, SCREEN_S * slower * samples * scene.model.nv
-        if scene.free:
+        self._live, self._screen = (
+            LIVE_S * slower * steps,
+            SCREEN_S * slower * samples * scene.model.nv,
+        )
+        self._floats = bool(scene.free)
+        if self._floats:
+            self._replay = step_seconds(scene, COARSE * step, self._clock) * steps + self._live
             self._announce(FLOATING)
+
+    def time(self, replays: Objective) -> None:
+        """Measure how long the search's replays take on this machine, at present."""
+        replays.reference(())  # where the search begins
+        began = self._clock()
+        replays.evaluate([()] * _TIMED)
+        self._replay = (self._clock() - began) / _TIMED + self._live
 
     def stage(self, stage: Stage) -> None:
         """A stage begins."""
@@ -126,15 +151,19 @@ class Pace:
             erring: how many joints err.
         """
         self._measure()
-        if self._round is None:
-            self._announce(ROUND + OF_JOINT * erring)
+        if number == 1:
+            self._announce(FLOATING if self._floats else ROUND + OF_JOINT * erring)
         self._round_began = self._clock()
         self._tell(f"looking for effect {number}", ONE if number == 1 else EACH)
 
     def _announce(self, replays: int) -> None:
         self._round = replays * self._replay + self._screen
-        if self._expect:
-            self._expect(Expected(self._passed() + ONE * self._round, EACH * self._round))
+        one, each = self._passed() + ONE * self._round, EACH * self._round
+        expected = Expected(one, each, again=self._said is not None)
+        if self._said is None or expected.differs(self._said):
+            self._said = expected
+            if self._expect:
+                self._expect(expected)
 
     def _measure(self) -> None:
         """What a round really took says what the others will."""

@@ -14,6 +14,7 @@ import numpy as np
 from wt.diagnose.experiment.release import passive, release
 from wt.diagnose.likelihood.bic import erring, erring_joints
 from wt.diagnose.likelihood.objective import Assessed, Objective
+from wt.diagnose.notes import notes
 from wt.diagnose.observed.forces import measured
 from wt.diagnose.observed.translation import TrainedTranslation, sentences, timed, translated
 from wt.diagnose.pace import Expected, Pace, Say
@@ -105,7 +106,8 @@ def diagnose(
             held out, or the last quarter of a single one.
         seed: of everything random.
         progress: called as the work goes on.
-        expect: called once, after the audit, with how long the whole will take.
+        expect: called after the audit with how long the whole will take, and again where it
+            turns out otherwise.
         translation: trained between this model and the machine; says when something hidden acted
             where nothing else does, and what it cannot recover.
         log: grows by every decision, for those who watch; it is empty.
@@ -214,6 +216,7 @@ def _searched(
     naming = naming_by(window)
     if any(f.voids_commands for f in prepared.audit):
         return _Outcome(prepared, fitted, naming, naming.proven(()), None)
+    pace.time(naming.search_replays)
     accepted = search(screen, naming.search_replays, log, pace.search)
     if window:
         longest = functools.partial(longest_window, fitted, quick)
@@ -257,7 +260,7 @@ def _diagnosis(scene: Scene, outcome: _Outcome) -> Diagnosis:
     """The claims, with all that a report shows of them."""
     prepared, naming, claims = outcome.prepared, outcome.naming, outcome.claims
     holdout = naming.holdout
-    refined = _too_coarse(scene, holdout, claims)
+    timestep = STEP_S if _too_coarse(scene, holdout, claims) else None
     units = {j: units_at(scene, Location("joint", j)) for j in scene.joints}
     quantized = coarse_steps(prepared.fit, prepared.held, units)
     where = claims.unexplained(naming.objective)
@@ -267,14 +270,12 @@ def _diagnosis(scene: Scene, outcome: _Outcome) -> Diagnosis:
     nameless = unforeseen(claims.estimated.assessed, naming.objective, where) if commanded else ()
     experiment = release(scene, shown) if passive(scene) else ""
     all_findings = (*findings(claims, scene, experiment), *nameless, *quantized)
-    further = measured(prepared, naming.screen, holdout, claims.complete, naming.step)
-    files = hand_over(
-        holdout,
-        claims.complete,
-        (claims.patch, claims.comments(scene)),
-        prepared.names,
-        STEP_S if refined else None,
+    said = verdict(claims, naming.objective, quantized)
+    further = measured(
+        prepared, naming.screen, holdout, claims.complete, naming.step, said != "no_mismatch"
     )
+    written = claims.patch, claims.comments(scene)
+    files = hand_over(holdout, claims.complete, written, prepared.names, timestep)
     given_xml = patched_xml(scene, (), ())
     replays = replayed_files(files.contents, given_xml)
     return Diagnosis(
@@ -283,7 +284,7 @@ def _diagnosis(scene: Scene, outcome: _Outcome) -> Diagnosis:
         joints=scene.joints,
         units=tuple(u.position for u in units.values()),
         recordings=prepared.used,
-        verdict=verdict(claims, naming.objective, quantized),
+        verdict=said,
         locations=(
             *locate(
                 naming.screen,
@@ -308,7 +309,7 @@ def _diagnosis(scene: Scene, outcome: _Outcome) -> Diagnosis:
         traces=shown,
         suggestions=suggestions(all_findings),
         measured=further,
-        notes=(*_notes(holdout, refined, claims), *further.notes),
+        notes=(*notes(holdout, claims, timestep), *further.notes),
         residual_onnx=files.residual_onnx,
         physics_py=files.physics_py,
         holdout_npz=files.holdout_npz,
@@ -403,44 +404,15 @@ def _objective(
 
 
 def _too_coarse(scene: Scene, holdout: Holdout, claims: Claims) -> bool:
-    """True if the model's own time step adds more to the error than measurement noise does."""
+    """True if the model's own time step adds more to the error than measurement noise does.
+
+    Where it is itself a part of what was recorded, as in another simulator's robot, it adds none.
+    """
     own = float(scene.model.opt.timestep)
     if own <= STEP_S:
         return False
     coarse = errors(holdout, [claims.hypothesis], own)[0]
     fine = errors(holdout, [claims.hypothesis], STEP_S)[0]
     added = np.sqrt(np.nanmean((coarse - fine) ** 2, axis=0))
-    return bool((added > holdout.smoothed.noise).any())
-
-
-def _notes(holdout: Holdout, coarse: bool, claims: Claims) -> tuple[str, ...]:
-    scene, commands = holdout.smoothed.motion.scene, holdout.smoothed.commands
-    notes = [
-        f"The held-out recordings hardly excite {p}: it is proven on the fitted ones, each part "
-        "left out in turn."
-        for p, gain in zip(claims.estimated.hypothesis, claims.gains, strict=True)
-        if gain.in_turn
-    ]
-    if claims.events:
-        notes.append(
-            "When the machine was pushed, and how hard, is read off each recording itself, the "
-            "held-out ones too: no other recording predicts it."
-        )
-    if commands > 1:
-        rate = 1.0 / min(s.dt for s in holdout.smoothed.samples)
-        notes.append(
-            f"The controller seems to have sent {commands} commands for each sample of the log. "
-            "What they were in between is a guess, and with it whatever is said of delays and of "
-            f"damping: a log at {rate:.3g} Hz would tell."
-        )
-    if coarse:
-        notes.append(
-            f"The model's time step of {1e3 * scene.model.opt.timestep:g} ms is too coarse for "
-            f"these recordings: model.xml has {1e3 * STEP_S:g} ms, as the replays do."
-        )
-    if not holdout.forgets:
-        every = max(s.t[-1] - s.t[0] for s in holdout.stretches)
-        notes.append(
-            f"The machine does not forget its initial state: replays restart every {every:.2g} s."
-        )
-    return tuple(notes)
+    worse = np.nanmean(coarse**2, axis=0) > np.nanmean(fine**2, axis=0)
+    return bool((worse & (added > holdout.smoothed.noise)).any())

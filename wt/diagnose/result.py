@@ -258,15 +258,20 @@ class Located:
     condition: str = ""
 
     def to_json(self) -> dict[str, Any]:
-        """As in ``diagnosis.json``, whose intervals are those of the first recording that has any.
+        """As in ``diagnosis.json``: ``intervals`` has those of every recording by its name.
 
-        They come without its name there, so those of other recordings would be mistaken for it.
+        ``intervals_s`` has those of the first recording that has any.
         """
-        first = self.intervals[0].recording if self.intervals else ""
+        names = list(dict.fromkeys(i.recording for i in self.intervals))
+        each = {
+            name: [[i.start, i.end] for i in self.intervals if i.recording == name]
+            for name in names
+        }
         return {
             "at": _place(self.at),
             "share": self.share,
-            "intervals_s": [[i.start, i.end] for i in self.intervals if i.recording == first],
+            "intervals_s": each[names[0]] if names else [],
+            "intervals": [{"recording": name, "intervals_s": each[name]} for name in names],
             "condition": self.condition,
         }
 

@@ -60,11 +60,12 @@ def acting(scene: Scene, hypotheses: Sequence[Sequence[Planted]]) -> list[Acting
     laws_acting = []
     for key, (effect, at) in sorted(laws.items(), key=lambda item: item[0][0]):
         live = effect.live(scene, at, np.stack(theta[key]))
-        laws_acting.append(Acting(_neighbours(rows[key]), live))
+        laws_acting.append(Acting(neighbours(rows[key]), live))
     return laws_acting
 
 
-def _neighbours(rows: list[int]) -> Int[np.ndarray, " row"] | slice:
-    first, last = rows[0], rows[-1]
-    consecutive = rows == list(range(first, last + 1))
-    return slice(first, last + 1) if consecutive else np.array(rows)
+def neighbours(rows: Sequence[int] | Int[np.ndarray, " row"]) -> Int[np.ndarray, " row"] | slice:
+    """A slice for rows that follow one another, whose values are then seen and not copied."""
+    at = np.asarray(rows, dtype=int)
+    consecutive = len(at) > 0 and bool((np.diff(at) == 1).all())
+    return slice(int(at[0]), int(at[-1]) + 1) if consecutive else at

@@ -11,9 +11,11 @@ import numpy as np
 # longer than to compute a force.
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
 class StepState:
     """State of n replays before a physics step; all arrays are of these replays only.
+
+    One is made at every step, so that it is not frozen, which would take longer.
 
     Attributes:
         t: time since the start of the recording, (n,) [s].

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from wt.batch import Batch
-from wt.physics.acting import Acting, acting, is_live
+from wt.physics.acting import Acting, acting, is_live, neighbours
 from wt.physics.activation import activated, dynamic, late
 from wt.physics.live import StepState
 from wt.physics.planted import Planted
@@ -278,32 +278,32 @@ def _advance(
         out = batch.rollout(stop - start, control=u, control_spec=flags, record=("qpos", "qvel"))
         return np.concatenate([out["qpos"], out["qvel"]], axis=2)
     qpos, qvel, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
-    applied = batch.bind("qfrc_applied")
+    applied, xfrc = batch.bind("qfrc_applied"), batch.bind("xfrc_applied")
     applied[:] = 0.0
-    extra = np.zeros((len(jobs), len(own)))
-    states = np.empty((len(jobs), stop - start, qpos.shape[1] + qvel.shape[1]))
+    states = np.empty((stop - start, len(jobs), qpos.shape[1] + qvel.shape[1]))
     h = jobs[0].inputs.h
-    t = np.stack([job.inputs.t[start:stop] for job in jobs])
+    # step by step, and slices where they do: what is copied here is copied at every step
+    mine, sent = neighbours(own), neighbours(controls)
+    t = np.stack([job.inputs.t[start:stop] for job in jobs], axis=1)
+    u = np.ascontiguousarray(u.swapaxes(0, 1))
+    extra = np.stack([_torques(job, start, stop)[:, own] for job in jobs], axis=1)
     pushed = [
         (row, _wrenches(job, start, stop)) for row, job in enumerate(jobs) if job.inputs.force
     ]
-    turned = np.stack([_torques(job, start, stop)[:, own] for job in jobs])
-    xfrc = batch.bind("xfrc_applied")
     for k in range(stop - start):
-        q, v, command = qpos[:, own], qvel[:, own], u[:, k].copy()
-        extra[:] = turned[:, k]
+        q, v, command, force = qpos[:, mine].copy(), qvel[:, mine].copy(), u[k], extra[k]
         for act in acts:
             rows = act.rows
-            now = StepState(t[rows, k], h, q[rows], v[rows], command[rows], extra[rows])
+            now = StepState(t[k, rows], h, q[rows], v[rows], command[rows], force[rows])
             act.live.act(now)
             if not isinstance(rows, slice):  # picked out of the batch: put back
-                command[rows], extra[rows] = now.u, now.applied
-        ctrl[:], applied[:, own] = command[:, controls], extra
+                command[rows], force[rows] = now.u, now.applied
+        ctrl[:], applied[:, mine] = command[:, sent], force
         for row, wrenches in pushed:
             xfrc[row] = wrenches[k].reshape(-1, 6)
         batch.step()
-        states[:, k, : qpos.shape[1]], states[:, k, qpos.shape[1] :] = qpos, qvel
-    return states
+        states[k, :, : qpos.shape[1]], states[k, :, qpos.shape[1] :] = qpos, qvel
+    return states.swapaxes(0, 1)
 
 
 def _wrenches(job: _Job, start: int, stop: int) -> Float[np.ndarray, "step wrench"]:

@@ -89,6 +89,7 @@ def seen(
     truth: str,
     hypothesis: Hypothesis = (),
     change: Callable[[Columns], None] = lambda columns: None,
+    mismatch: bool = True,
 ) -> Seen:
     """What is measured in the world of one MJCF says to a user who believes in ``XML``."""
     path = folder / "arm.xml"
@@ -103,7 +104,8 @@ def seen(
         check_against(recordings[-1], scene.model)
     prepared = prepare(scene, recordings[:1], recordings[1:])
     held = prepare_holdout(smooth(scene, prepared.held), True)
-    found = measured(prepared, Screen(smooth(scene, prepared.fit), 0), held, hypothesis, STEP)
+    screen = Screen(smooth(scene, prepared.fit), 0)
+    found = measured(prepared, screen, held, hypothesis, STEP, mismatch)
     return Seen(
         {f.actuator: f for f in found.forces}, {s.name: s for s in found.sensors}, found.notes
     )
@@ -149,6 +151,14 @@ def test_a_measured_force_tells_the_drive_from_what_is_behind_it(
             f"what is missing at joint j2 lies {'in' if side == 'drive' else 'behind'} the drive"
             in about[0]
         )
+
+
+@pytest.mark.parametrize("truth", [FRICTION, WEAK, BOTH])
+def test_a_force_tells_no_side_of_what_replays_do_not_miss(tmp_path: Path, truth: str) -> None:
+    """As on legs, where the ground may supply any force that inverse dynamics lacks."""
+    found = seen(tmp_path, truth, mismatch=False)
+    assert {f.side for f in found.forces.values()} == {"neither"}
+    assert not found.notes[:-1], "but for the sensor that is not compared"
 
 
 def test_the_figures_are_those_of_the_hidden_law(tmp_path: Path) -> None:

@@ -132,8 +132,10 @@ def test_intervals_say_which_recording_they_are_of(tmp_path: Path) -> None:
     assert [name for name, *_ in spans] == ["b.parquet", "c.parquet"]
     for _, start, end in spans:
         assert (start, end) == (pytest.approx(4.0, abs=0.15), pytest.approx(5.0, abs=0.15))
-    # in JSON intervals have no name: they are those of one recording
+    # those without a name are of one recording
     assert place.to_json()["intervals_s"] == [list(spans[0][1:])]
+    by_name = {x["recording"]: x["intervals_s"] for x in place.to_json()["intervals"]}
+    assert by_name == {name: [[start, end]] for name, start, end in spans}
 
 
 def test_recordings_of_one_name_are_told_apart(tmp_path: Path) -> None:

@@ -29,7 +29,12 @@ _LEAST_ROWS = 50
 
 
 def measured(
-    prepared: Prepared, screen: Screen, holdout: Holdout, hypothesis: Hypothesis, step: float
+    prepared: Prepared,
+    screen: Screen,
+    holdout: Holdout,
+    hypothesis: Hypothesis,
+    step: float,
+    mismatch: bool = True,
 ) -> Measured:
     """Compare what was measured besides the joints with model and replays.
 
@@ -39,8 +44,10 @@ def measured(
         holdout: the held-out ones.
         hypothesis: the findings.
         step: physics step of replays [s].
+        mismatch: whether anything is missing; where replays say that nothing is, no force is, and
+            what a robot's feet supply is no force that is missing.
     """
-    forces = _forces(prepared.fit, screen)
+    forces = _forces(prepared.fit, screen, mismatch)
     sensors, left_out = sensed(prepared.held, holdout, hypothesis, step)
     notes = [note for note in map(sentence, forces) if note]
     if left_out:
@@ -77,7 +84,7 @@ def sentence(force: MeasuredForce) -> str:
     return ""
 
 
-def _forces(parts: Sequence[Part], screen: Screen) -> tuple[MeasuredForce, ...]:
+def _forces(parts: Sequence[Part], screen: Screen, mismatch: bool) -> tuple[MeasuredForce, ...]:
     motion = screen.motion
     compared = []
     left = leftover(screen, ()).left
@@ -85,7 +92,8 @@ def _forces(parts: Sequence[Part], screen: Screen) -> tuple[MeasuredForce, ...]:
         force = drive.gear * _on_grid(parts, motion, f"force/{drive.name}")
         known = np.isfinite(screen.weak(force)) & screen.keep[:, drive.dof].astype(bool)
         if known.sum() >= _LEAST_ROWS:
-            compared.append(_compared(screen, drive, force, known, left))
+            missing = left if mismatch else np.zeros_like(left)
+            compared.append(_compared(screen, drive, force, known, missing))
     return tuple(compared)
 
 
@@ -185,7 +193,7 @@ def _side(sizes: Sequence[float], allowed: Sequence[float], missing: bool) -> Si
     off_law, off_motion = (x > most for x, most in zip(sizes[:2], allowed, strict=True))
     little = [x < THRESHOLDS.measured_small * max(sizes) for x in sizes]
     both = off_law and off_motion
-    if both and (little[2] or not missing):
+    if both and little[2]:
         return "measurement"
     if not missing or not (off_law or off_motion):
         return "neither"

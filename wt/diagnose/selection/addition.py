@@ -59,6 +59,7 @@ def addition(
     log: DecisionLog,
     most: int,
     banned: Container[Key] = frozenset(),
+    near: int = -1,
 ) -> list[Accepted]:
     """Effects to add to the present hypothesis, at most ``most``.
 
@@ -70,10 +71,16 @@ def addition(
         log: grows by every decision.
         most: at most so many additions.
         banned: what must not join.
+        near: degree of freedom that they act on, alone or with others; −1 for any.
     """
+
+    def asked(planted: Planted) -> bool:
+        here = near < 0 or dof_of(screen, planted.at) in (near, -1)
+        return here and planted.key not in banned
+
     known = [(a.planted, a.shape) for a in accepted]
-    ranked = [s for s in screen.rank(known) if s.planted.key not in banned]
-    tried = [c for c in candidates(screen, ranked, objective, now) if c[0].key not in banned]
+    ranked = [s for s in screen.rank(known) if asked(s.planted)]
+    tried = [c for c in candidates(screen, ranked, objective, now) if asked(c[0])]
     replayed = {p.key for p, _ in tried}
     for s in (s for s in ranked if s.planted.key not in replayed):
         least = THRESHOLDS.replay_share * ranked[0].gain
@@ -94,7 +101,7 @@ def addition(
         return []
     shapes = {s.planted.key: s.shape for s in ranked} | {p.key: shape for p, shape in tried}
     joined = _accepted(objective, best, fits, now, shapes)
-    for more in _beside(screen, objective, best, fits, now):
+    for more in _beside(screen, objective, best, fits, now) if len(joined) < most else ():
         joined += _accepted(objective, more.fit, more.fits, more.reference, shapes)
         gain = worth(objective, more.fit, more.reference)
         planted = more.fit.hypothesis[-1]

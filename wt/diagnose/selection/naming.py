@@ -13,7 +13,7 @@ model fits down to the noise; that has to be proven on held-out data like everyt
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,7 +29,16 @@ from wt.diagnose.selection.alternatives import Lookalikes, simplified, united
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.events import Event
 from wt.diagnose.selection.forms import in_best_form
-from wt.diagnose.selection.holdout import Gain, Holdout, gain, gains, where_mute
+from wt.diagnose.selection.holdout import (
+    Gain,
+    Holdout,
+    errors,
+    gain,
+    gains,
+    gains_of,
+    scaled,
+)
+from wt.diagnose.selection.in_turn import where_mute
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.choice import freest
 from wt.diagnose.unknown.fit import ForceData
@@ -213,13 +222,24 @@ class Naming:
         assessed, objective = estimated.assessed, self.objective
         all_but_one = [without(assessed.hypothesis, i) for i in range(len(assessed.hypothesis))]
         sides = [assessed, *objective.evaluate(all_but_one)]
-        # tolerances are known from replays that leave nothing else to explain
-        known = not erring_joints(objective, assessed)
-        full, *lesser = [
-            (*s.hypothesis, *(objective.calibration(s) if known else ())) for s in sides
-        ]
-        each = gains(self.holdout, full, lesser, self.step)
+        full, each = self._with_tolerances(sides)
         return where_mute(objective, self.holdout, assessed.hypothesis, full, each, self.step)
+
+    def _with_tolerances(self, sides: Sequence[Assessed]) -> tuple[Hypothesis, list[Gain]]:
+        """The first with its tolerances, and its gains over the others with theirs.
+
+        Tolerances are known from replays that leave nothing else to explain. They are those of the
+        fitted recordings: each side has them only where it errs less by them in the held-out ones.
+        """
+        plain = [s.hypothesis for s in sides]
+        if erring_joints(self.objective, sides[0]):
+            return plain[0], gains(self.holdout, plain[0], plain[1:], self.step)
+        corrected = [(*s.hypothesis, *self.objective.calibration(s)) for s in sides]
+        both = errors(self.holdout, [*plain, *corrected], self.step)
+        left = np.nansum(scaled(both, self.holdout.smoothed.noise) ** 2, axis=(1, 2))
+        better = np.argmin(left.reshape(2, -1), axis=0)
+        full = (plain, corrected)[better[0]][0]
+        return full, gains_of(self.holdout, both[better * len(sides) + np.arange(len(sides))])
 
     def _with_unknown(self, claims: Claims) -> Claims:
         """Learn what is left, as long as that improves the held-out fit."""

@@ -187,7 +187,7 @@ def _reconsidered(
     banned: Container[Key],
     added: Sequence[Accepted],
 ) -> tuple[list[Accepted], Assessed]:
-    """Each of some effects that joined together is looked for again beside the others.
+    """Each of some effects that joined together is looked for again, in its place.
 
     Two at one joint were chosen by the force residual, and few others were replayed in their
     place. Of many that joined only such pairs are looked for again: each costs a whole round.
@@ -203,7 +203,8 @@ def _reconsidered(
         rest = [a for i, a in enumerate(accepted) if i != index]
         base = _fitted(objective, without(now.hypothesis, index))
         kept = [replace(a, planted=p) for a, p in zip(rest, base.hypothesis, strict=True)]
-        others = addition(screen, objective, base, kept, log, 1, banned)
+        dof = dof_of(screen, accepted[index].planted.at)
+        others = addition(screen, objective, base, kept, log, 1, banned, dof)
         names = {a.planted.key for a in accepted}
         if any(a.planted.key not in names for a in others):
             other = _fitted(objective, (*base.hypothesis, others[0].planted))

@@ -13,15 +13,8 @@ from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import stretches_of
 from wt.diagnose.residual.screen import Screen
-from wt.diagnose.selection.holdout import (
-    Gain,
-    Holdout,
-    gain_of,
-    gains,
-    left_in_turn,
-    prepare_holdout,
-    where_mute,
-)
+from wt.diagnose.selection.holdout import Gain, Holdout, gain_of, gains, prepare_holdout
+from wt.diagnose.selection.in_turn import left_in_turn, where_mute
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
