@@ -32,6 +32,7 @@ LONG = (
     "tests/mjcf/test_physics.py",
     "tests/prove/test_legged_laws.py",
     "tests/diagnose/selection/test_lookalikes.py",
+    "tests/passport/test_add.py",
     "tests/passport/test_levels.py",
     "tests/cli/test_diagnose.py",
     "tests/passport/test_drift.py",
