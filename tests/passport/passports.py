@@ -28,7 +28,7 @@ def truth(quantity: Quantity, unit: str, session: int) -> float:
     return 0.0
 
 
-def estimates(sessions: range = range(len(DAYS)), seed: int = 3) -> tuple[GroupEstimate, ...]:
+def estimates(sessions: range = range(len(DAYS)), seed: int = 0) -> tuple[GroupEstimate, ...]:
     """An estimate of each quantity in each of these sessions of every unit."""
     rng = np.random.default_rng(seed)
     drawn = {

