@@ -32,7 +32,7 @@ from wt.types import Location, Recording
 RATE, STEP = 100, 5e-4  # Hz, s
 NOISE, NOISE_V = 5e-5, 2e-3  # rad, rad/s
 SHOULDER, ELBOWS, WORN = 0.3, (0.18, 0.24, 0.3, 0.36), 0.12  # N·m
-GAINS = 0.04  # standard deviation between sessions, of 1
+GAINS = 0.1  # standard deviation between sessions, of 1
 KP = 40.0
 ARM = """<mujoco model="arm"><compiler angle="radian"/>
 <option timestep="{step}" integrator="implicitfast"/><worldbody>

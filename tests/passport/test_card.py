@@ -98,6 +98,21 @@ def test_a_page_of_somebody_else_is_not_replaced(
     assert (robot / "passport.html").read_text() == "mine"
 
 
+def test_figures_go_to_mlflow(
+    robot: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mlflow = pytest.importorskip("mlflow")
+    store = f"sqlite:///{robot.parent / 'mlflow.db'}"
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", store)
+    assert main(["passport", "show", str(robot), "--track"]) == 0
+    run_id = re.search(r"run (\w{32}) in sqlite", capsys.readouterr().out)
+    assert run_id
+    data = mlflow.MlflowClient(store).get_run(run_id[1]).data
+    assert data.metrics["alarms"] == 1
+    assert data.metrics[f"A17/{ELBOW}"] == pytest.approx(0.34, abs=0.03)
+    assert data.params[f"level/{DRIVE}"] == "unit"
+
+
 def test_diff_says_what_differs(robot: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["passport", "diff", str(robot), "A17", "B04"]) == 0
     assert "Actuator a1's gain is 0." in capsys.readouterr().out
@@ -123,6 +138,20 @@ def test_bad_input_is_one_line_and_exit_2(
     err = capsys.readouterr().err
     assert said in err
     assert err.count("\n") == 1
+
+
+def test_a_fleet_that_lacks_nothing_has_a_passport_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "robot"
+    with locked(folder):
+        append(folder, replace(addition(estimates()), rows=(), hypothesis=()))
+    assert main(["passport", "show", str(folder)]) == 0
+    assert "Nothing on A17 changed significantly" in capsys.readouterr().out
+    assert main(["passport", "diff", str(folder), "A17", "B04"]) == 0
+    assert "no quantity in common" in capsys.readouterr().out
+    assert main(["passport", "show", str(folder), "--limit", "x=1"]) == 2
+    assert "is not in this passport" in capsys.readouterr().err
 
 
 def test_a_limit_is_foretold_where_the_trend_is_certain() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -74,7 +75,7 @@ def add(
     console = Console()
     for path in added.known:
         console.print(f"{path} is in {out} already", highlight=False, soft_wrap=True)
-    of = card(added.passport.rows)
+    of = card(added.passport.rows, groups=added.passport.groups)
     if added.files:
         print_added(of, added.groups, console)
         for note in added.passport.additions[-1].notes:
@@ -118,7 +119,7 @@ def show(
 
     passport = _read(folder)
     units = [_unit(passport, unit)] if unit is not None else list(passport.units)
-    of = card(passport.rows, _limits(passport, limit or ()))
+    of = card(passport.rows, _limits(passport, limit or ()), passport.groups)
     path = folder / PAGE
     if path.exists() and MADE_BY not in path.read_text(encoding="utf-8", errors="replace"):
         raise UserError(f"{path} is there and no wt passport wrote it; move it")
@@ -151,7 +152,8 @@ def diff(
     names = [_unit(passport, name) for name in (one, other)]
     if one == other:
         raise UserError(f"{one} and {other} are the same unit; name two")
-    print_difference(differences(card(passport.rows), *names), one, other, Console())
+    of = card(passport.rows, groups=passport.groups)
+    print_difference(differences(of, *names), one, other, Console())
 
 
 def _read(folder: Path) -> Passport:
@@ -195,10 +197,18 @@ def _track(of: Card, folder: Path, files: Sequence[Path], console: Console) -> N
     from wt.run import track
 
     with track.run(EXPERIMENT, folder.resolve().name) as run:
-        run.params({f"level/{q}": placed.level for q, placed in of.levels.items()})
-        values = {f"{unit}/{q}": state.value.value
-                  for unit, states in of.states.items() for q, state in states.items()}  # fmt: skip
+        run.params({_loggable(f"level/{q}"): placed.level for q, placed in of.levels.items()})
+        values = {
+            _loggable(f"{unit}/{q}"): state.value.value
+            for unit, states in of.states.items()
+            for q, state in states.items()
+        }
         run.metrics({**values, "alarms": len(of.alarms)}, step=len(of.labels))
         for path in files:
             run.artifact(path)
     console.print(f"run {run.id} in {run.uri}", highlight=False, soft_wrap=True)
+
+
+def _loggable(name: str) -> str:
+    """A name without what MLflow does not take, as the + of a pair of joints."""
+    return re.sub(r"[^\w./ :-]", "_", name)

@@ -90,7 +90,7 @@ def add(
             notes=found.notes,
         )
         whole = Passport((*passport.additions, addition))
-        addition = replace(addition, decided=card(whole.rows).to_json())
+        addition = replace(addition, decided=card(whole.rows, groups=whole.groups).to_json())
         files = folders.append(out, addition)
         groups = tuple(sorted({s.labels for s in new.values()}))
         return Added(Passport((*passport.additions, addition)), groups, known, files)
@@ -127,7 +127,7 @@ def _estimated(
     hypothesis, notes = common([h for h in found if h])
     old = {p.key for p in passport.hypothesis}
     grown = any(p.key not in old for p in hypothesis)
-    stale = [k for k in sorted({s.labels for s in passport.sources}) if k not in fresh] * grown
+    stale = [k for k in passport.groups if k not in fresh] * grown
     estimates: list[GroupEstimate] = []
     every = [*fresh, *(k for k in stale if k in grouped)]
     for i, labels in enumerate(every):

@@ -89,20 +89,25 @@ class Card:
         }
 
 
-def card(rows: Sequence[GroupEstimate], limits: Mapping[str, float] | None = None) -> Card:
+def card(
+    rows: Sequence[GroupEstimate],
+    limits: Mapping[str, float] | None = None,
+    groups: Sequence[Labels] = (),
+) -> Card:
     """Decide on all estimates of a passport.
 
     Args:
         rows: the latest estimate of each quantity in each group.
         limits: values of quantities, by name, whose day is asked for.
+        groups: further ones, in which nothing was found.
     """
+    labels = tuple(sorted({r.labels for r in rows} | set(groups)))
     by_quantity: dict[Quantity, list[GroupEstimate]] = {}
     for row in rows:
         if not row.warning:
             by_quantity.setdefault(row.quantity, []).append(row)
     whole = {quantity: _placed(mine) for quantity, mine in sorted(by_quantity.items())}
-    units = sorted({r.labels.unit for r in rows})
-    judged = {unit: _judged(whole, unit) for unit in units}
+    judged = {unit: _judged(whole, unit) for unit in sorted({k.unit for k in labels})}
     levels = {
         quantity: _placed(_unmoved(by_quantity[quantity], quantity, judged)) for quantity in whole
     }
@@ -114,7 +119,7 @@ def card(rows: Sequence[GroupEstimate], limits: Mapping[str, float] | None = Non
         levels,
         states,
         {q: mine[0].neutral for q, mine in by_quantity.items()},
-        tuple(sorted({r.labels for r in rows})),
+        labels,
     )
 
 

@@ -99,9 +99,14 @@ class Passport:
         return self.additions[-1].hypothesis if self.additions else ()
 
     @property
+    def groups(self) -> tuple[Labels, ...]:
+        """Labels of all groups."""
+        return tuple(sorted({s.labels for s in self.sources}))
+
+    @property
     def units(self) -> tuple[str, ...]:
         """Names of all units."""
-        return tuple(sorted({s.labels.unit for s in self.sources}))
+        return tuple(dict.fromkeys(labels.unit for labels in self.groups))
 
 
 def read(folder: Path) -> Passport:
