@@ -40,6 +40,7 @@ def the_finding(said: Diagnosis, effect: str, at: str) -> Finding:
     return found
 
 
+@pytest.mark.long
 def test_a_run_in_lockstep_is_what_wt_run_leaves_and_the_same_every_time(tmp_path: Path) -> None:
     first, second = (read(record(WALK, tmp_path / name)[1]) for name in ("a", "b"))
     check_against(first, Scene(tmp_path / "a" / "model.xml").model)

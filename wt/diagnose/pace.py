@@ -35,7 +35,7 @@ FLOATING = 2000
 LIVE_S, SCREEN_S = 3.5e-6, 1.5e-3
 """Time that laws which act at every step add to a step on average, and that the screen takes for a
 sample of one joint [s]. Both are Python's."""
-ONE, EACH = 1.5, 0.8
+ONE, EACH = 1.8, 0.8
 """Time of a diagnosis that finds one effect, and for each further one, in rounds: 1.1 to 3.3."""
 _PROBES, _PROBED = 16, 200  # replays and steps of a machine that are timed
 _TIMED = 4  # … and of recordings

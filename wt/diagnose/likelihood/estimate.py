@@ -201,9 +201,9 @@ def _curvature(
 def _numerical_score(
     objective: Objective, now: Assessed, slope: Float[np.ndarray, "sample dof parameter"]
 ) -> Float[np.ndarray, " adapting"]:
-    """Score that half of the steps' known error would have, of parameters and tolerances."""
+    """Score of what the steps' length may still do, of parameters and tolerances."""
     both = np.concatenate([slope, objective.columns], axis=2)
-    error = objective.channels.precision(now.variance) * objective.numerical_error
+    error = objective.channels.precision(now.variance) * objective.numerical_error(now)
     return np.asarray(np.einsum("ijk,ij->k", both, error))
 
 

@@ -346,8 +346,15 @@ class Objective:
         """Change of the error per deviation of each tolerance."""
         return self._around.columns
 
-    @property
-    def numerical_error(self) -> Float[np.ndarray, "sample dof"]:
-        """Half of the steps' known error, projected: what may still be wrong."""
-        known = np.where(self.channels.valid, self._replays.correction, 0.0)
-        return 0.5 * self._around.project(known)
+    def numerical_error(self, reference: Assessed) -> Float[np.ndarray, "sample dof"]:
+        """What the steps' length may still do to replays of the reference, projected.
+
+        Where feet land, errors go with no power of a step: half of what was extrapolated is left.
+        """
+        if self.scene.free:
+            left = 0.5 * self._replays.correction
+        else:
+            left = self._replays.unsettled(
+                (*reference.hypothesis, *self._nearby.rig(reference.centre))
+            )
+        return self._around.project(np.where(self.channels.valid, left, 0.0))

@@ -49,6 +49,7 @@ class Extrapolated:
             step: the fine step [s].
         """
         self._fine = Replayer(scene, stretches, step)
+        self._finer = Replayer(scene, stretches, 0.5 * step)
         short = self._fine.run([()]).q[0]
         bound = _BOUNDED * np.std(short, axis=0)
 
@@ -82,6 +83,13 @@ class Extrapolated:
         if self.coarse is not self._fine:
             self.correction = np.nan_to_num(2.0 * (self._fine.run([reference]).q[0] - q))
         return q + self.correction, np.array(others).reshape(-1, *base.shape) - base
+
+    def unsettled(self, reference: Sequence[Planted]) -> Float[np.ndarray, "sample dof"]:
+        """What steps half as long still change at a reference, which :meth:`around` was of."""
+        (finer,), (fine,) = self._finer.run([reference]).q, self._fine.run([reference]).q
+        if self.coarse is self._fine:  # nothing is extrapolated: as much again is left
+            return np.nan_to_num(2.0 * (finer - fine))
+        return np.nan_to_num(2.0 * finer - fine - self.run([reference])[0])
 
 
 _STEP = 0.1

@@ -34,7 +34,6 @@ from wt.diagnose.selection.holdout import (
     Holdout,
     errors,
     gain,
-    gains,
     gains_of,
     scaled,
 )
@@ -228,12 +227,10 @@ class Naming:
     def _with_tolerances(self, sides: Sequence[Assessed]) -> tuple[Hypothesis, list[Gain]]:
         """The first with its tolerances, and its gains over the others with theirs.
 
-        Tolerances are known from replays that leave nothing else to explain. They are those of the
-        fitted recordings: each side has them only where it errs less by them in the held-out ones.
+        They are those of the fitted recordings, which know them well only where they leave nothing
+        else to explain: each side has them where it errs less by them in the held-out ones.
         """
         plain = [s.hypothesis for s in sides]
-        if erring_joints(self.objective, sides[0]):
-            return plain[0], gains(self.holdout, plain[0], plain[1:], self.step)
         corrected = [(*s.hypothesis, *self.objective.calibration(s)) for s in sides]
         both = errors(self.holdout, [*plain, *corrected], self.step)
         left = np.nansum(scaled(both, self.holdout.smoothed.noise) ** 2, axis=(1, 2))
