@@ -152,18 +152,20 @@ NOMINAL, SHIFT = RNG.normal(size=(8, 4)), RNG.normal(size=(12, 4))
 TRANSPORT = np.array([[1.5, 0.6, 0, 0], [0.2, 0.5, 0, 0], [0, 0, 1, -0.1], [0, 0, -0.3, 2]])
 
 
-@pytest.mark.parametrize("simulator", ["base", "read", "ignored"])
+@pytest.mark.parametrize("simulator", ["base", "read", "encoded", "ignored"])
 def test_mean_field_transport_and_translation_add_up(simulator: str) -> None:
     o, a, sim_next = batch()
     mean = Mean(kind="average", simulator=simulator, width=4, depth=1)  # type: ignore[arg-type]
     model = build(mean, anchored=True)
     frame, x = model.frame, conditions(o, a)
     change = (sim_next - o[:, :4]).numpy() / SCALE
-    reads = simulator == "read"
+    reads = simulator in ("read", "encoded")
     frame.shift = Linear(SHIFT if reads else SHIFT[:8])
     shift = (np.hstack([x, change]) if reads else x) @ SHIFT[: 12 if reads else 8]
     nominal, transport = np.zeros_like(change), np.zeros((4, 4))
-    if simulator != "ignored":
+    if simulator == "encoded":  # S's outcome stands as it is
+        transport = np.eye(4)
+    elif simulator != "ignored":
         frame.nominal = Linear(NOMINAL)
         frame.transport.copy_(tensor(TRANSPORT))
         nominal, transport = x @ NOMINAL, TRANSPORT

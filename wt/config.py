@@ -30,7 +30,7 @@ MeanKind = Literal["none", "average", "mode"]
 for hidden variables that are often absent.
 """
 
-SimulatorUseName = Literal["base", "read", "mean", "blend", "ignored"]
+SimulatorUseName = Literal["base", "read", "mean", "blend", "encoded", "ignored"]
 """The mean field's use of the simulator's own answer; a class each in ``wt.nets.simulator_use``.
 
 ``base``: it is added to; ``read``: it is added to and is also an input of the correction;
@@ -40,6 +40,8 @@ hidden variables are never absent.
 ``blend``: as ``mean``, and beside it a correction that reads S's answer, as with ``read``, gives an
 answer of its own: pairs, where they select, tell the share of each in every channel, which is a
 half without.
+``encoded``: as ``read``, and while it learns the answer is the one at what was hidden in R, as
+estimated from R's recording: the simulator is the encoder (``wt.train.hidden``).
 ``ignored``: R's change is regressed on (o, a) alone.
 """
 
@@ -177,7 +179,7 @@ class Baselines:
     names: list[str] = field(
         default_factory=lambda: [
             "RawSim", "DirectPred", "ResDyn", "ResDynSim", "RSSM", "MeanShiftOT", "DeltaAction",
-            "FlowTranslation", "PairedCeiling",
+            "FlowTranslation", "SimulatorEncoder", "PairedCeiling",
         ]
     )  # fmt: skip
     members: int = 1

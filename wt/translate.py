@@ -70,9 +70,9 @@ def reconstruct_state(
     """
     frame = model.frame
     x = frame.conditions(o, a)
-    nominal = frame.nominal_change(x)
+    shift = frame.shift_of_real(x, frame.changes(o, s_next))
     feature = feature_of_real(model, o, a, s_next)
-    change = nominal + frame.shift_change(x, nominal) + model.decoder(x, feature)
+    change = frame.nominal_change(x) + shift + model.decoder(x, feature)
     return frame.next_states(o, change)
 
 
@@ -92,8 +92,8 @@ def feature_of_real(
     """
     frame = model.frame
     x, change = frame.conditions(o, a), frame.changes(o, s_next)
-    nominal = frame.nominal_change(x)
-    feature: Tensor = model.encoder(x, change - nominal - frame.shift_change(x, nominal))[0]
+    left = change - frame.nominal_change(x) - frame.shift_of_real(x, change)
+    feature: Tensor = model.encoder(x, left)[0]
     return feature
 
 

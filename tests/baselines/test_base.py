@@ -29,7 +29,7 @@ def predict(name: str, seed: int, test: Pairs | None = None) -> np.ndarray:
 def test_all_promised_names_are_found() -> None:
     assert {find(name).name for name in NAMES} == {
         "RawSim", "DirectPred", "ResDyn", "ResDynSim", "RSSM", "MeanShiftOT", "DeltaAction",
-        "FlowTranslation", "PairedCeiling",
+        "FlowTranslation", "SimulatorEncoder", "PairedCeiling",
     }  # fmt: skip
 
 
@@ -42,6 +42,11 @@ def test_a_name_used_twice_is_refused_with_both_files() -> None:
     copy = type("Copy", (find("RawSim"),), {"__module__": "elsewhere"})
     with pytest.raises(ConfigError, match=r"wt\.baselines\.rawsim and elsewhere"):
         register(copy)
+
+
+def scaled(data: Transitions, scale: float) -> Transitions:
+    """The same with other hidden variables."""
+    return replace(data, hidden=scale * data.hidden)
 
 
 @each_baseline
@@ -93,7 +98,7 @@ def test_is_selected_without_pairs_and_without_what_is_hidden(name: str) -> None
         domains = (toy.collect(SIM, 3, 1), toy.collect(REAL, 3, 2))
         held = (toy.collect(SIM, 2, 4), toy.collect(REAL, 2, 5))
         if name != "PairedCeiling":
-            held = tuple(replace(data, hidden=scale * data.hidden) for data in held)
+            held = tuple(scaled(data, scale) for data in held)
         baseline = find(name)(toy.spec, replace(TINY, steps=20, learning_rate=0.3), 0, toy)
         baseline.train(*domains, Unpaired(*held))
         assert baseline.score is not None and np.isfinite(baseline.score()())
@@ -108,17 +113,16 @@ def test_without_pairs_nothing_hidden_is_trained_on(name: str) -> None:
     toy = Toy(0.5)
     test, answers = toy.pairs(2, 3), []
     for scale in (1.0, 7.0):
-        sim, real = (
-            replace(data, hidden=scale * data.hidden)
-            for data in (toy.collect(SIM, 3, 1), toy.collect(REAL, 3, 2))
-        )
+        sim, real = toy.collect(SIM, 3, 1), scaled(toy.collect(REAL, 3, 2), scale)
+        if name != "SimulatorEncoder":  # what is hidden in S is S's own
+            sim = scaled(sim, scale)
         baseline = find(name)(toy.spec, TINY, 0, toy)
         baseline.train(sim, real)
         answers.append(baseline.predict(test))
     assert np.array_equal(*answers)
 
 
-@pytest.mark.parametrize("name", ["DeltaAction", "PairedCeiling"])
+@pytest.mark.parametrize("name", ["DeltaAction", "SimulatorEncoder", "PairedCeiling"])
 def test_what_steps_the_simulator_says_so_where_it_has_none(name: str) -> None:
     toy = Toy(0.5)
     with pytest.raises(ConfigError, match=f"'{name}' steps the simulator"):
@@ -128,11 +132,11 @@ def test_what_steps_the_simulator_says_so_where_it_has_none(name: str) -> None:
 def test_rows_that_need_a_word_have_one() -> None:
     spec = Toy(0.5).spec
     said = {name for name in NAMES if find(name).remark(spec)}
-    assert said == {"ResDyn", "DeltaAction", "PairedCeiling"}
+    assert said == {"ResDyn", "DeltaAction", "SimulatorEncoder", "PairedCeiling"}
     assert find("ResDyn").remark(replace(spec, hidden=())) is None
 
 
-@pytest.mark.parametrize("name", ["DirectPred", "ResDyn", "PairedCeiling"])
+@pytest.mark.parametrize("name", ["DirectPred", "ResDyn", "SimulatorEncoder", "PairedCeiling"])
 def test_members_of_an_ensemble_are_others_and_are_averaged(name: str) -> None:
     toy = Toy(0.5)
     test = toy.pairs(2, 3)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.check.machines import MACHINES, record, with_columns, write_model
+from tests.physics import stool
 from wt.check.run import check
 from wt.physics.scene import Scene
 from wt.types import Recording
@@ -72,3 +73,18 @@ def test_coarse_encoders_and_lost_samples_are_no_fault(tmp_path: Path) -> None:
         if n.startswith("qpos")
     }
     assert not lines("arm4", with_columns(r, coarse), tmp_path)
+
+
+def told(factor: float) -> Recording:
+    """A stool on its feet whose knee moves ``factor`` times less than it is told."""
+    r = stool.recording(1, seconds=5.0)
+    q = r.columns["qpos/rear_knee"]
+    command = q.mean() + factor * (q - q.mean())
+    return with_columns(r, {"ctrl/rear_knee": command})
+
+
+@pytest.mark.parametrize(("factor", "said"), [(4.0, 0), (40.0, 1)])
+def test_a_soft_servo_under_a_load_is_no_gear(factor: float, said: int, tmp_path: Path) -> None:
+    """What its feet bear nobody measured; that it is more than the machine weighs is no load."""
+    checked = check(stool.scene(tmp_path), told(factor))
+    assert len([f for f in checked.findings if f.kind.endswith("_scale")]) == said

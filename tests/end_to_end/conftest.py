@@ -20,7 +20,7 @@ from wt.cli.main import main
 STEPS, EVERY = 120, 20
 METHODS = (
     "RawSim", "DirectPred", "ResDyn", "ResDynSim", "RSSM", "MeanShiftOT",
-    "PairedCeiling", "WorldTranslation", "WorldTranslationPlus",
+    "SimulatorEncoder", "PairedCeiling", "WorldTranslation", "WorldTranslationPlus",
 )  # fmt: skip
 
 Wt = Callable[..., tuple[int, str, str]]

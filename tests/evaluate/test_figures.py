@@ -122,7 +122,8 @@ def test_one_line_far_above_does_not_flatten_the_others() -> None:
 def test_every_method_of_the_table_has_its_own_colour() -> None:
     methods = (
         "WorldTranslation", "WorldTranslationPlus", "RawSim", "DirectPred", "ResDyn", "ResDynSim",
-        "RSSM", "MeanShiftOT", "DeltaAction", "FlowTranslation", "PairedCeiling", "SomethingElse",
+        "RSSM", "MeanShiftOT", "DeltaAction", "FlowTranslation", "SimulatorEncoder",
+        "PairedCeiling", "SomethingElse",
     )  # fmt: skip
     assert len({colors.of_method(method) for method in methods}) == len(methods)
 

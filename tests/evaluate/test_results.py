@@ -14,7 +14,7 @@ from tests.conftest import FromShared
 from wt.config import ModelSelection
 from wt.errors import DataError
 from wt.evaluate import paper
-from wt.evaluate.results import MethodScore, Results
+from wt.evaluate.results import ENCODER, MethodScore, Results
 from wt.types import Channel
 
 
@@ -113,6 +113,11 @@ def test_a_diverged_method_stays_in_the_table_and_out_of_the_ratio(tmp_path: Pat
     assert "NaN" not in (tmp_path / "results.json").read_text()
     assert math.isnan(Results.load(tmp_path).single_step["RawSim"].mse)
     assert "| RawSim | diverged |" in (tmp_path / "results.md").read_text()
+
+
+def test_the_simulator_as_encoder_is_ours_and_no_rival() -> None:
+    beside = results(single_step={**results().single_step, ENCODER: MethodScore(1e-9, 0.0, 1e-9)})
+    assert beside.ratio_to_best_baseline == results().ratio_to_best_baseline
 
 
 def test_what_is_possible_is_no_rival() -> None:

@@ -12,10 +12,10 @@ import torch
 from tests.baselines.toy import REAL, SIM, Toy
 from tests.train.conftest import World
 from wt.config import Mean, Method, TranslationConfig, Vae
-from wt.errors import WorkError
+from wt.errors import ConfigError, WorkError
 from wt.nets.world_model import WorldModel
 from wt.train.fit import fit_world_model
-from wt.train.score import PairTensors, errors, score
+from wt.train.score import PairTensors, errors, predictions, score
 from wt.train.selection import Unpaired
 from wt.types import Pairs, Transitions
 
@@ -292,3 +292,49 @@ def test_where_domains_are_one_the_simulator_s_answer_is_left_as_it_is(
     model = fit(World(toy.spec, sim, real, pairs), method, folder, Sink())
     unit = torch.ones(toy.spec.n_state)
     assert errors(model, PairTensors.of(pairs, unit, unit))[0] < 1e-9
+
+
+def encoded(paper: Method) -> Method:
+    return replace(
+        paper,
+        mean=replace(MEAN, simulator="encoded", steps=400),
+        translation=TranslationConfig(conditioned=True, transport=True, anchored=True),
+        train=replace(paper.train, steps=10),
+    )
+
+
+def test_the_simulator_encodes_what_no_pairs_tell(paper: Method, folder: Path) -> None:
+    # the force is new at every step, so that (o, a) and their past say nothing of it
+    toy = Toy(0.0)
+    sim, real, pairs = toy.collect(SIM, 60, 1), toy.collect(REAL, 60, 2), toy.pairs(20, 3)
+    held = Unpaired(toy.collect(SIM, 10, 4), toy.collect(REAL, 10, 5))
+    data = (sim, real, held, 0, folder)
+    model = fit_world_model(toy.spec, encoded(paper), *data, simulator=toy)
+    unit = torch.ones(toy.spec.n_state)
+    tensors = PairTensors.of(pairs, unit, unit)
+    left = (predictions(model, tensors) - tensors.real_next)[:, 2:]
+    assert float((left**2).mean()) < 0.1 * toy.error_without_history()
+    raw = (tensors.sim_next - tensors.real_next)[:, 2:]
+    assert float((left**2).mean()) < 0.3 * float((raw**2).mean())
+
+
+def test_what_is_hidden_in_r_s_collection_does_not_reach_the_encoder(
+    paper: Method, tmp_path: Path
+) -> None:
+    toy, method = Toy(0.0), encoded(paper)
+    method = replace(method, mean=replace(method.mean, steps=20))
+    sim, models = toy.collect(SIM, 10, 1), []
+    for known in (1.0, np.nan):
+        real, held = (
+            replace(data, hidden=known * data.hidden)
+            for data in (toy.collect(REAL, 10, 2), toy.collect(REAL, 5, 5))
+        )
+        selection = Unpaired(toy.collect(SIM, 5, 4), held)
+        data = (sim, real, selection, 0, tmp_path / str(known))
+        models.append(fit_world_model(toy.spec, method, *data, simulator=toy))
+    assert same(*models)
+
+
+def test_no_simulator_no_encoder(world: World, paper: Method, folder: Path) -> None:
+    with pytest.raises(ConfigError, match=r"mean\.simulator encoded steps the simulator"):
+        fit(world, encoded(paper), folder, Sink())

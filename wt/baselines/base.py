@@ -15,11 +15,10 @@ import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import replace
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import ClassVar
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float32
 from torch import Tensor, nn
 
 import wt.baselines
@@ -27,6 +26,7 @@ from wt.config import Baselines, Mean
 from wt.errors import ConfigError, suggest
 from wt.nets.frame import Frame
 from wt.nets.mlp import Ensemble, mlp
+from wt.train.hidden import Simulator
 from wt.train.mean_field import fit_normalizers
 from wt.train.regression import (
     Progress,
@@ -41,24 +41,6 @@ from wt.train.selection import Selection
 from wt.types import Pairs, Transitions, TransitionSpec
 
 CHUNK = 16384
-
-
-@runtime_checkable
-class Simulator(Protocol):
-    """S, for the few baselines that step it again; every :class:`wt.worlds.base.World` is one."""
-
-    def sim_step(
-        self,
-        o: Float[np.ndarray, "sample obs"],
-        a: Float[np.ndarray, "sample action"],
-        hidden: Float[np.ndarray, "sample hidden"] | None,
-    ) -> Float32[np.ndarray, "sample state"]:
-        """S's answer to (o, a) under a hidden variable; None for nothing hidden."""
-        ...
-
-    def answers(self, real: Transitions) -> Float32[np.ndarray, "transition state"]:
-        """S's answers to R's transitions under what was hidden then."""
-        ...
 
 
 class Baseline(ABC):

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer.core import TyperCommand
 
+from wt.cli._extras import need
 from wt.errors import UserError
 
 if TYPE_CHECKING:
@@ -131,11 +132,10 @@ def command(
         if why is None or model is not None:
             raise UserError("name MODEL.xml and at least one RECORDING; see wt diagnose --help")
         return _print_decisions(_decisions_in(out), why)
-    from wt.cli._extras import need
-    from wt.diagnose.pipeline import diagnose
-
     if track:
         need("mlflow")
+    from wt.diagnose.pipeline import diagnose
+
     inputs = [model, *recordings, *(holdout or ())]
     if suggest_experiment is not None:
         _refuse_to_lose(suggest_experiment, inputs)
@@ -170,7 +170,7 @@ def _printed(diagnosis: Diagnosis, out: Path) -> Console:
 
 def _print_expected(expected: Expected) -> None:
     """Say how long it will take, unless it is quick."""
-    if expected.one > QUICK_S:
+    if expected.nothing > QUICK_S:
         print(expected, file=sys.stderr, flush=True)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from wt.cli._extras import need
 from wt.errors import ConfigError, WorkError
 
 if TYPE_CHECKING:
@@ -115,7 +116,10 @@ def _folder(
     resume: bool,
     bring: Path | None,
 ) -> Folder:
-    from wt.cli._extras import need
+    name = "" if bring else set_name or ("brief" if quick else "full")
+    compete = rivals if rivals is not None else name == "full"
+    if compete and not resume:
+        need("absl", "pysindy")
     from wt.prove.bench import chosen
     from wt.prove.contenders import OURS, RIVALS
     from wt.prove.folder import Folder, Plan, code
@@ -125,12 +129,8 @@ def _folder(
         return Folder.resume(out)
     if machines is not None:
         present(machines)
-    name = "" if bring else set_name or ("brief" if quick else "full")
     if not bring:
         chosen(name, only, seed)  # a wrong name fails before anything is written
-    compete = rivals if rivals is not None else name == "full"
-    if compete:
-        need("absl", "pysindy")
     plan = Plan(
         set=name,
         only=only,

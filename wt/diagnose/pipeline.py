@@ -22,7 +22,7 @@ from wt.diagnose.recordings.commands import commands_each
 from wt.diagnose.recordings.grid import coarse_steps, located
 from wt.diagnose.recordings.prepare import Prepared, Source, prepare, turned
 from wt.diagnose.recordings.smooth import Smoothed, smooth
-from wt.diagnose.recordings.stretches import forgets, longest_window, stretches_of
+from wt.diagnose.recordings.stretches import WINDOW_S, forgets, longest_window, stretches_of
 from wt.diagnose.report.handed_over import hand_over
 from wt.diagnose.report.traces import traces
 from wt.diagnose.report.verify import replayed_files
@@ -209,8 +209,9 @@ def searched(
 
         all_replays = functools.cache(lambda: of([fitted, held_out], effort.doubt_s, quick))
         replays = of([fitted], effort.search_s, quick), of([fitted], effort.most_s, step)
-        data = prepare_holdout(held_out, forgetting, effort.proof_s, step, window)
-        return Naming(screen, *replays, all_replays, data, step, seed, log)
+        held = functools.partial(prepare_holdout, held_out, forgetting, effort.proof_s, step)
+        shorter = held() if window and window > WINDOW_S else None
+        return Naming(screen, *replays, all_replays, held(window), step, seed, log, shorter)
 
     window = None if forgetting or scene.free else longest_window(fitted, quick)
     naming = naming_by(window)

@@ -78,7 +78,7 @@ class Frame(nn.Module):
             self.reader = regressors(True)
         if use.has_nominal:
             self.nominal = mlp(self.n_condition, spec.n_state, mean.width, mean.depth)
-        else:
+        if not use.keeps_outcome:
             self.transport.zero_()
 
     def raw_condition(
@@ -150,6 +150,17 @@ class Frame(nn.Module):
         if self.shift is None:
             return torch.zeros_like(sim_change)
         return self.shift(torch.cat([x, sim_change], dim=-1) if self.reads_simulator else x)
+
+    def shift_of_real(
+        self, x: Float[Tensor, "batch condition"], change: Float[Tensor, "batch state"]
+    ) -> Float[Tensor, "batch state"]:
+        """δ of a transition of R, of which S's answer is not known.
+
+        Args:
+            x: normalised (o, a).
+            change: R's normalised change, read in the place of S's where there is no n.
+        """
+        return self.shift_change(x, change if self.nominal is None else self.nominal_change(x))
 
     def read_change(
         self, x: Float[Tensor, "batch condition"], sim_change: Float[Tensor, "batch state"]

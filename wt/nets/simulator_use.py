@@ -57,6 +57,9 @@ class SimulatorUse:
         has_nominal: n imitates the simulator.
         has_reader: a second correction reads S's answer, and has a share of each channel.
         shift_reads_simulator: S's answer is an input of δ.
+        estimates_hidden: while δ learns, S's answer is that at what was hidden in R, as estimated.
+        keeps_outcome: S's outcome beyond n, or all of it where there is no n, is a part of R's.
+        transported: closed-form transport of that outcome may be tried.
         scored_alone: pairs score each regressor by itself, not the whole translation.
         shift_shares: of δ, of which model selection takes one.
         outcome_shares: of what S does beyond n, of which pairs take one.
@@ -67,6 +70,9 @@ class SimulatorUse:
     has_nominal: ClassVar[bool] = True
     has_reader: ClassVar[bool] = False
     shift_reads_simulator: ClassVar[bool] = False
+    estimates_hidden: ClassVar[bool] = False
+    keeps_outcome: ClassVar[bool] = True
+    transported: ClassVar[bool] = True
     scored_alone: ClassVar[bool] = False
     shift_shares: ClassVar[tuple[float, ...]] = ALL
     outcome_shares: ClassVar[tuple[float, ...]] = ALL
@@ -139,10 +145,24 @@ class Blend(Average):
     has_reader = True
 
 
+class Encoded(Read):
+    """``encoded``: δ is added to S's answer and reads it; S itself encodes what is hidden.
+
+    Where δ learns it, :attr:`DomainSamples.nominal` of R is S's answer at what was hidden in R, as
+    :mod:`wt.train.hidden` estimates it; in use S runs with its own hidden state, and its outcome is
+    that answer. Nothing has to be imitated, and no linear map is left to be found.
+    """
+
+    has_nominal = False
+    estimates_hidden = True
+    transported = False
+
+
 class Ignored(SimulatorUse):
     """``ignored``: R's change is regressed on (o, a) alone."""
 
     has_nominal = False
+    keeps_outcome = False
 
     def reference(
         self, nominal: Callable[[Tensor], Tensor], real: DomainSamples
@@ -163,6 +183,7 @@ USES: dict[SimulatorUseName, SimulatorUse] = {
     "read": Read(),
     "mean": Average(),
     "blend": Blend(),
+    "encoded": Encoded(),
     "ignored": Ignored(),
 }
 

@@ -136,6 +136,7 @@ def train(study: Study, job: Job, index: int = 0) -> None:
             selection,
             seed,
             study.home(seed, job.key),
+            simulator=study.world,
             sink=lambda values, step: listener.metrics(str(job), values, step),
             warn=lambda line: listener.warn(f"{job}: {line}"),
             progress=lambda k, n: listener.progress(str(job), k, n),

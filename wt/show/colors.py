@@ -23,6 +23,7 @@ _METHODS: dict[str, Color] = {
     "MeanShiftOT": (136, 84, 52),
     "DeltaAction": (102, 37, 6),
     "FlowTranslation": (170, 68, 153),
+    "SimulatorEncoder": (0, 0, 0),
     "PairedCeiling": (17, 119, 51),
 }
 

@@ -26,6 +26,7 @@ from wt.train.callbacks import CollapseWatch, ShowProgress
 from wt.train.checkpoints import WholeCheckpoints
 from wt.train.data import TranslationData
 from wt.train.device import beside
+from wt.train.hidden import Simulator, encoded, estimator_of
 from wt.train.logger import MetricSink, SinkLogger
 from wt.train.mean_field import (
     Scores,
@@ -36,7 +37,7 @@ from wt.train.mean_field import (
     regressions,
 )
 from wt.train.module import WorldTranslation
-from wt.train.regression import Progress, Score
+from wt.train.regression import Progress, Score, part_of
 from wt.train.replicas import OneMachine, Place, Unwrapped, end_with_parent, followers
 from wt.train.score import PairTensors, predictions, score
 from wt.train.segments import Segments
@@ -60,6 +61,7 @@ def fit_world_model(
     seed: int,
     folder: Path,
     *,
+    simulator: Simulator | None = None,
     sink: MetricSink = _ignore,
     warn: Callable[[str], None] = warnings.warn,
     progress: Progress | None = None,
@@ -74,6 +76,7 @@ def fit_world_model(
         selection: held-out data that choose; nothing is trained on them.
         seed: same seed, same model on the same machine.
         folder: checkpoints are kept here and continued from.
+        simulator: S, which ``mean.simulator: encoded`` steps again.
         sink: where metrics go.
         warn: called with one line when training collapses.
         progress: called with (done, total) steps of mean field and loop together.
@@ -82,31 +85,31 @@ def fit_world_model(
         The chosen model, in evaluation mode.
 
     Raises:
+        ConfigError: the method steps the simulator, and was given none.
         WorkError: training diverged.
     """
     torch.manual_seed(seed)
     model = WorldModel(spec, method)
     fit_normalizers(model.frame, sim, real)
-    sim, real = (_within(model, data) for data in (sim, real))
-    extra = regressions(method.mean) * method.mean.steps
+    estimator, steps = estimator_of(model.frame, method.mean, seed), method.mean.steps
+    first = estimator.regressions * steps if estimator else 0
+    extra = first + regressions(method.mean) * steps
     total = extra + method.train.steps
-    in_front = progress and (lambda k, _: progress(k, total))
+    before, in_front = part_of(progress, 0, total), part_of(progress, first, total)
+    if estimator:
+        real, selection = encoded(estimator, simulator, (sim, real), selection, before)
+    sim, real = (_within(model, data) for data in (sim, real))
     _mean_field(model, sim, real, selection, seed, folder, in_front)
     _choose_transport(model, sim, real, selection)
-    data = in_frame(model.frame, sim, real)
-    train = method.train
+    data, module = in_frame(model.frame, sim, real), WorldTranslation(spec, method, model)
+    train, latent = method.train, method.nets.latent
     segments = Segments(real, train.segment, train.batch) if train.segment > 1 else None
     loaded = TranslationData(
-        *data, selection, batch=train.batch, latent=method.nets.latent, seed=seed, segments=segments
+        *data, selection, batch=train.batch, latent=latent, seed=seed, segments=segments
     )
-    module = WorldTranslation(spec, method, model)
-    on_step = progress and (lambda k, _: progress(extra + k, total))
-    best = _run(module, loaded, folder, sink, warn, on_step)
+    best = _run(module, loaded, folder, sink, warn, part_of(progress, extra, total))
     module.load_state_dict(torch.load(best, "cpu", weights_only=True)["state_dict"])
-    chosen = module.deployed().eval()
-    _choose_strength(chosen, selection)
-    _choose_trust(chosen, selection)
-    return chosen
+    return _chosen(module.deployed().eval(), selection)
 
 
 def _mean_field(
@@ -292,9 +295,9 @@ def _choose_transport(
     Whatever is nearest to R on what is held out. Without pairs δ's share is scored by itself, at
     R's (o, a); S's is not tried, since what S and R say of the same event is seen by pairs alone.
     """
-    if not model.method.translation.transport:
-        return
     frame, use = model.frame, use_of(model.method.mean)
+    if not (model.method.translation.transport and use.transported):
+        return
     plain, shift = frame.transport.clone(), copy.deepcopy(frame.shift)
     shift_shares, outcome_shares = use.shift_shares, use.outcome_shares
     if isinstance(selection, Unpaired):
@@ -334,6 +337,13 @@ def _scaled(shift: Ensemble | None, share: float) -> Ensemble | None:
         for values in last.parameters():
             values.mul_(share)
     return scaled
+
+
+def _chosen(model: WorldModel, selection: Selection) -> WorldModel:
+    """The model, with the shares of its translation and of its reader chosen."""
+    _choose_strength(model, selection)
+    _choose_trust(model, selection)
+    return model
 
 
 @torch.no_grad()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import torch
@@ -62,7 +62,9 @@ class OnlineAdaptation:
             for i, group in enumerate(parameters)
         ]
         self._shift = None
-        if m.frame.shift is not None:
+        # where S encodes what is hidden, δ stays: of a stream nothing is estimated
+        self._encoded = use_of(model.method.mean).estimates_hidden
+        if m.frame.shift is not None and not self._encoded:
             m.frame.shift.requires_grad_(True)
             self._shift = torch.optim.Adam(m.frame.shift.parameters(), lr=rate)
 
@@ -75,7 +77,8 @@ class OnlineAdaptation:
         online = self.model.method.online
         if not online.iterations:
             return
-        self._stream.append(new)
+        # what is not estimated is read off R's outcome itself, as in use
+        self._stream.append(replace(new, nominal=new.s_next) if self._encoded else new)
         while sum(map(len, self._stream)) - len(self._stream[0]) >= online.memory:
             self._stream.pop(0)
         self._seen += 1

@@ -83,13 +83,12 @@ def segment_error(model: WorldModel, segment: TrajectorySegment) -> Tensor:
     for k in range(length):
         seen, a, s_next = segment.o[:, k], segment.a[:, k], segment.s_next[:, k]
         x = frame.conditions(seen, a)
-        nominal = frame.nominal_change(x)
-        y = frame.changes(seen, s_next) - nominal - frame.shift_change(x, nominal)
-        z, _ = model.encoder(x, y)
+        change = frame.changes(seen, s_next)
+        z, _ = model.encoder(x, change - frame.nominal_change(x) - frame.shift_of_real(x, change))
         # ô_{t+1} = D(ô_t, a_t, z_t)
         x = frame.conditions(o, a)
-        nominal = frame.nominal_change(x)
-        change = nominal + frame.shift_change(x, nominal) + model.decoder(x, z)
+        outcome = frame.nominal_change(x) + model.decoder(x, z)
+        change = outcome + frame.shift_of_real(x, outcome)
         state = frame.next_states(o, change)
         if k:
             total = total + (((state - s_next) / frame.change.std) ** 2).sum(-1).mean()

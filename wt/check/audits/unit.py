@@ -25,6 +25,8 @@ LINEAR = {"mm": 1e-3, "cm": 1e-2, "inches": 0.0254}
 """Factors to metres."""
 _NEAR = 0.04  # of a factor, for its unit to be named
 _ORDINARY = (0.6, 1.7)  # factors that physics may explain: a gain, a scale
+_BORNE = 0.99
+"""Share of a recording in which a force must be one that can be borne."""
 _GRID = np.geomspace(1e-4, 1e4, 33)
 
 
@@ -67,6 +69,8 @@ def _of(balance: Balance, row: Row) -> list[Suspect]:
                     (f"joint {drive.joint}" if group == "q" else f"actuator {drive.name}",),
                 )
             )
+        if not balance.dynamic and _bearable(balance, row):
+            continue  # under a load that nobody knows a soft servo moves less than it is told
         fitted = _fitted(balance, row, group, index)
         if fitted is None or any(abs(abs(fitted) / f - 1.0) < _NEAR for f in known.values()):
             continue
@@ -83,6 +87,15 @@ def _of(balance: Balance, row: Row) -> list[Suspect]:
             )
         )
     return listed
+
+
+def _bearable(balance: Balance, row: Row) -> bool:
+    """Tell whether the drive, and what it stands on, can bear the force that the columns say."""
+    s, drive, m = balance.signals, row.drive, balance.scene.model
+    force = drive.unclamped(s.u[:, drive.index], s.q[:, drive.dof], s.v[:, drive.dof])
+    lever = float(m.body_mass.sum() * np.linalg.norm(m.opt.gravity) * m.stat.extent)
+    most = min(max(abs(f) for f in drive.forces), lever / abs(drive.gear))
+    return float(np.quantile(np.abs(force), _BORNE)) < most
 
 
 def _middle(balance: Balance, row: Row, group: str, factor: float) -> float:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.figure import Figure
 
-from wt.evaluate.results import ASSUMPTION, CEILING, OURS, PAPERS_OWN, Results
+from wt.evaluate.results import ASSUMPTION, CEILING, ENCODER, OURS, PAPERS_OWN, Results
 from wt.reproduce.bench import Bench
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
 from wt.reproduce.tasks import TASKS, PaperTask
@@ -18,7 +18,7 @@ from wt.show.text import short
 
 METHODS = (
     "RawSim", "DirectPred", "RSSM", "ResDyn", "ResDynSim", "MeanShiftOT", "DeltaAction",
-    "FlowTranslation", PAPERS_OWN, OURS, CEILING,
+    "FlowTranslation", PAPERS_OWN, ENCODER, OURS, CEILING,
 )  # fmt: skip
 """Rows of the table and bars of the figure, in the paper's order; then what it does not have."""
 PAPER = "paper's"
@@ -69,7 +69,9 @@ def _units(by_task: ResultsByTask) -> list[Grid]:
 
 
 def _difference(task: PaperTask, results: Results) -> str:
-    ours = {m: results.relative(m) for m in results.single_step if m not in (OURS, CEILING)}
+    ours = {
+        m: results.relative(m) for m in results.single_step if m not in (OURS, ENCODER, CEILING)
+    }
     papers = {m: _papers(results, m) for m in results.paper}
     best = f" {OURS} makes {short(results.ratio_to_best_baseline)} of the best baseline's error."
     return order(ours, papers, f"{task.robot}, {task.condition}") + best

@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.baselines.toy import REAL, SIM, Toy, Trial
+from wt.baselines.base import find
+from wt.config import Baselines
+from wt.train.selection import Unpaired
+from wt.types import Transitions
+
+
+@pytest.mark.parametrize("world", ["persistent", "fleeting"])
+def test_tells_what_no_history_does(
+    world: str, small: Baselines, request: pytest.FixtureRequest
+) -> None:
+    # a force that acts all the time has no most frequent absence: (o, a) give some of it away
+    trial: Trial = request.getfixturevalue(world)
+    error = trial.error(trial.fitted("SimulatorEncoder", small).predict(trial.test))
+    best = trial.toy.error_without_history() if world == "persistent" else 0.0
+    assert error < 0.05 * trial.toy.error_without_history() + 0.5 * best
+
+
+def test_what_the_collection_knows_of_the_robot_is_never_read() -> None:
+    toy, settings = Toy(0.5), Baselines(width=8, depth=1, steps=20, batch=32, learning_rate=0.1)
+    test, answers = toy.pairs(2, 3), []
+
+    def poisoned(data: Transitions) -> Transitions:
+        return replace(data, hidden=np.full_like(data.hidden, np.nan))
+
+    for real_of in (lambda data: data, poisoned):
+        real, held = real_of(toy.collect(REAL, 3, 2)), real_of(toy.collect(REAL, 2, 5))
+        baseline = find("SimulatorEncoder")(toy.spec, settings, 0, toy)
+        baseline.train(toy.collect(SIM, 3, 1), real, Unpaired(toy.collect(SIM, 2, 4), held))
+        answers.append(baseline.predict(test))
+    assert np.array_equal(*answers)
+
+
+def test_corrects_the_plain_answer_where_nothing_is_hidden(small: Baselines) -> None:
+    toy = Toy(0.0)
+    still = replace(toy.spec, hidden=())
+    sim, real = (
+        replace(data, s_next=plant.step(np.float64(data.o[:, :4]), data.a, 0.0 * data.a),
+                hidden=np.empty((len(data), 0)))
+        for plant, data in ((SIM, toy.collect(SIM, 60, 1)), (REAL, toy.collect(REAL, 60, 2)))
+    )  # fmt: skip
+    baseline = find("SimulatorEncoder")(still, small, 0, toy)
+    baseline.train(sim, real)
+    test = toy.pairs(10, 3)
+    test = replace(test, real=real.select(np.arange(600)), sim_next=real.nominal[:600])
+    left = np.mean((baseline.predict(test) - test.real.s_next) ** 2)
+    assert left < 0.01 * np.mean((test.sim_next - test.real.s_next) ** 2)
