@@ -60,6 +60,7 @@ DIAGNOSIS = [
     "wt.diagnose.pipeline", "wt.diagnose.report.write", "wt.diagnose.report.text",
     "wt.diagnose.report.verify", "wt.diagnose.experiment.excite", "wt.data.importers.base",
     "wt.physics.spread", "wt.mjcf.simulator", "wt.prove.bench", "wt.worlds.robots",
+    "wt.passport.add", "wt.passport.page",
 ]  # fmt: skip
 RUNNER = [
     "deploy.job", "deploy.clock", "deploy.dds", "deploy.go2", "deploy.operator", "deploy.pilot",

@@ -89,3 +89,26 @@ def test_an_input_is_never_an_output(source: Path, capsys: pytest.CaptureFixture
     out = source.with_name("out.parquet")
     for _ in range(2):  # its own earlier output may go
         assert main(["import", str(source), *mapped, "--to", str(out)]) == 0
+
+
+def test_labels_go_into_the_metadata_of_a_log_and_of_a_recording(source: Path) -> None:
+    first, second = (source.with_name(f"{n}.parquet") for n in ("first", "second"))
+    mapped = ["--map", str(source.with_name("map.yaml")), "--unit", "A17"]
+    assert main(["import", str(source), "--to", str(first), *mapped]) == 0
+    assert recordings.read(first).meta["unit"] == "A17"
+    labels = ["--session", "2026-11-25", "--load", "none"]
+    assert main(["import", str(first), "--to", str(second), *labels]) == 0
+    meta = recordings.read(second).meta
+    assert (meta["unit"], meta["session"], meta["load"]) == ("A17", "2026-11-25", "none")
+
+
+def test_labels_that_are_none_are_one_line(
+    source: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = source.with_name("out.parquet")
+    for bad in (["--unit", "a b"], ["--session", "25.11."], ["--load", ""]):
+        assert main(["import", str(source), "--to", str(out), *bad]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    assert main(["import", str(source), "--guess", "--unit", "A17"]) == 2
+    assert "leave --unit out" in capsys.readouterr().err
+    assert not out.exists()

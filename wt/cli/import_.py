@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from wt.data.labels import checked
 from wt.errors import UserError
 
 
@@ -30,13 +31,24 @@ def command(
     guess: Annotated[
         bool, typer.Option("--guess", help="Propose a map, with its doubts, and import nothing.")
     ] = False,
+    unit: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Which machine of its model this is.")
+    ] = None,
+    session: Annotated[
+        str | None,
+        typer.Option(metavar="DATE", help="When it was set up and run, YYYY-MM-DD[THH:MM]."),
+    ] = None,
+    load: Annotated[
+        str | None, typer.Option(metavar="NAME", help="What it carried, or none.")
+    ] = None,
 ) -> None:
     """Turn a robot's log into a recording.
 
     Reads MCAP files, bags of ROS 1 and 2, CSV tables (PlotJuggler's among them), archives of NumPy,
     MATLAB, PyTorch and HDF5 (ALOHA, robomimic, Isaac Lab), LeRobot episodes, Unitree's LowState,
     and the logs of three laboratories. The format is recognised by itself; what a log leaves open,
-    --map settles, and --guess proposes that map.
+    --map settles, and --guess proposes that map. --unit, --session and --load go into the
+    recording's metadata, where wt passport reads them; SOURCE may be a recording.
 
     One line says what came out, among it the median delay from commands to the force or motion
     that answers them. Signs and units that contradict each other are refused, those that look
@@ -47,17 +59,24 @@ def command(
         wt import log.csv --guess --model arm.xml --to arm.yaml
         wt import run.mcap --map arm.yaml --to run.parquet
         wt import ../shared/recordings/bam_xl330/kp100_sin_sin.json --to a.parquet --model rig.xml
+        wt import run.parquet --to labelled.parquet --unit A17 --session 2026-11-25 --load none
     """
+    labels = checked(unit, session, load)
     if guess:
+        if labels:
+            raise UserError(f"--guess imports nothing; leave --{next(iter(labels))} out")
         _guess(source, model, to, map_file)
         return
     if to is None:
         raise UserError("--to OUT.parquet says where the recording goes; give it, or --guess")
-    _import(source, to, map_file, model)
+    _import(source, to, map_file, model, labels)
 
 
-def _import(source: Path, to: Path, map_file: Path | None, model: Path | None) -> None:
-    """Write a recording, and say what came out."""
+def _import(
+    source: Path, to: Path, map_file: Path | None, model: Path | None, labels: dict[str, str]
+) -> None:
+    """Write a recording with these labels, and say what came out."""
+    import dataclasses
     import statistics
 
     from wt.data import recording as recordings
@@ -69,6 +88,7 @@ def _import(source: Path, to: Path, map_file: Path | None, model: Path | None) -
             raise UserError(f"{option} {path} is an input too; name another file")
     mapping = base.read_map(map_file) if map_file else {}
     recording = base.read(source, mapping)
+    recording = dataclasses.replace(recording, meta={**recording.meta, **labels})
     recordings.refuse_to_lose(to, "--to", recording.meta.get("source"), inputs)
     if model is not None:
         from wt.worlds import rigs

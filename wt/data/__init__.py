@@ -1,6 +1,7 @@
 """Recordings and transitions: read, checked, normalised and kept on disk.
 
 ``recording``    one Parquet file each, checked against an MJCF
+``labels``       of which machine a recording is, of which day, with which load
 ``importers``    foreign formats, one file each
 ``guess``        a map of a source that nobody has described
 ``transitions``  collections in shards, reused and resumed

@@ -117,10 +117,10 @@ def diagnose(
         RecordingError: a recording cannot be used.
     """
     began, pace = time.monotonic(), Pace(progress, expect)
-    scene, prepared = _audited(model, recordings, holdout, pace)
+    scene, prepared = audited(model, recordings, holdout, pace)
     translation_evidence = translated(scene, prepared, translation) if translation else None
     log = DecisionLog() if log is None else log
-    outcome = _searched(scene, prepared, seed, log, pace)
+    outcome = searched(scene, prepared, seed, log, pace)
     outcome, note = _in_turns(scene, prepared, outcome, seed, log, pace)
     pace.stage("preparing pictures")
     diagnosis = _diagnosis(scene, outcome)
@@ -141,7 +141,7 @@ def diagnose(
     )
 
 
-def _audited(
+def audited(
     model: str | Path, recordings: Sequence[Source], holdout: Sequence[Source], pace: Pace
 ) -> tuple[Scene, Prepared]:
     """The model and the recordings as corrected; they say how long the rest will take."""
@@ -150,12 +150,12 @@ def _audited(
     prepared = prepare(scene, recordings, holdout)
     amendments = [f.model_change for f in prepared.audit if f.model_change]
     scene = Scene(model, amendments) if amendments else scene
-    effort = _effort(scene)
+    effort = effort_of(scene)
     pace.foretell(scene, effort.search_step, effort.search_s, prepared.used)
     return scene, prepared
 
 
-def _effort(scene: Scene) -> Effort:
+def effort_of(scene: Scene) -> Effort:
     """What a machine is worth, in steps that are no longer than the model's own."""
     effort = FLOATING if scene.free else FIXED
     own = float(scene.model.opt.timestep)
@@ -163,7 +163,7 @@ def _effort(scene: Scene) -> Effort:
 
 
 @dataclass(frozen=True, eq=False)
-class _Outcome:
+class Outcome:
     """What was found with some recordings held out.
 
     Attributes:
@@ -187,12 +187,12 @@ class _Outcome:
         return {a.planted.key for a in self.claims.accepted}
 
 
-def _searched(
+def searched(
     scene: Scene, prepared: Prepared, seed: int, log: DecisionLog, pace: Pace, attempts: int = 0
-) -> _Outcome:
+) -> Outcome:
     """Search the fitted recordings and ask the held-out ones, which were asked before so often."""
     pace.stage("smoothing")
-    effort = _effort(scene)
+    effort = effort_of(scene)
     step, quick = effort.step, effort.search_step
     fitted = smooth(scene, prepared.fit)
     forgetting = forgets(fitted, step)
@@ -205,7 +205,7 @@ def _searched(
 
     def naming_by(window: float | None) -> Naming:
         def of(sets: Sequence[Smoothed], seconds: float, step: float) -> Objective:
-            return _objective(sets, screen, forgetting, seconds, step, window)
+            return objective_on(sets, screen, forgetting, seconds, step, window)
 
         all_replays = functools.cache(lambda: of([fitted, held_out], effort.doubt_s, quick))
         replays = of([fitted], effort.search_s, quick), of([fitted], effort.most_s, step)
@@ -216,7 +216,7 @@ def _searched(
     window = None if forgetting or scene.free else longest_window(fitted, quick)
     naming = naming_by(window)
     if any(f.voids_commands for f in prepared.audit):
-        return _Outcome(prepared, fitted, naming, naming.proven(()), None)
+        return Outcome(prepared, fitted, naming, naming.proven(()), None)
     pace.time(naming.search_replays)
     accepted = search(screen, naming.search_replays, log, pace.search)
     if window:
@@ -228,27 +228,27 @@ def _searched(
     # a servo holds against a push and forgets it, and of what feet meet nothing is known
     if not forgetting and not scene.free:
         whole = smooth(scene, prepared.whole, commands, fitted.begun)
-        all_of_it = functools.partial(_objective, [whole], screen, False, effort.most_s, quick)
+        all_of_it = functools.partial(objective_on, [whole], screen, False, effort.most_s, quick)
         seen = events(whole.motion, all_of_it, proven.estimated.hypothesis, log)
     pace.stage("naming")
     claims, missed = naming.claimed(replace(proven, events=seen)), None
     # replays of legs are asked by the proof alone: they would cost a search
     if not scene.free and verdict(claims, naming.objective) in ("no_mismatch", "explained"):
-        replays = _objective([held_out], screen, forgetting, effort.most_s, step, window)
+        replays = objective_on([held_out], screen, forgetting, effort.most_s, step, window)
         assessed = replays.reference(naming.holdout.here(claims.hypothesis))
         missed = (assessed, replays) if erring(assessed, replays) else None
-    return _Outcome(prepared, fitted, naming, claims, missed)
+    return Outcome(prepared, fitted, naming, claims, missed)
 
 
 def _in_turns(
-    scene: Scene, prepared: Prepared, outcome: _Outcome, seed: int, log: DecisionLog, pace: Pace
-) -> tuple[_Outcome, tuple[str, ...]]:
+    scene: Scene, prepared: Prepared, outcome: Outcome, seed: int, log: DecisionLog, pace: Pace
+) -> tuple[Outcome, tuple[str, ...]]:
     """What is found with others held out, where those held out show more; and a note of it."""
     others = outcome.missed and turned(prepared)
     if not others:
         return outcome, ()
     pace.stage("recordings take turns")
-    again = _searched(scene, others, seed, log, pace, attempts=1)
+    again = searched(scene, others, seed, log, pace, attempts=1)
     new = again.names - outcome.names
     if not new:
         return outcome, ()
@@ -257,7 +257,7 @@ def _in_turns(
     return again, (f"Of the recordings, which took turns, only {unfitted} shows {said}.",)
 
 
-def _diagnosis(scene: Scene, outcome: _Outcome) -> Diagnosis:
+def _diagnosis(scene: Scene, outcome: Outcome) -> Diagnosis:
     """The claims, with all that a report shows of them."""
     prepared, naming, claims = outcome.prepared, outcome.naming, outcome.claims
     holdout = naming.holdout
@@ -386,7 +386,7 @@ def _proven(naming: Naming, accepted: tuple[Accepted, ...], pace: Pace, before: 
     return proven
 
 
-def _objective(
+def objective_on(
     sets: Sequence[Smoothed],
     screen: Screen,
     forgetting: bool,

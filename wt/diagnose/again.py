@@ -1,0 +1,100 @@
+"""The same effects on other recordings: named on some, estimated on each.
+
+A diagnosis says which effects its own recordings show. To compare machines, or days of one, each
+must say how large the *same* effects are, also where they are small. ``named`` searches, as a
+diagnosis does, and ``estimated`` fits a hypothesis that is given, with the same intervals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from wt.diagnose.likelihood.estimate import estimate
+from wt.diagnose.pace import Pace, Say
+from wt.diagnose.pipeline import audited, effort_of, objective_on, searched
+from wt.diagnose.recordings.commands import commands_each
+from wt.diagnose.recordings.prepare import Prepared, Source
+from wt.diagnose.recordings.smooth import smooth
+from wt.diagnose.recordings.stretches import forgets, longest_window
+from wt.diagnose.residual.screen import Screen
+from wt.diagnose.result import Estimate
+from wt.diagnose.selection.decisions import DecisionLog
+from wt.errors import RecordingError
+from wt.physics.planted import Hypothesis, Planted
+from wt.physics.quiet import quiet
+from wt.physics.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """Recordings of one machine under one state, audited.
+
+    Attributes:
+        scene: the model, with what the audit corrected in it.
+        prepared: the recordings, corrected likewise.
+    """
+
+    scene: Scene
+    prepared: Prepared
+
+
+def recorded(model: str | Path, recordings: Sequence[Source]) -> Recorded:
+    """Read and audit recordings.
+
+    Raises:
+        ModelError: the MJCF cannot be used.
+        RecordingError: a recording cannot be used, or its commands are not those that were sent.
+    """
+    scene, prepared = audited(model, recordings, (), Pace(None, None))
+    for finding in prepared.audit:
+        if finding.voids_commands:
+            raise RecordingError(f"{finding.evidence}; {finding.fix}")
+    return Recorded(scene, prepared)
+
+
+@quiet()
+def named(of: Recorded, seed: int = 0, progress: Say | None = None) -> Hypothesis:
+    """Effects that these recordings show, with their parameters.
+
+    What happened at moments of its own, and laws that have no name, are not among them.
+
+    Args:
+        of: the recordings.
+        seed: of everything random.
+        progress: called as the work goes on.
+    """
+    pace = Pace(progress, None)
+    claims = searched(of.scene, of.prepared, seed, DecisionLog(), pace).claims
+    return tuple(p for p in claims.estimated.hypothesis if not p.observed())
+
+
+@quiet()
+def estimated(
+    of: Recorded, hypothesis: Hypothesis, seed: int = 0
+) -> tuple[tuple[Planted, dict[str, Estimate]], ...]:
+    """Fit given effects together on all of some recordings.
+
+    Args:
+        of: the recordings.
+        hypothesis: effects, with parameters to start from.
+        seed: of everything random.
+
+    Returns:
+        Each effect as fitted with its parameters by name, in the given order; an effect that the
+        recordings contradict is left out.
+    """
+    scene, effort = of.scene, effort_of(of.scene)
+    whole = smooth(scene, of.prepared.whole)
+    forgetting = forgets(whole, effort.step)
+    commands = commands_each(whole, of.prepared.whole, forgetting, effort.search_step)
+    if commands > 1:
+        whole = smooth(scene, of.prepared.whole, commands)
+    window = None if forgetting or scene.free else longest_window(whole, effort.search_step)
+    screen = Screen(whole, seed)
+    objective = objective_on([whole], screen, forgetting, effort.most_s, effort.step, window)
+    here = [p.elsewhere(whole.motion) for p in hypothesis]
+    start = tuple(p for p in here if p.effect.contradiction(whole.motion, p.at, p.theta) is None)
+    fitted = estimate(objective, start)
+    return tuple(zip(fitted.hypothesis, fitted.estimates, strict=True))
