@@ -103,3 +103,16 @@ def test_with_a_mean_field_only_what_it_leaves_is_left(world: World) -> None:
     beyond = [(d.s_next - d.nominal) / scale for d in (world.sim, world.real)]
     np.testing.assert_allclose(sim.y, beyond[0] * [1, 2, 3, 4], rtol=1e-4, atol=1e-4)
     np.testing.assert_allclose(real.y, beyond[1] - 0.5, rtol=1e-4, atol=1e-4)
+
+
+def test_beyond_an_average_answer_is_beyond_that_average(world: World) -> None:
+    """As in use, where the simulator's own outcome is all that is known beside (o, a)."""
+    frame = Frame(world.spec, Mean(kind="average", simulator="mean", width=8, depth=1))
+    fit_normalizers(frame, world.sim, world.real)
+    frame.nominal, frame.shift = Constant(0.7), Constant(0.5)
+    sim, real = in_frame(frame, world.sim, world.real)
+    changes = [
+        frame.changes(torch.tensor(d.o), torch.tensor(d.s_next)) for d in (world.sim, world.real)
+    ]
+    torch.testing.assert_close(sim.y, changes[0] - 0.7)
+    torch.testing.assert_close(real.y, changes[1] - 1.2)

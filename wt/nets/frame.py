@@ -39,6 +39,7 @@ class Frame(nn.Module):
         nominal: regressor of the nominal simulator's change n(o, a), or None.
         shift: regressors of the domains' difference δ, or None.
         reader: regressors of what R does differently from S's answer, which they read, or None.
+        imitates_nominal: n imitates the answer with nothing hidden, and not S's average one.
         trusted: share of the reader's answer in each channel of the prediction, (n_state,).
     """
 
@@ -52,6 +53,7 @@ class Frame(nn.Module):
         self.spec = spec
         use = use_of(mean)
         self.reads_simulator = use.shift_reads_simulator
+        self.imitates_nominal = use.imitates_nominal
         self.n_condition = spec.n_obs + spec.n_action
         self._targets = _acts_on_positions(spec)
         self.condition = Normalizer(self.n_condition)

@@ -54,7 +54,8 @@ class SimulatorUse:
 
     Attributes:
         has_shift: there is a mean field at all.
-        has_nominal: n imitates the simulator.
+        has_nominal: there is an n, which imitates the simulator.
+        imitates_nominal: n imitates its answer with nothing hidden, which transitions have exactly.
         has_reader: a second correction reads S's answer, and has a share of each channel.
         shift_reads_simulator: S's answer is an input of δ.
         estimates_hidden: while δ learns, S's answer is that at what was hidden in R, as estimated.
@@ -68,6 +69,7 @@ class SimulatorUse:
 
     has_shift: ClassVar[bool] = True
     has_nominal: ClassVar[bool] = True
+    imitates_nominal: ClassVar[bool] = True
     has_reader: ClassVar[bool] = False
     shift_reads_simulator: ClassVar[bool] = False
     estimates_hidden: ClassVar[bool] = False
@@ -123,6 +125,7 @@ class Average(SimulatorUse):
     the same, its noise is more than it corrects.
     """
 
+    imitates_nominal = False
     scored_alone = True
     shift_shares = (1.0, 0.75, 0.5, 0.25, 0.0)
     outcome_shares = tuple(k / 10 for k in range(11))

@@ -44,8 +44,8 @@ class DomainData(NamedTuple):
 def in_frame(frame: Frame, sim: Transitions, real: Transitions) -> tuple[DomainData, DomainData]:
     """Both domains' transitions as the networks see them.
 
-    With a mean field, S's outcome is what it does beyond the nominal simulator, and R's what it
-    does beyond nominal simulator and shift; the nominal change itself is known exactly here.
+    With a mean field, S's outcome is what it does beyond n, and R's what it does beyond n and the
+    shift. Where n imitates the answer with nothing hidden, that is known exactly here.
     """
 
     def one(data: Transitions, is_real: bool) -> DomainData:
@@ -54,6 +54,8 @@ def in_frame(frame: Frame, sim: Transitions, real: Transitions) -> tuple[DomainD
         x, y = frame.conditions(o, a), frame.changes(o, s_next)
         nominal = frame.changes(o, torch.tensor(data.nominal))
         if frame.nominal is not None:
+            if not frame.imitates_nominal:
+                nominal = torch.cat([frame.nominal_change(xs) for xs in x.split(CHUNK)])
             y = y - nominal
         if is_real:
             parts = zip(x.split(CHUNK), nominal.split(CHUNK), strict=True)
