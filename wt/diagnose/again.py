@@ -14,10 +14,9 @@ from pathlib import Path
 from wt.diagnose.likelihood.estimate import estimate
 from wt.diagnose.pace import Pace, Say
 from wt.diagnose.pipeline import audited, effort_of, objective_on, searched
-from wt.diagnose.recordings.commands import commands_each
+from wt.diagnose.recordings.commands import smooth_as_sent
 from wt.diagnose.recordings.prepare import Prepared, Source
-from wt.diagnose.recordings.smooth import smooth
-from wt.diagnose.recordings.stretches import forgets, longest_window
+from wt.diagnose.recordings.stretches import longest_window
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.result import Estimate
 from wt.diagnose.selection.decisions import DecisionLog
@@ -86,11 +85,7 @@ def estimated(
         recordings contradict is left out.
     """
     scene, effort = of.scene, effort_of(of.scene)
-    whole = smooth(scene, of.prepared.whole)
-    forgetting = forgets(whole, effort.step)
-    commands = commands_each(whole, of.prepared.whole, forgetting, effort.search_step)
-    if commands > 1:
-        whole = smooth(scene, of.prepared.whole, commands)
+    whole, forgetting = smooth_as_sent(scene, of.prepared.whole, effort.step, effort.search_step)
     window = None if forgetting or scene.free else longest_window(whole, effort.search_step)
     screen = Screen(whole, seed)
     objective = objective_on([whole], screen, forgetting, effort.most_s, effort.step, window)

@@ -18,11 +18,11 @@ from wt.diagnose.notes import notes
 from wt.diagnose.observed.forces import measured
 from wt.diagnose.observed.translation import TrainedTranslation, sentences, timed, translated
 from wt.diagnose.pace import Expected, Pace, Say
-from wt.diagnose.recordings.commands import commands_each
+from wt.diagnose.recordings.commands import smooth_as_sent
 from wt.diagnose.recordings.grid import coarse_steps, located
 from wt.diagnose.recordings.prepare import Prepared, Source, prepare, turned
 from wt.diagnose.recordings.smooth import Smoothed, smooth
-from wt.diagnose.recordings.stretches import WINDOW_S, forgets, longest_window, stretches_of
+from wt.diagnose.recordings.stretches import WINDOW_S, longest_window, stretches_of
 from wt.diagnose.report.handed_over import hand_over
 from wt.diagnose.report.traces import traces
 from wt.diagnose.report.verify import replayed_files
@@ -194,12 +194,8 @@ def searched(
     pace.stage("smoothing")
     effort = effort_of(scene)
     step, quick = effort.step, effort.search_step
-    fitted = smooth(scene, prepared.fit)
-    forgetting = forgets(fitted, step)
-    commands = commands_each(fitted, prepared.fit, forgetting, quick)
-    if commands > 1:
-        fitted = smooth(scene, prepared.fit, commands)
-    held_out = smooth(scene, prepared.held, commands, fitted.begun)
+    fitted, forgetting = smooth_as_sent(scene, prepared.fit, step, quick)
+    held_out = smooth(scene, prepared.held, fitted.commands, fitted.begun)
     pace.stage("screening hypotheses")
     screen = Screen(fitted, seed)
 
@@ -210,7 +206,7 @@ def searched(
         all_replays = functools.cache(lambda: of([fitted, held_out], effort.doubt_s, quick))
         replays = of([fitted], effort.search_s, quick), of([fitted], effort.most_s, step)
         held = functools.partial(prepare_holdout, held_out, forgetting, effort.proof_s, step)
-        shorter = held() if window and window > WINDOW_S else None
+        shorter = functools.cache(held) if window and window > WINDOW_S else None
         return Naming(screen, *replays, all_replays, held(window), step, seed, log, shorter)
 
     window = None if forgetting or scene.free else longest_window(fitted, quick)
@@ -227,7 +223,7 @@ def searched(
     seen: tuple[Event, ...] = ()
     # a servo holds against a push and forgets it, and of what feet meet nothing is known
     if not forgetting and not scene.free:
-        whole = smooth(scene, prepared.whole, commands, fitted.begun)
+        whole = smooth(scene, prepared.whole, fitted.commands, fitted.begun)
         all_of_it = functools.partial(objective_on, [whole], screen, False, effort.most_s, quick)
         seen = events(whole.motion, all_of_it, proven.estimated.hypothesis, log)
     pace.stage("naming")

@@ -7,13 +7,13 @@ folder of this machine. Bundled, it names copies of them in ``assets/`` and load
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Container, Iterator
+from collections.abc import Container
 from pathlib import Path, PurePath, PurePosixPath
 
 import mujoco
 
 from wt.errors import ModelError
-from wt.mjcf.standalone import compiles_to, standalone
+from wt.mjcf.standalone import FOLDERS, compiles_to, standalone
 from wt.mjcf.text import Document, Element
 
 ASSETS = "assets"
@@ -59,7 +59,7 @@ class _Copies:
         document = Document(text)
         compilers = [e for e in document.root.children if e.tag == "compiler"]
         folders, strip = _folders(compilers)
-        for element in _elements(document.root):
+        for element in document.root.walk():
             changes: dict[str, str | None] = {}
             for name, file in _files(element).items():
                 if element.tag == "model":  # looked for beside the file, whatever folders say
@@ -73,7 +73,7 @@ class _Copies:
                     changes["name"] = PurePosixPath(file).stem
             document.set(element, changes)
         for element in compilers:
-            document.set(element, {"assetdir": None, "meshdir": None, "texturedir": None})
+            document.set(element, dict.fromkeys(FOLDERS))
         if self.files:
             document.insert_text(document.root, None, [f'<compiler assetdir="{folder}"/>'], [])
         return document.text()
@@ -103,12 +103,6 @@ def _folders(compilers: list[Element]) -> tuple[dict[str, str], bool]:
         folders |= {name: e.attributes[name] for name in folders if name in e.attributes}
         strip = e.attributes.get("strippath", str(strip).lower()) == "true"
     return folders, strip
-
-
-def _elements(element: Element) -> Iterator[Element]:
-    yield element
-    for child in element.children:
-        yield from _elements(child)
 
 
 def _files(element: Element) -> dict[str, str]:

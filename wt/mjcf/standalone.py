@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import mujoco
@@ -13,7 +12,8 @@ from jaxtyping import Shaped
 from wt.mjcf.text import Document, Element, decoded
 
 _TEXTURE = "texture"
-_FOLDERS = ("assetdir", "meshdir", "texturedir")
+FOLDERS = ("assetdir", "meshdir", "texturedir")
+"""Attributes of ``compiler`` that say where assets are."""
 
 
 def standalone(path: Path) -> str:
@@ -32,7 +32,7 @@ def standalone(path: Path) -> str:
     document = Document(_inlined(path, folder))
     if document.root.tag != "mujoco":
         return document.text()  # URDF; its meshes are MuJoCo's business
-    relative = [e for e in _elements(document.root) if _relative_files(e)]
+    relative = [e for e in document.root.walk() if _relative_files(e)]
     for model in [e for e in relative if e.tag == "model"]:
         # a child model is looked for beside the main file, whatever the folders say
         document.set(model, {"file": (folder / model.attributes["file"]).as_posix()})
@@ -43,11 +43,11 @@ def standalone(path: Path) -> str:
 
 def _write_out_folders(document: Document, folder: Path, textures: bool) -> None:
     compilers = [e for e in document.root.children if e.tag == "compiler"]
-    given = {name for e in compilers for name in _FOLDERS if name in e.attributes}
+    given = {name for e in compilers for name in FOLDERS if name in e.attributes}
     for element in compilers:
         changes: dict[str, str | None] = {
             name: (folder / element.attributes[name]).as_posix()
-            for name in _FOLDERS
+            for name in FOLDERS
             if name in element.attributes
         }
         document.set(element, changes)
@@ -68,7 +68,7 @@ def _inlined(path: Path, folder: Path) -> str:
     """The text of a file with the files that it includes in place of the ``include``."""
     text = decoded(path.read_bytes())
     document = Document(text)
-    for element in _elements(document.root):
+    for element in document.root.walk():
         if element.tag == "include":
             document.replace(element, _included(element, path, folder))
         elif path.parent.resolve() != folder:
@@ -88,12 +88,6 @@ def _included(element: Element, path: Path, folder: Path) -> str:
     places = [folder / file, path.resolve().parent / file]
     inner = Document(_inlined(next((p for p in places if p.is_file()), places[0]), folder))
     return inner.inside(inner.root).strip()
-
-
-def _elements(element: Element) -> Iterator[Element]:
-    yield element
-    for child in element.children:
-        yield from _elements(child)
 
 
 def _relative_files(element: Element) -> dict[str, str]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
@@ -43,6 +43,12 @@ class Element:
     head: int
     end: int = 0
     children: list[Element] = field(default_factory=list)
+
+    def walk(self) -> Iterator[Element]:
+        """The element and all inside it, in the order of the text."""
+        yield self
+        for child in self.children:
+            yield from child.walk()
 
 
 class Document:

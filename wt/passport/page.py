@@ -72,7 +72,7 @@ def _unit(of: Card, unit: str) -> str:
 
 def _row(of: Card, quantity: Quantity, state: State) -> str:
     value, interval = text.known(state.value, quantity.measured_in)
-    what = text.said(quantity).removeprefix(f"{quantity.at}'s ")
+    what = text.what(quantity)
     return (
         f"<tr{' class=best' if state.alarm else ''}><td>{escaped(str(quantity.at))}</td>"
         f'<td>{escaped(what)}</td><td class="n">{escaped(value)}</td>'
@@ -121,7 +121,7 @@ def _levels(of: Card) -> str:
 
 def _level_row(of: Card, quantity: Quantity, placed: Placed) -> str:
     value, interval = text.known(placed.model, quantity.measured_in)
-    what = text.said(quantity).removeprefix(f"{quantity.at}'s ")
+    what = text.what(quantity)
     loads = "".join(
         f"<br>{escaped(f'{load} adds {text.known(k, quantity.measured_in)[0]}')}"
         for load, k in placed.loads.items()

@@ -143,7 +143,7 @@ def print_card(of: Card, units: Sequence[str], console: Console) -> None:
         table = _table("at", "what", "value", "95 % interval", "belongs to", "since the last")
         for quantity, state in of.states[unit].items():
             value, interval = known(state.value, quantity.measured_in)
-            cells = [str(quantity.at), _what(quantity), value, interval]
+            cells = [str(quantity.at), what(quantity), value, interval]
             cells += [level(of, quantity), since(state)]
             table.add_row(*(Text(c, "bold" if state.alarm else "") for c in cells))
         if of.states[unit]:
@@ -151,7 +151,8 @@ def print_card(of: Card, units: Sequence[str], console: Console) -> None:
     console.print(rule(), highlight=False, style="dim")
 
 
-def _what(quantity: Quantity) -> str:
+def what(quantity: Quantity) -> str:
+    """A quantity as people say it, without its place."""
     return said(quantity).removeprefix(f"{quantity.at}'s ")
 
 
@@ -171,7 +172,7 @@ def print_difference(found: Sequence[Difference], one: str, other: str, console:
     for d in found:
         unit = d.quantity.measured_in
         by, interval = known(d.by, unit)
-        cells = [str(d.quantity.at), _what(d.quantity)]
+        cells = [str(d.quantity.at), what(d.quantity)]
         cells += [known(d.one, unit)[0], known(d.other, unit)[0], by, interval]
         table.add_row(*(Text(c, "bold" if d.sure else "") for c in cells))
     console.print(table)
@@ -184,7 +185,7 @@ def print_added(of: Card, groups: Sequence[Labels], console: Console) -> None:
         value, interval = known(placed.model, quantity.measured_in)
         spread = placed.unit_spread
         apart = f"±{number(spread.value, 2)}" if spread and spread.low > 0.0 else "–"
-        table.add_row(str(quantity.at), _what(quantity), level(of, quantity), value, interval,
+        table.add_row(str(quantity.at), what(quantity), level(of, quantity), value, interval,
                       apart, told(placed))  # fmt: skip
     console.print(f"Estimated: {', '.join(map(str, groups))}.", highlight=False)
     console.print(table if of.levels else "No effect was found in any group.", highlight=False)

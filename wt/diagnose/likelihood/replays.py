@@ -49,7 +49,6 @@ class Extrapolated:
             step: the fine step [s].
         """
         self._fine = Replayer(scene, stretches, step)
-        self._finer = Replayer(scene, stretches, 0.5 * step)
         short = self._fine.run([()]).q[0]
         bound = _BOUNDED * np.std(short, axis=0)
 
@@ -86,7 +85,8 @@ class Extrapolated:
 
     def unsettled(self, reference: Sequence[Planted]) -> Float[np.ndarray, "sample dof"]:
         """What steps half as long still change at a reference, which :meth:`around` was of."""
-        (finer,), (fine,) = self._finer.run([reference]).q, self._fine.run([reference]).q
+        half = Replayer(self._fine.scene, self._fine.stretches, 0.5 * self._fine.step)
+        (finer,), (fine,) = half.run([reference]).q, self._fine.run([reference]).q
         if self.coarse is self._fine:  # nothing is extrapolated: as much again is left
             return np.nan_to_num(2.0 * (finer - fine))
         return np.nan_to_num(2.0 * finer - fine - self.run([reference])[0])

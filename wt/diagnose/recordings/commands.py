@@ -17,14 +17,35 @@ from jaxtyping import Bool, Float
 
 from wt.diagnose.recordings.samples import Part, Samples
 from wt.diagnose.recordings.smooth import Smoothed, smooth
-from wt.diagnose.recordings.stretches import stretches_of
+from wt.diagnose.recordings.stretches import forgets, stretches_of
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.rollout import Replayer
+from wt.physics.scene import Scene
 
 _COUNTS = (2, 3, 4, 5, 6, 8, 10, 12, 16, 20)
 _FASTEST_S = 1e-3  # between commands: few controllers are faster
 _ASKED_S = 10.0  # of replays
 _CHANGING = 0.9  # share of samples that have a new command, or all were recorded
+
+
+def smooth_as_sent(
+    scene: Scene, parts: tuple[Part, ...], step: float, quick: float
+) -> tuple[Smoothed, bool]:
+    """Recordings, smoothed, with all the commands that were sent.
+
+    Args:
+        scene: the machine.
+        parts: the recordings.
+        step: physics step of the replay that asks what the machine forgets [s].
+        quick: … and of those that count commands.
+
+    Returns:
+        (the recordings; whether the machine forgets its initial state).
+    """
+    smoothed = smooth(scene, parts)
+    forgetting = forgets(smoothed, step)
+    commands = commands_each(smoothed, parts, forgetting, quick)
+    return smooth(scene, parts, commands) if commands > 1 else smoothed, forgetting
 
 
 def commands_each(smoothed: Smoothed, parts: tuple[Part, ...], forgets: bool, step: float) -> int:

@@ -6,6 +6,7 @@ machine whose joints lack several things at once need not be screened anew for e
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Container, Sequence
 from dataclasses import dataclass
 
@@ -73,18 +74,11 @@ def addition(
         banned: what must not join.
         near: degree of freedom that they act on, alone or with others; −1 for any.
     """
-
-    def asked(planted: Planted) -> bool:
-        here = near < 0 or dof_of(screen, planted.at) in (near, -1)
-        return here and planted.key not in banned
-
     known = [(a.planted, a.shape) for a in accepted]
+    asked = functools.partial(_asked, screen, banned, near)
     ranked = [s for s in screen.rank(known) if asked(s.planted)]
     tried = [c for c in candidates(screen, ranked, objective, now) if asked(c[0])]
-    replayed = {p.key for p, _ in tried}
-    for s in (s for s in ranked if s.planted.key not in replayed):
-        least = THRESHOLDS.replay_share * ranked[0].gain
-        log.add(s.planted, "screened", False, s.gain, least, "not replayed: others show far more")
+    _log_screened(log, ranked, tried)
     log.trying([p for p, _ in tried])
     fits = _replayed(screen, objective, now, [p for p, _ in tried])
     if fits:
@@ -107,6 +101,22 @@ def addition(
         planted = more.fit.hypothesis[-1]
         log.add(planted, "joined", True, gain, THRESHOLDS.min_nats, f"beside {joined[0].planted}")
     return joined[:most]
+
+
+def _asked(screen: Screen, banned: Container[Key], near: int, planted: Planted) -> bool:
+    """Tell whether an effect may join: it is not banned, and acts near a degree of freedom."""
+    here = near < 0 or dof_of(screen, planted.at) in (near, -1)
+    return here and planted.key not in banned
+
+
+def _log_screened(
+    log: DecisionLog, ranked: Sequence[Scored], tried: Sequence[tuple[Planted, Shape | None]]
+) -> None:
+    """Log what the force residual shows too little of to be replayed."""
+    replayed = {p.key for p, _ in tried}
+    for s in (s for s in ranked if s.planted.key not in replayed):
+        least = THRESHOLDS.replay_share * ranked[0].gain
+        log.add(s.planted, "screened", False, s.gain, least, "not replayed: others show far more")
 
 
 def _replayed(

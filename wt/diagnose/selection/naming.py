@@ -122,8 +122,8 @@ class Naming:
         step: physics step of replays [s].
         seed: of everything random.
         log: grows by every decision.
-        shorter: the same recordings in the shortest windows, where ``holdout`` has longer ones. In
-            these a small error of a constant force drowns a law; in those laws show at once.
+        shorter: makes the same recordings in the shortest windows, where ``holdout`` has longer
+            ones: there a law shows at once that a small error of a constant force drowns in these.
     """
 
     screen: Screen
@@ -134,7 +134,7 @@ class Naming:
     step: float
     seed: int
     log: DecisionLog
-    shorter: Holdout | None = None
+    shorter: Callable[[], Holdout] | None = None
 
     def proven(
         self, accepted: tuple[Accepted, ...], attempts: int = 1, known: Container[Key] = ()
@@ -228,7 +228,7 @@ class Naming:
         each = where_mute(objective, self.holdout, assessed.hypothesis, full, each, self.step)
         if self.shorter is None or all(g.p_value <= THRESHOLDS.significant for g in each):
             return each
-        _, once_more = self._with_tolerances(self.shorter, sides)
+        _, once_more = self._with_tolerances(self.shorter(), sides)
         paid = [replace(g, p_value=min(1.0, 2.0 * g.p_value)) for g in once_more]
         return [min(pair, key=lambda g: g.p_value) for pair in zip(each, paid, strict=True)]
 
