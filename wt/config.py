@@ -77,6 +77,7 @@ class DataConfig:
     seed: int = 0
     real_transitions: int | None = None  # of R, where it has fewer
     held_out: float = 0.1
+    in_memory: int = 500_000
 
 
 @dataclass
@@ -262,7 +263,7 @@ _ABOVE_ZERO = {
     "transitions", "real_transitions", "held_out", "validation_pairs", "test_pairs", "steps",
     "batch", "validate_every", "log_every", "learning_rate", "gan_learning_rate", "width", "depth",
     "latent", "translator_width", "translator_depth", "members", "mode_width", "blind_temperature",
-    "segment", "memory", "devices", "nodes", "recordings", "holdout", "rollouts",
+    "segment", "memory", "in_memory", "devices", "nodes", "recordings", "holdout", "rollouts",
 }  # fmt: skip
 """Numbers of any section that zero makes meaningless; no other may be negative either."""
 

@@ -10,7 +10,8 @@ import mujoco
 import numpy as np
 
 from wt.config import DataConfig
-from wt.data.transitions import Shard, digest, home_of, obtain, plan
+from wt.data.stored import Stored, Streams, transitions
+from wt.data.transitions import Shard, digest, ensure, obtain, plan
 from wt.errors import DataError
 from wt.types import Domain, Pairs, Recording, Transitions
 from wt.worlds.base import World
@@ -25,11 +26,13 @@ class Collected:
     """Everything that is collected for a task.
 
     Attributes:
-        sim: unpaired transitions of S, for training.
-        real: unpaired transitions of R, for training.
+        sim: unpaired transitions of S, for training; a sample where there are more than memory is
+            to hold.
+        real: unpaired transitions of R, likewise.
         validation: pairs to select models by; None where they are selected without.
         test: pairs that are evaluated once, at the end.
         folders: of each on disk, by its name here.
+        streams: whole collections of which ``sim`` or ``real`` is a sample.
     """
 
     sim: Transitions
@@ -37,6 +40,13 @@ class Collected:
     validation: Pairs | None
     test: Pairs
     folders: Mapping[str, Path] = field(default_factory=dict)
+    streams: Streams = field(default_factory=Streams)
+
+    def whole(self, what: str) -> Transitions | Pairs | Stored:
+        """A collection by its name here, where it is streamed not the sample but all of it."""
+        stored = getattr(self.streams, what, None)
+        data: Transitions | Pairs | Stored = getattr(self, what) if stored is None else stored
+        return data
 
 
 def collect(
@@ -55,21 +65,27 @@ def collect(
     """
     models = {domain: model_hash(world.model(domain)) for domain in ("sim", "real")}
     collections: dict[str, Transitions | Pairs] = {}
+    streamed: dict[str, Stored] = {}
     folders = {}
     for what, count, seed in _parts(settings):
         if what == "validation" and not validation:
             continue
         shards = plan(count, seed, world.shard)
         identity = {"what": what, **world.identity(), "models": models}
-        where = Path(settings.dir), identity, world.spec, shards
-        collections[what] = obtain(*where, _maker(world, what, count, report))
-        folders[what] = home_of(*where)
+        where = Path(settings.dir), identity, world.spec, shards, _maker(world, what, count, report)
+        folders[what] = home = ensure(*where)
+        stored = Stored.of([home / shard.file for shard in shards], world.spec)
+        if what in ("sim", "real") and len(stored) > settings.in_memory:
+            streamed[what], collections[what] = stored, stored.sample(settings.in_memory)
+        else:
+            collections[what] = obtain(*where)
     return Collected(
-        _transitions(collections["sim"]),
-        _transitions(collections["real"]),
+        transitions(collections["sim"]),
+        transitions(collections["real"]),
         _pairs(collections["validation"]) if validation else None,
         _pairs(collections["test"]),
         folders,
+        Streams(streamed.get("sim"), streamed.get("real"), settings.in_memory),
     )
 
 
@@ -129,12 +145,6 @@ def _maker(
         return world.pairs(what, shard.count, shard.seed)
 
     return make
-
-
-def _transitions(collection: Transitions | Pairs) -> Transitions:
-    if isinstance(collection, Transitions):
-        return collection
-    raise DataError("a collection of pairs lies where transitions belong; delete that folder")
 
 
 def _pairs(collection: Transitions | Pairs) -> Pairs:
