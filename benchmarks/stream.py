@@ -38,7 +38,7 @@ from wt.types import Domain, Pairs, Transitions
 from wt.worlds.base import Progress, register
 from wt.worlds.r5 import R5World
 
-TURNS = 7
+TURNS = 6
 
 Time = Float[np.ndarray, "*turn clock=2"]
 

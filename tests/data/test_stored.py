@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.data.test_transitions import IDENTITY, SHARDS, SPEC, get, toy, toy_pairs
+from tests.data.test_transitions import IDENTITY, SHARDS, SPEC, each, get, toy, toy_pairs
 from wt.data import transitions as disk
 from wt.data.stored import Stored
 from wt.data.transitions import Shard, ensure, obtain
@@ -18,7 +18,7 @@ from wt.types import Transitions
 @pytest.fixture
 def stored(tmp_path: Path) -> Stored:
     """10, 10 and 5 transitions in three shards of one row group each."""
-    home = ensure(tmp_path, IDENTITY, SPEC, SHARDS, toy)
+    home = ensure(tmp_path, IDENTITY, SPEC, SHARDS, each(toy))
     return Stored.of([home / shard.file for shard in SHARDS], SPEC)
 
 
@@ -36,13 +36,13 @@ def test_its_row_groups_are_the_collection(stored: Stored) -> None:
 
 def test_large_shards_are_divided(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(disk, "ROW_GROUP", 4)
-    home = ensure(tmp_path, IDENTITY, SPEC, SHARDS, toy)
+    home = ensure(tmp_path, IDENTITY, SPEC, SHARDS, each(toy))
     stored = Stored.of([home / shard.file for shard in SHARDS], SPEC)
     assert [group.rows for group in stored.groups] == [4, 4, 2, 4, 4, 2, 4, 1]
     np.testing.assert_array_equal(stored.read(4).o, WHOLE[14:18])
     np.testing.assert_array_equal(stored.read(4).step, toy(SHARDS[1]).step[4:8])
     # who reads the shards whole notices nothing
-    whole = obtain(tmp_path, IDENTITY, SPEC, SHARDS, toy)
+    whole = obtain(tmp_path, IDENTITY, SPEC, SHARDS, each(toy))
     np.testing.assert_array_equal(whole.o, WHOLE)
     np.testing.assert_array_equal(np.unique(whole.episode), np.arange(8))
 
@@ -57,7 +57,7 @@ def test_a_sample_is_as_many_row_groups_as_fit(stored: Stored, most: int, rows: 
 
 def test_a_sample_is_spread_over_the_collection(tmp_path: Path) -> None:
     shards = [Shard(f"part-{k:03d}.parquet", k, 4) for k in range(9)]
-    home = ensure(tmp_path, IDENTITY, SPEC, shards, toy)
+    home = ensure(tmp_path, IDENTITY, SPEC, shards, each(toy))
     sample = Stored.of([home / shard.file for shard in shards], SPEC).sample(12)
     np.testing.assert_array_equal(sample.o, observations(*(toy(shards[k]) for k in (0, 3, 6))))
     # an episode of one row group is not continued in another

@@ -10,6 +10,7 @@ from scipy.spatial.distance import cdist
 from scipy.stats import energy_distance as of_scipy
 
 from tests.baselines.toy import REAL, SIM, Toy
+from tests.data.test_transitions import each
 from wt.data.stored import Stored
 from wt.data.transitions import Shard, ensure
 from wt.train import selection
@@ -144,7 +145,7 @@ def test_on_disk_the_same_is_held_out(rows: int, share: float, tmp_path: Path) -
     def part(shard: Shard) -> Transitions:
         return data.select(np.arange(shard.seed * 200, min(rows, shard.seed * 200 + 200)))
 
-    home = ensure(tmp_path, {"what": "sim"}, spec, shards, part)
+    home = ensure(tmp_path, {"what": "sim"}, spec, shards, each(part))
     stored = Stored.of([home / shard.file for shard in shards], spec)
     kept, held = hold_out(data, share)
     streamed, held_on_disk = hold_out_stored(stored, share)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 
+from tests.data.test_transitions import each
 from tests.train.conftest import World
 from wt.config import Method
 from wt.data.stored import Stored, Streams
@@ -35,7 +36,7 @@ def stored(world: World, domain: Domain, folder: Path) -> Stored:
     def rows(shard: Shard) -> Transitions:
         return data.select(np.arange(shard.seed * ROWS, (shard.seed + 1) * ROWS))
 
-    home = ensure(folder, {"what": domain}, world.spec, shards, rows)
+    home = ensure(folder, {"what": domain}, world.spec, shards, each(rows))
     return Stored.of([home / shard.file for shard in shards], world.spec)
 
 

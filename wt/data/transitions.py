@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +27,11 @@ from wt.types import Channel, Pairs, Transitions, TransitionSpec
 
 FORMAT = 1
 MANIFEST = "manifest.json"
+
+Made = tuple["Shard", Transitions | Pairs]
+"""A shard and its content."""
+Make = Callable[[Sequence["Shard"]], Iterable[Made]]
+"""Makes the shards that it is given, in any order."""
 ROW_GROUP = 32_768
 """Most transitions that are read at once of a collection that memory does not hold."""
 
@@ -67,7 +72,7 @@ def obtain(
     identity: dict[str, Any],
     spec: TransitionSpec,
     shards: Sequence[Shard],
-    make: Callable[[Shard], Transitions | Pairs],
+    make: Make,
 ) -> Transitions | Pairs:
     """Read a collection, first making whatever shards are missing; arguments as of :func:`ensure`.
 
@@ -86,7 +91,7 @@ def ensure(
     identity: dict[str, Any],
     spec: TransitionSpec,
     shards: Sequence[Shard],
-    make: Callable[[Shard], Transitions | Pairs],
+    make: Make,
 ) -> Path:
     """Make whatever shards of a collection are missing, and read none.
 
@@ -95,7 +100,7 @@ def ensure(
         identity: plain content that decides what is collected; its hash decides about reuse.
         spec: layout of the transitions.
         shards: as from :func:`plan`.
-        make: collects one shard.
+        make: collects those that are missing; each is written when it comes.
 
     Returns:
         The collection's own folder.
@@ -103,9 +108,8 @@ def ensure(
     home = home_of(folder, identity, spec, shards)
     identity = _in_full(identity, shards)
     home.mkdir(parents=True, exist_ok=True)
-    for shard in shards:
-        if not (home / shard.file).exists():
-            _write(home / shard.file, make(shard), spec)
+    for shard, content in make([s for s in shards if not (home / s.file).exists()]):
+        _write(home / shard.file, content, spec)
     manifest = json.dumps(_manifest(identity, spec), indent=1).encode()
     kept = home / MANIFEST
     # the workers of a run all read the collection at once: one that is whole is only read

@@ -14,6 +14,7 @@ import torch
 from jaxtyping import Float
 from torch import nn
 
+from wt import cluster
 from wt.baselines.base import Baseline, find
 from wt.config import FitConfig, Method, to_yaml
 from wt.data.stored import Stored, Streams
@@ -29,6 +30,7 @@ from wt.worlds.base import World, make
 from wt.worlds.closed_loop import ClosedLoop
 from wt.worlds.collect import Collected, collect
 from wt.worlds.recorded import Recorded
+from wt.worlds.spread import ASKED_BY, spread
 
 WEIGHTS = "model.pt"
 
@@ -39,8 +41,11 @@ def check(config: FitConfig) -> None:
     Raises:
         ConfigError: a world, one of its options, or a baseline is not known; a world is to be
             diagnosed that cannot be recorded; this machine has no such device.
+        UserError: Ray is asked for and not installed.
     """
     device.check(config.device)
+    if config.collect.jobs == "ray":
+        cluster.check(ASKED_BY)
     world = make(config.world)
     if config.diagnose and not (isinstance(world, Recorded) and isinstance(world, ClosedLoop)):
         raise ConfigError(
@@ -112,7 +117,8 @@ class Study:
         """
         world = make(config.world)
         pairs = config.model_selection == "pairs"
-        data = collect(world, config.data, listener.progress, validation=pairs)
+        with spread(config.collect.jobs, config.world, world) as maker:
+            data = collect(world, config.data, listener.progress, validation=pairs, maker=maker)
         return cls(config, world, data, ErrorScales.of(data.real, world.spec), folder, listener)
 
     @cached_property

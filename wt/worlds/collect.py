@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import functools
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,14 +12,12 @@ import numpy as np
 
 from wt.config import DataConfig
 from wt.data.stored import Stored, Streams, transitions
-from wt.data.transitions import Shard, digest, ensure, obtain, plan
+from wt.data.transitions import digest, ensure, obtain, plan
 from wt.errors import DataError
-from wt.types import Domain, Pairs, Recording, Transitions
+from wt.types import Pairs, Recording, Transitions
 from wt.worlds.base import World
 from wt.worlds.recorded import Recorded
-
-Report = Callable[[str, int, int], None]
-"""Called with a collection's name and its transitions (done, total)."""
+from wt.worlds.spread import Here, Maker, Report
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,12 @@ class Collected:
 
 
 def collect(
-    world: World, settings: DataConfig, report: Report | None = None, *, validation: bool = True
+    world: World,
+    settings: DataConfig,
+    report: Report | None = None,
+    *,
+    validation: bool = True,
+    maker: Maker | None = None,
 ) -> Collected:
     """Collect or reuse the collections of a task.
 
@@ -59,10 +63,12 @@ def collect(
         settings: folder, sizes and seed.
         report: for a progress bar.
         validation: whether pairs to select by are needed.
+        maker: makes shards that are missing, of the same world; None to make them here.
 
     Raises:
         DataError: a stored part is damaged.
     """
+    maker = maker or Here(world)
     models = {domain: model_hash(world.model(domain)) for domain in ("sim", "real")}
     collections: dict[str, Transitions | Pairs] = {}
     streamed: dict[str, Stored] = {}
@@ -72,7 +78,8 @@ def collect(
             continue
         shards = plan(count, seed, world.shard)
         identity = {"what": what, **world.identity(), "models": models}
-        where = Path(settings.dir), identity, world.spec, shards, _maker(world, what, count, report)
+        make = functools.partial(maker.made, what, report=report)
+        where = Path(settings.dir), identity, world.spec, shards, make
         folders[what] = home = ensure(*where)
         stored = Stored.of([home / shard.file for shard in shards], world.spec)
         if what in ("sim", "real") and len(stored) > settings.in_memory:
@@ -123,28 +130,6 @@ def model_hash(model: mujoco.MjModel) -> str:
     buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, buffer)
     return digest(buffer.tobytes().hex())
-
-
-def _maker(
-    world: World, what: str, count: int, report: Report | None
-) -> Callable[[Shard], Transitions | Pairs]:
-    done = 0
-
-    def make(shard: Shard) -> Transitions | Pairs:
-        nonlocal done
-        before = done
-
-        def progress(now: int, _: int) -> None:
-            if report:
-                report(what, before + now, count)
-
-        done += shard.count
-        if what in ("sim", "real"):
-            domain: Domain = "sim" if what == "sim" else "real"
-            return world.collect(domain, shard.count, shard.seed, progress)
-        return world.pairs(what, shard.count, shard.seed)
-
-    return make
 
 
 def _pairs(collection: Transitions | Pairs) -> Pairs:
