@@ -55,12 +55,14 @@ class Reach:
     speed: Float[np.ndarray, " dof"]
 
 
-def reach_of(scene: Scene, shown: Sequence[Shown]) -> Reach:
+def reach_of(scene: Scene, shown: Sequence[Shown], free: bool = False) -> Reach:
     """Reach of a machine: what it has shown, inside what its model allows.
 
     Args:
         scene: the machine.
         shown: its motions so far, the latest last.
+        free: whether the model's ranges are known to be free of obstacles, so that joints may go
+            anywhere in them; else only a little beyond what was shown.
     """
     count = len(scene.joints)
     seen_low, seen_high = np.full(count, np.inf), np.full(count, -np.inf)
@@ -82,7 +84,7 @@ def reach_of(scene: Scene, shown: Sequence[Shown]) -> Reach:
         rest > np.where(known[1], high + margin, seen_high)
     )
     rest = np.where(lost, stands, rest)
-    room = np.maximum(0.1 * (seen_high - seen_low), 0.0)
+    room = np.inf if free else np.maximum(0.1 * (seen_high - seen_low), 0.0)
     low = np.where(known[0], np.maximum(low, np.minimum(seen_low - room, rest - MILD)), seen_low)
     high = np.where(
         known[1], np.minimum(high, np.maximum(seen_high + room, rest + MILD)), seen_high
