@@ -4,7 +4,11 @@ Both sides train the paper's model at the size of R5 on the same batches with th
 The bare loop does no more than that: no learning-rate schedule, no hooks, no metrics, no
 checkpoints. Since a shared machine drifts, the sides take turns of a few dozen steps: whenever
 ``wt fit`` logs, the bare loop takes as many steps, and medians are over turns. The first turn of
-each warms up; set-up and validation are outside. One thread, as in each of ``wt fit``'s workers.
+each warms up; set-up and validation are outside. One thread a process, as in ``wt fit``'s workers.
+
+A line for each way to train that this machine has: one process and two on CPU cores, and on CUDA
+devices one (also compiled) and, where there are more, two. Processes share each batch, so that
+their steps compare; the bare loop is always alone, on the first of the devices.
 
 Usage: python benchmarks/train.py [CONFIG] [key=value …]
 """
@@ -18,15 +22,17 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
-from wt.config import Method, load
+from wt.config import Device, Method, load
 from wt.nets.world_model import WorldModel
 from wt.train import phases
 from wt.train.batches import StepBatches, in_frame
+from wt.train.device import on
 from wt.train.fit import fit_world_model
 from wt.train.mean_field import fit_normalizers
 from wt.train.selection import Unpaired
@@ -36,26 +42,59 @@ from wt.worlds.base import make
 TURN, TURNS, ROWS = 50, 13, 50_000
 
 
+class Way(NamedTuple):
+    """How to train: on what, by how many processes, compiled or not."""
+
+    device: Device
+    processes: int
+    compiled: bool = False
+
+    def __str__(self) -> str:
+        """As a line of the table begins."""
+        where = "CPU, {} process" if self.device == "cpu" else "CUDA, {} device"
+        plural = "" if self.processes == 1 else "es" if self.device == "cpu" else "s"
+        return where.format(self.processes) + plural + self.compiled * ", compiled"
+
+
 def main(config_path: str = "conf/r5.yaml", *overrides: str) -> None:
     """Print the table."""
     torch.set_num_threads(1)
     config = load(config_path, overrides)
     spec, method = make(config.world).spec, config.paper
-    steps = TURN * TURNS
-    method = replace(
-        method, train=replace(method.train, steps=steps, validate_every=steps, log_every=TURN)
-    )
-    turns = race(spec, method)
-    ours, theirs = (TURN / statistics.median(side) for side in zip(*turns, strict=True))
-    ratio = statistics.median(theirs / ours for ours, theirs in turns)
     print(
         f"{spec.task}: {spec.n_obs} + {spec.n_action} → {spec.n_state} channels, "
-        f"batch {method.train.batch}, {len(turns)} turns of {TURN} steps, one thread"
+        f"batch {method.train.batch}, {TURNS - 1} turns of {TURN} steps"
     )
-    print(f"{'training loop':<24}{'steps/s':>10}")
-    print(f"{'wt fit (Lightning)':<24}{ours:>10.1f}")
-    print(f"{'bare PyTorch':<24}{theirs:>10.1f}")
-    print(f"{'ratio (goal ≥ 0.9)':<24}{ratio:>10.3f}")
+    print(f"{'':<26}{'wt fit [steps/s]':>18}{'bare PyTorch':>14}{'ratio (goal ≥ .95)':>20}")
+    for way in ways():
+        with on(way.device):
+            turns = race(spec, _set(method, way))
+        ours, theirs = (TURN / statistics.median(side) for side in zip(*turns, strict=True))
+        ratio = statistics.median(theirs / ours for ours, theirs in turns)
+        print(f"{way!s:<26}{ours:>18.1f}{theirs:>14.1f}{ratio:>20.3f}", flush=True)
+
+
+def ways() -> list[Way]:
+    """What this machine can do."""
+    found = [Way("cpu", 1), Way("cpu", 2)]
+    if torch.cuda.is_available():
+        found += [Way("cuda", 1), Way("cuda", 1, compiled=True)]
+        found += [Way("cuda", 2)] * (torch.cuda.device_count() > 1)
+    return found
+
+
+def _set(method: Method, way: Way) -> Method:
+    """A method that trains for as long as is measured, and in this way."""
+    steps = TURN * TURNS
+    train = replace(
+        method.train,
+        steps=steps,
+        validate_every=steps,
+        log_every=TURN,
+        devices=way.processes,
+        compile=way.compiled,
+    )
+    return replace(method, train=train)
 
 
 def race(spec: TransitionSpec, method: Method) -> list[tuple[float, float]]:
@@ -115,6 +154,7 @@ class Bare:
 
     def run(self, steps: int) -> float:
         """Seconds that so many steps take."""
+        wait_for_device()
         start = time.perf_counter()
         for _ in range(steps):
             batch = next(self.batches)
@@ -125,7 +165,14 @@ class Bare:
             loss, _, fakes = phases.generators(self.model, batch.gan, *z)
             update(self.generators, loss)
             update(self.discriminators, phases.discriminators(self.model, batch.gan, *z, fakes)[0])
+        wait_for_device()
         return time.perf_counter() - start
+
+
+def wait_for_device() -> None:
+    """Wait until a CUDA device has done what it was told: it is told ahead of what it does."""
+    if torch.get_default_device().type == "cuda":
+        torch.cuda.synchronize()
 
 
 def update(optimizer: torch.optim.Adam, loss: Tensor) -> None:

@@ -22,6 +22,7 @@ EVERY_STEP = {
     "wt.diagnose.likelihood.adapt",
     "wt.diagnose.likelihood.bounded",
     "wt.diagnose.observed.states",
+    "wt.diagnose.unknown.force",
     "wt.diagnose.unknown.law",
     "wt.diagnose.unknown.memory",
     "wt.physics.acting",

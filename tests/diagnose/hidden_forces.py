@@ -92,13 +92,15 @@ def world(
     fitted: int = 1,
     log: Callable[[Recording], Recording] = lambda recording: recording,
     machine: str = "",
+    model: str = "",
 ) -> World:
     """Recordings of a chain: ``fitted`` ones, and one more that is held out.
 
-    ``log`` alters all of them; ``machine`` is the MJCF of the real chain, where it is another.
+    ``log`` alters all of them; ``machine`` is the MJCF of the real chain, and ``model`` the one that
+    is given, where they are others.
     """
     path = folder / "chain.xml"
-    path.write_text(chain(joints), encoding="utf-8")
+    path.write_text(model or chain(joints), encoding="utf-8")
     scene = Scene(path)
     xml = machine or chain(joints)
     made = [log(record(xml, hidden, seconds, seed)) for seed in range(fitted + 1)]

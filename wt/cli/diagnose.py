@@ -147,7 +147,7 @@ def command(
         )  # fmt: skip
         progress("writing", 0.98)
         write(diagnosis)
-    console = _printed(diagnosis, out)
+    console = printed(diagnosis, out)
     if why:
         _print_decisions(diagnosis.decisions, why)
     if suggest_experiment is not None:
@@ -156,7 +156,7 @@ def command(
         _track(diagnosis, out, seed, console)
 
 
-def _printed(diagnosis: Diagnosis, out: Path) -> Console:
+def printed(diagnosis: Diagnosis, out: Path) -> Console:
     """Print what was found and where the report is; gives what it was printed on."""
     from rich.console import Console
 

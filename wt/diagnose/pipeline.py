@@ -123,13 +123,9 @@ def diagnose(
     outcome = searched(scene, prepared, seed, log, pace)
     outcome, note = _in_turns(scene, prepared, outcome, seed, log, pace)
     pace.stage("preparing pictures")
-    diagnosis = _diagnosis(scene, outcome)
-    if outcome.missed:
-        diagnosis = shown_by_holdout(diagnosis, *outcome.missed)
+    diagnosis = told(scene, outcome)
     return replace(
         diagnosis,
-        audit=prepared.audit,
-        decisions=tuple(log),
         locations=timed(diagnosis.locations, translation_evidence),
         translated=translation_evidence,
         notes=(
@@ -253,8 +249,17 @@ def _in_turns(
     return again, (f"Of the recordings, which took turns, only {unfitted} shows {said}.",)
 
 
-def _diagnosis(scene: Scene, outcome: Outcome) -> Diagnosis:
+def told(scene: Scene, outcome: Outcome) -> Diagnosis:
     """The claims, with all that a report shows of them."""
+    diagnosis = _diagnosis(scene, outcome)
+    if outcome.missed:
+        diagnosis = shown_by_holdout(diagnosis, *outcome.missed)
+    log = outcome.naming.log
+    return replace(diagnosis, audit=outcome.prepared.audit, decisions=tuple(log))
+
+
+def _diagnosis(scene: Scene, outcome: Outcome) -> Diagnosis:
+    """The claims on the fitted recordings."""
     prepared, naming, claims = outcome.prepared, outcome.naming, outcome.claims
     holdout = naming.holdout
     timestep = STEP_S if _too_coarse(scene, holdout, claims) else None

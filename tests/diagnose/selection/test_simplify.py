@@ -71,6 +71,27 @@ def test_legs_lose_a_law_that_gains_too_few_nats(
     assert [a.planted.effect.id for a in accepted] == ["joint.friction_coulomb"]
 
 
+@pytest.fixture(scope="module")
+def two_ways(tmp_path_factory: pytest.TempPathFactory) -> World:
+    """A chain whose model has friction in j2, of one size, where it is of two."""
+    friction = on_joint(1, lambda q, v: (0.2 if v < 0.0 else -0.4) * float(np.tanh(abs(v) / 1e-3)))
+    at = '<joint name="j2" axis="0 0 1" damping=".3"/>'
+    model = chain(2).replace(at, at.replace("/>", ' frictionloss=".3"/>'))
+    assert model != chain(2)
+    return world(tmp_path_factory.mktemp("two"), 2, friction, 8.0, model=model)
+
+
+def test_what_another_law_has_in_it_is_not_said_twice(two_ways: World) -> None:
+    whole = effects()["joint.friction_directional"].shaped((0.3, 0.3))
+    both = Planted(whole, J2, np.array([0.4, 0.2, 0.3, 0.3]))
+    planted = both, Planted(LOAD, J2, np.array([0.01, 0.01]))
+    before = estimate(two_ways.objective, planted)
+    given = tuple(Accepted(p, None, ()) for p in planted)
+    accepted, after = simplified(two_ways.objective, given, before, DecisionLog())
+    assert [a.planted.effect.id for a in accepted] == ["joint.friction_directional"]
+    assert len(after.hypothesis) == 1
+
+
 LINK2 = Location("body", "link2")
 LOAD_AT = np.array([0.05, 0.02, -0.2])
 

@@ -1,7 +1,8 @@
 """The experiment to record next.
 
-Map: ``excite`` designs commands, ``signals`` are what they are made of, ``trial`` replays them to
-keep the machine within its limits.
+Map: ``excite`` designs commands, of ``motions`` of one joint each, which are made of ``signals``;
+``reach`` says where joints may go, and ``trial`` simulates what commands do; ``release`` is the
+experiment of a machine without drives.
 """
 
 SOURCE = "wt diagnose --suggest-experiment"

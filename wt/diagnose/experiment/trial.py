@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 
 from wt.physics.activation import integrating
 from wt.physics.scene import Drive, Scene
+from wt.types import Recording
 
 _STEP_S = 5e-4
 _SETTLE_S = 20.0
@@ -63,6 +64,44 @@ def trial(scene: Scene, wanted: Float[np.ndarray, "sample dof"], rate: float) ->
             touched |= _touching(model, data) - at_rest
         mujoco.mj_step(model, data, each)
     return Trial(ctrl, q, force, np.array(sorted(touched), int).reshape(-1, 2))
+
+
+def as_recording(scene: Scene, tried: Trial, rate: float, source: str, what: str) -> Recording:
+    """Commands to send, with the positions that they are expected to lead to.
+
+    Args:
+        scene: the machine.
+        tried: the motion, simulated on the model as given.
+        rate: samples per second [Hz].
+        source: what designed it, for the metadata.
+        what: it does, in words.
+    """
+    columns = {
+        f"ctrl/{scene.model.actuator(i).name}": tried.ctrl[:, i]
+        for i in range(scene.model.nactuator)
+    }
+    columns |= {f"qpos/{joint}": tried.q[:, scene.dof(joint)] for joint in scene.joints}
+    return Recording(
+        np.arange(len(tried.q)) / rate,
+        columns,
+        {
+            "source": source,
+            "rate": rate,
+            "notes": f"Commands to send; {what}. Positions are predicted by the model as given, "
+            "not measured. Start from the first of them.",
+        },
+    )
+
+
+def touching_along(scene: Scene, q: Float[np.ndarray, "sample dof"]) -> Int[np.ndarray, "pair 2"]:
+    """Pairs of bodies that touch somewhere along a motion although they do not where it starts."""
+    data = mujoco.MjData(scene.model)
+    found: list[set[tuple[int, int]]] = []
+    for pose in q:
+        data.qpos[:] = pose
+        mujoco.mj_fwdPosition(scene.model, data)
+        found.append(_touching(scene.model, data))
+    return np.array(sorted(set().union(*found) - found[0]), int).reshape(-1, 2)
 
 
 def setpoints(

@@ -274,24 +274,27 @@ def simplified(
         estimated: their parameters.
         log: grows by every decision.
     """
-    for i, planted in enumerate(estimated.hypothesis):
+    for planted in estimated.hypothesis:
+        i = next(k for k, p in enumerate(estimated.hypothesis) if p.key == planted.key)
+        present, rest = estimated.hypothesis[i], without(estimated.hypothesis, i)
         intervals = {name: e.ci95 for name, e in estimated.estimates[i].items()}
-        simpler_law = planted.simpler(objective.motion, intervals)
+        simpler_law = present.simpler(objective.motion, intervals)
         if simpler_law is None:
             continue
-        law = Planted(effects()[simpler_law[0]], planted.at, simpler_law[1])
-        others = tuple(law if k == i else p for k, p in enumerate(estimated.hypothesis))
-        again = estimate(objective, others)
+        law = Planted(effects()[simpler_law[0]], present.at, simpler_law[1])
+        said = any(excluded(law, p) for p in rest)  # by another, which has that law in it
+        again = estimate(objective, rest if said else (*rest[:i], law, *rest[i:]))
         before, after = (erring_joints(objective, e.assessed) for e in (estimated, again))
         # legs err now by more and now by less than their noise: there only nats tell what is lost
         lost = -worth(objective, again.assessed, estimated.assessed)
-        simple_enough = set(after) <= set(before) or lost < THRESHOLDS.min_nats
-        sizes = planted.effect.n_free, law.effect.n_free
-        reason = f"its further parameters are not needed: {law}" if simple_enough else "needed"
-        log.add(planted, "simplified", not simple_enough, float(sizes[0]), float(sizes[1]), reason)
+        simple_enough = lost < THRESHOLDS.min_nats or (not said and set(after) <= set(before))
+        sizes = present.effect.n_free, 0 if said else law.effect.n_free
+        needed = f"its further parameters are not needed: {law}" + said * ", as another has it"
+        reason = needed if simple_enough else "needed"
+        log.add(present, "simplified", not simple_enough, float(sizes[0]), float(sizes[1]), reason)
         if simple_enough:
-            now = _by(law, accepted[i], planted, objective)
-            accepted = (*accepted[:i], now, *accepted[i + 1 :])
+            now = () if said else (_by(law, accepted[i], present, objective),)
+            accepted = (*accepted[:i], *now, *accepted[i + 1 :])
             estimated = again
     return accepted, estimated
 
@@ -320,6 +323,8 @@ def united(
             if theta is None:
                 continue
             rest = [p for p in estimated.hypothesis if p not in parts]
+            if any(excluded(Planted(effect, at, theta), p) for p in rest):
+                continue
             again = estimate(objective, (*rest, Planted(effect, at, theta)))
             law = again.hypothesis[-1]
             lost = -worth(objective, again.assessed, estimated.assessed)

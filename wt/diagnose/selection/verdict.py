@@ -170,8 +170,9 @@ def findings(claims: Claims, scene: Scene, experiment: str = "") -> tuple[Findin
             holdout_gain=u.gain.share,
             p_value=u.gain.p_value,
             depends_on=u.depends_on,
-            formula=u.formula,
-            formula_gain=u.formula_gain,
+            # one that predicts nothing says nothing, however well its law does
+            formula=u.formula if u.formula_gain > 0.0 else None,
+            formula_gain=u.formula_gain if u.formula_gain > 0.0 else None,
         )
         for u in claims.unknown
     ]

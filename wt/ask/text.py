@@ -1,0 +1,54 @@
+"""What was asked and answered, for people."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from wt.ask.loop import Round
+from wt.ask.separation import Expected
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def print_round(here: Round, number: int, console: Console) -> None:
+    """Print what some recordings leave open, and what is done about it.
+
+    Args:
+        here: the round.
+        number: of it, from 1 on.
+        console: where to.
+    """
+    console.print(f"[bold]{number}[/bold]", end=" ")
+    console.print(" ".join(here.claimed) or "No effect is claimed.", highlight=False)
+    if here.rivals:
+        console.print(f"  It may as well be: {', '.join(here.rivals)}.", highlight=False)
+    if here.design is None:
+        console.print(f"  Nothing more is asked: {here.reason}.", highlight=False)
+        return
+    for motion in here.design.motions:
+        console.print(f"  next: {motion}", highlight=False)
+    names = ("what is claimed", *here.rivals)
+    for line in expectations(here.design.expected, names):
+        console.print(f"  {line}", highlight=False, style="dim")
+
+
+def expectations(expected: Expected, names: Sequence[str]) -> list[str]:
+    """How far an experiment is expected to take hypotheses apart, a line for each two."""
+    lines = [
+        f"expected to take {names[i]} and {names[j]} apart by odds of {odds(expected.apart[i, j])}"
+        for i, j in itertools.combinations(range(len(expected.apart)), 2)
+    ]
+    return lines or [
+        f"expected to make intervals narrower: {expected.information:.1f} nats of information"
+    ]
+
+
+def odds(nats: float) -> str:
+    """A log-likelihood ratio as odds."""
+    if nats > 14.0:
+        return "over a million to 1"
+    return f"{float(f'{math.exp(nats):.1g}'):,.0f} to 1"

@@ -1,0 +1,137 @@
+"""``wt ask``: experiments that settle what recordings leave open, designed and run in a loop."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from wt.errors import UserError, suggest
+
+if TYPE_CHECKING:
+    from wt.ask.loop import Round
+    from wt.ask.robot import Robot
+    from wt.types import Recording
+
+ROBOTS = ("sim", "file")
+SHORTEST_S = 10.0
+
+
+def command(
+    model: Annotated[Path, typer.Argument(metavar="MODEL.xml", help="The robot's MJCF.")],
+    out: Annotated[Path, typer.Option(help="Folder for experiments, recordings and diagnosis.")],
+    recordings: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[RECORDING]...", help="What the robot did so far."),
+    ] = None,
+    robot: Annotated[
+        str,
+        typer.Option(
+            metavar="file|sim",
+            help="file: a person takes commands from OUT/experiment_N.parquet and puts what was "
+            "measured at OUT/recorded_N.parquet. sim: the machine in --world.",
+        ),
+    ] = "file",
+    world: Annotated[
+        Path | None,
+        typer.Option(metavar="WORLD.xml", help="MJCF of the machine that --robot sim is."),
+    ] = None,
+    noise: Annotated[
+        float, typer.Option(min=0.0, help="Deviation of its encoders [rad or m].")
+    ] = 1e-4,
+    seconds: Annotated[float, typer.Option(help="Length of an experiment [s].")] = 20.0,
+    most: Annotated[int, typer.Option(min=1, help="Experiments at most.")] = 3,
+    precision: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SHARE",
+            help="Go on until every parameter's 95 % interval is ± this share of its value.",
+        ),
+    ] = None,
+    whole_range: Annotated[
+        bool,
+        typer.Option(
+            "--whole-range",
+            help="The model's joint ranges are free of obstacles: go anywhere in them. Without it "
+            "joints go only a little beyond what was recorded.",
+        ),
+    ] = False,
+    wait: Annotated[float, typer.Option(help="Longest wait for a recording [s].")] = 3600.0,
+    seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
+) -> None:
+    """Design the next experiment for what is still open, have it run, and diagnose again.
+
+    Recordings often leave several names for what is missing. Each experiment is the safe motion
+    that is expected to take these furthest apart, whatever their parameters are inside their
+    intervals: it is replayed on every one of them first, and stays inside what the robot has shown
+    and its model allows on each. It ends when no other name fits, intervals are as narrow as
+    asked, or nothing safe would tell more. OUT/diagnosis is what wt diagnose writes, of all
+    recordings, and OUT/asked.json what was asked and why. Interrupted, the same command goes on.
+
+    Example:
+        wt ask robot.xml walk1.parquet --out asked
+        wt ask robot.xml --robot sim --world hidden.xml --precision 0.1 --out asked
+    """
+    from rich.console import Console
+
+    from wt.ask.loop import Experiments, Wish, ask
+    from wt.ask.text import print_round
+    from wt.cli._progress import bar
+    from wt.cli.diagnose import printed
+    from wt.data import recording
+    from wt.diagnose.report.write import claimed
+    from wt.show.files import kept, write_whole
+
+    given = recordings or []
+    _refuse(robot, world, seconds, precision)
+    console, number = Console(), 0
+
+    def follow(here: Round) -> None:
+        nonlocal number
+        number += 1
+        print_round(here, number, console)
+
+    with kept(out), claimed(out / "diagnosis", [model, *given]) as write:
+        performer = _robot(robot, world, noise, wait, seed, out)
+        wish = Wish(seconds, most, precision, whole_range, seed)
+        read = [recording.read(path) for path in given]
+        experiments = Experiments(performer, lambda name, r: _keep(out, name, r, [model, *given]))
+        with bar("reading") as progress:
+            answer = ask(model, read, experiments, wish, follow=follow, progress=progress)
+            progress("writing", 0.98)
+            write(answer.diagnosis)
+            said = json.dumps(answer.to_json(), indent=2, ensure_ascii=False)
+            write_whole(out / "asked.json", said + "\n")
+    printed(answer.diagnosis, out / "diagnosis")
+
+
+def _refuse(robot: str, world: Path | None, seconds: float, precision: float | None) -> None:
+    """Refuse what cannot be asked, before any work."""
+    if robot not in ROBOTS:
+        raise UserError(f"--robot {robot!r} is unknown; {suggest(robot, ROBOTS)}")
+    if (robot == "sim") != (world is not None):
+        raise UserError("--robot sim and --world WORLD.xml go together; give both or neither")
+    if not seconds >= SHORTEST_S:
+        raise UserError(f"--seconds {seconds:g}: an experiment takes at least {SHORTEST_S:g} s")
+    if precision is not None and not 0.0 < precision < 1.0:
+        raise UserError(f"--precision {precision:g}: give a share between 0 and 1, 0.1 for ± 10 %")
+
+
+def _robot(kind: str, world: Path | None, noise: float, wait: float, seed: int, out: Path) -> Robot:
+    from wt.ask.robot import FileRobot, SimulatedRobot
+
+    if world is not None:
+        return SimulatedRobot(world, noise, seed)
+    return FileRobot(out, wait, lambda line: typer.echo(line, err=True))
+
+
+def _keep(out: Path, name: str, kept: Recording, inputs: Sequence[Path]) -> None:
+    from wt.ask import SOURCE
+    from wt.data import recording
+
+    path = out / f"{name}.parquet"
+    recording.refuse_to_lose(path, "--out", SOURCE, inputs)
+    recording.write(kept, path)
