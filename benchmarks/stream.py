@@ -6,8 +6,9 @@ holds ``data.in_memory`` of either; the other has as many as it can without stre
 noise in the layout of an R5, the same in every shard, since speed does not depend on what they say.
 Since a shared machine drifts, the workers take turns. In each of them the one that streams reads
 one row group of either domain. The first turn warms up, and medians are over the others, of the
-time that passed and of the time that the worker had a core. Memory is the peak of the resident set
-of the whole process, with all that it imports.
+time that passed, of the time that the worker had a core, and of the part of this in which it read
+row groups and brought them into the frame. Memory is the peak of the resident set of the whole
+process, with all that it imports.
 
 Usage: python benchmarks/stream.py [MILLIONS] [key=value …]
 """
@@ -33,14 +34,16 @@ from wt.data.transitions import ROW_GROUP
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.run.jobs import Job, train
 from wt.run.study import Study
-from wt.train.streamed import DRAWS
+from wt.train import streamed
+from wt.train.batches import DomainData
+from wt.train.streamed import DRAWS, Streamed
 from wt.types import Domain, Pairs, Transitions
 from wt.worlds.base import Progress, register
 from wt.worlds.r5 import R5World
 
-TURNS = 6
+TURNS = 7
 
-Time = Float[np.ndarray, "*turn clock=2"]
+Time = Float[np.ndarray, "*turn clock=3"]
 
 
 @register("noise")
@@ -91,13 +94,26 @@ class Turns:
 
 
 def clocks() -> Time:
-    """Seconds that have passed, and seconds that this process had a core."""
-    return np.array([time.perf_counter(), time.process_time()])
+    """Seconds that have passed, that this process had a core, and that it had it to read."""
+    return np.array([time.perf_counter(), time.process_time(), TimedStream.seconds])
+
+
+class TimedStream(Streamed):
+    """A stream that counts the time in which its buffers move."""
+
+    seconds = 0.0
+
+    def _moved(self, turn: int) -> DomainData:
+        began = time.process_time()
+        buffer = super()._moved(turn)
+        TimedStream.seconds += time.process_time() - began
+        return buffer
 
 
 def work(config: FitConfig, folder: Path, method: str, other: Connection) -> None:
     """A worker of ``wt fit``; says when its turns begin and end, and then how much it held."""
     torch.set_num_threads(1)
+    streamed.Streamed = TimedStream  # type: ignore[misc]
     train(Study.open(config, folder, Turns(other)), Job(0, method))
     status = Path("/proc/self/status").read_text()
     other.send(int(status.split("VmHWM:")[1].split()[0]) / 1e6)
@@ -152,22 +168,25 @@ def main(millions: str = "50", *overrides: str) -> None:
     """Print the table."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        streamed = configured(folder, int(float(millions) * 500_000), overrides)
-        most = min(streamed.data.in_memory, load("conf/r5.yaml").data.transitions)
-        configs = [configured(folder, most, overrides), streamed]
+        large = configured(folder, int(float(millions) * 500_000), overrides)
+        most = min(large.data.in_memory, load("conf/r5.yaml").data.transitions)
+        configs = [configured(folder, most, overrides), large]
         for config in configs:
             Study.open(config, folder, Turns(multiprocessing.Pipe()[0]))
-        head = f"{'ms/step':>9}{'ratio':>7}{'of a core':>11}{'ratio':>7}{'peak GB':>9}"
-        print(f"{'':<22}{'transitions':>12}{head}")
+        times = f"{'ms/step':>9}{'ratio':>7}{'of a core':>11}{'ratio':>7}{'to read':>9}"
+        print(f"{'':<22}{'transitions':>12}{times}{'peak GB':>9}")
         for method in (PAPERS_OWN, OURS):
             results = race(method, configs, folder)
             (memory, _), _ = results
             for config, (side, held) in zip(configs, results, strict=True):
-                (wall, core), ratio = np.median(side, axis=0), np.median(side / memory, axis=0)
-                times = f"{wall:>9.2f}{ratio[0]:>7.3f}{core:>11.2f}{ratio[1]:>7.3f}"
+                wall, core, reading = np.median(side, axis=0)
+                ratios = np.median(side[:, :2] / memory[:, :2], axis=0)
+                times = (
+                    f"{wall:>9.2f}{ratios[0]:>7.3f}{core:>11.2f}{ratios[1]:>7.3f}{reading:>9.2f}"
+                )
                 count = 2 * config.data.transitions
                 print(f"{method:<22}{count:>12}{times}{held:>9.2f}", flush=True)
-        print(f"{'goals':<22}{'':>12}{'':>9}{'≤ 1.05':>7}{'':>11}{'≤ 1.05':>7}{'< 2':>9}")
+        print(f"{'goals':<22}{'':>12}{'':>9}{'≤ 1.05':>7}{'':>11}{'≤ 1.05':>7}{'':>9}{'< 2':>9}")
 
 
 if __name__ == "__main__":

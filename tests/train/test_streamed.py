@@ -11,13 +11,15 @@ import numpy as np
 import pytest
 import torch
 
+from tests.baselines.toy import Toy
 from tests.data.test_transitions import each
 from tests.train.conftest import World
-from wt.config import Method
+from wt.config import Mean, Method
 from wt.data.stored import Stored, Streams
 from wt.data.transitions import Shard, ensure
 from wt.nets.world_model import WorldModel
-from wt.train.batches import DomainData, StepBatches, framed
+from wt.train import fit as training
+from wt.train.batches import DomainData, Drawn, StepBatches, framed
 from wt.train.fit import fit_world_model
 from wt.train.mean_field import fit_normalizers
 from wt.train.streamed import DRAWS, Streamed
@@ -193,3 +195,27 @@ def test_one_domain_may_stream_alone(
 ) -> None:
     seen = curve(world, paper, on_disk._replace(sim=None), tmp_path)
     assert sorted(seen) == list(range(5, 45, 5))
+
+
+def test_where_s_answers_once_more_r_is_not_streamed(
+    world: World,
+    paper: Method,
+    on_disk: Streams,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[Streams] = []
+
+    def asking(*given: object) -> tuple[Drawn, Drawn]:
+        asked.extend(x for x in given if isinstance(x, Streams))
+        raise ConnectionError("asked")
+
+    monkeypatch.setattr(training, "drawn", asking)
+    mean = Mean(kind="average", simulator="encoded", width=8, depth=1, steps=5, batch=16)
+    for method in (paper, replace(paper, mean=mean)):
+        with pytest.raises(ConnectionError, match="asked"):
+            fit_world_model(
+                world.spec, method, world.sim, world.real, world.selection, 0,
+                tmp_path / method.mean.simulator, simulator=Toy(0.0), streams=on_disk,
+            )  # fmt: skip
+    assert asked == [on_disk, on_disk._replace(real=None)]
