@@ -100,8 +100,8 @@ def test_what_memory_is_not_to_hold_is_streamed_and_what_selects_is_not(
         assert stored is not None
         streamed = np.concatenate([stored.read(k).o for k in range(len(stored.groups))])
         assert (len(sample), len(held), len(streamed)) == (400, 150, 1350)
-        apart = {row.tobytes() for row in streamed}.isdisjoint(row.tobytes() for row in held.o)
-        assert apart
+        closed = {row.tobytes() for row in held.o}
+        assert closed.isdisjoint(row.tobytes() for row in [*streamed, *sample.o])
     whole = sealed(place, tmp_path).split
     np.testing.assert_array_equal(held.o, whole.selection.predicted.real.o)
     with pytest.raises(LookedError):

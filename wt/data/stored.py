@@ -17,6 +17,14 @@ from wt.data.transitions import groups_of, join, read
 from wt.errors import DataError
 from wt.types import Pairs, Transitions, TransitionSpec
 
+MOST = 10_000
+"""Transitions of either domain that are held out at most: more would score no better."""
+
+
+def held_out(transitions: int, share: float) -> int:
+    """Number of transitions that are not trained on, at most, of so many and such a share."""
+    return min(MOST, max(1, int(share * transitions)))
+
 
 class RowGroup(NamedTuple):
     """A row group of a shard.

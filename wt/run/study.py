@@ -137,11 +137,11 @@ class Study:
         self, data: Transitions, stored: Stored | None
     ) -> tuple[Transitions, Transitions, Stored | None]:
         """What is trained on, what is not, and what is streamed of the former."""
-        settings = self.config.data
+        share = self.config.data.held_out
         if stored is None:
-            return *hold_out(data, settings.held_out), None
-        stored, held = hold_out_stored(stored, settings.held_out)
-        return stored.sample(settings.in_memory), held, stored
+            return *hold_out(data, share), None
+        stored, held = hold_out_stored(stored, share)
+        return data, held, stored  # a sample has nothing of it
 
     @property
     def config_hash(self) -> str:

@@ -34,14 +34,12 @@ from jaxtyping import Float, Float32
 from torch import Tensor
 
 from wt.config import ModelSelection
-from wt.data.stored import Stored
+from wt.data.stored import Stored, held_out
 from wt.data.transitions import content_hash, digest
 from wt.types import Pairs, Transitions
 
 ROWS = 2000
 """Transitions of either domain whose distributions are compared; the time grows with the square."""
-MOST = 10_000
-"""Transitions of either domain that are held out at most: more would score no better."""
 RIDGE = 1e-3
 """Of the regression on (o, a), in units of the variance of each of their channels."""
 CONSTANT = 1e-6
@@ -164,19 +162,15 @@ def hold_out(data: Transitions, share: float) -> tuple[Transitions, Transitions]
         data: ordered by episode and step.
         share: of them to hold out, at most; where episodes are long, a part of the last one.
     """
-    return _without_last(data, _held_out(len(data), share))
+    return _without_last(data, held_out(len(data), share))
 
 
 def hold_out_stored(data: Stored, share: float) -> tuple[Stored, Transitions]:
     """:func:`hold_out` of transitions that stay on disk, but for those that are held out."""
-    count = _held_out(len(data), share)
+    count = held_out(len(data), share)
     # one more: whether an episode begins at the first is seen by the transition before
     _, held = _without_last(data.last(count + 1), count)
     return data.without_last(len(held)), held
-
-
-def _held_out(transitions: int, share: float) -> int:
-    return min(MOST, max(1, int(share * transitions)))
 
 
 def _without_last(data: Transitions, count: int) -> tuple[Transitions, Transitions]:

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from wt.config import DataConfig
-from wt.data.stored import Stored, Streams, transitions
+from wt.data.stored import Stored, Streams, held_out, transitions
 from wt.data.transitions import digest, ensure, obtain, plan
 from wt.errors import DataError
 from wt.types import Pairs, Recording, Transitions
@@ -25,8 +25,8 @@ class Collected:
     """Everything that is collected for a task.
 
     Attributes:
-        sim: unpaired transitions of S, for training; a sample where there are more than memory is
-            to hold.
+        sim: unpaired transitions of S, for training; where there are more than memory is to hold, a
+            sample of those that are not held out.
         real: unpaired transitions of R, likewise.
         validation: pairs to select models by; None where they are selected without.
         test: pairs that are evaluated once, at the end.
@@ -83,7 +83,9 @@ def collect(
         folders[what] = home = ensure(*where)
         stored = Stored.of([home / shard.file for shard in shards], world.spec)
         if what in ("sim", "real") and len(stored) > settings.in_memory:
-            streamed[what], collections[what] = stored, stored.sample(settings.in_memory)
+            # of what may be held out the sample has nothing, so that it can be trained on
+            trained = stored.without_last(held_out(len(stored), settings.held_out))
+            streamed[what], collections[what] = stored, trained.sample(settings.in_memory)
         else:
             collections[what] = obtain(*where)
     return Collected(
