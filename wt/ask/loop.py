@@ -214,7 +214,7 @@ def _round(scene: Scene, outcome: Outcome, run: int, wish: Wish) -> Round:
         precise = "" if wish.precision is None else ", and all is as precise as asked"
         return Round(claimed, (), None, f"no other name fits{precise}")
     if run >= wish.most:
-        return Round(claimed, rivals, None, f"{run} experiments were run")
+        return Round(claimed, rivals, None, "as many experiments were run as were asked for")
     design = _designer(scene, outcome, left, wish.whole_range).design(
         wish.seconds, wish.seed + run, blunt
     )
