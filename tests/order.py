@@ -23,6 +23,7 @@ LONG = (
     "tests/prove/test_bench.py",
     "tests/test_docs.py",
     "tests/train/test_fit.py",
+    "tests/train/test_streamed.py",
     "tests/diagnose/observed/test_forces.py",
     "tests/prove/test_replay.py",
     "tests/locomotion/test_train.py",

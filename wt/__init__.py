@@ -5,6 +5,7 @@ Map of the package (each concept has one home):
 =====================  =====================================================================
 ``wt.types``           the frozen nouns that travel between stages: Recording, Transitions, Pairs
 ``wt.errors``          one class per mistake a user can make; each says what to do next
+``wt.cluster``         a Ray cluster, for replays and for collection
 ``wt.config``          what ``conf/*.yaml`` may say; ``wt.schema`` reads and checks it
 ``wt.worlds``          one file a task: robot model, two domains, hidden variable, policy
 ``wt.locomotion``      training of the policies that legged robots walk with

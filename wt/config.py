@@ -57,6 +57,9 @@ Precision = Literal["32-true", "bf16-mixed"]
 Strategy = Literal["auto", "ddp"]
 """How several devices train one model: replicas that average their gradients, either way."""
 
+Jobs = Literal["here", "ray"]
+"""Where shards of collections are made; see ``wt.worlds.spread``."""
+
 Alignment = Literal["state", "stance", "action"]
 """The way in which a simulator follows the translation; see ``wt.evaluate.alignment``.
 
@@ -77,6 +80,14 @@ class DataConfig:
     seed: int = 0
     real_transitions: int | None = None  # of R, where it has fewer
     held_out: float = 0.1
+    in_memory: int = 500_000
+
+
+@dataclass
+class CollectConfig:
+    """Where transitions are collected (``collect:``)."""
+
+    jobs: Jobs = "here"
 
 
 @dataclass
@@ -220,6 +231,7 @@ class FitConfig:
     model_selection: ModelSelection = "unpaired"
     world: dict[str, Any] = omegaconf.MISSING
     data: DataConfig = field(default_factory=DataConfig)
+    collect: CollectConfig = field(default_factory=CollectConfig)
     paper: Method = field(default_factory=Method)
     plus: Method = field(default_factory=Method)
     baselines: Baselines = field(default_factory=Baselines)
@@ -262,7 +274,7 @@ _ABOVE_ZERO = {
     "transitions", "real_transitions", "held_out", "validation_pairs", "test_pairs", "steps",
     "batch", "validate_every", "log_every", "learning_rate", "gan_learning_rate", "width", "depth",
     "latent", "translator_width", "translator_depth", "members", "mode_width", "blind_temperature",
-    "segment", "memory", "devices", "nodes", "recordings", "holdout", "rollouts",
+    "segment", "memory", "in_memory", "devices", "nodes", "recordings", "holdout", "rollouts",
 }  # fmt: skip
 """Numbers of any section that zero makes meaningless; no other may be negative either."""
 

@@ -78,6 +78,7 @@ def fit(config: FitConfig, folder: Path, listener: Listener) -> tuple[Published,
     with tracked(config, folder) as current, machine(current):
         current.tags(_tags(config))
         study = Study.open(config, folder, _Logged(listener, current))
+        _announce_streams(study, listener)
         current.inputs(_datasets(study))
         methods = [OURS, PAPERS_OWN, *reversed(config.baselines.names)]
         jobs = [Job(seed, method) for seed in config.seeds for method in methods]
@@ -111,6 +112,18 @@ def _tags(config: FitConfig) -> dict[str, str]:
     return {"task": config.task, "paper.row": row or "none", "mlflow.note.content": note}
 
 
+def _announce_streams(study: Study, listener: Listener) -> None:
+    """Say what is more than memory is to hold, and what is done about it."""
+    streams = study.data.streams
+    for domain, stored in (("S", streams.sim), ("R", streams.real)):
+        if stored is not None:
+            listener.warn(
+                f"{len(stored)} transitions of {domain} are more than data.in_memory "
+                f"{streams.in_memory}: Algorithm 1 streams them, and normalisers, mean field and "
+                f"baselines are fitted to {streams.in_memory} at most, evenly spread over them"
+            )
+
+
 def _datasets(study: Study) -> list[Dataset]:
     """The collections, as MLflow lists them."""
     collected, task = study.data, study.config.task
@@ -121,7 +134,7 @@ def _datasets(study: Study) -> list[Dataset]:
             use,
             content_hash(getattr(collected, what)),
             collected.folders[what],
-            len(getattr(collected, what)),
+            len(collected.whole(what)),
         )
         for what, use in uses.items()
         if what in collected.folders

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from wt.data import transitions as disk
-from wt.data.transitions import Shard, content_hash, digest, obtain, plan
+from wt.data.transitions import Make, Shard, content_hash, digest, obtain, plan
 from wt.errors import DataError
 from wt.types import Channel, Pairs, Transitions, TransitionSpec
 
@@ -62,13 +62,18 @@ class Counting:
         return toy(shard)
 
 
+def each(make: Callable[[Shard], Transitions | Pairs]) -> Make:
+    """Makes one shard after the other."""
+    return lambda shards: ((shard, make(shard)) for shard in shards)
+
+
 def get(
     folder: Path,
     make: Callable[[Shard], Transitions | Pairs] = toy,
     identity: dict[str, Any] = IDENTITY,
     spec: TransitionSpec = SPEC,
 ) -> Transitions | Pairs:
-    return obtain(folder, identity, spec, SHARDS, make)
+    return obtain(folder, identity, spec, SHARDS, each(make))
 
 
 def parts(folder: Path) -> list[Path]:

@@ -18,6 +18,7 @@ from wt.run import publish
 from wt.run.folder import tracked
 from wt.run.jobs import Job, train
 from wt.run.study import WEIGHTS, Study
+from wt.train.selection import Unpaired
 from wt.types import Pairs
 
 
@@ -80,6 +81,33 @@ def test_pairs_select_where_they_are_asked_for(place: Place, tmp_path: Path) -> 
     words = ("model_selection=pairs", f"data.dir={tmp_path / 'data'}", "data.transitions=500")
     study = sealed(place, tmp_path, *words)
     assert study.data.validation is not None
-    sim, real, selection = study.split
+    sim, real, selection, streams = study.split
     assert (len(sim), len(real), selection.name) == (500, 500, "pairs")
+    assert streams.sim is streams.real is None
     assert selection.translated is study.data.validation
+
+
+def test_what_memory_is_not_to_hold_is_streamed_and_what_selects_is_not(
+    place: Place, finished: Path, tmp_path: Path
+) -> None:
+    study = sealed(place, tmp_path, "data.in_memory=600")  # of 1500, in shards of 400
+    sim, real, selection, streams = study.split
+    assert isinstance(selection, Unpaired)
+    for sample, held, stored in (
+        (sim, selection.sim, streams.sim),
+        (real, selection.real, streams.real),
+    ):
+        assert stored is not None
+        streamed = np.concatenate([stored.read(k).o for k in range(len(stored.groups))])
+        assert (len(sample), len(held), len(streamed)) == (400, 150, 1350)
+        apart = {row.tobytes() for row in streamed}.isdisjoint(row.tobytes() for row in held.o)
+        assert apart
+    whole = sealed(place, tmp_path).split
+    np.testing.assert_array_equal(held.o, whole.selection.predicted.real.o)
+    with pytest.raises(LookedError):
+        train(study, Job(0, OURS))
+    ours, theirs = (
+        torch.load(home / "work" / "seed0" / OURS / WEIGHTS, weights_only=True)
+        for home in (tmp_path, finished)
+    )
+    assert any(not torch.equal(ours[name], theirs[name]) for name in theirs)

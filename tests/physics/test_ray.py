@@ -33,8 +33,9 @@ from pathlib import Path
 import numpy as np
 from tests.physics.arm import commands, scene
 from tests.physics.test_spread import hypotheses, on_the_arm, same
+from wt import cluster
 from wt.errors import UserError
-from wt.physics import cluster
+from wt.physics.cluster import Cluster
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer, Replays
 from wt.physics.runner import chosen
@@ -46,7 +47,7 @@ replayer = on_the_arm(folder)
 whole = replayer.run(hypotheses())
 cluster._connect("local")
 with over("ray"):
-    assert isinstance(chosen(), cluster.Cluster)
+    assert isinstance(chosen(), Cluster)
     assert same(replayer.run(hypotheses()), whole)
     one = replayer.run(hypotheses()[5:6])
     assert same(one, Replays(whole.q[5:6], whole.v[5:6]))
@@ -55,9 +56,10 @@ import ray
 assert ray.is_initialized()  # what was there before stays
 """
 _RAISES = """
-versions = cluster._versions()
+import wt.physics.cluster as replays
+versions = cluster.versions()
+replays.versions = lambda: {**versions, "mujoco": "1.50"}
 with over("ray"):
-    cluster._versions = lambda: {**versions, "mujoco": "1.50"}
     try:
         on_the_arm(folder).run([()])
     except UserError as error:

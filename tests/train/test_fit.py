@@ -139,6 +139,15 @@ def test_everything_worth_watching_arrives(world: World, plus: Method, folder: P
         assert values["gradient/vae"] > 0 and 0 <= values["gan/accuracy"] <= 1
 
 
+def test_metrics_arrive_once(world: World, paper: Method, folder: Path) -> None:
+    arrived: list[tuple[int, str]] = []
+    fit_world_model(
+        world.spec, paper, world.sim, world.real, world.selection, 0, folder,
+        sink=lambda values, step: arrived.extend((step, name) for name in values),
+    )  # fmt: skip
+    assert len(arrived) == len(set(arrived)) > 8 * 19
+
+
 def test_the_checkpoint_with_the_lowest_validation_error_is_chosen(
     world: World, paper: Method, folder: Path
 ) -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,9 +10,12 @@ from scipy.spatial.distance import cdist
 from scipy.stats import energy_distance as of_scipy
 
 from tests.baselines.toy import REAL, SIM, Toy
+from tests.data.test_transitions import each
+from wt.data.stored import Stored
+from wt.data.transitions import Shard, ensure
 from wt.train import selection
-from wt.train.selection import Paired, Unpaired, energy_distance, hold_out
-from wt.types import Transitions
+from wt.train.selection import Paired, Unpaired, energy_distance, hold_out, hold_out_stored
+from wt.types import Channel, Transitions, TransitionSpec
 
 
 def normal(seed: int, rows: int, channels: int) -> torch.Tensor:
@@ -129,6 +133,25 @@ def test_of_one_long_episode_its_end_is_held_out() -> None:
     data = replace(transitions(1.0, 0, 1000), episode=np.zeros(1000, int), step=np.arange(1000))
     kept, held = hold_out(data, 0.1)
     assert (len(kept), len(held)) == (900, 100)
+
+
+@pytest.mark.parametrize(("rows", "share"), [(1000, 0.12), (1000, 0.02), (980, 0.3), (1000, 0.1)])
+def test_on_disk_the_same_is_held_out(rows: int, share: float, tmp_path: Path) -> None:
+    data = transitions(1.0, 0, rows)
+    channels = (Channel("qpos/j", "rad"),)
+    spec = TransitionSpec("toy", 50.0, ("j",), channels, 1, channels, channels)
+    shards = [Shard(f"part-{k:03d}.parquet", k, 200) for k in range(5)]
+
+    def part(shard: Shard) -> Transitions:
+        return data.select(np.arange(shard.seed * 200, min(rows, shard.seed * 200 + 200)))
+
+    home = ensure(tmp_path, {"what": "sim"}, spec, shards, each(part))
+    stored = Stored.of([home / shard.file for shard in shards], spec)
+    kept, held = hold_out(data, share)
+    streamed, held_on_disk = hold_out_stored(stored, share)
+    np.testing.assert_array_equal(held_on_disk.o, held.o)
+    parts = [streamed.read(k).o for k in range(len(streamed.groups))]
+    np.testing.assert_array_equal(np.concatenate(parts), kept.o)
 
 
 def test_other_data_have_another_hash() -> None:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from wt.config import DataConfig, load
+from wt.data.stored import Streams
 from wt.errors import DataError
 from wt.types import Pairs, Transitions
 from wt.worlds import r5
@@ -61,6 +62,17 @@ def test_r_may_have_fewer_than_s(world: World, collected: Collected, folder: Pat
     few = collect(world, replace(settings(folder), real_transitions=120))
     assert len(few.real) == 120
     np.testing.assert_array_equal(few.sim.o, collected.sim.o)
+
+
+def test_of_more_than_memory_is_to_hold_a_sample_is_read(
+    world: World, collected: Collected, folder: Path
+) -> None:
+    large = collect(world, replace(settings(folder), in_memory=150, real_transitions=120))
+    assert large.streams.real is None and large.whole("real") is large.real
+    assert large.streams.sim is not None and large.whole("sim") is large.streams.sim
+    assert large.streams.in_memory == 150 and len(large.streams.sim) == 220
+    np.testing.assert_array_equal(large.sim.o, collected.sim.o[:100])  # of 100, 100 and 20
+    assert collected.streams == Streams(None, None, 500_000)
 
 
 def test_no_collection_repeats_another(collected: Collected) -> None:

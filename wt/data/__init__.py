@@ -5,6 +5,7 @@
 ``importers``    foreign formats, one file each
 ``guess``        a map of a source that nobody has described
 ``transitions``  collections in shards, reused and resumed
+``stored``       those that stay on disk, read a row group at a time
 ``history``      the steps before a transition, by index
 ``normalize``    normalisation that lives inside a model
 """

@@ -11,7 +11,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,13 @@ from wt.types import Channel, Pairs, Transitions, TransitionSpec
 
 FORMAT = 1
 MANIFEST = "manifest.json"
+
+Made = tuple["Shard", Transitions | Pairs]
+"""A shard and its content."""
+Make = Callable[[Sequence["Shard"]], Iterable[Made]]
+"""Makes the shards that it is given, in any order."""
+ROW_GROUP = 32_768
+"""Most transitions that are read at once of a collection that memory does not hold."""
 
 
 @dataclass(frozen=True)
@@ -64,16 +72,9 @@ def obtain(
     identity: dict[str, Any],
     spec: TransitionSpec,
     shards: Sequence[Shard],
-    make: Callable[[Shard], Transitions | Pairs],
+    make: Make,
 ) -> Transitions | Pairs:
-    """Read a collection, first making whatever shards are missing.
-
-    Args:
-        folder: parent folder; the collection gets its own folder below, named by its hash.
-        identity: plain content that decides what is collected; its hash decides about reuse.
-        spec: layout of the transitions.
-        shards: as from :func:`plan`.
-        make: collects one shard.
+    """Read a collection, first making whatever shards are missing; arguments as of :func:`ensure`.
 
     Returns:
         All shards joined, in order; episodes are numbered on.
@@ -81,24 +82,46 @@ def obtain(
     Raises:
         DataError: a shard is truncated or of another layout.
     """
+    home = ensure(folder, identity, spec, shards, make)
+    return join([read(home / shard.file, spec) for shard in shards])
+
+
+def ensure(
+    folder: Path,
+    identity: dict[str, Any],
+    spec: TransitionSpec,
+    shards: Sequence[Shard],
+    make: Make,
+) -> Path:
+    """Make whatever shards of a collection are missing, and read none.
+
+    Args:
+        folder: parent folder; the collection gets its own folder below, named by its hash.
+        identity: plain content that decides what is collected; its hash decides about reuse.
+        spec: layout of the transitions.
+        shards: as from :func:`plan`.
+        make: collects those that are missing; each is written when it comes.
+
+    Returns:
+        The collection's own folder.
+    """
     home = home_of(folder, identity, spec, shards)
     identity = _in_full(identity, shards)
     home.mkdir(parents=True, exist_ok=True)
-    for shard in shards:
-        if not (home / shard.file).exists():
-            _write(home / shard.file, make(shard), spec)
+    for shard, content in make([s for s in shards if not (home / s.file).exists()]):
+        _write(home / shard.file, content, spec)
     manifest = json.dumps(_manifest(identity, spec), indent=1).encode()
     kept = home / MANIFEST
     # the workers of a run all read the collection at once: one that is whole is only read
     if not kept.exists() or kept.read_bytes() != manifest:
         _write_whole(kept, manifest)
-    return _join([_read(home / shard.file, spec) for shard in shards])
+    return home
 
 
 def home_of(
     folder: Path, identity: dict[str, Any], spec: TransitionSpec, shards: Sequence[Shard]
 ) -> Path:
-    """Folder of a collection; arguments as of :func:`obtain`."""
+    """Folder of a collection; arguments as of :func:`ensure`."""
     name = f"{spec.task}-{identity['what']}-{digest(_in_full(identity, shards))}"
     return folder / name
 
@@ -150,20 +173,43 @@ def _write(path: Path, data: Transitions | Pairs, spec: TransitionSpec) -> None:
     table |= {"episode": real.episode, "step": real.step}
     temporary = _temporary(path)
     try:
-        pq.write_table(pa.table(table), temporary, compression="zstd", write_page_checksum=True)
+        pq.write_table(
+            pa.table(table),
+            temporary,
+            row_group_size=ROW_GROUP,
+            use_dictionary=False,  # measured numbers hardly repeat
+            compression="zstd",
+            write_page_checksum=True,
+        )
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
 
 
-def _read(path: Path, spec: TransitionSpec) -> Transitions | Pairs:
-    try:
-        table = pq.read_table(path, page_checksum_verification=True)
-    except (pa.ArrowInvalid, OSError) as error:
-        raise DataError(
-            f"{path} cannot be read ({str(error).splitlines()[0]}); delete it and run again, "
-            "only this part is collected anew"
-        ) from error
+def groups_of(path: Path) -> list[int]:
+    """Transitions in each row group of a shard, from its footer.
+
+    Raises:
+        DataError: it is truncated.
+    """
+    with _readable(path):
+        footer = pq.read_metadata(path)
+    return [footer.row_group(i).num_rows for i in range(footer.num_row_groups)]
+
+
+def read(path: Path, spec: TransitionSpec, group: int | None = None) -> Transitions | Pairs:
+    """A shard, or one of its row groups.
+
+    Raises:
+        DataError: it is damaged, or of another layout.
+    """
+    with _readable(path):
+        if group is None:
+            table = pq.read_table(path, page_checksum_verification=True)
+        else:
+            with pq.ParquetFile(path, page_checksum_verification=True) as file:
+                # the cores are for other workers
+                table = file.read_row_group(group, use_threads=False)
 
     def column(name: str) -> Shaped[np.ndarray, " row"]:
         if name not in table.column_names:
@@ -184,7 +230,19 @@ def _read(path: Path, spec: TransitionSpec) -> Transitions | Pairs:
         raise DataError(f"{path} is not a part of this collection: {error}; delete it") from error
 
 
-def _join(parts: list[Transitions | Pairs]) -> Transitions | Pairs:
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except (pa.ArrowInvalid, OSError) as error:
+        raise DataError(
+            f"{path} cannot be read ({str(error).splitlines()[0]}); delete it and run again, "
+            "only this part is collected anew"
+        ) from error
+
+
+def join(parts: Sequence[Transitions | Pairs]) -> Transitions | Pairs:
+    """Parts as one, in order; episodes are numbered on."""
     reals = [p.real if isinstance(p, Pairs) else p for p in parts]
     firsts = np.cumsum([0] + [int(r.episode.max()) + 1 for r in reals[:-1]])
     joined = Transitions(

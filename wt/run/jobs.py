@@ -117,7 +117,7 @@ def _submit(pool: ProcessPoolExecutor, job: Job) -> Future[None]:
 def train(study: Study, job: Job, index: int = 0) -> None:
     """Train one method and keep its prediction, in the process of an index among its like."""
     seed, method, _ = job
-    (sim, real, selection), config = study.split, study.config
+    (sim, real, selection, streams), config = study.split, study.config
     listener = study.listener
     if method not in (OURS, PAPERS_OWN):
         with on(config.device, index):
@@ -137,6 +137,7 @@ def train(study: Study, job: Job, index: int = 0) -> None:
             seed,
             study.home(seed, job.key),
             simulator=study.world,
+            streams=streams,
             sink=lambda values, step: listener.metrics(str(job), values, step),
             warn=lambda line: listener.warn(f"{job}: {line}"),
             progress=lambda k, n: listener.progress(str(job), k, n),

@@ -14,20 +14,23 @@ import torch
 from jaxtyping import Float
 from torch import nn
 
+from wt import cluster
 from wt.baselines.base import Baseline, find
 from wt.config import FitConfig, Method, to_yaml
+from wt.data.stored import Stored, Streams
 from wt.data.transitions import digest
 from wt.errors import ConfigError
 from wt.evaluate.single_step import ErrorScales
 from wt.nets.world_model import WorldModel
 from wt.show.files import write_whole
 from wt.train import device
-from wt.train.selection import Paired, Selection, Unpaired, hold_out
+from wt.train.selection import Paired, Selection, Unpaired, hold_out, hold_out_stored
 from wt.types import Transitions
 from wt.worlds.base import World, make
 from wt.worlds.closed_loop import ClosedLoop
 from wt.worlds.collect import Collected, collect
 from wt.worlds.recorded import Recorded
+from wt.worlds.spread import ASKED_BY, spread
 
 WEIGHTS = "model.pt"
 
@@ -38,8 +41,11 @@ def check(config: FitConfig) -> None:
     Raises:
         ConfigError: a world, one of its options, or a baseline is not known; a world is to be
             diagnosed that cannot be recorded; this machine has no such device.
+        UserError: Ray is asked for and not installed.
     """
     device.check(config.device)
+    if config.collect.jobs == "ray":
+        cluster.check(ASKED_BY)
     world = make(config.world)
     if config.diagnose and not (isinstance(world, Recorded) and isinstance(world, ClosedLoop)):
         raise ConfigError(
@@ -68,14 +74,16 @@ class Split(NamedTuple):
     """The unpaired transitions of a study that are trained on, and what selects models.
 
     Attributes:
-        sim: transitions of S.
-        real: transitions of R.
+        sim: transitions of S; a sample where they are streamed.
+        real: transitions of R, likewise.
         selection: held-out data.
+        streams: those that are streamed.
     """
 
     sim: Transitions
     real: Transitions
     selection: Selection
+    streams: Streams
 
 
 @dataclass(frozen=True)
@@ -109,17 +117,31 @@ class Study:
         """
         world = make(config.world)
         pairs = config.model_selection == "pairs"
-        data = collect(world, config.data, listener.progress, validation=pairs)
+        with spread(config.collect.jobs, config.world, world) as maker:
+            data = collect(world, config.data, listener.progress, validation=pairs, maker=maker)
         return cls(config, world, data, ErrorScales.of(data.real, world.spec), folder, listener)
 
     @cached_property
     def split(self) -> Split:
         """What is trained on, and what selects; the test pairs are neither."""
-        data, share = self.data, self.config.data.held_out
+        data, streams = self.data, self.data.streams
         if data.validation is not None:
-            return Split(data.sim, data.real, Paired(data.validation, self.scales.state))
-        (sim, held_sim), (real, held_real) = (hold_out(d, share) for d in (data.sim, data.real))
-        return Split(sim, real, Unpaired(held_sim, held_real))
+            selection = Paired(data.validation, self.scales.state)
+            return Split(data.sim, data.real, selection, streams)
+        sim, held_sim, of_sim = self._held_out(data.sim, streams.sim)
+        real, held_real, of_real = self._held_out(data.real, streams.real)
+        streams = Streams(of_sim, of_real, streams.in_memory)
+        return Split(sim, real, Unpaired(held_sim, held_real), streams)
+
+    def _held_out(
+        self, data: Transitions, stored: Stored | None
+    ) -> tuple[Transitions, Transitions, Stored | None]:
+        """What is trained on, what is not, and what is streamed of the former."""
+        settings = self.config.data
+        if stored is None:
+            return *hold_out(data, settings.held_out), None
+        stored, held = hold_out_stored(stored, settings.held_out)
+        return stored.sample(settings.in_memory), held, stored
 
     @property
     def config_hash(self) -> str:

@@ -8,7 +8,7 @@ save.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -17,7 +17,7 @@ from torch import Tensor
 from wt.nets.frame import Frame
 from wt.train.device import seeded
 from wt.train.segments import Segments, TrajectorySegment
-from wt.types import Transitions
+from wt.types import Domain, Transitions
 
 CHUNK = 16384
 
@@ -39,32 +39,62 @@ class DomainData(NamedTuple):
         """The transitions at ``index``."""
         return DomainData(self.x[index], self.y[index], self.s_next[index])
 
+    def at(self, step: int) -> DomainData:
+        """All of them, whatever the step."""
+        return self
+
+    def to(self, device: torch.device) -> DomainData:
+        """The same on another device."""
+        return DomainData(*(tensor.to(device) for tensor in self))
+
+
+@runtime_checkable
+class Drawn(Protocol):
+    """One domain's transitions, of which each step draws some: in memory, or streamed."""
+
+    def at(self, step: int) -> DomainData:
+        """Those that a step draws from, a pure function of the step."""
+        ...
+
+    def to(self, device: torch.device) -> Drawn:
+        """The same on another device."""
+        ...
+
+
+def in_frame(frame: Frame, sim: Transitions, real: Transitions) -> tuple[DomainData, DomainData]:
+    """Both domains' transitions as the networks see them."""
+    return framed(frame, sim, "sim"), framed(frame, real, "real")
+
 
 @torch.no_grad()
-def in_frame(frame: Frame, sim: Transitions, real: Transitions) -> tuple[DomainData, DomainData]:
-    """Both domains' transitions as the networks see them.
+def framed(frame: Frame, data: Transitions, domain: Domain) -> DomainData:
+    """One domain's transitions as the networks see them.
 
     With a mean field, S's outcome is what it does beyond n, and R's what it does beyond n and the
     shift. Where n imitates the answer with nothing hidden, that is known exactly here.
     """
+    o, a = torch.tensor(data.o), torch.tensor(data.a)
+    s_next = torch.tensor(data.s_next)
+    x, y = frame.conditions(o, a), frame.changes(o, s_next)
+    nominal = frame.changes(o, torch.tensor(data.nominal))
+    if frame.nominal is not None:
+        if not frame.imitates_nominal:
+            nominal = torch.cat([frame.nominal_change(xs) for xs in x.split(CHUNK)])
+        y = y - nominal
+    if domain == "real":
+        parts = zip(x.split(CHUNK), nominal.split(CHUNK), strict=True)
+        y = y - torch.cat([frame.shift_change(xs, ns) for xs, ns in parts])
+    else:
+        y = y @ frame.transport.T
+    return DomainData(x, y, frame.state(s_next))
 
-    def one(data: Transitions, is_real: bool) -> DomainData:
-        o, a = torch.tensor(data.o), torch.tensor(data.a)
-        s_next = torch.tensor(data.s_next)
-        x, y = frame.conditions(o, a), frame.changes(o, s_next)
-        nominal = frame.changes(o, torch.tensor(data.nominal))
-        if frame.nominal is not None:
-            if not frame.imitates_nominal:
-                nominal = torch.cat([frame.nominal_change(xs) for xs in x.split(CHUNK)])
-            y = y - nominal
-        if is_real:
-            parts = zip(x.split(CHUNK), nominal.split(CHUNK), strict=True)
-            y = y - torch.cat([frame.shift_change(xs, ns) for xs, ns in parts])
-        else:
-            y = y @ frame.transport.T
-        return DomainData(x, y, frame.state(s_next))
 
-    return one(sim, False), one(real, True)
+def within(frame: Frame, data: Transitions, reach: float) -> Transitions:
+    """The transitions that are translated: of the others a few would outweigh many."""
+    if not reach:
+        return data
+    x = frame.conditions(torch.tensor(data.o), torch.tensor(data.a))
+    return data.select(frame.within(x, reach).cpu().numpy())
 
 
 class StepBatch(NamedTuple):
@@ -90,8 +120,8 @@ class StepBatches:
 
     def __init__(
         self,
-        sim: DomainData,
-        real: DomainData,
+        sim: Drawn,
+        real: Drawn,
         batch: int,
         latent: int,
         seed: int,
@@ -123,7 +153,8 @@ class StepBatches:
         generator = seeded(hashed)
         rank, size = self._part
 
-        def draw(data: DomainData) -> DomainData:
+        def draw(domain: Drawn) -> DomainData:
+            data = domain.at(step)
             index = torch.randint(len(data.x), (self._batch,), generator=generator)
             return data.rows(index[rank::size])
 

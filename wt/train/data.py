@@ -8,7 +8,7 @@ import lightning
 import torch
 from torch.utils.data import DataLoader, IterableDataset
 
-from wt.train.batches import DomainData, StepBatch, StepBatches
+from wt.train.batches import Drawn, StepBatch, StepBatches
 from wt.train.module import WorldTranslation
 from wt.train.segments import Segments
 from wt.train.selection import Selection
@@ -26,8 +26,8 @@ class TranslationData(lightning.LightningDataModule):
 
     def __init__(
         self,
-        sim: DomainData,
-        real: DomainData,
+        sim: Drawn,
+        real: Drawn,
         validation: Selection,
         *,
         batch: int,
@@ -66,8 +66,8 @@ class TranslationData(lightning.LightningDataModule):
         """The same data on another device."""
         sim, real, batch, latent, seed, segments = self._train
         return TranslationData(
-            DomainData(*(x.to(device) for x in sim)),
-            DomainData(*(x.to(device) for x in real)),
+            sim.to(device),
+            real.to(device),
             self.validation,
             batch=batch,
             latent=latent,

@@ -18,10 +18,11 @@ from lightning.pytorch.callbacks import ModelCheckpoint
 from torch import Tensor
 
 from wt.config import Method, Train
+from wt.data.stored import Streams
 from wt.nets.mlp import Ensemble
 from wt.nets.simulator_use import UNTRIED, use_of
 from wt.nets.world_model import WorldModel
-from wt.train.batches import in_frame
+from wt.train.batches import in_frame, within
 from wt.train.callbacks import CollapseWatch, ShowProgress
 from wt.train.checkpoints import WholeCheckpoints
 from wt.train.data import TranslationData
@@ -42,10 +43,13 @@ from wt.train.replicas import OneMachine, Place, Unwrapped, end_with_parent, fol
 from wt.train.score import PairTensors, predictions, score
 from wt.train.segments import Segments
 from wt.train.selection import Selection, Unpaired
+from wt.train.streamed import drawn
 from wt.types import Transitions, TransitionSpec
 
 STRENGTHS = tuple(k / 10 for k in range(11))
 """Shares of an anchored translation that are tried on what is held out."""
+IN_MEMORY = Streams()
+"""Nothing is streamed."""
 
 
 def _ignore(metrics: Mapping[str, float], step: int) -> None:
@@ -62,6 +66,7 @@ def fit_world_model(
     folder: Path,
     *,
     simulator: Simulator | None = None,
+    streams: Streams = IN_MEMORY,
     sink: MetricSink = _ignore,
     warn: Callable[[str], None] = warnings.warn,
     progress: Progress | None = None,
@@ -77,6 +82,7 @@ def fit_world_model(
         seed: same seed, same model on the same machine.
         folder: checkpoints are kept here and continued from.
         simulator: S, which ``mean.simulator: encoded`` steps again.
+        streams: whole collections of which ``sim`` or ``real`` is a sample, for Algorithm 1.
         sink: where metrics go.
         warn: called with one line when training collapses.
         progress: called with (done, total) steps of mean field and loop together.
@@ -93,19 +99,19 @@ def fit_world_model(
     fit_normalizers(model.frame, sim, real)
     estimator, steps = estimator_of(model.frame, method.mean, seed), method.mean.steps
     first = estimator.regressions * steps if estimator else 0
-    extra = first + regressions(method.mean) * steps
-    total = extra + method.train.steps
+    train, extra = method.train, first + regressions(method.mean) * steps
+    total = extra + train.steps
     before, in_front = part_of(progress, 0, total), part_of(progress, first, total)
     if estimator:
         real, selection = encoded(estimator, simulator, (sim, real), selection, before)
-    sim, real = (_within(model, data) for data in (sim, real))
+        streams = streams._replace(real=None)  # S has answered the sample alone
+    sim, real = (within(model.frame, x, method.translation.reach) for x in (sim, real))
     _mean_field(model, sim, real, selection, seed, folder, in_front)
     _choose_transport(model, sim, real, selection)
-    data, module = in_frame(model.frame, sim, real), WorldTranslation(spec, method, model)
-    train, latent = method.train, method.nets.latent
+    data, module = drawn(model, sim, real, streams, seed), WorldTranslation(spec, method, model)
     segments = Segments(real, train.segment, train.batch) if train.segment > 1 else None
     loaded = TranslationData(
-        *data, selection, batch=train.batch, latent=latent, seed=seed, segments=segments
+        *data, selection, batch=train.batch, latent=method.nets.latent, seed=seed, segments=segments
     )
     best = _run(module, loaded, folder, sink, warn, part_of(progress, extra, total))
     module.load_state_dict(torch.load(best, "cpu", weights_only=True)["state_dict"])
@@ -132,15 +138,6 @@ def _mean_field(
     folder.mkdir(parents=True, exist_ok=True)
     torch.save(model.frame.state_dict(), kept.with_suffix(".tmp"))
     kept.with_suffix(".tmp").replace(kept)
-
-
-def _within(model: WorldModel, data: Transitions) -> Transitions:
-    """The transitions that are translated: of the others a few would outweigh many."""
-    reach = model.method.translation.reach
-    if not reach:
-        return data
-    x = model.frame.conditions(torch.tensor(data.o), torch.tensor(data.a))
-    return data.select(model.frame.within(x, reach).cpu().numpy())
 
 
 def _scores(model: WorldModel, selection: Selection) -> Scores:

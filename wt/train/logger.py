@@ -22,6 +22,7 @@ class SinkLogger(Logger):
         """Keep the sink."""
         super().__init__()
         self._sink = sink
+        self._handed_on: tuple[int | None, frozenset[str]] | None = None
 
     @property
     def name(self) -> str:
@@ -37,8 +38,11 @@ class SinkLogger(Logger):
     def log_metrics(self, metrics: Mapping[str, float], step: int | None = None) -> None:
         """Hand metrics on, without Lightning's count of epochs."""
         values = {k: float(v) for k, v in metrics.items() if k != "epoch"}
-        if values:
+        # Lightning brings what was logged last at every step, until something else is logged
+        brought = step, frozenset(values)
+        if values and brought != self._handed_on:
             self._sink(values, int(step or 0))
+            self._handed_on = brought
 
     def log_hyperparams(self, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 – Lightning's
         """The run has them already, whole."""

@@ -34,6 +34,7 @@ from jaxtyping import Float, Float32
 from torch import Tensor
 
 from wt.config import ModelSelection
+from wt.data.stored import Stored
 from wt.data.transitions import content_hash, digest
 from wt.types import Pairs, Transitions
 
@@ -163,7 +164,23 @@ def hold_out(data: Transitions, share: float) -> tuple[Transitions, Transitions]
         data: ordered by episode and step.
         share: of them to hold out, at most; where episodes are long, a part of the last one.
     """
-    count = min(MOST, max(1, int(share * len(data))))
+    return _without_last(data, _held_out(len(data), share))
+
+
+def hold_out_stored(data: Stored, share: float) -> tuple[Stored, Transitions]:
+    """:func:`hold_out` of transitions that stay on disk, but for those that are held out."""
+    count = _held_out(len(data), share)
+    # one more: whether an episode begins at the first is seen by the transition before
+    _, held = _without_last(data.last(count + 1), count)
+    return data.without_last(len(held)), held
+
+
+def _held_out(transitions: int, share: float) -> int:
+    return min(MOST, max(1, int(share * transitions)))
+
+
+def _without_last(data: Transitions, count: int) -> tuple[Transitions, Transitions]:
+    """Divide off about the last ``count`` transitions, where an episode begins."""
     first = len(data) - count
     begins = np.flatnonzero(np.diff(data.episode, prepend=data.episode[0] - 1))
     whole = begins[(begins >= first) & (begins <= first + count // 2)]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import functools
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,14 +11,13 @@ import mujoco
 import numpy as np
 
 from wt.config import DataConfig
-from wt.data.transitions import Shard, digest, home_of, obtain, plan
+from wt.data.stored import Stored, Streams, transitions
+from wt.data.transitions import digest, ensure, obtain, plan
 from wt.errors import DataError
-from wt.types import Domain, Pairs, Recording, Transitions
+from wt.types import Pairs, Recording, Transitions
 from wt.worlds.base import World
 from wt.worlds.recorded import Recorded
-
-Report = Callable[[str, int, int], None]
-"""Called with a collection's name and its transitions (done, total)."""
+from wt.worlds.spread import Here, Maker, Report
 
 
 @dataclass(frozen=True)
@@ -25,11 +25,13 @@ class Collected:
     """Everything that is collected for a task.
 
     Attributes:
-        sim: unpaired transitions of S, for training.
-        real: unpaired transitions of R, for training.
+        sim: unpaired transitions of S, for training; a sample where there are more than memory is
+            to hold.
+        real: unpaired transitions of R, likewise.
         validation: pairs to select models by; None where they are selected without.
         test: pairs that are evaluated once, at the end.
         folders: of each on disk, by its name here.
+        streams: whole collections of which ``sim`` or ``real`` is a sample.
     """
 
     sim: Transitions
@@ -37,10 +39,22 @@ class Collected:
     validation: Pairs | None
     test: Pairs
     folders: Mapping[str, Path] = field(default_factory=dict)
+    streams: Streams = field(default_factory=Streams)
+
+    def whole(self, what: str) -> Transitions | Pairs | Stored:
+        """A collection by its name here, where it is streamed not the sample but all of it."""
+        stored = getattr(self.streams, what, None)
+        data: Transitions | Pairs | Stored = getattr(self, what) if stored is None else stored
+        return data
 
 
 def collect(
-    world: World, settings: DataConfig, report: Report | None = None, *, validation: bool = True
+    world: World,
+    settings: DataConfig,
+    report: Report | None = None,
+    *,
+    validation: bool = True,
+    maker: Maker | None = None,
 ) -> Collected:
     """Collect or reuse the collections of a task.
 
@@ -49,27 +63,36 @@ def collect(
         settings: folder, sizes and seed.
         report: for a progress bar.
         validation: whether pairs to select by are needed.
+        maker: makes shards that are missing, of the same world; None to make them here.
 
     Raises:
         DataError: a stored part is damaged.
     """
+    maker = maker or Here(world)
     models = {domain: model_hash(world.model(domain)) for domain in ("sim", "real")}
     collections: dict[str, Transitions | Pairs] = {}
+    streamed: dict[str, Stored] = {}
     folders = {}
     for what, count, seed in _parts(settings):
         if what == "validation" and not validation:
             continue
         shards = plan(count, seed, world.shard)
         identity = {"what": what, **world.identity(), "models": models}
-        where = Path(settings.dir), identity, world.spec, shards
-        collections[what] = obtain(*where, _maker(world, what, count, report))
-        folders[what] = home_of(*where)
+        make = functools.partial(maker.made, what, report=report)
+        where = Path(settings.dir), identity, world.spec, shards, make
+        folders[what] = home = ensure(*where)
+        stored = Stored.of([home / shard.file for shard in shards], world.spec)
+        if what in ("sim", "real") and len(stored) > settings.in_memory:
+            streamed[what], collections[what] = stored, stored.sample(settings.in_memory)
+        else:
+            collections[what] = obtain(*where)
     return Collected(
-        _transitions(collections["sim"]),
-        _transitions(collections["real"]),
+        transitions(collections["sim"]),
+        transitions(collections["real"]),
         _pairs(collections["validation"]) if validation else None,
         _pairs(collections["test"]),
         folders,
+        Streams(streamed.get("sim"), streamed.get("real"), settings.in_memory),
     )
 
 
@@ -107,34 +130,6 @@ def model_hash(model: mujoco.MjModel) -> str:
     buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, buffer)
     return digest(buffer.tobytes().hex())
-
-
-def _maker(
-    world: World, what: str, count: int, report: Report | None
-) -> Callable[[Shard], Transitions | Pairs]:
-    done = 0
-
-    def make(shard: Shard) -> Transitions | Pairs:
-        nonlocal done
-        before = done
-
-        def progress(now: int, _: int) -> None:
-            if report:
-                report(what, before + now, count)
-
-        done += shard.count
-        if what in ("sim", "real"):
-            domain: Domain = "sim" if what == "sim" else "real"
-            return world.collect(domain, shard.count, shard.seed, progress)
-        return world.pairs(what, shard.count, shard.seed)
-
-    return make
-
-
-def _transitions(collection: Transitions | Pairs) -> Transitions:
-    if isinstance(collection, Transitions):
-        return collection
-    raise DataError("a collection of pairs lies where transitions belong; delete that folder")
 
 
 def _pairs(collection: Transitions | Pairs) -> Pairs:

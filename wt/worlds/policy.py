@@ -15,7 +15,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -24,9 +24,6 @@ from wt.errors import ModelError
 from wt.worlds.gait import CLOCK, GaitClock
 from wt.worlds.legged import COMMAND, RATE_HZ, LeggedRobot
 from wt.worlds.legged_model import LeggedPhysics
-
-if TYPE_CHECKING:
-    import onnxruntime
 
 GRAPH = "policy.onnx"
 CARD = "card.json"
@@ -158,9 +155,25 @@ class Policy:
         card: what it says about itself.
     """
 
-    def __init__(self, card: PolicyCard, session: onnxruntime.InferenceSession) -> None:
-        """Keep a checked card and its graph."""
-        self.card, self._session = card, session
+    def __init__(self, card: PolicyCard, graph: bytes, threads: int = 1) -> None:
+        """Open the graph of a checked card.
+
+        Args:
+            card: what the policy says about itself.
+            graph: ONNX.
+            threads: of inference.
+        """
+        import onnxruntime
+
+        self.card, self._graph, self._threads = card, graph, threads
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = threads
+        providers = ["CPUExecutionProvider"]
+        self._session = onnxruntime.InferenceSession(graph, options, providers=providers)
+
+    def __reduce__(self) -> tuple[type[Policy], tuple[PolicyCard, bytes, int]]:
+        """Pickle what the session was made of: it cannot be pickled itself."""
+        return Policy, (self.card, self._graph, self._threads)
 
     @classmethod
     def load(
@@ -183,8 +196,6 @@ class Policy:
                 another robot, joint order, rate, pose, scale, observation or gains, or its graph
                 says so.
         """
-        import onnxruntime
-
         folder = folder_of(Path(path))
         card = PolicyCard.read(folder / CARD)
         graph = folder / GRAPH
@@ -199,11 +210,9 @@ class Policy:
                 "export the policy again"
             )
         _check(card, robot, physics or robot.physics, folder)
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = threads
-        session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-        _check_metadata(session.get_modelmeta().custom_metadata_map, card, folder)
-        return cls(card, session)
+        policy = cls(card, content, threads)
+        _check_metadata(policy._session.get_modelmeta().custom_metadata_map, card, folder)
+        return policy
 
     def clock(self, size: int) -> GaitClock:
         """Clocks for ``size`` robots, whose reading :meth:`act` takes."""

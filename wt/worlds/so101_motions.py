@@ -56,6 +56,12 @@ class Motions:
         self._splits = {split: tuple(names) for split, names in splits.items()}
         self._read: dict[str, list[Recording]] = {}
 
+    def __getstate__(self) -> dict[str, object]:
+        """Pickle the recordings too: their folder may not be where they are unpickled."""
+        for split in self._splits:
+            self.of(split)
+        return self.__dict__
+
     def of(self, split: str) -> list[Recording]:
         """The recordings of a split, in its order.
 
