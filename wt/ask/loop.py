@@ -151,7 +151,7 @@ def ask(
         WorkError: an experiment was not carried out.
     """
     began, scene = time.monotonic(), Scene(model)
-    _refuse(scene)
+    refuse(scene)
     if not given and not experiments.recorded:
         reach = reach_of(scene, (), wish.whole_range)
         experiments.run(excite(scene, reach, (), wish.seconds, RATE_HZ, SOURCE, wish.seed))
@@ -169,7 +169,7 @@ def ask(
     return Answer(diagnosis, tuple(rounds))
 
 
-def _refuse(scene: Scene) -> None:
+def refuse(scene: Scene) -> None:
     """Refuse machines that no open-loop command can safely move.
 
     Raises:
