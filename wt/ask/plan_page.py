@@ -28,15 +28,22 @@ def page(plan: Plan, model: str) -> str:
         plan: what can be told apart.
         model: name of the file.
     """
+    never = sum(pair.never for pairs in plan.joints.values() for pair in pairs)
     lead = (
-        "How many times as large as what can just be seen two causes have to be to be told apart, "
-        "and by which motion. 1 is at once; a dash is never."
+        f"{never} pairs of causes look the same in every recording."
+        if never
+        else "Every two causes at a joint can be told apart."
+    )
+    explained = (
+        "How many times as large as what can just be seen two causes have to be to be told apart: "
+        "1 is at once, a dash never."
     )
     parts = [
         f"<header><h1>What recordings of <strong>{escaped(model)}</strong> could tell</h1>"
-        f'<ul class="lead"><li>{escaped(lead)}</li></ul></header>'
+        f'<ul class="lead"><li>{escaped(lead)}</li></ul><p class="soft">{escaped(explained)}</p>'
+        "</header>"
     ]
-    parts += [section(f"Joint {j}", "", _matrix(p) + _motions(p)) for j, p in plan.joints.items()]
+    parts += [section(f"Joint {j}", "", _motions(p) + _matrix(p)) for j, p in plan.joints.items()]
     others = ", ".join(plan.replayed)
     note = f"These have no signature in forces; only replays of recordings tell them: {others}."
     parts.append(section("Not compared", note, ""))
@@ -63,7 +70,8 @@ def _matrix(pairs: Sequence[Apart]) -> str:
     rows = []
     for i, one in enumerate(causes):
         cells = "".join(f'<td class="n">{_cell(times, one, other)}</td>' for other in causes[:i])
-        rows.append(f"<tr><td>{i + 1} {escaped(str(one))}</td>{cells}</tr>")
+        name = f"{i + 1} {one.effect} {one.at.name}"
+        rows.append(f"<tr><td>{escaped(name)}</td>{cells}</tr>")
     return table(["", *(f"#{i + 1}" for i in range(len(causes) - 1))], rows)
 
 
