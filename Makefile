@@ -11,7 +11,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 # Test processes, each on one thread: two of them beat one with two threads.
 WORKERS ?= 2
 
-.PHONY: help env fit demo test test-long lint format bench docs stranger wheel-smoke docker docker-run
+.PHONY: help env fit demo test pytest test-long lint format bench docs stranger wheel-smoke docker docker-run
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -37,7 +37,10 @@ fit: env ## train, evaluate and register World Translation on the simulated R5
 demo: env ## both halves on small examples, a minute and a half: leaves demo/
 	$(BIN)/wt demo $(ARGS)
 
-test: lint ## lint, types and all tests
+test: env ## lint, types and all tests
+	@$(MAKE) --no-print-directory -j2 lint pytest
+
+pytest: env ## the tests alone
 	OMP_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --max-worker-restart=0 $(ARGS)
 
 test-long: env ## the tests that take minutes each, which test leaves out

@@ -7,7 +7,7 @@ Usage: python benchmarks/public_models.py FOLDER [--only ROBOT/CASE] [--list] [-
 FOLDER has one folder a robot, NAME/NAME.xml with its meshes, as others publish them: arms, hands,
 legs, carts. Free joints are taken out, so that legs hang from a held base. Every robot is recorded
 three times for 10 s at about 100 Hz, with 0.1 mrad of encoder noise, and the third recording is
-held out. What is hidden is written with MjSpec and stepped by plain MuJoCo at the model's own step:
+held out. What is hidden is written with MjSpec and stepped by plain MuJoCo, finely, as reality is:
 
     nothing
     friction  dry, of 3 to 8 % of the most that one drive can do
@@ -15,11 +15,11 @@ held out. What is hidden is written with MjSpec and stepped by plain MuJoCo at t
     gain      of one drive, 0.6 to 0.8 times what it is
     delay     of all commands, 10 to 20 ms in whole steps
 
-It is drawn again until it changes some joint by five times the noise, from half of the draws on
-twice as strong; where even that does not show, the case is "unseen" and not counted. Drives that
-hold positions get sums of slow sines, others torques of a soft controller around what holds the
-pose. Motions stay within 0.3 rad of the first keyframe (one named home, if there is one), inside
-all ranges, and get smaller until nothing touches anything.
+It is drawn again until it changes some joint by five times the noise and leaves none stuck, from
+half of the draws on twice as strong; where that never is, the case is "unseen" and not counted.
+Drives that hold positions get sums of slow sines, others torques of a soft controller around what
+holds the pose. Motions stay within 0.3 rad of the first keyframe (one named home, if there is one),
+inside all ranges, and get smaller until nothing touches anything.
 
 Right is one finding, of the hidden effect at the hidden place, a drive being where its joint is.
 For a load that is fixed to a link, that link's mass or centre of mass says the same. "near" names

@@ -25,6 +25,7 @@ Map of the package (each concept has one home):
                        side, ``publish`` writes, exports and registers what came out
 ``wt.joined``          translation, diagnosis, and translation on the patched simulator
 ``wt.registered``      a registered model on its task, and as evidence for a diagnosis
+``wt.ask``             the next experiment, designed and run in a closed loop
 ``wt.passport``        one robot over units, sessions and loads: whose a mismatch is, what changed
 ``wt.studio``          check, mapping, diagnosis and report on one local page
 ``wt.reproduce``       the paper's tables and figures, one file each, in one report

@@ -19,7 +19,18 @@ LEVELS = [
     {"train", "translate", "baselines", "check"},
     {"diagnose"},
     {"evaluate", "export", "locomotion", "run"},
-    {"ask", "demo", "finetune", "fit", "joined", "passport", "prove", "registered", "reproduce", "studio"},
+    {
+        "ask",
+        "demo",
+        "finetune",
+        "fit",
+        "joined",
+        "passport",
+        "prove",
+        "registered",
+        "reproduce",
+        "studio",
+    },
     {"cli", "__init__"},
 ]
 REGISTRY_MAY = {"types", "errors", "export"}

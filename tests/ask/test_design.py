@@ -40,6 +40,11 @@ def test_nothing_is_asked_where_nothing_tells(arm: Scene) -> None:
     assert designed(arm, [law("actuator.bias", AT, 0.4, differs=False)], reach(arm)) is None
 
 
+def test_nothing_is_asked_where_nothing_is_safe(arm: Scene) -> None:
+    slow = replace(wide(arm), speed=np.array([1e-4]))
+    assert designed(arm, bias_or_dead_band(), slow) is None
+
+
 def test_every_machine_that_may_be_there_stays_inside(arm: Scene) -> None:
     weak = law("actuator.gain", AT, 0.5)
     alive = [law("actuator.bias", AT, 0.4, differs=False), weak]

@@ -55,6 +55,7 @@ def test_a_trial(quick: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert (out / "results.json").read_text() == before
 
 
+@pytest.mark.long
 def test_cases_of_others(quick: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     home, out = tmp_path / "theirs", tmp_path / "trial"
     answers = brought(home)

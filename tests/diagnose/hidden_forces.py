@@ -96,8 +96,8 @@ def world(
 ) -> World:
     """Recordings of a chain: ``fitted`` ones, and one more that is held out.
 
-    ``log`` alters all of them; ``machine`` is the MJCF of the real chain, and ``model`` the one that
-    is given, where they are others.
+    ``log`` alters all of them; ``machine`` is the MJCF of the real chain, and ``model`` the one
+    that is given, where they are others.
     """
     path = folder / "chain.xml"
     path.write_text(model or chain(joints), encoding="utf-8")

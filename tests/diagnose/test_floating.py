@@ -63,7 +63,9 @@ def test_where_nothing_is_hidden_little_is_gained(machine: Scene) -> None:
     assert ranked(machine, None, 6.0)[0].gain < 12.0
 
 
-@pytest.mark.parametrize("at", [(0.08, -0.03, 0.06), (0.12, -0.05, 0.15)])
+@pytest.mark.parametrize(
+    "at", [(0.08, -0.03, 0.06), pytest.param((0.12, -0.05, 0.15), marks=pytest.mark.long)]
+)
 def test_a_load_on_the_trunk_leads_wherever_it_sits(
     machine: Scene, at: tuple[float, float, float]
 ) -> None:
@@ -74,6 +76,7 @@ def test_a_load_on_the_trunk_leads_wherever_it_sits(
     assert best.planted.theta == pytest.approx(np.array([1.0, *at]), rel=0.08, abs=0.005)
 
 
+@pytest.mark.long
 def test_friction_of_a_leg_leads(machine: Scene) -> None:
     best = ranked(machine, stool.stiff("rear_hip", 0.6), 4.0)[0]
     assert best.planted.at.name == "rear_hip" and best.planted.effect.id.startswith(
@@ -117,6 +120,7 @@ def heavier_and_stronger(spec: mujoco.MjSpec) -> None:
         drive.biasprm[1] *= 1.01
 
 
+@pytest.mark.long
 def test_a_pull_upwards_is_told_no_better_than_weights_and_drives_are_known(
     machine: Scene,
 ) -> None:

@@ -8,12 +8,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import mujoco
+import pytest
 
 from tests.physics import stool
 from wt.diagnose.pipeline import diagnose
 from wt.diagnose.report.write import write
 
 
+@pytest.mark.long
 def test_a_whole_diagnosis_is_silent_where_nothing_is_hidden(tmp_path: Path) -> None:
     machine = stool.scene(tmp_path)
     fit, held_out = (stool.recording(seed, seconds=5.0) for seed in (1, 3))

@@ -73,35 +73,55 @@ def assert_one_line(ended: tuple[int, str, str], folder: str) -> None:
     ]
 
 
-def test_ctrl_c_then_a_kill_then_resume_change_nothing(
+def test_a_kill_then_resume_change_nothing(
     start: Start, place: Place, finished: Path, wt: Wt
 ) -> None:
     folder = place.home / "disturbed"
     run = start(*place.words, "workers=2", "--out", "disturbed")
     run.wait_until(in_training(folder))
     assert len(run.others()) >= 2  # its workers
+    killed_then_resumed(run, folder, finished, wt)
+    assert status(place, folder) == "FINISHED"
+    # the run that nothing disturbed had one worker: their number changes nothing either
+    assert load(folder / "config.yaml").workers == 2
+
+
+@pytest.mark.long
+def test_ctrl_c_then_a_kill_then_resume_change_nothing(
+    start: Start, place: Place, finished: Path, wt: Wt
+) -> None:
+    folder = place.home / "interrupted"
+    run = start(*place.words, "workers=2", "--out", "interrupted")
+    run.wait_until(in_training(folder))
     os.killpg(run.pid, signal.SIGINT)  # as a terminal does it: to parent and workers
-    assert_one_line(run.end(), "disturbed")
+    assert_one_line(run.end(), "interrupted")
     assert run.left_alone()
     assert status(place, folder) == "KILLED"
-
     before = last_checkpoint(folder)
-    again = ["--config", "disturbed/config.yaml", "--resume", "--out", "disturbed"]
-    run = start(*again)
+    run = start(*again("interrupted"))
     run.wait_until(in_training(folder, since=before))
+    killed_then_resumed(run, folder, finished, wt, since=before)
+    assert status(place, folder) == "FINISHED"
+
+
+def again(name: str) -> list[str]:
+    """Arguments that continue a run."""
+    return ["--config", f"{name}/config.yaml", "--resume", "--out", name]
+
+
+def killed_then_resumed(
+    run: Started, folder: Path, finished: Path, wt: Wt, since: float = 0.0
+) -> None:
+    """Kill a run in training, see that its workers end too, and finish it."""
     os.kill(run.pid, signal.SIGKILL)
     assert run.end()[0] == -signal.SIGKILL
     assert run.left_alone()
     # its workers ended with it: had they trained on, they would be in the next run's way
-    assert in_training(folder, since=before)()
-
-    code, out, err = wt("fit", *again)
+    assert in_training(folder, since=since)()
+    code, out, err = wt("fit", *again(folder.name))
     assert (code, [x for x in err.splitlines() if " % after " not in x]) == (0, [])
     assert "WorldTranslationPlus" in out
-    assert status(place, folder) == "FINISHED"
     assert_same(folder, finished)
-    # the run that nothing disturbed had one worker: their number changes nothing either
-    assert load(folder / "config.yaml").workers == 2
 
 
 def assert_same(folder: Path, other: Path) -> None:

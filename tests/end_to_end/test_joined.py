@@ -30,6 +30,7 @@ def small(place: Place, tmp_path: Path) -> list[str]:
     return ["fit", "--config", str(config), "--out", str(tmp_path / "run")]
 
 
+@pytest.mark.long
 def test_translation_diagnosis_and_both(
     wt: Wt, small: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -114,6 +114,7 @@ def test_the_papers_method_undoes_the_gap(data: Data, tmp_path: Path) -> None:
     assert paper < 0.4 * raw
 
 
+@pytest.mark.long
 def test_ours_does_what_no_linear_map_does(data: Data, tmp_path: Path) -> None:
     raw, shift_and_transport = data.baselines(["RawSim", "MeanShiftOT"])
     method = Method(

@@ -45,6 +45,7 @@ def test_each_part_does_what_it_does_alone(root: Path) -> None:
     assert env.report()["reward"] == pytest.approx(mean)
 
 
+@pytest.mark.long
 def test_lengths_of_episodes_are_those_of_the_parts(root: Path) -> None:
     env = environment(config(root, "processes=3"), "cpu")
     env.episode_length_buf[:] = 0

@@ -83,6 +83,7 @@ def test_a_smaller_load_is_tried_where_it_makes_all_the_heat_there_can_be(warm: 
     assert (shapes[4][0], 0.85) not in tried  # twice the recording: never as hot
 
 
+@pytest.mark.long
 def test_where_it_is_hot_the_load_is_fitted_and_not_reported(warm: World) -> None:
     effect, motion = effects()["actuator.fade"], warm.screen.motion
     usual = float(np.sqrt(np.mean(motion.force(motion.scene.drive("a1")) ** 2)))

@@ -114,11 +114,13 @@ def test_ray_says_the_same(tmp_path: Path) -> None:
     assert ran(_IMPORTS + _SAME, str(tmp_path)) == ""
 
 
+@pytest.mark.long
 def test_what_a_worker_raises_is_raised_here(tmp_path: Path) -> None:
     said = ran(_IMPORTS + _RAISES, str(tmp_path))
     assert re.search(r"'mujoco': '1\.50'.*install the same", said)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("proc")
 def test_ctrl_c_ends_the_workers(tmp_path: Path) -> None:
     with started(_IMPORTS + _LONG, str(tmp_path)) as child:

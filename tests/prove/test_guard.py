@@ -125,6 +125,7 @@ def unstamped(files: dict[str, bytes]) -> dict[str, object]:
     return {**files, "diagnosis.json": said}
 
 
+@pytest.mark.long
 def test_a_wrong_key_and_a_leaked_seed_change_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

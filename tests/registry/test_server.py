@@ -56,6 +56,7 @@ def server(tmp_path_factory: pytest.TempPathFactory, _empty_store: Path) -> Iter
         process.wait(20)
 
 
+@pytest.mark.long
 def test_a_run_its_model_and_a_changed_byte(
     server: str,
     make_folder: Callable[..., Path],

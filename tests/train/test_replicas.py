@@ -31,7 +31,7 @@ def curve(world: World, method: Method, devices: int, folder: Path) -> tuple[See
     return seen, model
 
 
-@pytest.mark.parametrize("segment", [1, 3])
+@pytest.mark.parametrize("segment", [pytest.param(1, marks=pytest.mark.long), 3])
 def test_the_curve_is_the_same_on_one_and_two_processes(
     segment: int, world: World, plus: Method, tmp_path: Path
 ) -> None:

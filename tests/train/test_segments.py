@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 import torch
 from torch import Tensor, nn
 
@@ -108,6 +109,7 @@ def told_apart(paper: Method, condition: int, leak: float) -> tuple[float, Outco
     return float(np.mean(seen.accuracy[-5:])), model
 
 
+@pytest.mark.long
 def test_translation_of_observations_collapses_where_conditions_tell_the_domain(
     paper: Method,
 ) -> None:

@@ -151,7 +151,7 @@ def ask(
         WorkError: an experiment was not carried out.
     """
     began, scene = time.monotonic(), Scene(model)
-    _refuse(scene)
+    refuse(scene)
     if not given and not experiments.recorded:
         reach = reach_of(scene, (), wish.whole_range)
         experiments.run(excite(scene, reach, (), wish.seconds, RATE_HZ, SOURCE, wish.seed))
@@ -169,7 +169,7 @@ def ask(
     return Answer(diagnosis, tuple(rounds))
 
 
-def _refuse(scene: Scene) -> None:
+def refuse(scene: Scene) -> None:
     """Refuse machines that no open-loop command can safely move.
 
     Raises:
@@ -214,7 +214,7 @@ def _round(scene: Scene, outcome: Outcome, run: int, wish: Wish) -> Round:
         precise = "" if wish.precision is None else ", and all is as precise as asked"
         return Round(claimed, (), None, f"no other name fits{precise}")
     if run >= wish.most:
-        return Round(claimed, rivals, None, f"{run} experiments were run")
+        return Round(claimed, rivals, None, "as many experiments were run as were asked for")
     design = _designer(scene, outcome, left, wish.whole_range).design(
         wish.seconds, wish.seed + run, blunt
     )

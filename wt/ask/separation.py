@@ -85,6 +85,8 @@ class Separation:
 
     def motions(self, stretches: Sequence[Stretch]) -> list[Float[np.ndarray, "alive sample dof"]]:
         """Joint positions that each hypothesis expects in each experiment [rad or m]."""
+        if not stretches:
+            return []
         replays = Replayer(self._scene, stretches, self._step)
         q = replays.run([a.hypothesis for a in self._alive]).q
         ends = np.cumsum([len(s.t) for s in stretches])[:-1]

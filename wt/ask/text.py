@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -31,16 +30,15 @@ def print_round(here: Round, number: int, console: Console) -> None:
         return
     for motion in here.design.motions:
         console.print(f"  next: {motion}", highlight=False)
-    names = ("what is claimed", *here.rivals)
-    for line in expectations(here.design.expected, names):
+    for line in expectations(here.design.expected, here.rivals):
         console.print(f"  {line}", highlight=False, style="dim")
 
 
-def expectations(expected: Expected, names: Sequence[str]) -> list[str]:
-    """How far an experiment is expected to take hypotheses apart, a line for each two."""
+def expectations(expected: Expected, rivals: Sequence[str]) -> list[str]:
+    """What an experiment is expected to tell, a line for each rival of what is claimed."""
     lines = [
-        f"expected to take {names[i]} and {names[j]} apart by odds of {odds(expected.apart[i, j])}"
-        for i, j in itertools.combinations(range(len(expected.apart)), 2)
+        f"expected to tell {rival} from it by odds of {odds(expected.apart[0, i])}"
+        for i, rival in enumerate(rivals, 1)
     ]
     return lines or [
         f"expected to make intervals narrower: {expected.information:.1f} nats of information"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,12 +13,44 @@ import typer
 from wt.errors import UserError, suggest
 
 if TYPE_CHECKING:
-    from wt.ask.loop import Round
+    from wt.ask.loop import Wish
     from wt.ask.robot import Robot
+    from wt.diagnose.result import Diagnosis
     from wt.types import Recording
 
 ROBOTS = ("sim", "file")
 SHORTEST_S = 10.0
+
+
+RobotOption = Annotated[
+    str,
+    typer.Option(
+        metavar="file|sim",
+        help="file: a person takes commands from OUT/experiment_N.parquet and puts what was "
+        "measured at OUT/recorded_N.parquet. sim: the machine in --world.",
+    ),
+]
+WorldOption = Annotated[
+    Path | None,
+    typer.Option(metavar="WORLD.xml", help="MJCF of the machine that --robot sim is."),
+]
+NoiseOption = Annotated[float, typer.Option(min=0.0, help="Deviation of its encoders [rad or m].")]
+PrecisionOption = Annotated[
+    float | None,
+    typer.Option(
+        metavar="SHARE",
+        help="Go on until every parameter's 95 % interval is ± this share of its value.",
+    ),
+]
+RangeOption = Annotated[
+    bool,
+    typer.Option(
+        "--whole-range",
+        help="The model's joint ranges are free of obstacles: go anywhere in them. Without it "
+        "joints go only a little beyond what was recorded.",
+    ),
+]
+WaitOption = Annotated[float, typer.Option(help="Longest wait for a recording [s].")]
 
 
 def command(
@@ -27,39 +60,14 @@ def command(
         list[Path] | None,
         typer.Argument(metavar="[RECORDING]...", help="What the robot did so far."),
     ] = None,
-    robot: Annotated[
-        str,
-        typer.Option(
-            metavar="file|sim",
-            help="file: a person takes commands from OUT/experiment_N.parquet and puts what was "
-            "measured at OUT/recorded_N.parquet. sim: the machine in --world.",
-        ),
-    ] = "file",
-    world: Annotated[
-        Path | None,
-        typer.Option(metavar="WORLD.xml", help="MJCF of the machine that --robot sim is."),
-    ] = None,
-    noise: Annotated[
-        float, typer.Option(min=0.0, help="Deviation of its encoders [rad or m].")
-    ] = 1e-4,
+    robot: RobotOption = "file",
+    world: WorldOption = None,
+    noise: NoiseOption = 1e-4,
     seconds: Annotated[float, typer.Option(help="Length of an experiment [s].")] = 20.0,
     most: Annotated[int, typer.Option(min=1, help="Experiments at most.")] = 3,
-    precision: Annotated[
-        float | None,
-        typer.Option(
-            metavar="SHARE",
-            help="Go on until every parameter's 95 % interval is ± this share of its value.",
-        ),
-    ] = None,
-    whole_range: Annotated[
-        bool,
-        typer.Option(
-            "--whole-range",
-            help="The model's joint ranges are free of obstacles: go anywhere in them. Without it "
-            "joints go only a little beyond what was recorded.",
-        ),
-    ] = False,
-    wait: Annotated[float, typer.Option(help="Longest wait for a recording [s].")] = 3600.0,
+    precision: PrecisionOption = None,
+    whole_range: RangeOption = False,
+    wait: WaitOption = 3600.0,
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
 ) -> None:
     """Design the next experiment for what is still open, have it run, and diagnose again.
@@ -75,37 +83,45 @@ def command(
         wt ask robot.xml walk1.parquet --out asked
         wt ask robot.xml --robot sim --world hidden.xml --precision 0.1 --out asked
     """
+    from wt.ask.loop import Wish
+    from wt.cli.diagnose import printed
+
+    _refuse(robot, world, seconds, precision)
+    wish = Wish(seconds, most, precision, whole_range, seed)
+    inputs = [model, *(recordings or [])]
+    performer = functools.partial(_robot, world, noise, wait, seed, out)
+    printed(_asked(inputs, out, performer, wish), out / "diagnosis")
+
+
+def _asked(
+    inputs: Sequence[Path], out: Path, performer: Callable[[], Robot], wish: Wish
+) -> Diagnosis:
+    """Ask, tell every round, and write all of it; inputs are the model and recordings."""
     from rich.console import Console
 
-    from wt.ask.loop import Experiments, Wish, ask
+    from wt.ask.loop import Experiments, Round, ask
     from wt.ask.text import print_round
     from wt.cli._progress import bar
-    from wt.cli.diagnose import printed
     from wt.data import recording
     from wt.diagnose.report.write import claimed
     from wt.show.files import kept, write_whole
 
-    given = recordings or []
-    _refuse(robot, world, seconds, precision)
-    console, number = Console(), 0
+    rounds: list[Round] = []
 
     def follow(here: Round) -> None:
-        nonlocal number
-        number += 1
-        print_round(here, number, console)
+        rounds.append(here)
+        print_round(here, len(rounds), Console())
 
-    with kept(out), claimed(out / "diagnosis", [model, *given]) as write:
-        performer = _robot(robot, world, noise, wait, seed, out)
-        wish = Wish(seconds, most, precision, whole_range, seed)
-        read = [recording.read(path) for path in given]
-        experiments = Experiments(performer, lambda name, r: _keep(out, name, r, [model, *given]))
+    with kept(out), claimed(out / "diagnosis", inputs) as write:
+        read = [recording.read(path) for path in inputs[1:]]
+        experiments = Experiments(performer(), lambda name, r: _keep(out, name, r, inputs))
         with bar("reading") as progress:
-            answer = ask(model, read, experiments, wish, follow=follow, progress=progress)
+            answer = ask(inputs[0], read, experiments, wish, follow=follow, progress=progress)
             progress("writing", 0.98)
             write(answer.diagnosis)
             said = json.dumps(answer.to_json(), indent=2, ensure_ascii=False)
             write_whole(out / "asked.json", said + "\n")
-    printed(answer.diagnosis, out / "diagnosis")
+    return answer.diagnosis
 
 
 def _refuse(robot: str, world: Path | None, seconds: float, precision: float | None) -> None:
@@ -120,7 +136,7 @@ def _refuse(robot: str, world: Path | None, seconds: float, precision: float | N
         raise UserError(f"--precision {precision:g}: give a share between 0 and 1, 0.1 for ± 10 %")
 
 
-def _robot(kind: str, world: Path | None, noise: float, wait: float, seed: int, out: Path) -> Robot:
+def _robot(world: Path | None, noise: float, wait: float, seed: int, out: Path) -> Robot:
     from wt.ask.robot import FileRobot, SimulatedRobot
 
     if world is not None:

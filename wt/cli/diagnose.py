@@ -58,6 +58,13 @@ WhyOption = Annotated[
         "diagnosis in --out.",
     ),
 ]
+PlanOption = Annotated[
+    bool,
+    typer.Option(
+        "--plan",
+        help="Without recordings: which causes could be told apart at all, and by which motion.",
+    ),
+]
 BundleOption = Annotated[
     bool,
     typer.Option(
@@ -114,6 +121,7 @@ def command(
     jobs: JobsOption = None,
     why: WhyOption = None,
     bundle: BundleOption = False,
+    plan: PlanOption = False,
 ) -> None:
     """Locate, name, model and prove what the simulator leaves out.
 
@@ -127,11 +135,10 @@ def command(
         wt diagnose robot.xml walk1.parquet walk2.parquet --holdout walk3.parquet --out diagnosis
         wt diagnose go2.xml walk.parquet --translation wt-go2-flat@champion --out diagnosis
         wt diagnose --out diagnosis --why elbow
+        wt diagnose robot.xml --plan --out plan
     """
-    if model is None or not recordings:
-        if why is None or model is not None:
-            raise UserError("name MODEL.xml and at least one RECORDING; see wt diagnose --help")
-        return _print_decisions(_decisions_in(out), why)
+    if plan or model is None or not recordings:
+        return _unrecorded(model, recordings or (), out, why, plan)
     if track:
         need("mlflow")
     from wt.diagnose.pipeline import diagnose
@@ -154,6 +161,21 @@ def command(
         _suggest(diagnosis, model, suggest_experiment, console)
     if track:
         _track(diagnosis, out, seed, console)
+
+
+def _unrecorded(
+    model: Path | None, recordings: Sequence[Path], out: Path, why: str | None, plan: bool
+) -> None:
+    """What needs no recordings: a plan, or the decisions of an earlier diagnosis."""
+    if plan:
+        if model is None or recordings:
+            raise UserError("--plan takes MODEL.xml alone: it is for before anything is recorded")
+        from wt.cli._plan import write_plan
+
+        return write_plan(model, out)
+    if why is None or model is not None:
+        raise UserError("name MODEL.xml and at least one RECORDING; see wt diagnose --help")
+    return _print_decisions(_decisions_in(out), why)
 
 
 def printed(diagnosis: Diagnosis, out: Path) -> Console:

@@ -90,6 +90,6 @@ def estimated(
     screen = Screen(whole, seed)
     objective = objective_on([whole], screen, forgetting, effort.most_s, effort.step, window)
     here = [p.elsewhere(whole.motion) for p in hypothesis]
-    start = tuple(p for p in here if p.effect.contradiction(whole.motion, p.at, p.theta) is None)
+    start = tuple(p for p in here if p.wrong(whole.motion) is None)
     fitted = estimate(objective, start)
     return tuple(zip(fitted.hypothesis, fitted.estimates, strict=True))

@@ -28,6 +28,8 @@ from wt.physics.scene import Scene
 from wt.physics.units import units_at
 from wt.types import Location
 
+_NEAR_LIMIT = 1e-3
+"""Of a parameter's range, or of the end itself where it is a factor: so near counts as there."""
 Key = tuple[str, str, str]
 """An effect at a place: its id, the place's kind and name."""
 
@@ -65,8 +67,33 @@ class Planted:
 
     def possible(self, motion: Motion) -> bool:
         """Tell whether such parameters are this effect, and nothing recorded contradicts it."""
-        asked = motion, self.at, self.theta
-        return self.effect.plausible(*asked) and self.effect.contradiction(*asked) is None
+        return self.effect.plausible(motion, self.at, self.theta) and self.wrong(motion) is None
+
+    def wrong(self, motion: Motion) -> str | None:
+        """Why it cannot be this effect, in one clause; None if nothing speaks against it."""
+        limit = self.at_limit()
+        if limit is not None:
+            return f"its {limit} is at the end of what is admissible: that is another law's force"
+        return self.effect.contradiction(motion, self.at, self.theta)
+
+    def at_limit(self) -> str | None:
+        """A parameter that ran to the end of its range, where that is no natural one.
+
+        Natural is where the effect is nothing, where it takes nothing or all (0 and 1), and where
+        angles come round.
+        """
+        start = 0
+        for p in self.effect.parameters:
+            values = self.theta[start : start + p.size]
+            start += p.size
+            if p.neutral is None:
+                continue
+            for end in (p.lower, p.upper):
+                natural = end in (0.0, 1.0, max(p.neutral, p.lower)) or abs(end) == 2.0 * np.pi
+                near = _NEAR_LIMIT * (abs(end) if p.neutral == 1.0 else p.upper - p.lower)
+                if not natural and np.any(np.abs(values - end) <= near):
+                    return p.name
+        return None
 
     # -- what only some effects do -----------------------------------------------------------
 

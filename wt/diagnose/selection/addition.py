@@ -315,7 +315,7 @@ def _log_replays(
         else:
             winner = _seen_from(planted.at, best.hypothesis[-1])
             reason, threshold = f"beaten by {winner}", worth(objective, best, now)
-        why = planted.effect.contradiction(objective.motion, planted.at, planted.theta)
+        why = planted.wrong(objective.motion)
         if why is not None:
             reason = why
         stage: Stage = "joined" if fit is best else "replayed"

@@ -202,7 +202,7 @@ class Naming:
         """
         for i, p in enumerate(estimated.hypothesis):
             for motion in (self.screen.motion, self.holdout.smoothed.motion):
-                reason = p.effect.contradiction(motion, p.at, p.theta)
+                reason = p.wrong(motion)
                 if reason is not None:
                     self.log.add(p, "contradicted", False, 1.0, 0.0, reason)
                     return i

@@ -1,0 +1,82 @@
+"""Which causes could be told apart, before anything is recorded."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.ask.conftest import XML
+from wt.ask.plan import Apart, Plan, plan
+from wt.ask.plan_page import page, sentences
+from wt.cli.main import main
+
+UPRIGHT = XML.replace('axis="0 1 0"', 'axis="0 0 1"')
+
+
+@pytest.fixture(scope="module")
+def plans(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Plan]:
+    """Of an arm that swings up and down, and of one that turns about a vertical axis."""
+    folder = tmp_path_factory.mktemp("plans")
+    found = {}
+    for name, xml in (("swings", XML), ("turns", UPRIGHT)):
+        path = folder / f"{name}.xml"
+        path.write_text(xml)
+        found[name] = plan(path)
+    return found
+
+
+def pair(found: Plan, *effects: str) -> Apart:
+    """The pair of two effects."""
+    (one,) = [p for p in found.joints["j"] if {c.effect for c in p.causes} == set(effects)]
+    return one
+
+
+def test_gravity_tells_an_encoders_zero_from_a_drives_bias(plans: dict[str, Plan]) -> None:
+    confused = "actuator.bias", "sensor.offset"
+    assert pair(plans["turns"], *confused).never
+    assert not pair(plans["swings"], *confused).never
+
+
+def test_what_one_number_says_by_two_names_is_never_told_apart(plans: dict[str, Plan]) -> None:
+    # a single link that turns: its inertia is all that its motion shows
+    assert pair(plans["turns"], "body.inertia", "joint.armature").never
+
+
+def test_dry_and_viscous_friction_are_told_apart_at_once(plans: dict[str, Plan]) -> None:
+    for found in plans.values():
+        friction = pair(found, "joint.friction_coulomb", "joint.friction_viscous")
+        assert friction.times < 2.0 and friction.motion
+
+
+def test_late_commands_and_a_lag_need_what_is_sudden(plans: dict[str, Plan]) -> None:
+    late = pair(plans["swings"], "actuator.delay", "actuator.lag")
+    assert late.times > 3.0 and late.motion in ("steps", "swings at many frequencies")
+
+
+def test_people_are_told_what_is_hard(plans: dict[str, Plan]) -> None:
+    said = sentences(plans["turns"])
+    zero = [s for s in said if "actuator.bias" in s and "sensor.offset" in s]
+    assert zero == [
+        "j: actuator.bias at actuator a and sensor.offset at joint j are never told apart"
+    ]
+    assert not any("friction_viscous" in s and "friction_coulomb" in s for s in said)
+    html = page(plans["turns"], "arm.xml")
+    assert "Joint j" in html and "never" in html and html.count("<table") == 2
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model = tmp_path / "arm.xml"
+    model.write_text(UPRIGHT)
+    words = ["diagnose", str(model), "--plan", "--out", str(tmp_path / "plan")]
+    assert main(words) == 0
+    assert "are never told apart" in " ".join(capsys.readouterr().out.split())
+    said = json.loads((tmp_path / "plan" / "plan.json").read_text())
+    never = [p for p in said["joints"]["j"] if p["times"] is None]
+    assert never and all(p["motion"] is None for p in never)
+    (tmp_path / "plan" / "mine.txt").write_text("kept")
+    assert main(words) == 2
+    assert "holds what no wt diagnose --plan wrote" in capsys.readouterr().err
+    assert main([*words[:2], str(tmp_path / "a.parquet"), *words[2:]]) == 2
+    assert "--plan takes MODEL.xml alone" in capsys.readouterr().err

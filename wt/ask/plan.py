@@ -1,0 +1,254 @@
+"""Isolability before data: which causes could be told apart at all, and by which motion.
+
+The model as given is simulated in every kind of motion that an experiment is made of. Two causes
+at a joint are compared by the forces that they would add there, the signatures of the screen: what
+is left of one once the other, in any of its shapes and sizes, and the model's tolerances have taken
+what they can. Where that is a share s of it, the one has to be 1/√s times as large as what can
+just be seen to be told from the other; where nothing is left in any motion, no such recording tells
+them apart. A law that contains another is told from it by what it has besides.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from wt.ask import SOURCE
+from wt.ask.loop import RATE_HZ, refuse
+from wt.diagnose.experiment.motions import singles, together
+from wt.diagnose.experiment.reach import Reach, reach_of, roomy, too_far
+from wt.diagnose.experiment.trial import Trial, as_recording, trial
+from wt.diagnose.pace import Say
+from wt.diagnose.recordings.samples import Part
+from wt.diagnose.recordings.smooth import smooth
+from wt.diagnose.residual.screen import Screen
+from wt.diagnose.selection.candidates import near
+from wt.errors import WorkError
+from wt.physics.effect import Effect, effects
+from wt.physics.hooks import FromRecordings
+from wt.physics.quiet import quiet
+from wt.physics.scene import Scene
+from wt.types import Location, Recording
+
+NEVER = 30.0
+"""Causes that have to be so many times as large as what can be seen are never told apart."""
+NOISE = 1e-4
+"""Of positions, for what can just be seen [rad or m]."""
+_NOTHING = 1e-9  # share of a signature's largest column that is no more than rounding
+_PART_S, _MOST_S = 5.0, 20.0
+_SHRINK, _TRIES = 0.75, 8
+
+Columns = Float[np.ndarray, "value _"]
+
+
+@dataclass(frozen=True)
+class Cause:
+    """An effect at a place."""
+
+    effect: str
+    at: Location
+
+    def __str__(self) -> str:
+        """As in tables."""
+        return f"{self.effect} at {self.at}"
+
+
+@dataclass(frozen=True)
+class Apart:
+    """Two causes.
+
+    Attributes:
+        causes: the two.
+        times: how many times as large as what can just be seen they have to be; infinite if no
+            size is enough.
+        motion: that tells them best, in words; "" if none does.
+    """
+
+    causes: tuple[Cause, Cause]
+    times: float
+    motion: str
+
+    @property
+    def never(self) -> bool:
+        """Whether no motion tells them apart."""
+        return not self.times < NEVER
+
+    def to_json(self) -> dict[str, Any]:
+        """As in ``plan.json``."""
+        return {
+            "causes": [
+                {"effect": c.effect, "at": {"kind": c.at.kind, "name": c.at.name}}
+                for c in self.causes
+            ],
+            "times": None if self.never else self.times,
+            "motion": None if self.never else self.motion,
+        }
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What could be told apart at the joints of a machine.
+
+    Attributes:
+        joints: for each driven joint, every two causes near it.
+        replayed: effects that have no signature; only replays of recordings tell these.
+    """
+
+    joints: dict[str, tuple[Apart, ...]]
+    replayed: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of ``plan.json``."""
+        pairs = {joint: [a.to_json() for a in found] for joint, found in self.joints.items()}
+        return {"schema": 1, "joints": pairs, "only_replays_tell": list(self.replayed)}
+
+
+@quiet()
+def plan(model: Path, progress: Say | None = None) -> Plan:
+    """Compare all causes at all driven joints of a model.
+
+    Args:
+        model: the MJCF.
+        progress: called as the work goes on.
+
+    Raises:
+        ModelError: it cannot be used, or is of a machine that no command can safely move.
+        WorkError: none of its motions keeps the limits.
+    """
+    scene = Scene(model)
+    refuse(scene)
+    moved = dict(_motions(scene))
+    if not moved:
+        raise WorkError("no motion keeps the limits of this model: give its joints more room")
+    compared: list[tuple[str, _Compared]] = []
+    for i, (words, recording) in enumerate(moved.items()):
+        if progress:
+            progress(f"the machine {words}", i / len(moved))
+        compared.append((words, _Compared(Screen(smooth(scene, [Part(recording, 0)])))))
+    screen = compared[0][1].screen
+    joints = {}
+    for joint in dict.fromkeys(d.joint for d in scene.drives):
+        places = near(screen, Location("joint", joint))
+        causes = [c for c in _causes(scene) if c.at in places and c.at.name != "all"]
+        pairs = (_apart(pair, compared) for pair in itertools.combinations(causes, 2))
+        joints[joint] = tuple(p for p in pairs if p is not None)
+    shown = {c.effect for _, each in compared for c in each.signatures}
+    return Plan(joints, tuple(sorted(set(effects()) - shown)))
+
+
+def _causes(scene: Scene) -> list[Cause]:
+    return [
+        Cause(effect.id, at)
+        for effect in effects().values()
+        if not (isinstance(effect, FromRecordings) and effect.reads_residual)
+        for at in effect.places(scene)
+    ]
+
+
+class _Compared:
+    """Signatures of all causes in one motion, in units of noise."""
+
+    def __init__(self, screen: Screen) -> None:
+        self.screen = screen
+        self._rows = screen.keep / screen.floor
+        tolerances = self._flat(screen.tolerance_forces)
+        self._nuisance = tolerances
+        self._known = np.linalg.inv(np.eye(tolerances.shape[1]) + tolerances.T @ tolerances)
+        self.signatures: dict[Cause, list[Columns]] = {}
+        for cause in _causes(screen.motion.scene):
+            found = list(self._shapes(effects()[cause.effect], cause.at))
+            if found:
+                self.signatures[cause] = found
+
+    def _shapes(self, effect: Effect, at: Location) -> Iterator[Columns]:
+        """The signature in each of its shapes, every column of length one."""
+        motion = self.screen.motion
+        for shape in effect.shapes(motion, at):
+            columns = self._flat(self.screen.weak_force(effect.columns(motion, at, shape)))
+            size = np.linalg.norm(columns, axis=0)
+            seen = size > _NOTHING * size.max(initial=0.0)
+            if seen.any():
+                yield columns[:, seen] / size[seen]
+
+    def _flat(self, force: Float[np.ndarray, "row dof column"]) -> Columns:
+        return (force * self._rows[:, :, None]).reshape(-1, force.shape[2])
+
+    def _product(self, a: Columns, b: Columns) -> Float[np.ndarray, "m n"]:
+        """Inner products of what tolerances do not explain."""
+        t = self._nuisance
+        return np.asarray(a.T @ b - (a.T @ t) @ self._known @ (t.T @ b))
+
+    def left(self, one: Cause, other: Cause) -> float:
+        """Share of one signature, all its columns together, that no shape of another explains."""
+        signatures = self.signatures[one]
+        a = signatures[len(signatures) // 2].sum(axis=1, keepdims=True)
+        whole = float(self._product(a, a)[0, 0])
+        most = 0.0
+        for b in self.signatures[other]:
+            across, within = self._product(b, a), self._product(b, b)
+            told = float((across.T @ np.linalg.pinv(within, rcond=1e-8) @ across)[0, 0])
+            most = max(most, told / max(whole, 1e-300))
+        return max(0.0, 1.0 - most) if whole > 0.0 else 0.0
+
+
+def _apart(pair: tuple[Cause, Cause], compared: Sequence[tuple[str, _Compared]]) -> Apart | None:
+    """The motion that tells two causes best; None where one of them shows in none."""
+    shares = []
+    for words, each in compared:
+        if all(cause in each.signatures for cause in pair):
+            sizes = [each.signatures[cause][0].shape[1] for cause in pair]
+            # of a law that may contain the other, only what it has besides counts
+            ways = [pair, pair[::-1]] if sizes[0] == sizes[1] else [
+                pair if sizes[0] > sizes[1] else pair[::-1]
+            ]  # fmt: skip
+            shares.append((min(each.left(*way) for way in ways), words))
+    if not shares:
+        return None
+    share, words = max(shares)
+    times = float("inf") if share <= 0.0 else float(share**-0.5)
+    return Apart(pair, times, words if times < NEVER else "")
+
+
+# -- motions ---------------------------------------------------------------------------------------
+
+
+def _motions(scene: Scene) -> Iterator[tuple[str, Recording]]:
+    """Every kind of motion, of all driven joints one after another, as it would be recorded."""
+    reach, rng = reach_of(scene, (), free=True), np.random.default_rng(0)
+    n, dt = round(_PART_S * RATE_HZ), 1.0 / RATE_HZ
+    kinds: dict[str, list[Float[np.ndarray, "sample dof"]]] = {}
+    for joint in dict.fromkeys(d.joint for d in scene.drives):
+        dof, last = scene.dof(joint), {}
+        if roomy(reach, dof):
+            last = dict(singles(scene, reach, joint, n, dt, rng))  # the larger size of each
+        for words, q in last.items():
+            wanted = np.tile(reach.rest, (len(q), 1))
+            wanted[:, dof] = q
+            kinds.setdefault(words, []).append(wanted)
+    for words, wanted in together(scene, reach, round(_MOST_S * RATE_HZ), dt, rng):
+        kinds.setdefault(words.removeprefix("the machine "), []).append(wanted)
+    for words, parts in kinds.items():
+        tried = _safe(scene, reach, np.concatenate(parts))
+        if tried is not None:
+            recording = as_recording(scene, tried, RATE_HZ, SOURCE, words)
+            noise = {
+                name: values + NOISE * rng.standard_normal(len(values)) * name.startswith("qpos/")
+                for name, values in recording.columns.items()
+            }
+            yield words, Recording(recording.t, noise, recording.meta)
+
+
+def _safe(scene: Scene, reach: Reach, wanted: Float[np.ndarray, "sample dof"]) -> Trial | None:
+    """The motion on the model as given, made smaller until it keeps the limits."""
+    for k in range(_TRIES):
+        smaller = reach.rest + _SHRINK**k * (wanted - reach.rest)
+        tried = trial(scene, smaller, RATE_HZ)
+        if not too_far(scene, reach, tried, RATE_HZ).any():
+            return tried
+    return None

@@ -1,0 +1,94 @@
+"""A plan for people: sentences for a terminal, and a page with a matrix for each joint."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+
+from wt.ask.plan import Apart, Cause, Plan
+from wt.show.page import escaped, section, table, template
+
+HARD = 3.0
+"""Causes that have to be more than so many times as large as what can be seen are named."""
+
+
+def sentences(plan: Plan) -> list[str]:
+    """What is never told apart, and what only a larger effect tells, joint after joint."""
+    said: list[str] = []
+    for joint, pairs in plan.joints.items():
+        hard = sorted((p for p in pairs if p.times > HARD), key=lambda p: -p.times)
+        said += [f"{joint}: {_both(pair)} {_when(pair)}" for pair in hard]
+    return said or ["Every two causes at a joint can be told apart."]
+
+
+def page(plan: Plan, model: str) -> str:
+    """``plan.html``.
+
+    Args:
+        plan: what can be told apart.
+        model: name of the file.
+    """
+    never = sum(pair.never for pairs in plan.joints.values() for pair in pairs)
+    lead = (
+        f"{never} pairs of causes look the same in every recording."
+        if never
+        else "Every two causes at a joint can be told apart."
+    )
+    explained = (
+        "How many times as large as what can just be seen two causes have to be to be told apart: "
+        "1 is at once, a dash never."
+    )
+    parts = [
+        f"<header><h1>What recordings of <strong>{escaped(model)}</strong> could tell</h1>"
+        f'<ul class="lead"><li>{escaped(lead)}</li></ul><p class="soft">{escaped(explained)}</p>'
+        "</header>"
+    ]
+    parts += [section(f"Joint {j}", "", _motions(p) + _matrix(p)) for j, p in plan.joints.items()]
+    others = ", ".join(plan.replayed)
+    note = f"These have no signature in forces; only replays of recordings tell them: {others}."
+    parts.append(section("Not compared", note, ""))
+    title = html.escape(f"Plan for {model}")
+    return template().substitute(title=title, shades="", body="\n".join(parts))
+
+
+def _when(pair: Apart) -> str:
+    if pair.never:
+        return "are never told apart"
+    return (
+        f"only where {pair.times:.0f} times as large as what can be seen, best if it {pair.motion}"
+    )
+
+
+def _both(pair: Apart) -> str:
+    return " and ".join(str(cause) for cause in pair.causes)
+
+
+def _matrix(pairs: Sequence[Apart]) -> str:
+    """Causes against causes."""
+    causes = list(dict.fromkeys(c for p in pairs for c in p.causes))
+    times = {frozenset(p.causes): p for p in pairs}
+    rows = []
+    for i, one in enumerate(causes):
+        cells = "".join(f'<td class="n">{_cell(times, one, other)}</td>' for other in causes[:i])
+        name = f"{i + 1} {one.effect} {one.at.name}"
+        rows.append(f"<tr><td>{escaped(name)}</td>{cells}</tr>")
+    return table(["", *(f"#{i + 1}" for i in range(len(causes) - 1))], rows)
+
+
+def _cell(times: dict[frozenset[Cause], Apart], one: Cause, other: Cause) -> str:
+    pair = times.get(frozenset((one, other)))
+    if pair is None:
+        return ""
+    return "<strong>–</strong>" if pair.never else f"{pair.times:.2g}"
+
+
+def _motions(pairs: Sequence[Apart]) -> str:
+    """The motions that tell what is hard to tell."""
+    hard = sorted((p for p in pairs if p.times > HARD), key=lambda p: -p.times)
+    rows = [
+        f"<tr><td>{escaped(str(p.causes[0]))}</td><td>{escaped(str(p.causes[1]))}</td>"
+        f'<td class="n">{"never" if p.never else f"{p.times:.2g}"}</td>'
+        f"<td>{escaped(p.motion)}</td></tr>"
+        for p in hard
+    ]
+    return table(["one", "the other", "#times", "motion"], rows) if rows else ""
