@@ -24,6 +24,7 @@ LONG = (
     "tests/test_docs.py",
     "tests/train/test_fit.py",
     "tests/train/test_streamed.py",
+    "tests/worlds/test_spread.py",
     "tests/diagnose/observed/test_forces.py",
     "tests/prove/test_replay.py",
     "tests/locomotion/test_train.py",

@@ -15,6 +15,7 @@ import pytest
 
 from tests.conftest import FromShared
 from tests.physics.test_ray import ran
+from tests.worlds.test_collect import SMALL
 from wt.config import load
 from wt.errors import UserError
 from wt.run.study import check
@@ -24,16 +25,18 @@ _RAY = """
 import sys
 from pathlib import Path
 import ray
-from tests.worlds.test_collect import SMALL, settings
-from wt.config import load
+from wt.config import DataConfig, load
 from wt.worlds import r5
 from wt.worlds.base import make
 from wt.worlds.collect import collect
 from wt.worlds.spread import spread
 
 folder = Path(sys.argv[1])
-section = load("r5", SMALL).world
+section = load("r5", sys.argv[2:]).world
 world = make(section)
+
+def settings(where):
+    return DataConfig(str(where), transitions=220, validation_pairs=60, test_pairs=80)
 
 def shards(name):
     found = {p.relative_to(folder / name): p for p in (folder / name).rglob("part-*.parquet")}
@@ -64,7 +67,7 @@ with spread("ray", section, world) as maker:
 
 def test_ray_makes_the_same_shards_each_once(tmp_path: Path) -> None:
     try:
-        assert ran(_RAY, str(tmp_path), limit=240.0) == ""
+        assert ran(_RAY, str(tmp_path), *SMALL, limit=240.0) == ""
     except (subprocess.TimeoutExpired, AssertionError) as error:
         if "Ray does not start here" in str(error) or isinstance(error, subprocess.TimeoutExpired):
             pytest.skip(f"Ray does not start on this machine: {str(error).strip()[-300:]}")
