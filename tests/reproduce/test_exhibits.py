@@ -106,6 +106,7 @@ def found(out: Path, name: str) -> dict[str, object]:
     return content
 
 
+@pytest.mark.long
 def test_every_exhibit_is_measured_and_reported(out: Path) -> None:
     text, page = (out / "report.md").read_text(), (out / "report.html").read_text()
     for exhibit in exhibits():
@@ -119,6 +120,7 @@ def test_every_exhibit_is_measured_and_reported(out: Path) -> None:
     assert 'src="http' not in page  # one file, no network
 
 
+@pytest.mark.long
 def test_the_papers_numbers_stand_beside_ours(out: Path) -> None:
     text = (out / "report.md").read_text()
     for table in (paper.HIDDEN_R2["full"], paper.DOMAIN["full"], paper.DOMAIN["w/o"]):
@@ -130,11 +132,13 @@ def test_the_papers_numbers_stand_beside_ours(out: Path) -> None:
     assert "0.273 | 0.004 | 0.681" in text
 
 
+@pytest.mark.long
 def test_variants_are_different_models(out: Path) -> None:
     errors = [values["prediction"] for values in found(out, "table-3")["ours"].values()]  # type: ignore[attr-defined]
     assert len({tuple(values) for values in errors}) == len(errors) == 4
 
 
+@pytest.mark.long
 def test_rollouts_have_every_method_and_horizon(out: Path) -> None:
     methods = found(out, "figure-4")
     assert set(methods) > {"RawSim", "DirectPred", "ResDyn", "RSSM", "WorldTranslation"}
@@ -142,6 +146,7 @@ def test_rollouts_have_every_method_and_horizon(out: Path) -> None:
         assert [len(row) for row in values["mse"]] == [6]  # type: ignore[index]
 
 
+@pytest.mark.long
 def test_a_registered_model_is_run_by_itself(out: Path) -> None:
     report = found(out, "registered")
     assert set(report["models"]) == {"go2_payload"}  # type: ignore[call-overload]
@@ -160,6 +165,7 @@ def test_without_a_registered_model_it_says_how_to_get_one(
     assert "'wt fit' makes one" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_what_is_measured_is_not_measured_again(
     out: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -171,6 +177,7 @@ def test_what_is_measured_is_not_measured_again(
     assert str(out / "report.html") in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_a_report_of_one_exhibit_says_how_to_get_the_others(
     out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -196,6 +203,7 @@ def test_a_wrong_name_is_told_the_nearest(
     assert "did you mean 'table-1'" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_a_damaged_result_is_refused(out: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = out / "numbers" / "table-2.json"
     whole = path.read_text()
@@ -207,6 +215,7 @@ def test_a_damaged_result_is_refused(out: Path, capsys: pytest.CaptureFixture[st
         path.write_text(whole)
 
 
+@pytest.mark.long
 def test_an_exhibit_that_fails_leaves_the_others(
     out: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

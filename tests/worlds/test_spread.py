@@ -65,6 +65,7 @@ with spread("ray", section, world) as maker:
 """
 
 
+@pytest.mark.long
 def test_ray_makes_the_same_shards_each_once(tmp_path: Path) -> None:
     try:
         assert ran(_RAY, str(tmp_path), *SMALL, limit=240.0) == ""
