@@ -127,6 +127,7 @@ def test_every_command_says_at_once_which_extra_it_misses(tmp_path: Path) -> Non
     assert sorted(p.name for p in tmp_path.iterdir()) == ["log.h5", "some.rrd"]
 
 
+@pytest.mark.long
 def test_every_extra_is_one_of_the_project_and_brings_what_is_said() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     always = {distribution(line) for line in project["dependencies"]}

@@ -4,6 +4,7 @@ import copy
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import torch
 
 from tests.baselines.toy import Trial
@@ -38,6 +39,7 @@ def test_a_flow_begins_as_no_motion_and_follows_its_velocity() -> None:
     torch.testing.assert_close(flow(z, z), quarter, atol=0.02, rtol=0.02)
 
 
+@pytest.mark.long
 def test_translates(fleeting: Trial, small: Baselines) -> None:
     flow = fleeting.fitted("FlowTranslation", small)
     error = fleeting.error(flow.predict(fleeting.test))

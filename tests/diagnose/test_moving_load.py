@@ -52,6 +52,7 @@ def read_off(smoothed: Smoothed, best: Scored) -> Planted:
     return Planted(best.planted.effect, at, theta)
 
 
+@pytest.mark.long
 def test_it_leads_and_its_figures_are_read_off(smoothed: Smoothed, best: Scored) -> None:
     assert (best.planted.effect.id, best.planted.at.name) == ("body.payload_moving", "trunk")
     mass, travel, *at = read_off(smoothed, best).theta

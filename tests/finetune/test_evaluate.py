@@ -52,7 +52,7 @@ def test_who_stands_does_not_turn(setting: Setting) -> None:
         def act(self, *_: object) -> np.ndarray:
             return np.zeros((3, 12), np.float32)
 
-    policy = Stands(setting.base.card, None)
+    policy = Stands(setting.base.card, setting.base._graph)
     found = evaluate(herd, policy, [[5.0, 0.0, 0.0, 0.8]], seed=0)
     assert found.tracking == pytest.approx(0.8, rel=0.1)
     assert found.power < 5 and found.stability < 0.1 and found.fallen == 0

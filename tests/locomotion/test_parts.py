@@ -55,6 +55,7 @@ def test_lengths_of_episodes_are_those_of_the_parts(root: Path) -> None:
     assert env.episode_length_buf.tolist() == [1, 1, 1, 1, 0, 1]
 
 
+@pytest.mark.long
 def test_a_training_in_parts_runs(root: Path, tmp_path: Path) -> None:
     assert train(config(root, "processes=2"), tmp_path).samples == 6 * 24
 

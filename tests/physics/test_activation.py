@@ -89,6 +89,7 @@ def test_replays_go_on_from_where_drives_had_got_to(drive: str, tmp_path: Path) 
     assert np.abs(q[:, 0] - made["q"][rows]).max() < 2e-3 * np.ptp(made["q"])
 
 
+@pytest.mark.long
 def test_friction_behind_an_integrator_is_found(tmp_path: Path) -> None:
     path = tmp_path / "machine.xml"
     path.write_text(machine("rate"))

@@ -68,6 +68,7 @@ def trial(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Fo
     return Folder.resume(tmp_path / "copy")
 
 
+@pytest.mark.long
 def test_a_robot_that_cannot_stand_is_left_out_and_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

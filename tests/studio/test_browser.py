@@ -166,6 +166,7 @@ def test_from_drop_to_report_by_keyboard_in_the_dark(
     assert not faint
 
 
+@pytest.mark.long
 def test_a_folder_is_dropped_and_fits_a_telephone(
     page: sync_api.Page, cart: Path, tmp_path: Path
 ) -> None:

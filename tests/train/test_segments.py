@@ -49,6 +49,7 @@ def test_errors_add_up_along_a_segment(world: World, paper: Method) -> None:
     assert np.isclose(found, 4 * (0.2**2 + 0.3**2) / 2, rtol=1e-3)  # a sum over four channels
 
 
+@pytest.mark.long
 def test_training_on_segments_lowers_their_error(
     world: World, paper: Method, tmp_path: Path
 ) -> None:

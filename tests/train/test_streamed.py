@@ -178,6 +178,7 @@ def test_a_killed_and_resumed_training_goes_on_on_the_same_stream(
     assert all(whole[step]["vae/kl"] != from_sample[step]["vae/kl"] for step in whole)
 
 
+@pytest.mark.long
 def test_the_curve_is_the_same_on_one_and_two_processes(
     world: World, paper: Method, on_disk: Streams, tmp_path: Path
 ) -> None:

@@ -73,6 +73,7 @@ def deviations(u: np.ndarray, q0: np.ndarray, first: str, second: str) -> np.nda
     return np.sqrt(np.diag(np.linalg.inv(information)))
 
 
+@pytest.mark.long
 def test_confusable_pairs_come_apart(arm: Path) -> None:
     """The same seconds of the suggested motion tell more than those of the recorded one."""
     diagnosis = synthetic.diagnosis()

@@ -119,6 +119,7 @@ def test_how_rare_an_effect_is_tells_nothing_apart() -> None:
     assert _rivals([first, rare, usual], first) == [usual, rare]
 
 
+@pytest.mark.long
 def test_a_larger_law_starts_from_the_one_it_contains(sticky: World) -> None:
     found = settled(sticky, "joint.friction_coulomb", JOINT, 0.35)
     assert found.planted.effect.id == "joint.friction_stribeck"

@@ -24,7 +24,7 @@ STRIBECK = effects()["joint.friction_stribeck"]
 def rubbing(tmp_path_factory: pytest.TempPathFactory) -> World:
     """A chain with dry friction in j2, and nothing else."""
     friction = on_joint(1, lambda q, v: -0.3 * float(np.tanh(v / 1e-3)))
-    return world(tmp_path_factory.mktemp("rubbing"), 2, friction, 8.0)
+    return world(tmp_path_factory.mktemp("rubbing"), 2, friction, 5.0)
 
 
 def test_friction_that_no_load_changes_is_coulombs(rubbing: World) -> None:
@@ -78,7 +78,7 @@ def two_ways(tmp_path_factory: pytest.TempPathFactory) -> World:
     at = '<joint name="j2" axis="0 0 1" damping=".3"/>'
     model = chain(2).replace(at, at.replace("/>", ' frictionloss=".3"/>'))
     assert model != chain(2)
-    return world(tmp_path_factory.mktemp("two"), 2, friction, 8.0, model=model)
+    return world(tmp_path_factory.mktemp("two"), 2, friction, 5.0, model=model)
 
 
 def test_what_another_law_has_in_it_is_not_said_twice(two_ways: World) -> None:
