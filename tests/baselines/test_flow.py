@@ -25,7 +25,7 @@ def test_partners_are_those_of_the_cheapest_transport() -> None:
 
 def test_a_flow_begins_as_no_motion_and_follows_its_velocity() -> None:
     flow = Flow(2, 8, 1)
-    z = torch.randn(5, 2)
+    z = torch.randn(5, 2, generator=torch.Generator().manual_seed(0))
     torch.testing.assert_close(flow(z, z), z)
 
     class Turning(torch.nn.Module):
@@ -36,7 +36,7 @@ def test_a_flow_begins_as_no_motion_and_follows_its_velocity() -> None:
     flow.net = Turning()
     # the angle is the integral of pi t over 0 to 1, a quarter turn
     quarter = torch.stack([-z[:, 1], z[:, 0]], dim=1)
-    torch.testing.assert_close(flow(z, z), quarter, atol=0.02, rtol=0.02)
+    assert ((flow(z, z) - quarter).norm(dim=1) < 0.05 * z.norm(dim=1)).all()
 
 
 @pytest.mark.long
