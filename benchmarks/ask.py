@@ -239,7 +239,7 @@ def run(name: str, seed: int) -> dict[str, object]:
         control, scene = before, Scene(model)
         if count:
             q = np.stack([first.columns[f"qpos/j{i}"] for i in (1, 2)], axis=1)
-            shown = Shown(False, q, np.gradient(q, 1.0 / RATE, axis=0), q)
+            shown = Shown("poor", False, q, np.gradient(q, 1.0 / RATE, axis=0), q)
             sines = [
                 machine.perform(
                     0,

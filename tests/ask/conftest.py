@@ -48,4 +48,4 @@ def reach(arm: Scene) -> Reach:
     v = np.full_like(q, 2.0)
     v[-1] = 0.0
     q[-1] = 0.0
-    return reach_of(arm, [Shown(False, q, v, q)])
+    return reach_of(arm, [Shown("all", False, q, v, q)])

@@ -236,7 +236,7 @@ def _designer(scene: Scene, outcome: Outcome, left: Sequence[Alive], whole_range
     naming, prepared = outcome.naming, outcome.prepared
     sets = (False, outcome.fitted), (True, naming.holdout.smoothed)
     shown = [
-        Shown(held_out, samples.q, v, q)
+        Shown(prepared.names[samples.recording], held_out, samples.q, v, q)
         for held_out, smoothed in sets
         for samples, (q, v, _) in zip(smoothed.samples, smoothed.at_samples, strict=True)
     ]

@@ -70,7 +70,10 @@ def suggest(
         )
     rates = [r.rate_hz for r in diagnosis.recordings]
     rate = rate_hz or (float(np.round(np.median(rates))) if rates else 200.0)
-    shown = [Shown(t.role == "holdout", t.recorded, t.velocity, t.before) for t in diagnosis.traces]
+    shown = [
+        Shown(t.name, t.role == "holdout", t.recorded, t.velocity, t.before)
+        for t in diagnosis.traces
+    ]
     return excite(
         scene, reach_of(scene, shown), _focus(scene, diagnosis), seconds, rate, SOURCE, seed
     )

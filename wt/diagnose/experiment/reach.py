@@ -24,12 +24,14 @@ class Shown:
     """A motion that the machine has made.
 
     Attributes:
-        held_out: whether its recording was held out.
+        recording: name of the recording that it is of, or a part of.
+        held_out: whether that part was held out.
         q: joint positions as measured [rad or m]; NaN where they were not.
         v: joint velocities [rad/s or m/s].
         replayed: joint positions by a replay, which stand in where none were measured.
     """
 
+    recording: str
     held_out: bool
     q: Float[np.ndarray, "sample dof"]
     v: Float[np.ndarray, "sample dof"]
@@ -100,23 +102,25 @@ def roomy(reach: Reach, dof: int) -> bool:
 
 
 def _stands(scene: Scene, shown: Sequence[Shown]) -> Float[np.ndarray, " dof"]:
-    """Pose in which the machine stands: at the end of the last motion, or its start.
+    """Pose in which the machine stands: at the end of the last recording, or its start.
 
-    Where it moves at either, in the most quiet moment of it.
+    Where it moves at either, in the most quiet moment of its last part.
     """
     rest = scene.model.qpos0.copy()
     if not shown:
         return rest
-    # the last that were given are held out
-    last = [*(m for m in shown if not m.held_out), *(m for m in shown if m.held_out)][-1]
-    speed = np.abs(np.nan_to_num(last.v)).max(axis=1)
-    still = _STILL * float(speed.max())
-    if speed[-1] <= still:
+    # the last that were given are held out, as the last part of a single one is
+    fitted, held_out = ([m for m in shown if m.held_out is held] for held in (False, True))
+    last = [*fitted, *held_out][-1]
+    first = next(m for m in [*held_out, *fitted][::-1] if m.recording == last.recording)
+    speeds = [np.abs(np.nan_to_num(m.v)).max(axis=1) for m in (last, first)]
+    still = _STILL * max(float(s.max()) for s in speeds)
+    if speeds[0][-1] <= still:
         pose = last.q[-1]
-    elif speed[0] <= still:
-        pose = last.q[0]
+    elif speeds[1][0] <= still:
+        pose = first.q[0]
     else:
-        pose = last.q[int(speed.argmin())]
+        pose = last.q[int(speeds[0].argmin())]
     return np.where(np.isfinite(pose), pose, rest)
 
 
