@@ -7,7 +7,7 @@ import pytest
 
 from tests.ask.conftest import AT, JOINT, RATE, bias_or_dead_band, law
 from wt.ask.alive import Alive
-from wt.ask.separation import Expected, Separation, _left
+from wt.ask.separation import Beyond, Expected, Separation
 from wt.physics.replay import Stretch
 from wt.physics.scene import Scene
 
@@ -30,11 +30,15 @@ def level(seconds: float = 4.0) -> np.ndarray:
     return 0.1 * np.sin(np.arange(0.0, seconds, 1.0 / RATE))
 
 
+def left(r: np.ndarray, nuisance: np.ndarray) -> float:
+    return float(Beyond(nuisance).product(r[None], r[None])[0, 0])
+
+
 def test_woodbury() -> None:
     rng = np.random.default_rng(0)
     r, a = rng.normal(size=30), 3.0 * rng.normal(size=(4, 30))
-    assert _left(r, a) == pytest.approx(r @ np.linalg.inv(np.eye(30) + a.T @ a) @ r)
-    assert _left(2.0 * a[1], a) < 4.0  # a deviation of two explains it
+    assert left(r, a) == pytest.approx(r @ np.linalg.inv(np.eye(30) + a.T @ a) @ r)
+    assert left(2.0 * a[1], a) < 4.0  # a deviation of two explains it
 
 
 def test_the_same_machine_is_not_told_apart(arm: Scene) -> None:

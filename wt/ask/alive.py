@@ -71,10 +71,8 @@ def _spread(
     deviations = [np.zeros(0)]
     for planted, named in zip(hypothesis, estimates, strict=True):
         lower, upper = planted.effect.bounds()
-        own, start = np.zeros(planted.effect.n_theta), 0
-        for parameter in planted.effect.parameters:
-            rows = slice(start, start + parameter.size)
-            start = rows.stop
+        own = np.zeros(planted.effect.n_theta)
+        for parameter, rows in planted.effect.rows():
             if parameter.name in named:
                 low, high = (np.atleast_1d(end) for end in named[parameter.name].ci95)
                 half = np.minimum((high - low) / 2.0, (upper - lower)[rows] / 2.0)

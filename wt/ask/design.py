@@ -20,7 +20,7 @@ from wt.ask.alive import Alive
 from wt.ask.separation import Expected, Separation
 from wt.diagnose.experiment.motions import singles, telling_joints, together
 from wt.diagnose.experiment.reach import Reach, roomy, too_far
-from wt.diagnose.experiment.trial import Trial, as_recording, setpoints, touching_along, trial
+from wt.diagnose.experiment.trial import Trial, as_recording, touching_along, trial
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.replay import Stretch
 from wt.physics.scene import Scene
@@ -110,35 +110,30 @@ class Designer:
             return None
         whole = np.concatenate([self._still(), *(p.wanted for p in chosen)])
         for _ in range(_TRIES):  # one after another they may meet what each alone does not
-            together = _Part("", whole, trial(self.scene, whole, self.rate))
-            if self._is_safe([together]) == [True]:
+            at_once = self._part("", whole)
+            if self._is_safe([at_once]) == [True]:
                 break
-            whole = self.reach.rest + _SHRINK * (whole - self.reach.rest)
+            whole = self.reach.smaller(whole, _SHRINK)
         else:
             return None
-        (judged,) = self._judged([together])
-        expected = judged.expected
-        assert expected is not None
+        expected = _expected(*self._judged([at_once]))
         if not _tells(expected, sharpen):
             return None
         motions = tuple(p.words for p in chosen)
         what = "; then ".join(motions)
-        commands = as_recording(self.scene, together.tried, self.rate, SOURCE, what)
+        commands = as_recording(self.scene, at_once.tried, self.rate, SOURCE, what)
         return Design(commands, motions, expected)
 
     def _offered(self, most: int, seed: int) -> list[_Part]:
         """Motions of at most so many samples."""
-        rng, n = np.random.default_rng(seed), round(PART_S * self.rate)
-        parts = []
-        for joint in self._joints():
-            dof = self.scene.dof(joint)
-            for words, q in singles(self.scene, self.reach, joint, n, 1.0 / self.rate, rng):
-                wanted = np.tile(self.reach.rest, (n, 1))
-                wanted[:, dof] = q
-                parts.append(_Part(f"{joint} {words}", wanted, self._tried(wanted)))
-        for words, wanted in together(self.scene, self.reach, most, 1.0 / self.rate, rng):
-            parts.append(_Part(words, wanted, self._tried(wanted)))
-        return parts
+        rng, n, dt = np.random.default_rng(seed), round(PART_S * self.rate), 1.0 / self.rate
+        parts = [
+            self._part(f"{joint} {words}", wanted)
+            for joint in self._joints()
+            for words, wanted in singles(self.scene, self.reach, joint, n, dt, rng)
+        ]
+        poses = together(self.scene, self.reach, most, dt, rng)
+        return parts + [self._part(words, wanted) for words, wanted in poses]
 
     def _joints(self) -> list[str]:
         """Driven joints that tell most about where hypotheses differ, or about what is claimed."""
@@ -154,17 +149,12 @@ class Designer:
         for _ in range(_TRIES):
             if not left:
                 break
-            good = self._is_safe(left)
-            safe += [p for p, ok in zip(left, good, strict=True) if ok]
-            smaller = [
-                self.reach.rest + _SHRINK * (p.wanted - self.reach.rest)
-                for p, ok in zip(left, good, strict=True)
-                if not ok
-            ]
-            words = [p.words for p, ok in zip(left, good, strict=True) if not ok]
+            good = list(zip(left, self._is_safe(left), strict=True))
+            safe += [p for p, ok in good if ok]
             left = [
-                _Part(said, wanted, self._tried(wanted))
-                for said, wanted in zip(words, smaller, strict=True)
+                self._part(p.words, self.reach.smaller(p.wanted, _SHRINK))
+                for p, ok in good
+                if not ok
             ]
         return safe
 
@@ -196,8 +186,8 @@ class Designer:
         expected = self.separation.expected(stretches, begins)
         return [replace(p, expected=e) for p, e in zip(parts, expected, strict=True)]
 
-    def _tried(self, wanted: Float[np.ndarray, "sample dof"]) -> Trial:
-        return trial(self.scene, wanted, self.rate)
+    def _part(self, words: str, wanted: Float[np.ndarray, "sample dof"]) -> _Part:
+        return _Part(words, wanted, trial(self.scene, wanted, self.rate))
 
     def _still(self) -> Float[np.ndarray, "sample dof"]:
         return np.tile(self.reach.rest, (round(SETTLE_S * self.rate), 1))
@@ -205,12 +195,10 @@ class Designer:
     def _stretch(self, part: _Part) -> tuple[Stretch, int]:
         """A part as replays take it, after standing still; and its first sample."""
         before = len(self._still())
-        command = part.tried.ctrl
-        command = np.concatenate([np.tile(command[0], (before, 1)), command])
-        acted = setpoints(self.scene, part.wanted[:2], 1.0 / self.rate)[0]
-        t = np.arange(len(command)) / self.rate
-        rest = self.reach.rest
-        return Stretch(0, t, command, rest, np.zeros_like(rest), activation=acted), before
+        ctrl, begun = part.tried.ctrl, part.tried.begun
+        command = np.concatenate([np.tile(ctrl[0], (before, 1)), ctrl])
+        t, rest = np.arange(len(command)) / self.rate, self.reach.rest
+        return Stretch(0, t, command, rest, np.zeros_like(rest), activation=begun), before
 
 
 def _chosen(parts: Sequence[_Part], samples: int, sharpen: bool) -> list[_Part]:

@@ -120,7 +120,7 @@ class Experiments:
         number = len(self.recorded) + 1
         self._keep(f"experiment_{number}", commands)
         measured = self._robot.perform(number, commands)
-        if self._robot.performed(number) is None:  # nobody has kept it yet
+        if not self._robot.keeps:
             self._keep(f"recorded_{number}", measured)
         self.recorded.append(measured)
 

@@ -20,7 +20,9 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.ask import SOURCE
+from wt.ask.design import PART_S
 from wt.ask.loop import RATE_HZ, refuse
+from wt.ask.separation import Beyond
 from wt.diagnose.experiment.motions import singles, together
 from wt.diagnose.experiment.reach import Reach, reach_of, roomy, too_far
 from wt.diagnose.experiment.trial import Trial, as_recording, trial
@@ -41,10 +43,10 @@ NEVER = 30.0
 NOISE = 1e-4
 """Of positions, for what can just be seen [rad or m]."""
 _NOTHING = 1e-9  # share of a signature's largest column that is no more than rounding
-_PART_S, _MOST_S = 5.0, 20.0
+_MOST_S = 20.0
 _SHRINK, _TRIES = 0.75, 8
 
-Columns = Float[np.ndarray, "value _"]
+Signature = Float[np.ndarray, "_ value"]
 
 
 @dataclass(frozen=True)
@@ -152,46 +154,39 @@ def _causes(scene: Scene) -> list[Cause]:
 
 
 class _Compared:
-    """Signatures of all causes in one motion, in units of noise."""
+    """Signatures of all causes in one motion, in units of noise; a row for each coefficient."""
 
     def __init__(self, screen: Screen) -> None:
         self.screen = screen
         self._rows = screen.keep / screen.floor
-        tolerances = self._flat(screen.tolerance_forces)
-        self._nuisance = tolerances
-        self._known = np.linalg.inv(np.eye(tolerances.shape[1]) + tolerances.T @ tolerances)
-        self.signatures: dict[Cause, list[Columns]] = {}
+        self._beyond = Beyond(self._flat(screen.tolerance_forces))
+        self.signatures: dict[Cause, list[Signature]] = {}
         for cause in _causes(screen.motion.scene):
             found = list(self._shapes(effects()[cause.effect], cause.at))
             if found:
                 self.signatures[cause] = found
 
-    def _shapes(self, effect: Effect, at: Location) -> Iterator[Columns]:
-        """The signature in each of its shapes, every column of length one."""
+    def _shapes(self, effect: Effect, at: Location) -> Iterator[Signature]:
+        """The signature in each of its shapes, every row of length one."""
         motion = self.screen.motion
         for shape in effect.shapes(motion, at):
-            columns = self._flat(self.screen.weak_force(effect.columns(motion, at, shape)))
-            size = np.linalg.norm(columns, axis=0)
-            seen = size > _NOTHING * size.max(initial=0.0)
+            rows = self._flat(self.screen.weak_force(effect.columns(motion, at, shape)))
+            size = np.linalg.norm(rows, axis=1, keepdims=True)
+            seen = size[:, 0] > _NOTHING * size.max(initial=0.0)
             if seen.any():
-                yield columns[:, seen] / size[seen]
+                yield rows[seen] / size[seen]
 
-    def _flat(self, force: Float[np.ndarray, "row dof column"]) -> Columns:
-        return (force * self._rows[:, :, None]).reshape(-1, force.shape[2])
-
-    def _product(self, a: Columns, b: Columns) -> Float[np.ndarray, "m n"]:
-        """Inner products of what tolerances do not explain."""
-        t = self._nuisance
-        return np.asarray(a.T @ b - (a.T @ t) @ self._known @ (t.T @ b))
+    def _flat(self, force: Float[np.ndarray, "row dof column"]) -> Signature:
+        return (force * self._rows[:, :, None]).reshape(-1, force.shape[2]).T
 
     def left(self, one: Cause, other: Cause) -> float:
-        """Share of one signature, all its columns together, that no shape of another explains."""
-        signatures = self.signatures[one]
-        a = signatures[len(signatures) // 2].sum(axis=1, keepdims=True)
-        whole = float(self._product(a, a)[0, 0])
+        """Share of one signature, all its parts together, that no shape of another explains."""
+        signatures, product = self.signatures[one], self._beyond.product
+        a = signatures[len(signatures) // 2].sum(axis=0, keepdims=True)
+        whole = float(product(a, a)[0, 0])
         most = 0.0
         for b in self.signatures[other]:
-            across, within = self._product(b, a), self._product(b, b)
+            across, within = product(b, a), product(b, b)
             told = float((across.T @ np.linalg.pinv(within, rcond=1e-8) @ across)[0, 0])
             most = max(most, told / max(whole, 1e-300))
         return max(0.0, 1.0 - most) if whole > 0.0 else 0.0
@@ -202,7 +197,7 @@ def _apart(pair: tuple[Cause, Cause], compared: Sequence[tuple[str, _Compared]])
     shares = []
     for words, each in compared:
         if all(cause in each.signatures for cause in pair):
-            sizes = [each.signatures[cause][0].shape[1] for cause in pair]
+            sizes = [len(each.signatures[cause][0]) for cause in pair]
             # of a law that may contain the other, only what it has besides counts
             ways = [pair, pair[::-1]] if sizes[0] == sizes[1] else [
                 pair if sizes[0] > sizes[1] else pair[::-1]
@@ -221,16 +216,13 @@ def _apart(pair: tuple[Cause, Cause], compared: Sequence[tuple[str, _Compared]])
 def _motions(scene: Scene) -> Iterator[tuple[str, Recording]]:
     """Every kind of motion, of all driven joints one after another, as it would be recorded."""
     reach, rng = reach_of(scene, (), free=True), np.random.default_rng(0)
-    n, dt = round(_PART_S * RATE_HZ), 1.0 / RATE_HZ
+    n, dt = round(PART_S * RATE_HZ), 1.0 / RATE_HZ
     kinds: dict[str, list[Float[np.ndarray, "sample dof"]]] = {}
     for joint in dict.fromkeys(d.joint for d in scene.drives):
-        dof, last = scene.dof(joint), {}
-        if roomy(reach, dof):
-            last = dict(singles(scene, reach, joint, n, dt, rng))  # the larger size of each
-        for words, q in last.items():
-            wanted = np.tile(reach.rest, (len(q), 1))
-            wanted[:, dof] = q
-            kinds.setdefault(words, []).append(wanted)
+        if roomy(reach, scene.dof(joint)):
+            larger = dict(singles(scene, reach, joint, n, dt, rng))  # of each, the latter of two
+            for words, wanted in larger.items():
+                kinds.setdefault(words, []).append(wanted)
     for words, wanted in together(scene, reach, round(_MOST_S * RATE_HZ), dt, rng):
         kinds.setdefault(words.removeprefix("the machine "), []).append(wanted)
     for words, parts in kinds.items():
@@ -247,8 +239,7 @@ def _motions(scene: Scene) -> Iterator[tuple[str, Recording]]:
 def _safe(scene: Scene, reach: Reach, wanted: Float[np.ndarray, "sample dof"]) -> Trial | None:
     """The motion on the model as given, made smaller until it keeps the limits."""
     for k in range(_TRIES):
-        smaller = reach.rest + _SHRINK**k * (wanted - reach.rest)
-        tried = trial(scene, smaller, RATE_HZ)
+        tried = trial(scene, reach.smaller(wanted, _SHRINK**k), RATE_HZ)
         if not too_far(scene, reach, tried, RATE_HZ).any():
             return tried
     return None

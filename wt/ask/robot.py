@@ -6,6 +6,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
+from typing import ClassVar
 
 import mujoco
 import numpy as np
@@ -21,7 +22,13 @@ _SETTLED_S = 3.0
 
 
 class Robot(ABC):
-    """Carries out experiments."""
+    """Carries out experiments.
+
+    Attributes:
+        keeps: whether what was measured lies where it is looked for already.
+    """
+
+    keeps: ClassVar[bool] = False
 
     @abstractmethod
     def perform(self, number: int, commands: Recording) -> Recording:
@@ -100,6 +107,8 @@ class SimulatedRobot(Robot):
 
 class FileRobot(Robot):
     """A person, or a program, who takes commands from a file and puts a recording beside it."""
+
+    keeps = True
 
     def __init__(self, folder: Path, wait: float, say: Callable[[str], None]) -> None:
         """Set up.

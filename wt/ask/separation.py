@@ -14,8 +14,9 @@ far.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -118,34 +119,13 @@ class Separation:
 
         First those of all parameters, then those of the tolerances beside the claimed one.
         """
-        moved: list[Hypothesis] = []
-        owners: list[int] = []
-        sizes: list[float] = []
-        for owner, of in enumerate(self._alive):
-            at = 0
-            for i, planted in enumerate(of.hypothesis):
-                for k in range(planted.effect.n_theta):
-                    deviation = float(of.spread[at + k])
-                    if deviation > 0.0:
-                        step = np.zeros(planted.effect.n_theta)
-                        step[k] = _SHARE * deviation
-                        theta = planted.moved(step)
-                        taken = float(theta[k] - planted.theta[k])
-                        if abs(taken) < 0.1 * step[k]:
-                            theta = planted.moved(-step)
-                            taken = float(theta[k] - planted.theta[k])
-                        if taken != 0.0:
-                            new = type(planted)(planted.effect, planted.at, theta)
-                            rest = of.hypothesis
-                            moved.append((*rest[:i], new, *rest[i + 1 :]))
-                            owners.append(owner)
-                            sizes.append(taken / deviation)
-                at += planted.effect.n_theta
-        for error in self._tolerances:
-            moved.append((*self._alive[0].hypothesis, error.planted))
-            owners.append(0)
-            sizes.append(1.0)
-        return moved, owners, sizes
+        found = [
+            (hypothesis, owner, share)
+            for owner, of in enumerate(self._alive)
+            for hypothesis, share in _moved(of)
+        ]
+        found += [((*self._alive[0].hypothesis, t.planted), 0, 1.0) for t in self._tolerances]
+        return [h for h, _, _ in found], [o for _, o, _ in found], [share for *_, share in found]
 
     def _judged(
         self,
@@ -157,23 +137,49 @@ class Separation:
         own, common = len(owners) - len(self._tolerances), len(self._alive)
         free = slopes[own:]
         apart = np.zeros((common, common))
-        for i in range(common):
-            for j in range(i):
-                nuisance = np.vstack([slopes[:own][np.isin(owners[:own], (i, j))], free])
-                apart[i, j] = apart[j, i] = 0.5 * _left(motions[i] - motions[j], nuisance)
+        for i, j in itertools.combinations(range(common), 2):
+            nuisance = np.vstack([slopes[:own][np.isin(owners[:own], (i, j))], free])
+            r = (motions[i] - motions[j])[None]
+            apart[i, j] = apart[j, i] = 0.5 * max(float(Beyond(nuisance).product(r, r)[0, 0]), 0.0)
         claimed = slopes[:own][owners[:own] == 0]
-        known = _inverse(free)
-        seen = claimed @ claimed.T - claimed @ free.T @ known @ (free @ claimed.T)
+        seen = Beyond(free).product(claimed, claimed)
         _, information = np.linalg.slogdet(np.eye(len(claimed)) + 0.5 * (seen + seen.T))
         return Expected(apart, 0.5 * float(information))
 
 
-def _left(r: Float[np.ndarray, " value"], nuisance: Float[np.ndarray, "column value"]) -> float:
-    """rᵀ(I + A Aᵀ)⁻¹ r, by Woodbury's identity; the columns of A are the rows given."""
-    projected = nuisance @ r
-    return float(max(r @ r - projected @ _inverse(nuisance) @ projected, 0.0))
+class Beyond:
+    """Inner products of what a nuisance, each part of it of size one, does not explain.
+
+    aᵀ(I + T Tᵀ)⁻¹ b, by Woodbury's identity.
+    """
+
+    def __init__(self, nuisance: Float[np.ndarray, "part value"]) -> None:
+        """Keep the parts, the columns of T."""
+        self._nuisance = nuisance
+        self._known = np.linalg.inv(np.eye(len(nuisance)) + nuisance @ nuisance.T)
+
+    def product(
+        self, a: Float[np.ndarray, "m value"], b: Float[np.ndarray, "n value"]
+    ) -> Float[np.ndarray, "m n"]:
+        """Of each of some with each of others."""
+        t = self._nuisance
+        return np.asarray(a @ b.T - (a @ t.T) @ self._known @ (t @ b.T))
 
 
-def _inverse(nuisance: Float[np.ndarray, "column value"]) -> Float[np.ndarray, "column column"]:
-    """(I + AᵀA)⁻¹."""
-    return np.asarray(np.linalg.inv(np.eye(len(nuisance)) + nuisance @ nuisance.T))
+def _moved(of: Alive) -> Iterator[tuple[Hypothesis, float]]:
+    """A hypothesis with one parameter elsewhere at a time, and by how many deviations."""
+    offset = 0
+    for i, planted in enumerate(of.hypothesis):
+        count = planted.effect.n_theta
+        spread = of.spread[offset : offset + count]
+        offset += count
+        for k in np.flatnonzero(spread > 0.0):
+            step = np.zeros(count)
+            step[k] = _SHARE * spread[k]
+            taken = planted.moved(step)[k] - planted.theta[k]
+            if abs(taken) < 0.1 * step[k]:  # at a bound: the other way
+                step = -step
+                taken = planted.moved(step)[k] - planted.theta[k]
+            if taken != 0.0:
+                there = replace(planted, theta=planted.moved(step))
+                yield (*of.hypothesis[:i], there, *of.hypothesis[i + 1 :]), taken / spread[k]

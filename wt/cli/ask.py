@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from wt.types import Recording
 
 ROBOTS = ("sim", "file")
-SHORTEST_S = 10.0
-
 
 RobotOption = Annotated[
     str,
@@ -126,6 +124,8 @@ def _asked(
 
 def _refuse(robot: str, world: Path | None, seconds: float, precision: float | None) -> None:
     """Refuse what cannot be asked, before any work."""
+    from wt.diagnose.experiment.excite import SHORTEST_S
+
     if robot not in ROBOTS:
         raise UserError(f"--robot {robot!r} is unknown; {suggest(robot, ROBOTS)}")
     if (robot == "sim") != (world is not None):

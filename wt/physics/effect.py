@@ -44,7 +44,7 @@ from __future__ import annotations
 import abc
 import importlib
 import pkgutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -241,13 +241,18 @@ class Effect(abc.ABC):
         """Finite-difference steps of ``theta``."""
         return np.repeat([p.step for p in self.parameters], [p.size for p in self.parameters])
 
+    def rows(self) -> Iterator[tuple[Parameter, slice]]:
+        """Each parameter, and where it stands in ``theta``."""
+        start = 0
+        for p in self.parameters:
+            yield p, slice(start, start := start + p.size)
+
     def named(self, theta: Float[np.ndarray, " parameter"]) -> dict[str, float | list[float]]:
         """``theta`` by parameter names: floats, and lists for vectors."""
-        values: dict[str, float | list[float]] = {}
-        ends = np.cumsum([p.size for p in self.parameters])
-        for p, part in zip(self.parameters, np.split(theta, ends[:-1]), strict=True):
-            values[p.name] = part.tolist() if p.axes else float(part[0])
-        return values
+        return {
+            p.name: theta[rows].tolist() if p.axes else float(theta[rows][0])
+            for p, rows in self.rows()
+        }
 
 
 _EFFECTS: dict[str, Effect] = {}

@@ -82,16 +82,13 @@ class Planted:
         Natural is where the effect is nothing, where it takes nothing or all (0 and 1), and where
         angles come round.
         """
-        start = 0
-        for p in self.effect.parameters:
-            values = self.theta[start : start + p.size]
-            start += p.size
+        for p, rows in self.effect.rows():
             if p.neutral is None:
                 continue
             for end in (p.lower, p.upper):
                 natural = end in (0.0, 1.0, max(p.neutral, p.lower)) or abs(end) == 2.0 * np.pi
                 near = _NEAR_LIMIT * (abs(end) if p.neutral == 1.0 else p.upper - p.lower)
-                if not natural and np.any(np.abs(values - end) <= near):
+                if not natural and np.any(np.abs(self.theta[rows] - end) <= near):
                     return p.name
         return None
 

@@ -112,7 +112,7 @@ def excite(
     what = f"moves {', '.join(focus)} in turn" if focus else "moves all joints together"
     size = np.ones(len(scene.joints))
     for _ in range(_TRIES):
-        tried = trial(scene, reach.rest + size * (wanted - reach.rest), rate)
+        tried = trial(scene, reach.smaller(wanted, size), rate)
         wrong = too_far(scene, reach, tried, rate)
         if not wrong.any():
             return as_recording(scene, tried, rate, source, what)

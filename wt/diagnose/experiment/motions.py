@@ -89,8 +89,8 @@ def _ramp(start: float, end: float, speed: float, dt: float) -> int:
 
 def singles(
     scene: Scene, reach: Reach, joint: str, n: int, dt: float, rng: np.random.Generator
-) -> Iterator[tuple[str, Float[np.ndarray, " sample"]]]:
-    """Each kind of motion by itself, n samples long with the ways there and back.
+) -> Iterator[tuple[str, Float[np.ndarray, "sample dof"]]]:
+    """Each kind of motion of a joint by itself, n samples long with the ways there and back.
 
     Args:
         scene: the machine.
@@ -101,7 +101,7 @@ def singles(
         rng: of steps.
 
     Yields:
-        The motion in words, and positions [rad or m].
+        The motion in words, and positions of all joints [rad or m].
     """
     dof = scene.dof(joint)
     rest, speed = float(reach.rest[dof]), float(reach.speed[dof])
@@ -117,7 +117,9 @@ def singles(
         there = signals.move(rest, centre, ramp)
         waves = _waves(speed, size, left, dt, rng) if servo else _loose(speed, size, left, dt)
         for words, wave in waves:
-            yield words, np.concatenate([there, centre + wave, there[::-1]])
+            q = np.tile(reach.rest, (n, 1))
+            q[:, dof] = np.concatenate([there, centre + wave, there[::-1]])
+            yield words, q
 
 
 def together(

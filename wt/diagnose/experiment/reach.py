@@ -56,6 +56,14 @@ class Reach:
     slack: Float[np.ndarray, "end dof"]
     speed: Float[np.ndarray, " dof"]
 
+    def smaller(
+        self,
+        motion: Float[np.ndarray, "sample dof"],
+        share: float | Float[np.ndarray, " dof"],
+    ) -> Float[np.ndarray, "sample dof"]:
+        """A motion around the rest, so many times its size."""
+        return np.asarray(self.rest + share * (motion - self.rest))
+
 
 def reach_of(scene: Scene, shown: Sequence[Shown], free: bool = False) -> Reach:
     """Reach of a machine: what it has shown, inside what its model allows.

@@ -28,12 +28,14 @@ class Trial:
         q: joint positions [rad or m].
         force: actuator forces [N·m or N].
         touched: pairs of bodies that touched although they do not at rest.
+        begun: what each drive acts on at the start.
     """
 
     ctrl: Float[np.ndarray, "sample actuator"]
     q: Float[np.ndarray, "sample dof"]
     force: Float[np.ndarray, "sample actuator"]
     touched: Int[np.ndarray, "pair 2"]
+    begun: Float[np.ndarray, " actuator"]
 
 
 def trial(scene: Scene, wanted: Float[np.ndarray, "sample dof"], rate: float) -> Trial:
@@ -63,7 +65,7 @@ def trial(scene: Scene, wanted: Float[np.ndarray, "sample dof"], rate: float) ->
         if data.ncon:
             touched |= _touching(model, data) - at_rest
         mujoco.mj_step(model, data, each)
-    return Trial(ctrl, q, force, np.array(sorted(touched), int).reshape(-1, 2))
+    return Trial(ctrl, q, force, np.array(sorted(touched), int).reshape(-1, 2), acted[0])
 
 
 def as_recording(scene: Scene, tried: Trial, rate: float, source: str, what: str) -> Recording:

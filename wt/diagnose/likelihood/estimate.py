@@ -161,10 +161,8 @@ def least_spread(
     """
     widths: list[float] = []
     for planted in hypothesis:
-        offset = 0
-        for p in planted.effect.parameters:
-            size = float(np.linalg.norm(planted.theta[offset : offset + p.size]))
-            offset += p.size
+        for p, rows in planted.effect.rows():
+            size = float(np.linalg.norm(planted.theta[rows]))
             usual = THRESHOLDS.law_strength if p.lower >= 0.0 and p.unit != "-" else 0.0
             widths += [(p.inexact or usual) * size] * p.size
     return np.asarray(np.hypot(smallest, widths))
@@ -217,10 +215,7 @@ def _named(
 ) -> dict[str, Estimate]:
     lower, upper = planted.effect.bounds()
     estimates: dict[str, Estimate] = {}
-    start = 0
-    for p in planted.effect.parameters:
-        rows = slice(start, start + p.size)
-        start = rows.stop
+    for p, rows in planted.effect.rows():
         if not p.public:
             continue
         value, ends, span = planted.theta[rows], (low[rows], high[rows]), (lower[rows], upper[rows])

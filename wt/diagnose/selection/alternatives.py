@@ -313,19 +313,14 @@ def united(
         estimated: their parameters.
         log: grows by every decision.
     """
-    for effect in effects().values():
-        if not isinstance(effect, Uniting):
-            continue
+    for effect in (e for e in effects().values() if isinstance(e, Uniting)):
         for at in dict.fromkeys(a.planted.at for a in accepted):
             parts = [p for p in estimated.hypothesis if p.at == at and p.effect.id in effect.unites]
-            these = {p.effect.id: p.theta for p in parts}
-            theta = effect.union(objective.motion, at, these) if len(parts) > 1 else None
-            if theta is None:
-                continue
             rest = [p for p in estimated.hypothesis if p not in parts]
-            if any(excluded(Planted(effect, at, theta), p) for p in rest):
+            union = _union(effect, parts, objective) if len(parts) > 1 else None
+            if union is None or any(excluded(union, p) for p in rest):
                 continue
-            again = estimate(objective, (*rest, Planted(effect, at, theta)))
+            again = estimate(objective, (*rest, union))
             law = again.hypothesis[-1]
             lost = -worth(objective, again.assessed, estimated.assessed)
             one = lost < THRESHOLDS.min_nats
@@ -339,6 +334,13 @@ def united(
                 accepted = (*kept, Accepted(law, shape, tuple(parts)))
                 estimated = again
     return accepted, estimated
+
+
+def _union(effect: Uniting, parts: Sequence[Planted], objective: Objective) -> Planted | None:
+    """The one effect that says what several of a place do; None if it cannot."""
+    at = parts[0].at
+    theta = effect.union(objective.motion, at, {p.effect.id: p.theta for p in parts})
+    return None if theta is None else Planted(effect, at, theta)
 
 
 def _by(law: Planted, before: Accepted, larger: Planted, objective: Objective) -> Accepted:
