@@ -317,6 +317,7 @@ def held(path: Path, scratch: Path) -> Path:
     for name, pose in zip(names, poses, strict=True):
         spec.add_key(name=name, qpos=pose[7 * len(free) :])
     spec.meshdir = str((path.parent / spec.meshdir).resolve())
+    spec.texturedir = str((path.parent / spec.texturedir).resolve())
     spec.compile()
     kept = scratch / path.name
     kept.write_text(spec.to_xml())

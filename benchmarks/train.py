@@ -7,8 +7,9 @@ checkpoints. Since a shared machine drifts, the sides take turns of a few dozen 
 each warms up; set-up and validation are outside. One thread a process, as in ``wt fit``'s workers.
 
 A line for each way to train that this machine has: one process and two on CPU cores, and on CUDA
-devices one (also compiled) and, where there are more, two. Processes share each batch, so that
-their steps compare; the bare loop is always alone, on the first of the devices.
+devices one (also compiled, and without CUDA graphs) and, where there are more, two. Processes share
+each batch, so that their steps compare; the bare loop is always alone, on the first of the devices,
+and told kernel by kernel.
 
 Usage: python benchmarks/train.py [CONFIG] [key=value …]
 """
@@ -43,17 +44,19 @@ TURN, TURNS, ROWS = 50, 13, 50_000
 
 
 class Way(NamedTuple):
-    """How to train: on what, by how many processes, compiled or not."""
+    """How to train: on what, by how many processes, compiled or not, with CUDA graphs or not."""
 
     device: Device
     processes: int
     compiled: bool = False
+    graphs: bool = True
 
     def __str__(self) -> str:
         """As a line of the table begins."""
         where = "CPU, {} process" if self.device == "cpu" else "CUDA, {} device"
         plural = "" if self.processes == 1 else "es" if self.device == "cpu" else "s"
-        return where.format(self.processes) + plural + self.compiled * ", compiled"
+        compiled, told = self.compiled * ", compiled", ", no graphs" * (not self.graphs)
+        return where.format(self.processes) + plural + compiled + told
 
 
 def main(config_path: str = "conf/r5.yaml", *overrides: str) -> None:
@@ -78,7 +81,7 @@ def ways() -> list[Way]:
     """What this machine can do."""
     found = [Way("cpu", 1), Way("cpu", 2)]
     if torch.cuda.is_available():
-        found += [Way("cuda", 1), Way("cuda", 1, compiled=True)]
+        found += [Way("cuda", 1), Way("cuda", 1, compiled=True), Way("cuda", 1, graphs=False)]
         found += [Way("cuda", 2)] * (torch.cuda.device_count() > 1)
     return found
 
@@ -93,6 +96,7 @@ def _set(method: Method, way: Way) -> Method:
         log_every=TURN,
         devices=way.processes,
         compile=way.compiled,
+        cuda_graphs=way.graphs,
     )
     return replace(method, train=train)
 

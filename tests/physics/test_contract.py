@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
-from tests.physics.arm import ARM, Run, motion, scene, simulate
+from tests.physics.arm import ARM, Run, edited, motion, scene, simulate
 from tests.physics.contradictions import CONTRADICTIONS
 from tests.physics.truths import TRUTHS, Truth
 from wt.physics.effect import Effect, effects
@@ -146,6 +147,43 @@ def test_signatures_fit_the_motion(name: str, arm: Scene, recorded: Run) -> None
         for start in (*effect.starts(moved, at), *larger):
             lower, upper = effect.bounds()
             assert ((lower <= start) & (start <= upper)).all()
+
+
+WEIGHTS = re.compile(r'(mass|armature|diaginertia|gainprm|biasprm)="([^"]*)"')
+
+
+def weighing(factor: float) -> str:
+    """The arm with a link too light and all masses, and what its drives do, times a factor."""
+
+    def scaled(attribute: re.Match[str]) -> str:
+        values = [factor * float(value) for value in attribute[2].split()]
+        return f'{attribute[1]}="{" ".join(map(repr, values))}"'
+
+    return WEIGHTS.sub(scaled, edited(('mass="0.8"', 'mass="0.4"'), ("<worldbody>", FLOOR)))
+
+
+@IDS
+def test_a_search_begins_in_proportion_to_the_machine(
+    name: str, recorded: Run, tmp_path: Path
+) -> None:
+    factor = 1e-6
+    effect = effects()[name]
+    light, usual = tmp_path / "light", tmp_path / "usual"
+    light.mkdir()
+    usual.mkdir()
+    moved, other = (
+        motion(scene(folder, weighing(f)), recorded)
+        for folder, f in ((usual, 1.0), (light, factor))
+    )
+    lower, upper = effect.bounds()
+    weighty = [any(u in p.unit for u in ("N", "kg")) for p in effect.parameters]
+    scale = np.repeat(np.where(weighty, factor, 1.0), [p.size for p in effect.parameters])
+    for at in effect.places(moved.scene):
+        assert len(effect.shapes(other, at)) == len(effect.shapes(moved, at))
+        starts = list(effect.starts(moved, at))
+        for mine, theirs in zip(effect.starts(other, at), starts, strict=True):
+            assert mine == pytest.approx(theirs * scale, rel=1e-3)
+            assert ((lower <= mine) & (mine <= upper)).all()
 
 
 def declared(name: str) -> list[float | None]:

@@ -65,6 +65,9 @@ Common = Literal["seldom", "often", "always"]
 Variable = Literal["position", "velocity", "acceleration", "drive", "time"]
 """Variables that a force may be drawn over; ``"drive"`` is the force of the joint's drive."""
 
+LEAST = 1e-12
+"""Lower end of what must be more than nothing: smaller than any machine shows, in any unit."""
+
 
 @dataclass(frozen=True)
 class Parameter:

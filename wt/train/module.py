@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 import lightning
@@ -18,10 +19,9 @@ from torch.optim.lr_scheduler import LambdaLR, LRScheduler
 
 from wt.config import Method
 from wt.nets.world_model import WorldModel
-from wt.train import phases, replicas
+from wt.train import graphs, phases, replicas
 from wt.train.batches import StepBatch
 from wt.train.score import PairTensors, reconstructions, score
-from wt.train.segments import segment_error
 from wt.train.selection import Selection
 from wt.types import TransitionSpec
 
@@ -62,6 +62,7 @@ class WorldTranslation(lightning.LightningModule):
         self.model = model = model or WorldModel(spec, method)
         self.own_step = 0
         self.metrics: dict[str, Tensor] = {}
+        self._graphs: graphs.Graphs | None = None
         self.average = copy.deepcopy(model.to_real).requires_grad_(False)
 
     def configure_optimizers(self) -> tuple[list[Optimizer], list[LRScheduler]]:
@@ -89,27 +90,23 @@ class WorldTranslation(lightning.LightningModule):
 
         return optimizers, [LambdaLR(optimizer, share) for optimizer in optimizers]
 
+    def on_train_start(self) -> None:
+        """Replay steps as graphs where a CUDA device can."""
+        train = self.model.method.train
+        if train.cuda_graphs and self.device.type == "cuda" and train.precision == "32-true":
+            self._graphs = graphs.Graphs(partial(phases.iteration, self.model), self._each)
+
+    def on_train_end(self) -> None:
+        """Give back the memory of the graphs."""
+        self._graphs = None
+
     def training_step(self, batch: StepBatch, batch_idx: int) -> None:
         """One iteration of Algorithm 1's loop."""
-        vae, blind, generators, discriminators = self._each_optimizer()
-        # Backward Dynamics Extraction: update φ, θ, ξ, then ψ with z detached
-        loss, metrics, z = phases.extraction(self.model, batch)
-        if batch.segment is not None:
-            along = segment_error(self.model, batch.segment)
-            loss = loss + self.model.method.train.segment_weight * along
-            metrics["vae/segment"] = along
-        self._update(vae, loss)
-        loss, more = phases.blind(self.model, batch, z)
-        self._update(blind, loss)
-        metrics |= more
-        # Unpaired Domain Translation: update both generators, then both discriminators
-        z_sim, z_real = phases.encode(self.model, batch)
-        loss, more, fakes = phases.generators(self.model, batch.gan, z_sim, z_real)
-        self._update(generators, loss)
-        metrics |= more
-        loss, more = phases.discriminators(self.model, batch.gan, z_sim, z_real, fakes)
-        self._update(discriminators, loss)
-        metrics |= more
+        metrics: phases.Metrics = {}
+        optimizers, gradients = self._each_optimizer(), self._gradients(batch, metrics)
+        for optimizer, _ in zip(optimizers, gradients, strict=True):
+            replicas.average(optimizer.param_groups[0]["params"])
+            optimizer.step()
         self._follow_average()
         self._follow_schedule()
         self.metrics = {name: value.detach() for name, value in metrics.items()}
@@ -157,18 +154,21 @@ class WorldTranslation(lightning.LightningModule):
         """Continue where the checkpoint was written."""
         self.own_step = checkpoint["own_step"]
 
+    @property
+    def _each(self) -> list[list[nn.Parameter]]:
+        """Parameters of each optimizer."""
+        return [_parameters(modules) for modules in self._groups.values()]
+
     def _each_optimizer(self) -> list[LightningOptimizer]:
         optimizers = self.optimizers()
         return optimizers if isinstance(optimizers, list) else [optimizers]
 
-    def _update(self, optimizer: LightningOptimizer, loss: Tensor) -> None:
-        optimizer.zero_grad()
-        # losses reach through other networks (D in the generators' loss, D_ψ in L_VAE):
-        # only this optimizer's parameters collect a gradient
-        parameters = optimizer.param_groups[0]["params"]
-        self.manual_backward(loss, inputs=parameters)
-        replicas.average(parameters)
-        optimizer.step()
+    def _gradients(self, batch: StepBatch, metrics: phases.Metrics) -> Iterator[None]:
+        """Compute the gradients of one update after the other, of the networks as they then are."""
+        if self._graphs:
+            return self._graphs.gradients(batch, metrics)
+        losses = phases.iteration(self.model, batch, metrics)
+        return graphs.gradients(losses, self._each, self.manual_backward)
 
     def _follow_schedule(self) -> None:
         schedules = self.lr_schedulers()

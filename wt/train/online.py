@@ -92,15 +92,10 @@ class OnlineAdaptation:
 
     def _iterate(self, batch: StepBatch) -> None:
         """One iteration of Algorithm 1."""
-        vae, blind, generators, discriminators = self._optimizers
-        loss, _, z = phases.extraction(self.model, batch)
-        _update(vae, loss)
-        _update(blind, phases.blind(self.model, batch, z)[0])
-        z_sim, z_real = phases.encode(self.model, batch)
-        loss, _, fakes = phases.generators(self.model, batch.gan, z_sim, z_real)
-        _update(generators, loss)
-        loss, _ = phases.discriminators(self.model, batch.gan, z_sim, z_real, fakes)
-        _update(discriminators, loss)
+        for optimizer, loss in zip(
+            self._optimizers, phases.iteration(self.model, batch, {}), strict=True
+        ):
+            _update(optimizer, loss)
 
     def _follow_shift(self, optimizer: torch.optim.Optimizer) -> None:
         """Let δ follow: it carries what nothing hidden decides, wherever there is a mean field."""

@@ -1,11 +1,12 @@
 """The losses of Algorithm 1, one function a phase; each returns its loss and its metrics.
 
-The phases only compute; ``wt.train.module`` steps the optimizers. Batches hold S first, R
-second; ``noise`` rows are those of the reparametrisation z = μ + σ ε.
+The phases only compute; who trains steps the optimizers. Batches hold S first, R second; ``noise``
+rows are those of the reparametrisation z = μ + σ ε.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Protocol, runtime_checkable
 
 import torch
@@ -17,6 +18,7 @@ from wt.losses import gan, vae
 from wt.nets.translator import Discriminator, Generator
 from wt.nets.world_model import WorldModel
 from wt.train.batches import DomainData, StepBatch
+from wt.train.segments import segment_error
 
 Metrics = dict[str, Tensor]
 
@@ -50,6 +52,37 @@ def sample(
 ) -> Float[Tensor, "batch latent"]:
     """Z ~ N(μ, diag σ²), reparametrised."""
     return mean + torch.exp(0.5 * log_variance) * noise
+
+
+def iteration(model: WorldModel, batch: StepBatch, metrics: Metrics) -> Iterator[Tensor]:
+    """One iteration of Algorithm 1's loop: the losses of its four updates, in their order.
+
+    Each update is made before the next loss is asked for, which is of the networks as they then
+    are.
+
+    Args:
+        model: the networks.
+        batch: data and noise.
+        metrics: filled with those of each phase as it is computed.
+    """
+    # Backward Dynamics Extraction: update φ, θ, ξ, then ψ with z detached
+    loss, more, z = extraction(model, batch)
+    metrics |= more
+    if batch.segment is not None:
+        metrics["vae/segment"] = along = segment_error(model, batch.segment)
+        loss = loss + model.method.train.segment_weight * along
+    yield loss
+    loss, more = blind(model, batch, z)
+    metrics |= more
+    yield loss
+    # Unpaired Domain Translation: update both generators, then both discriminators
+    z_sim, z_real = encode(model, batch)
+    loss, more, fakes = generators(model, batch.gan, z_sim, z_real)
+    metrics |= more
+    yield loss
+    loss, more = discriminators(model, batch.gan, z_sim, z_real, fakes)
+    metrics |= more
+    yield loss
 
 
 def extraction(model: WorldModel, batch: StepBatch) -> tuple[Tensor, Metrics, Tensor]:

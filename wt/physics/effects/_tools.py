@@ -21,6 +21,8 @@ from wt.types import Location
 _BRISTLE_FREQUENCY, _BRISTLE_DAMPING = 0.4, 0.5  # frequency · time step, damping ratio
 _LOAD_RADIUS = 0.01  # m, of the sphere that stands for a load
 _VARIES = 0.05  # least share of its farthest stretch that a spring's way makes up
+_NOTICED = 1e-4
+"""Share of the largest that is next to nothing."""
 _BEYOND, _MOUNT = 2.0, 0.05
 """A load sits within so many radii of what carries it, and so much for its mount [m]."""
 
@@ -31,6 +33,14 @@ def free_of_limits(motion: Motion, drive: Drive) -> Float[np.ndarray, " sample"]
     force = drive.unclamped(motion.u[:, drive.index], motion.q[:, dof], motion.v[:, dof])
     low, high = drive.forces
     return ((force > low) & (force < high)).astype(float)
+
+
+def noticeable(
+    values: Float[np.ndarray, " value"], of: Float[np.ndarray, " sample"]
+) -> list[float]:
+    """Those of some values that are not next to nothing beside the largest of what they are of."""
+    least = _NOTICED * float(np.max(of, initial=0.0))
+    return [float(value) for value in values if value > least]
 
 
 class DriveLaw(Live):

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._tools import DriveLaw
+from wt.physics.effects._tools import DriveLaw, noticeable
 from wt.physics.hooks import OnSteps
 from wt.physics.live import Live
 from wt.physics.motion import Motion
@@ -35,7 +35,7 @@ class ActuatorDeadband(OnSteps):
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Widths that cover 5 to 60 % of the drive's forces."""
         force = np.abs(motion.force(motion.scene.drive(at.name)))
-        return [(float(w),) for w in np.quantile(force, [0.05, 0.15, 0.3, 0.6]) if w > 1e-4]
+        return [(w,) for w in noticeable(np.quantile(force, [0.05, 0.15, 0.3, 0.6]), force)]
 
     def columns(
         self, motion: Motion, at: Location, shape: Shape

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.signal import lfilter
 
-from wt.physics.effect import Parameter, Shape, register
+from wt.physics.effect import LEAST, Parameter, Shape, register
 from wt.physics.effects._tools import DriveLaw
 from wt.physics.hooks import FromRecordings, OnSteps
 from wt.physics.live import Live, StepState
@@ -143,7 +143,7 @@ class _Hot(ActuatorFade):
 
     parameters = (
         *ActuatorFade.parameters,
-        Parameter("load", "N·m", 1e-3, 1e8, 1e-3, public=False),
+        Parameter("load", "N·m", LEAST, 1e8, 1e-3, public=False),
     )
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:

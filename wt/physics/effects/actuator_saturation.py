@@ -8,7 +8,8 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import LEAST, Effect, Parameter, Shape, register
+from wt.physics.effects._tools import noticeable
 from wt.physics.motion import Motion
 from wt.physics.units import HINGE, Units, units_at
 from wt.types import Location
@@ -23,7 +24,7 @@ class ActuatorSaturation(Effect):
 
     id = "actuator.saturation"
     kind = "actuator"
-    parameters = (Parameter("torque", "N·m", 1e-4, 1e8, 1e-3, inexact=0.03),)
+    parameters = (Parameter("torque", "N·m", LEAST, 1e8, 1e-3, inexact=0.03),)
     reference = "MuJoCo XML reference, actuator/general/forcerange"
     signed = (1,)
     looks_like = ("weak drive",)
@@ -32,7 +33,7 @@ class ActuatorSaturation(Effect):
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Torques that the model's drive passes for 2 to 60 % of the time."""
         force = np.abs(motion.force(motion.scene.drive(at.name)))
-        return [(float(t),) for t in np.quantile(force, [0.4, 0.6, 0.8, 0.9, 0.98]) if t > 1e-4]
+        return [(t,) for t in noticeable(np.quantile(force, [0.4, 0.6, 0.8, 0.9, 0.98]), force)]
 
     def columns(
         self, motion: Motion, at: Location, shape: Shape

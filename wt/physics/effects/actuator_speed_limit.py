@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from wt.physics.effect import Parameter, Shape, register
+from wt.physics.effect import LEAST, Parameter, Shape, register
 from wt.physics.effects._tools import DriveLaw
 from wt.physics.effects.actuator_saturation import narrow
 from wt.physics.hooks import OnSteps
@@ -27,8 +27,8 @@ class ActuatorSpeedLimit(OnSteps):
     id = "actuator.speed_limit"
     kind = "actuator"
     parameters = (
-        Parameter("stall", "N·m", 1e-4, 1e8, 1e-3, inexact=0.03),
-        Parameter("speed", "rad/s", 1e-2, 1e3, 1e-3, inexact=0.03),
+        Parameter("stall", "N·m", LEAST, 1e8, 1e-3, inexact=0.03),
+        Parameter("speed", "rad/s", LEAST, 1e6, 1e-3, inexact=0.03),
     )
     reference = "A. Hughes and B. Drury, Electric Motors and Drives, 2019, chapter 3"
     native = False
@@ -41,7 +41,7 @@ class ActuatorSpeedLimit(OnSteps):
         force = float(np.quantile(np.abs(motion.force(drive)), 0.99))
         fastest = float(np.abs(motion.v[:, drive.dof]).max())
         tried = [(s * force, f * fastest) for s in (0.7, 1.0, 2.0) for f in (0.9, 1.3, 2.0, 4.0)]
-        return [shape for shape in tried if min(shape) > 1e-3]
+        return tried if force > 0.0 and fastest > 0.0 else []
 
     def columns(
         self, motion: Motion, at: Location, shape: Shape

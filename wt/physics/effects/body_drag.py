@@ -25,7 +25,7 @@ class BodyDrag(Effect):
     id = "body.drag"
     kind = "body"
     odds_against = 8.0
-    parameters = (Parameter("coefficient", "N·s²/m²", 0.0, 1e3, 1e-3, neutral=0.0),)
+    parameters = (Parameter("coefficient", "N·s²/m²", 0.0, 1e8, 1e-3, neutral=0.0),)
     reference = "MuJoCo documentation, computation/fluid (ellipsoid model, blunt drag)"
     signed = (1,)
     plotted_over = "velocity"

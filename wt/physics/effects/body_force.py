@@ -19,7 +19,7 @@ class BodyForce(Effect):
 
     id = "body.force"
     kind = "body"
-    parameters = (Parameter("force", "N", -1e4, 1e4, 1e-2, ("x", "y", "z"), neutral=0.0),)
+    parameters = (Parameter("force", "N", -1e8, 1e8, 1e-2, ("x", "y", "z"), neutral=0.0),)
     reference = "MuJoCo documentation, computation, transmission by a site with a reference site"
     signed = (0, 0, 0)
     looks_like = ("pull",)

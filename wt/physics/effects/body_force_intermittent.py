@@ -35,7 +35,7 @@ class BodyForceIntermittent(FromRecordings, OnInputs):
 
     id = "body.force_intermittent"
     kind = "body"
-    parameters = (Parameter("force", "N", -1e4, 1e4, 1e-2, ("x", "y", "z"), neutral=0.0),)
+    parameters = (Parameter("force", "N", -1e8, 1e8, 1e-2, ("x", "y", "z"), neutral=0.0),)
     reference = "S. Haddadin, A. De Luca and A. Albu-Schäffer, Robot collisions, IEEE T-RO 33, 2017"
     native = False
     reads_residual = True

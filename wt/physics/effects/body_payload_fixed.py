@@ -32,7 +32,7 @@ class BodyPayloadFixed(Linearised, Uniting):
     id = "body.payload_fixed"
     kind = "body"
     parameters = (
-        Parameter("mass", "kg", 0.0, 1e3, 1e-3),
+        Parameter("mass", "kg", 0.0, 1e6, 1e-3),
         Parameter("position", "m", -5.0, 5.0, 1e-3, ("x", "y", "z"), prior_std=0.1),
     )
     reference = "C. H. An, C. G. Atkeson and J. M. Hollerbach, Model-Based Control of a Robot, 1988"

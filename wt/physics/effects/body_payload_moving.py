@@ -43,7 +43,7 @@ class BodyPayloadMoving(FromRecordings, Nested, Stateful):
     id = "body.payload_moving"
     kind = "body"
     parameters = (
-        Parameter("mass", "kg", 0.0, 1e3, 1e-3, inexact=0.15),
+        Parameter("mass", "kg", 0.0, 1e6, 1e-3, inexact=0.15),
         Parameter("travel", "m", 1e-3, 2.0, 1e-3, inexact=0.25),
         Parameter("position", "m", -5.0, 5.0, 1e-3, _AXES, prior_std=0.1),
     )

@@ -24,7 +24,7 @@ class BodyTether(Linearised):
     id = "body.tether"
     kind = "body"
     parameters = (
-        Parameter("stiffness", "N/m", 0.0, 1e6, 1e-1),
+        Parameter("stiffness", "N/m", 0.0, 1e8, 1e-1),
         Parameter("anchor", "m", -5.0, 5.0, 1e-3, ("x", "y", "z")),
     )
     reference = "R. Hooke, De potentia restitutiva, 1678"

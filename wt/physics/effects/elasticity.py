@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from wt.physics.effect import Parameter, register
+from wt.physics.effect import LEAST, Parameter, register
 from wt.physics.motion import Motion
 from wt.physics.rotor import LOSSES, GearEffect, split
 from wt.physics.script import number
@@ -24,16 +24,18 @@ class Elasticity(GearEffect):
     plotted_over = "drive"
     excludes = ("joint.backlash",)
     parameters = (
-        Parameter("stiffness", "N·m/rad", 1e-2, 1e8, 1e-1),
+        Parameter("stiffness", "N·m/rad", LEAST, 1e8, 1e-1),
         Parameter("damping", "N·m·s/rad", 0.0, 1e8, 1e-3),
         LOSSES,
     )
     reference = "M. W. Spong, Modeling and control of elastic joint robots, ASME JDSMC 1987"
 
     def gears(self, motion: Motion, at: Location) -> Sequence[Float[np.ndarray, " _"]]:
-        """Twists of 10 to 300 mrad under the largest force, lightly damped."""
+        """Twists of 10 to 300 mrad under the largest force, lightly damped; none without force."""
         drive = next(d for d in motion.scene.drives if d.joint == at.name)
-        force = float(np.quantile(np.abs(motion.force(drive)), 0.98)) + 1e-3
+        force = float(np.quantile(np.abs(motion.force(drive)), 0.98))
+        if force == 0.0:
+            return []
         inertia = float(motion.scene.model.dof_M0[drive.dof])
         points = []
         for twist in (0.01, 0.03, 0.1, 0.3):

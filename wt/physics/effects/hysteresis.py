@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from wt.physics.effect import Parameter, Shape, register
+from wt.physics.effect import LEAST, Parameter, Shape, register
 from wt.physics.hooks import Intervals, Nested
 from wt.physics.motion import Motion
 from wt.physics.parts import add_tendon
@@ -26,7 +26,7 @@ class Hysteresis(Nested):
     id = "joint.hysteresis"
     kind = "joint"
     parameters = (
-        Parameter("stiffness", "N·m/rad", 1e-3, 1e8, 1e-2, inexact=0.03),
+        Parameter("stiffness", "N·m/rad", LEAST, 1e8, 1e-2, inexact=0.03),
         Parameter("yield", "N·m", 0.0, 1e8, 1e-3, neutral=0.0, inexact=0.03),
     )
     reference = "L. Prandtl, Ein Gedankenmodell zur kinetischen Theorie der festen Körper, 1928"
