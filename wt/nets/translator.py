@@ -6,6 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from wt.config import Method
 from wt.nets.mlp import mlp
 
 
@@ -46,3 +47,28 @@ class Discriminator(nn.Module):
     ) -> Float[Tensor, " batch"]:
         """Likeness of z to a feature of this domain."""
         return self.net(torch.cat([z, x], dim=-1) if self.conditioned else z).squeeze(-1)
+
+
+class Translator(nn.Module):
+    """Both generators and both discriminators; what is translated is up to who has them.
+
+    Attributes:
+        method: sizes, weights and kind of the losses.
+        to_real: G_{S→R}.
+        to_sim: G_{R→S}.
+        discriminator_real: D_R.
+        discriminator_sim: D_S.
+    """
+
+    method: Method
+    to_real: Generator
+    to_sim: Generator
+    discriminator_real: Discriminator
+    discriminator_sim: Discriminator
+
+    def _translating(self, latent: int, condition: int, method: Method) -> None:
+        """Build the networks; the first two arguments as for :class:`Generator`."""
+        self.method = method
+        size = (latent, condition, method.nets.translator_width, method.nets.translator_depth)
+        self.to_real, self.to_sim = Generator(*size), Generator(*size)
+        self.discriminator_real, self.discriminator_sim = Discriminator(*size), Discriminator(*size)

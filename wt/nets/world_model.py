@@ -12,12 +12,12 @@ from wt.nets.classifier import DomainClassifier
 from wt.nets.encoder import Encoder
 from wt.nets.film_decoder import ConcatDecoder, FiLMDecoder
 from wt.nets.frame import Frame
-from wt.nets.translator import Discriminator, Generator
+from wt.nets.translator import Translator
 from wt.types import TransitionSpec
 
 
-class WorldModel(nn.Module):
-    """Encoder, decoders, classifier and translator in the frame of one task.
+class WorldModel(Translator):
+    """Encoder, decoders, classifier and, as a translator, generators in the frame of one task.
 
     Attributes:
         frame: normalisation and mean field.
@@ -25,10 +25,6 @@ class WorldModel(nn.Module):
         decoder: D_θ.
         blind: D_ψ.
         classifier: C_ξ.
-        to_real: G_{S→R}.
-        to_sim: G_{R→S}.
-        discriminator_real: D_R.
-        discriminator_sim: D_S.
         strength: share of the translation that is applied, as model selection chose it; 1 for
             the paper's model.
     """
@@ -41,7 +37,7 @@ class WorldModel(nn.Module):
             method: sizes and variants.
         """
         super().__init__()
-        self.spec, self.method = spec, method
+        self.spec = spec
         nets, condition = method.nets, spec.n_obs + spec.n_action
         latent, width, depth = nets.latent, nets.width, nets.depth
         self.frame = Frame(spec, method.mean)
@@ -50,10 +46,7 @@ class WorldModel(nn.Module):
         self.decoder = decoder(condition, spec.n_state, latent, width, depth)
         self.blind = BlindDecoder(latent, spec.n_state, width, depth)
         self.classifier = DomainClassifier(latent, width, 2)
-        side = condition if method.translation.conditioned else 0
-        size = (latent, side, nets.translator_width, nets.translator_depth)
-        self.to_real, self.to_sim = Generator(*size), Generator(*size)
-        self.discriminator_real, self.discriminator_sim = Discriminator(*size), Discriminator(*size)
+        self._translating(latent, condition if method.translation.conditioned else 0, method)
         self.strength = nn.Parameter(nn.init.ones_(nn.Parameter().new_empty(())), False)
 
     def _load_from_state_dict(

@@ -7,15 +7,13 @@ rows are those of the reparametrisation z = μ + σ ε.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from wt.config import Method
 from wt.losses import gan, vae
-from wt.nets.translator import Discriminator, Generator
+from wt.nets.translator import Translator
 from wt.nets.world_model import WorldModel
 from wt.train.batches import DomainData, StepBatch
 from wt.train.segments import segment_error
@@ -24,25 +22,6 @@ Metrics = dict[str, Tensor]
 
 ACTIVE = 0.01
 """Variance of a latent's posterior mean above which it is active (Burda et al. 2016)."""
-
-
-@runtime_checkable
-class Translator(Protocol):
-    """Generators and discriminators: a world model's, or those that do without features.
-
-    Attributes:
-        method: weights and kind of the losses.
-        to_real: G_{S→R}.
-        to_sim: G_{R→S}.
-        discriminator_real: D_R.
-        discriminator_sim: D_S.
-    """
-
-    method: Method
-    to_real: Generator
-    to_sim: Generator
-    discriminator_real: Discriminator
-    discriminator_sim: Discriminator
 
 
 def sample(

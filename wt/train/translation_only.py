@@ -12,25 +12,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import torch
-from torch import nn
 
 from wt.config import Method
-from wt.nets.translator import Discriminator, Generator
+from wt.nets.translator import Translator
 from wt.train import phases
 from wt.train.batches import DomainData, StepBatches
 from wt.train.regression import Progress
 
 
-class OutcomeTranslator(nn.Module):
-    """Generators and discriminators on whatever stands in the place of features.
-
-    Attributes:
-        method: sizes and weights.
-        to_real: G_{S→R}.
-        to_sim: G_{R→S}.
-        discriminator_real: D_R.
-        discriminator_sim: D_S.
-    """
+class OutcomeTranslator(Translator):
+    """Generators and discriminators on whatever stands in the place of features."""
 
     def __init__(self, outcome: int, condition: int, method: Method) -> None:
         """Build the networks.
@@ -42,10 +33,7 @@ class OutcomeTranslator(nn.Module):
         """
         super().__init__()
         settings = replace(method.translation, conditioned=condition > 0)
-        self.method = replace(method, translation=settings)
-        size = (outcome, condition, method.nets.translator_width, method.nets.translator_depth)
-        self.to_real, self.to_sim = Generator(*size), Generator(*size)
-        self.discriminator_real, self.discriminator_sim = Discriminator(*size), Discriminator(*size)
+        self._translating(outcome, condition, replace(method, translation=settings))
 
 
 @dataclass(frozen=True)
