@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 import torch
 
-from tests.learning.test_toy_translation import NETS, SPEC, collect
+from tests.baselines.toy import REAL, SIM, Toy
+from tests.learning.test_toy_translation import NETS
 from wt.baselines.base import find
 from wt.config import Baselines, Method, Train
 from wt.errors import ConfigError
@@ -49,14 +50,15 @@ def test_generators_follow_the_device_and_repeat() -> None:
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device on this machine")
 def test_every_method_trains_on_cuda_and_leaves_what_the_cpu_reads(tmp_path: Path) -> None:
-    sim, real = collect("sim", 2000, 0), collect("real", 2000, 1)
-    selection = Unpaired(collect("sim", 200, 2), collect("real", 200, 3))
+    toy = Toy(0.5)
+    sim, real = toy.collect(SIM, 20, 0), toy.collect(REAL, 20, 1)
+    selection = Unpaired(toy.collect(SIM, 3, 2), toy.collect(REAL, 3, 3))
     method = Method(nets=NETS, train=Train(steps=20, validate_every=10, batch=64, segment=2))
     with on("cuda") as device:
-        model = fit_world_model(SPEC, method, sim, real, selection, 0, tmp_path)
+        model = fit_world_model(toy.spec, method, sim, real, selection, 0, tmp_path)
         assert {p.device for p in model.parameters()} == {device}
         for name in Baselines().names:
-            baseline = find(name)(SPEC, Baselines(steps=20, batch=64, width=16), 0)
+            baseline = find(name)(toy.spec, Baselines(steps=20, batch=64, width=16), 0, toy)
             baseline.train(sim, real, selection)
             baseline.nets.cpu()
     assert model.cpu().strength.device == torch.device("cpu")

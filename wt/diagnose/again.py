@@ -2,7 +2,8 @@
 
 A diagnosis says which effects its own recordings show. To compare machines, or days of one, each
 must say how large the *same* effects are, also where they are small. ``named`` searches, as a
-diagnosis does, and ``estimated`` fits a hypothesis that is given, with the same intervals.
+diagnosis does, ``estimated`` fits a hypothesis that is given, with the same intervals, and ``left``
+says what one that is not fitted leaves.
 """
 
 from __future__ import annotations
@@ -10,6 +11,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
 
 from wt.diagnose.likelihood.estimate import estimate
 from wt.diagnose.pace import Pace, Say
@@ -20,6 +24,7 @@ from wt.diagnose.recordings.stretches import longest_window
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.result import Estimate
 from wt.diagnose.selection.decisions import DecisionLog
+from wt.diagnose.selection.holdout import errors, prepare_holdout
 from wt.errors import RecordingError
 from wt.physics.planted import Hypothesis, Planted
 from wt.physics.quiet import quiet
@@ -93,3 +98,43 @@ def estimated(
     start = tuple(p for p in here if p.wrong(whole.motion) is None)
     fitted = estimate(objective, start)
     return tuple(zip(fitted.hypothesis, fitted.estimates, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class Left:
+    """What replays of a machine leave of recordings, in blocks of up to a second.
+
+    Attributes:
+        joints: names.
+        error: RMS of what is left [rad or m].
+        travel: how far each joint went [rad or m].
+    """
+
+    joints: tuple[str, ...]
+    error: Float[np.ndarray, "block joint"]
+    travel: Float[np.ndarray, "block joint"]
+
+
+@quiet()
+def left(of: Recorded, hypothesis: Hypothesis) -> Left:
+    """What given effects, as they are, leave of recordings.
+
+    Args:
+        of: the recordings.
+        hypothesis: effects with their parameters.
+    """
+    scene, effort = of.scene, effort_of(of.scene)
+    whole, forgetting = smooth_as_sent(scene, of.prepared.whole, effort.step, effort.search_step)
+    window = None if forgetting or scene.free else longest_window(whole, effort.search_step)
+    replayed = prepare_holdout(whole, forgetting, step=effort.step, window=window)
+    here = tuple(p.elsewhere(whole.motion) for p in hypothesis)
+    joints = tuple(scene.own_joints)
+    dofs = [scene.dof(name) for name in joints]
+    off, measured = errors(replayed, [here], effort.step)[0][:, dofs], replayed.measured[:, dofs]
+    blocks = [np.flatnonzero(replayed.block == b) for b in np.unique(replayed.block)]
+    seen = [b for b in blocks if np.isfinite(off[b]).any(axis=0).all()]
+    return Left(
+        joints,
+        np.array([np.sqrt(np.nanmean(off[b] ** 2, axis=0)) for b in seen]),
+        np.array([np.nanmax(measured[b], axis=0) - np.nanmin(measured[b], axis=0) for b in seen]),
+    )

@@ -46,6 +46,9 @@ class Frame(nn.Module):
     transport: Tensor
     free: Tensor
     trusted: Tensor
+    _pose: Tensor
+    _positions: Tensor
+    _velocities: Tensor
 
     def __init__(self, spec: TransitionSpec, mean: Mean) -> None:
         """Build an unfitted frame; ``wt.train.mean_field`` and ``Normalizer.fit`` fill it."""
@@ -64,6 +67,13 @@ class Frame(nn.Module):
         free[[position for position, _ in spec.integrated]] = 0.0
         self.register_buffer("free", free)
         self.register_buffer("trusted", torch.zeros(spec.n_state))
+        # indices where the networks are: a list would be copied there at every use
+        integrated = zip(*spec.integrated, strict=True) if spec.integrated else ((), ())
+        for name, columns in zip(
+            ("_pose", "_positions", "_velocities"), (spec.pose, *integrated), strict=True
+        ):
+            index = torch.tensor(columns, dtype=torch.int64)
+            self.register_buffer(name, index, persistent=False)
         self.nominal: nn.Module | None = None
         self.shift: Ensemble | None = None
         self.reader: Ensemble | None = None
@@ -93,7 +103,7 @@ class Frame(nn.Module):
         """
         if not self._targets:
             return torch.cat([o, a], dim=-1)
-        pose, n = o[:, list(self.spec.pose)], self.spec.n_state
+        pose, n = o[:, self._pose], self.spec.n_state
         known = (self.spec.n_obs - n) // self.spec.n_action
         return torch.cat([o[:, :n], o[:, n:] - pose.repeat(1, known), a - pose], dim=-1)
 
@@ -126,10 +136,9 @@ class Frame(nn.Module):
         state = o[:, : self.spec.n_state] + change * self.change.std
         if not self.spec.integrated:
             return state
-        positions, velocities = (list(x) for x in zip(*self.spec.integrated, strict=True))
         # q′ = q + q̇′ / rate
-        moved = o[:, positions] + state[:, velocities] / self.spec.rate_hz
-        return state.index_copy(1, torch.tensor(positions, device=o.device), moved)
+        moved = o[:, self._positions] + state[:, self._velocities] / self.spec.rate_hz
+        return state.index_copy(1, self._positions, moved)
 
     def nominal_change(self, x: Float[Tensor, "batch condition"]) -> Float[Tensor, "batch state"]:
         """n(o, a): the nominal simulator's normalised change; zero without a mean field."""

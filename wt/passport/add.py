@@ -112,7 +112,7 @@ def _estimated(
     say: Say,
 ) -> _Found:
     """Name effects in new groups, and estimate them wherever they are not yet."""
-    earlier, gone = _still_there(passport.sources)
+    earlier, gone = still_there(passport.sources)
     grouped = _grouped({**earlier, **new})
     fresh = sorted({s.labels for s in new.values()})
     read: dict[Labels, Recorded] = {k: again.recorded(model, grouped[k]) for k in fresh}
@@ -179,7 +179,7 @@ def _refuse_other_model(passport: Passport, model: Path, sha256: str, out: Path)
             )
 
 
-def _still_there(sources: Iterable[Source]) -> tuple[dict[Path, Source], set[Labels]]:
+def still_there(sources: Iterable[Source]) -> tuple[dict[Path, Source], set[Labels]]:
     """Recordings that are where they were, unchanged; and the groups of which some are not."""
     there, gone = {}, set()
     for source in sources:

@@ -5,7 +5,8 @@ is told as one (https://pytorch.org/docs/stable/notes/cuda.html#cuda-graphs). Th
 update of an iteration; gradients are averaged and optimizers step between them, as without.
 
 What is recorded keeps its place in memory: batches are copied into the one that it was recorded
-with, and every replay overwrites gradients and metrics where they are.
+with, and every replay overwrites gradients and metrics where they are, also where others have since
+reset the parameters' own (Lightning does before it validates).
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ class Graphs:
         """
         self._losses, self._each = losses, each
         self._graphs: list[torch.cuda.CUDAGraph] = []
+        self._held: list[list[Tensor | None]] = []
         self._batch: StepBatch | None = None
         self._metrics: Metrics = {}
         self._taken = 0
@@ -55,10 +57,13 @@ class Graphs:
         if self._batch is None:
             yield from self._record(batch)
         else:
-            for held, new in zip(_tensors(self._batch), _tensors(batch), strict=True):
-                held.copy_(new)
-            for graph in self._graphs:
+            for here, new in zip(_tensors(self._batch), _tensors(batch), strict=True):
+                here.copy_(new)
+            recorded = zip(self._graphs, self._each, self._held, strict=True)
+            for graph, parameters, gradients_there in recorded:
                 graph.replay()
+                for parameter, gradient in zip(parameters, gradients_there, strict=True):
+                    parameter.grad = gradient
                 yield
         metrics |= self._metrics
 
@@ -75,6 +80,7 @@ class Graphs:
                 next(losses).backward(inputs=list(parameters))
             graph.replay()
             self._graphs.append(graph)
+            self._held.append([parameter.grad for parameter in parameters])
             yield
         self._metrics = {name: value.detach() for name, value in self._metrics.items()}
 
