@@ -6,7 +6,7 @@ import json
 import math
 import os
 import signal
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
@@ -15,6 +15,9 @@ from typing import TYPE_CHECKING
 from wt.errors import UserError, WorkError
 
 if TYPE_CHECKING:
+    from deploy.follower import Follower
+    from deploy.go2 import Go2
+    from deploy.record import Recorder
     from deploy.runner import RunOutcome
 
 REPORT, MODEL = "report.json", "model.xml"
@@ -23,6 +26,7 @@ REPORT, MODEL = "report.json", "model.xml"
 def run(
     reference: str, *, interface: str, domain: int, limits: Sequence[str],
     seconds: float | None, out: Path | None, dry_run: bool, realtime: bool,
+    passport: Path | None, unit: str,
 ) -> None:  # fmt: skip
     """Run a policy on a Go2 and print the timing report.
 
@@ -35,51 +39,71 @@ def run(
         out: folder of recording, log and report; None for one of its own.
         dry_run: send nothing.
         realtime: run before all other processes.
+        passport: of the robot, to say when it is no longer the one in it; None for none.
+        unit: which unit of it; "" for the only one.
 
     Raises:
-        UserError: policy, interface or limits cannot be used.
+        UserError: policy, interface, limits or passport cannot be used.
         WorkError: no robot answers, or a fault ended the run.
     """
     from deploy.clock import take_precedence
-    from deploy.dds import DdsParticipant
-    from deploy.go2 import Go2
     from deploy.operator import KEYS, HumanOperator
     from deploy.pilot import Pilot
     from deploy.policies import load
     from deploy.robot import Silent
     from deploy.runner import RATE_HZ, Runner, teller
     from deploy.safety import Limits
-    from deploy.scribe import Scribe
     from wt.worlds.robots import mjcf
 
     bounds, policy = Limits.parse(list(limits)), load(reference)
     if realtime:
         take_precedence()  # before the network's threads begin
-    robot = Go2(DdsParticipant(interface, domain), policy.card.joints)
+    robot = _go2(interface, domain, policy.card.joints)
     folder = _folder(out)
     left = _leave_model(folder / MODEL, mjcf("go2"))
     operator, say = HumanOperator(policy.card.command_limits), teller()
     say(f"policy {policy.card.name} ({policy.card.sha256[:12]}) on {interface}\n{KEYS}")
     runner = Runner(Silent(robot) if dry_run else robot, Pilot(policy), operator, bounds, say=say)
     meta: dict[str, object] = {
-        "robot": "go2", "source": f"wt-run on {interface}", "rate": RATE_HZ,
-        "policy": reference, "policy_sha256": policy.card.sha256, "dry_run": dry_run,
-        "limits": vars(bounds),
+        "source": f"wt-run on {interface}", "policy": reference, "limits": vars(bounds),
+        "robot": "go2", "rate": RATE_HZ, "policy_sha256": policy.card.sha256, "dry_run": dry_run,
     }  # fmt: skip
-    scribe = Scribe(folder, runner.recorder, meta)
+    followers: list[Follower] = []
     try:
+        followers += _followers(folder, runner.recorder, meta, passport, unit)
         with operator.attending():
             outcome = runner.run(math.inf if seconds is None else seconds)
     finally:
         meta |= {"events": runner.events, "health": robot.health()}
         written = runner.recorder.write(folder, meta)
-        scribe.dismiss()
+        for follower in followers:
+            follower.dismiss()
         if left and not written:
             _take_back(folder)
-    _write_whole(folder / REPORT, _report(outcome, runner.events))
-    _tell(folder, [p.name for p in written], outcome)
+    _tell(folder, [p.name for p in written], outcome, runner.events)
     if outcome.fault:
         raise WorkError(f"ended in damping after a fault: {outcome.fault}")
+
+
+def _go2(interface: str, domain: int, joints: Sequence[str]) -> Go2:
+    from deploy.dds import DdsParticipant
+    from deploy.go2 import Go2
+
+    return Go2(DdsParticipant(interface, domain), joints)
+
+
+def _followers(
+    folder: Path, recorder: Recorder, meta: Mapping[str, object], passport: Path | None, unit: str
+) -> list[Follower]:
+    """Start the processes beside the run: one keeps it, one compares it with the passport."""
+    from deploy.scribe import scribe
+
+    watching = []
+    if passport is not None:
+        from deploy.drift import watch
+
+        watching.append(watch(folder, passport, unit, folder / MODEL, recorder))
+    return [*watching, scribe(folder, recorder, meta)]
 
 
 def _folder(out: Path | None) -> Path:
@@ -110,15 +134,12 @@ def _take_back(folder: Path) -> None:
         folder.rmdir()
 
 
-def _report(outcome: RunOutcome, events: object) -> str:
-    report = {"timing": outcome.timing.dict(), "events": events, "began": outcome.began}
-    return json.dumps(report, indent=1) + "\n"
-
-
-def _tell(folder: Path, written: Sequence[str], outcome: RunOutcome) -> None:
-    """Print the timing, what was written, and how to compare it with the model."""
+def _tell(folder: Path, written: Sequence[str], outcome: RunOutcome, events: object) -> None:
+    """Leave a report; print the timing, what was written, and how to compare it with the model."""
     from deploy.record import RECORDING
 
+    report = {"timing": outcome.timing.dict(), "events": events, "began": outcome.began}
+    _write_whole(folder / REPORT, json.dumps(report, indent=1) + "\n")
     print(outcome.timing.text())
     print(f"{folder}: {', '.join([*written, MODEL, REPORT])}")
     if RECORDING in written:

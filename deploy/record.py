@@ -101,7 +101,7 @@ class Recorder:
         names = (*(f"ctrl/{joint}" for joint in joints), *measured)
         self._recording = Table(["t", *names])
         self._log = Table(["t", *names, "robot_time", *extra])
-        self._follower: Callable[[np.ndarray], None] | None = None
+        self._followers: list[Callable[[np.ndarray], None]] = []
 
     @property
     def columns(self) -> dict[str, list[str]]:
@@ -110,7 +110,7 @@ class Recorder:
 
     def follow(self, follower: Callable[[np.ndarray], None]) -> None:
         """Have somebody told every row of the log, in the loop: it must not wait."""
-        self._follower = follower
+        self._followers.append(follower)
 
     @classmethod
     def restored(cls, columns: Mapping[str, Sequence[str]], rows: np.ndarray) -> Recorder:
@@ -149,8 +149,21 @@ class Recorder:
         elif target is not self._no_target:
             self._recording.append(robot_time, target, measured)
         self._log.append(now, target, measured, robot_time, *extra)
-        if self._follower is not None:
-            self._follower(self._log.last())
+        for follower in self._followers:
+            follower(self._log.last())
+
+    @property
+    def recorded_s(self) -> float:
+        """Time that the recording spans [s]."""
+        return float(np.ptp(self._recording.rows()[:, 0])) if len(self._recording) else 0.0
+
+    def recording(self) -> Recording:
+        """What was recorded so far, from 0 s.
+
+        Raises:
+            RecordingError: it is too short for one.
+        """
+        return self._recording.recording({})
 
     def ticks(self) -> dict[str, np.ndarray]:
         """The log's columns by name."""

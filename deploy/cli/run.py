@@ -34,6 +34,11 @@ def command(
     realtime: Annotated[
         bool, typer.Option("--realtime", help="Run before all else (root, or ulimit -r 20).")
     ] = False,
+    passport: Annotated[
+        Path | None,
+        typer.Option(help="The robot's: a line says when it is no longer the one in it."),
+    ] = None,
+    unit: Annotated[str, typer.Option(help="Which unit of it [default: the only one].")] = "",
 ) -> None:
     """Run a policy on a robot: passive, stand up, policy, damping, as the operator says.
 
@@ -50,7 +55,7 @@ def command(
 
     run(
         policy, interface=interface, domain=domain, limits=limits or [], seconds=seconds, out=out,
-        dry_run=dry_run, realtime=realtime,
+        dry_run=dry_run, realtime=realtime, passport=passport, unit=unit,
     )  # fmt: skip
 
 

@@ -31,12 +31,14 @@ RATE = 100
 FRICTION = {"A17": 0.2, "B04": 0.5}  # N·m
 
 
-def record(path: Path, friction: float, seed: int, labels: Mapping[str, str]) -> Path:
-    """Eight seconds of a rig with dry friction, in plain MuJoCo."""
+def record(
+    path: Path, friction: float, seed: int, labels: Mapping[str, str], seconds: int = 8
+) -> Path:
+    """Some seconds of a rig with dry friction, in plain MuJoCo."""
     rng = np.random.default_rng(seed)
     m = mujoco.MjModel.from_xml_string(RIG.format(friction=f' frictionloss="{friction}"'))
     d = mujoco.MjData(m)
-    t = np.arange(8 * RATE) / RATE
+    t = np.arange(seconds * RATE) / RATE
     phases = rng.uniform(0.0, 2.0 * np.pi, 3)
     u = sum(0.3 * np.sin(w * t + p) for w, p in zip((2.0, 5.3, 9.1), phases, strict=True))
     q, v = np.empty_like(t), np.empty_like(t)

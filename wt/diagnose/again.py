@@ -107,12 +107,13 @@ class Left:
     Attributes:
         joints: names.
         error: RMS of what is left [rad or m].
-        travel: how far each joint went [rad or m].
+        low, high: where each joint was, from and to [rad or m].
     """
 
     joints: tuple[str, ...]
     error: Float[np.ndarray, "block joint"]
-    travel: Float[np.ndarray, "block joint"]
+    low: Float[np.ndarray, "block joint"]
+    high: Float[np.ndarray, "block joint"]
 
 
 @quiet()
@@ -136,5 +137,6 @@ def left(of: Recorded, hypothesis: Hypothesis) -> Left:
     return Left(
         joints,
         np.array([np.sqrt(np.nanmean(off[b] ** 2, axis=0)) for b in seen]),
-        np.array([np.nanmax(measured[b], axis=0) - np.nanmin(measured[b], axis=0) for b in seen]),
+        np.array([np.nanmin(measured[b], axis=0) for b in seen]),
+        np.array([np.nanmax(measured[b], axis=0) for b in seen]),
     )

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.stats import mannwhitneyu
 
 from wt.data.labels import Labels
@@ -29,8 +29,8 @@ from wt.types import Recording
 
 FALSE_ALARMS = 1e-3
 """Share of judgements of a machine that did not change which say that it did."""
-_FURTHER = 1.2
-"""A joint may go so many times as far in a block as it ever did in the reference."""
+_FURTHER = 0.1
+"""A joint may go further than it ever did in the reference by so much of what it did there."""
 _LEAST = 20
 """Blocks that a reference has at least: with fewer the test can hardly say anything."""
 
@@ -82,21 +82,9 @@ class Live:
             unit: name; "" for the only one.
 
         Raises:
-            UserError: there is no such unit, or its last session's recordings are gone.
+            UserError: as :func:`reference`; or its recordings are too short.
         """
-        units = passport.units
-        if not unit and len(units) == 1:
-            (unit,) = units
-        if unit not in units:
-            raise UserError(f"--unit '{unit}' is not in the passport; {suggest(unit, units)}")
-        self.labels = max((g for g in passport.groups if g.unit == unit), key=lambda g: g.session)
-        there, _ = still_there(passport.sources)
-        paths = [path for path, source in there.items() if source.labels == self.labels]
-        if not paths:
-            raise UserError(
-                f"the recordings of {self.labels} are not where they were: put them back, or add "
-                "new ones with wt passport add"
-            )
+        self.labels, paths = reference(passport, unit)
         self._model, self._hypothesis = model, as_in(passport, self.labels)
         self._reference = self._left(*paths)
         if len(self._reference.error) < _LEAST:
@@ -114,7 +102,7 @@ class Live:
         reference = self._reference
         usual = np.median(reference.error, axis=0)
         score = dict(zip(now.joints, (np.median(now.error, axis=0) / usual).tolist(), strict=True))
-        alike = (now.travel <= _FURTHER * reference.travel.max(axis=0)).all(axis=1)
+        alike = _alike(now, reference)
         if alike.sum() < 3:
             return Judgement(score, 1.0, (), "it moves further than in its last session")
         p = np.array([_larger(x, y) for x, y in zip(now.error[alike].T, reference.error.T,
@@ -127,8 +115,43 @@ class Live:
         return again.left(again.recorded(self._model, recordings), self._hypothesis)
 
 
+def _alike(now: Left, then: Left) -> Bool[np.ndarray, " block"]:
+    """Blocks in which no joint is elsewhere, or moves more, than it ever did."""
+    low, high = then.low.min(axis=0), then.high.max(axis=0)
+    room = _FURTHER * (high - low)
+    where = (now.low >= low - room) & (now.high <= high + room)
+    how_far = now.high - now.low <= (1.0 + _FURTHER) * (then.high - then.low).max(axis=0)
+    return np.asarray((where & how_far).all(axis=1))
+
+
 def _larger(now: Float[np.ndarray, " block"], then: Float[np.ndarray, " earlier"]) -> float:
     return float(mannwhitneyu(now, then, alternative="greater").pvalue)
+
+
+def reference(passport: Passport, unit: str) -> tuple[Labels, list[Path]]:
+    """The last session of a unit, and its recordings.
+
+    Args:
+        passport: with the unit in it.
+        unit: name; "" for the only one.
+
+    Raises:
+        UserError: there is no such unit, or its recordings are not where they were.
+    """
+    units = passport.units
+    if not unit and len(units) == 1:
+        (unit,) = units
+    if unit not in units:
+        raise UserError(f"--unit '{unit}' is not in the passport; {suggest(unit, units)}")
+    labels = max((g for g in passport.groups if g.unit == unit), key=lambda g: g.session)
+    there, _ = still_there(passport.sources)
+    paths = [path for path, source in there.items() if source.labels == labels]
+    if not paths:
+        raise UserError(
+            f"the recordings of {labels} are not where they were: put them back, or add new ones "
+            "with wt passport add"
+        )
+    return labels, paths
 
 
 def as_in(passport: Passport, labels: Labels) -> Hypothesis:

@@ -60,6 +60,27 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
     return copy.compile()
 
 
+def settle(spec: mujoco.MjSpec) -> None:
+    """Replace by numbers what the compiler derives from other parts that a patch may change.
+
+    A damping *ratio* of a position servo depends on inertia and gain, an inherited control range
+    on the joint's range. The robot's controller knows neither.
+    """
+    loose = [a for a in spec.actuators if a.biasprm[2] > 0.0 or a.inheritrange > 0.0]
+    if not loose:
+        return
+    model = compiled(spec)
+    for actuator in loose:
+        i = model.actuator(actuator.name).id
+        actuator.biasprm[:3] = model.actuator_biasprm[i, :3]
+        if actuator.inheritrange > 0.0:
+            actuator.inheritrange = 0.0
+            if model.actuator_actlimited[i]:
+                actuator.actrange = model.actuator_actrange[i]
+            else:
+                actuator.ctrlrange = model.actuator_ctrlrange[i]
+
+
 def weigh_alone(spec: mujoco.MjSpec) -> None:
     """Replace rules of the compiler that make one body's weight depend on another's by numbers.
 

@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 from wt.batch import Batch
 from wt.physics.acting import Acting, acting, is_live, neighbours
 from wt.physics.activation import activated, dynamic, late
+from wt.physics.lean import slim
 from wt.physics.live import StepState
 from wt.physics.planted import Planted
 from wt.physics.quiet import quiet
@@ -55,6 +56,7 @@ class Replayer:
         self.stretches = tuple(stretches)
         self.step = step
         self._spec = scene.spec()
+        slim(self._spec)
         lengths = [(s.t[-1] - s.t[0]) / self.step for s in self.stretches]
         self.shortest = max(1, int(np.ceil(min(lengths) - 1e-6)))
 

@@ -13,7 +13,15 @@ from jaxtyping import Float
 from wt.physics.hooks import OnSteps
 from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
-from wt.physics.parts import add_actuator, add_body, add_geom, compiled, weigh_alone, write_weight
+from wt.physics.parts import (
+    add_actuator,
+    add_body,
+    add_geom,
+    compiled,
+    settle,
+    weigh_alone,
+    write_weight,
+)
 from wt.physics.scene import Drive, Scene, between
 from wt.physics.script import Helper, Script
 from wt.types import Location
@@ -166,27 +174,6 @@ def neighbours(scene: Scene) -> list[tuple[str, str]]:
 def physics_step(spec: mujoco.MjSpec) -> float:
     """Time step that an added stiff part must be stable at [s]."""
     return max(float(spec.option.timestep), 5e-4)
-
-
-def settle(spec: mujoco.MjSpec) -> None:
-    """Replace by numbers what the compiler derives from other parts that a patch may change.
-
-    A damping *ratio* of a position servo depends on inertia and gain, an inherited control range
-    on the joint's range. The robot's controller knows neither.
-    """
-    loose = [a for a in spec.actuators if a.biasprm[2] > 0.0 or a.inheritrange > 0.0]
-    if not loose:
-        return
-    model = compiled(spec)
-    for actuator in loose:
-        i = model.actuator(actuator.name).id
-        actuator.biasprm[:3] = model.actuator_biasprm[i, :3]
-        if actuator.inheritrange > 0.0:
-            actuator.inheritrange = 0.0
-            if model.actuator_actlimited[i]:
-                actuator.actrange = model.actuator_actrange[i]
-            else:
-                actuator.ctrlrange = model.actuator_ctrlrange[i]
 
 
 def weighed(spec: mujoco.MjSpec, body: str) -> mujoco.MjsBody:

@@ -10,8 +10,9 @@ from jaxtyping import Float
 
 from wt.physics.activation import integrating
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import free_of_limits, settle
+from wt.physics.effects._tools import free_of_limits
 from wt.physics.motion import Motion
+from wt.physics.parts import settle
 from wt.physics.scene import Scene
 from wt.physics.units import HINGE, Units
 from wt.types import Location

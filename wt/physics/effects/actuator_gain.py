@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._tools import free_of_limits, settle
+from wt.physics.effects._tools import free_of_limits
 from wt.physics.hooks import Tolerance, Tolerated
 from wt.physics.motion import Motion
+from wt.physics.parts import settle
 from wt.physics.scene import Scene
 from wt.physics.units import HINGE, Units
 from wt.types import Location

@@ -7,9 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import settle
 from wt.physics.motion import Motion
-from wt.physics.parts import add_body, add_geom, compiled
+from wt.physics.parts import add_body, add_geom, compiled, settle
 from wt.physics.units import HINGE, Units
 from wt.types import Location
 

@@ -1,0 +1,152 @@
+"""A process that tells the operator when the robot is no longer the one in its passport.
+
+It follows the runner as the scribe does, judges every ten seconds of positions that were held
+(:mod:`wt.passport.live`), keeps ``drift.json`` up to date, and says a line when joints err more
+than they did. It works only where nobody else wants the processor: it may be late, and then leaves
+out what it has no time for.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+import threading
+from collections.abc import Mapping
+from io import BufferedReader
+from pathlib import Path
+
+import numpy as np
+
+from deploy import follower
+from deploy.follower import Follower
+from deploy.record import Recorder
+from wt.errors import RecordingError, UserError
+from wt.passport import folder as passports
+from wt.passport.folder import Passport
+from wt.passport.live import Judgement, Live, reference
+from wt.show.files import write_together
+
+DRIFT = "drift.json"
+SECONDS = 10.0
+"""What is judged at once [s]."""
+
+
+def watch(folder: Path, passport: Path, unit: str, model: Path, recorder: Recorder) -> Follower:
+    """Start the process.
+
+    Args:
+        folder: of the run, for ``drift.json``.
+        passport: the robot's.
+        unit: which of its units this is; "" for the only one.
+        model: the MJCF of the run.
+        recorder: whose rows it judges.
+
+    Raises:
+        UserError: the passport is of another model, or lacks the unit or its recordings.
+    """
+    known = passports.read(passport)
+    _refuse(known, passport, model)
+    labels, _ = reference(known, unit)
+    words = [str(folder), str(passport), labels.unit, str(model)]
+    return Follower("deploy.drift", words, recorder, {}, idle=True)
+
+
+def _refuse(known: Passport, passport: Path, model: Path) -> None:
+    if not known.additions:
+        raise UserError(f"--passport {passport} holds no passport; make one with wt passport add")
+    given = hashlib.sha256(model.read_bytes()).hexdigest()
+    if known.additions[0].model_sha256 != given:
+        raise UserError(
+            f"--passport {passport} is of another model than this robot's; add recordings with the "
+            f"one that wt-run leaves, {model.name}"
+        )
+
+
+class Incoming:
+    """Rows that have come and were not judged yet; they come while others are judged."""
+
+    def __init__(self, columns: Mapping[str, list[str]]) -> None:
+        """Nothing has come yet."""
+        self._columns, self._rows = columns, [np.empty((0, len(columns["log"])))]
+        self._more, self._ended = threading.Condition(), False
+
+    def add(self, rows: np.ndarray) -> None:
+        """Take rows of the log."""
+        with self._more:
+            self._rows.append(rows)
+            self._more.notify()
+
+    def end(self) -> None:
+        """No more will come."""
+        with self._more:
+            self._ended = True
+            self._more.notify()
+
+    def latest(self) -> Recorder | None:
+        """The latest :data:`SECONDS` that were recorded, once there are so many; None at the end.
+
+        What came before them is left out: nobody is helped by a judgement that is late.
+        """
+        with self._more:
+            while True:
+                rows = np.concatenate(self._rows)
+                made = Recorder.restored(self._columns, rows)
+                if made.recorded_s >= SECONDS:
+                    self._rows = [rows[:0]]
+                    first = made.ticks()["t"][-1] - SECONDS
+                    return Recorder.restored(self._columns, rows[rows[:, 0] >= first])
+                self._rows = [rows]
+                if self._ended:
+                    return None
+                self._more.wait(1.0)
+
+
+def main(stream: BufferedReader, folder: Path, passport: Path, unit: str, model: Path) -> None:
+    """Judge until the pipe closes.
+
+    Args:
+        stream: what a :class:`~deploy.follower.Follower` sends.
+        folder: where ``drift.json`` is written.
+        passport: folder of the passport.
+        unit: name of the unit.
+        model: the MJCF.
+    """
+    columns = follower.header(stream)["columns"]
+    incoming = Incoming(columns)
+
+    def read() -> None:
+        for rows in follower.rows(stream, len(columns["log"])):
+            incoming.add(rows)
+        incoming.end()
+
+    threading.Thread(target=read, daemon=True).start()
+    try:
+        live = Live(passports.read(passport), model, unit)
+    except UserError as error:
+        print(f"no drift is watched: {error}", file=sys.stderr, flush=True)
+        return
+    judgements: list[dict[str, object]] = []
+    said: tuple[str, ...] = ()
+    while (recorder := incoming.latest()) is not None:
+        t = recorder.ticks()["t"]
+        judgement = _judged(live, recorder)
+        judgements.append({"from": float(t[0]), "to": float(t[-1]), **judgement.to_json()})
+        about = {"passport": str(passport), "unit": unit, "session": live.labels.session}
+        text = json.dumps({**about, "judgements": judgements}, indent=1) + "\n"
+        write_together(folder, {DRIFT: text})
+        if judgement.changed and judgement.changed != said:
+            print(judgement.line(unit), file=sys.stderr, flush=True)
+        said = judgement.changed
+
+
+def _judged(live: Live, recorder: Recorder) -> Judgement:
+    try:
+        return live.judge(recorder.recording())
+    except RecordingError as error:
+        return Judgement({}, 1.0, (), str(error))
+
+
+if __name__ == "__main__":
+    out, its_passport, its_unit, its_model = sys.argv[1:]
+    main(follower.told(), Path(out), Path(its_passport), its_unit, Path(its_model))
