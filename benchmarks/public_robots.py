@@ -52,6 +52,7 @@ class Hidden:
             mass, at = truth.parameters["mass"], truth.parameters["position"]
             load = spec.body(truth.name).add_body(pos=at, mass=mass, inertia=[1e-5 * mass] * 3)
             load.explicitinertial = True
+            load.ipos = [0.0, 0.0, 0.0]  # left out, it would be the body's own position once more
         model = spec.compile()
         if truth and truth.effect == "joint.friction_coulomb":
             model.joint(truth.name).frictionloss += truth.parameters["coulomb"]

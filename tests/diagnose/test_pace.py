@@ -106,6 +106,24 @@ def test_a_round_that_took_longer_makes_the_rest_longer(arm: Scene) -> None:
     assert share == pytest.approx(100.0 / (100.0 + pace.NOTHING * 100.0))
 
 
+def test_a_search_that_goes_on_after_a_proof_is_said_once_more(arm: Scene) -> None:
+    told = Told()
+    pace_ = told.pace()
+    pace_.foretell(arm, 1e-3, 16.0, EIGHT)
+    pace_.time(Replays(told, 0.01))
+    pace_.search(1, 1)
+    (first,) = told.expected
+    told.now += 0.4 * first.nothing
+    pace_.search(2, 1)
+    told.now = 3.0 * first.nothing
+    pace_.stage("estimating and proving")
+    assert len(told.expected) == 1
+    pace_.search(2, 1)
+    later = told.expected[-1]
+    assert later.again and later.each == first.each
+    assert later.nothing > 3.0 * first.nothing - first.each
+
+
 def test_what_is_done_stays_done(arm: Scene) -> None:
     told = Told()
     pace_ = told.pace()

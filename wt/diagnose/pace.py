@@ -106,7 +106,7 @@ class Pace:
         self._say, self._expect, self._clock = say, expect, clock
         self._began, self._computed, self._share = clock(), cpu(), 0.0
         self._cpu, self._replay, self._live, self._screen = cpu, 0.0, 0.0, 0.0
-        self._floats, self._more = False, 1.0
+        self._floats, self._more, self._proved = False, 1.0, False
         self._said: Expected | None = None
         self._round: float | None = None
         self._round_began: float | None = None
@@ -148,6 +148,7 @@ class Pace:
     def stage(self, stage: Stage) -> None:
         """A stage begins."""
         self._measure()
+        self._proved |= stage == "estimating and proving"
         self._tell(stage, _LEFT[stage])
 
     def search(self, number: int, erring: int) -> None:
@@ -161,6 +162,8 @@ class Pace:
         if number == 1:
             fixed = self._more * (ROUND + OF_JOINT * erring)
             self._announce(FLOATING if self._floats else fixed)
+        elif self._proved:
+            self._search_on(number - 1)
         self._round_began = self._clock()
         self._tell(f"looking for effect {number}", _WHOLE if number == 1 else NOTHING)
 
@@ -168,7 +171,16 @@ class Pace:
         self._round = replays * self._replay + self._screen
         nothing = self._passed() + NOTHING * self._round
         each = (EACH_FLOATING if self._floats else EACH) * self._round
-        expected = Expected(nothing, each, again=self._said is not None)
+        self._promise(Expected(nothing, each, again=self._said is not None))
+
+    def _search_on(self, found: int) -> None:
+        """A proof refused some of what was found, and others are looked for: nobody foresaw it."""
+        if self._said and self._round:
+            each = self._said.each
+            nothing = max(self._passed() + NOTHING * self._round - found * each, 0.0)
+            self._promise(Expected(max(nothing, self._said.nothing), each, again=True))
+
+    def _promise(self, expected: Expected) -> None:
         if self._said is None or expected.differs(self._said):
             self._said = expected
             if self._expect:
