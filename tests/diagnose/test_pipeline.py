@@ -18,6 +18,7 @@ from wt.diagnose.pace import Pace
 from wt.diagnose.pipeline import diagnose
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.result import Diagnosis
+from wt.diagnose.selection import naming as naming_module
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.holdout import Holdout
@@ -132,10 +133,61 @@ def test_only_an_effect_that_was_refused_starts_another_search(
     naming.log = DecisionLog()
     naming.proven.return_value = Mock(spec=Claims, accepted=standing(proven))
     naming.clean.return_value = False
+    naming.further.side_effect = lambda earlier, later: later
     first = search()
     pipeline._proven(naming, first, Mock(spec=Pace))
     assert len(searched) == searches
     assert searched[-1] == {f"law {i}" for i in range(1, searches)}
+
+
+def test_what_was_proven_stays_though_what_took_its_place_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A bias gives way to a lag in a search, and then the lag is refused: the bias was right."""
+
+    def claims(*names: str) -> Mock:
+        accepted = tuple(Mock(spec=Accepted, planted=Mock(spec=Planted, key=n)) for n in names)
+        return Mock(spec=Claims, accepted=accepted)
+
+    both, lone = claims("friction", "bias"), claims("friction")
+    starts: list[set[str]] = []
+
+    def search(*args: object) -> tuple[Mock, ...]:
+        start, banned = args[4], args[5]
+        assert isinstance(start, tuple) and isinstance(banned, set)
+        starts.append({a.planted.key for a in start})
+        return tuple(claims("friction", f"lag {len(starts)}").accepted)
+
+    monkeypatch.setattr(pipeline, "search", search)
+    naming = Mock(spec=Naming, screen=Mock(spec=Screen), search_replays=Mock(spec=Objective))
+    naming.log, naming.clean.return_value = DecisionLog(), False
+    naming.proven.side_effect = [both, lone, lone]
+    naming.further.side_effect = lambda earlier, later: max(
+        earlier, later, key=lambda c: len(c.accepted)
+    )
+    first = tuple(claims("friction", "bias", "delay").accepted)
+    assert pipeline._proven(naming, first, Mock(spec=Pace)) is both
+    assert starts == [{"friction", "bias"}, {"friction", "bias"}]
+
+
+@pytest.mark.parametrize(("lead", "stays"), [(3.0, False), (-3.0, True)])
+def test_what_was_proven_later_has_to_be_more_likely(
+    lead: float, stays: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    likely = {"later": 100.0 + lead, "earlier": 100.0}
+    monkeypatch.setattr(naming_module, "merit", lambda objective, fit: likely[fit.hypothesis])
+    objective = Mock(spec=Objective)
+    objective.reference.side_effect = lambda hypothesis, tolerances: Mock(hypothesis=hypothesis)
+    objective.evaluate.side_effect = lambda hypotheses, tolerances: [Mock(hypothesis=hypotheses[0])]
+    two = [
+        Mock(spec=Claims, accepted=(), estimated=Mock(hypothesis=n, assessed=Mock(hypothesis=n)))
+        for n in likely
+    ]
+    naming = Mock(spec=Naming, objective=objective, log=DecisionLog())
+    kept = Naming.further(naming, earlier=two[1], later=two[0])
+    assert kept is two[1] if stays else kept is two[0]
+    # replays are linear around what is gone on with
+    assert objective.reference.call_args.args[0] == ("earlier" if stays else "later")
 
 
 @pytest.mark.parametrize(("coarse", "finer"), [(3e-3, True), (5e-4, False)])

@@ -366,6 +366,9 @@ def _lost(replays: Objective, before: Sequence[Accepted], after: Sequence[Accept
 def _proven(naming: Naming, accepted: tuple[Accepted, ...], pace: Pace, before: int = 0) -> Claims:
     """Prove what was found; where the proof drops effects and leaves errors, search for others.
 
+    What is proven first stays unless what is proven later is more likely: what a later search added
+    may have taken the place of a proven effect, and then be refused itself.
+
     Args:
         naming: makes the claims.
         accepted: what was found.
@@ -374,11 +377,13 @@ def _proven(naming: Naming, accepted: tuple[Accepted, ...], pace: Pace, before: 
     """
     screen, replays, log = naming.screen, naming.search_replays, naming.log
     banned, kept = set[Key](), set[Key]()
+    best: Claims | None = None
     for attempt in range(1, ATTEMPTS + 1):
         pace.stage("estimating and proving")
         proven = naming.proven(accepted, before + attempt, kept)
         # fewer, not others: an effect that a simpler law says as well was not refused
         refused = len(proven.accepted) < len(accepted)
+        best = proven = naming.further(best, proven) if best else proven
         if not refused or attempt == ATTEMPTS or naming.clean(proven):
             break
         kept = {a.planted.key for a in proven.accepted}

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wt.diagnose.likelihood.bic import erring, erring_joints
+from wt.diagnose.likelihood.bic import erring, erring_joints, merit
 from wt.diagnose.likelihood.estimate import Estimated, distances_from_nothing, estimate
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.residual.scoring import STRIDE, WINDOW
@@ -180,6 +180,24 @@ class Naming:
             self.objective, self.holdout, claims.hypothesis, self.step, self.log
         )
         return replace(claims, corrections=corrections)
+
+    def further(self, earlier: Claims, later: Claims) -> Claims:
+        """What was proven later, unless what was proven earlier is more likely.
+
+        On the fitted recordings, with the tolerances adapting around the later one.
+        """
+        objective, before, after = self.objective, earlier.estimated.assessed, later.estimated
+        now = objective.reference(after.hypothesis, after.assessed.tolerances)
+        (then,) = objective.evaluate([before.hypothesis], [before.tolerances])
+        lead = merit(objective, now) - merit(objective, then)
+        if lead >= 0.0:
+            return later
+        kept = {a.planted.key for a in later.accepted}
+        for a in (a for a in earlier.accepted if a.planted.key not in kept):
+            reason = "what took its place was refused, and without it less is explained"
+            self.log.add(a.planted, "reconsidered", True, lead, 0.0, reason)
+        objective.reference(before.hypothesis, before.tolerances)
+        return earlier
 
     def clean(self, claims: Claims) -> bool:
         """True if nothing but noise is left of the fitted recordings."""
