@@ -39,7 +39,7 @@ def swing(xml: str, seconds: float = 8.0, start: float = 1.4) -> Recording:
 def test_its_friction_is_found(tmp_path: Path) -> None:
     path = tmp_path / "rod.xml"
     path.write_text(ROD.format(""))
-    found = diagnose(path, [swing(ROD.format(' frictionloss="0.02"'))])
+    found = diagnose(path, [swing(ROD.format(' frictionloss="0.02"'), seconds=5.0)])
     (finding,) = found.findings
     assert found.verdict == "explained" and finding.effect == "joint.friction_coulomb"
     assert finding.parameters["coulomb"].value == pytest.approx(0.02, rel=0.1)

@@ -78,7 +78,7 @@ def two_ways(tmp_path_factory: pytest.TempPathFactory) -> World:
     at = '<joint name="j2" axis="0 0 1" damping=".3"/>'
     model = chain(2).replace(at, at.replace("/>", ' frictionloss=".3"/>'))
     assert model != chain(2)
-    return world(tmp_path_factory.mktemp("two"), 2, friction, 5.0, model=model)
+    return world(tmp_path_factory.mktemp("two"), 2, friction, 3.0, model=model)
 
 
 def test_what_another_law_has_in_it_is_not_said_twice(two_ways: World) -> None:
