@@ -195,11 +195,14 @@ def crossval(
     f = f / size
     left = np.zeros((len(_RIDGES), len(y)))
     ridges = np.array(_RIDGES if penalise else (1e-9,) * len(_RIDGES)) * len(y)
-    for k in range(FOLDS):
-        test = data.fold == k
-        train = ~test
-        values, vectors = np.linalg.eigh(f[train].T @ f[train])
-        seen = vectors.T @ (f[train].T @ y[train])
+    folds = [data.fold == k for k in range(FOLDS)]
+    # a fold's normal equations are those of all less its own
+    grams = [f[test].T @ f[test] for test in folds]
+    moments = [f[test].T @ y[test] for test in folds]
+    gram, moment = np.sum(grams, axis=0), np.sum(moments, axis=0)
+    for test, own_gram, own_moment in zip(folds, grams, moments, strict=True):
+        values, vectors = np.linalg.eigh(gram - own_gram)
+        seen = vectors.T @ (moment - own_moment)
         here = f[test] @ vectors
         for i, ridge in enumerate(ridges):
             left[i, test] = y[test] - here @ (seen / (np.maximum(values, 0.0) + ridge))
