@@ -30,6 +30,7 @@ from wt.show.files import write_together
 DRIFT = "drift.json"
 SECONDS = 10.0
 """What is judged at once [s]."""
+_POLL_S, _KEPT_S = 0.5, 60.0  # between two looks at what has come; of which so much is kept
 
 
 def watch(folder: Path, passport: Path, unit: str, model: Path, recorder: Recorder) -> Follower:
@@ -69,37 +70,47 @@ class Incoming:
     def __init__(self, columns: Mapping[str, list[str]]) -> None:
         """Nothing has come yet."""
         self._columns, self._rows = columns, [np.empty((0, len(columns["log"])))]
-        self._more, self._ended = threading.Condition(), False
+        self._end, self._ended = threading.Condition(), False
 
     def add(self, rows: np.ndarray) -> None:
         """Take rows of the log."""
-        with self._more:
+        with self._end:
             self._rows.append(rows)
-            self._more.notify()
 
     def end(self) -> None:
         """No more will come."""
-        with self._more:
+        with self._end:
             self._ended = True
-            self._more.notify()
+            self._end.notify()
 
     def latest(self) -> Recorder | None:
         """The latest :data:`SECONDS` that were recorded, once there are so many; None at the end.
 
         What came before them is left out: nobody is helped by a judgement that is late.
         """
-        with self._more:
-            while True:
+        due = SECONDS
+        while True:
+            with self._end:
+                ended = self._end.wait_for(lambda: self._ended, _POLL_S)
                 rows = np.concatenate(self._rows)
-                made = Recorder.restored(self._columns, rows)
-                if made.recorded_s >= SECONDS:
-                    self._rows = [rows[:0]]
-                    first = made.ticks()["t"][-1] - SECONDS
-                    return Recorder.restored(self._columns, rows[rows[:, 0] >= first])
+                rows = rows[rows[:, 0] >= rows[-1, 0] - _KEPT_S] if len(rows) else rows
                 self._rows = [rows]
-                if self._ended:
-                    return None
-                self._more.wait(1.0)
+            span = float(np.ptp(rows[:, 0])) if len(rows) else 0.0
+            if span >= due or ended:
+                if Recorder.restored(self._columns, rows).recorded_s >= SECONDS:
+                    self._taken(rows)
+                    return Recorder.restored(self._columns, rows[rows[:, 0] >= _since(rows)])
+                due = span + 1.0  # limp in between: there has to be more
+            if ended:
+                return None
+
+    def _taken(self, rows: np.ndarray) -> None:
+        with self._end:
+            self._rows = [rows[:0], *self._rows[1:]]
+
+
+def _since(rows: np.ndarray) -> float:
+    return float(rows[-1, 0]) - SECONDS
 
 
 def main(stream: BufferedReader, folder: Path, passport: Path, unit: str, model: Path) -> None:

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 
+from wt.baselines.base import longest_first
 from wt.config import FitConfig, load
 from wt.data.transitions import content_hash
 from wt.errors import ConfigError
@@ -80,7 +81,7 @@ def fit(config: FitConfig, folder: Path, listener: Listener) -> tuple[Published,
         study = Study.open(config, folder, _Logged(listener, current))
         _announce_streams(study, listener)
         current.inputs(_datasets(study))
-        methods = [OURS, PAPERS_OWN, *reversed(config.baselines.names)]
+        methods = [OURS, PAPERS_OWN, *longest_first(config.baselines.names)]
         jobs = [Job(seed, method) for seed in config.seeds for method in methods]
         for job in jobs:
             current.child(str(job)).params(job.parameters(config))

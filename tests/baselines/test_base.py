@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from tests.baselines.toy import REAL, SIM, Toy
-from wt.baselines.base import find, register
+from wt.baselines.base import find, longest_first, register
 from wt.config import Baselines
 from wt.errors import ConfigError
 from wt.train.selection import Paired, Unpaired
@@ -31,6 +31,12 @@ def test_all_promised_names_are_found() -> None:
         "RawSim", "DirectPred", "ResDyn", "ResDynSim", "RSSM", "MeanShiftOT", "DeltaAction",
         "FlowTranslation", "SimulatorEncoder", "PairedCeiling",
     }  # fmt: skip
+
+
+def test_the_longest_training_starts_first_and_none_last() -> None:
+    order = longest_first(NAMES)
+    assert sorted(order) == sorted(NAMES)
+    assert (order[0], order[-2:]) == ("RSSM", ["DirectPred", "RawSim"])
 
 
 def test_unknown_name_is_told_the_nearest() -> None:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import ClassVar
 
@@ -50,6 +50,7 @@ class Baseline(ABC):
         name: as in tables and ``results.json``.
         translates: whether it moves S's outcome, whatever that is, to R, and nothing else; without
             pairs it is then scored by distributions, as World Translation is.
+        cost: time that its training takes beside DirectPred's, roughly.
         selection: held-out data of the training at hand.
         simulator: S, where there is one.
         frame: normalisers, the same for all methods.
@@ -58,6 +59,7 @@ class Baseline(ABC):
 
     name: ClassVar[str]
     translates: ClassVar[bool] = False
+    cost: ClassVar[float] = 2.0
 
     def __init__(
         self,
@@ -216,6 +218,11 @@ def register(baseline: type[Baseline]) -> type[Baseline]:
         )
     _BASELINES[baseline.name] = baseline
     return baseline
+
+
+def longest_first(names: Sequence[str]) -> list[str]:
+    """Names of baselines in the order in which they are to start, so that no core waits long."""
+    return sorted(names, key=lambda name: -find(name).cost)
 
 
 def find(name: str) -> type[Baseline]:

@@ -15,6 +15,7 @@ class DirectPred(Baseline):
     """o′ = o + f(o, a), least squares on R."""
 
     name = "DirectPred"
+    cost = 1.0
 
     def build(self) -> dict[str, nn.Module]:
         """The network f, or several, averaged."""

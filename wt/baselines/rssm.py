@@ -75,6 +75,7 @@ class RSSM(Baseline):
     """o′ = o + f(o, a) + D(h, E[z | h], o, a), h and z filtered over the history."""
 
     name = "RSSM"
+    cost = 7.0
 
     def build(self) -> dict[str, nn.Module]:
         """The network f, and the cell."""
