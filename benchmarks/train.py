@@ -7,7 +7,7 @@ checkpoints. Since a shared machine drifts, the sides take turns of a few dozen 
 each warms up; set-up and validation are outside. One thread a process, as in ``wt fit``'s workers.
 
 A line for each way to train that this machine has: one process and two on CPU cores, and on CUDA
-devices one (also compiled, and without CUDA graphs) and, where there are more, two. Processes share
+devices one (also compiled, and with CUDA graphs) and, where there are more, two. Processes share
 each batch, so that their steps compare; the bare loop is always alone, on the first of the devices,
 and told kernel by kernel.
 
@@ -49,14 +49,14 @@ class Way(NamedTuple):
     device: Device
     processes: int
     compiled: bool = False
-    graphs: bool = True
+    graphs: bool = False
 
     def __str__(self) -> str:
         """As a line of the table begins."""
         where = "CPU, {} process" if self.device == "cpu" else "CUDA, {} device"
         plural = "" if self.processes == 1 else "es" if self.device == "cpu" else "s"
-        compiled, told = self.compiled * ", compiled", ", no graphs" * (not self.graphs)
-        return where.format(self.processes) + plural + compiled + told
+        more = ", graphs" * self.graphs + ", compiled" * self.compiled
+        return where.format(self.processes) + plural + more
 
 
 def main(config_path: str = "conf/r5.yaml", *overrides: str) -> None:
@@ -81,8 +81,9 @@ def ways() -> list[Way]:
     """What this machine can do."""
     found = [Way("cpu", 1), Way("cpu", 2)]
     if torch.cuda.is_available():
-        found += [Way("cuda", 1), Way("cuda", 1, compiled=True), Way("cuda", 1, graphs=False)]
-        found += [Way("cuda", 2)] * (torch.cuda.device_count() > 1)
+        found += [Way("cuda", 1), Way("cuda", 1, graphs=True)]
+        found += [Way("cuda", 1, compiled=True), Way("cuda", 1, compiled=True, graphs=True)]
+        found += [Way("cuda", 2), Way("cuda", 2, graphs=True)] * (torch.cuda.device_count() > 1)
     return found
 
 
