@@ -98,19 +98,13 @@ class Incoming:
             span = float(np.ptp(rows[:, 0])) if len(rows) else 0.0
             if span >= due or ended:
                 if Recorder.restored(self._columns, rows).recorded_s >= SECONDS:
-                    self._taken(rows)
-                    return Recorder.restored(self._columns, rows[rows[:, 0] >= _since(rows)])
+                    with self._end:  # and what has come since
+                        self._rows[0] = rows[:0]
+                    latest = rows[rows[:, 0] >= rows[-1, 0] - SECONDS]
+                    return Recorder.restored(self._columns, latest)
                 due = span + 1.0  # limp in between: there has to be more
             if ended:
                 return None
-
-    def _taken(self, rows: np.ndarray) -> None:
-        with self._end:
-            self._rows = [rows[:0], *self._rows[1:]]
-
-
-def _since(rows: np.ndarray) -> float:
-    return float(rows[-1, 0]) - SECONDS
 
 
 def main(stream: BufferedReader, folder: Path, passport: Path, unit: str, model: Path) -> None:

@@ -177,7 +177,7 @@ class Pace:
         """A proof refused some of what was found, and others are looked for: nobody foresaw it."""
         if self._said and self._round:
             each = self._said.each
-            nothing = max(self._passed() + NOTHING * self._round - found * each, 0.0)
+            nothing = self._passed() + NOTHING * self._round - found * each
             self._promise(Expected(max(nothing, self._said.nothing), each, again=True))
 
     def _promise(self, expected: Expected) -> None:

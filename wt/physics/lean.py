@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import mujoco
 
-from wt.physics.parts import compiled, settle, write_weight
+from wt.physics.parts import settle, write_weights
 
 _DOT = 1e-3  # m, radius of what stands where a mesh was
 
@@ -17,7 +17,7 @@ _DOT = 1e-3  # m, radius of what stands where a mesh was
 def slim(spec: mujoco.MjSpec) -> None:
     """Take out of an MJCF what moves nothing, in place; every element keeps its name and number."""
     settle(spec)
-    _weigh(spec)
+    write_weights(spec)
     for element in (*spec.geoms, *spec.sites, *spec.tendons):
         element.material = ""
     for geom in spec.geoms:
@@ -32,16 +32,6 @@ def slim(spec: mujoco.MjSpec) -> None:
             spec.delete(mesh)
     for part in (*spec.materials, *spec.textures):
         spec.delete(part)
-
-
-def _weigh(spec: mujoco.MjSpec) -> None:
-    """Write out the inertia of every body, by which rules of the compiler it came about."""
-    model, compiler = compiled(spec), spec.compiler
-    compiler.settotalmass = -1.0
-    compiler.boundmass = compiler.boundinertia = 0.0
-    compiler.inertiafromgeom = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO)
-    for i, body in enumerate(spec.bodies[1:], start=1):
-        write_weight(body, model, i)
 
 
 def _paired(spec: mujoco.MjSpec, geom: str) -> bool:

@@ -92,7 +92,12 @@ def weigh_alone(spec: mujoco.MjSpec) -> None:
     from_geoms = int(compiler.inertiafromgeom) == _FROM_GEOMS
     if not (compiler.settotalmass > 0.0 or least or from_geoms):
         return
-    model = compiled(spec)
+    write_weights(spec)
+
+
+def write_weights(spec: mujoco.MjSpec) -> None:
+    """Write out the inertia of every body, by whatever rules of the compiler it came about."""
+    model, compiler = compiled(spec), spec.compiler
     compiler.settotalmass = -1.0
     compiler.boundmass = compiler.boundinertia = 0.0
     compiler.inertiafromgeom = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO)

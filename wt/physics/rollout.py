@@ -14,7 +14,6 @@ from jaxtyping import Float, Int
 from wt.batch import Batch
 from wt.physics.acting import Acting, acting, is_live, neighbours
 from wt.physics.activation import activated, dynamic, late
-from wt.physics.lean import slim
 from wt.physics.live import StepState
 from wt.physics.planted import Planted
 from wt.physics.quiet import quiet
@@ -55,8 +54,6 @@ class Replayer:
         self.scene = scene
         self.stretches = tuple(stretches)
         self.step = step
-        self._spec = scene.spec()
-        slim(self._spec)
         lengths = [(s.t[-1] - s.t[0]) / self.step for s in self.stretches]
         self.shortest = max(1, int(np.ceil(min(lengths) - 1e-6)))
 
@@ -104,7 +101,7 @@ class Replayer:
 
     def compile(self, hypothesis: Sequence[Planted]) -> mujoco.MjModel:
         """The model of a hypothesis, with the replays' time step."""
-        spec = self._spec.copy()
+        spec = self.scene.slim.copy()
         spec.option.timestep = self.step
         for planted in hypothesis:
             planted.model(spec)

@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float
 from wt.errors import ModelError
 from wt.physics import base, source
 from wt.physics.activation import dynamic
+from wt.physics.lean import slim
 from wt.types import Location
 
 _DYNAMICS = tuple(
@@ -238,6 +239,13 @@ class Scene:
         base.expand(spec)
         for actuator in spec.actuators:
             actuator.delay, actuator.nsample = 0.0, 0
+        return spec
+
+    @cached_property
+    def slim(self) -> mujoco.MjSpec:
+        """:meth:`spec` without what no replay can tell; what is edited is a copy of it."""
+        spec = self.spec()
+        slim(spec)
         return spec
 
     @cached_property
