@@ -6,8 +6,9 @@ import json
 import math
 import os
 import signal
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,21 +18,18 @@ from wt.errors import UserError, WorkError
 if TYPE_CHECKING:
     from deploy.follower import Follower
     from deploy.go2 import Go2
+    from deploy.motion import Source
     from deploy.record import Recorder
     from deploy.runner import RunOutcome
 
 REPORT, MODEL = "report.json", "model.xml"
 
 
-def run(
-    reference: str, *, interface: str, domain: int, limits: Sequence[str],
-    seconds: float | None, out: Path | None, dry_run: bool, realtime: bool,
-    passport: Path | None, unit: str,
-) -> None:  # fmt: skip
-    """Run a policy on a Go2 and print the timing report.
+@dataclass(frozen=True)
+class RunOptions:
+    """How a run goes, whatever moves the robot.
 
-    Args:
-        reference: of the policy, see :func:`deploy.policies.load`.
+    Attributes:
         interface: of the network.
         domain: of DDS.
         limits: ``KEY=VALUE`` changes of :class:`deploy.safety.Limits`.
@@ -41,38 +39,108 @@ def run(
         realtime: run before all other processes.
         passport: of the robot, to say when it is no longer the one in it; None for none.
         unit: which unit of it; "" for the only one.
+    """
+
+    interface: str = "lo"
+    domain: int = 0
+    limits: Sequence[str] = ()
+    seconds: float | None = None
+    out: Path | None = None
+    dry_run: bool = False
+    realtime: bool = False
+    passport: Path | None = None
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class _Job:
+    """What moves the robot, and what is said and left of it."""
+
+    source: Source
+    joints: Sequence[str]
+    largest: Sequence[float]  # velocity command of the operator
+    xml: str  # MJCF of the machine
+    what: str
+    meta: Mapping[str, object]
+
+
+def run(reference: str, options: RunOptions) -> None:
+    """Run a policy on a Go2 and print the timing report.
+
+    Args:
+        reference: of the policy, see :func:`deploy.policies.load`.
+        options: of the run.
 
     Raises:
         UserError: policy, interface, limits or passport cannot be used.
         WorkError: no robot answers, or a fault ended the run.
     """
-    from deploy.clock import take_precedence
-    from deploy.operator import KEYS, HumanOperator
     from deploy.pilot import Pilot
     from deploy.policies import load
+    from wt.worlds.robots import mjcf
+
+    def job() -> _Job:
+        policy = load(reference)
+        card = policy.card
+        what = f"policy {card.name} ({card.sha256[:12]})"
+        meta = {"policy": reference, "policy_sha256": card.sha256}
+        return _Job(Pilot(policy), card.joints, card.command_limits, mjcf("go2"), what, meta)
+
+    _run(job, options)
+
+
+def play(commands: Path, model: Path, options: RunOptions) -> None:
+    """Play commands on a Go2 whose trunk is held, and print the timing report.
+
+    Args:
+        commands: recording with ``ctrl/<joint>`` for each joint, evenly spaced.
+        model: MJCF with the drives' gains; it is left beside the recording.
+        options: of the run.
+
+    Raises:
+        UserError: commands, model, interface, limits or passport cannot be used.
+        WorkError: no robot answers, or a fault ended the run.
+    """
+    from deploy.playback import Playback, joint_targets, servo_gains
+    from wt.data.recording import read
+    from wt.worlds.go2_model import JOINTS
+
+    def job() -> _Job:
+        gains = servo_gains(model, JOINTS)
+        source = Playback(*joint_targets(read(commands), JOINTS), gains)
+        meta = {"commands": commands.name}
+        return _Job(source, JOINTS, (0, 0, 0), model.read_text(), f"commands {commands}", meta)
+
+    _run(job, options)
+
+
+def _run(prepare: Callable[[], _Job], options: RunOptions) -> None:
+    """Do what the two above say; what can be refused is, before the robot is looked for."""
+    from deploy.clock import take_precedence
+    from deploy.operator import KEYS, HumanOperator
     from deploy.robot import Silent
     from deploy.runner import RATE_HZ, Runner, teller
     from deploy.safety import Limits
-    from wt.worlds.robots import mjcf
 
-    bounds, policy = Limits.parse(list(limits)), load(reference)
-    if realtime:
+    bounds, job = Limits.parse(list(options.limits)), prepare()
+    if options.realtime:
         take_precedence()  # before the network's threads begin
-    robot = _go2(interface, domain, policy.card.joints)
-    folder = _folder(out)
-    left = _leave_model(folder / MODEL, mjcf("go2"))
-    operator, say = HumanOperator(policy.card.command_limits), teller()
-    say(f"policy {policy.card.name} ({policy.card.sha256[:12]}) on {interface}\n{KEYS}")
-    runner = Runner(Silent(robot) if dry_run else robot, Pilot(policy), operator, bounds, say=say)
+    robot = _go2(options.interface, options.domain, job.joints)
+    folder = _folder(options.out)
+    left = _leave_model(folder / MODEL, job.xml)
+    operator, say = HumanOperator(job.largest), teller()
+    say(f"{job.what} on {options.interface}\n{KEYS}")
+    line = Silent(robot) if options.dry_run else robot
+    runner = Runner(line, job.source, operator, bounds, say=say)
     meta: dict[str, object] = {
-        "source": f"wt-run on {interface}", "policy": reference, "limits": vars(bounds),
-        "robot": "go2", "rate": RATE_HZ, "policy_sha256": policy.card.sha256, "dry_run": dry_run,
+        "source": f"wt-run on {options.interface}", "limits": vars(bounds), "robot": "go2",
+        "rate": RATE_HZ, "dry_run": options.dry_run, **job.meta,
     }  # fmt: skip
     followers: list[Follower] = []
     try:
-        followers += _followers(folder, runner.recorder, meta, passport, unit)
+        followers += _followers(folder, runner.recorder, meta, options.passport, options.unit)
         with operator.attending():
-            outcome = runner.run(math.inf if seconds is None else seconds)
+            outcome = runner.run(math.inf if options.seconds is None else options.seconds)
     finally:
         meta |= {"events": runner.events, "health": robot.health()}
         written = runner.recorder.write(folder, meta)
@@ -121,7 +189,7 @@ def _leave_model(path: Path, xml: str) -> bool:
     """
     if path.exists():
         if path.read_text(errors="replace") != xml:
-            raise UserError(f"{path} is there already and is not the Go2's: give another --out")
+            raise UserError(f"{path} is there already and is another machine's: give another --out")
         return False
     _write_whole(path, xml)
     return True
@@ -148,7 +216,7 @@ def _tell(folder: Path, written: Sequence[str], outcome: RunOutcome, events: obj
 
 def simulate(
     *, interface: str, domain: int, remote: Sequence[str], fault: str | None,
-    seconds: float | None, out: Path | None, realtime: bool,
+    seconds: float | None, out: Path | None, realtime: bool, hung: bool = False,
 ) -> None:  # fmt: skip
     """Simulate a Go2 until Ctrl-C or the time is over, and say where it got.
 
@@ -160,6 +228,7 @@ def simulate(
         seconds: how long after the first command to end; None for never.
         out: folder of a recording; None for none.
         realtime: run before all other processes.
+        hung: whether its trunk is held above the floor.
 
     Raises:
         UserError: interface, script or fault cannot be used.
@@ -169,15 +238,18 @@ def simulate(
     from deploy.mischief import Mischief
     from deploy.script import Script
     from deploy.sim import Sim
+    from deploy.sim_robot import SimRobot
 
     script = Script.parse(remote)
     if realtime:
         take_precedence()
-    sim = Sim(DdsParticipant(interface, domain), script, Mischief.parse(fault) if fault else None)
+    mischief = Mischief.parse(fault) if fault else None
+    sim = Sim(DdsParticipant(interface, domain), script, mischief, SimRobot(hung=hung))
     ended = [False]
     for s in (signal.SIGINT, signal.SIGTERM):
         signal.signal(s, lambda *_: ended.__setitem__(0, True))
-    print(f"a Go2 lies at {interface}, DDS domain {domain}; Ctrl-C ends", flush=True)
+    where = f"{'hangs' if hung else 'lies'} at {interface}, DDS domain {domain}"
+    print(f"a Go2 {where}; Ctrl-C ends", flush=True)
     end = math.inf if seconds is None else seconds
     sim.run(lambda elapsed: ended[0] or elapsed >= end)
     if not len(sim.recorder.ticks()["t"]):

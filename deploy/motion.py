@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Protocol, runtime_checkable
+
 import numpy as np
 
 from deploy import safety
-from deploy.pilot import Pilot
 from deploy.robot import Command, Drives, Joints, State
 from deploy.safety import Limits
 from deploy.stages import Fault, Stage
@@ -16,25 +17,58 @@ DAMPING = 4.0
 _PATIENCE = 0.001  # s that a tick waits for an action; later ones look again
 
 
-class MotionController:
-    """Standing up, and walking as the policy says.
+@runtime_checkable
+class Source(Protocol):
+    """Where targets come from once it stands: a policy's pilot, or a playback of commands.
 
     Attributes:
-        pilot: the policy.
+        pose: that is stood up to [rad].
+        gains: position and velocity gains of the drives [N·m/rad, N·m·s/rad].
+        rate_hz: how often it is asked.
+        seconds: how long each answer took to compute [s].
+        over: whether it has nothing more to say, which ends the run.
     """
 
-    def __init__(self, pilot: Pilot, drives: Drives, limits: Limits, period: float) -> None:
+    pose: Joints
+    gains: tuple[Joints, Joints]
+    rate_hz: float
+    seconds: list[float]
+
+    @property
+    def over(self) -> bool:
+        """See the class."""
+
+    def begin(self) -> None:
+        """Start anew."""
+
+    def ask(self, state: State, command: np.ndarray) -> None:
+        """Have the next answer computed, in a state and under a velocity command (3,)."""
+
+    def answer(self, wait: float) -> np.ndarray | None:
+        """What was asked for last; None if it is not there after ``wait`` [s]."""
+
+    def targets(self, action: np.ndarray) -> Joints:
+        """Joint targets of an answer [rad]."""
+
+
+class MotionController:
+    """Standing up, and moving as the source of targets says.
+
+    Attributes:
+        source: of the targets.
+    """
+
+    def __init__(self, source: Source, drives: Drives, limits: Limits, period: float) -> None:
         """Nothing moves yet.
 
         Args:
-            pilot: the policy, whose joints are in the order of ``drives``.
+            source: of the targets, its joints in the order of ``drives``.
             drives: what the robot can take.
             limits: how far a target may go.
             period: of the control loop [s].
         """
-        self.pilot, self._drives, self._limits, self._period = pilot, drives, limits, period
-        self._gains = np.array(pilot.card.stiffness), np.array(pilot.card.velocity_gain)
-        self._pose = np.array(pilot.card.default)
+        self.source, self._drives, self._limits, self._period = source, drives, limits, period
+        self._gains, self._pose = source.gains, source.pose
         self._none = np.zeros_like(self._pose)
         self._wanted = self._start = self._target = self._pose
         self._since = self._due = self._asked = 0.0
@@ -46,7 +80,7 @@ class MotionController:
         if stage is Stage.STAND:
             self._start = self._target = state.position
         elif stage is Stage.POLICY:
-            self.pilot.begin()
+            self.source.begin()
             self._due, self._waiting, self._wanted = now, False, self._pose
 
     def stands(self, now: float, state: State) -> bool:
@@ -56,7 +90,7 @@ class MotionController:
         return rose and off <= self._limits.stand_error
 
     def think(self, now: float, state: State, velocity_command: np.ndarray) -> Fault | None:
-        """Ask the policy at its rate, and take its action: mostly within the same tick.
+        """Ask the source at its rate, and take its action: mostly within the same tick.
 
         Args:
             now: time [s].
@@ -64,25 +98,25 @@ class MotionController:
             velocity_command: velocity command, (3,) [m/s, m/s, rad/s].
 
         Returns:
-            What is wrong with the policy, if anything is.
+            What is wrong with the answer, if anything is.
         """
         # half a loop's period early is better than one late; what was missed is not made up for
         ask = not self._waiting and now >= self._due - self._period / 2
         if ask:
-            period = 1 / self.pilot.card.rate_hz
+            period = 1 / self.source.rate_hz
             self._due = max(self._due + period, now + period / 2)
             self._asked, self._waiting = now, True
-            self.pilot.ask(state, velocity_command)
+            self.source.ask(state, velocity_command)
         if not self._waiting:
             return None
-        action = self.pilot.answer(_PATIENCE if ask else 0.0)
+        action = self.source.answer(_PATIENCE if ask else 0.0)
         if action is None:
             words = safety.overdue(now - self._asked, self._limits.deadline)
             return Fault("deadline", words) if words else None
         self._waiting = False
         if words := safety.bad_action(action, len(self._pose)):
             return Fault("action", words)
-        self._wanted = self.pilot.targets(action)
+        self._wanted = self.source.targets(action)
         return None
 
     def command(self, stage: Stage, now: float, state: State) -> Command:

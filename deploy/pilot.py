@@ -28,15 +28,23 @@ class Pilot:
 
     Attributes:
         card: what the policy says about itself.
+        pose: that the action 0 asks for [rad].
+        gains: position and velocity gains of the drives [N·m/rad, N·m·s/rad].
+        rate_hz: of the policy.
         seconds: how long each inference took [s].
+        over: never; the operator ends a walk.
     """
+
+    over = False
 
     def __init__(self, policy: Policy) -> None:
         """Start the thread and warm the policy up."""
         self.card: PolicyCard = policy.card
         self.seconds: list[float] = []
         self._policy = policy
-        self._default = np.array(policy.card.default)
+        self.pose: Joints = np.array(policy.card.default)
+        self.gains = np.array(policy.card.stiffness), np.array(policy.card.velocity_gain)
+        self.rate_hz = policy.card.rate_hz
         self._scale = np.array(policy.card.action_scale)
         self._number = 0  # of the last question
         self._questions: SimpleQueue[tuple[int, Question]] = SimpleQueue()
@@ -62,7 +70,7 @@ class Pilot:
             command: velocities forward and to the left [m/s], turning rate to the left [rad/s].
         """
         self._told = np.clip(command, *self._reach())[None]
-        clock = self._tick(self._steps / self.card.rate_hz)
+        clock = self._tick(self._steps / self.rate_hz)
         self._steps += 1
         self._number += 1
         self._questions.put((self._number, (self.observe(state)[None], self._told, clock)))
@@ -90,7 +98,7 @@ class Pilot:
     def targets(self, action: np.ndarray) -> Joints:
         """Joint targets of an action [rad]; it becomes the last action."""
         self.action = action
-        return self._default + self._scale * action.astype(np.float64)
+        return self.pose + self._scale * action.astype(np.float64)
 
     def observe(self, state: State) -> np.ndarray:
         """The policy's observation of a state: :meth:`wt.worlds.legged.LeggedRobot.channels`."""

@@ -19,8 +19,7 @@ import numpy as np
 
 from deploy import safety
 from deploy.clock import Clock, Monotonic
-from deploy.motion import MotionController
-from deploy.pilot import Pilot
+from deploy.motion import MotionController, Source
 from deploy.record import Recorder, state_columns, state_values
 from deploy.remote import Remote
 from deploy.robot import Command, Robot
@@ -70,7 +69,7 @@ class RunOutcome:
 
 
 class Runner:
-    """One policy, one robot, one operator.
+    """One source of targets, one robot, one operator.
 
     Attributes:
         recorder: what happened in every tick.
@@ -79,14 +78,14 @@ class Runner:
     """
 
     def __init__(
-        self, robot: Robot, pilot: Pilot, operator: Operator, limits: Limits,
+        self, robot: Robot, source: Source, operator: Operator, limits: Limits,
         clock: Clock | None = None, say: Callable[[str], None] | None = None,
     ) -> None:  # fmt: skip
         """Bring them together; nothing moves before :meth:`run`.
 
         Args:
-            robot: its joints are in the policy's order.
-            pilot: the policy.
+            robot: its joints are in the source's order.
+            source: of the targets: a policy, or commands that are played.
             operator: who decides when.
             limits: when to stop.
             clock: time; None for the machine's.
@@ -95,8 +94,8 @@ class Runner:
         self._robot, self._operator = robot, operator
         self._clock, self._say = clock or Monotonic(), say or teller()
         self._watch = Watch(robot, limits)
-        self._motion = MotionController(pilot, robot.drives, limits, 1 / RATE_HZ)
-        self._seconds = pilot.seconds
+        self._motion = MotionController(source, robot.drives, limits, 1 / RATE_HZ)
+        self._source = source
         self.recorder = Recorder(state_columns(robot.joints), robot.joints, _EXTRA)
         self.status = Status()
         self.events: list[tuple[float, str]] = []
@@ -130,7 +129,8 @@ class Runner:
                 self._clock.sleep_until(begin + k / RATE_HZ)
         finally:
             gc.enable()
-        timing = Timing.of(np.array(ticks), 1 / RATE_HZ, self._seconds, np.array(self._ages))
+        took, ages = self._source.seconds, np.array(self._ages)
+        timing = Timing.of(np.array(ticks), 1 / RATE_HZ, took, ages)
         return RunOutcome(self.status.fault, timing, begin)
 
     def _await_robot(self) -> None:
@@ -156,7 +156,8 @@ class Runner:
     def _tick(self, now: float, ended: bool) -> Wish | None:
         """One tick; an error of ours ends in damping, too."""
         velocity_command, command = np.zeros(3), self._motion.brake()
-        wish = Wish.QUIT if ended or self._operator.ended() else None
+        ended = ended or self._source.over or self._operator.ended()
+        wish = Wish.QUIT if ended else None
         try:
             self._watch.listen(now)
             asked, velocity_command = self._operator.poll(self._watch.known().remote)
@@ -196,10 +197,11 @@ class Runner:
     def _note(self, now: float, command: Command, velocity_command: np.ndarray) -> None:
         state, status = self._watch.known(), self.status
         self._ages.append(self._watch.age)
+        seconds = self._source.seconds
         extra = (
             float(_STAGES.index(status.stage)), float(status.fault is not None),
             self._watch.age, float(command.stiffness.max()), float(command.damping.max()),
-            self._seconds[-1] if self._seconds else math.nan, *velocity_command,
+            seconds[-1] if seconds else math.nan, *velocity_command,
             state.battery, float(state.temperature.max()),
         )  # fmt: skip
         heard = state.time if self._watch.fresh else None

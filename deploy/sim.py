@@ -57,16 +57,18 @@ class Sim:
     """
 
     def __init__(
-        self, line: DdsParticipant, script: Script, mischief: Mischief | None = None
-    ) -> None:
+        self, line: DdsParticipant, script: Script, mischief: Mischief | None = None,
+        robot: SimRobot | None = None,
+    ) -> None:  # fmt: skip
         """Lie down and listen; states are sent from the first :meth:`run` on.
 
         Args:
             line: the network.
             script: of the remote control; its clock starts with the first command heard.
             mischief: what goes wrong, on the same clock.
+            robot: the physics; None for the published ones, on the floor.
         """
-        self.robot = SimRobot()
+        self.robot = robot or SimRobot()
         self._script, self._mischief = script, mischief
         self._inbox = line.inbox(LOW_COMMAND, LowCmd_)
         self._writer = line.writer(LOW_STATE, LowState_)

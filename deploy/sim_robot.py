@@ -18,7 +18,7 @@ from deploy.messages import Packed
 from deploy.motion import DAMPING
 from deploy.robot import Command
 from wt.worlds import go2_model
-from wt.worlds.legged_model import BASE, GYRO, ORIENTATION
+from wt.worlds.legged_model import BASE, GYRO, ORIENTATION, hang
 
 TICK = 0.002
 """From one state to the next [s]."""
@@ -45,13 +45,18 @@ class SimRobot:
         missed: time that passed without physics [s].
     """
 
-    def __init__(self, edit: Callable[[mujoco.MjSpec], None] = lambda spec: None) -> None:
+    def __init__(
+        self, edit: Callable[[mujoco.MjSpec], None] = lambda spec: None, hung: bool = False
+    ) -> None:
         """Put it down and let it settle.
 
         Args:
             edit: makes it another robot than the published one, in place.
+            hung: whether its trunk is held above the floor.
         """
         spec = go2_model.spec(go2_model.PUBLISHED, _TIMESTEP)
+        if hung:
+            hang(spec)
         edit(spec)
         spec.add_sensor(
             name=_ACCELEROMETER, type=mujoco.mjtSensor.mjSENS_ACCELEROMETER,
@@ -60,15 +65,17 @@ class SimRobot:
         self._model = spec.compile()
         self.data = mujoco.MjData(self._model)
         self._motor = go2.motors(JOINTS)
-        joint = self._model.joint(BASE)
-        self._base = joint.qposadr[0], joint.dofadr[0]
+        first = self._model.joint(JOINTS[0])
+        self._first = first.qposadr[0], first.dofadr[0]
         none = np.zeros(len(JOINTS))
         self._idle = Command(none, none, none)
         self._brake = Command(none, none, none + DAMPING)
         self.command, self.stale, self.missed = self._brake, False, 0.0
         self._push: np.ndarray | float = 0.0
         self._heard: float | None = None
-        self.data.qpos[2], self.data.qpos[7:] = _LYING_HEIGHT, _LYING
+        if not hung:
+            self.data.joint(BASE).qpos[2] = _LYING_HEIGHT
+        self.joints[:] = _LYING
         for _ in range(round(_SETTLE / TICK)):
             self.step(0.0)
         self.data.time = 0.0
@@ -135,19 +142,23 @@ class SimRobot:
     @property
     def joints(self) -> np.ndarray:
         """Positions, (12,) [rad], in the order of :data:`JOINTS`; live."""
-        start = self._base[0] + 7
+        start = self._first[0]
         return self.data.qpos[start : start + len(JOINTS)]
 
     @property
     def speeds(self) -> np.ndarray:
         """Velocities, (12,) [rad/s]; live."""
-        start = self._base[1] + 6
+        start = self._first[1]
         return self.data.qvel[start : start + len(JOINTS)]
 
     def truth(self) -> np.ndarray:
         """The true state, also what only a simulator or motion capture knows: :func:`columns`."""
         data = self.data
-        parts = (data.qpos[:7], data.qvel[:6], self.joints, self.speeds, data.actuator_force)
+        trunk = data.body(go2_model.TRUNK)
+        pose, velocity = np.concatenate([trunk.xpos, trunk.xquat]), np.zeros(6)
+        if self._first[1]:  # a free joint comes before the joints
+            pose, velocity = data.qpos[:7], data.qvel[:6]
+        parts = (pose, velocity, self.joints, self.speeds, data.actuator_force)
         return np.concatenate(parts)
 
 

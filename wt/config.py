@@ -157,7 +157,7 @@ class Train:
     segment_weight: float = 1.0
     precision: Precision = "32-true"
     compile: bool = False
-    cuda_graphs: bool = False
+    cuda_graphs: bool = True
     devices: int = 1
     nodes: int = 1
     strategy: Strategy = "auto"

@@ -15,7 +15,14 @@ RobotName = Literal["go2"]
 def command(
     policy: Annotated[
         str, typer.Option(help="NAME@ALIAS or NAME/VERSION of the registry, a folder, or go2.")
-    ],
+    ] = "",
+    play: Annotated[
+        Path | None,
+        typer.Option(help="Instead of a policy: commands of wt ask, trunk held in the air."),
+    ] = None,
+    model: Annotated[
+        Path | None, typer.Option(help="MJCF that they were made for: gains of the drives.")
+    ] = None,
     limits: Annotated[
         list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Change a safety limit.")
     ] = None,
@@ -45,18 +52,30 @@ def command(
     Keys: 1 stand up, 2 policy, space damping, x end; w/s, a/d, q/e walk and turn, 0 stand still.
     Remote: L2+A stand up, start policy, L2+B damping, sticks walk and turn.
     Ctrl-C ends in damping. A fault ends in damping, too, and stays until the program ends.
+    With --play its trunk is to hang in the air: it "stands up" to where the commands begin, and
+    the commands take the policy's place, once.
 
     Example:
         wt-sim-go2 &
         wt-run --robot go2 --policy go2 --interface lo
         wt-run --robot go2 --policy go2@champion --interface eth0 --dry-run
+        wt-run --play asked/experiment_1.parquet --model go2_hung.xml
     """
-    from deploy.job import run
+    from deploy.job import RunOptions, run
+    from deploy.job import play as play_commands
+    from wt.errors import UserError
 
-    run(
-        policy, interface=interface, domain=domain, limits=limits or [], seconds=seconds, out=out,
-        dry_run=dry_run, realtime=realtime, passport=passport, unit=unit,
-    )  # fmt: skip
+    if bool(policy) == (play is not None):
+        raise UserError("give one of --policy and --play")
+    if (play is None) != (model is None):
+        raise UserError("--play COMMANDS.parquet and --model MODEL.xml go together")
+    options = RunOptions(
+        interface, domain, limits or [], seconds, out, dry_run, realtime, passport, unit
+    )
+    if play is not None and model is not None:
+        play_commands(play, model, options)
+    else:
+        run(policy, options)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -28,6 +28,7 @@ def command(
     realtime: Annotated[
         bool, typer.Option("--realtime", help="Run before all else (root, or ulimit -r 20).")
     ] = False,
+    hung: Annotated[bool, typer.Option("--hung", help="Its trunk is held in the air.")] = False,
 ) -> None:
     """Simulate a Go2 behind the topics of a real one: rt/lowcmd in, rt/lowstate out.
 
@@ -44,7 +45,7 @@ def command(
 
     simulate(
         interface=interface, domain=domain, remote=remote or [], fault=fault, seconds=seconds,
-        out=out, realtime=realtime,
+        out=out, realtime=realtime, hung=hung,
     )  # fmt: skip
 
 

@@ -88,14 +88,18 @@ def late(seconds: float) -> Hidden:
     return Hidden(edit)
 
 
-class _Robot:
+class LockstepRobot:
     """The simulated Go2 as the runner sees it, and its clock: :class:`deploy.robot.Robot`."""
 
-    def __init__(self, hidden: Hidden) -> None:
+    def __init__(self, hidden: Hidden = NOTHING, hung: bool = False) -> None:
         self.joints, self.drives = JOINTS, go2.drives(JOINTS)
-        self._sim, self._motor = SimRobot(hidden.edit), go2.motors(JOINTS)
+        self._sim, self._motor = SimRobot(hidden.edit, hung), go2.motors(JOINTS)
         self._strength = np.array([hidden.strength.get(j, 1.0) for j in JOINTS])
         self._ticks = 0
+
+    def truth(self) -> np.ndarray:
+        """As :meth:`deploy.sim_robot.SimRobot.truth`."""
+        return self._sim.truth()
 
     def now(self) -> float:
         return self._ticks * TICK
@@ -123,10 +127,10 @@ class _Robot:
         return {}
 
 
-class _Operator:
+class LockstepOperator:
     """Stands up, moves, and ends; commands as told: :class:`deploy.runner.Operator`."""
 
-    def __init__(self, clock: _Robot, velocity: Velocity) -> None:
+    def __init__(self, clock: LockstepRobot, velocity: Velocity = lambda t: np.zeros(3)) -> None:
         self._clock, self._velocity = clock, velocity
         self._wishes = [(STAND_AT, Wish.STAND), (MOVE_AT, Wish.POLICY)]
         self._begin: float | None = None
@@ -176,9 +180,9 @@ def record(motion: Motion, folder: Path, hidden: Hidden = NOTHING) -> tuple[Path
         folder: where to; it is made.
         hidden: in what the robot differs from its MJCF.
     """
-    robot = _Robot(hidden)
+    robot = LockstepRobot(hidden)
     pilot = motion.pilot(Policy.load("go2", GO2))
-    operator = _Operator(robot, motion.velocity)
+    operator = LockstepOperator(robot, motion.velocity)
     runner = Runner(robot, pilot, operator, LIMITS, robot, lambda line: None)
     outcome = runner.run(END)
     assert outcome.fault is None, outcome.fault

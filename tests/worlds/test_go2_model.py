@@ -21,7 +21,7 @@ from tests.worlds.legged_checks import (
     upward,
 )
 from wt.errors import ConfigError
-from wt.worlds import go2_model
+from wt.worlds import go2_model, legged_model
 from wt.worlds.go2_model import (
     BALL,
     BOX,
@@ -355,3 +355,20 @@ def test_nothing_but_the_box_touches_the_ball(loaded: mujoco.MjModel) -> None:
     data.qpos[19:22] = (0.0, 0.0, -0.5)  # far below the floor, which lets it pass
     mujoco.mj_forward(loaded, data)
     assert touching(loaded, data) == set(FEET)
+
+
+def test_rotors_can_be_lighter() -> None:
+    light = go2_model.build(dataclasses.replace(go2_model.PUBLISHED, armature_scale=0.1), 0.002)
+    np.testing.assert_allclose(light.dof_armature[6:], 0.001)
+    with pytest.raises(ConfigError, match="armature_scale"):
+        dataclasses.replace(go2_model.PUBLISHED, armature_scale=-1.0)
+
+
+def test_a_hung_robot_has_no_free_joint_and_hangs_still() -> None:
+    spec = go2_model.spec(go2_model.PUBLISHED, 0.002)
+    legged_model.hang(spec)
+    hung = spec.compile()
+    assert hung.nv == hung.nu == 12 and hung.nkey == 0
+    data = mujoco.MjData(hung)
+    mujoco.mj_step(hung, data, 200)
+    np.testing.assert_array_equal(data.body("base").xpos, (0.0, 0.0, 1.0))

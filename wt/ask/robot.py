@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -17,6 +20,8 @@ from wt.errors import ModelError, RecordingError, WorkError
 from wt.types import Recording
 
 _POLL_S = 0.5
+RECORDING = "recording.parquet"
+"""Of a run of wt-run."""
 _SETTLED_S = 3.0
 """A simulated machine stands so long under the first command before anything is recorded [s]."""
 
@@ -155,3 +160,50 @@ class FileRobot(Robot):
                 if time.monotonic() > end:  # it is not just being written
                     raise
                 time.sleep(_POLL_S)
+
+
+class Go2Robot(FileRobot):
+    """A Go2 whose trunk is held in the air, on the network: ``wt-run`` plays the commands.
+
+    Its guards and watchdogs are those of a walk, and a person decides when: keys or the remote
+    bring the legs to where the commands begin, start them, and stop them at any time.
+    """
+
+    keeps = False
+
+    def __init__(self, folder: Path, model: Path, interface: str, domain: int) -> None:
+        """Set up; nothing is sent yet.
+
+        Args:
+            folder: of the experiments; ``run_N`` in it is what wt-run leaves of each.
+            model: MJCF with the drives' gains.
+            interface: of the network.
+            domain: of DDS.
+        """
+        super().__init__(folder, 0.0, lambda line: None)
+        self._folder, self._model = folder, model
+        self._line = ["--interface", interface, "--domain", str(domain)]
+
+    def perform(self, number: int, commands: Recording) -> Recording:
+        """Have them played; the recording begins where the legs began to move there.
+
+        Raises:
+            WorkError: the robot was not there, or it ended before the commands did.
+        """
+        run = self._folder / f"run_{number}"
+        words = ["--play", str(self._folder / f"experiment_{number}.parquet"), *self._line]
+        words += ["--model", str(self._model), "--out", str(run)]
+        done = subprocess.run([sys.executable, "-m", "deploy.cli.run", *words], check=False)
+        again = "the same command begins this experiment again"
+        if done.returncode:
+            raise WorkError(f"wt-run ended with {done.returncode} (above); {again}")
+        if not (run / RECORDING).exists():
+            raise WorkError(f"nothing was recorded in {run}; {again}")
+        measured = recordings.read(run / RECORDING)
+        whole = float(commands.t[-1] - commands.t[0])
+        if measured.t[-1] < whole:
+            raise WorkError(
+                f"wt-run ended after {measured.t[-1]:.1f} s of {whole:.1f} s of commands; {again}"
+            )
+        meta = {"source": SOURCE, "notes": f"experiment {number}"}
+        return replace(measured, meta={**measured.meta, **meta})

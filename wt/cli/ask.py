@@ -18,14 +18,15 @@ if TYPE_CHECKING:
     from wt.diagnose.result import Diagnosis
     from wt.types import Recording
 
-ROBOTS = ("sim", "file")
+ROBOTS = ("file", "sim", "go2")
 
 RobotOption = Annotated[
     str,
     typer.Option(
-        metavar="file|sim",
+        metavar="file|sim|go2",
         help="file: a person takes commands from OUT/experiment_N.parquet and puts what was "
-        "measured at OUT/recorded_N.parquet. sim: the machine in --world.",
+        "measured at OUT/recorded_N.parquet. sim: the machine in --world. go2: a Go2 that hangs "
+        "in the air, through wt-run, whose keys start and stop it.",
     ),
 ]
 WorldOption = Annotated[
@@ -48,6 +49,10 @@ RangeOption = Annotated[
         "joints go only a little beyond what was recorded.",
     ),
 ]
+InterfaceOption = Annotated[
+    str, typer.Option(help="Network interface of --robot go2; lo for wt-sim-go2 --hung.")
+]
+DomainOption = Annotated[int, typer.Option(help="DDS domain of --robot go2.")]
 WaitOption = Annotated[float, typer.Option(help="Longest wait for a recording [s].")]
 
 
@@ -66,6 +71,8 @@ def command(
     precision: PrecisionOption = None,
     whole_range: RangeOption = False,
     wait: WaitOption = 3600.0,
+    interface: InterfaceOption = "lo",
+    domain: DomainOption = 0,
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
 ) -> None:
     """Design the next experiment for what is still open, have it run, and diagnose again.
@@ -80,6 +87,7 @@ def command(
     Example:
         wt ask robot.xml walk1.parquet --out asked
         wt ask robot.xml --robot sim --world hidden.xml --precision 0.1 --out asked
+        wt ask go2_hung.xml --robot go2 --interface eth0 --out asked
     """
     from wt.ask.loop import Wish
     from wt.cli.diagnose import printed
@@ -87,8 +95,12 @@ def command(
     _refuse(robot, world, seconds, precision)
     wish = Wish(seconds, most, precision, whole_range, seed)
     inputs = [model, *(recordings or [])]
-    performer = functools.partial(_robot, world, noise, wait, seed, out)
-    printed(_asked(inputs, out, performer, wish), out / "diagnosis")
+    performers: dict[str, Callable[[], Robot]] = {
+        "file": functools.partial(_person, out, wait),
+        "sim": functools.partial(_simulated, world, noise, seed),
+        "go2": functools.partial(_go2, out, model, interface, domain),
+    }
+    printed(_asked(inputs, out, performers[robot], wish), out / "diagnosis")
 
 
 def _asked(
@@ -136,12 +148,23 @@ def _refuse(robot: str, world: Path | None, seconds: float, precision: float | N
         raise UserError(f"--precision {precision:g}: give a share between 0 and 1, 0.1 for ± 10 %")
 
 
-def _robot(world: Path | None, noise: float, wait: float, seed: int, out: Path) -> Robot:
-    from wt.ask.robot import FileRobot, SimulatedRobot
+def _person(out: Path, wait: float) -> Robot:
+    from wt.ask.robot import FileRobot
 
-    if world is not None:
-        return SimulatedRobot(world, noise, seed)
     return FileRobot(out, wait, lambda line: typer.echo(line, err=True))
+
+
+def _simulated(world: Path | None, noise: float, seed: int) -> Robot:
+    from wt.ask.robot import SimulatedRobot
+
+    assert world is not None  # as _refuse says
+    return SimulatedRobot(world, noise, seed)
+
+
+def _go2(out: Path, model: Path, interface: str, domain: int) -> Robot:
+    from wt.ask.robot import Go2Robot
+
+    return Go2Robot(out, model, interface, domain)
 
 
 def _keep(out: Path, name: str, kept: Recording, inputs: Sequence[Path]) -> None:

@@ -13,6 +13,9 @@ def command(
     to: Annotated[
         Path | None, typer.Option("--to", metavar="OUT.xml", help="Write it there instead.")
     ] = None,
+    hung: Annotated[
+        bool, typer.Option("--hung", help="Its trunk is held in the air: no free joint.")
+    ] = False,
 ) -> None:
     """Print the MJCF of a robot that the package has, to diagnose recordings of it with.
 
@@ -20,13 +23,14 @@ def command(
 
     Example:
         wt model go2 > go2.xml
+        wt model go2 --hung --to hung.xml
         wt diagnose go2.xml runs/go2-2026-11-21T10-00-00/recording.parquet --out diagnosis
     """
     from wt.errors import UserError
     from wt.show.files import write_whole
     from wt.worlds.robots import mjcf
 
-    text = mjcf(robot)
+    text = mjcf(robot, hung=hung)
     if to is None:
         typer.echo(text, nl=False)
         return

@@ -40,7 +40,7 @@ class LeggedPhysics:
     """The physics that may differ between two robots of one kind.
 
     The first four have one value per joint, in the model's order, or a single one for all. Rotor
-    inertia is published per joint and stays.
+    inertia is published per joint.
 
     Attributes:
         stiffness: position gain of the drives [N·m/rad].
@@ -49,6 +49,7 @@ class LeggedPhysics:
         frictionloss: dry joint friction [N·m].
         trunk_mass_scale: factor on the trunk's mass and inertia [-].
         limb_mass_scale: the same for everything else [-].
+        armature_scale: factor on the published rotor inertias [-].
         floor_friction: sliding friction between robot and ground [-].
     """
 
@@ -58,6 +59,7 @@ class LeggedPhysics:
     frictionloss: tuple[float, ...]
     trunk_mass_scale: float = 1.0
     limb_mass_scale: float = 1.0
+    armature_scale: float = 1.0
     floor_friction: float = 0.6
 
     def __post_init__(self) -> None:
@@ -74,6 +76,10 @@ class LeggedPhysics:
                 raise ConfigError(
                     f"{name} of a legged robot is {getattr(self, name)}; it must be above zero"
                 )
+        if not 0 <= self.armature_scale < np.inf:
+            raise ConfigError(
+                f"armature_scale of a legged robot is {self.armature_scale}; zero or more is needed"
+            )
 
     def per_joint(self, name: str, joints: int) -> tuple[float, ...]:
         """The values of one of the first four attributes for a robot with that many joints."""
@@ -233,7 +239,7 @@ def add_robot(
             axis=_AXES[link.joint.axis], range=link.joint.limits,
         )  # fmt: skip
         joint.damping[0], joint.frictionloss = damping[j], dry[j]
-        joint.armature = link.joint.armature
+        joint.armature = physics.armature_scale * link.joint.armature
         actuator = spec.add_actuator(
             name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT,
             forcerange=(-link.joint.effort, link.joint.effort),
@@ -241,6 +247,21 @@ def add_robot(
         actuator.set_to_position(kp=gains[j], kv=speed_gains[j])
         j += 1
     return bodies
+
+
+def hang(spec: mujoco.MjSpec, height: float = 1.0) -> None:
+    """Hold a robot's trunk in the air, in place: its free joint and its keyframes go.
+
+    Args:
+        spec: of a robot with the free joint :data:`BASE`.
+        height: of the trunk's origin [m].
+    """
+    base = spec.joint(BASE)
+    trunk = base.parent
+    spec.delete(base)
+    for key in list(spec.keys):
+        spec.delete(key)
+    trunk.pos = (0.0, 0.0, height)
 
 
 def add_capsule(

@@ -7,7 +7,7 @@ import mujoco
 from wt.errors import ConfigError, suggest
 from wt.worlds import g1_model, go2_model
 from wt.worlds.legged import LeggedRobot, LeggedScene
-from wt.worlds.legged_model import LeggedPhysics
+from wt.worlds.legged_model import LeggedPhysics, hang
 from wt.worlds.terrain import add_blocks
 
 _SHARE = 0.25  # of a drive's torque limit, which the action 1 asks for: mjlab's rule
@@ -85,17 +85,20 @@ def robot_of(name: str) -> LeggedRobot:
     return ROBOTS[name]
 
 
-def mjcf(name: str, timestep: float = 0.002) -> str:
+def mjcf(name: str, timestep: float = 0.002, hung: bool = False) -> str:
     """A robot as MJCF, with its published figures, on a flat floor.
 
     Args:
         name: of the robot.
         timestep: integration step [s].
+        hung: whether its trunk is held in the air, without a free joint.
 
     Raises:
         ConfigError: there is no robot of that name.
     """
     robot = robot_of(name)
     spec = robot.describe(robot.physics, timestep, LeggedScene())
+    if hung:
+        hang(spec)
     spec.compile()
     return str(spec.to_xml())

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -11,24 +13,25 @@ from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import stretches_of
 from wt.diagnose.residual.screen import Screen
-from wt.diagnose.selection.addition import addition
+from wt.diagnose.selection.addition import Accepted, addition
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.physics.scene import Scene
 from wt.types import Recording
 
 LINK = """\
 <mujoco><compiler angle="radian"/><option timestep="0.0005" integrator="implicitfast"/>
-<worldbody><body name="link"><joint name="hinge" axis="0 1 0" damping=".1"{rotor}/>
+<worldbody><body name="link"><joint name="hinge" axis="0 1 0" damping=".1"{hidden}/>
 <geom type="capsule" fromto="0 0 0 0 0 -.4" size=".03" mass="1.2"/></body></worldbody>
-<actuator><position name="servo" joint="hinge" kp="90" kv="5"/></actuator></mujoco>
+<actuator><{drive} name="servo" joint="hinge"/></actuator></mujoco>
 """
+SERVO, MOTOR = 'position kp="90" kv="5"', "motor"
 RATE, NOISE = 100, 1e-5  # Hz; rad: so quiet that what is linear in the tolerances falls short
 
 
-def record(seconds: float) -> Recording:
-    """A multisine with steps, followed with a rotor of .03 kg·m²."""
-    model = mujoco.MjModel.from_xml_string(LINK.format(rotor=' armature=".03"'))
-    data, rng = mujoco.MjData(model), np.random.default_rng(4)
+def record(hidden: str, drive: str, seconds: float, noise: float, seed: int) -> Recording:
+    """A multisine with steps; a motor follows it by the torques of a loop that sees the truth."""
+    model = mujoco.MjModel.from_xml_string(LINK.format(hidden=hidden, drive=drive))
+    data, rng = mujoco.MjData(model), np.random.default_rng(seed)
     t = np.arange(int(seconds * RATE)) / RATE
     rate, phase = rng.uniform(0.15, 1.2, 4), rng.uniform(0.0, 6.28, 4)
     u = 0.2 * np.sin(2.0 * np.pi * t[:, None] * rate + phase).sum(axis=1)
@@ -36,25 +39,36 @@ def record(seconds: float) -> Recording:
     q = np.empty(len(t))
     for k in range(len(t)):
         q[k] = data.qpos[0]
+        if drive == MOTOR:
+            u[k] = 40.0 * (u[k] - data.qpos[0]) - 2.0 * data.qvel[0]
         data.ctrl[:] = u[k]
         mujoco.mj_step(model, data, 20)
-    q += NOISE * rng.standard_normal(len(t))
+    q += noise * rng.standard_normal(len(t))
     return Recording(t, {"qpos/hinge": q, "ctrl/servo": u})
 
 
-@pytest.fixture(scope="module")
-def judged(tmp_path_factory: pytest.TempPathFactory) -> tuple[Screen, Objective]:
-    path = tmp_path_factory.mktemp("link") / "link.xml"
-    path.write_text(LINK.format(rotor=""))
-    fitted = smooth(Scene(path), [Part(record(10.0), 0)])
+def joined(
+    folder: Path, hidden: str, drive: str, seconds: float, noise: float, seed: int
+) -> list[Accepted]:
+    """What joins first where that is hidden."""
+    path = folder / "link.xml"
+    path.write_text(LINK.format(hidden="", drive=drive))
+    fitted = smooth(Scene(path), [Part(record(hidden, drive, seconds, noise, seed), 0)])
     screen = Screen(fitted, 0)
     replays = stretches_of(fitted, forgets=True)
-    return screen, Objective(fitted, replays, screen.velocity_noise, 1e-3, True)
+    objective = Objective(fitted, replays, screen.velocity_noise, 1e-3, True)
+    return addition(screen, objective, objective.reference(()), [], DecisionLog(), 4)
 
 
-def test_a_rotor_is_not_taken_for_an_elastic_gear(judged: tuple[Screen, Objective]) -> None:
-    screen, objective = judged
-    joined = addition(screen, objective, objective.reference(()), [], DecisionLog(), 4)
-    assert [a.planted.effect.id for a in joined] == ["joint.armature"]
-    (inertia,) = joined[0].planted.theta
-    assert inertia == pytest.approx(0.03, rel=0.05)
+def test_a_rotor_is_not_taken_for_an_elastic_gear(tmp_path: Path) -> None:
+    (rotor,) = joined(tmp_path, ' armature=".03"', SERVO, 10.0, NOISE, seed=4)
+    assert rotor.planted.effect.id == "joint.armature"
+    assert rotor.planted.theta == pytest.approx([0.03], rel=0.05)
+
+
+def test_a_spring_is_judged_on_the_model_as_it_is(tmp_path: Path) -> None:
+    """Without it the model errs by half a radian and bends all that it may to make up for that."""
+    hidden = ' stiffness="3.2" springref=".4"'
+    (spring,) = joined(tmp_path, hidden, MOTOR, 11.0, 1e-3, seed=1)
+    assert spring.planted.effect.id == "joint.stiffness"
+    assert spring.planted.theta == pytest.approx([3.2, 0.4], rel=0.02)

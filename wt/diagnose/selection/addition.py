@@ -27,8 +27,8 @@ from wt.types import Location
 _STARTS, _PROMISING, _FINALISTS = 20, 8, 4
 """How many hypotheses of a round get one step, two more steps, and all effects refined."""
 _FAR, _NEAR = 1.0, 0.5
-"""Finalists are settled where a tolerance moves by so many deviations, if they are worth so much of
-the best."""
+"""Finalists are settled where a tolerance is so many deviations from the model's, or from where it
+is now, if they are worth so much of the best."""
 _EACH = 2
 """… and so many at each joint get the two more steps, and their chance beside the best."""
 _STARTED = 5
@@ -144,11 +144,14 @@ def _finished(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> 
 def _settled(objective: Objective, fit: Assessed, best: Assessed, now: Assessed) -> Assessed:
     """A fit with tolerances as they adapt around itself, if they adapt far and it is near the best.
 
-    They are linear around the present hypothesis: where a sensor is quiet, what is linear there
-    lets a law seem to leave several times what it does, and one that bends to the error gets ahead.
+    They are linear around the present hypothesis, and bent to what it lacks: where a sensor is
+    quiet, what is linear there lets a law seem to leave several times what it does, and a wrong one
+    that bends with the error gets ahead of the right one, which would need no bending.
     """
-    far = np.abs(fit.tolerances - now.tolerances).max(initial=0.0) > _FAR
-    if not far or worth(objective, fit, now) < _NEAR * worth(objective, best, now):
+    bent = np.abs(fit.tolerances), np.abs(fit.tolerances - now.tolerances)
+    if np.max(bent, initial=0.0) <= _FAR or worth(objective, fit, now) < _NEAR * worth(
+        objective, best, now
+    ):
         return fit
     again = objective.reference(fit.hypothesis, fit.tolerances, most=1)
     (again,) = refine(objective, [again.hypothesis], [range(len(again.hypothesis))], iterations=2)
