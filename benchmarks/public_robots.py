@@ -54,6 +54,9 @@ class Hidden:
             load.explicitinertial = True
             load.ipos = [0.0, 0.0, 0.0]  # left out, it would be the body's own position once more
         model = spec.compile()
+        # servos are set to what the machine is without it: MuJoCo would derive a gain from the load
+        model.actuator_gainprm[:] = robot.model.actuator_gainprm
+        model.actuator_biasprm[:] = robot.model.actuator_biasprm
         if truth and truth.effect == "joint.friction_coulomb":
             model.joint(truth.name).frictionloss += truth.parameters["coulomb"]
         if truth and truth.effect == "actuator.gain":

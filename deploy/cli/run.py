@@ -10,19 +10,21 @@ from typing import Annotated, Literal
 import typer
 
 RobotName = Literal["go2"]
+PlayOption = Annotated[
+    Path | None,
+    typer.Option(help="Instead of a policy: commands of wt ask, trunk held in the air."),
+]
+ModelOption = Annotated[
+    Path | None, typer.Option(help="MJCF that they were made for: gains of the drives.")
+]
 
 
 def command(
     policy: Annotated[
         str, typer.Option(help="NAME@ALIAS or NAME/VERSION of the registry, a folder, or go2.")
     ] = "",
-    play: Annotated[
-        Path | None,
-        typer.Option(help="Instead of a policy: commands of wt ask, trunk held in the air."),
-    ] = None,
-    model: Annotated[
-        Path | None, typer.Option(help="MJCF that they were made for: gains of the drives.")
-    ] = None,
+    play: PlayOption = None,
+    model: ModelOption = None,
     limits: Annotated[
         list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Change a safety limit.")
     ] = None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import mujoco
@@ -12,9 +13,11 @@ from wt.check.run import check
 from wt.diagnose.recordings.prepare import prepare
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import stretches_of
+from wt.physics.effect import effects
+from wt.physics.planted import Planted
 from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
-from wt.types import Recording
+from wt.types import Location, Recording
 
 SERVOS = '<position name="m1" joint="j1" kp="60" kv="3"/>'
 SECOND = '<position name="m2" joint="j2" kp="30" kv="2"/>'
@@ -98,3 +101,27 @@ def test_nothing_is_missing(name: str, tmp_path: Path) -> None:
     inside = slice(20, -20)
     left, demand = smoothed.motion.unexplained[inside], smoothed.motion.demand[inside]
     assert np.sqrt(np.mean(left**2)) < 0.1 * np.sqrt(np.mean(demand**2))
+
+
+def test_all_late_are_those_on_tendons_and_sites_too(tmp_path: Path) -> None:
+    """A hand whose fingers a tendon closes is no less late than its arm, in replays and files."""
+    site = '<general name="m3" site="tip" gear="0 0 1 0 0 0" gainprm="5"/>'
+    tendon = '<position name="m1" tendon="t" kp="60" kv="3"/>'
+    motor = '<dcmotor name="m1" joint="j1" motorconst="1" resistance="1"/>'
+    for given in (tendon + SECOND, site + SERVOS + SECOND, motor + SECOND):
+        given = machine(given, more=TENDON + "</tendon>")
+        late = given.replace("name=", 'delay=".02" nsample="60" interp="linear" name=')
+        late = re.sub(r"<(?!position|general|dcmotor)(\w+) delay=[^>]*? name=", r"<\1 name=", late)
+        path = tmp_path / "machine.xml"
+        path.write_text(given)
+        scene = Scene(path)
+        smoothed = smooth(scene, prepare(scene, [recorded(late)], []).whole)
+        pairs = stretches_of(smoothed, False, 4.0)
+        delay = Planted(effects()["actuator.delay"], Location("actuator", "all"), np.array([0.02]))
+        q = Replayer(scene, [s for s, _ in pairs], 5e-4).run([(delay,), ()]).q
+        measured = np.concatenate([x for _, x in pairs])
+        spec = scene.spec()
+        delay.effect.patch(spec, delay.at, delay.theta)
+        assert {drive.delay for drive in spec.actuators} == {0.02}
+        error, before = np.sqrt(np.mean((q - measured) ** 2, axis=(1, 2)))
+        assert error < 0.05 * before

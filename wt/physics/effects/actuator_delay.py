@@ -67,7 +67,7 @@ class ActuatorDelay(OnInputs, Tolerated):
         if theta[0] <= 0.0:
             return
         # a passive motor, which another patch may have added, has no command
-        commanded = [a for a in spec.actuators if a.dyntype != mujoco.mjtDyn.mjDYN_DCMOTOR]
+        commanded = [a for a in spec.actuators if a.ctrlspec != mujoco.mjtCtrlInput.mjINPUT_NONE]
         for actuator in commanded if at.name == "all" else [spec.actuator(at.name)]:
             actuator.delay += theta[0]
             actuator.nsample = int(np.ceil(actuator.delay / spec.option.timestep)) + 1
@@ -77,8 +77,9 @@ class ActuatorDelay(OnInputs, Tolerated):
     def drive(
         self, inputs: Inputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> None:
-        """Shift the command."""
-        for i in (drive.index for drive in scene.driven(at)):
+        """Shift the command; at ``all`` also that of actuators which are no joint's drive."""
+        one = [drive.index for drive in scene.driven(at)]
+        for i in range(scene.model.nu) if at.name == "all" else one:
             inputs.u[:, i] = inputs.delayed(inputs.u[:, i], float(theta[0]))
 
     def tolerances(self, scene: Scene) -> Mapping[Location, Tolerance]:

@@ -29,7 +29,7 @@ class ActuatorGain(Tolerated):
     parameters = (Parameter("factor", "-", 0.0, 100.0, 1e-3, neutral=1.0),)
     reference = "MuJoCo XML reference, actuator/general/gainprm and biasprm"
     signed = (0,)
-    looks_like = ("weak drive",)
+    looks_like = ("weak drive", "offset")
     common = "always"
     plotted_over = "drive"
     at_rest = True
