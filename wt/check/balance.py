@@ -27,6 +27,7 @@ _LEAST_GAIN, _MOST_GAIN = 0.12, 8.0  # of the model's, over the drive's
 _LATEST = 0.08  # s
 _ROTOR = 30.0  # of the inertia that a joint feels
 _SLOW = 0.03  # of the usual speed: where friction changes its sign
+_UPSET = 2.0  # of a mean square force
 _STILL = 1e-6
 _DIRECT = (int(mujoco.mjtDyn.mjDYN_NONE), int(mujoco.mjtDyn.mjDYN_FILTER),
            int(mujoco.mjtDyn.mjDYN_FILTEREXACT))  # fmt: skip
@@ -73,6 +74,8 @@ class Balance:
         rows: the drives whose commands are explained.
         dynamic: whether inverse dynamics are known; where something floats, or a position was not
             recorded, the drives' own laws have to do.
+        idle: degrees of freedom that no drive moves: friction and rotors aside, a right motion
+            demands no force there.
     """
 
     def __init__(self, scene: Scene, signals: Signals) -> None:
@@ -96,6 +99,7 @@ class Balance:
         self._data = mujoco.MjData(self._model)
         self._demands: dict[tuple[Edit, ...], Float[np.ndarray, "row dof"]] = {}
         self._felt = self._inertia()
+        self.idle = self._undriven() if self.dynamic else ()
 
     def on(self, signals: Signals) -> Balance:
         """The same motion under other commands."""
@@ -120,23 +124,60 @@ class Balance:
         shares = [left / max(forced, 1e-18) for left, _, forced in self._fits(edits)]
         return float(np.mean(np.log(np.array(shares) + 1e-6))) if shares else 0.0
 
+    def upset(self, edits: Sequence[Edit], before: Sequence[Edit]) -> bool:
+        """Tell whether edits put what no drive moves out of balance, compared with others."""
+        return any(
+            self._idle_left(i, edits) > _UPSET * self._idle_left(i, before) for i in self.idle
+        )
+
+    def _idle_left(self, i: int, edits: Sequence[Edit]) -> float:
+        """Mean square force that friction and a rotor leave to nobody."""
+        _, v, a = self._moved(edits)
+        columns = np.stack([soft_sign(v[:, i]), v[:, i], a[:, i]], axis=1)
+        high = np.array([np.inf, np.inf, _ROTOR * self._felt[i]])
+        return _left(columns, -self._demand(edits)[:, i], high, dynamic=False)
+
+    def _undriven(self) -> tuple[int, ...]:
+        """Degrees of freedom without a drive; none where constraints couple some."""
+        m = self.scene.model
+        if m.neq:
+            return ()
+        data = mujoco.MjData(m)
+        data.qpos[:] = np.median(self.signals.q, axis=0)
+        mujoco.mj_forward(m, data)
+        rows = zip(data.moment_rowadr, data.moment_rownnz, strict=True)
+        driven = {int(i) for at, n in rows for i in data.moment_colind[at : at + n]}
+        return tuple(i for i in range(m.nv) if i not in driven)
+
     def _fits(self, edits: Sequence[Edit]) -> list[tuple[float, float, float]]:
         """Of each row the mean square left, and the variances of the command and of the force."""
         s = self.signals
-        q, v, a, u, du = (x.copy() for x in (s.q, s.v, s.a, s.u, s.du))
+        u, du = s.u.copy(), s.du.copy()
+        for e in edits:
+            if e.group == "u":
+                u[:, e.index] = e.factor * s.u[:, e.source] + e.offset
+                du[:, e.index] = e.factor * s.du[:, e.source]
+        (q, v, a), demand = self._moved(edits), self._demand(edits)
+        return [self._fit(r, q, v, a, u, du, demand) for r in self.rows]
+
+    def _moved(self, edits: Sequence[Edit]) -> tuple[Float[np.ndarray, "row dof"], ...]:
+        """Positions, velocities and accelerations after edits."""
+        s = self.signals
+        q, v, a = s.q.copy(), s.v.copy(), s.a.copy()
         for e in edits:
             if e.group == "q":
                 q[:, e.index] = e.factor * s.q[:, e.source] + e.offset
                 v[:, e.index] = e.factor * s.v[:, e.source]
                 a[:, e.index] = e.factor * s.a[:, e.source]
-            else:
-                u[:, e.index] = e.factor * s.u[:, e.source] + e.offset
-                du[:, e.index] = e.factor * s.du[:, e.source]
+        return q, v, a
+
+    def _demand(self, edits: Sequence[Edit]) -> Float[np.ndarray, "row dof"]:
+        """Force that the model demands for the motion after edits."""
         moved = tuple(e for e in edits if e.group == "q")
         if moved not in self._demands:
+            q, v, a = self._moved(moved)
             self._demands[moved] = self.inverse(q, v, a)
-        demand = self._demands[moved]
-        return [self._fit(r, q, v, a, u, du, demand) for r in self.rows]
+        return self._demands[moved]
 
     def inverse(
         self,

@@ -2,8 +2,9 @@
 
 A suspect is kept if the model explains at least one command with it that it cannot explain
 without, and by a wide margin. Each step takes the suspect after which least is left; at the end
-each has to be missed when it is taken back alone. So two faults are found where each alone would
-leave the other one's error, and none where the model merely lacks physics.
+each has to be missed when it is taken back alone, and to leave in balance what no drive moves: a
+cart whose pole carries an unknown load has no encoder in other units. So two faults are found where
+each alone would leave the other one's error, and none where the model merely lacks physics.
 """
 
 from __future__ import annotations
@@ -55,11 +56,24 @@ def search(balance: Balance, suspects: Sequence[Suspect]) -> list[tuple[Suspect,
     state = _State((), balance.unexplained())
     while len(state.suspects) < _MOST and (state.left > WRONG).any():
         trials = [_with(balance, state, s) for s in suspects if _apart(state, s)]
-        best = min(trials, key=lambda trial: trial.total, default=state)
+        best = _named(trials, min(trials, key=lambda trial: trial.total, default=state))
         if best.total > state.total - _STEP:
             break
         state = best
     return _needed(balance, state, suspects)
+
+
+def _named(trials: Sequence[_State], best: _State) -> _State:
+    """The best, or a unit that has a name and says as much as the factor that fits best."""
+    if not best.suspects or not best.suspects[-1].kind.endswith("_scale"):
+        return best
+    kind = best.suspects[-1].kind.replace("_scale", "_unit")
+    alike = [
+        trial
+        for trial in trials
+        if trial.suspects[-1].kind == kind and trial.total < best.total + _ALIKE
+    ]
+    return min(alike, key=lambda trial: trial.total, default=best)
 
 
 def _with(balance: Balance, state: _State, suspect: Suspect) -> _State:
@@ -86,7 +100,7 @@ def _needed(
         proven = (
             _own(balance, suspect) & (ratio > DECISIVE) & (without > WRONG) & (state.left < RIGHT)
         )
-        if not proven.any():
+        if not proven.any() or balance.upset(state.edits, rest.edits):
             continue
         row = int(np.argmax(np.where(proven, ratio, 0.0)))
         name = balance.rows[row].drive.name
