@@ -18,6 +18,7 @@ from wt.types import Location
 J2 = Location("joint", "j2")
 LOAD = effects()["joint.friction_load"]
 STRIBECK = effects()["joint.friction_stribeck"]
+MOVING = effects()["body.payload_moving"]
 
 
 @pytest.fixture(scope="module")
@@ -136,6 +137,11 @@ def test_what_is_needed_stays(rubbing: World) -> None:
     assert STRIBECK.simpler(motion, J2, rise, {"coulomb": (0.0, 0.2), "static": (0.25, 1)}) is None
     found = STRIBECK.simpler(motion, J2, rise, {"coulomb": (0.0, 0.2), "static": (0.15, 1)})
     assert found is not None and found[1] == pytest.approx([0.1])
+    moving = np.array([0.5, 0.8, 0.1, 0.0, -0.2])
+    assert MOVING.simpler(motion, LINK2, moving, {"travel": (0.2, 1.0)}) is None
+    found = MOVING.simpler(motion, LINK2, moving, {"travel": (0.001, 2.0)})
+    assert found is not None and found[0] == "body.payload_fixed"
+    assert found[1] == pytest.approx([0.5, 0.1, 0.0, -0.2])
 
 
 def test_a_load_that_adds_next_to_nothing_is_none(rubbing: World) -> None:

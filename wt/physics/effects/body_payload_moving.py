@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import place_of_load, point_load, within_reach
-from wt.physics.hooks import Beyond, FromRecordings, Nested, Stateful
+from wt.physics.hooks import Beyond, FromRecordings, Intervals, Nested, Stateful
 from wt.physics.loose import Centre, LooseLaw, columns, path_of
 from wt.physics.loose_search import laws_that_fit, likeliest_laws
 from wt.physics.motion import Motion
@@ -115,6 +115,18 @@ class BodyPayloadMoving(FromRecordings, Nested, Stateful):
             )
             for law in likeliest_laws(motion, at.name, (x, y, z))
         ]
+
+    def simpler(
+        self,
+        motion: Motion,
+        at: Location,
+        theta: Float[np.ndarray, " parameter"],
+        intervals: Intervals,
+    ) -> tuple[str, Float[np.ndarray, " smaller"]] | None:
+        """The same load fixed, where it may travel as little as one that is."""
+        if np.min(intervals["travel"][0]) > _AT_REST:
+            return None
+        return "body.payload_fixed", theta[[0, 2, 3, 4]]
 
     def patch(
         self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
