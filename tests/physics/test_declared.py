@@ -20,7 +20,7 @@ ALIKE = (
     ("actuator.delay", "actuator.lag", "sensor.delay"),
     ("actuator.gain", "actuator.deadband", "actuator.fade", "actuator.saturation"),
     ("joint.stiffness", "joint.hysteresis", "actuator.bias"),
-    ("actuator.bias", "actuator.deadband", "joint.backlash", "sensor.offset"),
+    ("actuator.bias", "actuator.deadband", "actuator.gain", "joint.backlash", "sensor.offset"),
     ("joint.armature", "body.inertia"),
     ("body.force", "body.tether"),
     ("body.mass", "body.com", "body.payload_fixed", "body.payload_moving"),
