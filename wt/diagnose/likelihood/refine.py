@@ -125,7 +125,7 @@ def _seen(
     weights = objective.channels.precision(at.variance)
     error = float(np.sum(weights * at.error**2))
     change = np.einsum("ij,ijk->k", weights, slope**2)
-    return np.asarray(_SEEN * np.sqrt(error / np.maximum(change, 1e-300)))
+    return np.asarray(_SEEN * np.sqrt(error) / np.sqrt(np.maximum(change, 1e-300)))
 
 
 def _settled(objective: Objective, assessed: Sequence[Assessed]) -> list[Assessed]:
