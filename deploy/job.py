@@ -115,16 +115,22 @@ def play(commands: Path, model: Path, options: RunOptions) -> None:
 
 
 def _run(prepare: Callable[[], _Job], options: RunOptions) -> None:
-    """Do what the two above say; what can be refused is, before the robot is looked for."""
+    """Do what the two above say; what can be refused is, before the robot is looked for.
+
+    Args:
+        prepare: makes the job, and with it threads: they have the precedence of this one.
+        options: of the run.
+    """
     from deploy.clock import take_precedence
     from deploy.operator import KEYS, HumanOperator
     from deploy.robot import Silent
     from deploy.runner import RATE_HZ, Runner, teller
     from deploy.safety import Limits
 
-    bounds, job = Limits.parse(list(options.limits)), prepare()
+    bounds = Limits.parse(list(options.limits))
     if options.realtime:
-        take_precedence()  # before the network's threads begin
+        take_precedence()  # before the threads of policy and network begin
+    job = prepare()
     robot = _go2(options.interface, options.domain, job.joints)
     folder = _folder(options.out)
     left = _leave_model(folder / MODEL, job.xml)

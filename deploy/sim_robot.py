@@ -66,7 +66,7 @@ class SimRobot:
         self.data = mujoco.MjData(self._model)
         self._motor = go2.motors(JOINTS)
         first = self._model.joint(JOINTS[0])
-        self._first = first.qposadr[0], first.dofadr[0]
+        self._first, self._hung = (first.qposadr[0], first.dofadr[0]), hung
         none = np.zeros(len(JOINTS))
         self._idle = Command(none, none, none)
         self._brake = Command(none, none, none + DAMPING)
@@ -154,12 +154,11 @@ class SimRobot:
     def truth(self) -> np.ndarray:
         """The true state, also what only a simulator or motion capture knows: :func:`columns`."""
         data = self.data
-        trunk = data.body(go2_model.TRUNK)
-        pose, velocity = np.concatenate([trunk.xpos, trunk.xquat]), np.zeros(6)
-        if self._first[1]:  # a free joint comes before the joints
-            pose, velocity = data.qpos[:7], data.qvel[:6]
-        parts = (pose, velocity, self.joints, self.speeds, data.actuator_force)
-        return np.concatenate(parts)
+        trunk = (data.qpos[:7], data.qvel[:6])
+        if self._hung:
+            held = data.body(go2_model.TRUNK)
+            trunk = (np.concatenate([held.xpos, held.xquat]), np.zeros(6))
+        return np.concatenate([*trunk, self.joints, self.speeds, data.actuator_force])
 
 
 def columns() -> list[str]:

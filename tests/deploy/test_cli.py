@@ -11,7 +11,9 @@ import pytest
 
 from deploy.cli.run import main as wt_run
 from deploy.cli.sim_go2 import main as wt_sim_go2
+from deploy.job import RunOptions, run
 from tests.deploy.policies import write_policy
+from wt.errors import UserError
 from wt.worlds.go2_model import JOINTS
 
 HEAVY = ["cyclonedds", "mlflow", "mujoco", "onnxruntime", "pandas", "pyarrow", "rerun", "torch"]
@@ -123,3 +125,17 @@ def test_precedence_that_the_system_denies_is_one_line(
     monkeypatch.setattr("os.sched_setscheduler", denied)
     assert wt_sim_go2(["--realtime"]) == 2
     assert "--realtime: the system does not allow it" in capsys.readouterr().err
+
+
+def test_the_policys_thread_begins_with_precedence(monkeypatch: pytest.MonkeyPatch) -> None:
+    order: list[str] = []
+
+    def no_network(*_: object) -> None:
+        raise UserError("no network")
+
+    monkeypatch.setattr("deploy.clock.take_precedence", lambda: order.append("precedence"))
+    monkeypatch.setattr("deploy.pilot.Pilot", lambda policy: order.append("thread"))
+    monkeypatch.setattr("deploy.job._go2", no_network)
+    with pytest.raises(UserError, match="no network"):
+        run("go2", RunOptions(realtime=True))
+    assert order == ["precedence", "thread"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import mujoco
@@ -110,12 +109,14 @@ def test_all_late_are_those_on_tendons_and_sites_too(tmp_path: Path) -> None:
     motor = '<dcmotor name="m1" joint="j1" motorconst="1" resistance="1"/>'
     for given in (tendon + SECOND, site + SERVOS + SECOND, motor + SECOND):
         given = machine(given, more=TENDON + "</tendon>")
-        late = given.replace("name=", 'delay=".02" nsample="60" interp="linear" name=')
-        late = re.sub(r"<(?!position|general|dcmotor)(\w+) delay=[^>]*? name=", r"<\1 name=", late)
+        late = mujoco.MjSpec.from_string(given)
+        for drive in late.actuators:
+            drive.delay, drive.nsample, drive.interp = 0.02, 60, 1  # linear
+        late.compile()
         path = tmp_path / "machine.xml"
         path.write_text(given)
         scene = Scene(path)
-        smoothed = smooth(scene, prepare(scene, [recorded(late)], []).whole)
+        smoothed = smooth(scene, prepare(scene, [recorded(late.to_xml())], []).whole)
         pairs = stretches_of(smoothed, False, 4.0)
         delay = Planted(effects()["actuator.delay"], Location("actuator", "all"), np.array([0.02]))
         q = Replayer(scene, [s for s, _ in pairs], 5e-4).run([(delay,), ()]).q

@@ -181,7 +181,7 @@ class Go2Robot(FileRobot):
             domain: of DDS.
         """
         super().__init__(folder, 0.0, lambda line: None)
-        self._folder, self._model = folder, model
+        self._model = model
         self._line = ["--interface", interface, "--domain", str(domain)]
 
     def perform(self, number: int, commands: Recording) -> Recording:

@@ -148,10 +148,9 @@ def _settled(objective: Objective, fit: Assessed, best: Assessed, now: Assessed)
     quiet, what is linear there lets a law seem to leave several times what it does, and a wrong one
     that bends with the error gets ahead of the right one, which would need no bending.
     """
-    bent = np.abs(fit.tolerances), np.abs(fit.tolerances - now.tolerances)
-    if np.max(bent, initial=0.0) <= _FAR or worth(objective, fit, now) < _NEAR * worth(
-        objective, best, now
-    ):
+    bent = np.abs([fit.tolerances, fit.tolerances - now.tolerances]).max(initial=0.0)
+    near = worth(objective, fit, now) >= _NEAR * worth(objective, best, now)
+    if bent <= _FAR or not near:
         return fit
     again = objective.reference(fit.hypothesis, fit.tolerances, most=1)
     (again,) = refine(objective, [again.hypothesis], [range(len(again.hypothesis))], iterations=2)

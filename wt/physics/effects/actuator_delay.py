@@ -78,8 +78,8 @@ class ActuatorDelay(OnInputs, Tolerated):
         self, inputs: Inputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> None:
         """Shift the command; at ``all`` also that of actuators which are no joint's drive."""
-        one = [drive.index for drive in scene.driven(at)]
-        for i in range(scene.model.nu) if at.name == "all" else one:
+        every = at.name == "all"
+        for i in range(scene.model.nu) if every else [scene.drive(at.name).index]:
             inputs.u[:, i] = inputs.delayed(inputs.u[:, i], float(theta[0]))
 
     def tolerances(self, scene: Scene) -> Mapping[Location, Tolerance]:
