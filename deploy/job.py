@@ -60,6 +60,7 @@ class _Job:
     joints: Sequence[str]
     largest: Sequence[float]  # velocity command of the operator
     xml: str  # MJCF of the machine
+    stay: bool  # in damping after a fault, until the operator ends it
     what: str
     meta: Mapping[str, object]
 
@@ -84,7 +85,7 @@ def run(reference: str, options: RunOptions) -> None:
         card = policy.card
         what = f"policy {card.name} ({card.sha256[:12]})"
         meta = {"policy": reference, "policy_sha256": card.sha256}
-        return _Job(Pilot(policy), card.joints, card.command_limits, mjcf("go2"), what, meta)
+        return _Job(Pilot(policy), card.joints, card.command_limits, mjcf("go2"), True, what, meta)
 
     _run(job, options)
 
@@ -108,8 +109,8 @@ def play(commands: Path, model: Path, options: RunOptions) -> None:
     def job() -> _Job:
         gains = servo_gains(model, JOINTS)
         source = Playback(*joint_targets(read(commands), JOINTS), gains)
-        meta = {"commands": commands.name}
-        return _Job(source, JOINTS, (0, 0, 0), model.read_text(), f"commands {commands}", meta)
+        xml, what, meta = model.read_text(), f"commands {commands}", {"commands": commands.name}
+        return _Job(source, JOINTS, (0, 0, 0), xml, False, what, meta)
 
     _run(job, options)
 
@@ -146,7 +147,8 @@ def _run(prepare: Callable[[], _Job], options: RunOptions) -> None:
     try:
         followers += _followers(folder, runner.recorder, meta, options.passport, options.unit)
         with operator.attending():
-            outcome = runner.run(math.inf if options.seconds is None else options.seconds)
+            seconds = math.inf if options.seconds is None else options.seconds
+            outcome = runner.run(seconds, stay=job.stay)
     finally:
         meta |= {"events": runner.events, "health": robot.health()}
         written = runner.recorder.write(folder, meta)

@@ -102,12 +102,16 @@ class Runner:
         self._ages: list[float] = []
         self._began = 0.0
 
-    def run(self, seconds: float = math.inf, brake: float = END_SECONDS) -> RunOutcome:
+    def run(
+        self, seconds: float = math.inf, brake: float = END_SECONDS, stay: bool = True
+    ) -> RunOutcome:
         """Run until the operator ends it; damping is the last that the drives are told.
 
         Args:
             seconds: end after so long, as if the operator had asked.
             brake: how long damping is told in the end [s].
+            stay: tell damping after a fault until the operator ends it, too; otherwise a fault
+                ends the run, as is right where nothing can fall.
 
         Raises:
             WorkError: no state of the robot arrives, somebody else commands it, or the operator
@@ -122,7 +126,8 @@ class Runner:
         try:
             while (now := self._clock.now()) < end + brake:
                 ticks.append(now)
-                if self._tick(now, ended=now >= end) is Wish.QUIT:
+                wish = self._tick(now, ended=now >= end)
+                if wish is Wish.QUIT or (self.status.fault and not stay):
                     end = min(end, now)
                 # ticks that were missed are gone: a burst of them would help nobody
                 k = max(k + 1, int((self._clock.now() - begin) * RATE_HZ))

@@ -55,7 +55,7 @@ def command(
     Remote: L2+A stand up, start policy, L2+B damping, sticks walk and turn.
     Ctrl-C ends in damping. A fault ends in damping, too, and stays until the program ends.
     With --play its trunk is to hang in the air: it "stands up" to where the commands begin, and
-    the commands take the policy's place, once.
+    the commands take the policy's place, once; after a fault the program ends by itself.
 
     Example:
         wt-sim-go2 &

@@ -19,6 +19,9 @@ from deploy.stages import Wish
 from wt.worlds.robots import GO2
 
 TICK = 0.002
+QUICK = "stand_seconds=1"
+LENIENT = (QUICK, "stale_state=2", "deadline=2")
+"""For tests of other things, on machines that stop for a while."""
 
 
 class FakeClock:

@@ -23,16 +23,13 @@ import pytest
 from deploy.dds import DdsParticipant
 from deploy.go2 import LOW_COMMAND
 from deploy.idl import LowCmd_
+from tests.deploy.conftest import LENIENT, QUICK
 from tests.deploy.policies import write_policy
 from wt.data.recording import check_against, read
 from wt.worlds import go2_model
 
 MOST_TICKS = 20
 """40 ms at 500 Hz."""
-
-QUICK = "stand_seconds=1"
-LENIENT = (QUICK, "stale_state=2", "deadline=2")
-"""For tests of other things, on machines that stop for a while."""
 
 PASSIVE, STAND, POLICY, DAMPING = range(4)
 

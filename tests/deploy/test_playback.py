@@ -13,6 +13,7 @@ from deploy.playback import Playback, joint_targets, servo_gains
 from deploy.robot import Command
 from deploy.runner import Runner
 from deploy.stages import Stage
+from tests.deploy.conftest import LENIENT
 from tests.deploy.lockstep import LIMITS, LockstepOperator, LockstepRobot
 from wt.ask.robot import Go2Robot
 from wt.data import recording as recordings
@@ -104,18 +105,19 @@ def test_a_hung_robot_does_not_fall() -> None:
 def test_a_go2_on_the_network_is_asked(model: Path, tmp_path: Path, domain: int) -> None:
     """``wt ask --robot go2``: wt-run plays an experiment on the simulated robot."""
     recordings.write(wave(), tmp_path / "experiment_1.parquet")
-    words = ["0.3:stand", "3.5:policy", "--hung", "--domain", str(domain)]
+    words = ["0.3:stand", *(f"{t}:policy" for t in range(2, 60)), "--hung", "--domain", str(domain)]
     sim = subprocess.Popen([sys.executable, "-m", "deploy.cli.sim_go2", *words])
     try:
-        robot = Go2Robot(tmp_path, model, "lo", domain)
+        robot = Go2Robot(tmp_path, model, "lo", domain, LENIENT)
         measured = robot.perform(1, wave())
     finally:
         sim.terminate()
         sim.wait()
     assert measured.t[-1] > SECONDS
     sent, q = (measured.columns[f"{kind}/{JOINTS[1]}"] for kind in ("ctrl", "qpos"))
-    assert np.ptp(sent[-round(500 * SECONDS) :]) == pytest.approx(0.2, abs=0.02)
-    assert np.abs(q - sent)[-round(500 * SECONDS) :].max() < 0.15
+    last = measured.t > measured.t[-1] - SECONDS  # a busy machine needs longer for all of it
+    assert np.max(DEFAULT[1] - sent[last]) == pytest.approx(0.1, abs=0.02)
+    assert np.abs(q - sent)[last].max() < 0.15
     assert (tmp_path / "run_1" / "model.xml").read_text() == model.read_text()
     with pytest.raises(WorkError, match="begins this experiment again"):
         Go2Robot(tmp_path, tmp_path / "none.xml", "lo", domain).perform(1, wave())

@@ -148,6 +148,20 @@ def test_what_is_wrong_with_the_robot_ends_in_damping_for_good(
     assert name in said[-1]
 
 
+@pytest.mark.parametrize("stay", [True, False])
+def test_a_fault_ends_a_run_only_where_nothing_can_fall(
+    robot: FakeRobot, pilot: Rigged, clock: FakeClock, said: list[str], stay: bool
+) -> None:
+    later(robot, clock, changed(battery=3.0))
+    operator = FakeOperator(clock, *WISHES[:2])
+    runner = Runner(robot, pilot, operator, LIMITS, clock, said.append)
+    outcome = runner.run(seconds=1.0, brake=BRAKE, stay=stay)
+    assert outcome.fault is not None
+    last = robot.sent[-1][0] - robot.sent[0][0]
+    assert last == pytest.approx((1.0 if stay else FAULT_AT) + BRAKE, abs=3 * TICK)
+    assert is_damping(robot.sent[-1][1])
+
+
 def test_somebody_else_s_command_ends_in_damping(
     robot: FakeRobot, pilot: Rigged, clock: FakeClock, said: list[str]
 ) -> None:

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
@@ -171,7 +171,9 @@ class Go2Robot(FileRobot):
 
     keeps = False
 
-    def __init__(self, folder: Path, model: Path, interface: str, domain: int) -> None:
+    def __init__(
+        self, folder: Path, model: Path, interface: str, domain: int, limits: Sequence[str] = ()
+    ) -> None:
         """Set up; nothing is sent yet.
 
         Args:
@@ -179,10 +181,11 @@ class Go2Robot(FileRobot):
             model: MJCF with the drives' gains.
             interface: of the network.
             domain: of DDS.
+            limits: ``KEY=VALUE`` changes of the limits at which wt-run stops.
         """
         super().__init__(folder, 0.0, lambda line: None)
         self._model = model
-        self._line = ["--interface", interface, "--domain", str(domain)]
+        self._line = [*limits, "--interface", interface, "--domain", str(domain)]
 
     def perform(self, number: int, commands: Recording) -> Recording:
         """Have them played; the recording begins where the legs began to move there.

@@ -53,6 +53,10 @@ InterfaceOption = Annotated[
     str, typer.Option(help="Network interface of --robot go2; lo for wt-sim-go2 --hung.")
 ]
 DomainOption = Annotated[int, typer.Option(help="DDS domain of --robot go2.")]
+LimitOption = Annotated[
+    list[str] | None,
+    typer.Option(metavar="KEY=VALUE", help="A limit at which wt-run stops, for --robot go2."),
+]
 WaitOption = Annotated[float, typer.Option(help="Longest wait for a recording [s].")]
 
 
@@ -73,6 +77,7 @@ def command(
     wait: WaitOption = 3600.0,
     interface: InterfaceOption = "lo",
     domain: DomainOption = 0,
+    limit: LimitOption = None,
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
 ) -> None:
     """Design the next experiment for what is still open, have it run, and diagnose again.
@@ -98,7 +103,7 @@ def command(
     performers: dict[str, Callable[[], Robot]] = {
         "file": functools.partial(_person, out, wait),
         "sim": functools.partial(_simulated, world, noise, seed),
-        "go2": functools.partial(_go2, out, model, interface, domain),
+        "go2": functools.partial(_go2, out, model, interface, domain, limit or ()),
     }
     printed(_asked(inputs, out, performers[robot], wish), out / "diagnosis")
 
@@ -161,10 +166,10 @@ def _simulated(world: Path | None, noise: float, seed: int) -> Robot:
     return SimulatedRobot(world, noise, seed)
 
 
-def _go2(out: Path, model: Path, interface: str, domain: int) -> Robot:
+def _go2(out: Path, model: Path, interface: str, domain: int, limits: Sequence[str]) -> Robot:
     from wt.ask.robot import Go2Robot
 
-    return Go2Robot(out, model, interface, domain)
+    return Go2Robot(out, model, interface, domain, limits)
 
 
 def _keep(out: Path, name: str, kept: Recording, inputs: Sequence[Path]) -> None:
