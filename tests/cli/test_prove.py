@@ -26,7 +26,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     program, closed = contenders.program, contenders.closed
     monkeypatch.setattr(bench, "cases", lambda set, seed: short())
     monkeypatch.setattr(folder, "code", lambda: "this code")
-    monkeypatch.setattr(contenders, "program", lambda who, s: program("coulomb", s))
+    monkeypatch.setattr(contenders, "program", lambda who, s, *n: program("coulomb", s))
     monkeypatch.setattr(contenders, "closed", lambda who, *f: closed("coulomb", *f))
     monkeypatch.setenv("COLUMNS", "80")
 

@@ -17,7 +17,7 @@ from wt.data import recording as recordings
 from wt.diagnose import again
 from wt.diagnose.again import Recorded
 from wt.errors import UserError
-from wt.passport.add import add
+from wt.passport.add import add, add_each_session
 from wt.passport.card import card
 from wt.physics.effect import effects
 from wt.physics.planted import Hypothesis, Planted
@@ -97,6 +97,37 @@ def test_each_group_is_estimated_and_later_ones_are_appended(bench: Path) -> Non
     again_nothing = add(model, later, out)
     assert again_nothing.files == ()
     assert len(list(out.iterdir())) == 4
+
+
+def test_sessions_are_added_one_after_the_other(bench: Path) -> None:
+    """As they would have been on their days, whatever the order in which they are given."""
+    model, paths = bench / "rig.xml", sorted(bench.glob("*-?.parquet"))
+    day_by_day = bench / "by hand"
+    for day in (1, 9):
+        last = add(model, [p for p in paths if p.stem.endswith(str(day))], day_by_day)
+    added = add_each_session(model, paths[::-1], bench / "robot")
+    assert len(added.files) == 4
+    assert [len(a.sources) for a in added.passport.additions] == [2, 2]
+    assert set(added.passport.rows) == set(last.passport.rows)
+    assert added.passport.additions[0].decided == last.passport.additions[0].decided
+    again_nothing = add_each_session(model, paths, bench / "robot")
+    assert again_nothing.files == () and len(again_nothing.known) == 4
+
+
+def test_only_a_units_first_session_is_searched(
+    bench: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    searched: list[int] = []
+    tell = again.named
+
+    def told(*given: object) -> Hypothesis:
+        searched.append(1)
+        return tell(*given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(again, "named", told)
+    paths = sorted(bench.glob("*-?.parquet"))
+    add_each_session(bench / "rig.xml", paths, bench / "robot", every_group=False)
+    assert len(searched) == 2
 
 
 def test_a_new_effect_is_estimated_in_earlier_groups_too(

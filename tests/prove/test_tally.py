@@ -99,6 +99,7 @@ def test_targets_and_who_is_ahead() -> None:
     assert met == {
         "location": False, "effect": False, "false_alarms": False, "coverage": False,
         "unknown": False, "unknown_place": True,
+        "levels": None, "changes": None, "false_changes": None,
     }  # fmt: skip
     theirs = tally.scores([result(hidden=((DRY, 20.0),), said=("",)), result("null")], WHO)
     ahead = tally.ahead(ours, theirs)

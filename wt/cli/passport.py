@@ -46,6 +46,13 @@ def add(
             help="Look for effects in each new group of recordings, or in each unit's first.",
         ),
     ] = "each",
+    each_session: Annotated[
+        bool,
+        typer.Option(
+            "--each-session",
+            help="Add one session after the other, to learn in which one something changed.",
+        ),
+    ] = False,
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
     track: Annotated[bool, typer.Option("--track", help="Log to MLflow too.")] = False,
 ) -> None:
@@ -62,14 +69,15 @@ def add(
     from rich.console import Console
 
     from wt.cli._progress import bar
-    from wt.passport.add import add as add_recordings
+    from wt.passport import add as adding
     from wt.passport.card import card
     from wt.passport.text import print_added
 
     if search not in SEARCHES:
         raise UserError(f"--search {search!r} is unknown; {suggest(search, SEARCHES)}")
+    append = adding.add_each_session if each_session else adding.add
     with bar("reading") as progress:
-        added = add_recordings(
+        added = append(
             model, recordings, out, seed=seed, every_group=search == "each", progress=progress
         )
     console = Console()

@@ -118,10 +118,12 @@ def _folder(
 ) -> Folder:
     name = "" if bring else set_name or ("brief" if quick else "full")
     compete = rivals if rivals is not None else name == "full"
+    if compete and name == "ask":
+        raise ConfigError("rivals do not ask: leave --rivals out with --set ask")
     if compete and not resume:
         need("absl", "pysindy")
     from wt.prove.bench import chosen
-    from wt.prove.contenders import OURS, RIVALS
+    from wt.prove.contenders import of_set
     from wt.prove.folder import Folder, Plan, code
     from wt.prove.real import present
 
@@ -135,7 +137,7 @@ def _folder(
         set=name,
         only=only,
         seed=seed,
-        who=(OURS, *(RIVALS if compete else ())),
+        who=of_set(name, compete),
         brought=str(bring.resolve()) if bring else "",
         code=code(),
         machines=str(machines.resolve()) if machines else "",

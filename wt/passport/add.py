@@ -60,8 +60,8 @@ def add(
         given: recordings with labels.
         out: the passport's folder.
         seed: of everything random.
-        every_group: whether effects are looked for in each new group, and not in one of each unit
-            that has new ones.
+        every_group: whether effects are looked for in each new group, and not in the first of each
+            unit only.
         progress: called as the work goes on.
 
     Raises:
@@ -96,6 +96,50 @@ def add(
         return Added(Passport((*passport.additions, addition)), groups, known, files)
 
 
+def add_each_session(
+    model: Path,
+    given: Sequence[Path],
+    out: Path,
+    *,
+    seed: int = 0,
+    every_group: bool = True,
+    progress: Say | None = None,
+) -> Added:
+    """Append sessions one after the other, as :func:`add` would have on their days.
+
+    What changed is then told of every session, and not of each unit's last one only.
+
+    Args:
+        model: the MJCF, the same for all units.
+        given: recordings with labels.
+        out: the passport's folder.
+        seed: of everything random.
+        every_group: as there.
+        progress: called as the work goes on.
+
+    Raises:
+        UserError, RecordingError, WorkError: as there.
+    """
+    sessions: dict[str, list[Path]] = {}
+    for path in dict.fromkeys(given):
+        sessions.setdefault(_source(path).labels.session, []).append(path)
+    say, done = progress or _silent, list[Added]()
+    for i, session in enumerate(sorted(sessions)):
+
+        def told(what: str, share: float, i: int = i) -> None:
+            say(what, (i + share) / len(sessions))
+
+        done.append(
+            add(model, sessions[session], out, seed=seed, every_group=every_group, progress=told)
+        )
+    return Added(
+        done[-1].passport,
+        tuple(labels for added in done for labels in added.groups),
+        tuple(path for added in done for path in added.known),
+        tuple(path for added in done for path in added.files),
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class _Found:
     hypothesis: Hypothesis
@@ -116,7 +160,7 @@ def _estimated(
     grouped = _grouped({**earlier, **new})
     fresh = sorted({s.labels for s in new.values()})
     read: dict[Labels, Recorded] = {k: again.recorded(model, grouped[k]) for k in fresh}
-    asked = fresh if every_group else _first_of_each_unit(fresh)
+    asked = fresh if every_group else _first_of_each_unit(fresh, passport.units)
     found = [passport.hypothesis]
     for i, labels in enumerate(asked):
 
@@ -199,8 +243,9 @@ def _grouped(sources: Mapping[Path, Source]) -> dict[Labels, list[Path]]:
     return groups
 
 
-def _first_of_each_unit(groups: Sequence[Labels]) -> list[Labels]:
+def _first_of_each_unit(groups: Sequence[Labels], known: Sequence[str]) -> list[Labels]:
     first: dict[str, Labels] = {}
     for labels in groups:
-        first.setdefault(labels.unit, labels)
+        if labels.unit not in known:
+            first.setdefault(labels.unit, labels)
     return list(first.values())

@@ -22,6 +22,8 @@ The worlds:
 ``trajectory``     the true motion of a hidden world
 ``sensing``        encoders, clocks, noise
 ``world``          ``build(case)``: recordings as a user would have them
+``asked``          the machine of a case, for who may ask it for experiments
+``fleet``          many units of a machine over sessions
 ``real``           real machines as cases; ``bring`` those of other people
 =================  ==========================================================================
 
@@ -35,7 +37,7 @@ The trial (``wt prove``), in the order in which things happen:
 ``sysid_rival``    ``mujoco.sysid`` with given free parameters; ``sysid_ranges`` their ranges
 ``score``          marks of one diagnosis; ``machine`` knows which names are one place
 ``replay``         held-out recordings on a patched MJCF, in plain MuJoCo
-``marks``          the ``case_result`` of every case
+``marks``          the ``case_result`` of every case; ``fleet_marks`` of a passport
 ``tally``          from those to shares, medians, curves
 ``finish``         ``results`` as JSON and table, ``page`` (and ``page_tables``), ``film``
 =================  ==========================================================================

@@ -23,8 +23,9 @@ class Answer:
 
     Attributes:
         name: name of the case once it is open.
-        kind: null, single, pair, triple, outsider (an effect outside every list) or real (a
-            machine of which nobody knows the truth; only the held-out fit is scored).
+        kind: null, single, pair, triple, outsider (an effect outside every list), real (a
+            machine of which nobody knows the truth; only the held-out fit is scored) or fleet
+            (many machines; their levels are scored).
         truth: the hidden effects.
         visibility: for each of them the rms change it makes in the recordings over their noise;
             NaN where that is not known.
@@ -36,6 +37,7 @@ class Answer:
         published_rmse: of a real machine the held-out error of what its laboratory fitted [rad or
             m]; NaN where there is none.
         known: what others have established about it.
+        fleet: of a fleet the level of each quantity that differs, and what changed when.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Answer:
     noise_rms: Mapping[str, float] = field(default_factory=dict)
     published_rmse: float = math.nan
     known: str = ""
+    fleet: Mapping[str, Any] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """As it is sealed."""
@@ -70,6 +73,7 @@ class Answer:
             "noise_rms": dict(self.noise_rms),
             "published_rmse": None if math.isnan(self.published_rmse) else self.published_rmse,
             "known": self.known,
+            **({"fleet": dict(self.fleet)} if self.fleet else {}),
         }
 
 
@@ -121,6 +125,7 @@ def _read(data: Any, name: str) -> Answer:  # noqa: ANN401 – JSON of others
         noise_rms={str(k): float(v) for k, v in (data.get("noise_rms") or {}).items()},
         published_rmse=or_nan(data.get("published_rmse")),
         known=str(data.get("known") or ""),
+        fleet=dict(data.get("fleet") or {}),
     )
 
 

@@ -14,7 +14,7 @@ import multiprocessing
 import shutil
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -22,11 +22,13 @@ from typing import Any
 
 from wt.data import recording as recordings
 from wt.errors import ConfigError
-from wt.prove import blind, contenders, real
+from wt.prove import blind, contenders, fleet, real
 from wt.prove.answer import Answer, from_json, of_case
+from wt.prove.asked import AskedMachine
 from wt.prove.blind import DiagnosisJob
 from wt.prove.case import Case
 from wt.prove.cases import cases
+from wt.prove.fleet import FleetCase
 from wt.prove.folder import SEALED, Folder, write_json
 from wt.prove.seal import new_key, seal, sha256, unseal
 from wt.prove.visibility import visibilities
@@ -39,14 +41,15 @@ _BUILT, _DIAGNOSED = 0.1, 0.95
 """Shares of all work after which cases are built and diagnosed."""
 
 
-def chosen(set: str, only: str, seed: int) -> list[Case]:
+def chosen(set: str, only: str, seed: int) -> list[Case | FleetCase]:
     """The cases of a set whose names match a pattern, or contain it.
 
     Raises:
         ConfigError: there is no such set, or none matches.
     """
     pattern = only if "*" in only else f"*{only}*"
-    matches = [case for case in cases(set, seed) if fnmatch.fnmatch(case.name, pattern)]
+    drawn = fleet.fleets(seed) if set == "fleet" else cases(set, seed)
+    matches = [case for case in drawn if fnmatch.fnmatch(case.name, pattern)]
     if not matches:
         raise ConfigError(
             f"--only '{only}' matches no case of the set '{set}'; "
@@ -120,7 +123,7 @@ def alias(name: str, key: bytes) -> str:
     return f"case-{hmac.digest(key, name.encode(), 'sha256').hex()[:8]}"
 
 
-def make_one(case: Case, folder: Path, key: bytes) -> None:
+def make_one(case: Case | FleetCase, folder: Path, key: bytes) -> None:
     """Simulate a case and write its visible files, with its answer sealed.
 
     Raises:
@@ -138,8 +141,10 @@ def make_one(case: Case, folder: Path, key: bytes) -> None:
     part.rename(folder / name)
 
 
-def write_files(case: Case, part: Path) -> Answer:
+def write_files(case: Case | FleetCase, part: Path) -> Answer:
     """Simulate a case and write its visible files into a folder; returns its answer."""
+    if isinstance(case, FleetCase):
+        return fleet.write_files(case, part)
     world = build(case)
     (part / "robot.xml").write_text(world.nominal_xml)
     meta = {"robot": case.rig, "source": "concealed trial"}
@@ -162,36 +167,51 @@ def diagnose(folder: Folder, jobs: int, say: Report) -> None:
         return
     diagnoses = [(who, name) for who in folder.plan.who for name in folder.manifest]
     done = 0
-    # rivals after us: they have the time that we took
-    for who in folder.plan.who:
-        missing = [
-            _job(folder, who, name)
-            for name in folder.manifest
-            if not folder.said(who, name).exists()
-        ]
-        done += len(folder.manifest) - len(missing)
-        for _ in blind.run(missing, jobs):
-            done += 1
-            share = _BUILT + (_DIAGNOSED - _BUILT) * done / len(diagnoses)
-            say(f"{done} of {len(diagnoses)} diagnoses", share)
+    with workers(jobs) as pool:
+        # others after us: they have the time that we took, or as many experiments
+        for who in folder.plan.who:
+            asked = _machines(folder, pool) if who == contenders.ASK else {}
+            missing = [
+                _job(folder, who, name, asked.get(name))
+                for name in folder.manifest
+                if not folder.said(who, name).exists()
+            ]
+            done += len(folder.manifest) - len(missing)
+            for _ in blind.run(missing, jobs):
+                done += 1
+                share = _BUILT + (_DIAGNOSED - _BUILT) * done / len(diagnoses)
+                say(f"{done} of {len(diagnoses)} diagnoses", share)
     folder.write_ledger()
 
 
-def _job(folder: Folder, who: str, name: str) -> DiagnosisJob:
-    budget = contenders.LIMIT_S
-    if who != contenders.OURS and contenders.OURS in folder.plan.who:
+def _machines(folder: Folder, pool: Executor) -> dict[str, AskedMachine]:
+    """The hidden machine of every case: who is asked knows it, and the key that names the cases."""
+    key = folder.kept_key
+    if key is None:
+        raise ConfigError("machines of other people's cases cannot be asked")
+    planned = chosen(folder.plan.set, folder.plan.only, folder.plan.seed)
+    return {alias(c.name, key): AskedMachine(c, pool) for c in planned if isinstance(c, Case)}
+
+
+def _job(folder: Folder, who: str, name: str, machine: AskedMachine | None) -> DiagnosisJob:
+    budget, experiments = contenders.LIMIT_S, 0
+    if who not in contenders.OWN and contenders.OURS in folder.plan.who:
         budget = ran(folder, contenders.OURS, name)["seconds"]
+    if who in contenders.ASKING and who != contenders.ASK:
+        experiments = ran(folder, contenders.ASK, name)["experiments"]
     return DiagnosisJob(
         case=folder.cases / name,
         out=folder.said(who, name),
-        program=contenders.program(who, budget),
+        program=contenders.program(who, budget, experiments),
         closed=contenders.closed(who, folder.path, folder.home),
         limit_s=contenders.limit(who, budget),
+        product=contenders.product(who),
+        machine=machine,
     )
 
 
 def ran(folder: Folder, who: str, name: str) -> dict[str, Any]:
-    """Outcome of a diagnosis: ``seconds`` and ``error``."""
+    """Outcome of a diagnosis: ``seconds``, ``error``, and what was asked of the machine."""
     outcome: dict[str, Any] = json.loads((folder.said(who, name) / blind.RAN).read_text())
     return outcome
 

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
+from wt.prove.asked import AskedMachine
 from wt.show.files import write_whole
 
 GUARD = Path(__file__).with_name("guard.py")
@@ -43,6 +44,9 @@ class DiagnosisJob:
             its arguments; it writes into ``out``.
         closed: paths that the process may not see, besides all that are not its own.
         limit_s: time after which it is ended [s].
+        product: a file that it writes, or a pattern, in its folder; what lies beside that becomes
+            the diagnosis.
+        machine: the machine, if it may be asked in ``out``.
     """
 
     case: Path
@@ -50,6 +54,8 @@ class DiagnosisJob:
     program: Callable[[Sequence[str], Sequence[str]], Sequence[str]]
     closed: tuple[Path, ...]
     limit_s: float
+    product: str = "out/diagnosis.json"
+    machine: AskedMachine | None = None
 
 
 @dataclass(frozen=True)
@@ -135,6 +141,8 @@ class _Process:
 
     def ended(self) -> bool:
         """True once it has ended; beyond its time limit it is ended here."""
+        if self.job.machine is not None:
+            self.job.machine.attend(self._home / "out")
         if self._process.poll() is not None:
             return True
         if time.monotonic() - self._began > self.job.limit_s:
@@ -145,21 +153,24 @@ class _Process:
     def collect(self) -> Ran:
         """Move its files to their place, and clean up."""
         seconds = time.monotonic() - self._began
-        written = self._home / "out"
+        product = next(self._home.glob(self.job.product), None)
         error = ""
         if self._late:
             error = f"ended after {self.job.limit_s:.0f} s"
-        elif self._process.returncode or not (written / "diagnosis.json").is_file():
+        elif self._process.returncode or product is None:
             lines = (self._home / "said").read_text(errors="replace").strip().splitlines()
             error = lines[-1] if lines else f"ended with exit code {self._process.returncode}"
         ran = Ran(seconds, error)
         part = self.job.out.with_name(f".{self.job.out.name}.part")
         shutil.rmtree(part, ignore_errors=True)
         part.mkdir(parents=True)
-        if not error:
-            for file in written.iterdir():
-                shutil.copyfile(file, part / file.name)
-        write_whole(part / RAN, json.dumps({"seconds": round(seconds, 2), "error": error}) + "\n")
+        if product is not None and not error:
+            for file in product.parent.iterdir():
+                if file.is_file():
+                    shutil.copyfile(file, part / file.name)
+        asked = self.job.machine.said() if self.job.machine is not None else {}
+        outcome = {"seconds": round(seconds, 2), "error": error, **asked}
+        write_whole(part / RAN, json.dumps(outcome) + "\n")
         part.rename(self.job.out)
         shutil.rmtree(self._home, ignore_errors=True)
         return ran

@@ -9,6 +9,7 @@ from typing import Any
 
 from wt.prove.answer import effect_from_json, effect_to_json, or_nan
 from wt.prove.case import HiddenEffect
+from wt.prove.fleet_marks import FleetMarks
 from wt.prove.score import CaseScore, Finding
 
 
@@ -21,12 +22,18 @@ class ContenderResult:
         error: one line; "" if a diagnosis was written.
         findings: its claims, each with ``effect``, ``at`` and ``parameters`` if it has any.
         marks: the claims compared with the hidden effects.
+        experiments: how many it asked for; None where none could be.
+        reach: how far a joint went in them, over its range; 0 without any.
+        fleet: marks of a fleet's passport; None for single machines.
     """
 
     seconds: float
     error: str
     findings: tuple[Finding, ...]
     marks: CaseScore
+    experiments: int | None = None
+    reach: float = 0.0
+    fleet: FleetMarks | None = None
 
     @property
     def false_alarm(self) -> bool:
@@ -40,13 +47,25 @@ class ContenderResult:
             "error": self.error,
             "findings": [dict(finding) for finding in self.findings],
             "marks": self.marks.to_json(),
+            "experiments": self.experiments,
+            "reach": self.reach,
+            "fleet": None if self.fleet is None else self.fleet.to_json(),
         }
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> ContenderResult:
         """Read one entry of ``results.json``."""
         marks = CaseScore.from_json(data["marks"])
-        return cls(float(data["seconds"]), data["error"], tuple(data["findings"]), marks)
+        fleet = data.get("fleet")
+        return cls(
+            float(data["seconds"]),
+            data["error"],
+            tuple(data["findings"]),
+            marks,
+            data.get("experiments"),
+            float(data.get("reach", 0.0)),
+            None if fleet is None else FleetMarks.from_json(fleet),
+        )
 
 
 @dataclass(frozen=True)
@@ -56,7 +75,7 @@ class CaseResult:
     Attributes:
         id: name while it was sealed, and of its folder.
         name: name in its set.
-        kind: null, single, pair, triple, outsider or real.
+        kind: null, single, pair, triple, outsider, real or fleet.
         rig: the kind of machine.
         decoy: feature of a null that tempts to a false claim.
         level: size of the hidden effects in a word.

@@ -23,6 +23,7 @@ class CaseSpec:
         level: size of the effects in a word; "" for a null.
         kind: single, pair, triple, outsider or null.
         decoy: feature of a null that tempts to a false claim; "" if it has none.
+        asked: whether little is recorded, and the machine can be asked for more.
     """
 
     effects: tuple[str, ...]
@@ -30,6 +31,7 @@ class CaseSpec:
     level: str
     kind: Kind
     decoy: Decoy = ""
+    asked: bool = False
 
     @property
     def label(self) -> str:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wt.prove import legged_cases, moving_laws
+from wt.prove import asked, legged_cases, moving_laws
 from wt.prove.case import Case as Case
 from wt.prove.case import HiddenEffect as HiddenEffect
 from wt.prove.case_spec import CaseSpec
@@ -26,8 +26,8 @@ def cases(set: str = "quick", seed: int = 0) -> list[Case]:
     """The cases of a set; the same for the same seed.
 
     Args:
-        set: ``brief`` (10), ``quick`` (30), ``full`` (over 200), ``legged`` (over 100), or one
-            kind of case only.
+        set: ``brief`` (10), ``quick`` (30), ``full`` (over 200), ``legged`` (over 100), ``ask``
+            (30, which little is recorded of), or one kind of case only.
         seed: decides places, magnitudes, sensing and motions.
 
     Raises:
@@ -46,7 +46,7 @@ def _case(index: int, spec: CaseSpec, seed: int) -> Case:
     quiet = any(effect.startswith(("body.", "world.", "contact.")) for effect in effects)
     sensing = _sensing(rng, motor, decoy, quiet)
     truth = _hidden_effects(spec, sensing.position_noise, rng)
-    motions = _motions(effects[0] if effects else "", rng)
+    motions = asked.MOTIONS if spec.asked else _motions(effects[0] if effects else "", rng)
     case = Case(
         name=spec.title(index),
         rig=rig,

@@ -23,13 +23,11 @@ from pathlib import Path
 from typing import Any
 
 from wt.errors import DataError, WorkError
-from wt.prove.blind import RAN, ROOT
+from wt.prove.blind import ROOT
 from wt.prove.seal import sha256
 from wt.show.files import write_whole
 
 SEALED = "answer.sealed"
-SAID = ("diagnosis.json", "model.xml", RAN)
-"""Files of a diagnosis that the ledger records."""
 
 
 @dataclass(frozen=True)
@@ -166,8 +164,9 @@ class Folder:
     def _hashes(self, who: str) -> dict[str, dict[str, str]]:
         hashes = {}
         for name in self.manifest:
-            files = [self.said(who, name) / inner for inner in SAID]
-            hashes[name] = {file.name: sha256(file) for file in files if file.is_file()}
+            said = self.said(who, name)
+            files = sorted(said.iterdir()) if said.is_dir() else []
+            hashes[name] = {file.name: sha256(file) for file in files}
         return hashes
 
     def keep_key(self, key: bytes) -> None:

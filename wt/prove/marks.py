@@ -15,6 +15,7 @@ from wt.prove import machine, replay
 from wt.prove.answer import Answer
 from wt.prove.blind import RAN, inputs
 from wt.prove.case_result import CaseResult, ContenderResult
+from wt.prove.fleet_marks import mark_fleet
 from wt.prove.score import mark
 
 _SAID = ("effect", "at", "parameters")  # of a finding that a trial keeps
@@ -31,8 +32,9 @@ def mark_case(case: Path, name: str, answer: Answer, folders: Mapping[str, Path]
         folders: contender → folder of its diagnosis.
     """
     names = machine.of_model(case / "robot.xml")
-    recordings = replay.read(case / "robot.xml", inputs(case)[1])
-    before = replay.rmse(case / "robot.xml", recordings)
+    held_out = inputs(case)[1]
+    recordings = replay.read(case / "robot.xml", held_out)
+    before = replay.rmse(case / "robot.xml", recordings) if held_out else math.nan
     noise = _rms(answer.noise_rms.values())
     return CaseResult(
         id=name,
@@ -61,6 +63,9 @@ def _result(folder: Path, answer: Answer, names: machine.Machine) -> ContenderRe
         error=ran["error"],
         findings=tuple({key: f[key] for key in _SAID if key in f} for f in diagnosis["findings"]),
         marks=mark(diagnosis, answer.truth, names, answer.excused),
+        experiments=ran.get("experiments"),
+        reach=float(ran.get("reach", 0.0)),
+        fleet=mark_fleet(folder, answer.fleet) if answer.fleet else None,
     )
 
 

@@ -30,7 +30,7 @@ def reference(
     """Positions of one motion.
 
     Args:
-        kind: one of ``MOTIONS``.
+        kind: one of ``MOTIONS``, or ``creep``.
         t: times [s].
         middle: centre of each joint's motion [rad].
         amplitude: largest excursion of each joint [rad].
@@ -127,6 +127,14 @@ def _chirp(
     return np.asarray(np.sin(angle) / (0.7 + f))
 
 
+def _creep(
+    t: Float[np.ndarray, " sample"], rng: np.random.Generator
+) -> Float[np.ndarray, " sample"]:
+    """Slow, on one side of the middle: what a machine does when nobody asks it for more."""
+    a, b = rng.uniform(0, 2 * np.pi, 2)
+    return np.asarray(0.5 + 0.3 * np.sin(1.1 * t + a) + 0.15 * np.sin(2.3 * t + b))
+
+
 def _mixture(
     t: Float[np.ndarray, " sample"],
     middle: Float[np.ndarray, " joint"],
@@ -154,4 +162,5 @@ SHAPES: dict[str, Shape] = {
     "jumps": _jumps,
     "chirp": _chirp,
     "holds": _holds,
+    "creep": _creep,
 }

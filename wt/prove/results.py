@@ -11,7 +11,7 @@ from wt.prove import guard, tally
 from wt.prove.answer import Answer
 from wt.prove.bench import Report, workers
 from wt.prove.case_result import CaseResult, finite
-from wt.prove.contenders import OURS
+from wt.prove.contenders import ASK, OURS, PASSPORT
 from wt.prove.folder import Folder, write_json
 from wt.prove.marks import mark_case
 from wt.prove.real import REAL
@@ -118,6 +118,11 @@ LABELS = {
     "improved": "held-out improved",
     "error_left": "held-out error left",
     "error_over_noise": "held-out error / noise",
+    "levels": "fleets: right level",
+    "changes": "fleets: change told in time",
+    "false_changes": "fleets: false change",
+    "experiments": "experiments a case",
+    "beyond_range": "left a joint's range",
     "seconds": "seconds a case",
     "errors": "ended in an error",
 }
@@ -151,7 +156,7 @@ def cell(name: str, score: Scores | float | int | None) -> str:
         return f"{100 * number:.0f} %"
     if name in ("parameter_error", "error_left"):
         return f"{100 * number:.0f} %" if number > 0.1 else f"{100 * number:.2g} %"
-    return f"{number:.1f}" if name == "error_over_noise" else f"{number:.0f}"
+    return f"{number:.1f}" if name in ("error_over_noise", "experiments") else f"{number:.0f}"
 
 
 def machines(results: Results) -> Table | None:
@@ -175,7 +180,7 @@ def machines(results: Results) -> Table | None:
 
 def title(who: str) -> str:
     """Name of a contender on a page."""
-    return "wt diagnose" if who == OURS else who
+    return {OURS: "wt diagnose", ASK: "wt ask", PASSPORT: "wt passport"}.get(who, who)
 
 
 def lines(results: Results) -> list[str]:

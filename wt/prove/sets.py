@@ -18,7 +18,7 @@ from wt.prove.places import places
 
 SetName = Literal[
     "brief", "quick", "full", "nulls", "singles", "pairs", "triples", "outsiders", "faintest",
-    "legged",
+    "legged", "ask", "fleet",
 ]  # fmt: skip
 
 BELOW = "below"
@@ -70,6 +70,12 @@ _TRIPLED = (
     ("actuator.lag", "joint.friction_coulomb", "joint.stiffness"),
     ("joint.stop", "actuator.gain", "joint.friction_viscous"),
 )
+_ASKED = (
+    "actuator.deadband", "joint.backlash", "actuator.bias", "joint.friction_coulomb",
+    "joint.friction_stribeck", "joint.friction_load", "body.mass", "body.payload_fixed",
+    "actuator.delay", "actuator.lag",
+)  # fmt: skip
+"""Effects that one slow recording leaves open, each among those it is taken for."""
 _DECOYS: tuple[Decoy, ...] = (
     "", "coarse_step", "coloured_noise", "", "tight_servo", "poor_excitation",
 )  # fmt: skip
@@ -114,6 +120,16 @@ def _brief() -> list[CaseSpec]:
 
 def _faintest() -> list[CaseSpec]:
     return [spec for spec in _full() if spec.level == BELOW]
+
+
+def _asked() -> list[CaseSpec]:
+    return [
+        CaseSpec((effect,), rig, level, "single", asked=True)
+        for level in LEVELS[:2]
+        for effect in _ASKED
+        for rig in ("pendulum", "arm3")
+        if places(effect, rig)
+    ]
 
 
 def _singles() -> list[CaseSpec]:
@@ -186,5 +202,6 @@ _WHOLE_SETS: dict[str, Callable[[], list[CaseSpec]]] = {
     "full": _full,
     "faintest": _faintest,
     "legged": legged,
+    "ask": _asked,
 }
 """Sets that are not one kind of case of the full set."""

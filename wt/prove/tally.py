@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import norm
 
+from wt.prove import fleet_marks
 from wt.prove.answer import UNKNOWN
 from wt.prove.case import HiddenEffect
 from wt.prove.case_result import CaseResult
@@ -26,6 +27,7 @@ Scores = dict[str, Any]
 TARGETS: tuple[tuple[str, float, float], ...] = (
     ("location", 0.95, 1.0), ("effect", 0.9, 1.0), ("false_alarms", 0.0, 0.02),
     ("coverage", 0.9, 0.99), ("unknown", 0.8, 1.0), ("unknown_place", 0.9, 1.0),
+    ("levels", 0.95, 1.0), ("changes", 1.0, 1.0), ("false_changes", 0.0, 0.01),
 )  # fmt: skip
 """Scores that are shares, and between which shares they should lie."""
 BETTER: dict[str, int] = {
@@ -92,6 +94,7 @@ def scores(results: Sequence[CaseResult], who: str) -> Scores:
         **_of_claims(results, who),
         **_of_intervals(results, who),
         **heldout([result for result in results if _is_expressible(result)], who),
+        **_of_fleets(results, who),
         **_of_runs(results, who),
     }
 
@@ -137,10 +140,24 @@ def _of_intervals(results: Sequence[CaseResult], who: str) -> Scores:
     }
 
 
-def _of_runs(results: Sequence[CaseResult], who: str) -> Scores:
-    """Median duration, and the number of diagnoses that ended in an error."""
-    runs = [result.contenders[who] for result in results]
+def _of_fleets(results: Sequence[CaseResult], who: str) -> Scores:
+    """Shares of levels that are right, of changes that were noticed, of false ones."""
+    fleets = [fleet for r in results if (fleet := r.contenders[who].fleet) is not None]
+    alarms, of = (sum(f.false_alarms for f in fleets), sum(f.unit_sessions for f in fleets))
     return {
+        "levels": share(true == said for f in fleets for true, said in f.levels.values()),
+        "changes": share(f.noticed for f in fleets if f.errors > fleet_marks.SEEN),
+        "false_changes": share(i < alarms for i in range(of)),
+    }
+
+
+def _of_runs(results: Sequence[CaseResult], who: str) -> Scores:
+    """Experiments, median duration, and the number of diagnoses that ended in an error."""
+    runs = [result.contenders[who] for result in results]
+    asked = [run for run in runs if run.experiments is not None]
+    return {
+        "experiments": float(np.mean([r.experiments for r in asked])) if asked else None,
+        "beyond_range": share(run.reach > 1.0 for run in asked),
         "seconds": statistics.median(run.seconds for run in runs) if runs else None,
         "errors": sum(bool(run.error) for run in runs),
     }

@@ -51,32 +51,51 @@ class HiddenWorld:
     calm: tuple[float, ...] = ()
 
 
+@dataclass(frozen=True)
+class Observed:
+    """One recording, and what it is of.
+
+    Attributes:
+        recording: as a user has it.
+        trace: the true motion.
+        error: of recorded positions, from noise and quantization [rad].
+        size: share of the motion's usual size.
+    """
+
+    recording: Recording
+    trace: HiddenTrajectory
+    error: Float[np.ndarray, "sample joint"]
+    size: float
+
+
 def build(case: Case) -> HiddenWorld:
     """Simulate a case; the same for the same case."""
     rig = RIGS[case.rig]
     plant = hidden_plant(case)
-    recordings, clean, errors, calm = [], [], [], []
-    for index in range(len(case.motions)):
-        rng = np.random.default_rng([case.seed, 1, index])
-        trace, steps, size = _steady(case, plant, index)
-        columns, error = measure(rig, case.sensing, trace, steps, sensor_effects(case), rng)
-        if case.sensing.base is not None:
-            columns |= measure_base(case.sensing.base, trace, case.sensing.qvel != "none", rng)
-        meta = {"robot": rig.name, "source": "concealed trial", "motion": case.motions[index]}
-        t = stamps(case.sensing, steps, plant.h, rng)
-        recordings.append(Recording(t, columns, meta))
-        clean.append({joint: trace.q[:, i].copy() for i, joint in enumerate(rig.joints)})
-        errors.append(error)
-        calm.append(size)
-    rms = np.sqrt((np.concatenate(errors) ** 2).mean(axis=0))
+    runs = [observe(case, plant, index) for index in range(len(case.motions))]
+    rms = np.sqrt((np.concatenate([run.error for run in runs]) ** 2).mean(axis=0))
     return HiddenWorld(
         nominal_xml=nominal_xml(rig, case.step, case.gain, _reads_imu(case)),
-        fit=tuple(recordings[:-1]),
-        holdout=tuple(recordings[-1:]),
+        fit=tuple(run.recording for run in runs[:-1]),
+        holdout=tuple(run.recording for run in runs[-1:]),
         noise_rms={joint: float(rms[i]) for i, joint in enumerate(rig.joints)},
-        clean=tuple(clean),
-        calm=tuple(calm),
+        clean=tuple(
+            {joint: run.trace.q[:, i].copy() for i, joint in enumerate(rig.joints)} for run in runs
+        ),
+        calm=tuple(run.size for run in runs),
     )
+
+
+def observe(case: Case, plant: Plant, index: int) -> Observed:
+    """Simulate one recording of a case, and measure it."""
+    rig, rng = RIGS[case.rig], np.random.default_rng([case.seed, 1, index])
+    trace, steps, size = _steady(case, plant, index)
+    columns, error = measure(rig, case.sensing, trace, steps, sensor_effects(case), rng)
+    if case.sensing.base is not None:
+        columns |= measure_base(case.sensing.base, trace, case.sensing.qvel != "none", rng)
+    meta = {"robot": rig.name, "source": "concealed trial", "motion": case.motions[index]}
+    t = stamps(case.sensing, steps, plant.h, rng)
+    return Observed(Recording(t, columns, meta), trace, error, size)
 
 
 def _reads_imu(case: Case) -> bool:
