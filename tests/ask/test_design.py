@@ -35,6 +35,16 @@ def test_it_goes_where_they_differ(arm: Scene) -> None:
     assert found.commands.seconds <= 12.0
 
 
+def test_a_slow_machine_takes_its_time_to_where_they_differ(arm: Scene) -> None:
+    """It never moved fast; the load turns over where it gets to in many seconds only."""
+    slow = replace(wide(arm), speed=np.array([0.35]))
+    found = designed(arm, bias_or_dead_band(), slow, seconds=24.0)
+    assert found is not None and found.expected.least > 10.0
+    assert found.commands.seconds <= 24.0
+    moved = np.diff(found.commands.columns["qpos/j"][100:]) * RATE
+    assert np.abs(moved).max() < 1.35 * 0.35
+
+
 def test_nothing_is_asked_where_nothing_tells(arm: Scene) -> None:
     assert designed(arm, bias_or_dead_band(), reach(arm)) is None
     assert designed(arm, [law("actuator.bias", AT, 0.4, differs=False)], reach(arm)) is None

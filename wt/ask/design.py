@@ -1,10 +1,10 @@
 """The next experiment: safe on every machine that the recordings leave, and it tells them apart.
 
 Motions from rest to rest are offered: of one joint creeping, slow and fast reversals, steps, a
-multisine and rests at several angles, each in two sizes; of the whole machine, rests in other
-poses. Each is made smaller until no hypothesis leaves what the machine has shown and its model
-allows; what stays unsafe is left out. The motions that tell most for their time are then set one
-after another until it is used.
+multisine and rests at several angles, each in two sizes, and a way towards either end; of the
+whole machine, rests in other poses. Each is made smaller until no hypothesis leaves what the
+machine has shown and its model allows; what stays unsafe is left out. The motions that tell most
+for their time are then set one after another until it is used.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from jaxtyping import Float
 from wt.ask import SOURCE
 from wt.ask.alive import Alive
 from wt.ask.separation import Expected, Separation
-from wt.diagnose.experiment.motions import singles, telling_joints, together
+from wt.diagnose.experiment.motions import singles, sweeps, telling_joints, together
 from wt.diagnose.experiment.reach import Reach, roomy, too_far
 from wt.diagnose.experiment.trial import Trial, as_recording, touching_along, trial
 from wt.diagnose.thresholds import THRESHOLDS
@@ -131,6 +131,11 @@ class Designer:
             self._part(f"{joint} {words}", wanted)
             for joint in self._joints()
             for words, wanted in singles(self.scene, self.reach, joint, n, dt, rng)
+        ]
+        parts += [
+            self._part(f"{joint} {words}", wanted)
+            for joint in self._joints()
+            for words, wanted in sweeps(self.scene, self.reach, joint, most, dt)
         ]
         poses = together(self.scene, self.reach, most, dt, rng)
         return parts + [self._part(words, wanted) for words, wanted in poses]

@@ -122,6 +122,38 @@ def singles(
             yield words, q
 
 
+def sweeps(
+    scene: Scene, reach: Reach, joint: str, most: int, dt: float
+) -> Iterator[tuple[str, Float[np.ndarray, "sample dof"]]]:
+    """A servo goes towards either end and back, as far as there is time for.
+
+    A load whose sign never changed may change it there, however slowly the machine may move.
+
+    Args:
+        scene: the machine.
+        reach: what its joints may do.
+        joint: the one that moves.
+        most: samples, at most.
+        dt: their distance [s].
+
+    Yields:
+        The motion in words, and positions of all joints [rad or m].
+    """
+    if not any(d.servo for d in scene.drives if d.joint == joint):
+        return
+    dof = scene.dof(joint)
+    rest, speed = float(reach.rest[dof]), _UNHURRIED * float(reach.speed[dof])
+    for end, words in ((reach.low[dof], "one end"), (reach.high[dof], "the other end")):
+        whole = 1.875 * abs(float(end) - rest) / speed / dt  # samples of the way there
+        count = min(int(whole), most // 2)
+        if count < 2:
+            continue
+        way = signals.move(rest, rest + count / whole * (float(end) - rest), count)
+        q = np.tile(reach.rest, (2 * count, 1))
+        q[:, dof] = np.concatenate([way, way[::-1]])
+        yield f"goes towards {words} and back", q
+
+
 def together(
     scene: Scene, reach: Reach, most: int, dt: float, rng: np.random.Generator
 ) -> Iterator[tuple[str, Float[np.ndarray, "sample dof"]]]:
@@ -130,7 +162,7 @@ def together(
     Args:
         scene: the machine.
         reach: what its joints may do.
-        most: samples, at most; what would take longer is left out.
+        most: samples, at most; where it would take longer, it goes as far as there is time for.
         dt: their distance [s].
         rng: of the poses.
 
@@ -139,16 +171,23 @@ def together(
     """
     servos = list(dict.fromkeys(d.dof for d in scene.drives if d.servo))
     half, middle = 0.5 * (reach.high - reach.low), 0.5 * (reach.high + reach.low)
+    rests = round(_REST_S / dt)
+    longest = (most - rests) // 2
+    if longest < 2:
+        return
     for share, sign in itertools.product((*_SIZES, 1.0), (1.0, -1.0)):
         pose = reach.rest.copy()
         ends = middle + sign * rng.choice([-1.0, 1.0], len(half)) * share * half
         pose[servos] = ends[servos]
         seconds = 1.875 * float((np.abs(pose - reach.rest) / reach.speed).max()) / _UNHURRIED
-        way = signals.move(0.0, 1.0, max(2, round(seconds / dt)))[:, None]
+        count = max(2, round(seconds / dt))
+        if count > longest:
+            pose = reach.rest + longest / count * (pose - reach.rest)
+            count = longest
+        way = signals.move(0.0, 1.0, count)[:, None]
         there = reach.rest + way * (pose - reach.rest)
-        q = np.concatenate([there, np.tile(pose, (round(_REST_S / dt), 1)), there[::-1]])
-        if len(q) <= most:
-            yield "the machine rests in another pose", q
+        q = np.concatenate([there, np.tile(pose, (rests, 1)), there[::-1]])
+        yield "the machine rests in another pose", q
 
 
 def _waves(
