@@ -16,6 +16,8 @@ from wt.prove import fleet
 from wt.prove.answer import from_json
 from wt.prove.case_result import CaseResult, ContenderResult
 from wt.prove.fleet_marks import FleetMarks, mark_fleet
+from wt.prove.page import page
+from wt.prove.results import summary
 from wt.prove.score import CaseScore
 from wt.prove.tally import scores
 
@@ -133,3 +135,9 @@ def test_scores_of_fleets() -> None:
     assert (found["changes"]["right"], found["changes"]["of"]) == (1, 1)
     assert (found["false_changes"]["right"], found["false_changes"]["of"]) == (1, 144)
     assert found["false_alarms"]["of"] == 0
+    trial = {
+        "set": "fleet", "seed": 1, "guard": "audit", "code": "abc", "code_changed": False,
+        **summary(results, ("passport",)), "cases": [case.to_json() for case in results],
+    }  # fmt: skip
+    shown = page(json.loads(json.dumps(trial)))
+    assert all(text in shown for text in ("wt passport", "fleets: right level", ">67"))
