@@ -42,14 +42,14 @@ class ContenderResult:
 
     def to_json(self) -> dict[str, Any]:
         """As in ``results.json``, but for numbers that are not finite."""
+        asked = {"experiments": self.experiments, "reach": self.reach}
         return {
             "seconds": self.seconds,
             "error": self.error,
             "findings": [dict(finding) for finding in self.findings],
             "marks": self.marks.to_json(),
-            "experiments": self.experiments,
-            "reach": self.reach,
-            "fleet": None if self.fleet is None else self.fleet.to_json(),
+            **({} if self.experiments is None else asked),
+            **({} if self.fleet is None else {"fleet": self.fleet.to_json()}),
         }
 
     @classmethod
