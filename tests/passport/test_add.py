@@ -17,7 +17,7 @@ from wt.data import recording as recordings
 from wt.diagnose import again
 from wt.diagnose.again import Recorded
 from wt.errors import UserError
-from wt.passport.add import add, add_each_session
+from wt.passport.add import add
 from wt.passport.card import card
 from wt.physics.effect import effects
 from wt.physics.planted import Hypothesis, Planted
@@ -105,12 +105,12 @@ def test_sessions_are_added_one_after_the_other(bench: Path) -> None:
     day_by_day = bench / "by hand"
     for day in (1, 9):
         last = add(model, [p for p in paths if p.stem.endswith(str(day))], day_by_day)
-    added = add_each_session(model, paths[::-1], bench / "robot")
+    added = add(model, paths[::-1], bench / "robot", each_session=True)
     assert len(added.files) == 4
     assert [len(a.sources) for a in added.passport.additions] == [2, 2]
     assert set(added.passport.rows) == set(last.passport.rows)
     assert added.passport.additions[0].decided == last.passport.additions[0].decided
-    again_nothing = add_each_session(model, paths, bench / "robot")
+    again_nothing = add(model, paths, bench / "robot", each_session=True)
     assert again_nothing.files == () and len(again_nothing.known) == 4
 
 
@@ -126,7 +126,7 @@ def test_only_a_units_first_session_is_searched(
 
     monkeypatch.setattr(again, "named", told)
     paths = sorted(bench.glob("*-?.parquet"))
-    add_each_session(bench / "rig.xml", paths, bench / "robot", every_group=False)
+    add(bench / "rig.xml", paths, bench / "robot", every_group=False, each_session=True)
     assert len(searched) == 2
 
 

@@ -6,12 +6,14 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 from wt.data import recording as recordings
+from wt.data.labels import Labels
 from wt.errors import WorkError
+from wt.passport import folder as passports
+from wt.passport.estimates import GroupEstimate, Quantity
+from wt.passport.folder import Addition
 from wt.prove import fleet
 from wt.prove.answer import from_json
 from wt.prove.case_result import CaseResult, ContenderResult
@@ -71,16 +73,17 @@ def test_recordings_are_labelled_and_say_no_more(tmp_path: Path) -> None:
 
 
 def said(folder: Path, alarms: list[list[tuple[str, str]]], levels: dict[str, str]) -> Path:
-    """Write a passport's additions as the marks read them."""
-    for k, of in enumerate(alarms, 1):
+    """A passport with these additions."""
+    folder.mkdir(exist_ok=True)
+    labels = Labels("U01", "2026-03-01")
+    quantity = Quantity("joint.friction_coulomb", "joint", "hinge", "coulomb", "N·m")
+    rows = (GroupEstimate(labels, quantity, 0.3, 0.02, 0.0, ""),)
+    for of in alarms:
         decided = {
             "alarms": [{"unit": u, "quantity": q} for u, q in of],
             "levels": [{"quantity": q, "level": level} for q, level in levels.items()],
         }
-        (folder / f"000{k}-abc.json").write_text(json.dumps({"decided": decided}))
-    row = {"unit": ["U01"], "session": ["2026-03-01"], "effect": ["joint.friction_coulomb"],
-           "place": ["hinge"], "parameter": ["coulomb"], "error": [0.02]}  # fmt: skip
-    pq.write_table(pa.table(row), folder / "0001-abc.parquet")
+        passports.append(folder, Addition("m.xml", "ab", "2026-03-01", (), (), rows, decided))
     return folder
 
 
@@ -103,9 +106,8 @@ def test_a_change_that_is_told_late_or_never_was_not_noticed(tmp_path: Path) -> 
     assert mark_fleet(folder, early).after == 2
     assert not mark_fleet(folder, early).noticed
     assert mark_fleet(folder, {**HIDDEN, "units": 3}).levels == {ELBOW: ("session", "")}
-    (folder / "0004-abc.json").write_text(json.dumps({"decided": {"alarms": [], "levels": []}}))
-    assert mark_fleet(folder, HIDDEN).after is None
-    (folder / "0005-abc.json").write_text(json.dumps({"decided": {"alarms": [], "levels": []}}))
+    assert mark_fleet(said(tmp_path / "silent", [[], [], [], []], {}), HIDDEN).after is None
+    said(folder, [[]], {})
     with pytest.raises(WorkError, match="more additions than there were sessions"):
         mark_fleet(folder, HIDDEN)
 

@@ -130,12 +130,10 @@ class Designer:
         parts = [
             self._part(f"{joint} {words}", wanted)
             for joint in self._joints()
-            for words, wanted in singles(self.scene, self.reach, joint, n, dt, rng)
-        ]
-        parts += [
-            self._part(f"{joint} {words}", wanted)
-            for joint in self._joints()
-            for words, wanted in sweeps(self.scene, self.reach, joint, most, dt)
+            for words, wanted in (
+                *singles(self.scene, self.reach, joint, n, dt, rng),
+                *sweeps(self.scene, self.reach, joint, most, dt),
+            )
         ]
         poses = together(self.scene, self.reach, most, dt, rng)
         return parts + [self._part(words, wanted) for words, wanted in poses]

@@ -69,17 +69,17 @@ def add(
     from rich.console import Console
 
     from wt.cli._progress import bar
-    from wt.passport import add as adding
+    from wt.passport.add import add as add_recordings
     from wt.passport.card import card
     from wt.passport.text import print_added
 
     if search not in SEARCHES:
         raise UserError(f"--search {search!r} is unknown; {suggest(search, SEARCHES)}")
-    append = adding.add_each_session if each_session else adding.add
     with bar("reading") as progress:
-        added = append(
-            model, recordings, out, seed=seed, every_group=search == "each", progress=progress
-        )
+        added = add_recordings(
+            model, recordings, out, seed=seed, every_group=search == "each",
+            each_session=each_session, progress=progress,
+        )  # fmt: skip
     console = Console()
     for path in added.known:
         console.print(f"{path} is in {out} already", highlight=False, soft_wrap=True)

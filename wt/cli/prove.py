@@ -65,7 +65,7 @@ def command(
         wt prove --bring cases --seal answers.json
         wt prove --bring cases --out trial && wt prove --resume --out trial --key cases.key
     """
-    _check(quick, set_name, out, resume, bring, seal)
+    _check(quick, set_name, rivals, out, resume, bring, seal)
     if seal is not None and bring is not None:
         return _seal(bring, seal)
     folder = _folder(quick, set_name, only, seed, rivals, machines, out, resume, bring)
@@ -88,6 +88,7 @@ def _seal(bring: Path, answers: Path) -> None:
 def _check(
     quick: bool,
     set_name: str | None,
+    rivals: bool | None,
     out: Path | None,
     resume: bool,
     bring: Path | None,
@@ -95,6 +96,10 @@ def _check(
 ) -> None:
     if quick and set_name:
         raise ConfigError("--quick is a set of its own: give it or --set, not both")
+    if rivals and set_name in ("ask", "fleet"):
+        raise ConfigError(
+            f"rivals do not ask, and keep no passports: leave --rivals out with --set {set_name}"
+        )
     if resume and out is None:
         raise ConfigError("--resume needs --out: the folder of the trial to continue")
     if resume and (quick or set_name or bring):
@@ -118,8 +123,6 @@ def _folder(
 ) -> Folder:
     name = "" if bring else set_name or ("brief" if quick else "full")
     compete = rivals if rivals is not None else name == "full"
-    if compete and name == "ask":
-        raise ConfigError("rivals do not ask: leave --rivals out with --set ask")
     if compete and not resume:
         need("absl", "pysindy")
     from wt.prove.bench import chosen

@@ -47,6 +47,7 @@ def add(
     *,
     seed: int = 0,
     every_group: bool = True,
+    each_session: bool = False,
     progress: Say | None = None,
 ) -> Added:
     """Estimate the same effects in every group of recordings, and append them to a passport.
@@ -62,6 +63,8 @@ def add(
         seed: of everything random.
         every_group: whether effects are looked for in each new group, and not in the first of each
             unit only.
+        each_session: whether sessions are appended one after the other, as they would have been on
+            their days: what changed is then told of each, and not of each unit's last one only.
         progress: called as the work goes on.
 
     Raises:
@@ -69,7 +72,30 @@ def add(
         RecordingError: a recording cannot be used, or has no labels.
         WorkError: another process writes into the folder.
     """
-    sources = {path: _source(path) for path in dict.fromkeys(given)}
+    batches: dict[str, dict[Path, Source]] = {}
+    for path in dict.fromkeys(given):
+        source = _source(path)
+        batch = source.labels.session if each_session else ""
+        batches.setdefault(batch, {})[path] = source
+    say, done = progress or _silent, list[Added]()
+    for i, batch in enumerate(sorted(batches)):
+
+        def told(what: str, share: float, i: int = i) -> None:
+            say(what, (i + share) / len(batches))
+
+        done.append(_appended(model, batches[batch], out, seed, every_group, told))
+    return Added(
+        done[-1].passport,
+        tuple(labels for added in done for labels in added.groups),
+        tuple(path for added in done for path in added.known),
+        tuple(path for added in done for path in added.files),
+    )
+
+
+def _appended(
+    model: Path, sources: Mapping[Path, Source], out: Path, seed: int, every_group: bool, say: Say
+) -> Added:
+    """One addition, of recordings that are taken together."""
     with folders.locked(out):
         passport = folders.read(out)
         sha256 = hashlib.sha256(_bytes(model)).hexdigest()
@@ -79,7 +105,7 @@ def add(
         new = {path: s for path, s in sources.items() if s.sha256 not in there}
         if not new:
             return Added(passport, (), known, ())
-        found = _estimated(model, passport, new, seed, every_group, progress or _silent)
+        found = _estimated(model, passport, new, seed, every_group, say)
         addition = Addition(
             model=str(model),
             model_sha256=sha256,
@@ -94,50 +120,6 @@ def add(
         files = folders.append(out, addition)
         groups = tuple(sorted({s.labels for s in new.values()}))
         return Added(Passport((*passport.additions, addition)), groups, known, files)
-
-
-def add_each_session(
-    model: Path,
-    given: Sequence[Path],
-    out: Path,
-    *,
-    seed: int = 0,
-    every_group: bool = True,
-    progress: Say | None = None,
-) -> Added:
-    """Append sessions one after the other, as :func:`add` would have on their days.
-
-    What changed is then told of every session, and not of each unit's last one only.
-
-    Args:
-        model: the MJCF, the same for all units.
-        given: recordings with labels.
-        out: the passport's folder.
-        seed: of everything random.
-        every_group: as there.
-        progress: called as the work goes on.
-
-    Raises:
-        UserError, RecordingError, WorkError: as there.
-    """
-    sessions: dict[str, list[Path]] = {}
-    for path in dict.fromkeys(given):
-        sessions.setdefault(_source(path).labels.session, []).append(path)
-    say, done = progress or _silent, list[Added]()
-    for i, session in enumerate(sorted(sessions)):
-
-        def told(what: str, share: float, i: int = i) -> None:
-            say(what, (i + share) / len(sessions))
-
-        done.append(
-            add(model, sessions[session], out, seed=seed, every_group=every_group, progress=told)
-        )
-    return Added(
-        done[-1].passport,
-        tuple(labels for added in done for labels in added.groups),
-        tuple(path for added in done for path in added.known),
-        tuple(path for added in done for path in added.files),
-    )
 
 
 @dataclass(frozen=True, eq=False)

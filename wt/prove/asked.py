@@ -17,9 +17,7 @@ from wt.data import recording as recordings
 from wt.prove.case import Case
 from wt.prove.controllers import positions
 from wt.prove.rigs import RIGS
-from wt.prove.sensing import measure, stamps
-from wt.prove.world import LEAD_S, hidden_plant, sensor_effects
-from wt.types import Recording
+from wt.prove.world import LEAD_S, hidden_plant, measured
 
 MOTIONS = ("creep", "multisine", "multisine", "multisine", "mixture")
 """Of a case that can be asked: what there is at first, as many multisines as may be asked for, for
@@ -42,19 +40,18 @@ class AskedMachine:
             processes: where its worlds are simulated.
         """
         self._case, self._processes = case, processes
-        self._running: dict[int, Future[float]] = {}
+        self._begun: list[Future[float]] = []
         self.reach: list[float] = []
 
     def attend(self, folder: Path) -> None:
         """Begin what is newly asked for in a folder, and see what has ended; never waits."""
-        number = len(self._running) + 1
+        number = len(self._begun) + 1
         commands = folder / f"experiment_{number}.parquet"
         if commands.is_file():
-            self._running[number] = self._processes.submit(
-                perform, self._case, number, commands, folder / f"recorded_{number}.parquet"
-            )
-        done = [future.result() for future in self._running.values() if future.done()]
-        self.reach = done
+            recorded = folder / f"recorded_{number}.parquet"
+            begun = self._processes.submit(perform, self._case, number, commands, recorded)
+            self._begun.append(begun)
+        self.reach = [future.result() for future in self._begun if future.done()]
 
     def said(self) -> Mapping[str, object]:
         """For ``ran.json``."""
@@ -83,10 +80,7 @@ def perform(case: Case, number: int, commands: Path, recorded: Path) -> float:
         path[:, i] = sent.columns[name] if link.driven else sent.columns[f"qpos/{joint}"][0]
     begin = np.array([sent.columns[f"qpos/{joint}"][0] for joint in rig.joints])
     trace = plant.run(begin, steps, positions(path), round(LEAD_S / plant.h))
-    columns, _ = measure(rig, case.sensing, trace, steps, sensor_effects(case), rng)
-    t = stamps(case.sensing, steps, plant.h, rng)
-    meta = {"robot": rig.name, "source": "concealed trial"}
-    recordings.write(Recording(t, columns, meta), recorded)
+    recordings.write(measured(case, plant, trace, steps, rng)[0], recorded)
     spans = np.array([link.span for link in rig.links])
     middle, half = spans.mean(axis=1), np.ptp(spans, axis=1) / 2.0
     return float((np.abs(trace.fine_q - middle) / half).max())

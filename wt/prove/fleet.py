@@ -137,12 +137,12 @@ def write_files(case: FleetCase, folder: Path) -> Answer:
     (folder / "robot.xml").write_text(nominal_xml(RIGS[case.rig], 0.002))
     units, sessions = case.traits[0].sizes.shape
     for unit in range(units):
+        seed = int(np.random.default_rng([case.seed, unit]).integers(2**31))
         for session in range(sessions):
             truth = tuple(
                 replace(t.effect, parameters={t.parameter: float(t.sizes[unit, session])})
                 for t in case.traits
             )
-            seed = int(np.random.default_rng([case.seed, unit]).integers(2**31))
             machine = Case(
                 case.name, case.rig, seed, "triple", truth, case.sensing,
                 ("multisine",) * sessions, SECONDS,

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import pyarrow.parquet as pq
-
 from wt.errors import WorkError
+from wt.passport import folder as passports
+from wt.passport.estimates import GroupEstimate
 
 SEEN = 3.0
 """A change is to be noticed if it is so many standard errors."""
@@ -63,34 +62,34 @@ def mark_fleet(folder: Path, hidden: Mapping[str, Any]) -> FleetMarks:
     Raises:
         WorkError: there are more additions than sessions.
     """
-    decided = [json.loads(path.read_text())["decided"] for path in sorted(folder.glob("0*.json"))]
-    if len(decided) > hidden["sessions"]:
+    additions = passports.read(folder).additions
+    if len(additions) > hidden["sessions"]:
         raise WorkError(f"'{folder}' has more additions than there were sessions")
     change, after, false = hidden["change"], None, 0
-    for session, said in enumerate(decided):
-        alarms = {(a["unit"], a["quantity"]) for a in said["alarms"]}
-        right = (change["unit"], change["quantity"])
+    right = (change["unit"], change["quantity"])
+    for session, addition in enumerate(additions):
+        alarms = {(a["unit"], a["quantity"]) for a in addition.decided["alarms"]}
         if right in alarms and session >= change["session"]:
             after = session - change["session"] if after is None else after
             alarms -= {right}
         false += len({unit for unit, _ in alarms})
-    said = {e["quantity"]: e["level"] for e in decided[-1]["levels"]} if decided else {}
+    placed = additions[-1].decided["levels"] if additions else ()
+    said = {e["quantity"]: e["level"] for e in placed}
     moved = change["quantity"] if change["session"] < hidden["sessions"] - 1 else ""
     return FleetMarks(
         levels={q: (lv, said.get(q, "")) for q, lv in hidden["levels"].items() if q != moved},
-        errors=_errors(folder, change),
+        errors=_errors([row for a in additions for row in a.rows], change),
         after=after,
         false_alarms=false,
         unit_sessions=hidden["units"] * hidden["sessions"],
     )
 
 
-def _errors(folder: Path, change: Mapping[str, Any]) -> float:
+def _errors(rows: Sequence[GroupEstimate], change: Mapping[str, Any]) -> float:
     """Size of the change in standard errors of the unit's last estimate."""
-    errors: dict[str, float] = {}
-    for path in sorted(folder.glob("0*.parquet")):
-        for row in pq.read_table(path).to_pylist():
-            quantity = f"{row['effect']}/{row['place']}/{row['parameter']}"
-            if (row["unit"], quantity) == (change["unit"], change["quantity"]):
-                errors[row["session"]] = float(row["error"])
+    errors = {
+        row.labels.session: row.error
+        for row in rows
+        if (row.labels.unit, str(row.quantity)) == (change["unit"], change["quantity"])
+    }
     return float(change["by"]) / errors[max(errors)] if errors else 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -88,14 +88,27 @@ def build(case: Case) -> HiddenWorld:
 
 def observe(case: Case, plant: Plant, index: int) -> Observed:
     """Simulate one recording of a case, and measure it."""
-    rig, rng = RIGS[case.rig], np.random.default_rng([case.seed, 1, index])
     trace, steps, size = _steady(case, plant, index)
+    rng = np.random.default_rng([case.seed, 1, index])
+    recording, error = measured(case, plant, trace, steps, rng)
+    meta = {**recording.meta, "motion": case.motions[index]}
+    return Observed(replace(recording, meta=meta), trace, error, size)
+
+
+def measured(
+    case: Case,
+    plant: Plant,
+    trace: HiddenTrajectory,
+    steps: Int[np.ndarray, " sample"],
+    rng: np.random.Generator,
+) -> tuple[Recording, Float[np.ndarray, "sample joint"]]:
+    """The recording of a true motion, and the error of its positions [rad]."""
+    rig = RIGS[case.rig]
     columns, error = measure(rig, case.sensing, trace, steps, sensor_effects(case), rng)
     if case.sensing.base is not None:
         columns |= measure_base(case.sensing.base, trace, case.sensing.qvel != "none", rng)
-    meta = {"robot": rig.name, "source": "concealed trial", "motion": case.motions[index]}
     t = stamps(case.sensing, steps, plant.h, rng)
-    return Observed(Recording(t, columns, meta), trace, error, size)
+    return Recording(t, columns, {"robot": rig.name, "source": "concealed trial"}), error
 
 
 def _reads_imu(case: Case) -> bool:

@@ -142,16 +142,10 @@ def sweeps(
     if not any(d.servo for d in scene.drives if d.joint == joint):
         return
     dof = scene.dof(joint)
-    rest, speed = float(reach.rest[dof]), _UNHURRIED * float(reach.speed[dof])
     for end, words in ((reach.low[dof], "one end"), (reach.high[dof], "the other end")):
-        whole = 1.875 * abs(float(end) - rest) / speed / dt  # samples of the way there
-        count = min(int(whole), most // 2)
-        if count < 2:
-            continue
-        way = signals.move(rest, rest + count / whole * (float(end) - rest), count)
-        q = np.tile(reach.rest, (2 * count, 1))
-        q[:, dof] = np.concatenate([way, way[::-1]])
-        yield f"goes towards {words} and back", q
+        pose = reach.rest.copy()
+        pose[dof] = end
+        yield f"goes towards {words} and back", _there_and_back(reach, pose, 0, most, dt)
 
 
 def together(
@@ -171,23 +165,25 @@ def together(
     """
     servos = list(dict.fromkeys(d.dof for d in scene.drives if d.servo))
     half, middle = 0.5 * (reach.high - reach.low), 0.5 * (reach.high + reach.low)
-    rests = round(_REST_S / dt)
-    longest = (most - rests) // 2
-    if longest < 2:
-        return
     for share, sign in itertools.product((*_SIZES, 1.0), (1.0, -1.0)):
         pose = reach.rest.copy()
         ends = middle + sign * rng.choice([-1.0, 1.0], len(half)) * share * half
         pose[servos] = ends[servos]
-        seconds = 1.875 * float((np.abs(pose - reach.rest) / reach.speed).max()) / _UNHURRIED
-        count = max(2, round(seconds / dt))
-        if count > longest:
-            pose = reach.rest + longest / count * (pose - reach.rest)
-            count = longest
-        way = signals.move(0.0, 1.0, count)[:, None]
-        there = reach.rest + way * (pose - reach.rest)
-        q = np.concatenate([there, np.tile(pose, (rests, 1)), there[::-1]])
-        yield "the machine rests in another pose", q
+        rests = round(_REST_S / dt)
+        yield "the machine rests in another pose", _there_and_back(reach, pose, rests, most, dt)
+
+
+def _there_and_back(
+    reach: Reach, pose: Float[np.ndarray, " dof"], rests: int, most: int, dt: float
+) -> Float[np.ndarray, "sample dof"]:
+    """To a pose, so many samples of rest, and back; as far as there is time for."""
+    seconds = 1.875 * float((np.abs(pose - reach.rest) / reach.speed).max()) / _UNHURRIED
+    count, longest = max(2, round(seconds / dt)), max(2, (most - rests) // 2)
+    if count > longest:
+        pose = reach.rest + longest / count * (pose - reach.rest)
+    way = signals.move(0.0, 1.0, min(count, longest))[:, None]
+    there = reach.rest + way * (pose - reach.rest)
+    return np.concatenate([there, np.tile(pose, (rests, 1)), there[::-1]])
 
 
 def _waves(
