@@ -24,7 +24,8 @@ def command(
         bool, typer.Option("--resume", help="Continue the training in --out.")
     ] = False,
     start_from: Annotated[
-        Path | None, typer.Option(help="checkpoint.pt of another training to take the nets from.")
+        Path | None,
+        typer.Option(help="checkpoint.pt of another training, or a policy, to take the nets from."),
     ] = None,
     seconds: Annotated[
         float | None, typer.Option(min=0, help="Train at most so long, then evaluate and export.")
@@ -52,7 +53,7 @@ def command(
     settings = load(config, overrides or [])
     folder = out or Path("runs") / f"policy-{settings.name}"
     if resume and start_from is not None:
-        raise ConfigError("--resume and --start-from exclude each other: name one checkpoint")
+        raise ConfigError("--resume and --start-from exclude each other: name one of them")
     words = ["wt-train-policy", "--config", str(config), *(overrides or [])]
     words += ["--start-from", str(start_from)] if start_from else []
     words += ["--seconds", f"{seconds:g}"] if seconds is not None else []

@@ -66,7 +66,6 @@ class Finetune:
     seeds: list[int] = field(default_factory=lambda: [0, 1, 2])
     alignment: Alignment = "state"
     share: float = 1.0  # of the robots in translated dynamics; the others stay in S
-    warm_up: int = 60
     training: dict[str, Any] = field(default_factory=dict)
     randomization: Randomization = field(default_factory=Randomization)
     diagnosed: Diagnosed = field(default_factory=Diagnosed)

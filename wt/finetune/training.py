@@ -9,11 +9,11 @@ from wt.errors import ModelError
 from wt.finetune.config import Variant
 from wt.finetune.randomized import Randomized
 from wt.finetune.setting import Setting
-from wt.finetune.start import take_over
 from wt.finetune.translated import translated
 from wt.locomotion import export
 from wt.locomotion.evaluate import evaluate
 from wt.locomotion.parts import Make
+from wt.locomotion.start import take_over
 from wt.locomotion.train import CHECKPOINT, Progress, train
 from wt.locomotion.watch import record
 from wt.worlds.policy import CARD, Policy, PolicyCard
@@ -84,7 +84,7 @@ def adapt(
                 take_over,
                 policy=setting.base,
                 path=setting.options.policy,
-                warm_up=setting.config.warm_up,
+                warm_up=training.ppo.warm_up,
             ),
         )
         export.write(trained, training, home, made_by)

@@ -101,6 +101,7 @@ class Ppo:
     lam: float = 0.95
     clip: float = 0.2
     symmetry: bool = True  # every sample is also learnt from with left and right exchanged
+    warm_up: int = 10  # iterations in which the critic learns alone, if it starts from a policy
 
 
 @dataclass

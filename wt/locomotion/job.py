@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
 import os
 import sys
@@ -16,6 +17,7 @@ from wt.worlds.policy import CARD, GRAPH, SHIPPED, Policy
 
 if TYPE_CHECKING:
     from wt.locomotion.evaluate import PolicyEvaluation
+    from wt.locomotion.train import Begin
 
 
 def run(
@@ -38,7 +40,8 @@ def run(
         made_by: the command line, for the card.
         show: called with the present step and the share of the training that is done.
         resume: continue from the folder's checkpoint.
-        start_from: a checkpoint of another training.
+        start_from: a checkpoint (``.pt``) of another training, or a policy: its folder, or the name
+            of one of the package.
         seconds: wall clock of the training [s].
         install: also write the policy into the package.
         watch: also write a recording for Rerun.
@@ -48,6 +51,7 @@ def run(
 
     Raises:
         ConfigError: rsl_rl is not installed, or as :func:`wt.locomotion.train.train` says.
+        ModelError: ``start_from`` is no policy of this robot.
     """
     find_rsl_rl()
     from wt.locomotion import export
@@ -61,8 +65,9 @@ def run(
             print(line(done, total, row), flush=True)
 
     trained = train(
-        config, folder, resume=resume, start_from=start_from, seconds=seconds, progress=progress
-    )
+        config, folder, resume=resume, start_from=_beginning(config, start_from), seconds=seconds,
+        progress=progress,
+    )  # fmt: skip
     export.write(trained, config, folder, made_by)
     if show:
         show("evaluating", 1.0)
@@ -77,6 +82,16 @@ def run(
 
         record(config, policy.act, folder / "rollout.rrd")
     return table(figures)
+
+
+def _beginning(config: PolicyConfig, path: Path | None) -> Path | Begin | None:
+    """What fills new nets, as :func:`wt.locomotion.train.train` takes it."""
+    from wt.locomotion.start import of_other_drives, take_over
+
+    if path is None or path.suffix == ".pt":
+        return path
+    policy = of_other_drives(path, config.body())
+    return functools.partial(take_over, policy=policy, path=str(path), warm_up=config.ppo.warm_up)
 
 
 def _calibrated(config: PolicyConfig, folder: Path) -> tuple[Policy, PolicyEvaluation]:

@@ -6,6 +6,7 @@ critic learns that first, while the actor stays as it is.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +17,31 @@ from onnx import numpy_helper
 from rsl_rl.runners import OnPolicyRunner
 
 from wt.errors import ModelError
-from wt.worlds.policy import GRAPH, Policy, folder_of
+from wt.worlds.legged import LeggedRobot
+from wt.worlds.policy import CARD, GRAPH, Policy, PolicyCard, folder_of
 
 _PARITY = 1e-4  # largest difference of an action, in units of the scale
 
 
 _Inputs = Float[np.ndarray, "*_ input"]
 _Layer = tuple[Float[np.ndarray, "_ _"], Float[np.ndarray, " _"]]
+
+
+def of_other_drives(path: Path, robot: LeggedRobot) -> Policy:
+    """A policy to begin with, whatever gains it was trained for.
+
+    Args:
+        path: its folder, or the name of a policy of the package.
+        robot: what it is to walk.
+
+    Raises:
+        ModelError: as :meth:`wt.worlds.policy.Policy.load`, but for the gains.
+    """
+    card = PolicyCard.read(folder_of(path) / CARD)
+    drives = replace(
+        robot.physics, stiffness=tuple(card.stiffness), velocity_gain=tuple(card.velocity_gain)
+    )
+    return Policy.load(path, robot, drives)
 
 
 def take_over(runner: OnPolicyRunner, policy: Policy, path: str, warm_up: int) -> None:
