@@ -25,8 +25,11 @@ VISIBLE = 5.0
 BANDWIDTH = 1.5  # Hz, of the controller of drives that are told torques
 DRAWS, SHRINKS = 40, 8
 SETTLING = 20.0  # s
-FINEST = 2.5e-4
-"""Reality has no step: worlds take this, or the model's own if it is smaller [s]."""
+COARSEST, HALVINGS = 2.5e-4, 5
+"""Worlds begin with this step, or the model's own if it is smaller [s], and halve it so often."""
+SETTLED = 0.2
+"""Reality has no step: halving that of a world changes positions by less than this share of the
+noise [rms]."""
 MOVED = 0.3
 """Every driven joint moves at least this share of what it does with nothing hidden."""
 
@@ -81,16 +84,17 @@ class Robot:
         steps: of these a sample.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, halvings: int = 0) -> None:
         """Read a model whose joints are all hinges and slides."""
         self.path, self.model = path, mujoco.MjModel.from_xml_path(str(path))
         model = self.model
         if model.nu != model.nactuator or np.any(model.actuator_dyntype):
             raise UserError(f"'{path.name}' has drives with states, for which there is no motion")
         self.servo = model.actuator_biasprm[:, 1] < 0
-        self.step = model.opt.timestep / max(1, round(model.opt.timestep / FINEST))
-        self.steps = max(1, round(1.0 / (RATE * self.step)))
-        self.dt = self.steps * self.step
+        step = model.opt.timestep / max(1, round(model.opt.timestep / COARSEST))
+        steps = max(1, round(1.0 / (RATE * step)))
+        self.step, self.steps = step / 2**halvings, steps * 2**halvings
+        self.dt = steps * step
         data = mujoco.MjData(model)
         self.moment = self._moment(data)
         self.span = np.where(model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE, SLIDE, REACH)
@@ -185,7 +189,7 @@ class Motion:
         self.u = robot.commands(self.goal)
 
     def run(self, hidden: Hidden, noise: float = NOISE) -> tuple[Recording, bool]:
-        """What a machine records, and whether anything in it touched anything."""
+        """What a machine records, and whether anything touched that does not touch at rest."""
         robot, model = self.robot, hidden.world(self.robot)
         rng = np.random.default_rng([self.seed, 1])
         data, step = mujoco.MjData(model), model.opt.timestep
@@ -195,6 +199,7 @@ class Motion:
             for _ in range(robot.steps):
                 mujoco.mj_step(model, data)
                 data.qvel *= np.exp(-2.0 * step)  # what no drive holds comes to rest, too
+        resting = _touching(data)
         n, sent, touched = len(self.t), [data.ctrl.copy()] * (hidden.late + 1), False
         q, v, u = (np.empty((n, size)) for size in (model.nq, model.nv, model.nactuator))
         for k in range(n):
@@ -205,7 +210,7 @@ class Motion:
                 sent = [*sent[1:], u[k]] if hidden.late else [u[k]]
                 data.ctrl[:] = sent[0]
                 mujoco.mj_step(model, data)
-                touched |= data.ncon > 0
+                touched |= data.ncon > 0 and not _touching(data) <= resting
         columns = {f"qpos/{_name(robot.model, i, 'joint')}": q[:, i] for i in range(model.nq)}
         columns |= {f"qvel/{_name(robot.model, i, 'joint')}": v[:, i] for i in range(model.nv)}
         columns |= {f"ctrl/{_name(robot.model, i, 'actuator')}": u[:, i] for i in range(u.shape[1])}
@@ -223,6 +228,19 @@ def motions(robot: Robot, seed: int) -> list[Motion]:
             motion = replace(motion, size=0.7 * motion.size)
         made.append(motion)
     return made
+
+
+def settled(made: Sequence[Motion]) -> list[Motion]:
+    """The same motions of a robot whose step is so fine that a finer one would show nothing new."""
+    first, path = made[0], made[0].robot.path
+    moved = _positions(first.run(Hidden(), 0.0)[0])
+    for halvings in range(1, HALVINGS + 1):
+        finer = Robot(path, halvings)
+        before, moved = moved, _positions(replace(made[0], robot=finer).run(Hidden(), 0.0)[0])
+        if np.sqrt(np.mean((moved - before) ** 2, axis=0)).max() < SETTLED * NOISE:
+            break
+        first = replace(made[0], robot=finer)
+    return [replace(motion, robot=first.robot) for motion in made]
 
 
 def draw(robot: Robot, case: str, rng: np.random.Generator, strength: float = 1.0) -> Hidden:
@@ -300,6 +318,10 @@ def visible(robot: Robot, made: Sequence[Motion], case: str, seed: int) -> Hidde
         if hidden.truth is None or (shown and not stuck[robot.driven].any()):
             return hidden
     return None
+
+
+def _touching(data: mujoco.MjData) -> set[tuple[int, int]]:
+    return {(int(a), int(b)) for a, b in data.contact.geom[: data.ncon]}
 
 
 def _positions(recording: Recording) -> Array:
