@@ -86,6 +86,19 @@ def test_the_right_law_stays(pushed: World) -> None:
     assert "joint.stiffness" not in {r.effect.id for r in found.rivals}
 
 
+def test_a_contradicted_effect_beside_it_hides_no_rival(tmp_path: Path) -> None:
+    some = world(tmp_path, 2, on_joint(1, lambda q, v: PUSH), 3.0)
+    bias = Planted(effects()["actuator.bias"], Location("actuator", "a2"), np.array([PUSH]))
+    middle = float(np.median(some.objective.motion.q[:, 0]))
+    stop = Planted(effects()["joint.stop"], JOINT, np.array([middle, 1.0]))
+    assert stop.wrong(some.objective.motion)
+    given = Accepted(stop, None, ()), Accepted(bias, None, ())
+    present = estimate(some.objective, (stop, bias))
+    (_, found), _ = lookalikes(some).settled(given, present, {stop.key})
+    assert found.planted.effect.id == "actuator.bias"
+    assert "sensor.offset" in {r.effect.id for r in found.rivals}
+
+
 @pytest.mark.parametrize(
     ("effect", "at"), [("sensor.delay", SENSORS), ("actuator.delay", DRIVES)], ids=["late", "early"]
 )

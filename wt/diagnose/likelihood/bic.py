@@ -74,8 +74,13 @@ def odds_against(hypothesis: Hypothesis) -> float:
 
 
 def worth(objective: Objective, fit: Assessed, now: Assessed) -> float:
-    """Nats gained by a hypothesis over the present one, after the price of its parameters."""
-    if not all(p.possible(objective.motion) for p in fit.hypothesis):
+    """Nats gained by a hypothesis over the present one, after the price of its parameters.
+
+    None are, if recordings contradict an effect of it. One that they contradict in the present one,
+    too, stands on both sides and tells nothing of the others.
+    """
+    contradicted = {p.key for p in fit.hypothesis if not p.possible(objective.motion)}
+    if contradicted - {p.key for p in now.hypothesis if not p.possible(objective.motion)}:
         return -np.inf
     added = price(objective, fit.hypothesis) - price(objective, now.hypothesis)
     return fit.loglik - now.loglik - added
