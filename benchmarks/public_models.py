@@ -20,7 +20,8 @@ It is drawn again until it changes some joint by five times the noise and leaves
 half of the draws on twice as strong; where that never is, the case is "unseen" and not counted.
 Drives that hold positions get sums of slow sines, others torques of a soft controller around what
 holds the pose. Motions stay within 0.3 rad of the first keyframe (one named home, if there is one),
-inside all ranges, and get smaller until nothing touches that does not touch at rest.
+inside all ranges, and get smaller until nothing touches that does not touch at rest and no drive is
+at its limit.
 
 Right is one finding, of the hidden effect at the hidden place, a drive being where its joint is.
 For a load that is fixed to a link, that link's mass or centre of mass says the same. "near" names

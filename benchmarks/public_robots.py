@@ -24,6 +24,7 @@ VISIBLE = 5.0
 """What is hidden changes the positions of some joint by this many times the noise [rms]."""
 BANDWIDTH = 1.5  # Hz, of the controller of drives that are told torques
 DRAWS, SHRINKS = 40, 8
+INF = (-np.inf, np.inf)
 SETTLING = 20.0  # s
 COARSEST, HALVINGS = 2.5e-4, 5
 """Worlds begin with this step, or the model's own if it is smaller [s], and halve it so often."""
@@ -189,7 +190,10 @@ class Motion:
         self.u = robot.commands(self.goal)
 
     def run(self, hidden: Hidden, noise: float = NOISE) -> tuple[Recording, bool]:
-        """What a machine records, and whether anything touched that does not touch at rest."""
+        """What a machine records, and whether that strains it.
+
+        It does where anything touches that does not touch at rest, or a drive is at its limit.
+        """
         robot, model = self.robot, hidden.world(self.robot)
         rng = np.random.default_rng([self.seed, 1])
         data, step = mujoco.MjData(model), model.opt.timestep
@@ -200,7 +204,8 @@ class Motion:
                 mujoco.mj_step(model, data)
                 data.qvel *= np.exp(-2.0 * step)  # what no drive holds comes to rest, too
         resting = _touching(data)
-        n, sent, touched = len(self.t), [data.ctrl.copy()] * (hidden.late + 1), False
+        n, sent, strained = len(self.t), [data.ctrl.copy()] * (hidden.late + 1), False
+        low, high = np.where(model.actuator_forcelimited[:, None], model.actuator_forcerange, INF).T
         q, v, u = (np.empty((n, size)) for size in (model.nq, model.nv, model.nactuator))
         for k in range(n):
             q[k] = data.qpos + noise * rng.standard_normal(model.nq)
@@ -210,15 +215,17 @@ class Motion:
                 sent = [*sent[1:], u[k]] if hidden.late else [u[k]]
                 data.ctrl[:] = sent[0]
                 mujoco.mj_step(model, data)
-                touched |= data.ncon > 0 and not _touching(data) <= resting
+                strained |= data.ncon > 0 and not _touching(data) <= resting
+            force = data.actuator_force
+            strained |= bool(np.any((force <= low) | (force >= high)))
         columns = {f"qpos/{_name(robot.model, i, 'joint')}": q[:, i] for i in range(model.nq)}
         columns |= {f"qvel/{_name(robot.model, i, 'joint')}": v[:, i] for i in range(model.nv)}
         columns |= {f"ctrl/{_name(robot.model, i, 'actuator')}": u[:, i] for i in range(u.shape[1])}
-        return Recording(self.t, columns), touched
+        return Recording(self.t, columns), strained
 
 
 def motions(robot: Robot, seed: int) -> list[Motion]:
-    """Motions of a robot, small enough for nothing to touch anything."""
+    """Motions of a robot, small enough not to strain it."""
     made = []
     for number in range(MOTIONS):
         motion = Motion(robot, 100 * seed + number)
