@@ -33,7 +33,7 @@ from wt.config import Device, Method, load
 from wt.nets.world_model import WorldModel
 from wt.train import phases
 from wt.train.batches import StepBatches, in_frame
-from wt.train.device import on
+from wt.train.device import device_of, on
 from wt.train.fit import fit_world_model
 from wt.train.mean_field import fit_normalizers
 from wt.train.selection import Unpaired
@@ -70,7 +70,7 @@ def main(config_path: str = "conf/r5.yaml", *overrides: str) -> None:
     )
     print(f"{'':<26}{'wt fit [steps/s]':>18}{'bare PyTorch':>14}{'ratio (goal ≥ .95)':>20}")
     for way in ways():
-        with on(way.device):
+        with on(device_of(way.device)):
             turns = race(spec, _set(method, way))
         ours, theirs = (TURN / statistics.median(side) for side in zip(*turns, strict=True))
         ratio = statistics.median(theirs / ours for ours, theirs in turns)

@@ -30,7 +30,7 @@ from wt.errors import WorkError
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.run.study import Study
 from wt.schema import flat
-from wt.train.device import on
+from wt.train.device import device_of, on
 from wt.train.fit import fit_world_model
 from wt.train.replicas import end_with_parent
 from wt.train.score import PairTensors, predictions
@@ -120,14 +120,14 @@ def train(study: Study, job: Job, index: int = 0) -> None:
     (sim, real, selection, streams), config = study.split, study.config
     listener = study.listener
     if method not in (OURS, PAPERS_OWN):
-        with on(config.device, index):
+        with on(device_of(config.device, index)):
             baseline = find(method)(study.world.spec, config.baselines, seed, study.world)
             baseline.train(sim, real, selection, lambda k, n: listener.progress(str(job), k, n))
         baseline.nets.cpu()
         study.keep_baseline(seed, baseline)
         study.keep(seed, method, baseline.predict(study.data.test))
         return
-    with on(config.device, index):
+    with on(device_of(config.device, index)):
         model = fit_world_model(
             study.world.spec,
             job.settings(config),

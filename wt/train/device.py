@@ -6,6 +6,9 @@ it works. What is kept of a training is on the CPU, and so are evaluation and ex
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import torch
 
 from wt.config import Device
@@ -22,8 +25,8 @@ def check(name: Device) -> None:
         raise ConfigError("device: 'cuda' was given, and torch finds none; use auto or cpu")
 
 
-def on(name: Device, index: int = 0) -> torch.device:
-    """The device of a name, as a context in which new tensors are made on it.
+def device_of(name: Device, index: int = 0) -> torch.device:
+    """The device of a name.
 
     Args:
         name: ``cpu``, ``cuda`` or ``auto``, which is CUDA where there is any.
@@ -35,9 +38,20 @@ def on(name: Device, index: int = 0) -> torch.device:
     return torch.device("cuda", index % torch.cuda.device_count())
 
 
+@contextmanager
+def on(device: torch.device) -> Iterator[None]:
+    """A context in which new tensors are made on a device."""
+    if device.type == "cpu":
+        # they are anyway, and every call of torch inside of its own context goes through Python
+        yield
+        return
+    with device:
+        yield
+
+
 def beside(device: torch.device, rank: int) -> torch.device:
     """The device of the process that is ``rank`` further than the one of ``device``."""
-    return device if device.type == "cpu" else on("cuda", device.index + rank)
+    return device if device.type == "cpu" else device_of("cuda", device.index + rank)
 
 
 def seeded(seed: int) -> torch.Generator:

@@ -26,7 +26,7 @@ from wt.train.batches import in_frame, within
 from wt.train.callbacks import CollapseWatch, ShowProgress
 from wt.train.checkpoints import WholeCheckpoints
 from wt.train.data import TranslationData
-from wt.train.device import beside
+from wt.train.device import beside, on
 from wt.train.hidden import Simulator, encoded, estimator_of
 from wt.train.logger import MetricSink, SinkLogger
 from wt.train.mean_field import (
@@ -205,7 +205,8 @@ def _follow(
     """Train along with the process that leads, and leave everything else to it."""
     end_with_parent()
     torch.set_num_threads(1)
-    with beside(leader, place.rank) as device:
+    device = beside(leader, place.rank)
+    with on(device):
         _loop(copy.deepcopy(module), data.to(device), folder, place, [], None)
 
 

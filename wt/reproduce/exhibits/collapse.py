@@ -17,7 +17,7 @@ from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
 from wt.reproduce.words import mean, spread
 from wt.run.study import Study
 from wt.train.batches import DomainData, in_frame
-from wt.train.device import on
+from wt.train.device import device_of, on
 from wt.train.mean_field import fit_normalizers
 from wt.train.translation_only import Curves, OutcomeTranslator, train_translation
 
@@ -57,7 +57,7 @@ class Collapse(Exhibit):
 
     def _on_features(self, bench: Bench, study: Study, seed: int) -> dict[str, Any]:
         sim, real = bench.features(study, FULL, seed)
-        with on(study.config.device):
+        with on(device_of(study.config.device)):
             data_sim, data_real = (
                 DomainData(*(torch.tensor(x) for x in (f.condition, f.z, f.outcome)))
                 for f in (sim, real)
@@ -68,7 +68,7 @@ class Collapse(Exhibit):
 
     def _on_observations(self, study: Study, seed: int) -> dict[str, Any]:
         spec, data = study.world.spec, study.data
-        with on(study.config.device):
+        with on(device_of(study.config.device)):
             frame = _frame(study)
             torch.manual_seed(seed)
             model = OutcomeTranslator(spec.n_state, frame.n_condition, study.config.paper)
