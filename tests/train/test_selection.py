@@ -92,26 +92,46 @@ def test_a_channel_that_never_moves_has_no_say() -> None:
     held = Unpaired(*still)
     plain = Unpaired(sim, real)
     found, wanted = (h.error(torch.tensor(h.translated.sim_next)) for h in (held, plain))
-    assert found == pytest.approx(wanted, rel=1e-3)
+    assert found == pytest.approx(wanted, rel=0.05)  # its waves are others
 
 
-def test_distance_is_that_of_what_a_linear_regression_leaves(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_distance_is_that_of_what_regressions_leave(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(selection, "ROWS", 10_000)
-    monkeypatch.setattr(selection, "RIDGE", 0.0)
+    monkeypatch.setattr(selection, "FEATURES", 0)
     toy = Toy(0.0)
     sim, real = toy.collect(SIM, 5, 1), toy.collect(REAL, 5, 2)
     (x_sim, sim_change), (x, change) = (
         (np.hstack([d.o, d.a, np.ones((len(d), 1))]).astype(float), d.s_next - d.o[:, :4])
         for d in (sim, real)
     )
-    weights = np.linalg.lstsq(x, change, rcond=None)[0]
-    unit = (change - x @ weights).std(axis=0)
-    a, b = (sim_change - x_sim @ weights) / unit, (change - x @ weights) / unit
+    half = len(x) // 2
+    first, second = (
+        np.linalg.lstsq(x[rows], change[rows], rcond=None)[0]
+        for rows in (slice(0, half), slice(half, None))
+    )
+    left = np.vstack([change[:half] - x[:half] @ second, change[half:] - x[half:] @ first])
+    unit = left.std(axis=0)
+    a, b = (sim_change - x_sim @ (first + second) / 2) / unit, left / unit
     wanted = 2 * cdist(a, b).mean() - cdist(a, a).mean() - cdist(b, b).mean()
     held = Unpaired(sim, real)
     assert held.error(torch.tensor(held.translated.sim_next)) == pytest.approx(wanted, rel=1e-3)
+
+
+def test_what_a_walk_tells_in_no_straight_line_is_told() -> None:
+    # outcomes that bend with o, which a straight line would leave as if it were hidden
+    def bent(effect: float, seed: int) -> Transitions:
+        data = transitions(effect, seed, 6000)
+        return replace(data, s_next=data.s_next + 0.3 * np.sin(2.0 * data.o).astype(np.float32))
+
+    held = Unpaired(bent(1.0, 0), bent(0.7, 1))
+    given = held.translated.real
+    plain = replace(given, s_next=given.s_next - 0.3 * np.sin(2.0 * given.o).astype(np.float32))
+    tried = (0.4, 0.7, 1.0)
+    errors = [
+        held.error(answered(plain, torch.tensor(f)) + 0.3 * torch.sin(2.0 * torch.tensor(given.o)))
+        for f in tried
+    ]
+    assert errors[0] > 3 * errors[1] < 3 * errors[2]
 
 
 def test_pairs_measure_the_squared_error() -> None:

@@ -24,8 +24,7 @@ def command(
         bool, typer.Option("--resume", help="Continue the training in --out.")
     ] = False,
     start_from: Annotated[
-        Path | None,
-        typer.Option(help="checkpoint.pt of another training, or a policy, to take the nets from."),
+        Path | None, typer.Option(help="Policy, or checkpoint.pt of a training, to begin with.")
     ] = None,
     seconds: Annotated[
         float | None, typer.Option(min=0, help="Train at most so long, then evaluate and export.")

@@ -40,8 +40,7 @@ def run(
         made_by: the command line, for the card.
         show: called with the present step and the share of the training that is done.
         resume: continue from the folder's checkpoint.
-        start_from: a checkpoint (``.pt``) of another training, or a policy: its folder, or the name
-            of one of the package.
+        start_from: ``.pt`` of another training, or a policy: its folder, or name in the package.
         seconds: wall clock of the training [s].
         install: also write the policy into the package.
         watch: also write a recording for Rerun.
@@ -64,10 +63,10 @@ def run(
         if not sys.stderr.isatty():
             print(line(done, total, row), flush=True)
 
+    begin = _beginning(config, start_from)
     trained = train(
-        config, folder, resume=resume, start_from=_beginning(config, start_from), seconds=seconds,
-        progress=progress,
-    )  # fmt: skip
+        config, folder, resume=resume, start_from=begin, seconds=seconds, progress=progress
+    )
     export.write(trained, config, folder, made_by)
     if show:
         show("evaluating", 1.0)
