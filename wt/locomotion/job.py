@@ -73,14 +73,18 @@ def run(
     policy, figures = _calibrated(config, folder)
     export.judged(folder, figures)
     if install:
-        files = {name: (folder / name).read_bytes() for name in (GRAPH, CARD)}
-        (SHIPPED / config.name).mkdir(parents=True, exist_ok=True)
-        write_together(SHIPPED / config.name, files)
+        _install(folder, config.name)
     if watch:
         from wt.locomotion.watch import record
 
         record(config, policy.act, folder / "rollout.rrd")
     return table(figures)
+
+
+def _install(folder: Path, name: str) -> None:
+    files = {part: (folder / part).read_bytes() for part in (GRAPH, CARD)}
+    (SHIPPED / name).mkdir(parents=True, exist_ok=True)
+    write_together(SHIPPED / name, files)
 
 
 def _beginning(config: PolicyConfig, path: Path | None) -> Path | Begin | None:
