@@ -50,6 +50,7 @@ from wt.errors import UserError
 from wt.prove.case import HiddenEffect
 from wt.prove.machine import of_model
 from wt.prove.score import CaseScore, mark
+from wt.train.replicas import end_with_parent
 from wt.types import Recording
 
 Result = dict[str, Any]
@@ -167,7 +168,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     results: list[Result] = []
     spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(args.jobs, mp_context=spawn) as pool:
+    with ProcessPoolExecutor(args.jobs, spawn, initializer=end_with_parent) as pool:
         for future in as_completed([pool.submit(run, p, c, args.seed) for p, c in chosen]):
             results.append(future.result())
             print(f"[{len(results)}/{len(chosen)}] {line(results[-1])}", flush=True)

@@ -15,7 +15,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import torch
-from scipy.spatial.distance import cdist
 
 from registry.card import Card
 from tests.diagnose import synthetic
@@ -25,7 +24,9 @@ from wt.diagnose import pipeline
 from wt.diagnose.observed.translation import TrainedTranslation
 from wt.diagnose.result import Diagnosis
 from wt.nets.world_model import WorldModel
+from wt.train.selection import Unpaired
 from wt.translate import translate_state
+from wt.types import Transitions
 from wt.worlds.base import make
 
 if TYPE_CHECKING:
@@ -149,14 +150,14 @@ def test_the_card_tells_the_same(results: dict[str, Any], finished: Path, place:
     session = onnxruntime.InferenceSession(finished / "model.onnx")
     inputs = {"o": o, "a": a, "o_next_sim": np.hstack([s_next, a])}
     held["sim"] = (o, a, session.run(["o_next_real"], inputs)[0][:, :12])
-    parts = [(np.hstack([o, a]), s_next - o[:, :12]) for o, a, s_next in held.values()]
-    center, unit = parts[1][0].mean(axis=0), parts[1][0].std(axis=0)
-    known = [np.hstack([(k - center) / unit, np.ones((150, 1))]) for k, _ in parts]
-    ridge = 1e-3 * 150 * np.eye(known[1].shape[1])
-    weights = np.linalg.solve(known[1].T @ known[1] + ridge, known[1].T @ parts[1][1])
-    left = [change - k @ weights for k, (_, change) in zip(known, parts, strict=True)]
-    x, y = (part / left[1].std(axis=0) for part in left)
-    distance = 2 * cdist(x, y).mean() - cdist(x, x).mean() - cdist(y, y).mean()
+    sim, real = (
+        Transitions(
+            o=o, a=a, s_next=s_next, nominal=s_next, hidden=np.zeros((150, 0), np.float32),
+            episode=np.arange(150) // 50, step=np.arange(150) % 50,
+        )
+        for o, a, s_next in held.values()
+    )  # fmt: skip
+    distance = Unpaired(sim, real).error(torch.tensor(sim.s_next))
     assert (card.heldout.set, card.heldout.metric) == ("held-out transitions", "energy_distance")
     assert card.heldout.value == pytest.approx(distance, rel=1e-3)
     assert results["model_selection"] == "unpaired"
