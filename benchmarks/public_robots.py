@@ -24,7 +24,7 @@ VISIBLE = 5.0
 """What is hidden changes the positions of some joint by this many times the noise [rms]."""
 BANDWIDTH = 1.5  # Hz, of the controller of drives that are told torques
 DRAWS, SHRINKS = 40, 8
-INF = (-np.inf, np.inf)
+UNLIMITED = (-np.inf, np.inf)
 SETTLING = 20.0  # s
 COARSEST, HALVINGS = 2.5e-4, 5
 """Worlds begin with this step, or the model's own if it is smaller [s], and halve it so often."""
@@ -205,7 +205,8 @@ class Motion:
                 data.qvel *= np.exp(-2.0 * step)  # what no drive holds comes to rest, too
         resting = _touching(data)
         n, sent, strained = len(self.t), [data.ctrl.copy()] * (hidden.late + 1), False
-        low, high = np.where(model.actuator_forcelimited[:, None], model.actuator_forcerange, INF).T
+        limited = model.actuator_forcelimited[:, None]
+        low, high = np.where(limited, model.actuator_forcerange, UNLIMITED).T
         q, v, u = (np.empty((n, size)) for size in (model.nq, model.nv, model.nactuator))
         for k in range(n):
             q[k] = data.qpos + noise * rng.standard_normal(model.nq)

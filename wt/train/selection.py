@@ -44,9 +44,9 @@ ROWS = 2000
 FEATURES = 2000
 """Random Fourier features of (o, a) that the regression has beside their own channels (Rahimi and
 Recht 2007), where there are five times as many transitions; else fewer."""
-RIDGE = 1e-2
-"""Of the regression on these, in units of the variance of each; what is linear has next to none,
-since S goes farther than R did, and there it is all that counts."""
+RIDGE, HARDLY = 1e-2, 1e-6
+"""Of the regression on these, and on what is linear, in units of the variance of each: S goes
+farther than R did, and there what is linear is all that counts."""
 CONSTANT = 1e-6
 """A channel that varies less than this, in its own unit, has no scale."""
 
@@ -153,8 +153,9 @@ class _Told:
 
     def __init__(self, real: Transitions) -> None:
         known = _known(real)
-        self._center, self._unit = known.mean(axis=0), _spread_of(known)
-        self._direction, self._phase = _waves(known.shape[1], min(FEATURES, len(known) // 5))
+        self._center, self._moving = known.mean(axis=0), known.std(axis=0) > CONSTANT
+        self._unit = known.std(axis=0)[self._moving]
+        self._direction, self._phase = _waves(len(self._unit), min(FEATURES, len(known) // 5))
         rows = np.arange(len(real))
         halves = [real.select(half) for half in np.array_split(rows, 2)]
         weights = [self._regressed(half) for half in halves]
@@ -187,8 +188,7 @@ class _Told:
     def _regressed(self, real: Transitions) -> Float64[np.ndarray, "feature state"]:
         """Weights of the features that predict these changes."""
         x = self._features(_known(real))
-        ridge = np.full(x.shape[1], 1e-6)
-        ridge[len(self._center) :][: len(self._phase)] = RIDGE
+        ridge = np.repeat([HARDLY, RIDGE, HARDLY], [len(self._unit), len(self._phase), 1])
         squares = x.T @ x + len(x) * np.diag(ridge)
         return np.asarray(np.linalg.solve(squares, x.T @ _change(real, real.s_next)))
 
@@ -196,7 +196,7 @@ class _Told:
         self, known: Float[np.ndarray, "row known"]
     ) -> Float64[np.ndarray, "row feature"]:
         """(o, a) in units of R's spread, waves along random directions of them, and a one."""
-        x = (known - self._center) / self._unit
+        x = (known - self._center)[:, self._moving] / self._unit
         waves = np.sqrt(2.0) * np.cos(x @ self._direction + self._phase)
         return np.hstack([x, waves, np.ones((len(known), 1))])
 
