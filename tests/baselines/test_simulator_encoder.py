@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.baselines.toy import REAL, SIM, Toy, Trial
+from tests.baselines.toy import REAL, SIM, Field, Toy, Trial
 from wt.baselines.base import find
 from wt.config import Baselines
 from wt.train.selection import Unpaired
-from wt.types import Transitions
+from wt.types import Pairs, Transitions
 
 
 @pytest.mark.parametrize("world", ["persistent", "fleeting"])
@@ -52,3 +52,17 @@ def test_corrects_the_plain_answer_where_nothing_is_hidden(small: Baselines) -> 
     test = replace(test, real=real.select(np.arange(600)), sim_next=real.nominal[:600])
     left = np.mean((baseline.predict(test) - test.real.s_next) ** 2)
     assert left < 0.01 * np.mean((test.sim_next - test.real.s_next) ** 2)
+
+
+def test_what_no_recording_tells_is_taken_from_s(small: Baselines) -> None:
+    # f of S's answers elsewhere learns to take back what S says of the ground: an error of all that
+    # it does, and more
+    field = Field(0.0)
+    held = Unpaired(field.collect(SIM, 60, 4), field.collect(REAL, 60, 5))
+    baseline = find("SimulatorEncoder")(field.spec, small, 0, field)
+    baseline.train(field.collect(SIM, 100, 1), field.collect(REAL, 100, 2), held)
+    real = field.collect(REAL, 30, 3)
+    test = Pairs(real, field.sim_step(real.o, real.a, real.hidden))
+    error = (baseline.predict(test) - real.s_next)[:, 2:]
+    pushed = (real.s_next - REAL.step(np.float64(real.o[:, :4]), real.a, 0 * real.hidden))[:, 2:]
+    assert np.mean(error**2) < 0.3 * np.mean(pushed**2)

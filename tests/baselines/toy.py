@@ -14,7 +14,7 @@ since noiseless observations reveal the earlier forces.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
@@ -128,6 +128,29 @@ class Toy:
     def error_with_history(self) -> float:
         """Best mean squared error of v_next from the whole past of R."""
         return REAL.effect()[1] ** 2 * (1 - self.rho**2) * SIGMA_F**2
+
+
+class Field(Toy):
+    """The toy on ground that pushes it about; a recording tells only roughly where it stands."""
+
+    @property
+    def spec(self) -> TransitionSpec:
+        return replace(super().spec, hidden=(Channel("place/0", "m"), Channel("place/1", "m")))
+
+    def collect(self, plant: Plant, episodes: int, seed: int) -> Transitions:
+        known = super().collect(plant, episodes, seed)
+        place = np.random.default_rng(seed).uniform(0, 1000, known.hidden.shape)
+        place += 1000 * known.o[:, :2]
+        start, a = np.float64(known.o[:, :4]), np.float64(known.a)
+        after = plant.step(start, a, self.push(np.float32(place)))
+        return replace(known, s_next=after, hidden=place, nominal=SIM.step(start, a, 0 * place))
+
+    def sim_step(self, o: np.ndarray, a: np.ndarray, hidden: np.ndarray | None) -> np.ndarray:
+        return super().sim_step(o, a, None if hidden is None else self.push(hidden))
+
+    @staticmethod
+    def push(place: np.ndarray) -> np.ndarray:
+        return np.sqrt(2.0) * np.sin(7.0 * np.float64(place))
 
 
 @dataclass(frozen=True)

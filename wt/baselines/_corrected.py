@@ -8,7 +8,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from wt.baselines.base import Baseline, in_chunks
+from wt.baselines.base import Baseline
+from wt.nets.mlp import in_chunks
 from wt.train.regression import Progress
 from wt.train.selection import Paired, Selection
 from wt.types import Pairs, Transitions

@@ -40,8 +40,6 @@ from wt.train.regression import (
 from wt.train.selection import Selection
 from wt.types import Pairs, Transitions, TransitionSpec
 
-CHUNK = 16384
-
 
 class Baseline(ABC):
     """Predicts R's next state from pairs; learns from unpaired transitions, unless it says so.
@@ -236,9 +234,3 @@ def find(name: str) -> type[Baseline]:
     if name not in _BASELINES:
         raise ConfigError(f"baselines.names: {name!r} is not known: {suggest(name, _BASELINES)}")
     return _BASELINES[name]
-
-
-@torch.no_grad()
-def in_chunks(net: Callable[[Tensor], Tensor], inputs: Tensor) -> Tensor:
-    """Apply a network to many rows without holding all activations."""
-    return torch.cat([net(part) for part in inputs.split(CHUNK)])

@@ -16,8 +16,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from wt.baselines.base import Baseline, in_chunks, register
-from wt.nets.mlp import mlp
+from wt.baselines.base import Baseline, register
+from wt.nets.mlp import in_chunks, mlp
 from wt.train.regression import Progress, Score, part_of, regress
 from wt.train.selection import Unpaired
 from wt.types import Pairs, Transitions, TransitionSpec

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from torch import nn
 
-from wt.baselines.base import Baseline, in_chunks, register
+from wt.baselines.base import Baseline, register
+from wt.nets.mlp import in_chunks
 from wt.train.regression import Progress
 from wt.types import Pairs, Transitions
 

@@ -17,9 +17,9 @@ from scipy.optimize import linear_sum_assignment
 from torch import Tensor, nn
 from torch.optim.lr_scheduler import LambdaLR
 
-from wt.baselines.base import CHUNK, Baseline, register
+from wt.baselines.base import Baseline, register
 from wt.config import Method, Nets
-from wt.nets.mlp import mlp
+from wt.nets.mlp import CHUNK, mlp
 from wt.nets.world_model import WorldModel
 from wt.train import phases
 from wt.train.batches import StepBatch, StepBatches, in_frame

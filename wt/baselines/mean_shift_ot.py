@@ -6,7 +6,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from wt.baselines.base import Baseline, in_chunks, register
+from wt.baselines.base import Baseline, register
+from wt.nets.mlp import in_chunks
 from wt.train.mean_field import gaussian_transport
 from wt.train.regression import Progress, Score, regress
 from wt.types import Pairs, Transitions

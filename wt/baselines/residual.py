@@ -14,8 +14,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from wt.baselines.base import CHUNK, Baseline, register
+from wt.baselines.base import Baseline, register
 from wt.data.history import History
+from wt.nets.mlp import CHUNK
 from wt.train.regression import Progress
 from wt.types import Pairs, Transitions, TransitionSpec
 

@@ -7,6 +7,9 @@ from collections.abc import Callable, Sequence
 import torch
 from torch import Tensor, nn
 
+CHUNK = 16384
+"""Rows that a network answers to at once where nothing is learned."""
+
 
 def mlp(
     inputs: int,
@@ -49,3 +52,9 @@ class Ensemble(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """The members' mean output."""
         return torch.stack([member(x) for member in self.members]).mean(dim=0)
+
+
+@torch.no_grad()
+def in_chunks(net: Callable[[Tensor], Tensor], inputs: Tensor) -> Tensor:
+    """A network's answers to many rows, without holding all activations."""
+    return torch.cat([net(part) for part in inputs.split(CHUNK)])

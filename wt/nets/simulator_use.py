@@ -58,7 +58,7 @@ class SimulatorUse:
         imitates_nominal: n imitates its answer with nothing hidden, which transitions have exactly.
         has_reader: a second correction reads S's answer, and has a share of each channel.
         shift_reads_simulator: S's answer is an input of δ.
-        estimates_hidden: while δ learns, S's answer is that at what was hidden in R, as estimated.
+        asks_simulator: while δ learns, S's answer is what it would have been to R's transitions.
         keeps_outcome: S's outcome beyond n, or all of it where there is no n, is a part of R's.
         transported: closed-form transport of that outcome may be tried.
         scored_alone: pairs score each regressor by itself, not the whole translation.
@@ -72,7 +72,7 @@ class SimulatorUse:
     imitates_nominal: ClassVar[bool] = True
     has_reader: ClassVar[bool] = False
     shift_reads_simulator: ClassVar[bool] = False
-    estimates_hidden: ClassVar[bool] = False
+    asks_simulator: ClassVar[bool] = False
     keeps_outcome: ClassVar[bool] = True
     transported: ClassVar[bool] = True
     scored_alone: ClassVar[bool] = False
@@ -151,13 +151,13 @@ class Blend(Average):
 class Encoded(Read):
     """``encoded``: δ is added to S's answer and reads it; S itself encodes what is hidden.
 
-    Where δ learns it, :attr:`DomainSamples.nominal` of R is S's answer at what was hidden in R, as
-    :mod:`wt.train.hidden` estimates it; in use S runs with its own hidden state, and its outcome is
-    that answer. Nothing has to be imitated, and no linear map is left to be found.
+    Where δ learns it, :attr:`DomainSamples.nominal` of R is what S would have answered, as
+    :mod:`wt.train.answers` makes it of R's recording; in use S runs with its own hidden state, and
+    its outcome is that answer. Nothing has to be imitated, and no linear map is left to be found.
     """
 
     has_nominal = False
-    estimates_hidden = True
+    asks_simulator = True
     transported = False
 
 

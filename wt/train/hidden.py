@@ -31,16 +31,12 @@ import torch
 from jaxtyping import Float, Float32, Int
 from torch import Tensor, nn
 
-from wt.config import Mean
-from wt.errors import ConfigError
 from wt.losses.robust import cauchy
 from wt.nets.frame import Frame
-from wt.nets.mlp import mlp
-from wt.nets.simulator_use import use_of
+from wt.nets.mlp import CHUNK, in_chunks
 from wt.train.mean_field import gaussian_transport
 from wt.train.regression import Progress, Regression, member_seed, part_of, regress
-from wt.train.selection import Selection, Unpaired
-from wt.types import Transitions
+from wt.types import Domain, Transitions
 
 AROUND = 6
 """Control steps before and after a transition in which the motion of what is hidden shows."""
@@ -54,7 +50,6 @@ RIDGE = 1e-2
 """Of that linear regression, in units of the variance of its inputs."""
 LOOKED_AT = 20_000
 """Transitions that it looks at; of every four it is fitted to the first three."""
-CHUNK = 8192
 
 Network = Callable[[int, int], nn.Module]
 """(inputs, outputs) → an untrained network."""
@@ -118,71 +113,35 @@ class HiddenEstimator:
             part.fit(sim, real, part_of(progress, done, self.regressions * steps))
             done += part.regressions * steps
 
-    def estimate(self, real: Transitions) -> Float32[np.ndarray, "transition hidden"] | None:
-        """Hidden variables of transitions of R; None where nothing is hidden.
+    def estimate(
+        self, data: Transitions, domain: Domain = "real"
+    ) -> Float32[np.ndarray, "transition hidden"] | None:
+        """Hidden variables of transitions; None where nothing is hidden.
 
         Args:
-            real: ordered by episode and step; their hidden variables are not read.
+            data: ordered by episode and step; their hidden variables are not read.
+            domain: whose they are.
         """
         if not self._parts:
             return None
-        real = _observable(real)
-        out = np.zeros((len(real), self._width), np.float32)
+        data = _observable(data)
+        out = np.zeros((len(data), self._width), np.float32)
         for part in self._parts:
-            out[:, part.channels] = part.estimate(real)
+            out[:, part.channels] = part.estimate(data, domain)
         return out
 
-    def answered(self, real: Transitions, simulator: Simulator) -> Transitions:
-        """R's transitions, their nominal answers replaced by S's at estimates of what was hidden.
+    def answered(
+        self, data: Transitions, simulator: Simulator, domain: Domain = "real"
+    ) -> Transitions:
+        """Transitions with S's answers at estimates of what was hidden for the nominal ones.
 
         Args:
-            real: ordered by episode and step; their hidden variables are not read.
+            data: ordered by episode and step; their hidden variables are not read.
             simulator: S.
+            domain: whose transitions they are.
         """
-        answers = simulator.sim_step(real.o, real.a, self.estimate(real))
-        return replace(real, nominal=answers)
-
-
-def estimator_of(frame: Frame, settings: Mean, seed: int) -> HiddenEstimator | None:
-    """What estimates R's hidden variables for a mean field; None for one that does without.
-
-    Args:
-        frame: with fitted normalisers.
-        settings: use of the simulator, and budget.
-        seed: same seed, same estimates.
-    """
-    if not use_of(settings).estimates_hidden:
-        return None
-    budget = Regression(settings.steps, settings.batch, settings.learning_rate, seed)
-    return HiddenEstimator(frame, lambda n, m: mlp(n, m, settings.width, settings.depth), budget)
-
-
-def encoded(
-    estimator: HiddenEstimator,
-    simulator: Simulator | None,
-    domains: tuple[Transitions, Transitions],
-    selection: Selection,
-    progress: Progress | None,
-) -> tuple[Transitions, Selection]:
-    """R's transitions with S's answers at estimates of what was hidden, held-out ones too.
-
-    Args:
-        estimator: is fitted.
-        simulator: S.
-        domains: transitions of S and of R.
-        selection: held-out data; pairs have answers already.
-        progress: called with (done, total) steps.
-
-    Raises:
-        ConfigError: there is no simulator.
-    """
-    if simulator is None:
-        raise ConfigError("mean.simulator encoded steps the simulator, and was given none")
-    sim, real = domains
-    estimator.fit(sim, real, progress)
-    if isinstance(selection, Unpaired):
-        selection = Unpaired(selection.sim, estimator.answered(selection.real, simulator))
-    return estimator.answered(real, simulator), selection
+        answers = simulator.sim_step(data.o, data.a, self.estimate(data, domain))
+        return replace(data, nominal=answers)
 
 
 class _Estimator(ABC):
@@ -211,8 +170,8 @@ class _Estimator(ABC):
         """Learn from S, and from what R's transitions show."""
 
     @abstractmethod
-    def estimate(self, real: Transitions) -> Float32[np.ndarray, "row channel"]:
-        """The channels, physical units."""
+    def estimate(self, data: Transitions, domain: Domain) -> Float32[np.ndarray, "row channel"]:
+        """The channels of a domain's transitions, physical units."""
 
     def _lessons(self, sim: Transitions) -> Tensor:
         """S's own hidden variables, normalised; a channel that never moves stays zero."""
@@ -254,10 +213,10 @@ class _Motion(_Estimator):
         regress(self._net, error, len(target), self.budget, progress=progress)
 
     @torch.no_grad()
-    def estimate(self, real: Transitions) -> Float32[np.ndarray, "row channel"]:
-        """What S has taught, of stretches of R's transitions."""
-        window = _Window(*self._shown(real), _around(real))
-        rows = torch.arange(len(real)).split(CHUNK)
+    def estimate(self, data: Transitions, domain: Domain) -> Float32[np.ndarray, "row channel"]:
+        """What S has taught, of stretches of the transitions."""
+        window = _Window(*self._shown(data), _around(data))
+        rows = torch.arange(len(data)).split(CHUNK)
         return self._physical(torch.cat([self._net(window(part)) for part in rows]))
 
     def _shown(self, data: Transitions) -> tuple[Tensor, Tensor]:
@@ -304,16 +263,18 @@ class _Force(_Estimator):
         )
 
     @torch.no_grad()
-    def estimate(self, real: Transitions) -> Float32[np.ndarray, "row channel"]:
-        """What S has taught, of R's outcomes moved to where S's are."""
-        x, nominal, change = self._framed(real)
-        left = self._left(x, change - nominal) @ self._transport
-        return self._physical(_in_parts(self._net, torch.cat([x, left], dim=1)))
+    def estimate(self, data: Transitions, domain: Domain) -> Float32[np.ndarray, "row channel"]:
+        """What S has taught, of outcomes; R's are moved to where S's are."""
+        x, nominal, left = self._framed(data)
+        left = left - nominal
+        if domain == "real":
+            left = self._left(x, left) @ self._transport
+        return self._physical(in_chunks(self._net, torch.cat([x, left], dim=1)))
 
     @torch.no_grad()
     def _left(self, x: Tensor, difference: Tensor) -> Tensor:
         """What R does differently from the simulator, without what it does so most often."""
-        return difference - _in_parts(self._shift, x)
+        return difference - in_chunks(self._shift, x)
 
 
 class _Window:
@@ -360,11 +321,6 @@ def _told(window: _Window, hidden: Float[Tensor, "row channel"]) -> Float[Tensor
     left = hidden[held].double() - window(held).double() @ weights
     of_all = ((hidden[held].double()) ** 2).mean(dim=0).clamp_min(1e-12)
     return ((left**2).mean(dim=0) < (1 - TOLD) * of_all).to(hidden.dtype)
-
-
-def _in_parts(net: nn.Module, inputs: Float[Tensor, "row input"]) -> Tensor:
-    """A network's answers to many rows."""
-    return torch.cat([net(part) for part in inputs.split(CHUNK)])
 
 
 def _observable(data: Transitions) -> Transitions:

@@ -20,7 +20,7 @@ from torch import Tensor, nn
 from wt.config import Mean
 from wt.losses.robust import cauchy
 from wt.nets.frame import Frame
-from wt.nets.mlp import Ensemble
+from wt.nets.mlp import Ensemble, in_chunks
 from wt.nets.simulator_use import DomainSamples, Examples, use_of
 from wt.train.device import seeded
 from wt.train.regression import (
@@ -99,7 +99,7 @@ def fit_mean_field(
             progress=next(parts),
             score=scores.nominal,
         )
-    reference = use.reference(lambda x: _answers(frame.nominal_change, x), of_real)
+    reference = use.reference(lambda x: in_chunks(frame.nominal_change, x), of_real)
     shift = use.shift_examples(of_real, reference)
     _fit_ensemble(frame.shift, shift, settings, seed, parts, scores.shift)
     if frame.reader is not None:
@@ -231,9 +231,3 @@ def _second_moment(samples: Tensor) -> Tensor:
 def _power(matrix: Tensor, exponent: float) -> Tensor:
     values, vectors = torch.linalg.eigh(matrix)
     return (vectors * values.clamp_min(1e-12) ** exponent) @ vectors.T
-
-
-@torch.no_grad()
-def _answers(net: Callable[[Tensor], Tensor], x: Tensor) -> Tensor:
-    """A regressor's answers, (N, channels), a part at a time."""
-    return torch.cat([net(part) for part in x.split(8192)])

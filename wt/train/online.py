@@ -63,7 +63,7 @@ class OnlineAdaptation:
         ]
         self._shift = None
         # where S encodes what is hidden, δ stays: of a stream nothing is estimated
-        self._encoded = use_of(model.method.mean).estimates_hidden
+        self._encoded = use_of(model.method.mean).asks_simulator
         if m.frame.shift is not None and not self._encoded:
             m.frame.shift.requires_grad_(True)
             self._shift = torch.optim.Adam(m.frame.shift.parameters(), lr=rate)
