@@ -40,8 +40,8 @@ hidden variables are never absent.
 ``blend``: as ``mean``, and beside it a correction that reads S's answer, as with ``read``, gives an
 answer of its own: pairs, where they select, tell the share of each in every channel, which is a
 half without.
-``encoded``: as ``read``, and while it learns the answer is the one at what was hidden in R, as
-estimated from R's recording: the simulator is the encoder (``wt.train.hidden``).
+``encoded``: as ``read``, and while it learns the answer is what S would have answered to R, made
+of R's recording: the simulator is the encoder (``wt.train.answers``).
 ``ignored``: R's change is regressed on (o, a) alone.
 """
 

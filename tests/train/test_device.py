@@ -38,6 +38,8 @@ def test_processes_are_spread_over_devices_by_index() -> None:
         assert device_of("auto", process) == device_of("cuda", process)
         assert device_of("cuda", process) == torch.device("cuda", index)
     assert device_of("cpu", 1) == torch.device("cpu")
+    assert device_of("auto", replayed=False) == torch.device("cpu")
+    assert device_of("cuda", 1, replayed=False) == torch.device("cuda", 1)
     assert beside(torch.device("cuda", 1), 1) == torch.device("cuda", 0)
     assert beside(torch.device("cpu"), 1) == torch.device("cpu")
 

@@ -27,10 +27,10 @@ class CorrectedAnswer(Baseline):
         self.net = self.ensemble(self.frame.n_condition + self.spec.n_state)
         return {"net": self.net}
 
-    def correct(self, real: Transitions, progress: Progress | None) -> None:
+    def correct(self, answered: Pairs, progress: Progress | None) -> None:
         """Regress what R does differently from S's answers."""
-        inputs, answer = self._inputs(self.answered(real))
-        change = self.tensors(real)[2]
+        inputs, answer = self._inputs(answered)
+        change = self.tensors(answered.real)[2]
         self.fit_ensemble(
             self.net,
             lambda rows: answer[rows] + self.net(inputs[rows]) - change[rows],

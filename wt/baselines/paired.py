@@ -26,7 +26,7 @@ class PairedCeiling(CorrectedAnswer):
 
     def fit(self, sim: Transitions, real: Transitions, progress: Progress | None) -> None:
         """Regress what R does differently from S's answer under the true hidden variable."""
-        self.correct(real, progress)
+        self.correct(self.answered(real), progress)
 
     def answered(self, real: Transitions) -> Pairs:
         """Pairs: S's answers under the true hidden variable."""

@@ -40,9 +40,9 @@ class SimulatorEncoder(CorrectedAnswer):
         steps = self.settings.steps
         before = answers.regressions * steps
         total = before + self.settings.members * steps
-        answers.fit(sim, real, part_of(progress, 0, total))
+        answered = answers.fit(sim, real, part_of(progress, 0, total))
         self._answers = answers
-        self.correct(real, part_of(progress, before, total))
+        self.correct(Pairs(real, answered.nominal), part_of(progress, before, total))
 
     def answered(self, real: Transitions) -> Pairs:
         """R's transitions, each with what S would have answered."""

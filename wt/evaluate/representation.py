@@ -14,8 +14,9 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from wt.losses.gan import distance
+from wt.nets.mlp import CHUNK
 from wt.nets.world_model import WorldModel
-from wt.train.batches import CHUNK, DomainData, in_frame
+from wt.train.batches import DomainData, in_frame
 from wt.types import Domain, Transitions
 
 

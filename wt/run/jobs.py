@@ -24,7 +24,7 @@ import torch
 import yaml
 
 from wt.baselines.base import find
-from wt.config import Device, FitConfig, Method, parse, to_yaml, vary
+from wt.config import FitConfig, Method, parse, to_yaml, vary
 from wt.data.transitions import digest
 from wt.errors import WorkError
 from wt.evaluate.results import OURS, PAPERS_OWN
@@ -120,9 +120,7 @@ def train(study: Study, job: Job, index: int = 0) -> None:
     (sim, real, selection, streams), config = study.split, study.config
     listener = study.listener
     if method not in (OURS, PAPERS_OWN):
-        # one core tells a device its kernels no faster than it does the work of networks so small
-        where: Device = "cpu" if config.device == "auto" else config.device
-        with on(device_of(where, index)):
+        with on(device_of(config.device, index, replayed=False)):
             baseline = find(method)(study.world.spec, config.baselines, seed, study.world)
             baseline.train(sim, real, selection, lambda k, n: listener.progress(str(job), k, n))
         baseline.nets.cpu()

@@ -59,22 +59,30 @@ class Answers:
         estimated = self._estimator.regressions
         return estimated + 2 if estimated else 0
 
-    def fit(self, sim: Transitions, real: Transitions, progress: Progress | None = None) -> None:
+    def fit(
+        self, sim: Transitions, real: Transitions, progress: Progress | None = None
+    ) -> Transitions:
         """Learn what estimates take, and what either domain does on average where S is at them.
 
         Args:
             sim: transitions of S, with its hidden variables.
             real: transitions of R, of which the hidden variables are not read.
             progress: called with (done, total) steps.
+
+        Returns:
+            :meth:`of` R's transitions, about which S is not asked twice.
         """
         steps = self._budget.steps
         done, total = self._estimator.regressions * steps, self.regressions * steps
         self._estimator.fit(sim, real, part_of(progress, 0, total))
-        if self.regressions:
-            self._sim = self._average(sim, "sim", part_of(progress, done, total))
-            self._real = self._average(real, "real", part_of(progress, done + steps, total))
+        if not self.regressions:
+            return self.of(real)
+        at = self._at_estimates(sim, "sim")
+        self._sim = self._average(at, part_of(progress, done, total))
+        at = self._at_estimates(real, "real")
+        self._real = self._average(at, part_of(progress, done + steps, total))
+        return self._would(real, at)
 
-    @torch.no_grad()
     def of(self, real: Transitions) -> Transitions:
         """R's transitions, with what S would have answered in the place of its nominal answers.
 
@@ -83,7 +91,11 @@ class Answers:
         """
         if not self.regressions:
             return self._estimator.answered(real, self._simulator)
-        at = self._at_estimates(real, "real")
+        return self._would(real, self._at_estimates(real, "real"))
+
+    @torch.no_grad()
+    def _would(self, real: Transitions, at: DomainSamples) -> Transitions:
+        """R's transitions, with what S would have answered, from its answers at estimates."""
         inputs = _inputs(at)
         beyond = at.change - at.nominal - in_chunks(self._real, inputs)
         turns = torch.arange(len(real)) % len(SHARES)
@@ -92,9 +104,8 @@ class Answers:
         states = self._frame.next_states(torch.tensor(real.o), would)
         return replace(real, nominal=states.cpu().numpy())
 
-    def _average(self, data: Transitions, domain: Domain, progress: Progress | None) -> nn.Module:
+    def _average(self, at: DomainSamples, progress: Progress | None) -> nn.Module:
         """What a domain does on average beyond S's answer at estimates of what was hidden."""
-        at = self._at_estimates(data, domain)
         inputs, difference = _inputs(at), at.change - at.nominal
         net = self._network(inputs.shape[1], difference.shape[1])
 
@@ -131,7 +142,7 @@ def answers_of(
     return Answers(frame, lambda n, m: mlp(n, m, settings.width, settings.depth), budget, simulator)
 
 
-def answered(
+def with_answers(
     answers: Answers,
     sim: Transitions,
     real: Transitions,
@@ -147,10 +158,10 @@ def answered(
         selection: held-out data; pairs have answers already.
         progress: called with (done, total) steps.
     """
-    answers.fit(sim, real, progress)
+    answered = answers.fit(sim, real, progress)
     if isinstance(selection, Unpaired):
         selection = Unpaired(selection.sim, answers.of(selection.real))
-    return answers.of(real), selection
+    return answered, selection
 
 
 def _inputs(at: DomainSamples) -> Tensor:

@@ -15,11 +15,10 @@ import torch
 from torch import Tensor
 
 from wt.nets.frame import Frame
+from wt.nets.mlp import CHUNK, in_chunks
 from wt.train.device import seeded
 from wt.train.segments import Segments, TrajectorySegment
 from wt.types import Domain, Transitions
-
-CHUNK = 16384
 
 
 class DomainData(NamedTuple):
@@ -79,7 +78,7 @@ def framed(frame: Frame, data: Transitions, domain: Domain) -> DomainData:
     nominal = frame.changes(o, torch.tensor(data.nominal))
     if frame.nominal is not None:
         if not frame.imitates_nominal:
-            nominal = torch.cat([frame.nominal_change(xs) for xs in x.split(CHUNK)])
+            nominal = in_chunks(frame.nominal_change, x)
         y = y - nominal
     if domain == "real":
         parts = zip(x.split(CHUNK), nominal.split(CHUNK), strict=True)

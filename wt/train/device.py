@@ -25,14 +25,18 @@ def check(name: Device) -> None:
         raise ConfigError("device: 'cuda' was given, and torch finds none; use auto or cpu")
 
 
-def device_of(name: Device, index: int = 0) -> torch.device:
+def device_of(name: Device, index: int = 0, *, replayed: bool = True) -> torch.device:
     """The device of a name.
 
     Args:
-        name: ``cpu``, ``cuda`` or ``auto``, which is CUDA where there is any.
+        name: ``cpu``, ``cuda`` or ``auto``, which is CUDA where there is any, for what is replayed.
         index: of this process among those that train side by side, which are spread over the
             machine's CUDA devices in turn.
+        replayed: whether steps may be replayed as graphs (:mod:`wt.train.graphs`). Without, a core
+            tells a device its kernels no faster than it does the work of networks so small.
     """
+    if name == "auto" and not replayed:
+        return torch.device("cpu")
     if name == "cpu" or not torch.cuda.is_available():
         return torch.device("cpu")
     return torch.device("cuda", index % torch.cuda.device_count())

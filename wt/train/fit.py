@@ -20,9 +20,9 @@ from torch import Tensor
 from wt.config import Method, Train
 from wt.data.stored import Streams
 from wt.nets.mlp import Ensemble
-from wt.nets.simulator_use import UNTRIED, use_of
+from wt.nets.simulator_use import STRENGTHS, UNTRIED, use_of
 from wt.nets.world_model import WorldModel
-from wt.train.answers import answered, answers_of
+from wt.train.answers import answers_of, with_answers
 from wt.train.batches import in_frame, within
 from wt.train.callbacks import CollapseWatch, ShowProgress
 from wt.train.checkpoints import WholeCheckpoints
@@ -47,8 +47,6 @@ from wt.train.selection import Selection, Unpaired
 from wt.train.streamed import drawn
 from wt.types import Transitions, TransitionSpec
 
-STRENGTHS = tuple(k / 10 for k in range(11))
-"""Shares of an anchored translation that are tried on what is held out."""
 IN_MEMORY = Streams()
 """Nothing is streamed."""
 
@@ -104,7 +102,7 @@ def fit_world_model(
     total = extra + train.steps
     before, in_front = part_of(progress, 0, total), part_of(progress, first, total)
     if answers:
-        real, selection = answered(answers, sim, real, selection, before)
+        real, selection = with_answers(answers, sim, real, selection, before)
         streams = streams._replace(real=None)  # S has answered the sample alone
     sim, real = (within(model.frame, x, method.translation.reach) for x in (sim, real))
     _mean_field(model, sim, real, selection, seed, folder, in_front)
@@ -347,22 +345,16 @@ def _chosen(model: WorldModel, selection: Selection) -> WorldModel:
 
 @torch.no_grad()
 def _choose_strength(model: WorldModel, selection: Selection) -> None:
-    """Apply as much of an anchored translation as helps on what is held out.
-
-    None where δ reads S's answer, without pairs: what S told is in δ, and between what is left of
-    S and of R nothing is hidden that both have. Nearer to R as a distribution, it made four times
-    the error on the R5.
-    """
+    """Apply as much of an anchored translation as helps on what is held out."""
     if not model.method.translation.anchored:
         return
-    if isinstance(selection, Unpaired) and use_of(model.method.mean).asks_simulator:
-        model.strength.fill_(0.0)
-        return
+    unpaired = isinstance(selection, Unpaired)
+    strengths = use_of(model.method.mean).unpaired_strengths if unpaired else STRENGTHS
     scores = []
-    for strength in STRENGTHS:
+    for strength in strengths:
         model.strength.fill_(strength)
         scores.append(score(model, selection))
-    model.strength.fill_(STRENGTHS[scores.index(min(scores))])
+    model.strength.fill_(strengths[scores.index(min(scores))])
 
 
 @torch.no_grad()

@@ -34,7 +34,7 @@ from torch import Tensor, nn
 from wt.losses.robust import cauchy
 from wt.nets.frame import Frame
 from wt.nets.mlp import CHUNK, in_chunks
-from wt.train.mean_field import gaussian_transport
+from wt.train.mean_field import gaussian_transport, samples
 from wt.train.regression import Progress, Regression, member_seed, part_of, regress
 from wt.types import Domain, Transitions
 
@@ -184,13 +184,6 @@ class _Estimator(ABC):
         out: np.ndarray = (normalised * self._spread + self._mean).cpu().numpy()
         return out
 
-    @torch.no_grad()
-    def _framed(self, data: Transitions) -> tuple[Tensor, Tensor, Tensor]:
-        """Normalised (o, a), the nominal change and the change that came out."""
-        o, frame = torch.tensor(data.o), self._frame
-        nominal, s_next = (frame.changes(o, torch.tensor(s)) for s in (data.nominal, data.s_next))
-        return frame.conditions(o, torch.tensor(data.a)), nominal, s_next
-
 
 class _Motion(_Estimator):
     """Motion, from the robot's own motion some steps before and after."""
@@ -222,7 +215,7 @@ class _Motion(_Estimator):
     def _shown(self, data: Transitions) -> tuple[Tensor, Tensor]:
         """Each step's state and action, and its outcome, which ends an episode."""
         spec = self._frame.spec
-        x, _, change = self._framed(data)
+        x, _, change = samples(self._frame, data)
         return torch.cat([x[:, : spec.n_state], x[:, -spec.n_action :]], dim=1), change
 
 
@@ -234,7 +227,7 @@ class _Force(_Estimator):
     def fit(self, sim: Transitions, real: Transitions, progress: Progress | None) -> None:
         """Find what R does most often, move what is left to S's size, and regress S's forces."""
         steps = self.budget.steps
-        x, nominal, change = self._framed(real)
+        x, nominal, change = samples(self._frame, real)
         difference = change - nominal
         self._shift = self._network(x.shape[1], difference.shape[1])
 
@@ -249,7 +242,7 @@ class _Force(_Estimator):
             mode,
             part_of(progress, 0, 2 * steps),
         )
-        of_sim, nominal, change = self._framed(sim)
+        of_sim, nominal, change = samples(self._frame, sim)
         left = change - nominal
         self._transport = gaussian_transport(self._left(x, difference), left)
         inputs, target = torch.cat([of_sim, left], dim=1), self._lessons(sim)
@@ -265,7 +258,7 @@ class _Force(_Estimator):
     @torch.no_grad()
     def estimate(self, data: Transitions, domain: Domain) -> Float32[np.ndarray, "row channel"]:
         """What S has taught, of outcomes; R's are moved to where S's are."""
-        x, nominal, left = self._framed(data)
+        x, nominal, left = samples(self._frame, data)
         left = left - nominal
         if domain == "real":
             left = self._left(x, left) @ self._transport
