@@ -225,6 +225,7 @@ def _tell(folder: Path, written: Sequence[str], outcome: RunOutcome, events: obj
 def simulate(
     *, interface: str, domain: int, remote: Sequence[str], fault: str | None,
     seconds: float | None, out: Path | None, realtime: bool, hung: bool = False,
+    model: Path | None = None,
 ) -> None:  # fmt: skip
     """Simulate a Go2 until Ctrl-C or the time is over, and say where it got.
 
@@ -237,9 +238,10 @@ def simulate(
         out: folder of a recording; None for none.
         realtime: run before all other processes.
         hung: whether its trunk is held above the floor.
+        model: MJCF of the robot that it is instead of the published one.
 
     Raises:
-        UserError: interface, script or fault cannot be used.
+        UserError: interface, script, fault or model cannot be used.
     """
     from deploy.clock import take_precedence
     from deploy.dds import DdsParticipant
@@ -252,11 +254,12 @@ def simulate(
     if realtime:
         take_precedence()
     mischief = Mischief.parse(fault) if fault else None
-    sim = Sim(DdsParticipant(interface, domain), script, mischief, SimRobot(hung=hung))
+    robot = SimRobot(hung=hung, machine=model)
+    sim = Sim(DdsParticipant(interface, domain), script, mischief, robot)
     ended = [False]
     for s in (signal.SIGINT, signal.SIGTERM):
         signal.signal(s, lambda *_: ended.__setitem__(0, True))
-    where = f"{'hangs' if hung else 'lies'} at {interface}, DDS domain {domain}"
+    where = f"{'hangs' if robot.hung else 'lies'} at {interface}, DDS domain {domain}"
     print(f"a Go2 {where}; Ctrl-C ends", flush=True)
     end = math.inf if seconds is None else seconds
     sim.run(lambda elapsed: ended[0] or elapsed >= end)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -17,6 +18,7 @@ from deploy.idl import LowState_
 from deploy.messages import Packed
 from deploy.motion import DAMPING
 from deploy.robot import Command
+from wt.errors import ModelError
 from wt.worlds import go2_model
 from wt.worlds.legged_model import BASE, GYRO, ORIENTATION, hang
 
@@ -42,20 +44,31 @@ class SimRobot:
         data: MuJoCo's state.
         command: what the drives do.
         stale: whether they brake because no command comes.
+        hung: whether its trunk is held above the floor.
         missed: time that passed without physics [s].
     """
 
     def __init__(
-        self, edit: Callable[[mujoco.MjSpec], None] = lambda spec: None, hung: bool = False
+        self,
+        edit: Callable[[mujoco.MjSpec], None] = lambda spec: None,
+        hung: bool = False,
+        machine: Path | None = None,
     ) -> None:
         """Put it down and let it settle.
 
         Args:
             edit: makes it another robot than the published one, in place.
-            hung: whether its trunk is held above the floor.
+            hung: whether its trunk is held above the floor; a machine from a file says so itself.
+            machine: MJCF of another Go2, as :func:`read` takes it.
+
+        Raises:
+            ModelError: it is not a Go2.
         """
-        spec = go2_model.spec(go2_model.PUBLISHED, _TIMESTEP)
-        if hung:
+        spec = read(machine) if machine else go2_model.spec(go2_model.PUBLISHED, _TIMESTEP)
+        spec.option.timestep = _TIMESTEP
+        if machine:
+            hung = spec.joint(BASE) is None
+        elif hung:
             hang(spec)
         edit(spec)
         spec.add_sensor(
@@ -66,7 +79,7 @@ class SimRobot:
         self.data = mujoco.MjData(self._model)
         self._motor = go2.motors(JOINTS)
         first = self._model.joint(JOINTS[0])
-        self._first, self._hung = (first.qposadr[0], first.dofadr[0]), hung
+        self._first, self.hung = (first.qposadr[0], first.dofadr[0]), hung
         none = np.zeros(len(JOINTS))
         self._idle = Command(none, none, none)
         self._brake = Command(none, none, none + DAMPING)
@@ -155,10 +168,47 @@ class SimRobot:
         """The true state, also what only a simulator or motion capture knows: :func:`columns`."""
         data = self.data
         trunk = (data.qpos[:7], data.qvel[:6])
-        if self._hung:
+        if self.hung:
             held = data.body(go2_model.TRUNK)
             trunk = (np.concatenate([held.xpos, held.xquat]), np.zeros(6))
         return np.concatenate([*trunk, self.joints, self.speeds, data.actuator_force])
+
+
+def read(path: Path) -> mujoco.MjSpec:
+    """Read the MJCF of a Go2 that is not the published one, such as has something to be found.
+
+    Names decide, as in what ``wt model go2`` prints; with ``--hung`` the trunk has no free joint.
+
+    Raises:
+        ModelError: MuJoCo cannot load it, or it is not a Go2.
+    """
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+        model = spec.copy().compile()
+    except (ValueError, OSError) as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise ModelError(f"--model {path} does not load: {reason}") from error
+    drives = tuple(model.actuator(i).name for i in range(model.nu))
+    joints = tuple(model.joint(i).name for i in range(model.njnt))
+    sensors = {model.sensor(i).name for i in range(model.nsensor)}
+    sites = {model.site(i).name for i in range(model.nsite)}
+    where = joints.index(JOINTS[0]) if JOINTS[0] in joints else 0
+    lacking = [
+        what
+        for what, there in (
+            (f"the joints {JOINTS[0]} … {JOINTS[-1]}", joints[where:][: len(JOINTS)] == JOINTS),
+            (f"the drives {JOINTS[0]} … {JOINTS[-1]}", drives == JOINTS),
+            (f"the sensors {GYRO} and {ORIENTATION}", {GYRO, ORIENTATION} <= sensors),
+            ("the site imu", "imu" in sites),
+        )
+        if not there
+    ]
+    if lacking:
+        raise ModelError(
+            f"--model {path} is no Go2: it lacks {', '.join(lacking)}, one after the other and "
+            "nothing between; begin with what `wt model go2` prints"
+        )
+    return spec
 
 
 def columns() -> list[str]:

@@ -29,6 +29,14 @@ def command(
         bool, typer.Option("--realtime", help="Run before all else (root, or ulimit -r 20).")
     ] = False,
     hung: Annotated[bool, typer.Option("--hung", help="Its trunk is held in the air.")] = False,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MACHINE.xml",
+            help="It is this Go2, not the published one: what `wt model go2 [--hung]` prints, with "
+            "something changed to be found.",
+        ),
+    ] = None,
 ) -> None:
     """Simulate a Go2 behind the topics of a real one: rt/lowcmd in, rt/lowstate out.
 
@@ -40,12 +48,16 @@ def command(
         wt-sim-go2
         wt-sim-go2 1:stand 5:policy 6:walk=0.5 11:walk=0 12:damping --seconds 13
         wt-sim-go2 1:stand 5:policy --fault drop@7 --seconds 9
+        wt-sim-go2 --model worn.xml
     """
     from deploy.job import simulate
+    from wt.errors import UserError
 
+    if hung and model:
+        raise UserError("--hung and --model were both given; the model says whether it hangs")
     simulate(
         interface=interface, domain=domain, remote=remote or [], fault=fault, seconds=seconds,
-        out=out, realtime=realtime, hung=hung,
+        out=out, realtime=realtime, hung=hung, model=model,
     )  # fmt: skip
 
 

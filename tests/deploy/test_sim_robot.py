@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -13,7 +15,8 @@ from deploy.mischief import Mischief
 from deploy.remote import Remote
 from deploy.script import Script
 from deploy.sim_robot import JOINTS, STALE_COMMAND, TICK, SimRobot
-from wt.errors import ConfigError
+from wt.errors import ConfigError, ModelError
+from wt.worlds.robots import mjcf
 
 MOTOR = go2.motors(JOINTS)
 
@@ -126,3 +129,35 @@ def test_a_script_that_makes_no_sense_is_refused(word: str) -> None:
 def test_a_fault_that_makes_no_sense_is_refused(text: str, said: str) -> None:
     with pytest.raises(ConfigError, match=said):
         Mischief.parse(text)
+
+
+def test_it_may_be_another_go2_from_a_file(tmp_path: Path) -> None:
+    """A drive that is told a quarter turn away comes less far against a worn gear."""
+    reached = []
+    for name, dry in (("new", 'frictionloss="0.2"'), ("worn", 'frictionloss="6"')):
+        path = tmp_path / f"{name}.xml"
+        path.write_text(mjcf("go2", hung=True).replace('frictionloss="0.2"', dry))
+        robot = SimRobot(machine=path)
+        assert robot.hung and robot._model.opt.timestep == 0.001
+        message = LowCmd_()
+        fields = message.data["motor_cmd"]
+        fields["q"][MOTOR] = robot.joints + 0.25
+        fields["kp"][MOTOR], fields["kd"][MOTOR] = 20.0, 1.0
+        begin = robot.joints.copy()
+        assert robot.hear(message.seal(), now=0.0)
+        for _ in range(200):
+            robot.step(now=0.0)
+        reached.append(np.abs(robot.joints - begin).mean())
+    assert reached[1] < 0.5 * reached[0]
+
+
+def test_what_is_no_go2_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "other.xml"
+    for text, why in (
+        ("<mujoco", "does not load"),
+        ("<mujoco/>", "lacks the joints FL_hip_joint … RR_calf_joint, the drives"),
+        (mjcf("go2").replace('name="gyro"', 'name="turn"'), "lacks the sensors gyro"),
+    ):
+        path.write_text(text)
+        with pytest.raises(ModelError, match=why):
+            SimRobot(machine=path)

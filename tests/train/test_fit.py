@@ -325,8 +325,9 @@ def test_the_simulator_encodes_what_no_pairs_tell(paper: Method, folder: Path) -
     assert float((left**2).mean()) < 0.1 * toy.error_without_history()
     raw = (tensors.sim_next - tensors.real_next)[:, 2:]
     assert float((left**2).mean()) < 0.3 * float((raw**2).mean())
-    # S has been read: what is left of both is not to be made alike
+    # S has been read: what is left of both is not to be made alike, and nothing is trained for it
     assert float(model.strength) == 0.0
+    assert not list(folder.glob("*.ckpt"))
 
 
 def test_what_is_hidden_in_r_s_collection_does_not_reach_the_encoder(

@@ -21,8 +21,6 @@ from wt.config import Mean, SimulatorUseName
 
 ALL = (1.0,)
 """Shares where nothing but the whole is tried."""
-STRENGTHS = tuple(k / 10 for k in range(11))
-"""Shares of an anchored translation that are tried on what is held out."""
 UNTRIED = 0.5
 """A share that only pairs could tell: the one of least regret in the worst case.
 
@@ -67,7 +65,7 @@ class SimulatorUse:
         shift_shares: of δ, of which model selection takes one.
         outcome_shares: of what S does beyond n, of which pairs take one.
         untried_share: of the same, where there are no pairs.
-        unpaired_strengths: of an anchored translation, of which held-out transitions take one.
+        translates_unpaired: Algorithm 1 is of use where there are no pairs.
     """
 
     has_shift: ClassVar[bool] = True
@@ -82,7 +80,7 @@ class SimulatorUse:
     shift_shares: ClassVar[tuple[float, ...]] = ALL
     outcome_shares: ClassVar[tuple[float, ...]] = ALL
     untried_share: ClassVar[float] = 1.0
-    unpaired_strengths: ClassVar[tuple[float, ...]] = STRENGTHS
+    translates_unpaired: ClassVar[bool] = True
 
     def nominal_examples(self, sim: DomainSamples, real: DomainSamples) -> Examples:
         """Lessons of n: S's answer with nothing hidden, which is known for both domains."""
@@ -166,7 +164,7 @@ class Encoded(Read):
     has_nominal = False
     asks_simulator = True
     transported = False
-    unpaired_strengths = (0.0,)
+    translates_unpaired = False
 
 
 class Ignored(SimulatorUse):

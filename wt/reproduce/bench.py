@@ -56,7 +56,10 @@ BASIC = Variant("w/o", changes=("vae.classifier_weight=0", "nets.film=false"))
 """Without its auxiliary parts, domain classifier and FiLM (tables I and II)."""
 
 PLUS = Variant(OURS, OURS)
-"""Our best."""
+"""Our best: S encodes what is hidden, and nothing is translated without pairs."""
+
+MEAN_FIELD = Variant("mean field and translation", OURS, ("mean.kind=mode", "mean.simulator=base"))
+"""Our classes with what nothing hidden decides apart, and a translation of what is left."""
 
 
 @dataclass

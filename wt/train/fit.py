@@ -20,7 +20,7 @@ from torch import Tensor
 from wt.config import Method, Train
 from wt.data.stored import Streams
 from wt.nets.mlp import Ensemble
-from wt.nets.simulator_use import STRENGTHS, UNTRIED, use_of
+from wt.nets.simulator_use import UNTRIED, use_of
 from wt.nets.world_model import WorldModel
 from wt.train.answers import answers_of, with_answers
 from wt.train.batches import in_frame, within
@@ -43,12 +43,14 @@ from wt.train.regression import Progress, Score, part_of
 from wt.train.replicas import OneMachine, Place, Unwrapped, end_with_parent, followers
 from wt.train.score import PairTensors, predictions, score
 from wt.train.segments import Segments
-from wt.train.selection import Selection, Unpaired
+from wt.train.selection import Paired, Selection, Unpaired
 from wt.train.streamed import drawn
 from wt.types import Transitions, TransitionSpec
 
 IN_MEMORY = Streams()
 """Nothing is streamed."""
+STRENGTHS = tuple(k / 10 for k in range(11))
+"""Shares of an anchored translation that are tried on what is held out."""
 
 
 def _ignore(metrics: Mapping[str, float], step: int) -> None:
@@ -98,8 +100,8 @@ def fit_world_model(
     fit_normalizers(model.frame, sim, real)
     answers, steps = answers_of(model.frame, method.mean, seed, simulator), method.mean.steps
     first = answers.regressions * steps if answers else 0
-    train, extra = method.train, first + regressions(method.mean) * steps
-    total = extra + train.steps
+    extra = first + regressions(method.mean) * steps
+    total = extra + _translates(method, selection) * method.train.steps
     before, in_front = part_of(progress, 0, total), part_of(progress, first, total)
     if answers:
         real, selection = with_answers(answers, sim, real, selection, before)
@@ -107,14 +109,37 @@ def fit_world_model(
     sim, real = (within(model.frame, x, method.translation.reach) for x in (sim, real))
     _mean_field(model, sim, real, selection, seed, folder, in_front)
     _choose_transport(model, sim, real, selection)
-    data, module = drawn(model, sim, real, streams, seed), WorldTranslation(spec, method, model)
-    segments = Segments(real, train.segment, train.batch) if train.segment > 1 else None
-    loaded = TranslationData(
-        *data, selection, batch=train.batch, latent=method.nets.latent, seed=seed, segments=segments
-    )
+    if not _translates(method, selection):
+        model.strength.fill_(0.0)
+        return model.eval()
+    loaded = _loaded(model, sim, real, streams, selection, seed)
+    module = WorldTranslation(spec, method, model)
     best = _run(module, loaded, folder, sink, warn, part_of(progress, extra, total))
     module.load_state_dict(torch.load(best, "cpu", weights_only=True)["state_dict"])
     return _chosen(module.deployed().eval(), selection)
+
+
+def _loaded(
+    model: WorldModel,
+    sim: Transitions,
+    real: Transitions,
+    streams: Streams,
+    selection: Selection,
+    seed: int,
+) -> TranslationData:
+    """Batches of Algorithm 1, in the frame of a model with a fitted mean field."""
+    train, latent = model.method.train, model.method.nets.latent
+    segments = Segments(real, train.segment, train.batch) if train.segment > 1 else None
+    data = drawn(model, sim, real, streams, seed)
+    return TranslationData(
+        *data, selection, batch=train.batch, latent=latent, seed=seed, segments=segments
+    )
+
+
+def _translates(method: Method, selection: Selection) -> bool:
+    """Whether Algorithm 1 may have a say in the model."""
+    whole = not method.translation.anchored
+    return whole or isinstance(selection, Paired) or use_of(method.mean).translates_unpaired
 
 
 def _mean_field(
@@ -348,13 +373,11 @@ def _choose_strength(model: WorldModel, selection: Selection) -> None:
     """Apply as much of an anchored translation as helps on what is held out."""
     if not model.method.translation.anchored:
         return
-    unpaired = isinstance(selection, Unpaired)
-    strengths = use_of(model.method.mean).unpaired_strengths if unpaired else STRENGTHS
     scores = []
-    for strength in strengths:
+    for strength in STRENGTHS:
         model.strength.fill_(strength)
         scores.append(score(model, selection))
-    model.strength.fill_(strengths[scores.index(min(scores))])
+    model.strength.fill_(STRENGTHS[scores.index(min(scores))])
 
 
 @torch.no_grad()

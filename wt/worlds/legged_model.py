@@ -250,17 +250,17 @@ def add_robot(
 
 
 def hang(spec: mujoco.MjSpec, height: float = 1.0) -> None:
-    """Hold a robot's trunk in the air, in place: its free joint and its keyframes go.
+    """Hold a robot's trunk in the air, in place: its free joint goes, also out of its keyframes.
 
     Args:
-        spec: of a robot with the free joint :data:`BASE`.
+        spec: of a robot whose first joint is the free joint :data:`BASE`.
         height: of the trunk's origin [m].
     """
     base = spec.joint(BASE)
     trunk = base.parent
     spec.delete(base)
-    for key in list(spec.keys):
-        spec.delete(key)
+    for key in spec.keys:
+        key.qpos = list(key.qpos)[7:]
     trunk.pos = (0.0, 0.0, height)
 
 

@@ -45,3 +45,10 @@ def test_a_recording_that_ends_at_rest_says_where(arm: Scene) -> None:
 def test_one_that_never_rests_stood_where_it_was_slowest(arm: Scene) -> None:
     moving = shown("one", False, [0.1, 0.2, 0.3], [0.8, 0.2, 1.0])
     assert reach_of(arm, [moving]).rest == pytest.approx([0.2])
+
+
+def test_before_anything_is_recorded_it_stands_in_the_first_keyframe(tmp_path: Path) -> None:
+    path = tmp_path / "arm.xml"
+    key = '<keyframe><key name="home" qpos="-1.2"/></keyframe></mujoco>'
+    path.write_text(XML.replace("</mujoco>", key))
+    assert reach_of(Scene(path), []).rest == pytest.approx([-1.2], abs=0.05)

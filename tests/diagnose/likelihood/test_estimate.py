@@ -6,8 +6,16 @@ from pathlib import Path
 from unittest.mock import Mock
 
 import numpy as np
+import pytest
 
-from wt.diagnose.likelihood.estimate import Estimated, _named, distances_from_nothing, least_spread
+from tests.diagnose.hidden_forces import chain, world
+from wt.diagnose.likelihood.estimate import (
+    Estimated,
+    _named,
+    distances_from_nothing,
+    estimate,
+    least_spread,
+)
 from wt.diagnose.likelihood.objective import Assessed
 from wt.diagnose.likelihood.tolerances import absorbed, alike, tolerances
 from wt.diagnose.result import Estimate
@@ -160,3 +168,27 @@ def test_what_joints_cannot_show_is_open_and_no_reason_to_doubt_the_rest() -> No
     np.testing.assert_allclose(low, (4.4, bounds[0][1], -0.6))
     np.testing.assert_allclose(high, (5.2, bounds[1][1], 0.0))
     assert "cannot show y" in found.to_json()["warning"]
+
+
+def test_what_makes_no_difference_beyond_some_size_has_no_upper_end(tmp_path: Path) -> None:
+    """Friction that creeps and never slips might be any size from the one at which it would."""
+    rubbing = chain(2).replace('name="j2"', 'name="j2" frictionloss="3"')
+    slow = world(tmp_path, 2, None, 4.0, machine=rubbing)
+    (creeping,) = effects()["joint.friction_coulomb"].forms
+    at, ends = Location("joint", "j2"), {}
+    for start in (0.3, 3.0):
+        found = estimate(slow.objective, (Planted(creeping, at, np.array([start])),))
+        ends[start] = found.estimates[0]["coulomb"].ci95
+        assert "not identifiable" in found.estimates[0]["coulomb"].warning
+    assert all(low < 3.0 for low, _ in ends.values())
+    assert all(high == creeping.parameters[0].upper for _, high in ends.values())
+
+
+@pytest.mark.parametrize("truth", [0.05, 0.3])
+def test_what_makes_a_difference_has_both_ends(tmp_path: Path, truth: float) -> None:
+    rubbing = chain(2).replace('name="j2"', f'name="j2" frictionloss="{truth}"')
+    slow = world(tmp_path, 2, None, 4.0, machine=rubbing)
+    (creeping,) = effects()["joint.friction_coulomb"].forms
+    found = estimate(slow.objective, (Planted(creeping, Location("joint", "j2"), np.array([0.2])),))
+    low, high = found.estimates[0]["coulomb"].ci95
+    assert 0.5 * truth < low < truth < high < 2.0 * truth

@@ -112,9 +112,11 @@ def roomy(reach: Reach, dof: int) -> bool:
 def _stands(scene: Scene, shown: Sequence[Shown]) -> Float[np.ndarray, " dof"]:
     """Pose in which the machine stands: at the end of the last recording, or its start.
 
-    Where it moves at either, in the most quiet moment of its last part.
+    Where it moves at either, in the most quiet moment of its last part. Where nothing was recorded,
+    in the model's first keyframe, or else at zero.
     """
-    rest = scene.model.qpos0.copy()
+    model = scene.model
+    rest = (model.key_qpos[0] if model.nkey else model.qpos0).copy()
     if not shown:
         return rest
     # the last that were given are held out, as the last part of a single one is

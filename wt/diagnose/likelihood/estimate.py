@@ -13,10 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.stats import chi2
 from scipy.stats import t as student
 
 from wt.diagnose.likelihood.objective import Assessed, Objective
-from wt.diagnose.likelihood.refine import bounds, jacobian, pack, refine, steps
+from wt.diagnose.likelihood.refine import bounds, jacobian, pack, refine, steps, unpack
 from wt.diagnose.likelihood.shown import hidden_axes, shown
 from wt.diagnose.likelihood.tolerances import absorbed, alike, boxes
 from wt.diagnose.result import Estimate
@@ -30,6 +31,11 @@ BLOCK_S = 2.0
 _SETTLED, _NEAR = 3, 0.02
 """Most fits, each with tolerances linear around the last: none where the parameters moved by less
 than this share."""
+
+_NO_LOSS = 0.5 * float(chi2.ppf(0.95, 1))
+"""Loss of log-likelihood inside a 95 % interval of one parameter [nats] (S. S. Wilks, 1938)."""
+_TIMES = 3
+"""What is as good so often doubled, or halved, has no end that these recordings show."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +71,9 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     spread = _spread(objective, now, slope @ visible)
     spread = np.hypot(spread, least_spread(now.hypothesis, smallest))
     lower, upper = bounds(now.hypothesis, parts)
-    low, high = np.maximum(theta - spread, lower), np.minimum(theta + spread, upper)
+    small, large = (_as_good(objective, now, theta, factor) for factor in (0.5, 2.0))
+    low = np.maximum(np.minimum(theta - spread, small), lower)
+    high = np.minimum(np.maximum(theta + spread, large), upper)
     estimates, offset = [], 0
     for planted in now.hypothesis:
         rows = slice(offset, offset + planted.effect.n_theta)
@@ -150,6 +158,41 @@ def _spread(
     # what the replays' steps may still be wrong by, seen through the same estimator
     numerical = inverse @ (_numerical_score(objective, now, slope) / scale) / scale
     return np.asarray(np.hypot(student.ppf(0.975, freedom) * deviation, 2.0 * numerical[:p]))
+
+
+def _as_good(
+    objective: Objective, now: Assessed, theta: Float[np.ndarray, " parameter"], factor: float
+) -> Float[np.ndarray, " parameter"]:
+    """How large, or small, each size may be without any loss: curvature where it is says it not.
+
+    Friction in which nothing slipped, a limit that nothing reached: beyond some size such a law
+    does what it does anyway.
+
+    Args:
+        objective: the replays.
+        now: the fitted hypothesis.
+        theta: its parameters.
+        factor: by which sizes grow or shrink, several times.
+
+    Returns:
+        Parameters; infinite or zero where no multiple that is tried makes a difference.
+    """
+    parts, count = range(len(now.hypothesis)), np.arange(len(theta))
+    each = [p for q in now.hypothesis for p in q.effect.parameters for _ in range(p.size)]
+    sizes = [p.size == 1 and p.lower >= 0.0 and p.public for p in each]
+    going = np.flatnonzero(np.array(sizes) & (theta > 0.0))
+    multiple = np.ones(len(theta))
+    for _ in range(_TIMES):
+        multiple[going] *= factor
+        tried = [np.where(count == k, multiple * theta, theta) for k in going]
+        fits = objective.evaluate([unpack(now.hypothesis, parts, t) for t in tried])
+        good = np.array([f.loglik > now.loglik - _NO_LOSS for f in fits], dtype=bool)
+        multiple[going[~good]] /= factor
+        going = going[good]
+        if not len(going):
+            return multiple * theta
+    multiple[going] = np.inf if factor > 1.0 else 0.0
+    return multiple * theta
 
 
 def least_spread(

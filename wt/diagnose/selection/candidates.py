@@ -54,8 +54,10 @@ def candidates(
     chosen = _chosen(screen, ranked, strong, worst, erring)
     proposals: list[tuple[Planted, Shape | None]] = [(s.planted, s.shape) for s in chosen]
     for s in chosen:
-        starts = s.planted.effect.starts(screen.motion, s.planted.at)
+        effect = s.planted.effect
+        starts = effect.starts(screen.motion, s.planted.at)
         proposals += [(replace(s.planted, theta=theta), s.shape) for theta in starts]
+        proposals += [(replace(s.planted, effect=form), s.shape) for form in effect.forms]
     proposals += [(p, None) for p in _replay_only(screen, worst)]
     somewhere = (-1, *improvable(objective, now))
     return [

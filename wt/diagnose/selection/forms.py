@@ -13,32 +13,40 @@ from wt.diagnose.likelihood.objective import Objective
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.effect import Effect, effects
+from wt.physics.planted import Hypothesis
 
 
 def in_best_form(
     objective: Objective, accepted: tuple[Accepted, ...], log: DecisionLog
 ) -> tuple[Accepted, ...]:
-    """The same effects, each in the form by which replays are clearly the likeliest.
+    """The same effects, each in its usual form unless replays are clearly likelier in another.
 
     Args:
         objective: replays.
         accepted: effects that were found.
         log: grows by what changes.
     """
-    if any(a.planted.effect.forms for a in accepted):
-        objective.reference(tuple(a.planted for a in accepted))
-    for i, found in enumerate(accepted):
-        for form in found.planted.effect.forms:
-            planted = replace(found.planted, effect=form)
-            changed = tuple(
-                replace(a, planted=planted) if k == i else a for k, a in enumerate(accepted)
-            )
-            before, after = objective.evaluate(
-                [tuple(a.planted for a in those) for those in (accepted, changed)]
-            )
+    for i in range(len(accepted)):
+        for form in _others(accepted[i]):
+            now, other = accepted[i], replace(accepted[i].planted, effect=form)
+            changed = (*accepted[:i], replace(now, planted=other), *accepted[i + 1 :])
+            # each as replays around itself say: what adapts to one is not what adapts to the other
+            before, after = (objective.reference(_laws(those)) for those in (accepted, changed))
             lead = after.loglik - before.loglik
-            if lead > THRESHOLDS.equivalent_nats:
+            due = THRESHOLDS.equivalent_nats if form.form else -THRESHOLDS.equivalent_nats
+            if lead > due:
                 accepted = changed
-                reason = f"as {form.form}"
-                log.add(planted, "alternative", True, lead, THRESHOLDS.equivalent_nats, reason)
+                reason = f"as {form.form}" if form.form else "in the usual form"
+                log.add(other, "alternative", True, lead, due, reason)
     return accepted
+
+
+def _laws(accepted: tuple[Accepted, ...]) -> Hypothesis:
+    return tuple(a.planted for a in accepted)
+
+
+def _others(found: Accepted) -> list[Effect]:
+    """The forms of a law in which it was not found."""
+    usual = effects()[found.planted.effect.id]
+    return [form for form in (usual, *usual.forms) if form is not found.planted.effect]

@@ -9,8 +9,8 @@ import torch
 
 from wt.config import vary
 from wt.evaluate.figures import curves
-from wt.evaluate.results import OURS, PAPERS_OWN
-from wt.reproduce.bench import FULL, PLUS, Bench, Variant
+from wt.evaluate.results import PAPERS_OWN
+from wt.reproduce.bench import FULL, MEAN_FIELD, Bench, Variant
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
 from wt.reproduce.words import gain, mean, spread
 from wt.run.study import Study
@@ -30,7 +30,7 @@ PARTS, PART, PART_QUICK = 10, 1000, 300
 """The stream, in parts of so many transitions: 20 s of the robot each."""
 PAIRS, PAIRS_QUICK = 5000, 500
 STREAM_SEED, PAIRS_SEED = 2000, 3000
-METHODS = ((PAPERS_OWN, FULL), (OURS, PLUS))
+METHODS = ((PAPERS_OWN, FULL), (MEAN_FIELD.name, MEAN_FIELD))
 
 
 @register
@@ -45,7 +45,7 @@ class OnlineExhibit(Exhibit):
     def measure(self, bench: Bench) -> Numbers:
         """Adapt trained models to a stream of the changed robot, seed by seed."""
         study = bench.study("r5_force")
-        bench.train(study, [PLUS, FULL])
+        bench.train(study, [MEAN_FIELD, FULL])
         worn = make(bench.config("r5_force", WORN).world)
         part = PART_QUICK if bench.quick else PART
         iterations = vary(study.config.paper, ADAPTING).online.iterations
@@ -104,7 +104,9 @@ def _adapt(
 ) -> list[float]:
     """Errors on pairs before the stream and after each of its parts."""
     model = bench.model(study, variant, seed)
-    model.method = variant._replace(changes=ADAPTING).job(seed).settings(study.config)
+    model.method = (
+        variant._replace(changes=(*variant.changes, *ADAPTING)).job(seed).settings(study.config)
+    )
     adaptation = OnlineAdaptation(model, study.data.sim, seed)
     scales = (torch.tensor(x) for x in (study.scales.state, study.scales.change))
     tensors = PairTensors.of(pairs, *scales)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from wt.evaluate.results import OURS
-from wt.reproduce.bench import FULL, PLUS, Bench, Variant
+from wt.reproduce.bench import FULL, MEAN_FIELD, PLUS, Bench, Variant
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
 from wt.reproduce.words import gain, mean, spread
 from wt.train.score import PairTensors, errors
@@ -16,11 +16,12 @@ CONDITIONED = Variant(
 VARIANTS = (
     Variant("the paper's", FULL.method, FULL.changes),
     CONDITIONED,
+    MEAN_FIELD,
+    Variant("… w/o transport", OURS, (*MEAN_FIELD.changes, "translation.transport=false")),
+    Variant("… w/o conditioning", OURS, (*MEAN_FIELD.changes, "translation.conditioned=false")),
     PLUS,
-    Variant("ours w/o transport", OURS, ("translation.transport=false",)),
-    Variant("ours w/o conditioning", OURS, ("translation.conditioned=false",)),
 )
-NO_TRANSLATION = "ours w/o translation"
+NO_TRANSLATION = "… w/o translation"
 """Mean field and transport alone; nothing is trained for it."""
 
 
@@ -42,7 +43,7 @@ class Ours(Exhibit):
             for variant in VARIANTS:
                 mse = bench.errors(study, variant, seed).mse
                 numbers.setdefault(variant.name, []).append(mse)
-            model = bench.model(study, PLUS, seed)
+            model = bench.model(study, MEAN_FIELD, seed)
             scales = model.frame.state.std, model.frame.change.std
             model.strength.data.fill_(0.0)
             alone = errors(model, PairTensors.of(study.data.test, *scales))[0]
@@ -57,9 +58,9 @@ class Ours(Exhibit):
             for name, values in numbers.items()
         ]
         return Section(
-            "Single-step error on the R5 under forces. Ours: a mean field that carries what "
-            "nothing hidden decides, a closed-form transport, and a translation of what is left "
-            "that sees (o, a).",
+            "Single-step error on the R5 under forces. On the way to ours, which has S encode what "
+            "is hidden: a mean field that carries what nothing hidden decides, a closed-form "
+            "transport, and a translation of what is left that sees (o, a).",
             [Grid(["variant", "MSE", "/ the paper's"], rows)],
             differences=[
                 f"{name[:1].upper()}{name[1:]}: error {gain(plain, values)} than the paper's, "
