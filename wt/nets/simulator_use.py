@@ -66,6 +66,7 @@ class SimulatorUse:
         outcome_shares: of what S does beyond n, of which pairs take one.
         untried_share: of the same, where there are no pairs.
         translates_unpaired: Algorithm 1 is of use where there are no pairs.
+        alone: what answers where nothing is translated, in a table's footnote.
     """
 
     has_shift: ClassVar[bool] = True
@@ -81,6 +82,7 @@ class SimulatorUse:
     outcome_shares: ClassVar[tuple[float, ...]] = ALL
     untried_share: ClassVar[float] = 1.0
     translates_unpaired: ClassVar[bool] = True
+    alone: ClassVar[str] = "the mean field answers alone"
 
     def nominal_examples(self, sim: DomainSamples, real: DomainSamples) -> Examples:
         """Lessons of n: S's answer with nothing hidden, which is known for both domains."""
@@ -165,6 +167,7 @@ class Encoded(Read):
     asks_simulator = True
     transported = False
     translates_unpaired = False
+    alone = "S encodes, stepped again at estimates of what was hidden in R's recording"
 
 
 class Ignored(SimulatorUse):

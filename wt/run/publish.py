@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from io import BytesIO
@@ -21,6 +22,7 @@ from wt.evaluate.results import ASSUMPTION, OURS, PAPERS_OWN, MethodScore, Resul
 from wt.evaluate.rollout_view import write_rollout
 from wt.evaluate.single_step import Errors, errors, first_episode, poses
 from wt.export.onnx import eager, export
+from wt.nets.simulator_use import use_of
 from wt.run.study import Study
 from wt.run.track import Run, source
 from wt.show.files import write_whole
@@ -85,11 +87,9 @@ def publish(study: Study, by_seed: Mapping[int, Mapping[str, Errors]], tracked: 
     )
     # from here on it is registered: the test pairs only tell how good it is
     _record(study, seed)
-    nothing = _gains_nothing(study, by_seed)
-    for method, remark in nothing.items():
-        study.listener.warn(f"{method}: {remark}")
     results = tabulate(study, by_seed, version)
-    results = replace(results, remarks={**results.remarks, **nothing})
+    remarks = {**results.remarks, **_of_translations(study, by_seed)}
+    results = replace(results, remarks=remarks)
     results.save(study.folder)
     _figures(study, seed, results)
     tracked.metrics({"ratio_to_best_baseline": results.ratio_to_best_baseline}, 0)
@@ -114,20 +114,21 @@ def chosen_by(study: Study, seeds: Iterable[int]) -> dict[int, float]:
     return {s: score(study.load_model(s, OURS, config.plus), selection) for s in seeds}
 
 
-def _gains_nothing(study: Study, by_seed: Mapping[int, Mapping[str, Errors]]) -> dict[str, str]:
-    """Remarks on methods whose feature keeps less of R's outcome than a regressor knows without.
+def _of_translations(study: Study, by_seed: Mapping[int, Mapping[str, Errors]]) -> dict[str, str]:
+    """Remarks on methods that translate nothing, or a feature that keeps hardly anything.
 
-    Encoding and decoding what R itself did is then no nearer to it than DirectPred, which sees
-    (o, a) alone: what is translated hardly carries anything of what is hidden.
+    Of the latter encoding and decoding what R itself did is no nearer to it than DirectPred, which
+    sees (o, a) alone.
     """
     config, pairs, by_name = study.config, study.data.test, {}
-    if "DirectPred" not in config.baselines.names:
-        return {}
-    direct = float(np.mean([by_method["DirectPred"].mse for by_method in by_seed.values()]))
+    known = [of["DirectPred"].mse for of in by_seed.values() if "DirectPred" in of]
+    direct = float(np.mean(known)) if known else math.inf
     for method, settings in ((PAPERS_OWN, config.paper), (OURS, config.plus)):
-        kept = []
-        for seed in by_seed:
-            model = study.load_model(seed, method, settings)
+        kept, models = [], [study.load_model(seed, method, settings) for seed in by_seed]
+        if settings.translation.anchored and not any(float(m.strength) for m in models):
+            by_name[method] = f"nothing is translated; {use_of(settings.mean).alone}."
+            continue
+        for model in models:
             tensors = PairTensors.of(pairs, model.frame.state.std, model.frame.change.std)
             kept.append(errors(reconstructions(model, tensors).numpy(), pairs, study.scales).mse)
         own = float(np.mean(kept))

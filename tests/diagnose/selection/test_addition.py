@@ -8,15 +8,18 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.diagnose.hidden_forces import world
 from wt.diagnose.likelihood.objective import Objective
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import stretches_of
 from wt.diagnose.residual.screen import Screen
-from wt.diagnose.selection.addition import Accepted, addition
+from wt.diagnose.selection.addition import Accepted, _asked, addition
 from wt.diagnose.selection.decisions import DecisionLog
+from wt.physics.effect import effects
+from wt.physics.planted import Planted
 from wt.physics.scene import Scene
-from wt.types import Recording
+from wt.types import Location, Recording
 
 LINK = """\
 <mujoco><compiler angle="radian"/><option timestep="0.0005" integrator="implicitfast"/>
@@ -72,3 +75,36 @@ def test_a_spring_is_judged_on_the_model_as_it_is(tmp_path: Path) -> None:
     (spring,) = joined(tmp_path, hidden, MOTOR, 11.0, 1e-3, seed=1)
     assert spring.planted.effect.id == "joint.stiffness"
     assert spring.planted.theta == pytest.approx([3.2, 0.4], rel=0.02)
+
+
+def test_in_the_place_of_an_effect_comes_what_acts_there_or_is_of_its_kind(tmp_path: Path) -> None:
+    """What acts on all joints is not looked for once more at each of them."""
+    nothing = world(tmp_path, 3, None, 2.5)
+
+    def places(name: str, kind: str, at: str) -> set[tuple[str, str]]:
+        instead = planted(name, kind, at)
+        options = [planted(n, k, a) for n, k, a in OPTIONS]
+        asked = [p for p in options if _asked(nothing.screen, frozenset(), instead, p)]
+        return {(p.effect.id, p.at.name) for p in asked}
+
+    gravity, late = ("world.gravity", "world"), ("actuator.delay", "a3")
+    assert places("joint.friction_viscous", "joint", "j1") == {
+        ("joint.friction_coulomb", "j1"),
+        ("joint.friction_quadratic", "j2"),
+        gravity,
+    }
+    assert places("sensor.delay", "sensor", "all") == {gravity, late}
+
+
+OPTIONS = (
+    ("joint.friction_coulomb", "joint", "j1"),
+    ("joint.friction_coulomb", "joint", "j2"),
+    ("joint.friction_quadratic", "joint", "j2"),
+    ("actuator.delay", "actuator", "a3"),
+    ("world.gravity", "world", "world"),
+)
+
+
+def planted(name: str, kind: str, at: str) -> Planted:
+    effect = effects()[name]
+    return Planted(effect, Location(kind, at), np.ones(effect.n_theta))

@@ -20,7 +20,7 @@ from wt.diagnose.result import Stage
 from wt.diagnose.selection.candidates import candidates, dof_of, excluded
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.physics.effect import Shape
+from wt.physics.effect import Shape, alternatives
 from wt.physics.planted import Hypothesis, Key, Planted
 from wt.types import Location
 
@@ -34,7 +34,9 @@ _EACH = 2
 _STARTED = 5
 """… and so many at each joint get a step at least."""
 _PAIRED, _PAIRS = 8, 3
-"""So many at a joint are also paired, and so many of the pairs replayed, beside friction."""
+"""So many at a joint are also paired, and so many of the pairs replayed, beside friction, …"""
+_PAIRED_JOINTS = 4
+"""… at so many joints, those that err most: where all of a robot's do, the cause is one of all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +62,7 @@ def addition(
     log: DecisionLog,
     most: int,
     banned: Container[Key] = frozenset(),
-    near: int = -1,
+    instead: Planted | None = None,
 ) -> list[Accepted]:
     """Effects to add to the present hypothesis, at most ``most``.
 
@@ -72,10 +74,11 @@ def addition(
         log: grows by every decision.
         most: at most so many additions.
         banned: what must not join.
-        near: degree of freedom that they act on, alone or with others; −1 for any.
+        instead: an effect whose place they take: they act on its degree of freedom, alone or with
+            others, or are of its kind; None for any.
     """
     known = [(a.planted, a.shape) for a in accepted]
-    asked = functools.partial(_asked, screen, banned, near)
+    asked = functools.partial(_asked, screen, banned, instead)
     ranked = [s for s in screen.rank(known) if asked(s.planted)]
     tried = [c for c in candidates(screen, ranked, objective, now) if asked(c[0])]
     _log_screened(log, ranked, tried)
@@ -83,7 +86,7 @@ def addition(
     fits = _replayed(screen, objective, now, [p for p, _ in tried])
     if fits:
         log.trying([p for p, _ in tried], _by_worth(objective, fits, now)[0].hypothesis[-1])
-    pairs = [(*now.hypothesis, *p) for p in _pairs(screen, objective, known, ranked, fits)]
+    pairs = [(*now.hypothesis, *p) for p in _pairs(screen, objective, now, known, ranked, fits)]
     fits += _refined(objective, pairs, now, 3)
     fits = _finished(objective, fits, now)
     if not fits:
@@ -103,10 +106,14 @@ def addition(
     return joined[:most]
 
 
-def _asked(screen: Screen, banned: Container[Key], near: int, planted: Planted) -> bool:
-    """Tell whether an effect may join: it is not banned, and acts near a degree of freedom."""
-    here = near < 0 or dof_of(screen, planted.at) in (near, -1)
-    return here and planted.key not in banned
+def _asked(
+    screen: Screen, banned: Container[Key], instead: Planted | None, planted: Planted
+) -> bool:
+    """Tell whether an effect may join: it is not banned, and might be in another's place."""
+    if planted.key in banned or instead is None:
+        return planted.key not in banned
+    near = dof_of(screen, planted.at) in (dof_of(screen, instead.at), -1)
+    return near or planted.effect.id in alternatives(instead.effect.id)
 
 
 def _log_screened(
@@ -172,6 +179,7 @@ def _refined(
 def _pairs(
     screen: Screen,
     objective: Objective,
+    now: Assessed,
     known: Sequence[tuple[Planted, Shape | None]],
     ranked: Sequence[Scored],
     fits: Sequence[Assessed],
@@ -181,11 +189,13 @@ def _pairs(
     Real joints lack several things at once, each of which alone explains little: dry and viscous
     friction, say. What wins alone may then be none of them. The force residual knows which two.
     """
-    groups = []
-    for dof in range(len(objective.noise)):
+    groups: list[list[Scored]] = []
+    for dof in np.argsort(-now.mse / objective.floor**2, kind="stable").tolist():
         tried = [f for f in fits if dof_of(screen, f.hypothesis[-1].at) == dof]
         if not tried or any(dof not in erring_joints(objective, f) for f in tried):
             continue
+        if len(groups) == _PAIRED_JOINTS:
+            break
         here = [s for s in ranked if dof_of(screen, s.planted.at) == dof]
         usual = [s for s in here[_PAIRED:] if _usual(s.planted)]
         groups.append([*here[:_PAIRED], *usual])

@@ -203,8 +203,7 @@ def _reconsidered(
         rest = [a for i, a in enumerate(accepted) if i != index]
         base = _fitted(objective, without(now.hypothesis, index))
         kept = [replace(a, planted=p) for a, p in zip(rest, base.hypothesis, strict=True)]
-        dof = dof_of(screen, accepted[index].planted.at)
-        others = addition(screen, objective, base, kept, log, 1, banned, dof)
+        others = addition(screen, objective, base, kept, log, 1, banned, accepted[index].planted)
         names = {a.planted.key for a in accepted}
         if any(a.planted.key not in names for a in others):
             other = _fitted(objective, (*base.hypothesis, others[0].planted))
