@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 
 from tests.diagnose.hidden_forces import World, chain, on_joint, world
+from wt.diagnose.likelihood.objective import Objective
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.candidates import candidates
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.forms import in_best_form
 from wt.physics.effect import Effect, effects
+from wt.physics.hooks import shaped
 from wt.physics.planted import Planted
 from wt.types import Location
 
@@ -47,3 +50,11 @@ def test_a_law_is_replayed_in_each_of_its_forms(tmp_path: Path) -> None:
     proposed = candidates(slow.screen, ranked, slow.objective, now)
     replayed = {p.effect for p, _ in proposed if p.key == (COULOMB.id, J2.kind, J2.name)}
     assert replayed == set(FORMS)
+
+
+def test_what_has_one_form_stays_what_it_was_bound_to(tmp_path: Path) -> None:
+    """Pushes at times that were read off these recordings; and no replay is asked about them."""
+    pushes = shaped(effects()["body.force_intermittent"], (0.0, 0.0, 1.0, 2.0))
+    found = Accepted(Planted(pushes, Location("body", "link1"), np.ones(pushes.n_theta)), (), ())
+    (kept,) = in_best_form(Mock(spec=Objective), (found,), DecisionLog())
+    assert kept is found

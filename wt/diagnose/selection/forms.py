@@ -48,5 +48,7 @@ def _laws(accepted: tuple[Accepted, ...]) -> Hypothesis:
 
 def _others(found: Accepted) -> list[Effect]:
     """The forms of a law in which it was not found."""
-    usual = effects()[found.planted.effect.id]
-    return [form for form in (usual, *usual.forms) if form is not found.planted.effect]
+    found_as = found.planted.effect
+    usual = effects().get(found_as.id, found_as)  # a learned law has one
+    family = (usual, *usual.forms) if usual.forms else ()
+    return [form for form in family if form.form != found_as.form]
