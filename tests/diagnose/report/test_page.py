@@ -196,6 +196,7 @@ def test_a_value_has_the_digits_that_its_interval_allows() -> None:
     assert vector == [("0.100", "0.080 … 0.120"), ("−0.200", "−0.300 … −0.100")]
     tiny = text.values_and_intervals(Estimate((1e-17, -0.2), "m", ((-1e-16, -0.3), (2e-5, -0.1))))
     assert tiny[0] == ("1.00·10⁻¹⁷", "−1.00·10⁻¹⁶ … 2.00·10⁻⁵")
+    assert text.values_and_intervals(Estimate(0.31, "N·m", (0.15, 1e8))) == [("0.310", "0.150 … ∞")]
 
 
 def test_a_vector_has_a_row_a_component_and_one_warning(diagnosis: Diagnosis) -> None:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _TINY_P = 1e-12
+_NO_END = 1e6  # in any unit, and a thousand times the value: where an interval has no upper end
 _NOUNS = ("friction", "payload", "force")  # that an effect's id has before what qualifies them
 _PROPER = ("coulomb", "stribeck")
 _MOST_SPANS = 6
@@ -247,6 +248,8 @@ def _to_precision(value: float, low: float, high: float) -> tuple[str, str, str]
     width = high - low
     if largest == 0 or not all(map(math.isfinite, (value, low, high))):
         return number(value), number(low), number(high)
+    if high > max(_NO_END, 1e3 * abs(value)) and value != 0.0:
+        return *_to_precision(value, low, value)[:2], "∞"
     power = math.floor(math.log10(largest))
     digits = 3 if width <= 0 else power - math.floor(math.log10(width)) + 2
     digits = min(max(digits, 3), 6)
