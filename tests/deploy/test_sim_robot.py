@@ -156,7 +156,7 @@ def test_what_is_no_go2_is_refused(tmp_path: Path) -> None:
     for text, why in (
         ("<mujoco", "does not load"),
         ("<mujoco/>", "lacks the joints FL_hip_joint … RR_calf_joint, the drives"),
-        (mjcf("go2").replace('name="gyro"', 'name="turn"'), "lacks the sensors gyro"),
+        (mjcf("go2").replace('name="gyro"', 'name="turn"'), "lacks the sensor gyro, one"),
     ):
         path.write_text(text)
         with pytest.raises(ModelError, match=why):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.thresholds import THRESHOLDS
@@ -31,6 +32,11 @@ def erring(assessed: Assessed, objective: Objective) -> dict[str, float]:
 def room(objective: Objective, now: Assessed) -> float:
     """Nats by which a hypothesis that leaves the smallest error would be ahead."""
     return -float(objective.count @ np.log(objective.floor)) - now.loglik
+
+
+def excess(objective: Objective, now: Assessed) -> Float[np.ndarray, " dof"]:
+    """Mean square error of each degree of freedom over that of its noise."""
+    return np.asarray(now.mse / objective.floor**2)
 
 
 def improvable(objective: Objective, now: Assessed) -> list[int]:

@@ -34,8 +34,8 @@ than this share."""
 
 _NO_LOSS = 0.5 * float(chi2.ppf(0.95, 1))
 """Loss of log-likelihood inside a 95 % interval of one parameter [nats] (S. S. Wilks, 1938)."""
-_TIMES = 3
-"""What is as good so often doubled, or halved, has no end that these recordings show."""
+_FACTORS, _TIMES, _NO_ENDS = np.array([[0.5], [2.0]]), 3, np.array([[0.0], [np.inf]])
+"""What is as good so often halved, or doubled, has no end that these recordings show."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     spread = _spread(objective, now, slope @ visible)
     spread = np.hypot(spread, least_spread(now.hypothesis, smallest))
     lower, upper = bounds(now.hypothesis, parts)
-    small, large = (_as_good(objective, now, theta, factor) for factor in (0.5, 2.0))
+    small, large = _as_good(objective, now, theta)
     low = np.maximum(np.minimum(theta - spread, small), lower)
     high = np.minimum(np.maximum(theta + spread, large), upper)
     estimates, offset = [], 0
@@ -161,9 +161,9 @@ def _spread(
 
 
 def _as_good(
-    objective: Objective, now: Assessed, theta: Float[np.ndarray, " parameter"], factor: float
-) -> Float[np.ndarray, " parameter"]:
-    """How large, or small, each size may be without any loss: curvature where it is says it not.
+    objective: Objective, now: Assessed, theta: Float[np.ndarray, " parameter"]
+) -> Float[np.ndarray, "end parameter"]:
+    """How small, and how large, each size may be without any loss: curvature where it is says not.
 
     Friction in which nothing slipped, a limit that nothing reached: beyond some size such a law
     does what it does anyway.
@@ -172,27 +172,24 @@ def _as_good(
         objective: the replays.
         now: the fitted hypothesis.
         theta: its parameters.
-        factor: by which sizes grow or shrink, several times.
 
     Returns:
-        Parameters; infinite or zero where no multiple that is tried makes a difference.
+        Parameters; zero or infinite where no multiple that is tried makes a difference.
     """
     parts, count = range(len(now.hypothesis)), np.arange(len(theta))
     each = [p for q in now.hypothesis for p in q.effect.parameters for _ in range(p.size)]
     sizes = [p.size == 1 and p.lower >= 0.0 and p.public for p in each]
-    going = np.flatnonzero(np.array(sizes) & (theta > 0.0))
-    multiple = np.ones(len(theta))
+    multiple = np.ones((2, len(theta)))
+    going = np.stack([np.array(sizes) & (theta > 0.0)] * 2)
     for _ in range(_TIMES):
-        multiple[going] *= factor
-        tried = [np.where(count == k, multiple * theta, theta) for k in going]
+        further = multiple * _FACTORS
+        tried = [np.where(count == k, further[end] * theta, theta) for end, k in np.argwhere(going)]
+        if not tried:
+            break
         fits = objective.evaluate([unpack(now.hypothesis, parts, t) for t in tried])
-        good = np.array([f.loglik > now.loglik - _NO_LOSS for f in fits], dtype=bool)
-        multiple[going[~good]] /= factor
-        going = going[good]
-        if not len(going):
-            return multiple * theta
-    multiple[going] = np.inf if factor > 1.0 else 0.0
-    return multiple * theta
+        going[going] = [f.loglik > now.loglik - _NO_LOSS for f in fits]
+        multiple = np.where(going, further, multiple)
+    return np.where(going, _NO_ENDS, multiple * theta)
 
 
 def least_spread(

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wt.diagnose.likelihood.bic import earns, erring_joints, simplest, worth
+from wt.diagnose.likelihood.bic import earns, erring_joints, excess, simplest, worth
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import refine
 from wt.diagnose.residual.screen import Scored, Screen
@@ -75,7 +75,7 @@ def addition(
         most: at most so many additions.
         banned: what must not join.
         instead: an effect whose place they take: they act on its degree of freedom, alone or with
-            others, or are of its kind; None for any.
+            others; where it acts on several, they do too or look like it. None for any.
     """
     known = [(a.planted, a.shape) for a in accepted]
     asked = functools.partial(_asked, screen, banned, instead)
@@ -110,10 +110,13 @@ def _asked(
     screen: Screen, banned: Container[Key], instead: Planted | None, planted: Planted
 ) -> bool:
     """Tell whether an effect may join: it is not banned, and might be in another's place."""
-    if planted.key in banned or instead is None:
-        return planted.key not in banned
-    near = dof_of(screen, planted.at) in (dof_of(screen, instead.at), -1)
-    return near or planted.effect.id in alternatives(instead.effect.id)
+    if planted.key in banned:
+        return False
+    if instead is None:
+        return True
+    there = dof_of(screen, instead.at)
+    alike = there < 0 and planted.effect.id in alternatives(instead.effect.id)
+    return alike or dof_of(screen, planted.at) in (there, -1)
 
 
 def _log_screened(
@@ -190,7 +193,7 @@ def _pairs(
     friction, say. What wins alone may then be none of them. The force residual knows which two.
     """
     groups: list[list[Scored]] = []
-    for dof in np.argsort(-now.mse / objective.floor**2, kind="stable").tolist():
+    for dof in np.argsort(-excess(objective, now), kind="stable").tolist():
         tried = [f for f in fits if dof_of(screen, f.hypothesis[-1].at) == dof]
         if not tried or any(dof not in erring_joints(objective, f) for f in tried):
             continue

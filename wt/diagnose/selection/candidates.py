@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wt.diagnose.likelihood.bic import erring_joints, improvable
+from wt.diagnose.likelihood.bic import erring_joints, excess, improvable
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.residual.screen import Scored, Screen
 from wt.diagnose.thresholds import THRESHOLDS
@@ -69,8 +69,8 @@ def candidates(
 
 def _worst(objective: Objective, now: Assessed) -> list[int]:
     """Joints whose replays err most: where forces show nothing, every effect gets its chance."""
-    excess = now.mse / objective.floor**2
-    return [int(d) for d in np.argsort(-excess)[:WORST] if excess[d] > 2.0]
+    over = excess(objective, now)
+    return [int(d) for d in np.argsort(-over)[:WORST] if over[d] > 2.0]
 
 
 def _chosen(
