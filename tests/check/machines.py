@@ -48,6 +48,12 @@ GANTRY = f"""<mujoco model="gantry">{HEAD}<worldbody><body name="cart" pos="0 0 
 </worldbody><actuator>{{drives}}</actuator></mujoco>"""
 
 
+ROD = f"""<mujoco model="rod">{HEAD}<worldbody><body name="a" pos="0 0 1">
+<joint name="hinge" axis="0 1 0" armature="0.01" damping="0.05"/>
+<geom type="capsule" fromto="0 0 0 0 0 -.4" size=".03" mass="1.2" {GEOM}/></body>
+</worldbody><actuator>{{drives}}</actuator></mujoco>"""
+
+
 @dataclass(frozen=True)
 class Machine:
     """A model, how it is moved, and gains of the loop around torque drives (none for servos)."""
@@ -96,6 +102,7 @@ MACHINES = {
         ("rail", "hoist", "swing"),
         (0.3, 0.12, 0.8),
     ),
+    "rod": Machine(ROD.format(drives=_servos(("hinge", 30, 2))), ("hinge",), (0.9,)),
 }
 SERVOS, TORQUE = ("planar", "arm4", "gantry"), ("planar_torque", "arm4_torque")
 

@@ -111,9 +111,17 @@ class Balance:
         """Name of the joint of a degree of freedom."""
         return self.scene.joints[dof]
 
-    def unexplained(self, edits: Sequence[Edit] = ()) -> Float[np.ndarray, " row"]:
-        """Share of each row's command that the model cannot explain; 0 … above 1."""
-        return np.array([left / sent for left, sent, _ in self._fits(edits)])
+    def unexplained(
+        self, edits: Sequence[Edit] = (), lenient: bool = False
+    ) -> Float[np.ndarray, " row"]:
+        """Share of each row's command that the model cannot explain; 0 … above 1.
+
+        Args:
+            edits: mix-ups of channels that are undone.
+            lenient: whether a force that goes with the joint's position (a spring, another weight)
+                may adapt too, and the joint have less damping than in the model.
+        """
+        return np.array([left / sent for left, sent, _ in self._fits(edits, lenient)])
 
     def misfit(self, edits: Sequence[Edit] = ()) -> float:
         """Share of the forces of all drives that stays unexplained, as a mean logarithm.
@@ -149,7 +157,9 @@ class Balance:
         driven = {int(i) for at, n in rows for i in data.moment_colind[at : at + n]}
         return tuple(i for i in range(m.nv) if i not in driven)
 
-    def _fits(self, edits: Sequence[Edit]) -> list[tuple[float, float, float]]:
+    def _fits(
+        self, edits: Sequence[Edit], lenient: bool = False
+    ) -> list[tuple[float, float, float]]:
         """Of each row the mean square left, and the variances of the command and of the force."""
         s = self.signals
         u, du = s.u.copy(), s.du.copy()
@@ -158,7 +168,7 @@ class Balance:
                 u[:, e.index] = e.factor * s.u[:, e.source] + e.offset
                 du[:, e.index] = e.factor * s.du[:, e.source]
         (q, v, a), demand = self._moved(edits), self._demand(edits)
-        return [self._fit(r, q, v, a, u, du, demand) for r in self.rows]
+        return [self._fit(r, q, v, a, u, du, demand, lenient) for r in self.rows]
 
     def _moved(self, edits: Sequence[Edit]) -> tuple[Float[np.ndarray, "row dof"], ...]:
         """Positions, velocities and accelerations after edits."""
@@ -213,16 +223,19 @@ class Balance:
         u: Float[np.ndarray, "row actuator"],
         du: Float[np.ndarray, "row actuator"],
         demand: Float[np.ndarray, "row dof"],
+        lenient: bool,
     ) -> tuple[float, float, float]:
         drive, i = row.drive, row.drive.dof
         command = np.clip(u[:, drive.index], *drive.commands)
         _, stiffness, damping = drive.bias
         # gear · (gain · u + spring) = force, so u = force / (gear · gain) − spring / gain
         spring = -drive.gear * (stiffness * q[:, i] + damping * v[:, i]) / drive.gain
-        speed = v[:, i]
+        speed, demanded = v[:, i], demand[:, i]
+        if lenient:
+            demanded = demanded - self._model.dof_damping[i] * speed
         columns = np.stack(
             [
-                demand[:, i] / row.scale,
+                demanded / row.scale,
                 soft_sign(speed) / row.scale,
                 speed / row.scale,
                 a[:, i] / row.scale,
@@ -231,7 +244,8 @@ class Balance:
             axis=1,
         )
         high = np.array([_MOST_GAIN, np.inf, np.inf, _ROTOR * self._felt[i], _LATEST])
-        left = _left(columns, command - spring, high, self.dynamic)
+        free = _of_position(q[:, i]) if lenient else None
+        left = _left(columns, command - spring, high, self.dynamic, free)
         return left, max(float(command.var()), _STILL**2), float((command - spring).var())
 
 
@@ -252,15 +266,29 @@ def soft_sign(speed: Float[np.ndarray, " row"]) -> Float[np.ndarray, " row"]:
     return np.asarray(np.tanh(speed / (_SLOW * max(float(speed.std()), 1e-9))))
 
 
+def without(
+    signal: Float[np.ndarray, " row *axis"], columns: Float[np.ndarray, "row column"]
+) -> Float[np.ndarray, " row *axis"]:
+    """A signal less all that some columns explain of it."""
+    ortho, _ = np.linalg.qr(columns)
+    return np.asarray(signal - ortho @ (ortho.T @ signal))
+
+
+def _of_position(q: Float[np.ndarray, " row"]) -> Float[np.ndarray, "row column"]:
+    """Forces that go with a joint's position: a constant one, a spring, a weight."""
+    return np.stack([np.ones_like(q), q, np.cos(q), np.sin(q)], axis=1)
+
+
 def _left(
     columns: Float[np.ndarray, "row column"],
     target: Float[np.ndarray, " row"],
     high: Float[np.ndarray, " column"],
     dynamic: bool,
+    free: Float[np.ndarray, "row _"] | None = None,
 ) -> float:
-    """Mean square that the columns leave of the target, with a constant that is free."""
-    x = columns - columns.mean(axis=0)
-    y = target - target.mean()
+    """Mean square that the columns leave of the target, beside what is free: a constant at least."""
+    constant = np.ones((len(target), 1))
+    x, y = (without(side, constant if free is None else free) for side in (columns, target))
     low = np.zeros(len(high))
     if dynamic:
         low[0] = _LEAST_GAIN

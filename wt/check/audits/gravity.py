@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.check.audit import Stage, Subject, register
-from wt.check.balance import Balance, free_of_forces, soft_sign
+from wt.check.balance import Balance, free_of_forces, soft_sign, without
 from wt.check.finding import AuditFinding
 from wt.physics.scene import Amendment, Scene
 
@@ -29,6 +29,7 @@ _TILT = math.radians(30.0)
 _ALONG = math.cos(math.radians(8.0))
 _STRENGTH = (0.8, 1.25)  # of gravity, that the fitted one may have
 _RIDGE = 1e-6
+_OF_DIRECTION = 2  # numbers that a direction has
 
 
 @register
@@ -87,7 +88,9 @@ def _turned(
     )
     if angle < _TILT or not _STRENGTH[0] < size < _STRENGTH[1]:
         return
-    if given < _DECISIVE * weight.left(snapped / np.linalg.norm(g)):
+    turned = weight.left(snapped / np.linalg.norm(g))
+    quarter = np.count_nonzero(snapped) == 1
+    if given < _DECISIVE * turned or not (quarter or weight.left_to_springs() > _DECISIVE * turned):
         return
     said = "[" + ", ".join(f"{x:.2g}" for x in snapped) + "]"
     yield AuditFinding(
@@ -147,6 +150,7 @@ class _Weight:
         along: weight on each row's joint, per strength of the model's gravity along each axis.
         gravity: direction of the model's, as a unit vector.
         own: weight that the model leaves to each row's drive.
+        place: each row's position, its square and its cube: what a spring's force is along.
         given: share of the weight that it leaves to all of them.
         scale: variance that is left of each row's force at the best, to weigh the rows.
     """
@@ -155,6 +159,7 @@ class _Weight:
     along: tuple[Float[np.ndarray, "row 3"], ...]
     gravity: Float[np.ndarray, " 3"]
     own: tuple[Float[np.ndarray, " row"], ...]
+    place: tuple[Float[np.ndarray, "row 3"], ...]
     given: float
     scale: Float[np.ndarray, " drive"]
 
@@ -166,7 +171,7 @@ class _Weight:
         demand = balance.inverse(s.q, s.v, s.a)
         bare, axes = _weights(m, s.q, s.v, s.a, strength)
         down = np.array(m.opt.gravity) / strength
-        force, along, scale, shown = [], [], [], []
+        force, along, place, scale, shown = [], [], [], [], []
         left_to, own = [], np.zeros(2)
         for row in balance.rows:
             drive, i = row.drive, row.drive.dof
@@ -185,13 +190,14 @@ class _Weight:
                 ],
                 axis=1,
             )
-            y, x = _without(pull - bare[:, i], free), _without(axes[:, i], free)
+            y, x = without(pull - bare[:, i], free), without(axes[:, i], free)
             w = x @ down
-            left_to.append(_without(demand[:, i] - bare[:, i], free))
+            left_to.append(without(demand[:, i] - bare[:, i], free))
             own += [w @ left_to[-1], w @ w]
             best = np.linalg.lstsq(x, y, rcond=1e-8)[0]
             force.append(y)
             along.append(x)
+            place.append(without(s.q[:, i, None] ** np.arange(1, 4), free))
             scale.append(max(float(np.mean((y - x @ best) ** 2)), 1e-9 * float(np.mean(pull**2))))
             shown.append(
                 float(w @ w) > _SHOWN * float(y @ y) and float(w @ w) / len(w) > 4 * scale[-1]
@@ -204,6 +210,7 @@ class _Weight:
             tuple(along[k] for k in chosen),
             down,
             tuple(left_to[k] for k in chosen),
+            tuple(place[k] for k in chosen),
             float(own[0] / own[1]),
             np.array(scale)[chosen],
         )
@@ -212,6 +219,18 @@ class _Weight:
         """Weighted mean square that is left with the weight as the model has it."""
         pairs = zip(self.force, self.own, self.scale, strict=True)
         return float(np.mean([np.mean((y - w) ** 2) / s for y, w, s in pairs]))
+
+    def left_to_springs(self) -> float:
+        """The same with springs, linear or not, at the joints where they help most.
+
+        At as many as a direction has numbers: a tilt must say more than as little else would.
+        """
+        rows = list(zip(self.force, self.own, self.place, self.scale, strict=True))
+        stiff = np.array([np.mean((y - w) ** 2) / s for y, w, _, s in rows])
+        sprung = np.array([np.mean(without(y - w, place) ** 2) / s for y, w, place, s in rows])
+        helped = np.argsort(sprung - stiff)[:_OF_DIRECTION]
+        stiff[helped] = sprung[helped]
+        return float(stiff.mean())
 
     def left(self, pull: Float[np.ndarray, "*axis"] | float) -> float:
         """Weighted mean square that is left with a share of the weight, or with another pull."""
@@ -238,14 +257,6 @@ class _Weight:
         )
         gram = gram + _RIDGE * np.trace(gram) * np.eye(3)
         return np.asarray(g + np.linalg.solve(gram, right) * np.linalg.norm(g))
-
-
-def _without(
-    signal: Float[np.ndarray, " row *axis"], columns: Float[np.ndarray, "row column"]
-) -> Float[np.ndarray, " row *axis"]:
-    """A signal less all that some columns explain of it."""
-    ortho, _ = np.linalg.qr(columns)
-    return np.asarray(signal - ortho @ (ortho.T @ signal))
 
 
 def _weights(
