@@ -286,7 +286,7 @@ def _left(
     dynamic: bool,
     free: Float[np.ndarray, "row _"] | None = None,
 ) -> float:
-    """Mean square that the columns leave of the target, beside what is free: a constant at least."""
+    """Mean square that the columns leave of the target beside what is free, at least a constant."""
     constant = np.ones((len(target), 1))
     x, y = (without(side, constant if free is None else free) for side in (columns, target))
     low = np.zeros(len(high))
