@@ -242,6 +242,19 @@ def test_a_recording_rules_out_what_it_shows_to_be_otherwise(
     assert effects()[name].contradiction(moved, example.at, fine) is None
 
 
+def test_a_stop_yields_to_what_presses_on_it(arm: Scene, recorded: Run) -> None:
+    moved, stop = motion(arm, recorded), effects()["joint.stop"]
+    dof, at = arm.dof("j1"), Location("joint", "j1")
+    farthest = float(moved.q[:, dof].max())
+    entered = np.array([farthest - 0.06, 1.0])
+    assert stop.contradiction(moved, at, entered)
+    # held back there by a force that would have given it 600 rad/s²
+    held = np.zeros_like(moved.q)
+    held[moved.q[:, dof] > farthest - 0.06, dof] = 600.0 * arm.model.dof_M0[dof]
+    assert stop.contradiction(moved.without(held), at, entered) is None
+    assert stop.contradiction(moved.without(held), at, entered - [0.1, 0.0])
+
+
 @pytest.mark.parametrize("truth", TRUTHS, ids=lambda t: f"{t.id}-{t.at.name}")
 def test_patched_files_load_in_plain_mujoco(truth: Truth, tmp_path: Path) -> None:
     effect, spec = effects()[truth.id], scene(tmp_path, truth.model).spec()

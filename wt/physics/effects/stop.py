@@ -16,7 +16,8 @@ from wt.physics.units import HINGE, Units, units_at
 from wt.types import Location
 
 _YIELDS_S = 0.01
-"""How deep a stop may be entered, per speed of entry [s]: far more than rubber yields."""
+"""Slowest that a stop springs back [s], far slower than rubber does: it may be entered by so much
+per speed of entry, and by its square per acceleration that it holds back."""
 
 
 @register
@@ -79,15 +80,17 @@ class Stop(FromRecordings):
     def contradiction(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> str | None:
-        """The joint goes on beyond it, farther than a stop yields to that speed."""
+        """The joint goes on beyond it, farther than a stop yields to that speed and force."""
         position, side = theta
         dof = motion.scene.dof(at.name)
         depth = side * (motion.q[:, dof] - position)
+        held = np.maximum(-side * motion.residual[:, dof], 0.0) / motion.scene.model.dof_M0[dof]
         for s in motion.segments:
             beyond = depth[s.rows] > 0.0
             entered = np.flatnonzero(beyond & ~np.append(False, beyond[:-1]))
-            speed = np.abs(motion.v[s.rows, dof])[entered].max(initial=0.0)
-            least = self.parameters[0].step + _YIELDS_S * float(speed)
+            speed = float(np.abs(motion.v[s.rows, dof])[entered].max(initial=0.0))
+            pressed = float(held[s.rows][beyond].max(initial=0.0))
+            least = self.parameters[0].step + _YIELDS_S * (speed + _YIELDS_S * pressed)
             if (farthest := float(depth[s.rows].max())) > least:
                 units = units_at(motion.scene, at)
                 return f"the joint goes {units.distance(farthest, 2)} beyond it"
