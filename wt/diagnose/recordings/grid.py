@@ -6,6 +6,7 @@ and no finding.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -53,6 +54,16 @@ def located(findings: Sequence[Finding], alone: bool) -> tuple[Located, ...]:
     """The places of coarse encoders; they share the mismatch if there is no other."""
     share = 1.0 / len(findings) if findings and alone else 0.0
     return tuple(Located(f.at, share, condition="whenever it moves, in steps") for f in findings)
+
+
+def rounding(parts: Sequence[Part], joint: str) -> float:
+    """Standard deviation of what coarse steps round a joint's positions by [rad or m]; or zero.
+
+    Where a joint moves slower than a step a sample, successive samples are off by the same, so that
+    noise that is estimated from differences is less than that.
+    """
+    step = _step(_values(parts, joint))
+    return 0.0 if step is None else step / math.sqrt(12.0)
 
 
 def _values(parts: Sequence[Part], joint: str) -> Float[np.ndarray, " sample"]:

@@ -16,6 +16,7 @@ from scipy import sparse
 from scipy.interpolate import BSpline
 from scipy.sparse.linalg import splu
 
+from wt.diagnose.recordings.grid import rounding
 from wt.diagnose.recordings.samples import Part, Samples, commanded, finer, samples_of
 from wt.physics.activation import activated, dynamic, integrating
 from wt.physics.motion import Motion, Segment
@@ -83,7 +84,9 @@ def smooth(
     samples = _measured(scene, parts, commands, begun)
     nv = scene.model.nv
     chosen = [[_choose(s, joint) for joint in range(nv)] for s in samples]
+    rounded = np.array([rounding(parts, joint) for joint in scene.joints])
     noise = np.array([_pooled([c[j].sigma for c in chosen]) for j in range(nv)])
+    noise = np.maximum(noise, rounded)
     noise_v = np.array([_pooled([c[j].sigma_v for c in chosen]) for j in range(nv)])
     smoothed = _assemble(scene, samples, chosen, noise, noise_v)
     if len(integrating(scene.model)):
