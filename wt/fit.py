@@ -31,7 +31,7 @@ def on_model(config: FitConfig, model: Path) -> FitConfig:
 
     Args:
         config: of a task whose world takes one, as ``world.model``.
-        model: the MJCF.
+        model: the MJCF, or the folder of a diagnosis.
 
     Raises:
         ConfigError: the task's simulator is not to be replaced.
@@ -40,7 +40,7 @@ def on_model(config: FitConfig, model: Path) -> FitConfig:
     if "model" not in {f.name for f in fields(kind_of(config.world).options)}:
         raise ConfigError(
             f"--model: the world '{name}' has no option world.model, its simulator is built in; "
-            "worlds of walking robots take one"
+            "worlds of walking robots and the SO-101 take one"
         )
     return replace(config, world={**config.world, "model": str(model)})
 

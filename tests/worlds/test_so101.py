@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from tests.conftest import FromShared
-from wt.errors import ConfigError, DataError
-from wt.worlds import base
+from wt.errors import ConfigError, DataError, ModelError
+from wt.worlds import base, so101_model
 from wt.worlds.so101 import RATE_HZ, SO101, SO101Options
 from wt.worlds.so101_motions import TEST, TRAIN, VALIDATION
 
@@ -141,6 +141,36 @@ def test_a_delay_applies_earlier_commands(folder: Path, world: SO101) -> None:
     whole = world.sim_step(real.o, real.a, None)[:, 0]
     late = world.sim_step(real.o, earlier[1], None)[:, 0]
     assert ((between - whole) * (between - late) <= 1e-9).all()
+
+
+def test_a_diagnosed_arm_takes_the_place_of_the_published_one(
+    folder: Path, world: SO101, tmp_path: Path
+) -> None:
+    real = world.collect("real", 30, seed=0)
+
+    def answers(spec: mujoco.MjSpec, name: str) -> np.ndarray:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "model.xml").write_text(spec.to_xml())
+        options = SO101Options(
+            str(folder), **SPLITS, history=2, threads=1, model=str(tmp_path / name)
+        )
+        return SO101(options).sim_step(real.o, real.a, None)
+
+    spec = so101_model.spec(so101_model.ServoPhysics(), 1e-3)
+    spec.compile()
+    as_published = world.sim_step(real.o, real.a, None)
+    np.testing.assert_allclose(answers(spec, "same"), as_published, atol=1e-6)
+    # what a drive's filter acts on is what the observed commands have left in it
+    spec.actuator("elbow_flex").set_to_position(kp=17.8, kv=0.0, timeconst=1e-4)
+    fast = answers(spec, "fast")[:, :5]
+    np.testing.assert_allclose(fast, as_published[:, :5], atol=5e-4)
+    spec.actuator("elbow_flex").delay, spec.actuator("elbow_flex").nsample = 1.0 / RATE_HZ, 30
+    late = answers(spec, "late")
+    changed = np.abs(late[:, :5] - fast).max(axis=0) > 1e-3
+    assert changed.tolist() == [False, False, True, False, False]
+    spec.delete(spec.actuator("gripper"))
+    with pytest.raises(ModelError, match="has no actuator 'gripper'"):
+        answers(spec, "other")
 
 
 def test_simulation_is_seeded_unpaired_and_of_the_asked_size(world: SO101) -> None:

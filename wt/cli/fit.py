@@ -20,7 +20,8 @@ def command(
     model: Annotated[
         Path | None,
         typer.Option(
-            metavar="MODEL.xml", help="Simulate with this MJCF, that a diagnosis patched."
+            metavar="MODEL",
+            help="Simulate with this MJCF, or with what a diagnosis left in a folder.",
         ),
     ] = None,
     resume: Annotated[

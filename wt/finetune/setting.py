@@ -14,6 +14,7 @@ from wt.locomotion.config import PolicyConfig as Training
 from wt.locomotion.config import checked
 from wt.schema import merge, parse
 from wt.types import Domain
+from wt.worlds import given_model
 from wt.worlds.legged import Herd, LeggedRobot
 from wt.worlds.policy import Policy
 from wt.worlds.robots import robot_of
@@ -88,7 +89,9 @@ class Setting:
             ModelError: that cannot be read, or is of another robot.
         """
         world, path = self.world(variant), self._options(variant).model
-        return world.description("sim") if path is None else mujoco.MjSpec.from_file(path)
+        if path is None:
+            return world.description("sim")
+        return mujoco.MjSpec.from_file(str(given_model.mjcf(path)))
 
     def _options(self, variant: Variant) -> WalkingOptions:
         mjcf = self.config.diagnosed.mjcf

@@ -13,6 +13,21 @@ from wt.worlds.legged import RATE_HZ, LeggedRobot
 from wt.worlds.legged_model import BASE, STAND
 
 
+def mjcf(path: Path | str) -> Path:
+    """The MJCF that is named: a file, or what ``wt diagnose`` left in a folder.
+
+    Raises:
+        ModelError: there is none.
+    """
+    path = Path(path)
+    file = path / "model.xml" if path.is_dir() else path
+    if not file.is_file():
+        raise ModelError(
+            f"model '{file}' does not exist; name an MJCF, or the folder that wt diagnose wrote"
+        )
+    return file
+
+
 def load(path: Path | str, robot: LeggedRobot) -> mujoco.MjModel:
     """Compile an MJCF and check that it is one of this robot.
 
@@ -21,17 +36,13 @@ def load(path: Path | str, robot: LeggedRobot) -> mujoco.MjModel:
     gear's play.
 
     Args:
-        path: the MJCF.
+        path: the MJCF, or a diagnosis' folder.
         robot: whose it is to be.
 
     Raises:
         ModelError: it cannot be read, or is of another robot.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise ModelError(
-            f"model '{path}' does not exist; name an MJCF, as the model.xml of wt diagnose"
-        )
+    path = mjcf(path)
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:

@@ -13,6 +13,7 @@ commanded in S's closed loop but left out of the transitions (12 g, nothing depe
 
 from __future__ import annotations
 
+import itertools
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -44,6 +45,7 @@ N = len(ARM_JOINTS)
 _CHUNK = 16384  # simulations stepped together: bounds memory at some 20 MB
 _UNEVEN = 0.1  # a sample interval further from the median is a gap
 _START_SPREAD = 0.05  # rad, how far from the command an episode of S starts
+_LIMITS = np.array([LIMITS[name] for name in JOINTS]).T
 _HALF_OPEN = 0.5 * sum(LIMITS[JAW])
 
 
@@ -63,6 +65,8 @@ class SO101Options:
         frictionloss: S's dry friction [N·m].
         armature: S's rotor inertia at the joint [kg·m²].
         delay: S's delay of a command [s], at most ``history`` control steps.
+        model: MJCF that takes the place of S's, such as the ``model.xml`` of a diagnosis, with
+            gains, friction and delays of its own; None for the published arm.
         substeps: physics steps per control step.
         episode_steps: length of an episode of S's closed loop [control steps].
         threads: physics threads; 0 for one per core.
@@ -79,6 +83,7 @@ class SO101Options:
     frictionloss: float = 0.052
     armature: float = 0.028
     delay: float = 0.0
+    model: str | None = None
     substeps: int = 8
     episode_steps: int = 500
     threads: int = 0
@@ -114,11 +119,15 @@ class SO101:
             )
         splits = {"train": options.train, "validation": options.validation, "test": options.test}
         self._motions = Motions(options.recordings, splits)
-        self._history, self._delay, self._substeps = history, delay, substeps
+        self._history, self._substeps = history, substeps
+        step = 1.0 / (RATE_HZ * substeps)
         servo = ServoPhysics(
-            options.kp, options.kv, options.damping, options.frictionloss, options.armature
-        )
-        self._model = so101_model.build(servo, 1.0 / (RATE_HZ * substeps))
+            options.kp, options.kv, options.damping, options.frictionloss, options.armature,
+            delay=delay,
+        )  # fmt: skip
+        given = options.model
+        self._model = so101_model.load(given, step) if given else so101_model.build(servo, step)
+        self._state = _State(self._model)
         observation = _channels("qpos", "rad") + _channels("qvel", "rad/s")
         observation += _channels("last_action", "rad")
         for kind, first in (("qpos", 1), ("ctrl", 2)):
@@ -164,7 +173,7 @@ class SO101:
         episodes = -(-count // self._options.episode_steps)
         motions = [_stack(r, "ctrl", JOINTS) for r in self._motions.of("train")]
         commands = vary(motions, episodes, self._options.episode_steps + self._history + 2, rng)
-        commands = np.clip(commands, *self._model.actuator_ctrlrange.T)
+        commands = np.clip(commands, *_LIMITS)
         start = commands[:, 0] + rng.normal(0.0, _START_SPREAD, commands[:, 0].shape)
         positions = np.empty_like(commands)
         for k, now in enumerate(self._closed_loop(commands, start)):
@@ -278,25 +287,30 @@ class SO101:
     def _step_chunk(
         self, o: Float[np.ndarray, "sample obs"], a: Float[np.ndarray, "sample joint"]
     ) -> Float[np.ndarray, "sample state"]:
-        """S's answers to at most ``_CHUNK`` observations and actions."""
-        n, q = len(o), o[:, :N]
+        """S's answers to at most ``_CHUNK`` observations and actions.
+
+        What S remembers beside its joints' motion is what the observed past leaves in it: it goes
+        through that, put where the joints were at each control step.
+        """
+        n = len(o)
+        past = o[:, 3 * N :].reshape(n, 2, self._history, N).transpose(1, 2, 0, 3)
+        q = [o[:, :N], *past[0]]  # so many control steps ago
+        v = [o[:, N : 2 * N], *((new - old) * RATE_HZ for new, old in itertools.pairwise(q[1:]))]
+        v.append(v[-1])
+        commands = [a, o[:, 2 * N : 3 * N], *past[1]]
         batch = Batch(self._model, n, self._options.threads)
         batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         position, velocity, control = (batch.bind(x) for x in ("qpos", "qvel", "ctrl"))
-        position[:] = control[:] = _HALF_OPEN
-        position[:, :N], velocity[:, :N] = q, o[:, N : 2 * N]
-        # command k control steps ago: the action, the last action, then the delayed copies
-        older = o[:, 2 * N + N + self._history * N :].reshape(n, self._history, N)
-        commands = [a, o[:, 2 * N : 3 * N], *older.swapaxes(0, 1)]
-        for substep in range(self._substeps):
-            control[:, :N] = commands[self._age(substep)]
-            batch.step()
-        return np.hstack([position[:, :N], (position[:, :N] - q) * RATE_HZ])
-
-    def _age(self, substep: int) -> int:
-        """Control steps since the command was sent that acts in this physics step."""
-        waiting = round(self._delay * RATE_HZ * self._substeps) - substep
-        return max(0, -(-waiting // self._substeps))
+        first = self._history if self._state.remembers else 0
+        self._state.begin(batch, _with_jaw(q[first], _HALF_OPEN))
+        for age in range(first, -1, -1):
+            position[:, self._state.q] = _with_jaw(q[age], _HALF_OPEN)
+            velocity[:, self._state.v] = _with_jaw(v[age], 0.0)
+            control[:, self._state.drives] = _with_jaw(commands[age], _HALF_OPEN)
+            for _ in range(self._substeps):
+                batch.step()
+        after = position[:, self._state.q[:N]]
+        return np.hstack([after, (after - q[0]) * RATE_HZ])
 
     def _closed_loop(
         self,
@@ -308,12 +322,53 @@ class SO101:
         batch = Batch(self._model, episodes, self._options.threads)
         batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         position, control = batch.bind("qpos"), batch.bind("ctrl")
-        position[:] = np.clip(start, *self._model.jnt_range.T)
+        self._state.begin(batch, np.clip(start, *_LIMITS))
         for k in range(length):
-            yield position
-            for substep in range(self._substeps):
-                control[:] = commands[:, max(0, k - self._age(substep))]
+            yield position[:, self._state.q]
+            control[:, self._state.drives] = commands[:, k]
+            for _ in range(self._substeps):
                 batch.step()
+
+
+class _State:
+    """Where a model keeps what belongs to the arm's joints, and whether it remembers more.
+
+    Attributes:
+        q: addresses of the positions of :data:`JOINTS`.
+        v: of their velocities.
+        drives: of their commands.
+        remembers: whether filters, late commands or further joints have a state of their own.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        """Look the names up."""
+        joints = [model.joint(name) for name in JOINTS]
+        self.q = np.array([joint.qposadr[0] for joint in joints])
+        self.v = np.array([joint.dofadr[0] for joint in joints])
+        self.drives = np.array([model.actuator_ctrladr[model.actuator(n).id] for n in JOINTS])
+        others = [model.joint(i) for i in range(model.njnt) if model.joint(i).name not in JOINTS]
+        # what a diagnosis adds to a joint is named after it, and begins where that is
+        self._added = [
+            (int(joint.qposadr[0]), k)
+            for joint in others
+            for k, name in enumerate(JOINTS)
+            if joint.name.startswith(name)
+        ]
+        self.remembers = bool(others or model.na or model.actuator_delay.any())
+
+    def begin(self, batch: Batch, q: Float[np.ndarray, "sample joint"]) -> None:
+        """Put the joints, and what was added to them, at positions [rad]."""
+        position = batch.bind("qpos")
+        position[:, self.q] = q
+        for address, k in self._added:
+            position[:, address] = q[:, k]
+
+
+def _with_jaw(
+    arm: Float[np.ndarray, "sample arm"], jaw: float
+) -> Float[np.ndarray, "sample joint"]:
+    """Figures of the arm's joints, and the same one of the jaw for all."""
+    return np.pad(arm, [(0, 0), (0, 1)], constant_values=jaw)
 
 
 def _stack(

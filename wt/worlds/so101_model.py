@@ -8,9 +8,14 @@ N·m/rad is the published value for the firmware gain 32.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from pathlib import Path
 
 import mujoco
+
+from wt.errors import ModelError
+from wt.worlds.given_model import mjcf
 
 ARM_JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
 JAW = "gripper"
@@ -38,6 +43,7 @@ class ServoPhysics:
         frictionloss: dry joint friction [N·m].
         armature: rotor inertia seen at the joint [kg·m²].
         torque: largest torque, either way [N·m].
+        delay: how late a command arrives [s].
     """
 
     kp: float = 17.8
@@ -46,6 +52,7 @@ class ServoPhysics:
     frictionloss: float = 0.052
     armature: float = 0.028
     torque: float = 2.94
+    delay: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -101,6 +108,8 @@ _LINKS = (
 )  # fmt: skip
 
 TIP = "tip"
+_ACTUATOR = mujoco.mjtObj.mjOBJ_ACTUATOR
+_ROUNDING = 1e-6  # of a step: rounded times must not decide which of two commands has come
 _TIP_FRAME = (-0.0079, -0.000218121, -0.0981274)
 
 
@@ -148,10 +157,46 @@ def spec(servo: ServoPhysics, timestep: float) -> mujoco.MjSpec:
             forcerange=(-servo.torque, servo.torque), ctrlrange=LIMITS[name],
         )  # fmt: skip
         actuator.set_to_position(kp=servo.kp, kv=servo.kv)
+        if servo.delay:
+            actuator.nsample = math.ceil(servo.delay / timestep) + 1
+            actuator.delay = servo.delay - _ROUNDING * timestep
         if link.name == "gripper":
             body.add_site(name=TIP, pos=_TIP_FRAME)
         parent = body
     return arm
+
+
+def load(path: Path | str, timestep: float) -> mujoco.MjModel:
+    """Compile an SO-101 from an MJCF, such as a diagnosis writes.
+
+    Names decide: the six hinges and their actuators have to be there, in any order. What else is in
+    it is hidden state: a gear's play, a drive's filter.
+
+    Args:
+        path: the MJCF, or a diagnosis' folder.
+        timestep: integration step, in place of its own [s].
+
+    Raises:
+        ModelError: it cannot be read, or is of another robot.
+    """
+    path = mjcf(path)
+    try:
+        arm = mujoco.MjSpec.from_file(str(path))
+        for drive in arm.actuators:  # as many samples as the other step takes
+            drive.nsample = math.ceil(drive.delay / timestep) + 1 if drive.delay else drive.nsample
+        arm.option.timestep = timestep
+        model = arm.compile()
+    except ValueError as error:
+        reason = " ".join(str(error).split())
+        raise ModelError(f"model '{path}' is no MJCF that MuJoCo reads: {reason}") from error
+    for kind, number in (("joint", mujoco.mjtObj.mjOBJ_JOINT), ("actuator", _ACTUATOR)):
+        for name in JOINTS:
+            if mujoco.mj_name2id(model, number, name) < 0:
+                raise ModelError(
+                    f"model '{path}' is no model of the SO-101: it has no {kind} '{name}'; give "
+                    "the MJCF of this robot that wt diagnose patched"
+                )
+    return model
 
 
 def _add_body(parent: mujoco.MjsBody, link: _SO101Link) -> mujoco.MjsBody:
