@@ -20,8 +20,7 @@ def command(
     model: Annotated[
         Path | None,
         typer.Option(
-            metavar="MODEL",
-            help="Simulate with this MJCF, or with what a diagnosis left in a folder.",
+            metavar="MODEL", help="Simulate with this MJCF, or with that of a diagnosis' folder."
         ),
     ] = None,
     resume: Annotated[

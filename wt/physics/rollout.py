@@ -6,6 +6,7 @@ import functools
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -14,12 +15,14 @@ from jaxtyping import Float, Int
 from wt.batch import Batch
 from wt.physics.acting import Acting, acting, is_live, neighbours
 from wt.physics.activation import activated, dynamic, late
+from wt.physics.limbs import Limb, Limbs, limbs
 from wt.physics.live import StepState
 from wt.physics.planted import Planted
 from wt.physics.quiet import quiet
 from wt.physics.replay import Inputs, Outputs, Stretch
 from wt.physics.runner import chosen
 from wt.physics.scene import Scene
+from wt.types import Location
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +70,8 @@ class Replayer:
     ) -> Float[np.ndarray, "2 hypothesis sample dof"]:
         """Replay some stretches on some hypotheses in this process.
 
-        What one replay says does not depend, to the bit, on which others run beside it.
+        What one replay says does not depend, to the bit, on which others run beside it. Limbs that
+        are independent are replayed apart, each as often as hypotheses differ in it.
 
         Args:
             hypotheses: H of them.
@@ -78,6 +82,39 @@ class Replayer:
             Positions and velocities at the N samples of these stretches, one after another,
             (2, H, N, nv); NaN where a replay exploded.
         """
+        parts = [None if self._limbs is None else self._limbs.on(h) for h in hypotheses]
+        apart = [(h, part) for h, part in enumerate(parts) if part is not None]
+        whole = [h for h, part in enumerate(parts) if part is None]
+        samples = sum(len(self.stretches[s].t) for s in stretches)
+        path = np.empty((2, len(hypotheses), samples, self.scene.model.nv))
+        if whole:
+            path[:, whole] = self._whole([hypotheses[h] for h in whole], stretches, threads)
+        for k, (limb, own) in enumerate(self._own if apart else ()):
+            different = {_contents(part[k]): part[k] for _, part in apart}
+            order = {key: i for i, key in enumerate(different)}
+            said = own.part(list(different.values()), stretches, threads)
+            for h, part in apart:
+                path[:, h, :, limb.dofs] = said[:, order[_contents(part[k])]].transpose(2, 0, 1)
+        return path
+
+    @cached_property
+    def _limbs(self) -> Limbs | None:
+        motion = self.stretches[0].motion
+        return None if motion is None else limbs(self.scene, motion)
+
+    @cached_property
+    def _own(self) -> tuple[tuple[Limb, Replayer], ...]:
+        """Each limb, with the replays of it alone."""
+        each = self._limbs.each if self._limbs else ()
+        return tuple(
+            (limb, Replayer(limb.scene, [limb.stretch(s) for s in self.stretches], self.step))
+            for limb in each
+        )
+
+    def _whole(
+        self, hypotheses: Sequence[Sequence[Planted]], stretches: Sequence[int], threads: int
+    ) -> Float[np.ndarray, "2 hypothesis sample dof"]:
+        """See :meth:`part`: all of the machine at once."""
         samples = [len(self.stretches[s].t) for s in stretches]
         ends = np.cumsum(samples)
         path = np.full((2, len(hypotheses), int(ends[-1]), self.scene.model.nv), np.nan)
@@ -106,6 +143,11 @@ class Replayer:
         for planted in hypothesis:
             planted.model(spec)
         return spec.compile()
+
+
+def _contents(hypothesis: Sequence[Planted]) -> tuple[tuple[int, Location, bytes], ...]:
+    """What two hypotheses have in common that say the same."""
+    return tuple((id(p.effect), p.at, p.theta.tobytes()) for p in hypothesis)
 
 
 def initial_states(

@@ -63,6 +63,8 @@ class Assessed:
 
 _RELINEARISED, _LINEAR = 4, 0.3
 """Most linearisations around a hypothesis; error of the linear part that is let be, in noise."""
+_SHARES = (1.0, 0.5, 0.25, 0.0)
+"""Of the way to where the linear part is at its best, that are tried by replays."""
 _ALIKE = 4  # replays that tell how rough they are
 _WORTHWHILE = 0.05  # deviations: a smaller correction is not worth a change of the model
 BURN_IN_S = 0.25
@@ -185,8 +187,8 @@ class Objective:
     ) -> Assessed:
         """Linearise what may adapt around a hypothesis, and assess it.
 
-        Again around what was found, until replays with it say the same as the linear prediction;
-        not at all where it is the reference already.
+        Again around what was found, until replays with it say the same as the linear prediction,
+        or until no step that way is better; not at all where it is the reference already.
 
         Args:
             hypothesis: the reference.
@@ -200,14 +202,30 @@ class Objective:
             self._around = replace(self._around, centre=np.where(self._able, centre, 0.0))
         for _ in range(min(most, self._relinearised)):
             assessed = self._linearised(hypothesis)
-            centre = np.where(self._able, assessed.tolerances, 0.0)
-            (actual,) = self._raw([(*hypothesis, *self._nearby.rig(centre))])
-            apart = self._around.project(actual) - assessed.error - self._around.moved(centre)
+            here, goal = assessed.centre, np.where(self._able, assessed.tolerances, 0.0)
+            ways = [here + share * (goal - here) for share in _SHARES]
+            raw = self._raw([(*hypothesis, *self._nearby.rig(centre)) for centre in ways])
+            apart = self._around.project(raw[0]) - assessed.error - self._around.moved(goal)
             if not (self.channels.rms(apart) > _LINEAR * self.noise).any():
                 break
-            self._around = replace(self._around, centre=centre)
+            # the linear part promises too much: as far that way as replays do get better
+            found = [self._met(error, centre) for error, centre in zip(raw, ways, strict=True)]
+            best = int(np.argmax(found))
+            if _SHARES[best] == 0.0:
+                break
+            self._around = replace(self._around, centre=ways[best])
         self._reference = assessed
         return assessed
+
+    def _met(
+        self, error: Float[np.ndarray, "sample dof"], centre: Float[np.ndarray, " tolerance"]
+    ) -> float:
+        """Likelihood of a replay's error with the tolerances that it had, and no others."""
+        error = self._around.project(error)
+        if not np.isfinite(error).all():
+            return -np.inf
+        variance = self.channels.variance(self._around.squares(error).total)
+        return self.channels.nats(variance) - 0.5 * float(centre @ centre)
 
     def _linearised(self, hypothesis: Hypothesis) -> Assessed:
         """Linearise around a hypothesis and the present tolerances."""

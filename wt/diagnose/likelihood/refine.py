@@ -55,6 +55,7 @@ def refine(
     starts: Sequence[Hypothesis],
     free: Sequence[Sequence[int]],
     iterations: int = 3,
+    centres: Sequence[Float[np.ndarray, " tolerance"]] | None = None,
 ) -> list[Assessed]:
     """Improve hypotheses.
 
@@ -63,11 +64,12 @@ def refine(
         starts: where they start.
         free: for each, which of its parts may change.
         iterations: most steps that are taken.
+        centres: tolerances of each start [deviations]; those of the reference if left out.
 
     Returns:
         The improved hypotheses, in the order given.
     """
-    evaluated = _settled(objective, objective.evaluate(starts))
+    evaluated = _settled(objective, objective.evaluate(starts, centres))
     climbs = [_Climb(tuple(f), a, done=not len(f)) for f, a in zip(free, evaluated, strict=True)]
     for _ in range(iterations):
         active = [i for i, c in enumerate(climbs) if not c.done and np.isfinite(c.now.loglik)]

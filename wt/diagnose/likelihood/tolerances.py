@@ -88,6 +88,24 @@ def alike(
     return np.array([t.planted.key in keys for t in tolerances], dtype=bool)
 
 
+def taken_over(
+    tolerances: Sequence[ModelTolerance],
+    sizes: Float[np.ndarray, " tolerance"],
+    planted: Planted,
+) -> Float[np.ndarray, " tolerance"]:
+    """Small errors as they are once an effect is one of them, as far as that fits [deviations].
+
+    Unchanged where the effect is no small error of any model.
+    """
+    taken, box = sizes.copy(), THRESHOLDS.tolerance_box
+    for i, t in enumerate(tolerances):
+        if t.planted.key == planted.key:
+            one = float(t.planted.theta[0]) - t.neutral
+            off = (float(planted.theta[0]) - t.neutral) / one
+            taken[i] = np.clip(taken[i] + off, -box, box)
+    return taken
+
+
 def absorbed(
     tolerances: Sequence[ModelTolerance],
     sizes: Float[np.ndarray, " tolerance"],

@@ -15,6 +15,7 @@ import numpy as np
 from wt.diagnose.likelihood.bic import earns, erring_joints, exhausted, merit, worth
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import refine
+from wt.diagnose.likelihood.tolerances import taken_over
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.addition import Accepted, addition
 from wt.diagnose.selection.candidates import dof_of
@@ -228,10 +229,15 @@ def _reconsidered(
 def _prune(
     objective: Objective, accepted: list[Accepted], now: Assessed, log: DecisionLog
 ) -> tuple[list[Accepted], Assessed]:
-    """Drop effects that the later ones made superfluous."""
+    """Drop effects that the later ones made superfluous.
+
+    One that has become as small as any model's errors are is one of these.
+    """
     while len(accepted) > 1:
         lesser = [without(now.hypothesis, i) for i in range(len(accepted))]
-        fits = refine(objective, lesser, [range(len(accepted) - 1)] * len(lesser), iterations=2)
+        free = [range(len(accepted) - 1)] * len(lesser)
+        errors = [taken_over(objective.tolerances, now.tolerances, p) for p in now.hypothesis]
+        fits = refine(objective, lesser, free, iterations=2, centres=errors)
         losses = [worth(objective, now, fit) for fit in fits]
         weakest = int(np.argmin(losses))
         if losses[weakest] > THRESHOLDS.min_nats and earns(objective, now, fits[weakest]):
