@@ -10,12 +10,16 @@ import pytest
 from tests.diagnose.hidden_forces import NOISE, RATE, STEP, chain, record
 from wt.diagnose.likelihood.bic import erring_joints, exhausted
 from wt.diagnose.likelihood.objective import Objective
+from wt.diagnose.likelihood.tolerances import taken_over, tolerances
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import Smoothed, smooth
 from wt.diagnose.recordings.stretches import stretches_of
 from wt.diagnose.residual.screen import Screen
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.effect import effects
+from wt.physics.planted import Planted
 from wt.physics.scene import Scene
-from wt.types import Recording
+from wt.types import Location, Recording
 
 
 def smoothed(folder: Path, made_by: str, believed: str, seconds: float = 6.0) -> Smoothed:
@@ -75,3 +79,44 @@ def test_no_stretch_begins_in_a_jolt(tmp_path: Path) -> None:
     others[0] = False  # as late as its curve's first knots, which are others
     np.testing.assert_array_equal(found[others], calm[others])
     assert calm[3] + 3 / RATE < found[3] < calm[3] + 0.25
+
+
+def test_tolerances_go_no_farther_than_replays_get_better(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is linear promises more than a replay keeps where all that way is tolerances."""
+    made_by = chain(2).replace('mass="1.2"', f'mass="{1.2 * 1.3}"')
+    some = objective(smoothed(tmp_path, made_by, chain(2)), True)
+    raw, rig, far = some._raw, some._nearby.rig, {}
+
+    def noted(sizes: np.ndarray) -> tuple[Planted, ...]:
+        planted = rig(sizes)
+        far[planted] = float(np.abs(sizes).max()) > 2.0
+        return planted
+
+    def worse(hypotheses: list[tuple[Planted, ...]]) -> np.ndarray:
+        factors = [9.0 if far.get(h, False) else 1.0 for h in hypotheses]
+        return raw(hypotheses) * np.array(factors)[:, None, None]
+
+    monkeypatch.setattr(some._nearby, "rig", noted)
+    monkeypatch.setattr(some, "_raw", worse)
+    assert 0.0 < np.abs(some.reference(()).centre).max() <= 2.0
+
+
+def test_an_effect_as_small_as_a_tolerance_is_one(tmp_path: Path) -> None:
+    path = tmp_path / "chain.xml"
+    path.write_text(chain(2))
+    scene = Scene(path)
+    errors = tolerances(scene)
+    found = next(t for t in errors if t.planted.effect.id == "actuator.gain")
+    zero, at = np.zeros(len(errors)), errors.index(found)
+    off = float(found.planted.theta[0]) - found.neutral
+
+    def weak(deviations: float) -> Planted:
+        theta = np.array([found.neutral + deviations * off])
+        return Planted(found.effect, found.at, theta)
+
+    assert taken_over(errors, zero, weak(-0.4))[at] == pytest.approx(-0.4)
+    assert taken_over(errors, zero, weak(-40.0))[at] == -THRESHOLDS.tolerance_box
+    other = Planted(effects()["joint.stop"], Location("joint", "j1"), np.array([0.3, 1.0]))
+    assert not taken_over(errors, zero, other).any()
