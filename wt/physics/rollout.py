@@ -59,6 +59,7 @@ class Replayer:
         self.step = step
         lengths = [(s.t[-1] - s.t[0]) / self.step for s in self.stretches]
         self.shortest = max(1, int(np.ceil(min(lengths) - 1e-6)))
+        self._inputs: dict[Stretch, Inputs] = {}
 
     def run(self, hypotheses: Sequence[Sequence[Planted]]) -> Replays:
         """Replay every stretch on every hypothesis."""
@@ -136,6 +137,23 @@ class Replayer:
                 path[0, h, rows], path[1, h, rows] = outputs.q, outputs.v
         return path
 
+    def inputs(self, stretch: Stretch) -> Inputs:
+        """Inputs of a stretch before any effect changes them."""
+        if stretch not in self._inputs:
+            h = self.step
+            # whole chunks, so that recordings of nearly the same length run side by side
+            chunk = min(CHUNK, self.shortest)
+            steps = chunk * int(np.ceil((stretch.t[-1] - stretch.t[0]) / (h * chunk) - 1e-6))
+            before = stretch.steps_before(h)
+            t = stretch.t[0] + h * np.arange(-before, steps)
+            u = stretch.commands(h, steps, before)
+            given = Inputs(stretch.recording, t, h, u, before=before)
+            for i in late(self.scene.model):
+                own = float(self.scene.model.actuator_delay[i])
+                given.u[:, i] = given.delayed(given.u[:, i], own)
+            self._inputs[stretch] = given
+        return self._inputs[stretch]
+
     def compile(self, hypothesis: Sequence[Planted]) -> mujoco.MjModel:
         """The model of a hypothesis, with the replays' time step."""
         spec = self.scene.slim.copy()
@@ -191,22 +209,13 @@ class _Job:
         self.scene = owner.scene
         self.hypothesis = tuple(hypothesis)
         self.stretch = stretch
-        h = owner.step
-        # whole chunks, so that recordings of nearly the same length run side by side
-        chunk = min(CHUNK, owner.shortest)
-        steps = chunk * int(np.ceil((stretch.t[-1] - stretch.t[0]) / (h * chunk) - 1e-6))
         self.model = model
-        before = stretch.steps_before(h)
-        t = stretch.t[0] + h * np.arange(-before, steps)
-        u = stretch.commands(h, steps, before)
-        self.inputs = Inputs(stretch.recording, t, h, u, before=before)
-        for i in late(self.scene.model):
-            own = float(self.scene.model.actuator_delay[i])
-            self.inputs.u[:, i] = self.inputs.delayed(self.inputs.u[:, i], own)
+        given = owner.inputs(stretch)
+        self.inputs = replace(given, u=given.u.copy(), force={}, torque={})
         for p in hypothesis:
             p.drive(self.inputs, self.scene)
         self.inputs = self.inputs.of_replay()
-        self.live = any(is_live(p.effect) for p in hypothesis)
+        self.live, steps = any(is_live(p.effect) for p in hypothesis), len(self.inputs.t)
         pushed = bool(self.inputs.force), bool(self.inputs.torque)
         self.layout = (*_sizes(self.model), steps, *pushed, self.live)
 
