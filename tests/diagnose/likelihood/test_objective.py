@@ -9,7 +9,7 @@ import pytest
 
 from tests.diagnose.hidden_forces import NOISE, RATE, STEP, chain, record
 from wt.diagnose.likelihood.bic import erring_joints, exhausted
-from wt.diagnose.likelihood.objective import Objective
+from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.tolerances import taken_over, tolerances
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import Smoothed, smooth
@@ -120,3 +120,26 @@ def test_an_effect_as_small_as_a_tolerance_is_one(tmp_path: Path) -> None:
     assert taken_over(errors, zero, weak(-40.0))[at] == -THRESHOLDS.tolerance_box
     other = Planted(effects()["joint.stop"], Location("joint", "j1"), np.array([0.3, 1.0]))
     assert not taken_over(errors, zero, other).any()
+
+
+def test_linearised_again_as_long_as_replays_get_better(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a rig whose drives are torques is off by takes more than a few steps to find."""
+    some = objective(smoothed(tmp_path, chain(2), chain(2)), True)
+    linearised, times, met = some._linearised, [0], list[float]()
+
+    def counted(hypothesis: tuple[Planted, ...]) -> Assessed:
+        times[0] += 1
+        return linearised(hypothesis)
+
+    def better(error: np.ndarray, centre: np.ndarray) -> float:
+        gains = [4.0, 3.0, 2.0, 0.0] if times[0] < 9 else [0.0] * 4
+        met.append(gains[len(met) % 4])
+        return met[-1]
+
+    monkeypatch.setattr(some, "noise", np.zeros(2))
+    monkeypatch.setattr(some, "_linearised", counted)
+    monkeypatch.setattr(some, "_met", better)
+    some.reference(())
+    assert times[0] == 9

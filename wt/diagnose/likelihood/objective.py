@@ -61,10 +61,13 @@ class Assessed:
         return np.asarray(np.exp(np.log(self.variance).mean(axis=0)))
 
 
-_RELINEARISED, _LINEAR = 4, 0.3
-"""Most linearisations around a hypothesis; error of the linear part that is let be, in noise."""
+_RELINEARISED, _LINEAR = 16, 0.3
+"""Most linearisations around a hypothesis; error of the linear part that is let be, in noise. One
+or two do where drives hold a machine; where its drives are torques, what a rig is off by moves it
+as far as what is looked for."""
+_NO_BETTER = 1.0  # nats: a step that gains less is the last
 _SHARES = (1.0, 0.5, 0.25, 0.0)
-"""Of the way to where the linear part is at its best, that are tried by replays."""
+"""Of the way to where the linear part is at its best, that are tried by replays; none at last."""
 _ALIKE = 4  # replays that tell how rough they are
 _WORTHWHILE = 0.05  # deviations: a smaller correction is not worth a change of the model
 BURN_IN_S = 0.25
@@ -211,7 +214,7 @@ class Objective:
             # the linear part promises too much: as far that way as replays do get better
             found = [self._met(error, centre) for error, centre in zip(raw, ways, strict=True)]
             best = int(np.argmax(found))
-            if _SHARES[best] == 0.0:
+            if found[best] - found[-1] < _NO_BETTER:
                 break
             self._around = replace(self._around, centre=ways[best])
         self._reference = assessed
