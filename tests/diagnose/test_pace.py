@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -42,12 +43,15 @@ class Replays(Objective):
 
     def __init__(self, told: Told, seconds: float, forgets: bool = True) -> None:
         self._told, self._seconds, self.forgets = told, seconds, forgets
+        errors = [SimpleNamespace(planted=object()) for _ in range(9)]
+        self.tolerances = tuple(errors)  # type: ignore[arg-type]
 
     def reference(self, *_: object, **__: object) -> None:  # type: ignore[override]
         """What a search begins with is no part of what is timed."""
         self._told.now += 1.0
 
     def evaluate(self, hypotheses: Sequence[Hypothesis], *_: object) -> None:  # type: ignore[override]
+        assert len(set(hypotheses)) == len(hypotheses), "what is alike is replayed once"
         self._told.now += len(hypotheses) * self._seconds
 
 

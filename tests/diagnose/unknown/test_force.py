@@ -212,6 +212,19 @@ def test_a_wrong_name_is_given_up(
     assert "qpos/j2" in rivalry.depends_on
 
 
+def test_what_was_only_read_off_is_given_up_for_what_predicts(
+    worlds: Callable[[str], World],
+) -> None:
+    """A detent pulls at times of its own, too: whenever the joint comes by."""
+    screen, at = worlds("detent").screen, Location("body", "link2")
+    (pushes,) = screen.rank((), {("body.force_intermittent", at)})
+    assert pushes.planted.observed()
+    rivalry = rivals_nonparametric(screen, (pushes.planted,), 0)
+    assert rivalry is not None
+    assert rivalry.ratio < 0.5 * THRESHOLDS.doubtful
+    assert "qpos/j2" in rivalry.depends_on
+
+
 def test_no_comparison_where_the_effect_is_not_at_one_joint(
     worlds: Callable[[str], World],
 ) -> None:

@@ -356,14 +356,18 @@ def rivals_nonparametric(
 
     Returns:
         None where the comparison says nothing: the effect is not at one joint, or has no
-        signature in forces (gear play, elasticity, sensors).
+        signature in forces (gear play, elasticity, sensors). Of what acts at times that were read
+        off the recordings it is asked wherever it is: at the joint where it shows most.
     """
-    planted = hypothesis[index]
-    joint = _joint(screen.motion.scene, planted.at)
-    if joint is None or signature(screen.motion, planted) is None:
+    planted, scene = hypothesis[index], screen.motion.scene
+    joint = _joint(scene, planted.at)
+    if (joint is None and not planted.observed()) or signature(screen.motion, planted) is None:
         return None
-    dof = screen.motion.scene.dof(joint)
     rest = leftover(screen, hypothesis)
+    if joint is None:
+        shown = np.mean(rest.parts[index] ** 2, axis=0) / screen.floor**2
+        joint = scene.joints[int(np.argmax(shown))]
+    dof = scene.dof(joint)
     rows = rest.keep[:, dof]
     data = ForceData(screen, joint, rest.without(index)[:, dof], rows, seed, step)
     fit, _ = freest(data)
