@@ -24,6 +24,7 @@ from wt.physics.planted import Planted
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer, Replays
 from wt.physics.runner import Threads, chosen
+from wt.physics.scene import Scene
 from wt.physics.spread import over
 from wt.types import Location
 
@@ -135,12 +136,26 @@ def test_a_model_travels_with_its_files(tmp_path: Path, monkeypatch: pytest.Monk
         '<joint name="j"/><geom type="mesh" mesh="m"/></body></worldbody></mujoco>'
     )
     before = mujoco.MjModel.from_xml_path(str(main_file))
-    packed = cluster._packed(main_file)
+    packed = cluster._packed(Scene(main_file))
     assert cluster._unpacked(packed) == main_file  # the files are here
     monkeypatch.setattr(cluster, "_folder", lambda: away)
     here.rename(tmp_path / "gone")
     after = mujoco.MjModel.from_xml_path(str(cluster._unpacked(packed)))
     assert after.body_inertia.tobytes() == before.body_inertia.tobytes()
+
+
+def test_a_model_travels_as_it_is_amended(tmp_path: Path) -> None:
+    """What an audit mended in it stays so wherever replays run."""
+    path = tmp_path / "robot.xml"
+    path.write_text(
+        '<mujoco><worldbody><body><joint/><geom size=".1"/></body></worldbody></mujoco>'
+    )
+
+    def weightless(spec: mujoco.MjSpec) -> None:
+        spec.option.gravity = np.zeros(3)
+
+    arrived = cluster._built(cluster._packed(Scene(path, [weightless])))
+    assert not arrived.model.opt.gravity.any()
 
 
 # -- the command ---------------------------------------------------------------------------------

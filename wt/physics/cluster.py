@@ -25,7 +25,7 @@ from wt.physics.planted import Planted
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.runner import Divisible
-from wt.physics.scene import Scene
+from wt.physics.scene import Amendment, Scene
 
 if TYPE_CHECKING:
     from ray import ObjectRef
@@ -49,10 +49,11 @@ def cluster() -> Iterator[Cluster]:
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """An MJCF and all files that it takes in, by their full paths."""
+    """An MJCF and all files that it takes in, by their full paths, and what is amended in it."""
 
     path: Path
     files: Mapping[Path, bytes]
+    amendments: tuple[Amendment, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +99,7 @@ class Cluster:
         if replayer not in self._prepared:
             scene = replayer.scene
             if scene not in self._models:
-                self._models[scene] = ray.put(_packed(scene.path))
+                self._models[scene] = ray.put(_packed(scene))
             model = self._models[scene]
             self._prepared[replayer] = ray.put(_Prepared(model, replayer.stretches, replayer.step))
         return self._prepared[replayer]
@@ -120,10 +121,10 @@ def split(hypotheses: int, stretches: int, cores: int) -> list[tuple[slice, rang
     ]
 
 
-def _packed(path: Path) -> _Model:
-    path = path.resolve()
+def _packed(scene: Scene) -> _Model:
+    path = scene.path.resolve()
     files = {Path(p).resolve() for p in mujoco.mju_getXMLDependencies(str(path))}
-    return _Model(path, {p: p.read_bytes() for p in files})
+    return _Model(path, {p: p.read_bytes() for p in files}, scene.amendments)
 
 
 # -- in a worker -----------------------------------------------------------------------------------
@@ -152,7 +153,11 @@ def _replayer(source: ObjectRef) -> Replayer:
 def _scene(source: ObjectRef) -> Scene:
     import ray
 
-    return Scene(_unpacked(ray.get(source)))
+    return _built(ray.get(source))
+
+
+def _built(model: _Model) -> Scene:
+    return Scene(_unpacked(model), model.amendments)
 
 
 def _unpacked(model: _Model) -> Path:
