@@ -37,7 +37,7 @@ def command(
     Example:
         wt fit --config conf/r5.yaml seeds=[0,1,2]
         wt fit --config conf/go2_concealed.yaml
-        wt fit --config conf/go2_flat.yaml --model diagnosis/model.xml
+        wt fit --config conf/go2_flat.yaml --model diagnosis/
     """
     from rich.console import Console
 

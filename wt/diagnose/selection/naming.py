@@ -43,7 +43,7 @@ from wt.diagnose.unknown.choice import freest
 from wt.diagnose.unknown.fit import ForceData
 from wt.diagnose.unknown.force import Unknown, find
 from wt.diagnose.unknown.memory import recorded
-from wt.physics.planted import Hypothesis, Key, without
+from wt.physics.planted import Hypothesis, Key, Planted, without
 from wt.physics.scene import Scene
 from wt.types import Location
 
@@ -296,12 +296,19 @@ class Naming:
         return doubtful
 
     def _better(self, unnamed: Claims, named: Claims) -> bool:
-        """True if an unnamed law predicts held-out data better, significantly and materially."""
+        """True if an unnamed law predicts held-out data better, significantly and materially.
+
+        Times that were read off the held-out data, too, predict nothing: in place of what only
+        they tell the law has to be no worse.
+        """
         if not unnamed.unknown or self._theirs(unnamed, named):
             return False
-        lead = gain(self.holdout, unnamed.hypothesis, named.hypothesis, self.step)
+        replaced = _replaced(unnamed, named)
+        read_off = bool(replaced) and all(p.observed() for p in replaced)
+        one, other = (named, unnamed) if read_off else (unnamed, named)
+        lead = gain(self.holdout, one.hypothesis, other.hypothesis, self.step)
         significant = lead.p_value <= THRESHOLDS.significant
-        better = significant and lead.share >= THRESHOLDS.unknown_share
+        better = (significant and lead.share >= THRESHOLDS.unknown_share) != read_off
         reason = "the named effects are given up for it" if better else "no better than the names"
         for law in unnamed.unknown:
             p, limit = lead.p_value, THRESHOLDS.significant
@@ -310,8 +317,7 @@ class Naming:
 
     def _theirs(self, unnamed: Claims, named: Claims) -> bool:
         """True if the unnamed laws are no others than those of the effects they would replace."""
-        motion, kept = self.screen.motion, {a.planted.key for a in unnamed.accepted}
-        replaced = [p for p in named.estimated.hypothesis if p.key not in kept]
+        motion, replaced = self.screen.motion, _replaced(unnamed, named)
         for law in (u.planted for u in unnamed.unknown):
             dof = motion.scene.dof(law.at.name)
             here = [p for p in replaced if _joint(motion.scene, p.at) == law.at.name]
@@ -321,6 +327,12 @@ class Naming:
             reason = f"the learned law is that of {', '.join(str(p) for p in here)}"
             self.log.add(law, "doubted", False, share, limit, reason)
         return True
+
+
+def _replaced(unnamed: Claims, named: Claims) -> list[Planted]:
+    """Named effects in whose place unnamed laws would be."""
+    kept = {a.planted.key for a in unnamed.accepted}
+    return [p for p in named.estimated.hypothesis if p.key not in kept]
 
 
 @dataclass(frozen=True)
