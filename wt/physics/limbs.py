@@ -53,7 +53,7 @@ class Limb:
             motion=None if motion is None else self.motion(motion),
         )
 
-    @lru_cache(maxsize=8)  # noqa: B019 – lives and dies with a diagnosis
+    @lru_cache(maxsize=64)  # noqa: B019 – lives and dies with a diagnosis
     def motion(self, motion: Motion) -> Motion:
         """What it did in all recordings."""
         own = {name: getattr(motion, name)[:, self.dofs] for name in ("q", "v", "a")}
