@@ -227,7 +227,9 @@ def searched(
     # replays of legs are asked by the proof alone: they would cost a search
     if not scene.free and verdict(claims, naming.objective) in ("no_mismatch", "explained"):
         replays = objective_on([held_out], screen, forgetting, effort.most_s, step, window)
-        assessed = replays.reference(naming.holdout.here(claims.hypothesis))
+        # it is the same machine: its tolerances begin as the fitted recordings have them
+        known = claims.assessed(naming.objective).tolerances
+        assessed = replays.reference(naming.holdout.here(claims.hypothesis), known)
         missed = (assessed, replays) if erring(assessed, replays) else None
     return Outcome(prepared, fitted, naming, claims, missed)
 
