@@ -275,8 +275,8 @@ def without(
 
 
 def _of_position(q: Float[np.ndarray, " row"]) -> Float[np.ndarray, "row column"]:
-    """Forces that go with a joint's position: a constant one, a spring, a weight."""
-    return np.stack([np.ones_like(q), q, np.cos(q), np.sin(q)], axis=1)
+    """Forces that go with a joint's position: a spring, a weight."""
+    return np.stack([q, np.cos(q), np.sin(q)], axis=1)
 
 
 def _left(
@@ -286,9 +286,12 @@ def _left(
     dynamic: bool,
     free: Float[np.ndarray, "row _"] | None = None,
 ) -> float:
-    """Mean square that the columns leave of the target beside what is free, at least a constant."""
-    constant = np.ones((len(target), 1))
-    x, y = (without(side, constant if free is None else free) for side in (columns, target))
+    """Mean square that the columns leave of the target, with a constant free, and what else is."""
+    x = columns - columns.mean(axis=0)
+    y = target - target.mean()
+    if free is not None:
+        free = free - free.mean(axis=0)
+        x, y = without(x, free), without(y, free)
     low = np.zeros(len(high))
     if dynamic:
         low[0] = _LEAST_GAIN

@@ -14,7 +14,7 @@ from wt.locomotion.config import PolicyConfig as Training
 from wt.locomotion.config import checked
 from wt.schema import merge, parse
 from wt.types import Domain
-from wt.worlds import given_model
+from wt.worlds import model_file
 from wt.worlds.legged import Herd, LeggedRobot
 from wt.worlds.policy import Policy
 from wt.worlds.robots import robot_of
@@ -91,7 +91,7 @@ class Setting:
         world, path = self.world(variant), self._options(variant).model
         if path is None:
             return world.description("sim")
-        return mujoco.MjSpec.from_file(str(given_model.mjcf(path)))
+        return mujoco.MjSpec.from_file(str(model_file.mjcf(path)))
 
     def _options(self, variant: Variant) -> WalkingOptions:
         mjcf = self.config.diagnosed.mjcf

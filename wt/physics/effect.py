@@ -42,6 +42,7 @@ Parameters are one flat vector ``theta`` in the order of :attr:`Effect.parameter
 from __future__ import annotations
 
 import abc
+import functools
 import importlib
 import pkgutil
 from collections.abc import Iterator, Mapping, Sequence
@@ -276,11 +277,17 @@ def register(effect: type[Effect]) -> type[Effect]:
 
 def effects() -> Mapping[str, Effect]:
     """Every effect by id, in alphabetical order."""
+    _imported()
+    return dict(sorted(_EFFECTS.items()))
+
+
+@functools.cache
+def _imported() -> None:
+    """Import every file of effects, so that each is registered."""
     import wt.physics.effects
 
     for module in pkgutil.iter_modules(wt.physics.effects.__path__):
         importlib.import_module(f"wt.physics.effects.{module.name}")
-    return dict(sorted(_EFFECTS.items()))
 
 
 def alternatives(effect: str) -> frozenset[str]:

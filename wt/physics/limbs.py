@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import lru_cache, partial
 
 import mujoco
 import numpy as np
@@ -67,26 +67,16 @@ class Limbs:
 
     def __init__(self, scene: Scene) -> None:
         """Take a machine apart whose limbs are independent; see :func:`limbs`."""
-        self._model = scene.model
-        tree = self._model.dof_treeid
-        acted = [tree[self._model.jnt_dofadr[j]] for j in self._model.actuator_trnid[:, 0]]
-        self.each = tuple(
-            Limb(
-                Scene(scene.path, [*scene.amendments, partial(_keep, limb=own)]),
-                np.flatnonzero(tree == k),
-                np.flatnonzero(np.array(acted, dtype=int) == k),
-            )
-            for k, own in enumerate(self._bodies)
-        )
-
-    @cached_property
-    def _bodies(self) -> tuple[frozenset[str], ...]:
-        """Names of each limb's bodies."""
-        m = self._model
-        return tuple(
-            frozenset(m.body(i).name for i in np.flatnonzero(m.body_treeid == k))
-            for k in range(m.ntree)
-        )
+        m = self._model = scene.model
+        joints = m.dof_treeid
+        drives = joints[m.jnt_dofadr[m.actuator_trnid[:, 0]]]
+        names = np.array([m.body(i).name for i in range(m.nbody)])
+        each = []
+        for k in range(m.ntree):
+            others = names[(m.body_treeid != k) & (m.body_treeid != _STATIC)].tolist()
+            alone = Scene(scene.path, [*scene.amendments, partial(_without, bodies=others)])
+            each.append(Limb(alone, np.flatnonzero(joints == k), np.flatnonzero(drives == k)))
+        self.each = tuple(each)
 
     def on(self, hypothesis: Sequence[Planted]) -> list[tuple[Planted, ...]] | None:
         """What of a hypothesis acts on each limb; None where something couples them."""
@@ -156,20 +146,9 @@ def _touch(model: mujoco.MjModel, motion: Motion) -> bool:
     return False
 
 
-def _keep(spec: mujoco.MjSpec, limb: frozenset[str]) -> None:
-    """Take all other limbs out of an MJCF, with what refers to them."""
+def _without(spec: mujoco.MjSpec, bodies: Sequence[str]) -> None:
+    """Take bodies out of an MJCF, with all that refers to them."""
     for key in list(spec.keys):
         spec.delete(key)
-    gone = {body.name for body in spec.bodies if _moves(body)} - limb
-    roots = [b.name for b in spec.bodies if b.name in gone and b.parent.name not in gone]
-    for root in roots:
+    for root in [name for name in bodies if spec.body(name).parent.name not in bodies]:
         spec.delete(spec.body(root))
-
-
-def _moves(body: mujoco.MjsBody) -> bool:
-    """Tell whether some joint moves a body."""
-    while body.name != "world":
-        if body.joints:
-            return True
-        body = body.parent
-    return False

@@ -6,7 +6,6 @@ import functools
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -91,19 +90,20 @@ class Replayer:
         if whole:
             path[:, whole] = self._whole([hypotheses[h] for h in whole], stretches, threads)
         for k, (limb, own) in enumerate(self._own if apart else ()):
-            different = {_contents(part[k]): part[k] for _, part in apart}
-            order = {key: i for i, key in enumerate(different)}
+            contents = [_contents(part[k]) for _, part in apart]
+            different = dict(zip(contents, (part[k] for _, part in apart), strict=True))
             said = own.part(list(different.values()), stretches, threads)
-            for h, part in apart:
-                path[:, h, :, limb.dofs] = said[:, order[_contents(part[k])]].transpose(2, 0, 1)
+            of = dict(zip(different, said.swapaxes(0, 1), strict=True))
+            for (h, _), content in zip(apart, contents, strict=True):
+                path[:, h][..., limb.dofs] = of[content]
         return path
 
-    @cached_property
+    @functools.cached_property
     def _limbs(self) -> Limbs | None:
         motion = self.stretches[0].motion
         return None if motion is None else limbs(self.scene, motion)
 
-    @cached_property
+    @functools.cached_property
     def _own(self) -> tuple[tuple[Limb, Replayer], ...]:
         """Each limb, with the replays of it alone."""
         each = self._limbs.each if self._limbs else ()

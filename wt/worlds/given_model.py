@@ -7,25 +7,10 @@ from pathlib import Path
 
 import mujoco
 
-from wt.errors import ModelError
+from wt.worlds import model_file
 from wt.worlds.go2_model import BALL
 from wt.worlds.legged import RATE_HZ, LeggedRobot
 from wt.worlds.legged_model import BASE, STAND
-
-
-def mjcf(path: Path | str) -> Path:
-    """The MJCF that is named: a file, or what ``wt diagnose`` left in a folder.
-
-    Raises:
-        ModelError: there is none.
-    """
-    path = Path(path)
-    file = path / "model.xml" if path.is_dir() else path
-    if not file.is_file():
-        raise ModelError(
-            f"model '{file}' does not exist; name an MJCF, or the folder that wt diagnose wrote"
-        )
-    return file
 
 
 def load(path: Path | str, robot: LeggedRobot) -> mujoco.MjModel:
@@ -42,17 +27,8 @@ def load(path: Path | str, robot: LeggedRobot) -> mujoco.MjModel:
     Raises:
         ModelError: it cannot be read, or is of another robot.
     """
-    path = mjcf(path)
-    try:
-        model = mujoco.MjModel.from_xml_path(str(path))
-    except ValueError as error:
-        reason = " ".join(str(error).split())
-        raise ModelError(f"model '{path}' is no MJCF that MuJoCo reads: {reason}") from error
-    if wrong := next(_differences(model, robot), None):
-        raise ModelError(
-            f"model '{path}' is no model of the {robot.name}: {wrong}; give the MJCF of this robot "
-            "that wt diagnose patched"
-        )
+    model = model_file.read(path)
+    model_file.refuse(path, robot.name, _differences(model, robot))
     return model
 
 
@@ -66,10 +42,7 @@ def _differences(model: mujoco.MjModel, robot: LeggedRobot) -> Iterator[str]:
         ("site", kinds.mjOBJ_SITE, robot.feet),
         ("keyframe", kinds.mjOBJ_KEY, (STAND,)),
     )
-    for kind, number, names in needed:
-        for name in names:
-            if mujoco.mj_name2id(model, number, name) < 0:
-                yield f"it has no {kind} '{name}'"
+    yield from model_file.lacking(model, needed)
     if int(model.joint(BASE).qposadr[0]):
         yield f"its free joint '{BASE}' is not the first"
     scalar = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)

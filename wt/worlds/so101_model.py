@@ -14,8 +14,7 @@ from pathlib import Path
 
 import mujoco
 
-from wt.errors import ModelError
-from wt.worlds.given_model import mjcf
+from wt.worlds import model_file
 
 ARM_JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
 JAW = "gripper"
@@ -108,7 +107,6 @@ _LINKS = (
 )  # fmt: skip
 
 TIP = "tip"
-_ACTUATOR = mujoco.mjtObj.mjOBJ_ACTUATOR
 _ROUNDING = 1e-6  # of a step: rounded times must not decide which of two commands has come
 _TIP_FRAME = (-0.0079, -0.000218121, -0.0981274)
 
@@ -158,7 +156,7 @@ def spec(servo: ServoPhysics, timestep: float) -> mujoco.MjSpec:
         )  # fmt: skip
         actuator.set_to_position(kp=servo.kp, kv=servo.kv)
         if servo.delay:
-            actuator.nsample = math.ceil(servo.delay / timestep) + 1
+            actuator.nsample = _samples(servo.delay, timestep)
             actuator.delay = servo.delay - _ROUNDING * timestep
         if link.name == "gripper":
             body.add_site(name=TIP, pos=_TIP_FRAME)
@@ -179,24 +177,23 @@ def load(path: Path | str, timestep: float) -> mujoco.MjModel:
     Raises:
         ModelError: it cannot be read, or is of another robot.
     """
-    path = mjcf(path)
-    try:
-        arm = mujoco.MjSpec.from_file(str(path))
-        for drive in arm.actuators:  # as many samples as the other step takes
-            drive.nsample = math.ceil(drive.delay / timestep) + 1 if drive.delay else drive.nsample
+
+    def stepped(arm: mujoco.MjSpec) -> None:
+        for drive in arm.actuators:
+            if drive.delay:
+                drive.nsample = _samples(drive.delay, timestep)
         arm.option.timestep = timestep
-        model = arm.compile()
-    except ValueError as error:
-        reason = " ".join(str(error).split())
-        raise ModelError(f"model '{path}' is no MJCF that MuJoCo reads: {reason}") from error
-    for kind, number in (("joint", mujoco.mjtObj.mjOBJ_JOINT), ("actuator", _ACTUATOR)):
-        for name in JOINTS:
-            if mujoco.mj_name2id(model, number, name) < 0:
-                raise ModelError(
-                    f"model '{path}' is no model of the SO-101: it has no {kind} '{name}'; give "
-                    "the MJCF of this robot that wt diagnose patched"
-                )
+
+    model = model_file.read(path, stepped)
+    kinds = mujoco.mjtObj
+    needed = [("joint", kinds.mjOBJ_JOINT, JOINTS), ("actuator", kinds.mjOBJ_ACTUATOR, JOINTS)]
+    model_file.refuse(path, "SO-101", model_file.lacking(model, needed))
     return model
+
+
+def _samples(delay: float, timestep: float) -> int:
+    """Commands that a late actuator has to remember."""
+    return math.ceil(delay / timestep) + 1
 
 
 def _add_body(parent: mujoco.MjsBody, link: _SO101Link) -> mujoco.MjsBody:

@@ -66,8 +66,8 @@ _RELINEARISED, _LINEAR = 16, 0.3
 or two do where drives hold a machine; where its drives are torques, what a rig is off by moves it
 as far as what is looked for."""
 _NO_BETTER = 1.0  # nats: a step that gains less is the last
-_SHARES = (1.0, 0.5, 0.25, 0.0)
-"""Of the way to where the linear part is at its best, that are tried by replays; none at last."""
+_SHARES = (0.5, 0.25)
+"""Of the way to where the linear part is at its best, that are tried where all of it is worse."""
 _ALIKE = 4  # replays that tell how rough they are
 _WORTHWHILE = 0.05  # deviations: a smaller correction is not worth a change of the model
 BURN_IN_S = 0.25
@@ -206,13 +206,16 @@ class Objective:
         for _ in range(min(most, self._relinearised)):
             assessed = self._linearised(hypothesis)
             here, goal = assessed.centre, np.where(self._able, assessed.tolerances, 0.0)
-            ways = [here + share * (goal - here) for share in _SHARES]
-            raw = self._raw([(*hypothesis, *self._nearby.rig(centre)) for centre in ways])
-            apart = self._around.project(raw[0]) - assessed.error - self._around.moved(goal)
+            (actual,) = self._replayed(hypothesis, [goal])
+            apart = actual - assessed.error - self._around.moved(goal)
             if not (self.channels.rms(apart) > _LINEAR * self.noise).any():
                 break
             # the linear part promises too much: as far that way as replays do get better
-            found = [self._met(error, centre) for error, centre in zip(raw, ways, strict=True)]
+            between = [here + share * (goal - here) for share in _SHARES]
+            errors = [actual, *self._replayed(hypothesis, between)]
+            errors.append(assessed.error + self._around.moved(here))
+            ways = [goal, *between, here]
+            found = [self._met(error, centre) for error, centre in zip(errors, ways, strict=True)]
             best = int(np.argmax(found))
             if found[best] - found[-1] < _NO_BETTER:
                 break
@@ -220,11 +223,17 @@ class Objective:
         self._reference = assessed
         return assessed
 
+    def _replayed(
+        self, hypothesis: Hypothesis, centres: Sequence[Float[np.ndarray, " tolerance"]]
+    ) -> list[Float[np.ndarray, "sample dof"]]:
+        """Projected errors of replays with tolerances of such sizes [deviations]."""
+        raw = self._raw([(*hypothesis, *self._nearby.rig(centre)) for centre in centres])
+        return [self._around.project(error) for error in raw]
+
     def _met(
         self, error: Float[np.ndarray, "sample dof"], centre: Float[np.ndarray, " tolerance"]
     ) -> float:
-        """Likelihood of a replay's error with the tolerances that it had, and no others."""
-        error = self._around.project(error)
+        """Likelihood of a projected error with the tolerances that it had, and no others."""
         if not np.isfinite(error).all():
             return -np.inf
         variance = self.channels.variance(self._around.squares(error).total)

@@ -10,7 +10,7 @@ step and not on the parameter, so that what data do tell is found without bias (
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -146,31 +146,12 @@ def _step(objective: Objective, climbs: Sequence[_Climb]) -> list[_Climb]:
     jacobians = jacobian(
         objective, [c.now for c in climbs], [c.free for c in climbs], [c.slope for c in climbs]
     )
-    trials: list[Hypothesis] = []
-    centres: list[Float[np.ndarray, " tolerance"]] = []
-    for climb, slope in zip(climbs, jacobians, strict=True):
-        free = [climb.now.hypothesis[i] for i in climb.free]
-        visible = shown(free, slope, objective.channels.precision(climb.now.variance))
-        reach = [p.reach() for p in free]
-        lower, upper = (np.concatenate(ends) for ends in zip(*reach, strict=True))
-        prior_std = np.array(
-            [q.prior_std for p in free for q in p.effect.parameters for _ in range(q.size)]
-        )
-        for factor in _TRIALS:
-            damping = climb.damping * factor
-            centre, step = objective.solve(
-                climb.now, slope @ visible, lower, upper, damping, prior_std
-            )
-            ends = np.cumsum([p.effect.n_theta for p in free])[:-1]
-            own = np.split(visible @ step, ends)
-            moved = np.concatenate([p.moved(x) for p, x in zip(free, own, strict=True)])
-            moved = without_hidden(free, moved, visible)
-            trials.append(unpack(climb.now.hypothesis, climb.free, moved))
-            centres.append(centre)
-    assessed = objective.evaluate(trials, centres)
+    pairs = zip(climbs, jacobians, strict=True)
+    ways = [way for climb, slope in pairs for way in _ways(objective, climb, slope)]
+    assessed = objective.evaluate([h for h, _ in ways], [centre for _, centre in ways])
     likeliest = [
         max(range(i, i + len(_TRIALS)), key=lambda k: assessed[k].loglik)
-        for i in range(0, len(trials), len(_TRIALS))
+        for i in range(0, len(ways), len(_TRIALS))
     ]
     settled = _settled(objective, [assessed[k] for k in likeliest])
     result = []
@@ -185,6 +166,27 @@ def _step(objective: Objective, climbs: Sequence[_Climb]) -> list[_Climb]:
             damping = climb.damping * (10.0 if k % len(_TRIALS) else 0.1)
             result.append(replace(climb, now=best, damping=damping, done=gained < _CONVERGED))
     return result
+
+
+def _ways(
+    objective: Objective, climb: _Climb, slope: Float[np.ndarray, "sample dof parameter"]
+) -> Iterator[tuple[Hypothesis, Float[np.ndarray, " tolerance"]]]:
+    """Where steps of each damping lead: the hypothesis, and the tolerances beside it."""
+    free = [climb.now.hypothesis[i] for i in climb.free]
+    visible = shown(free, slope, objective.channels.precision(climb.now.variance))
+    reach = [p.reach() for p in free]
+    lower, upper = (np.concatenate(ends) for ends in zip(*reach, strict=True))
+    prior_std = np.array(
+        [q.prior_std for p in free for q in p.effect.parameters for _ in range(q.size)]
+    )
+    ends = np.cumsum([p.effect.n_theta for p in free])[:-1]
+    for factor in _TRIALS:
+        damping = climb.damping * factor
+        centre, step = objective.solve(climb.now, slope @ visible, lower, upper, damping, prior_std)
+        own = np.split(visible @ step, ends)
+        moved = np.concatenate([p.moved(x) for p, x in zip(free, own, strict=True)])
+        moved = without_hidden(free, moved, visible)
+        yield unpack(climb.now.hypothesis, climb.free, moved), centre
 
 
 def pack(hypothesis: Hypothesis, parts: Sequence[int]) -> Float[np.ndarray, " parameter"]:

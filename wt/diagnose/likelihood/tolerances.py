@@ -98,11 +98,10 @@ def taken_over(
     Unchanged where the effect is no small error of any model.
     """
     taken, box = sizes.copy(), THRESHOLDS.tolerance_box
-    for i, t in enumerate(tolerances):
-        if t.planted.key == planted.key:
-            one = float(t.planted.theta[0]) - t.neutral
-            off = (float(planted.theta[0]) - t.neutral) / one
-            taken[i] = np.clip(taken[i] + off, -box, box)
+    for i in np.flatnonzero(alike(tolerances, [planted])).tolist():
+        neutral, (one,) = tolerances[i].neutral, tolerances[i].planted.theta
+        off = (planted.theta[0] - neutral) / (one - neutral)
+        taken[i] = np.clip(taken[i] + off, -box, box)
     return taken
 
 
