@@ -5,11 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import mujoco
+import numpy as np
 import pytest
 
 from tests.check.machines import MACHINES, record, with_columns
 from wt.check.run import check
+from wt.physics.effect import effects
 from wt.physics.scene import Scene
+from wt.types import Location
 
 
 def kinds(xml: str, folder: Path, recording: object = None) -> list[str]:
@@ -55,6 +58,25 @@ def test_a_base_that_hangs_otherwise(gravity: str, tmp_path: Path) -> None:
     spec = mujoco.MjSpec.from_string(xml)
     found.model_change(spec)
     assert spec.option.gravity == pytest.approx([float(x) for x in gravity.split()], abs=1e-9)
+
+
+def test_a_base_that_leans(tmp_path: Path) -> None:
+    xml = MACHINES["arm4"].xml
+    robot = xml.replace("<worldbody>", '<option gravity="4.9 3 -7.9"/><worldbody>')
+    assert kinds(xml, tmp_path, record("arm4", 46, robot=robot)) == ["base_orientation"]
+
+
+@pytest.mark.parametrize("pull", [(-0.8, 0.25, 0.45), (0.5, 0.5, 0.5)])
+def test_what_pulls_at_one_body_is_physics(
+    pull: tuple[float, float, float], tmp_path: Path
+) -> None:
+    """A rope at one link bends the weight of all of them by 40°, and more."""
+    xml = MACHINES["arm4"].xml
+    spec = mujoco.MjSpec.from_string(xml)
+    at = Location("body", spec.bodies[-1].name)
+    weight = 9.81 * sum(spec.compile().body_mass[1:])
+    effects()["body.force"].patch(spec, at, 0.2 * weight * np.array(pull))
+    assert kinds(xml, tmp_path, record("arm4", 47, robot=spec.to_xml())) == []
 
 
 def test_limits_that_the_recording_leaves(tmp_path: Path) -> None:

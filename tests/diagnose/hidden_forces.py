@@ -108,7 +108,7 @@ def world(
     parts = [Part(replace(one, t=one.t * (1.0 + 1e-12 * i)), i) for i, one in enumerate(made)]
     fit, held = smooth(scene, parts[:-1]), smooth(scene, parts[-1:])
     screen = Screen(fit, 0)
-    objective = Objective(fit, stretches_of(fit, True), screen.velocity_noise, STEP, True)
+    objective = Objective(fit, stretches_of(fit, True), STEP, True)
     return World(scene, screen, objective, prepare_holdout(held, True))
 
 

@@ -129,8 +129,7 @@ def test_a_pull_upwards_is_told_no_better_than_weights_and_drives_are_known(
         for seed in (1, 2)
     ]
     fit = smooth(machine, [Part(r, seed) for seed, r in enumerate(recorded)])
-    screen = Screen(fit, 0)
-    objective = Objective(fit, stretches_of(fit, False), screen.velocity_noise, 2e-3, False)
+    objective = Objective(fit, stretches_of(fit, False), 2e-3, False)
     start = Planted(effects()["body.force"], Location("body", "trunk"), np.array(PULL))
     (found,) = estimate(objective, (start,)).estimates
     low, high = (np.array(end) for end in found["force"].ci95)

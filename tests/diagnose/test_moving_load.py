@@ -76,10 +76,10 @@ def test_where_it_was_may_adapt(smoothed: Smoothed, best: Scored) -> None:
     moving, nv = read_off(smoothed, best), smoothed.motion.scene.model.nv
     assert list(hidden([moving], some[0])) == ["trunk_payload_x"]
     replayer = Replayer(smoothed.motion.scene, some, 1e-3)
-    found = responses(replayer, [moving], np.full(2 * nv, 1e-3))
+    found = responses(replayer, [moving])
     assert found.shape[2] == 2 * nv + 2
     assert np.abs(found[:, :, -2:]).max() > 1e-4
-    assert responses(replayer, [], np.full(2 * nv, 1e-3)).shape[2] == 2 * nv
+    assert responses(replayer, []).shape[2] == 2 * nv
 
 
 def test_its_weight_is_no_error_of_the_trunk(tmp_path: Path) -> None:

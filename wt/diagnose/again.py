@@ -21,7 +21,6 @@ from wt.diagnose.pipeline import audited, effort_of, objective_on, searched
 from wt.diagnose.recordings.commands import smooth_as_sent
 from wt.diagnose.recordings.prepare import Prepared, Source
 from wt.diagnose.recordings.stretches import longest_window
-from wt.diagnose.residual.screen import Screen
 from wt.diagnose.result import Estimate
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.holdout import errors, prepare_holdout
@@ -76,14 +75,13 @@ def named(of: Recorded, seed: int = 0, progress: Say | None = None) -> Hypothesi
 
 @quiet()
 def estimated(
-    of: Recorded, hypothesis: Hypothesis, seed: int = 0
+    of: Recorded, hypothesis: Hypothesis
 ) -> tuple[tuple[Planted, dict[str, Estimate]], ...]:
     """Fit given effects together on all of some recordings.
 
     Args:
         of: the recordings.
         hypothesis: effects, with parameters to start from.
-        seed: of everything random.
 
     Returns:
         Each effect as fitted with its parameters by name, in the given order; an effect that the
@@ -92,8 +90,7 @@ def estimated(
     scene, effort = of.scene, effort_of(of.scene)
     whole, forgetting = smooth_as_sent(scene, of.prepared.whole, effort.step, effort.search_step)
     window = None if forgetting or scene.free else longest_window(whole, effort.search_step)
-    screen = Screen(whole, seed)
-    objective = objective_on([whole], screen, forgetting, effort.most_s, effort.step, window)
+    objective = objective_on([whole], forgetting, effort.most_s, effort.step, window)
     here = [p.elsewhere(whole.motion) for p in hypothesis]
     start = tuple(p for p in here if p.wrong(whole.motion) is None)
     fitted = estimate(objective, start)

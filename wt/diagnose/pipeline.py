@@ -197,7 +197,7 @@ def searched(
 
     def naming_by(window: float | None) -> Naming:
         def of(sets: Sequence[Smoothed], seconds: float, step: float) -> Objective:
-            return objective_on(sets, screen, forgetting, seconds, step, window)
+            return objective_on(sets, forgetting, seconds, step, window)
 
         all_replays = functools.cache(lambda: of([fitted, held_out], effort.doubt_s, quick))
         replays = of([fitted], effort.search_s, quick), of([fitted], effort.most_s, step)
@@ -220,13 +220,13 @@ def searched(
     # a servo holds against a push and forgets it, and of what feet meet nothing is known
     if not forgetting and not scene.free:
         whole = smooth(scene, prepared.whole, fitted.commands, fitted.begun)
-        all_of_it = functools.partial(objective_on, [whole], screen, False, effort.most_s, quick)
+        all_of_it = functools.partial(objective_on, [whole], False, effort.most_s, quick)
         seen = events(whole.motion, all_of_it, proven.estimated.hypothesis, log)
     pace.stage("naming")
     claims, missed = naming.claimed(replace(proven, events=seen)), None
     # replays of legs are asked by the proof alone: they would cost a search
     if not scene.free and verdict(claims, naming.objective) in ("no_mismatch", "explained"):
-        replays = objective_on([held_out], screen, forgetting, effort.most_s, step, window)
+        replays = objective_on([held_out], forgetting, effort.most_s, step, window)
         # it is the same machine: its tolerances begin as the fitted recordings have them
         known = claims.assessed(naming.objective).tolerances
         assessed = replays.reference(naming.holdout.here(claims.hypothesis), known)
@@ -396,20 +396,19 @@ def _proven(naming: Naming, accepted: tuple[Accepted, ...], pace: Pace, before: 
 
 def objective_on(
     sets: Sequence[Smoothed],
-    screen: Screen,
     forgetting: bool,
     seconds: float,
     step: float,
     window: float | None = None,
 ) -> Objective:
     """Replays of one or more sets of recordings, which are counted through."""
-    telling = TELLING if screen.motion.scene.free else 0.0
+    telling = TELLING if sets[0].motion.scene.free else 0.0
     pairs, before = [], 0
     for smoothed in sets:
         stretches = stretches_of(smoothed, forgetting, seconds, telling, window)
         pairs += [(replace(s, recording=s.recording + before), q) for s, q in stretches]
         before += max(s.recording for s in smoothed.samples) + 1
-    return Objective(sets[0], pairs, screen.velocity_noise, step, forgetting)
+    return Objective(sets[0], pairs, step, forgetting)
 
 
 def _too_coarse(scene: Scene, holdout: Holdout, claims: Claims) -> bool:

@@ -160,7 +160,7 @@ def _estimated(
         say(f"{labels}: estimating", _SEARCH + (1.0 - _SEARCH) * i / len(every))
         if labels not in read:
             read[labels] = again.recorded(model, grouped[labels])
-        fitted = again.estimated(read[labels], hypothesis, seed) if hypothesis else ()
+        fitted = again.estimated(read[labels], hypothesis) if hypothesis else ()
         estimates += rows(labels, fitted)
         fits = {p.key for p, _ in fitted}
         notes += tuple(

@@ -78,7 +78,8 @@ class Parameter:
         name: as in the table of effects.
         unit: on a hinge, e.g. ``"N·m"``; ``"-"`` for none. On a slide see :meth:`unit_in`.
         lower, upper: smallest and largest admissible value, of every component.
-        step: smallest change that matters, the unit of finite differences.
+        step: smallest change that matters, the unit of finite differences; 0 for a choice, such as
+            a side, which is not fitted.
         axes: names of a vector's components, e.g. ``("x", "y", "z")``; empty for a scalar.
         neutral: of every component, where the effect is nothing; None if it takes more than that.
         public: whether it is one of the table of effects, and reported; else it is only fitted.

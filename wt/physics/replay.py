@@ -40,6 +40,7 @@ class Stretch:
         command: command sent at each sample, (K, nu).
         q0: joint positions at the first sample, (nv,).
         v0: joint velocities there, (nv,).
+        unsure: deviations of these positions and velocities, (2nv,); none if they are exact.
         activation: what each drive acts on there, (nu,); filters that let the first command through
             and integrators at zero if left out.
         lead_t: times of the samples before, as far as they are of use, (L,) [s].
@@ -54,6 +55,7 @@ class Stretch:
     command: Float[np.ndarray, "sample actuator"]
     q0: Float[np.ndarray, " dof"]
     v0: Float[np.ndarray, " dof"]
+    unsure: Float[np.ndarray, " state"] = field(default_factory=lambda: np.zeros(0))
     activation: Float[np.ndarray, " actuator"] | None = None
     lead_t: Float[np.ndarray, " lead"] = field(default_factory=lambda: np.zeros(0))
     lead: Float[np.ndarray, "lead _"] = field(default_factory=lambda: np.zeros((0, 0)))

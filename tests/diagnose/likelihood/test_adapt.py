@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wt.diagnose.likelihood.adapt import FARTHEST, InitialState, initial_states, project
+from wt.diagnose.likelihood.adapt import (
+    FARTHEST,
+    Adaptable,
+    InitialState,
+    initial_states,
+    project,
+)
 
 RESPONSE = np.random.default_rng(0).standard_normal((200, 1, 2))
 MSE = np.array([0.01])
@@ -45,7 +51,11 @@ def test_what_is_not_held_makes_up_for_what_is_as_well_as_it_may() -> None:
     assert held[1] == pytest.approx(min(tried, key=cost)[1], abs=0.01)
 
 
-def test_changes_add_up_whatever_their_size() -> None:
-    one, other = error(20.0, 0.0), np.ones((200, 1))
-    apart = [project(x, [state()], bounded=False) for x in (one, other, one + other)]
-    np.testing.assert_allclose(apart[0] + apart[1], apart[2], atol=1e-9)
+@pytest.mark.parametrize("wanted", [error(1.0, -2.0), error(4.0, 1.0), error(20.0, -20.0)])
+def test_a_change_is_the_slope_of_the_projection_whatever_is_at_its_limit(
+    wanted: np.ndarray,
+) -> None:
+    change, small = np.random.default_rng(1).standard_normal((200, 1)), 1e-4
+    around = Adaptable(np.zeros((1, 200, 0)), np.zeros(0), (slice(None),), (state(),))
+    slope = (around.project(wanted + small * change) - around.project(wanted)) / small
+    np.testing.assert_allclose(around.change(wanted, change), slope, atol=1e-6)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
-from tests.diagnose.hidden_forces import chain, world
+from tests.diagnose.hidden_forces import STEP, chain, record, world
 from wt.diagnose.likelihood.estimate import (
     Estimated,
     _named,
@@ -16,8 +17,11 @@ from wt.diagnose.likelihood.estimate import (
     estimate,
     least_spread,
 )
-from wt.diagnose.likelihood.objective import Assessed
+from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.tolerances import absorbed, alike, tolerances
+from wt.diagnose.recordings.samples import Part
+from wt.diagnose.recordings.smooth import smooth
+from wt.diagnose.recordings.stretches import stretches_of
 from wt.diagnose.result import Estimate
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
@@ -27,6 +31,7 @@ from wt.physics.units import HINGE
 from wt.types import Location
 
 J = Location("joint", "j")
+_MOTOR = r'<motor name="\1" joint="\2" gear="6"/>'
 
 
 def test_the_small_error_of_a_finding_s_own_kind_is_part_of_it(tmp_path: Path) -> None:
@@ -192,3 +197,26 @@ def test_what_makes_a_difference_has_both_ends(tmp_path: Path, truth: float) -> 
     found = estimate(slow.objective, (Planted(creeping, Location("joint", "j2"), np.array([0.2])),))
     low, high = found.estimates[0]["coulomb"].ci95
     assert 0.5 * truth < low < truth < high < 2.0 * truth
+
+
+def test_a_choice_has_no_interval() -> None:
+    stop = planted("joint.stop", 0.8, -1.0)
+    ends = stop.theta - np.array([0.1, 3.0]), stop.theta + np.array([0.1, 3.0])
+    found = _named(stop, HINGE, *ends, np.full(2, 0.01), np.eye(2))
+    assert found["position"].ci95 == pytest.approx((0.7, 0.9))
+    assert found["side"].ci95 == (-1.0, -1.0)
+    assert not found["side"].warning
+
+
+def test_where_motion_is_free_figures_are_as_good_as_noise_allows(tmp_path: Path) -> None:
+    """A heavier link swings by hundreds of times the noise; much of that is forgiven any law."""
+    free = re.sub(r'<position name="(a.)" joint="(j.)"[^>]*>', _MOTOR, chain(2))
+    heavier = free.replace('mass="1.2"', f'mass="{1.2 * 1.6}"')
+    path = tmp_path / "chain.xml"
+    path.write_text(free)
+    fit = smooth(Scene(path), [Part(record(heavier, None, 6.0, 0), 0)])
+    some = Objective(fit, stretches_of(fit, False), STEP, False)
+    assert some.floor[0] > 20.0 * some.noise[0]
+    mass = Planted(effects()["body.mass"], Location("body", "link1"), np.array([1.4]))
+    low, high = estimate(some, (mass,)).estimates[0]["factor"].ci95
+    assert 1.35 < low < 1.6 < high < 1.85

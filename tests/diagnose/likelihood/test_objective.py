@@ -14,7 +14,6 @@ from wt.diagnose.likelihood.tolerances import taken_over, tolerances
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import Smoothed, smooth
 from wt.diagnose.recordings.stretches import stretches_of
-from wt.diagnose.residual.screen import Screen
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
@@ -30,7 +29,7 @@ def smoothed(folder: Path, made_by: str, believed: str, seconds: float = 6.0) ->
 
 def objective(fit: Smoothed, forgets: bool) -> Objective:
     stretches = stretches_of(fit, forgets)
-    return Objective(fit, stretches, Screen(fit, 0).velocity_noise, STEP, forgets)
+    return Objective(fit, stretches, STEP, forgets)
 
 
 @pytest.mark.parametrize("forgets", [True, False])

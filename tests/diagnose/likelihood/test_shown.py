@@ -15,7 +15,6 @@ from wt.diagnose.likelihood.shown import hidden_axes, shown, without_hidden
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import stretches_of
-from wt.diagnose.residual.screen import Screen
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
 from wt.physics.scene import Scene
@@ -58,8 +57,7 @@ def test_a_force_along_the_only_axis_is_not_fitted(tmp_path: Path) -> None:
     path = tmp_path / "robot.xml"
     path.write_text(xml)
     smoothed = smooth(Scene(path), [Part(record(xml, push, 6.0, 0), 0)])
-    noise_v = Screen(smoothed).velocity_noise
-    objective = Objective(smoothed, stretches_of(smoothed, True), noise_v, STEP, True)
+    objective = Objective(smoothed, stretches_of(smoothed, True), STEP, True)
     objective.reference(())
     (found,) = refine(objective, [(FORCE,)], [[0]], iterations=6)
     force = found.hypothesis[0].theta

@@ -59,7 +59,7 @@ def joined(
     fitted = smooth(Scene(path), [Part(record(hidden, drive, seconds, noise, seed), 0)])
     screen = Screen(fitted, 0)
     replays = stretches_of(fitted, forgets=True)
-    objective = Objective(fitted, replays, screen.velocity_noise, 1e-3, True)
+    objective = Objective(fitted, replays, 1e-3, True)
     return addition(screen, objective, objective.reference(()), [], DecisionLog(), 4)
 
 

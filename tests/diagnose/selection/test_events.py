@@ -12,7 +12,7 @@ from tests.conftest import FromShared
 from wt.data.importers.dfki_double_pendulum import DfkiDoublePendulum
 from wt.diagnose.likelihood.objective import Objective
 from wt.diagnose.recordings.samples import Part
-from wt.diagnose.recordings.smooth import Smoothed, resmooth, smooth
+from wt.diagnose.recordings.smooth import Smoothed, smooth
 from wt.diagnose.recordings.stretches import stretches_of
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.events import Event, events
@@ -62,9 +62,7 @@ def recorded(pushes: tuple[tuple[str, float, float, float], ...]) -> Recording:
 
 def found(whole: Smoothed) -> tuple[Event, ...]:
     def replays() -> Objective:
-        renewed = resmooth(whole, np.random.default_rng(0))
-        noise = np.std(renewed.v - whole.motion.v, axis=0)
-        return Objective(whole, stretches_of(whole, False), noise, 1e-3, False)
+        return Objective(whole, stretches_of(whole, False), 1e-3, False)
 
     # as a search finds it
     dry = effects()["joint.friction_coulomb"]

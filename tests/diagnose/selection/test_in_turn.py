@@ -12,7 +12,6 @@ from wt.diagnose.likelihood.objective import Objective
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import stretches_of
-from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.holdout import Gain, Holdout, gain_of, gains, prepare_holdout
 from wt.diagnose.selection.in_turn import left_in_turn, where_mute
 from wt.diagnose.thresholds import THRESHOLDS
@@ -34,8 +33,7 @@ def objective(folder: Path, recordings: int) -> Objective:
     path.write_text(chain(2))
     parts = [Part(record(MADE_BY, None, 8.0 / recordings, i), i) for i in range(recordings)]
     fit = smooth(Scene(path), parts)
-    screen = Screen(fit, 0)
-    return Objective(fit, stretches_of(fit, True), screen.velocity_noise, STEP, True)
+    return Objective(fit, stretches_of(fit, True), STEP, True)
 
 
 @pytest.mark.parametrize("recordings", [1, 2])

@@ -17,9 +17,6 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from wt.diagnose.likelihood.bounded import NormalEquations
-from wt.diagnose.recordings.odometry import UNSURE_Q, UNSURE_V
-from wt.diagnose.recordings.smooth import Smoothed
-from wt.physics import base
 from wt.physics.planted import Planted
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
@@ -107,16 +104,14 @@ class InitialState:
     def _solve(self) -> Float[np.ndarray, "state error"]:
         return np.asarray(np.linalg.solve(self.gram, self.weighted))
 
-    def shift(
-        self, error: Float[np.ndarray, " error"], bounded: bool = True
-    ) -> Float[np.ndarray, " state"]:
-        """Deviations that explain most of an error, none beyond the farthest if they are bounded.
+    def shift(self, error: Float[np.ndarray, " error"]) -> Float[np.ndarray, " state"]:
+        """Deviations that explain most of an error, none beyond the farthest.
 
         What would go farther is held there, and the rest solved for once more.
         """
         wanted = np.asarray(self._solve @ error)
         at_limit = np.abs(wanted) > self.farthest
-        if not (bounded and at_limit.any()):
+        if not at_limit.any():
             return wanted
         limited, free = np.clip(wanted, -self.farthest, self.farthest), ~at_limit
         if free.any():
@@ -126,41 +121,34 @@ class InitialState:
             limited[free] = np.linalg.solve(self.gram[np.ix_(free, free)], right)
         return np.clip(limited, -self.farthest, self.farthest)
 
+    def change(
+        self, error: Float[np.ndarray, " error"], change: Float[np.ndarray, " error"]
+    ) -> Float[np.ndarray, " state"]:
+        """Deviations by which a small change of an error moves :meth:`shift`, to first order.
 
-def initial_deviations(
-    smoothed: Smoothed, velocity_noise: Float[np.ndarray, " dof"]
-) -> Float[np.ndarray, " 2*dof"]:
-    """Deviations of a stretch's estimated initial positions and velocities, from the sensors'.
-
-    A base that was computed from an IMU moves smoothly, and is off by more than that tells.
-    """
-    scene = smoothed.motion.scene
-    q, v = 0.5 * np.nan_to_num(smoothed.noise, nan=1.0), velocity_noise.copy()
-    computed = {dof for s in smoothed.samples for dof in s.estimated}
-    for joint in scene.free:
-        dofs = [scene.dof(name) for name in base.names(joint)]
-        if computed.issuperset(dofs):
-            q[dofs], v[dofs] = np.maximum(q[dofs], UNSURE_Q), np.maximum(v[dofs], UNSURE_V)
-    return np.concatenate([q, v])
+        What is at its limit stays there.
+        """
+        free, moved = np.abs(self._solve @ error) <= self.farthest, np.zeros(len(self.gram))
+        moved[free] = np.linalg.solve(self.gram[np.ix_(free, free)], self.weighted[free] @ change)
+        return moved
 
 
 def responses(
-    replayer: Replayer, hypothesis: Sequence[Planted], deviations: Float[np.ndarray, " deviation"]
+    replayer: Replayer, hypothesis: Sequence[Planted]
 ) -> Float[np.ndarray, "sample dof state"]:
     """Changes of replays by other initial states.
 
     Args:
         replayer: of the stretches.
         hypothesis: what is replayed; joints that it adds start with states of their own.
-        deviations: of each initial position and velocity.
 
     Returns:
         The change per deviation of each position and velocity, those of added joints last.
     """
-    nv, stretches = len(deviations) // 2, replayer.stretches
+    nv, stretches = replayer.scene.model.nv, replayer.stretches
     shifted = [
-        replace(s, q0=s.q0 + shift[:nv], v0=s.v0 + shift[nv:])
-        for shift in (np.zeros(2 * nv), *np.diag(deviations))
+        replace(s, q0=s.q0 + (one * s.unsure)[:nv], v0=s.v0 + (one * s.unsure)[nv:])
+        for one in (np.zeros(2 * nv), *np.eye(2 * nv))
         for s in stretches
     ]
     for name, (dq, dv) in hidden(hypothesis, stretches[0]).items():
@@ -205,23 +193,13 @@ def initial_states(
 
 
 def project(
-    error: Float[np.ndarray, "sample dof"],
-    initial: Sequence[InitialState],
-    bounded: bool = True,
+    error: Float[np.ndarray, "sample dof"], initial: Sequence[InitialState]
 ) -> Float[np.ndarray, "sample dof"]:
-    """Take out of an error what plausible other initial states explain.
-
-    Args:
-        error: of replays.
-        initial: of the stretches.
-        bounded: whether states may go no farther than plausible; changes that add up may.
-    """
-    if not initial:
-        return error
+    """Take out of an error of replays what plausible other initial states explain."""
     left = error.copy()
     for state in initial:
         part = error[state.rows]
-        explained = state.response @ state.shift(part.reshape(-1), bounded)
+        explained = state.response @ state.shift(part.reshape(-1))
         left[state.rows] -= explained.reshape(part.shape)
     return left
 
@@ -254,6 +232,17 @@ class Adaptable:
     def project(self, error: Float[np.ndarray, "sample dof"]) -> Float[np.ndarray, "sample dof"]:
         """Take out of an error what plausible other initial states explain."""
         return project(error, self.initial)
+
+    def change(
+        self, error: Float[np.ndarray, "sample dof"], change: Float[np.ndarray, "sample dof"]
+    ) -> Float[np.ndarray, "sample dof"]:
+        """Change of a projected error by a small one of the error, to first order."""
+        left = change.copy()
+        for state in self.initial:
+            here, part = error[state.rows].reshape(-1), change[state.rows]
+            moved = state.response @ state.change(here, part.reshape(-1))
+            left[state.rows] -= moved.reshape(part.shape)
+        return left
 
     def at_origin(
         self, error: Float[np.ndarray, "sample dof"], centre: Float[np.ndarray, " tolerance"]
@@ -307,11 +296,13 @@ def linear(
     changes: Float[np.ndarray, "tolerance sample dof"],
     centre: Float[np.ndarray, " tolerance"],
     parts: tuple[slice, ...],
+    error: Float[np.ndarray, "sample dof"],
     initial: tuple[InitialState, ...] = (),
 ) -> Adaptable:
-    """Project the changes of the error per deviation of each tolerance."""
+    """Project the changes of an error per deviation of each tolerance, to first order."""
     n, samples, nv = changes.shape
     projected = np.empty((nv, samples, n))
+    around = Adaptable(projected, centre, parts, initial)
     for k, change in enumerate(changes):
-        projected[:, :, k] = project(change, initial, bounded=False).T
-    return Adaptable(projected, centre, parts, initial)
+        projected[:, :, k] = around.change(error, change).T
+    return around

@@ -57,19 +57,24 @@ class Estimated:
 
 
 def estimate(objective: Objective, start: Hypothesis) -> Estimated:
-    """Fit all effects together and estimate how well they are known."""
+    """Fit all effects together, down to noise, and estimate how well they are known."""
     now = objective.reference(start)
     if not start:
         return Estimated(now, ())
     parts = range(len(start))
     smallest = steps(objective, start, parts)
-    now = _fitted(objective, start, smallest)
-    theta = pack(now.hypothesis, parts)
-    slopes = jacobian(objective, [now], [parts])
-    (slope,) = jacobian(objective, [now], [parts], slopes)
-    visible = shown(now.hypothesis, slope, objective.channels.precision(now.variance))
-    spread = _spread(objective, now, slope @ visible)
-    spread = np.hypot(spread, least_spread(now.hypothesis, smallest))
+    now, sharp = _fitted(objective, start, smallest), objective.sharper()
+    best = now
+    if sharp is not objective:
+        sharp.reference(now.hypothesis, now.tolerances)
+        best = _fitted(sharp, now.hypothesis, smallest)
+        now = objective.reference(best.hypothesis, best.tolerances)
+    theta = pack(best.hypothesis, parts)
+    slopes = jacobian(sharp, [best], [parts])
+    (slope,) = jacobian(sharp, [best], [parts], slopes)
+    visible = shown(best.hypothesis, slope, sharp.channels.precision(best.variance))
+    spread = _spread(sharp, best, slope @ visible)
+    spread = np.hypot(spread, least_spread(best.hypothesis, smallest))
     lower, upper = bounds(now.hypothesis, parts)
     small, large = _as_good(objective, now, theta)
     low = np.maximum(np.minimum(theta - spread, small), lower)
@@ -259,6 +264,10 @@ def _named(
         if not p.public:
             continue
         value, ends, span = planted.theta[rows], (low[rows], high[rows]), (lower[rows], upper[rows])
+        if not p.step:
+            chosen = _plain(value, bool(p.axes))
+            estimates[p.name] = Estimate(chosen, p.unit_in(units), (chosen, chosen))
+            continue
         hidden = hidden_axes(visible[rows, rows]) if p.axes else []
         known = np.setdiff1d(np.arange(p.size), hidden)
         warning = _warning(

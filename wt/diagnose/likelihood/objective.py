@@ -21,7 +21,6 @@ from wt.diagnose.likelihood.adapt import (
     REWEIGHTED,
     Adaptable,
     Squares,
-    initial_deviations,
     initial_states,
     linear,
 )
@@ -46,6 +45,7 @@ class Assessed:
         tolerances: their adapted sizes [deviations].
         centre: those that it was replayed with.
         error: projected error that replays without any tolerance would have.
+        raw: error of the replay itself; nothing has adapted.
     """
 
     hypothesis: Hypothesis
@@ -54,6 +54,7 @@ class Assessed:
     tolerances: Float[np.ndarray, " tolerance"]
     centre: Float[np.ndarray, " tolerance"]
     error: Float[np.ndarray, "sample dof"]
+    raw: Float[np.ndarray, "sample dof"]
 
     @property
     def mse(self) -> Float[np.ndarray, " dof"]:
@@ -68,6 +69,7 @@ as far as what is looked for."""
 _NO_BETTER = 1.0  # nats: a step that gains less is the last
 _SHARES = (0.5, 0.25)
 """Of the way to where the linear part is at its best, that are tried where all of it is worse."""
+_FORGIVING = 1.5  # noise: more than this is far more than noise
 _ALIKE = 4  # replays that tell how rough they are
 _WORTHWHILE = 0.05  # deviations: a smaller correction is not worth a change of the model
 BURN_IN_S = 0.25
@@ -88,7 +90,6 @@ class Objective:
         self,
         smoothed: Smoothed,
         stretches: Sequence[tuple[Stretch, Float[np.ndarray, "_ dof"]]],
-        noise_v0: Float[np.ndarray, " dof"],
         step: float,
         forgets: bool,
     ) -> None:
@@ -97,7 +98,6 @@ class Objective:
         Args:
             smoothed: gives scene and noise.
             stretches: what to replay, each with the measured positions.
-            noise_v0: uncertainty of an initial velocity.
             step: fine physics step [s].
             forgets: whether the machine forgets its initial state, so that stretches are long.
         """
@@ -125,9 +125,8 @@ class Objective:
         parts = self._rows if self.scene.free else (slice(None),)
         self.channels = Channels(valid, parts, count, np.tile(self.noise, (len(parts), 1)))
         self.tolerances: tuple[ModelTolerance, ...] = tolerances(self.scene)
-        uncertain = np.zeros(0) if forgets else initial_deviations(smoothed, noise_v0)
         floating = bool(self.scene.free)
-        self._nearby = Nearby(self._replays, self.tolerances, uncertain, once=floating)
+        self._nearby = Nearby(self._replays, self.tolerances, once=floating, remembers=not forgets)
         self._farthest = np.inf if floating else FARTHEST
         self._relinearised = 1 if floating else _RELINEARISED
         self._able = self._nearby.able
@@ -168,10 +167,7 @@ class Objective:
         raw = self._raw(
             [(*h, *self._nearby.rig(c)) for h, c in zip(hypotheses, centres, strict=True)]
         )
-        return [
-            self._assess(h, self._around.at_origin(e, c), c)
-            for h, c, e in zip(hypotheses, centres, raw, strict=True)
-        ]
+        return [self._assess(h, e, c) for h, c, e in zip(hypotheses, centres, raw, strict=True)]
 
     def _raw(self, hypotheses: Sequence[Hypothesis]) -> Float[np.ndarray, "hypothesis sample dof"]:
         """Simulated minus measured positions."""
@@ -246,16 +242,16 @@ class Objective:
         error, columns = self._errors(q), np.where(self.channels.valid, changes, 0.0)
         parts = self.channels.parts
         if self.forgets:
-            self._around = linear(columns, centre, parts)
-            return self._assess(hypothesis, self._around.at_origin(error, centre), centre)
+            self._around = linear(columns, centre, parts, error)
+            return self._assess(hypothesis, error, centre)
         response = response * self.channels.valid[:, :, None]
         known = np.nan_to_num(error, nan=1.0) ** 2
         variance = self.channels.variance(self.channels.sums(known))
         # how far an initial state may go depends on what is left once all has adapted
         for _ in range(REWEIGHTED):
             initial = initial_states(self._rows, response, variance, self._farthest)
-            self._around = linear(columns, centre, parts, initial)
-            assessed = self._assess(hypothesis, self._around.at_origin(error, centre), centre)
+            self._around = linear(columns, centre, parts, error, initial)
+            assessed = self._assess(hypothesis, error, centre)
             variance = np.where(np.isfinite(assessed.variance), assessed.variance, variance)
         if not self._measured_rough:
             self._measured_rough = True
@@ -282,20 +278,21 @@ class Objective:
     def _assess(
         self,
         hypothesis: Hypothesis,
-        error: Float[np.ndarray, "sample dof"],
+        raw: Float[np.ndarray, "sample dof"],
         centre: Float[np.ndarray, " tolerance"],
     ) -> Assessed:
-        """Likelihood of a projected error, with the tolerances adapted inside their box."""
+        """Likelihood of a replay's error, with the tolerances adapted inside their box."""
+        error = self._around.at_origin(raw, centre)
         if not np.isfinite(error).all():
             bad = np.full(self.channels.floors.shape, np.inf)
-            return Assessed(hypothesis, -np.inf, bad, np.zeros(len(centre)), centre, error)
+            return Assessed(hypothesis, -np.inf, bad, np.zeros(len(centre)), centre, error, raw)
         squares, sizes = self._around.squares(error), np.zeros(len(centre))
         variance = self.channels.variance(squares.total)
         for _ in range(3):
             sizes = self._adapt(squares, variance, boxes(self.tolerances, hypothesis))
             variance = self.channels.variance(squares.left(sizes))
         loglik = self.channels.nats(variance) - 0.5 * float(sizes @ sizes)
-        return Assessed(hypothesis, loglik, variance, sizes, centre, error)
+        return Assessed(hypothesis, loglik, variance, sizes, centre, error, raw)
 
     def left(self, assessed: Assessed) -> Float[np.ndarray, "sample dof"]:
         """The error once the tolerances have adapted."""
@@ -307,12 +304,35 @@ class Objective:
         """A projected error with tolerances of such sizes [deviations]."""
         return np.asarray(error + self._around.moved(sizes))
 
+    def change(self, now: Assessed, other: Assessed) -> Float[np.ndarray, "sample dof"]:
+        """Change of the projected error by a small one of the hypothesis, to first order."""
+        return self._around.change(now.raw, other.raw - now.raw)
+
+    def sharper(self) -> Objective:
+        """The same replays, judged down to noise where joints are forgiven far more than that.
+
+        What tells hypotheses apart forgives what no machine follows exactly; below it they are all
+        as good, and the best figures of one of them are not found. On legs more than noise is left
+        whatever they are.
+        """
+        if self.scene.free or (self.channels.floor <= _FORGIVING * self.noise).all():
+            return self
+        other = self._apart_from()
+        floors = np.broadcast_to(self.noise, self.channels.floors.shape)
+        other.channels = replace(self.channels, floors=floors)
+        return other
+
     def only(self, rows: Bool[np.ndarray, " sample"]) -> Objective:
         """The same replays, judged by some of the samples."""
+        other = self._apart_from()
+        other.channels = self.channels.only(rows)
+        return other
+
+    def _apart_from(self) -> Objective:
+        """The same replays, with references of their own."""
         other = copy.copy(self)
         other._replays, other._reference = copy.copy(self._replays), None
         other._nearby = self._nearby.on(other._replays)
-        other.channels = self.channels.only(rows)
         return other
 
     def calibration(self, assessed: Assessed) -> Hypothesis:
@@ -387,4 +407,4 @@ class Objective:
             left = self._replays.unsettled(
                 (*reference.hypothesis, *self._nearby.rig(reference.centre))
             )
-        return self._around.project(np.where(self.channels.valid, left, 0.0))
+        return self._around.change(reference.raw, np.where(self.channels.valid, left, 0.0))

@@ -111,10 +111,11 @@ def jacobian(
             neighbours.append(unpack(assessed.hypothesis, parts, moved))
         sizes.append(step)
         centres += [assessed.centre] * len(theta)
-    errors = [a.error for a in objective.evaluate(neighbours, centres)]
+    moved_to = objective.evaluate(neighbours, centres)
     result, start = [], 0
     for assessed, step in zip(at, sizes, strict=True):
-        columns = [(errors[start + k] - assessed.error) / step[k] for k in range(len(step))]
+        pairs = zip(moved_to[start : start + len(step)], step, strict=True)
+        columns = [objective.change(assessed, other) / size for other, size in pairs]
         start += len(step)
         result.append(np.nan_to_num(np.stack(columns, axis=2)))
     return result

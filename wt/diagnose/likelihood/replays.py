@@ -115,18 +115,18 @@ class Nearby:
         self,
         replays: Extrapolated,
         tolerances: Sequence[ModelTolerance],
-        deviations: Float[np.ndarray, " state"],
         once: bool,
+        remembers: bool,
     ) -> None:
         """Prepare.
 
         Args:
             replays: of the stretches.
             tolerances: of the model.
-            deviations: of initial positions and velocities; empty if they are forgotten.
             once: whether to compute what changes once for the same effects.
+            remembers: whether the machine does not forget its initial state.
         """
-        self._replays, self._deviations, self._once = replays, deviations, once
+        self._replays, self._once, self._remembers = replays, once, remembers
         self.nudge = ROUGH if once else 1.0
         self._step = _STEP * self.nudge
         self.tolerances = tuple(tolerances)
@@ -176,7 +176,7 @@ class Nearby:
         q, changes = self._replays.around(here, moved)
         changes = np.nan_to_num(changes) / np.where(self.able, self._step, 1.0)[:, None, None]
         response = np.zeros((*q.shape, 0))
-        if self._deviations.size:
-            response = responses(self._replays.slopes, here, self._deviations)
+        if self._remembers:
+            response = responses(self._replays.slopes, here)
         self._known = (keys, changes, response) if self._once else None
         return q, changes, response

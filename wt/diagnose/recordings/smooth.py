@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -17,7 +18,9 @@ from scipy.interpolate import BSpline
 from scipy.sparse.linalg import splu
 
 from wt.diagnose.recordings.grid import rounding
+from wt.diagnose.recordings.odometry import UNSURE_Q, UNSURE_V
 from wt.diagnose.recordings.samples import Part, Samples, commanded, finer, samples_of
+from wt.physics import base
 from wt.physics.activation import activated, dynamic, integrating
 from wt.physics.motion import Motion, Segment
 from wt.physics.scene import Scene
@@ -61,6 +64,25 @@ class Smoothed:
     spacing: tuple[tuple[float, ...], ...]
     commands: int = 1
     begun: Mapping[int, Float[np.ndarray, " actuator"]] = field(default_factory=dict)
+
+    @cached_property
+    def unsure(self) -> tuple[Float[np.ndarray, " state"], ...]:
+        """Deviations of the smooth positions and velocities, segment by segment.
+
+        A curve of fine knots, which follows fast motions, follows noise. A base that was computed
+        from an IMU moves smoothly, and is off by more than that tells.
+        """
+        renewed, nv = resmooth(self, np.random.default_rng(0)), len(self.noise)
+        least_q, least_v = np.zeros(nv), np.zeros(nv)
+        scene, computed = self.motion.scene, {dof for s in self.samples for dof in s.estimated}
+        for joint in scene.free:
+            dofs = [scene.dof(name) for name in base.names(joint)]
+            if computed.issuperset(dofs):
+                least_q[dofs], least_v[dofs] = UNSURE_Q, UNSURE_V
+        q = np.maximum(0.5 * np.nan_to_num(self.noise, nan=1.0), least_q)
+        apart = renewed.v - self.motion.v
+        each = [np.std(apart[segment.rows], axis=0) for segment in self.motion.segments]
+        return tuple(np.concatenate([q, np.maximum(v, least_v)]) for v in each)
 
 
 def smooth(

@@ -78,7 +78,6 @@ class Screen:
             while a foot lands.
         tolerances: of the model.
         tolerance_forces: weak force of one deviation of each [N·m].
-        velocity_noise: uncertainty of the smoothed velocity [rad/s].
     """
 
     def __init__(self, smoothed: Smoothed, seed: int = 0) -> None:
@@ -94,7 +93,6 @@ class Screen:
         self.tolerances = tolerances(self.motion.scene)
         small = forces(self.motion, self.tolerances)
         self.tolerance_forces = np.stack([self.weak_force(f) for f in small], axis=2)
-        self.velocity_noise = np.std(renewed.v - self.motion.v, axis=0)
         self._cache: dict[tuple[str, Location], list[Signature]] = {}
 
     def weak_force(

@@ -13,14 +13,13 @@ from wt.diagnose.likelihood.adapt import (
     FARTHEST,
     REWEIGHTED,
     hidden,
-    initial_deviations,
     initial_states,
     project,
     responses,
 )
 from wt.diagnose.likelihood.objective import BURN_IN_S
 from wt.diagnose.recordings.samples import Samples
-from wt.diagnose.recordings.smooth import Smoothed, resmooth
+from wt.diagnose.recordings.smooth import Smoothed
 from wt.diagnose.recordings.stretches import cut, stretches_of
 from wt.diagnose.residual.signature import elsewhere
 from wt.diagnose.result import Error, Proof
@@ -54,9 +53,8 @@ class Holdout:
         block: index of the block of up to a second that each sample belongs to, (N,).
         fine: the same with the shortest blocks.
         forgets: whether stretches are long.
-        deviations: of the estimated initial positions and velocities, (2nv,).
-        known: what they change in replays, (N, nv, m), by the added joints of the hypothesis: what
-            else is in it is taken not to matter where a base floats.
+        known: what other initial states change in replays, (N, nv, m), by the added joints of the
+            hypothesis: what else is in it is taken not to matter where a base floats.
     """
 
     smoothed: Smoothed
@@ -65,7 +63,6 @@ class Holdout:
     block: Int[np.ndarray, " sample"]
     fine: Int[np.ndarray, " sample"]
     forgets: bool
-    deviations: Float[np.ndarray, " initial"]
     known: dict[frozenset[str], Float[np.ndarray, "sample dof change"]] = field(
         default_factory=dict
     )
@@ -75,11 +72,11 @@ class Holdout:
     ) -> Float[np.ndarray, "sample dof change"]:
         """Change of replays of a hypothesis by other initial states."""
         if not self.smoothed.motion.scene.free:
-            return responses(replayer, hypothesis, self.deviations)
+            return responses(replayer, hypothesis)
         added = frozenset(hidden(hypothesis, self.stretches[0]))
         if added not in self.known:
             here = hypothesis if added else ()
-            self.known[added] = responses(replayer, here, self.deviations)
+            self.known[added] = responses(replayer, here)
         return self.known[added]
 
     def here(self, hypothesis: Hypothesis) -> Hypothesis:
@@ -103,13 +100,7 @@ def prepare_holdout(
     if forgets:
         settling = np.concatenate([s.t < s.t[0] + BURN_IN_S for s in stretches])
         measured[settling] = np.nan
-    nv = smoothed.motion.scene.model.nv
-    deviations = np.zeros(2 * nv)
-    if not forgets:
-        renewed = resmooth(smoothed, np.random.default_rng(0))
-        velocity_noise = np.std(renewed.v - smoothed.motion.v, axis=0)
-        deviations = initial_deviations(smoothed, velocity_noise)
-    return Holdout(smoothed, stretches, measured, block, fine, forgets, deviations)
+    return Holdout(smoothed, stretches, measured, block, fine, forgets)
 
 
 def blocks_of(
