@@ -53,6 +53,12 @@ CONTRADICTIONS: Mapping[str, Contradiction] = {
         lambda m: [float(np.median(_q(m))), 1.0],
         lambda m: [float(_q(m).max()) - 1e-3, 1.0],
     ),
+    # what rubs at one place alone rubs nowhere else
+    "joint.friction_position": Contradiction(
+        JOINT,
+        lambda m: [1.0, 1.0, 0.5 * float(np.ptp(_q(m))), 0.0],
+        lambda m: [1.0, 0.8, 0.5 * float(np.ptp(_q(m))), 0.0],
+    ),
     "joint.backlash": Contradiction(
         JOINT,
         lambda m: [1.1 * float(np.ptp(_q(m))), 0.0],

@@ -242,6 +242,16 @@ def test_a_recording_rules_out_what_it_shows_to_be_otherwise(
     assert effects()[name].contradiction(moved, example.at, fine) is None
 
 
+def test_a_ripple_is_seen_to_come_again(arm: Scene, recorded: Run) -> None:
+    """Of less than a wave nobody can tell that it is one: springs that bend were called so."""
+    moved, at = motion(arm, recorded), Location("actuator", "m1")
+    turns = float(np.ptp(moved.q[:, arm.drive("m1").dof])) / (2.0 * np.pi)
+    ripple = effects()["actuator.ripple"]
+    assert not ripple.plausible(moved, at, np.array([0.5, 1.1 / turns, 0.0]))
+    assert ripple.plausible(moved, at, np.array([0.5, max(1.5 / turns, 3.0), 0.0]))
+    assert all(shape[0] * turns > 1.1 for shape in ripple.shapes(moved, at))
+
+
 def test_a_stop_yields_to_what_presses_on_it(arm: Scene, recorded: Run) -> None:
     moved, stop = motion(arm, recorded), effects()["joint.stop"]
     dof, at = arm.dof("j1"), Location("joint", "j1")

@@ -14,6 +14,7 @@ import numpy as np
 from wt.diagnose.experiment.release import passive, release
 from wt.diagnose.likelihood.bic import erring, erring_joints
 from wt.diagnose.likelihood.objective import Assessed, Objective
+from wt.diagnose.likelihood.replays import longest_step
 from wt.diagnose.notes import notes
 from wt.diagnose.observed.forces import measured
 from wt.diagnose.observed.translation import TrainedTranslation, sentences, timed, translated
@@ -158,6 +159,17 @@ def effort_of(scene: Scene) -> Effort:
     return replace(effort, step=min(effort.step, own), search_step=min(effort.search_step, own))
 
 
+def effort_for(smoothed: Smoothed, forgetting: bool) -> Effort:
+    """What recordings are worth: steps no shorter than their noise can tell."""
+    scene = smoothed.motion.scene
+    effort = effort_of(scene)
+    if scene.free:
+        return effort
+    stretches = [s for s, _ in stretches_of(smoothed, forgetting, effort.search_s)]
+    step = longest_step(smoothed, stretches, effort.step)
+    return replace(effort, step=step, search_step=max(effort.search_step, step))
+
+
 @dataclass(frozen=True, eq=False)
 class Outcome:
     """What was found with some recordings held out.
@@ -189,8 +201,9 @@ def searched(
     """Search the fitted recordings and ask the held-out ones, which were asked before so often."""
     pace.stage("smoothing")
     effort = effort_of(scene)
+    fitted, forgetting = smooth_as_sent(scene, prepared.fit, effort.step, effort.search_step)
+    effort = effort_for(fitted, forgetting)
     step, quick = effort.step, effort.search_step
-    fitted, forgetting = smooth_as_sent(scene, prepared.fit, step, quick)
     held_out = smooth(scene, prepared.held, fitted.commands, fitted.begun)
     pace.stage("screening hypotheses")
     screen = Screen(fitted, seed)

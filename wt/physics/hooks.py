@@ -48,9 +48,11 @@ class FromRecordings(Effect):
     Attributes:
         reads_residual: whether the shapes to try are read off the force residual.
         read_off: how many of a shape's last values come from the recordings and are not fitted.
+        momentary: whether it acts at moments that are read off: no other recording predicts them.
     """
 
     reads_residual: ClassVar[bool] = False
+    momentary: ClassVar[bool] = False
     read_off: ClassVar[int] = 0
 
     def shaped(self, shape: Shape) -> Effect:

@@ -98,6 +98,10 @@ class Planted:
         """Figures that were read off the recordings instead of fitted: name → (unit, values)."""
         return observed(self.effect)
 
+    def momentary(self) -> bool:
+        """Whether it acts at moments that were read off the recordings it is proven on."""
+        return isinstance(self.effect, FromRecordings) and self.effect.momentary
+
     def elsewhere(self, motion: Motion) -> Planted:
         """The same effect in other recordings: what happens at times happens at theirs."""
         if not isinstance(self.effect, FromRecordings):

@@ -10,16 +10,21 @@ step and not on the parameter, so that what data do tell is found without bias (
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.shown import shown, without_hidden
-from wt.physics.planted import Hypothesis, Planted
+from wt.physics.planted import Hypothesis, Key, Planted
 from wt.physics.scales import step_sizes
+
+Slopes = Mapping[Key, Float[np.ndarray, "sample dof _"]]
+"""Derivatives of projected errors in the parameters of effects."""
+NO_SLOPES: Slopes = MappingProxyType({})
 
 _RELATIVE_STEP = 0.01
 _SEEN, _LONGEST = 0.1, 20.0
@@ -56,6 +61,7 @@ def refine(
     free: Sequence[Sequence[int]],
     iterations: int = 3,
     centres: Sequence[Float[np.ndarray, " tolerance"]] | None = None,
+    known: Slopes = NO_SLOPES,
 ) -> list[Assessed]:
     """Improve hypotheses.
 
@@ -65,6 +71,8 @@ def refine(
         free: for each, which of its parts may change.
         iterations: most steps that are taken.
         centres: tolerances of each start [deviations]; those of the reference if left out.
+        known: slopes in some parts, for all starts: as good as their own where these differ in
+            other parts, since only replays say whether a step is one.
 
     Returns:
         The improved hypotheses, in the order given.
@@ -75,7 +83,8 @@ def refine(
         active = [i for i, c in enumerate(climbs) if not c.done and np.isfinite(c.now.loglik)]
         if not active:
             break
-        for i, climb in zip(active, _step(objective, [climbs[i] for i in active]), strict=True):
+        steps_taken = _step(objective, [climbs[i] for i in active], known)
+        for i, climb in zip(active, steps_taken, strict=True):
             climbs[i] = climb
     return [c.now for c in climbs]
 
@@ -85,40 +94,73 @@ def jacobian(
     at: Sequence[Assessed],
     free: Sequence[Sequence[int]],
     before: Sequence[Float[np.ndarray, "sample dof _"] | None] | None = None,
+    known: Slopes = NO_SLOPES,
 ) -> list[Float[np.ndarray, "sample dof _"]]:
     """Derivatives of the projected errors in the free parameters of each.
 
-    ``before`` has those of somewhere near, where they are known, which say how far apart to take
-    differences.
+    Args:
+        objective: whose errors.
+        at: where.
+        free: for each, the parts that have these parameters.
+        before: derivatives somewhere near, which say how far apart to take differences.
+        known: derivatives in some parts, that are taken as they are.
     """
     neighbours: list[Hypothesis] = []
     centres: list[Float[np.ndarray, " tolerance"]] = []
     sizes: list[Float[np.ndarray, " parameter"]] = []
-    for assessed, parts, known in zip(at, free, before or [None] * len(at), strict=True):
+    for assessed, parts, near in zip(at, free, before or [None] * len(at), strict=True):
         theta = pack(assessed.hypothesis, parts)
         lower, upper = bounds(assessed.hypothesis, parts)
         step = np.maximum(
             steps(objective, assessed.hypothesis, parts), _RELATIVE_STEP * np.abs(theta)
         )
-        if known is not None:
-            step = np.clip(_seen(objective, assessed, known), step, _LONGEST * step)
+        if near is not None:
+            step = np.clip(_seen(objective, assessed, near), step, _LONGEST * step)
         step *= objective.nudge
         up, down = np.minimum(step, upper - theta), np.minimum(step, theta - lower)
         step = np.where((up == step) | (up >= down), up, -down)
-        for k in range(len(theta)):
+        step = np.where(_known(assessed.hypothesis, parts, known), 0.0, step)
+        for k in np.flatnonzero(step):
             moved = theta.copy()
             moved[k] += step[k]
             neighbours.append(unpack(assessed.hypothesis, parts, moved))
+            centres.append(assessed.centre)
         sizes.append(step)
-        centres += [assessed.centre] * len(theta)
-    moved_to = objective.evaluate(neighbours, centres)
-    result, start = [], 0
-    for assessed, step in zip(at, sizes, strict=True):
-        pairs = zip(moved_to[start : start + len(step)], step, strict=True)
-        columns = [objective.change(assessed, other) / size for other, size in pairs]
-        start += len(step)
-        result.append(np.nan_to_num(np.stack(columns, axis=2)))
+    moved_to = iter(objective.evaluate(neighbours, centres))
+    result = []
+    for assessed, parts, step in zip(at, free, sizes, strict=True):
+        slope = np.zeros((*assessed.error.shape, len(step)))
+        for k in np.flatnonzero(step):
+            slope[:, :, k] = objective.change(assessed, next(moved_to)) / step[k]
+        for key, rows in _rows(assessed.hypothesis, parts):
+            if key in known:
+                slope[:, :, rows] = known[key]
+        result.append(np.nan_to_num(slope))
     return result
+
+
+def slopes_of(
+    hypothesis: Hypothesis, slope: Float[np.ndarray, "sample dof parameter"]
+) -> dict[Key, Float[np.ndarray, "sample dof _"]]:
+    """Derivatives in all parts of a hypothesis, part by part."""
+    return {key: slope[:, :, rows] for key, rows in _rows(hypothesis, range(len(hypothesis)))}
+
+
+def _rows(hypothesis: Hypothesis, parts: Sequence[int]) -> Iterator[tuple[Key, slice]]:
+    """Each of some parts, and where its parameters are among those of all."""
+    start = 0
+    for i in parts:
+        size = hypothesis[i].effect.n_theta
+        yield hypothesis[i].key, slice(start, start + size)
+        start += size
+
+
+def _known(
+    hypothesis: Hypothesis, parts: Sequence[int], known: Slopes
+) -> Bool[np.ndarray, " parameter"]:
+    """Parameters whose derivatives are known."""
+    each = [np.full(hypothesis[i].effect.n_theta, hypothesis[i].key in known) for i in parts]
+    return np.concatenate(each)
 
 
 def _seen(
@@ -143,10 +185,9 @@ def _settled(objective: Objective, assessed: Sequence[Assessed]) -> list[Assesse
     return [max(pair, key=lambda a: a.loglik) for pair in zip(assessed, again, strict=True)]
 
 
-def _step(objective: Objective, climbs: Sequence[_Climb]) -> list[_Climb]:
-    jacobians = jacobian(
-        objective, [c.now for c in climbs], [c.free for c in climbs], [c.slope for c in climbs]
-    )
+def _step(objective: Objective, climbs: Sequence[_Climb], known: Slopes) -> list[_Climb]:
+    at, free = [c.now for c in climbs], [c.free for c in climbs]
+    jacobians = jacobian(objective, at, free, [c.slope for c in climbs], known)
     pairs = zip(climbs, jacobians, strict=True)
     ways = [way for climb, slope in pairs for way in _ways(objective, climb, slope)]
     assessed = objective.evaluate([h for h, _ in ways], [centre for _, centre in ways])

@@ -8,6 +8,7 @@ tolerances and by other initial states.
 from __future__ import annotations
 
 import copy
+import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,10 +16,13 @@ from jaxtyping import Bool, Float
 
 from wt.diagnose.likelihood.adapt import responses
 from wt.diagnose.likelihood.tolerances import ModelTolerance
+from wt.diagnose.recordings.smooth import Smoothed
+from wt.physics.effect import effects
 from wt.physics.planted import Key, Planted
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
+from wt.types import Location
 
 COARSE = 2.0
 """Physics step of most replays, in fine ones; the extrapolation needs two."""
@@ -26,6 +30,8 @@ _SLOPE_STEP_S = 2e-3
 """Physics step for small differences between replays, unless coarse ones are longer [s]."""
 _BOUNDED = 0.02
 """Most that coarse steps may change, as a share of how far a joint moves; beyond, fine ones do."""
+_EXACT, _RUBBING = 0.15, 0.05
+"""What longer steps may still be off by, in noise, with friction of such a share of all force."""
 
 
 class Extrapolated:
@@ -90,6 +96,37 @@ class Extrapolated:
         if self.coarse is self._fine:  # nothing is extrapolated: as much again is left
             return np.nan_to_num(2.0 * (finer - fine))
         return np.nan_to_num(2.0 * finer - fine - self.run([reference])[0])
+
+
+def longest_step(smoothed: Smoothed, stretches: Sequence[Stretch], step: float) -> float:
+    """The longest step whose extrapolated replays say what finer ones do [s].
+
+    By no more than a share of the noise, with dry friction in every joint: what sticks and slips
+    follows no order in the steps. The given one, twice that and so on, up to the model's own.
+
+    Args:
+        smoothed: the recordings.
+        stretches: of them.
+        step: the shortest [s].
+    """
+    motion, scene = smoothed.motion, smoothed.motion.scene
+    size = _RUBBING * np.sqrt(np.mean(motion.demand**2, axis=0))
+    rubbing = [
+        Planted(effects()["joint.friction_coulomb"], Location("joint", j), size[[scene.dof(j)]])
+        for j in scene.own_joints
+    ]
+
+    @functools.cache
+    def replayed(long: float) -> Float[np.ndarray, "sample dof"]:
+        return Replayer(scene, stretches, long).run([rubbing]).q[0]
+
+    while 2.0 * step <= scene.model.opt.timestep:
+        finer, longer = (2.0 * replayed(h) - replayed(COARSE * h) for h in (step, 2.0 * step))
+        off = np.sqrt(np.mean((longer - finer) ** 2, axis=0))
+        if not (off <= _EXACT * np.nan_to_num(smoothed.noise, nan=np.inf)).all():
+            break
+        step *= 2.0
+    return step
 
 
 _STEP = 0.1

@@ -16,7 +16,7 @@ together, as a load does of mass and centre of mass, that one is.
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple, get_args
 
 import numpy as np
@@ -31,7 +31,7 @@ from wt.diagnose.likelihood.bic import (
 )
 from wt.diagnose.likelihood.estimate import Estimated, estimate
 from wt.diagnose.likelihood.objective import Assessed, Objective
-from wt.diagnose.likelihood.refine import refine
+from wt.diagnose.likelihood.refine import Slopes, jacobian, refine, slopes_of
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.candidates import excluded, lookalikes
@@ -81,6 +81,8 @@ class Lookalikes:
         objective: replays of all of them.
         all_replays: makes replays of these and of the held-out recordings, once it is asked.
         log: grows by every decision.
+        decided: what was refined last on the deciding replays: these, a hypothesis, the hypothesis
+            as refined, and its slopes.
     """
 
     screen: Screen
@@ -88,6 +90,7 @@ class Lookalikes:
     objective: Objective
     all_replays: Callable[[], Objective]
     log: DecisionLog
+    decided: list[tuple[Objective, Hypothesis, Assessed, Slopes]] = field(default_factory=list)
 
     def settled(
         self, accepted: tuple[Accepted, ...], estimated: Estimated, known: Container[Key] = ()
@@ -203,9 +206,13 @@ class Lookalikes:
             return [Option(hypothesis[index], 0.0, 0.0)]
         events = any(p.observed() for p in hypothesis)  # at other times in other recordings
         deciding = self.objective if events else self.all_replays()
-        deciding.reference(hypothesis)
-        all_free = [range(len(hypothesis))] * (len(going) + 1)
-        now, *others = refine(deciding, [hypothesis, *going], all_free, _STEPS)
+        now, slopes = self._decided(deciding, hypothesis)
+        parts = now.hypothesis
+        tried = [(*parts[:index], h[index], *parts[index + 1 :]) for h in going]
+        # what the others do changes little with the law beside them
+        known = {key: slope for key, slope in slopes.items() if key != parts[index].key}
+        all_free = [range(len(parts))] * len(tried)
+        others = refine(deciding, tried, all_free, _STEPS, known=known)
         options = [Option(hypothesis[index], 0.0, 0.0)]
         for fit in others:
             gained, due = worth(deciding, fit, now), _due(fit.hypothesis, hypothesis)
@@ -213,6 +220,18 @@ class Lookalikes:
             law = fit.hypothesis[index]
             options.append(Option(law, gained - due, evidence - max(due, 0.0)))
         return options
+
+    def _decided(self, deciding: Objective, hypothesis: Hypothesis) -> tuple[Assessed, Slopes]:
+        """What was found, refined on the deciding replays, with its slopes; once for all places."""
+        deciding.reference(hypothesis)
+        known = self.decided.pop() if self.decided else None
+        if known is None or known[:2] != (deciding, hypothesis):
+            free = [range(len(hypothesis))]
+            (now,) = refine(deciding, [hypothesis], free, _STEPS)
+            (slope,) = jacobian(deciding, [now], free)
+            known = deciding, hypothesis, now, slopes_of(now.hypothesis, slope)
+        self.decided.append(known)
+        return known[2:]
 
 
 def _best(options: Sequence[Option]) -> Option:

@@ -73,6 +73,10 @@ def events(
         pair = objective.evaluate([hypothesis, without(hypothesis, i)])
         after, before = (float((objective.left(a) ** 2).sum()) for a in pair)
         gain = Gain(max(1.0 - after / before, 0.0), chance)
+        if gain.share < THRESHOLDS.momentary_share:
+            reason = "whatever it is, its moments explain little of the errors"
+            log.add(f.planted, "event", False, gain.share, THRESHOLDS.momentary_share, reason)
+            continue
         reason = "stands out of what models are usually off by, and replays are ahead with it"
         log.add(f.planted, "event", True, chance, THRESHOLDS.significant, reason)
         proven.append(Event(f.planted, _estimates(objective.scene, f), gain))

@@ -244,11 +244,14 @@ class Naming:
         sides = [assessed, *objective.evaluate(all_but_one)]
         full, each = self._with_tolerances(self.holdout, sides)
         each = where_mute(objective, self.holdout, assessed.hypothesis, full, each, self.step)
-        if self.shorter is None or all(g.p_value <= THRESHOLDS.significant for g in each):
-            return each
-        _, once_more = self._with_tolerances(self.shorter(), sides)
-        paid = [replace(g, p_value=min(1.0, 2.0 * g.p_value)) for g in once_more]
-        return [min(pair, key=lambda g: g.p_value) for pair in zip(each, paid, strict=True)]
+        if self.shorter and any(g.p_value > THRESHOLDS.significant for g in each):
+            _, once_more = self._with_tolerances(self.shorter(), sides)
+            paid = [replace(g, p_value=min(1.0, 2.0 * g.p_value)) for g in once_more]
+            each = [min(pair, key=lambda g: g.p_value) for pair in zip(each, paid, strict=True)]
+        return [
+            replace(g, p_value=1.0) if p.momentary() and g.share < THRESHOLDS.momentary_share else g
+            for p, g in zip(assessed.hypothesis, each, strict=True)
+        ]
 
     def _with_tolerances(
         self, holdout: Holdout, sides: Sequence[Assessed]

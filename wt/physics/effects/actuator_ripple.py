@@ -16,6 +16,7 @@ from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _FEWEST = 3.0  # cycles a turn
+_REPEATED = 1.25  # cycles that the motion covers: of fewer, nothing is seen to come again
 
 
 @register
@@ -42,10 +43,9 @@ class ActuatorRipple(Effect):
         ]
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
-        """Up to 60 cycles a turn, of which the motion covers at least one."""
-        q = motion.q[:, motion.scene.drive(at.name).dof]
-        covered = (q.max() - q.min()) / (2.0 * np.pi)
-        return [(float(n),) for n in range(3, 61) if n * covered >= 1.0]
+        """Up to 60 cycles a turn, as far as they come again."""
+        covered = _turns(motion, at)
+        return [(float(n),) for n in range(3, 61) if n * covered >= _REPEATED]
 
     def columns(
         self, motion: Motion, at: Location, shape: Shape
@@ -75,8 +75,8 @@ class ActuatorRipple(Effect):
     def plausible(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> bool:
-        """One or two waves a turn are a weight, not the teeth or poles of a drive."""
-        return bool(theta[1] >= _FEWEST)
+        """Refuse one or two waves a turn, a weight, and one bend in all of a motion, a spring."""
+        return bool(theta[1] >= _FEWEST and theta[1] * _turns(motion, at) >= _REPEATED)
 
     def statement(
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
@@ -93,3 +93,8 @@ class ActuatorRipple(Effect):
     def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"slow moves of the joint of {at.name} over its whole range, both ways"
+
+
+def _turns(motion: Motion, at: Location) -> float:
+    """Part of a turn that a drive's joint covers."""
+    return float(np.ptp(motion.q[:, motion.scene.drive(at.name).dof]) / (2.0 * np.pi))

@@ -40,6 +40,7 @@ class BodyForceIntermittent(FromRecordings, OnInputs):
     native = False
     reads_residual = True
     read_off = sys.maxsize
+    momentary = True
     signed = (0, 0, 0)
     plotted_over = "time"
 

@@ -51,6 +51,7 @@ class ForceIntermittent(Evident, OnInputs):
     odds_against = 8.0
     reads_residual = True
     read_off = sys.maxsize
+    momentary = True
     plotted_over = "time"
     pushes: tuple[Push, ...] = ()
     everywhere: bool = False

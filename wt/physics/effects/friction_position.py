@@ -21,6 +21,7 @@ _WAVES = (0.125, 0.25, 0.5, 1.0, 2.0, 3.0)
 """Wavelengths to try, as shares of a joint's way: of a longer one too little is seen."""
 _LEAST = 0.1
 """Rise of friction along the way, as a share of its mean, that is more than an error."""
+_NOTHING = 0.01  # of the mean
 _BEGUN = 0.3  # depth to start from where plain dry friction was found
 
 
@@ -97,6 +98,15 @@ class FrictionPosition(Nested, BristleFriction):
         """Without a rise along the way it is plain dry friction."""
         level = _shape(motion.q[:, motion.scene.dof(at.name)], theta)
         return bool(np.ptp(level) > _LEAST * np.mean(level))
+
+    def contradiction(
+        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> str | None:
+        """It is less here and there, and never nothing."""
+        level = _shape(motion.q[:, motion.scene.dof(at.name)], theta)
+        if np.min(level) > _NOTHING * np.mean(level):
+            return None
+        return "friction would vanish on the way: what grips at one place alone is another law's"
 
     def simpler(
         self,
