@@ -40,7 +40,6 @@ class Stretch:
         command: command sent at each sample, (K, nu).
         q0: joint positions at the first sample, (nv,).
         v0: joint velocities there, (nv,).
-        unsure: deviations of these positions and velocities, (2nv,); none if they are exact.
         activation: what each drive acts on there, (nu,); filters that let the first command through
             and integrators at zero if left out.
         lead_t: times of the samples before, as far as they are of use, (L,) [s].
@@ -48,6 +47,7 @@ class Stretch:
         segment: what it was cut from, of ``motion``: hidden states are those that this led to.
         motion: the smooth recording; None if nothing is known of what was before.
         shifts: what is added to position and velocity of joints that a patch adds.
+        unsure: deviations of ``q0`` and ``v0``, (2nv,); none if they are exact.
     """
 
     recording: int
@@ -55,13 +55,13 @@ class Stretch:
     command: Float[np.ndarray, "sample actuator"]
     q0: Float[np.ndarray, " dof"]
     v0: Float[np.ndarray, " dof"]
-    unsure: Float[np.ndarray, " state"] = field(default_factory=lambda: np.zeros(0))
     activation: Float[np.ndarray, " actuator"] | None = None
     lead_t: Float[np.ndarray, " lead"] = field(default_factory=lambda: np.zeros(0))
     lead: Float[np.ndarray, "lead _"] = field(default_factory=lambda: np.zeros((0, 0)))
     segment: Segment | None = None
     motion: Motion | None = None
     shifts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    unsure: Float[np.ndarray, " state"] = field(default_factory=lambda: np.zeros(0))
 
     @property
     def dt(self) -> float:

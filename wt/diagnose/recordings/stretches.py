@@ -83,9 +83,16 @@ def cut(smoothed: Smoothed, index: int, rows: slice) -> Stretch:
     s, (q, v, _) = smoothed.samples[index], smoothed.at_samples[index]
     first, segment = rows.start, smoothed.motion.segments[index]
     lead = slice(int(np.searchsorted(s.t, s.t[first] - LEAD_S)), first)
-    unsure = smoothed.unsure[index]
-    known = (q[first], v[first], unsure, s.activation[first], s.t[lead], s.command[lead])
-    return Stretch(s.recording, s.t[rows], s.command[rows], *known, segment, smoothed.motion)
+    known = (q[first], v[first], s.activation[first], s.t[lead], s.command[lead])
+    return Stretch(
+        s.recording,
+        s.t[rows],
+        s.command[rows],
+        *known,
+        segment,
+        smoothed.motion,
+        unsure=smoothed.unsure[index],
+    )
 
 
 def stretches_of(
