@@ -101,8 +101,8 @@ def test_each_push_is_found_with_its_joint_time_and_size(scene: Scene) -> None:
 
 
 def test_moments_that_explain_little_are_no_pushes(scene: Scene) -> None:
-    """Beside what a far too light model errs by, a push is found, and proves nothing."""
-    recording = recorded((("elbow", 4.1, 0.09, -0.4),), PENDULUM.format(0.03, 0.08, 0.8))
+    """Beside all that a far too light and smooth model errs by, a push proves nothing."""
+    recording = recorded((("elbow", 4.1, 0.09, -0.4),), PENDULUM.format(0.03, 0.16, 0.8))
     log = DecisionLog()
     assert found(smooth(scene, [Part(recording, 0)]), log) == ()
     (said,) = [d for d in log if "explain little" in d.reason]
