@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from tests.diagnose.hidden_forces import World, chain, on_joint, world
+from wt.diagnose.likelihood.bic import erring_joints
 from wt.diagnose.likelihood.estimate import estimate
 from wt.diagnose.selection import alternatives
 from wt.diagnose.selection.addition import Accepted
@@ -124,6 +127,26 @@ def test_a_load_says_alone_what_mass_and_centre_of_mass_do_together(loaded: Worl
     assert [a.planted.effect.id for a in accepted] == ["body.payload_fixed"]
     assert after.estimates[0]["mass"].value == pytest.approx(0.3, rel=0.05)
     assert {r.effect.id for r in accepted[0].rivals} == set(thetas)
+
+
+def test_a_law_is_needed_where_something_else_is_left_beside_it(tmp_path: Path) -> None:
+    """What errs anyway is no reason to err by ten times as much."""
+    yields, stiffness, last = 0.3, 3.0, [0.0, 0.0]  # bent by a tenth of a radian
+
+    def grips(q: float, v: float) -> float:
+        last[1] = float(np.clip(last[1] + stiffness * (q - last[0]), -yields, yields))
+        last[0] = q
+        return -last[1] + 0.15 * float(np.sin(14.0 * q))
+
+    gripped = world(tmp_path, 2, on_joint(1, grips), 5.0)
+    planted = Planted(effects()["joint.hysteresis"], J2, np.array([stiffness, yields]))
+    before = estimate(gripped.objective, (planted,))
+    assert erring_joints(gripped.objective, before.assessed)
+    assert before.hypothesis[0].simpler(gripped.screen.motion, {}) is not None
+    accepted, _ = simplified(
+        gripped.objective, (Accepted(planted, (0.1,), ()),), before, DecisionLog()
+    )
+    assert [a.planted.effect.id for a in accepted] == ["joint.hysteresis"]
 
 
 def test_what_is_needed_stays(rubbing: World) -> None:
