@@ -91,7 +91,8 @@ def estimated(
     whole, forgetting = smooth_as_sent(scene, of.prepared.whole, effort.step, effort.search_step)
     effort = effort_for(whole, forgetting)
     window = None if forgetting or scene.free else longest_window(whole, effort.search_step)
-    objective = objective_on([whole], forgetting, effort.most_s, effort.step, window)
+    smooth = effort.smooth_step
+    objective = objective_on([whole], forgetting, effort.most_s, effort.step, window, smooth)
     here = [p.elsewhere(whole.motion) for p in hypothesis]
     start = tuple(p for p in here if p.wrong(whole.motion) is None)
     fitted = estimate(objective, start)
@@ -124,7 +125,6 @@ def left(of: Recorded, hypothesis: Hypothesis) -> Left:
     """
     scene, effort = of.scene, effort_of(of.scene)
     whole, forgetting = smooth_as_sent(scene, of.prepared.whole, effort.step, effort.search_step)
-    effort = effort_for(whole, forgetting)
     window = None if forgetting or scene.free else longest_window(whole, effort.search_step)
     replayed = prepare_holdout(whole, forgetting, step=effort.step, window=window)
     here = tuple(p.elsewhere(whole.motion) for p in hypothesis)

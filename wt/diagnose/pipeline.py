@@ -61,6 +61,7 @@ class Effort:
     Attributes:
         step: fine physics step [s]; the model's own, if that is smaller.
         search_step: … and while hypotheses are compared.
+        smooth_step: either, where no law is stiff, if it is longer.
         search_s: at most so many seconds of recordings are replayed while these are compared.
         doubt_s: … while each of what was found is compared with its lookalikes.
         most_s: … and to estimate.
@@ -73,6 +74,7 @@ class Effort:
     doubt_s: float
     most_s: float
     proof_s: float
+    smooth_step: float = 0.0
 
 
 FIXED = Effort(STEP_S, 1e-3, 16.0, 60.0, 60.0, np.inf)
@@ -160,14 +162,13 @@ def effort_of(scene: Scene) -> Effort:
 
 
 def effort_for(smoothed: Smoothed, forgetting: bool) -> Effort:
-    """What recordings are worth: steps no shorter than their noise can tell."""
+    """What recordings are worth: where no law is stiff, no step shorter than noise can tell."""
     scene = smoothed.motion.scene
     effort = effort_of(scene)
     if scene.free:
         return effort
     stretches = [s for s, _ in stretches_of(smoothed, forgetting, effort.search_s)]
-    step = longest_step(smoothed, stretches, effort.step)
-    return replace(effort, step=step, search_step=max(effort.search_step, step))
+    return replace(effort, smooth_step=longest_step(smoothed, stretches, effort.step))
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +211,7 @@ def searched(
 
     def naming_by(window: float | None) -> Naming:
         def of(sets: Sequence[Smoothed], seconds: float, step: float) -> Objective:
-            return objective_on(sets, forgetting, seconds, step, window)
+            return objective_on(sets, forgetting, seconds, step, window, effort.smooth_step)
 
         all_replays = functools.cache(lambda: of([fitted, held_out], effort.doubt_s, quick))
         replays = of([fitted], effort.search_s, quick), of([fitted], effort.most_s, step)
@@ -239,7 +240,8 @@ def searched(
     claims, missed = naming.claimed(replace(proven, events=seen)), None
     # replays of legs are asked by the proof alone: they would cost a search
     if not scene.free and verdict(claims, naming.objective) in ("no_mismatch", "explained"):
-        replays = objective_on([held_out], forgetting, effort.most_s, step, window)
+        smooth_step = effort.smooth_step
+        replays = objective_on([held_out], forgetting, effort.most_s, step, window, smooth_step)
         # it is the same machine: its tolerances begin as the fitted recordings have them
         known = claims.assessed(naming.objective).tolerances
         assessed = replays.reference(naming.holdout.here(claims.hypothesis), known)
@@ -413,15 +415,16 @@ def objective_on(
     seconds: float,
     step: float,
     window: float | None = None,
+    smooth: float = 0.0,
 ) -> Objective:
-    """Replays of one or more sets of recordings, which are counted through."""
+    """Replays of one or more sets of recordings, which are counted through; see ``Objective``."""
     telling = TELLING if sets[0].motion.scene.free else 0.0
     pairs, before = [], 0
     for smoothed in sets:
         stretches = stretches_of(smoothed, forgetting, seconds, telling, window)
         pairs += [(replace(s, recording=s.recording + before), q) for s, q in stretches]
         before += max(s.recording for s in smoothed.samples) + 1
-    return Objective(sets[0], pairs, step, forgetting)
+    return Objective(sets[0], pairs, step, forgetting, smooth)
 
 
 def _too_coarse(scene: Scene, holdout: Holdout, claims: Claims) -> bool:

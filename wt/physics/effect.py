@@ -127,6 +127,7 @@ class Effect(abc.ABC):
             :func:`alternatives`.
         common: how often real machines have it although their models do not.
         plotted_over: the variable that its force is best seen over.
+        stiff: whether it moves faster than the machine, so that replays take the shortest steps.
         form: in words, of a law that MuJoCo has in several; "" for the usual one.
         forms: the others.
     """
@@ -143,6 +144,7 @@ class Effect(abc.ABC):
     looks_like: ClassVar[tuple[str, ...]] = ()
     common: ClassVar[Common] = "seldom"
     plotted_over: ClassVar[Variable] = "position"
+    stiff: ClassVar[bool] = False
     form: ClassVar[str] = ""
     forms: ClassVar[tuple[Effect, ...]] = ()
 

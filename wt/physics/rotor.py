@@ -82,6 +82,7 @@ class GearEffect(Stateful, ReplayOnly):
     """
 
     kind = "joint"
+    stiff = True
 
     @property
     def n_free(self) -> int:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from tests.diagnose.hidden_forces import STEP, chain, record
-from wt.diagnose.likelihood.replays import COARSE, Extrapolated
+from wt.diagnose.likelihood.replays import COARSE, Extrapolated, Replays, longest_step
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import stretches_of
+from wt.physics.effect import effects
+from wt.physics.planted import Planted
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
+from wt.types import Location
 
 
 def prepared(folder: Path, xml: str) -> tuple[Scene, list[Stretch]]:
@@ -54,3 +58,34 @@ def test_a_machine_too_stiff_for_coarse_steps_gets_fine_ones(tmp_path: Path) -> 
     exact = Replayer(scene, stretches, STEP / 16).run([()]).q[0]
     # nothing is extrapolated, and what that leaves is not said to be less
     assert np.std(exact - q) < 1.1 * np.std(made.unsettled(()))
+
+
+def test_a_stiff_law_takes_the_short_steps_and_the_rest_long_ones(tmp_path: Path) -> None:
+    scene, stretches = prepared(tmp_path, chain(2))
+    at = Location("joint", "j2")
+    play = Planted(effects()["joint.backlash"], at, np.array([0.02, 0.0]))
+    rubs = Planted(effects()["joint.friction_viscous"], at, np.array([0.1]))
+    made = Replays(scene, stretches, STEP, 4 * STEP)
+    assert made.of((rubs,)).coarse.step == 4 * COARSE * STEP
+    assert made.of((rubs, play)).coarse.step == COARSE * STEP
+    asked = [(), (rubs,), (play,), (rubs, play)]
+    exact = [Replayer(scene, stretches, STEP / 8).run([h]).q[0] for h in asked]
+    for reference in ((rubs,), (rubs, play)):  # of either kind
+        made.around(reference, [])
+        for q, other in zip(made.run(asked), exact, strict=True):
+            assert np.sqrt(np.mean((q - other) ** 2)) < 1e-4  # the play being 0.02 rad
+    assert made.run([]).shape == (0, *exact[0].shape)
+
+
+def test_steps_are_as_long_as_noise_can_tell(tmp_path: Path) -> None:
+    path = tmp_path / "chain.xml"
+    path.write_text(chain(2).replace(f'timestep="{STEP}"', 'timestep="0.004"'))
+    fit = smooth(Scene(path), [Part(record(chain(2), None, 4.0, 0), 0)])
+    stretches = [s for s, _ in stretches_of(fit, True)]
+    steps = [
+        longest_step(replace(fit, noise=noise * fit.noise), stretches, STEP)
+        for noise in (1e-3, 1.0, 1e3)
+    ]
+    assert steps[0] == STEP
+    assert steps[0] <= steps[1] <= steps[2]
+    assert steps[2] == 0.004

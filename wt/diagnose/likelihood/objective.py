@@ -24,7 +24,7 @@ from wt.diagnose.likelihood.adapt import (
     initial_states,
     linear,
 )
-from wt.diagnose.likelihood.replays import Extrapolated, Nearby
+from wt.diagnose.likelihood.replays import Nearby, Replays
 from wt.diagnose.likelihood.tolerances import ModelTolerance, alike, boxes, tolerances
 from wt.diagnose.likelihood.weights import Channels
 from wt.diagnose.recordings.smooth import Smoothed
@@ -92,6 +92,7 @@ class Objective:
         stretches: Sequence[tuple[Stretch, Float[np.ndarray, "_ dof"]]],
         step: float,
         forgets: bool,
+        smooth: float = 0.0,
     ) -> None:
         """Prepare.
 
@@ -100,6 +101,7 @@ class Objective:
             stretches: what to replay, each with the measured positions.
             step: fine physics step [s].
             forgets: whether the machine forgets its initial state, so that stretches are long.
+            smooth: step that does where no law is stiff, if it is longer [s].
         """
         self.motion, self.scene = smoothed.motion, smoothed.motion.scene
         self.noise = np.nan_to_num(smoothed.noise, nan=1.0)
@@ -117,7 +119,7 @@ class Objective:
             slice(int(end) - len(s.t), int(end))
             for end, s in zip(ends, self.stretches, strict=True)
         )
-        self._replays = Extrapolated(self.scene, self.stretches, step)
+        self._replays = Replays(self.scene, self.stretches, step, max(step, smooth))
         seconds = sum(s.t[-1] - s.t[0] for s in self.stretches)
         count = np.minimum(
             seconds * THRESHOLDS.independent_hz * valid.mean(axis=0), valid.sum(axis=0)
@@ -331,7 +333,7 @@ class Objective:
     def _apart_from(self) -> Objective:
         """The same replays, with references of their own."""
         other = copy.copy(self)
-        other._replays, other._reference = copy.copy(self._replays), None
+        other._replays, other._reference = self._replays.apart(), None
         other._nearby = self._nearby.on(other._replays)
         return other
 
@@ -402,9 +404,8 @@ class Objective:
         Where feet land, errors go with no power of a step: half of what was extrapolated is left.
         """
         if self.scene.free:
-            left = 0.5 * self._replays.correction
+            left = 0.5 * self._replays.of(reference.hypothesis).correction
         else:
-            left = self._replays.unsettled(
-                (*reference.hypothesis, *self._nearby.rig(reference.centre))
-            )
+            here = (*reference.hypothesis, *self._nearby.rig(reference.centre))
+            left = self._replays.of(here).unsettled(here)
         return self._around.change(reference.raw, np.where(self.channels.valid, left, 0.0))

@@ -44,6 +44,7 @@ class Extrapolated:
         coarse: takes the long steps.
         slopes: takes steps that do for differences between hypotheses.
         correction: what is added to the positions it says.
+        reference: what that is of; None to begin with.
     """
 
     def __init__(self, scene: Scene, stretches: Sequence[Stretch], step: float) -> None:
@@ -68,6 +69,7 @@ class Extrapolated:
         if self.coarse.step < _SLOPE_STEP_S:
             self.slopes = bounded(_SLOPE_STEP_S, self.coarse)
         self.correction = np.zeros_like(short)
+        self.reference: Sequence[Planted] | None = None
 
     def run(
         self, hypotheses: Sequence[Sequence[Planted]]
@@ -83,6 +85,7 @@ class Extrapolated:
         Returns:
             (positions of the reference; what is different near it).
         """
+        self.reference = reference
         base, *others = self.slopes.run([reference, *near]).q
         q = base if self.slopes is self.coarse else self.coarse.run([reference]).q[0]
         if self.coarse is not self._fine:
@@ -129,6 +132,71 @@ def longest_step(smoothed: Smoothed, stretches: Sequence[Stretch], step: float) 
     return step
 
 
+class Replays:
+    """Extrapolated replays of hypotheses, those with a stiff law at shorter steps than the rest."""
+
+    def __init__(
+        self, scene: Scene, stretches: Sequence[Stretch], step: float, smooth: float
+    ) -> None:
+        """Prepare.
+
+        Args:
+            scene: the machine.
+            stretches: what to replay.
+            step: fine step where a law is stiff [s].
+            smooth: … and where none is.
+        """
+        self._scene, self._stretches, self._step = scene, stretches, step
+        self._smooth = Extrapolated(scene, stretches, smooth)
+        self._stiff = self._smooth if smooth <= step else None
+        self._reference: Sequence[Planted] = ()
+
+    def of(self, hypothesis: Sequence[Planted]) -> Extrapolated:
+        """The replays that a hypothesis takes."""
+        if not any(p.effect.stiff for p in hypothesis):
+            return self._smooth
+        if self._stiff is None:
+            self._stiff = Extrapolated(self._scene, self._stretches, self._step)
+        return self._stiff
+
+    def run(
+        self, hypotheses: Sequence[Sequence[Planted]]
+    ) -> Float[np.ndarray, "hypothesis sample dof"]:
+        """Positions; NaN where a replay exploded."""
+        each = [self.of(h) for h in hypotheses]
+        q = np.empty((len(each), *self._smooth.correction.shape))
+        for kind in dict.fromkeys(each):
+            rows = [i for i, other in enumerate(each) if other is kind]
+            self._settle(kind)
+            q[rows] = kind.run([hypotheses[i] for i in rows])
+        return q
+
+    def around(
+        self, reference: Sequence[Planted], near: Sequence[Sequence[Planted]]
+    ) -> tuple[Float[np.ndarray, "sample dof"], Float[np.ndarray, "hypothesis sample dof"]]:
+        """See :meth:`Extrapolated.around`."""
+        self._reference = reference
+        return self.of(reference).around(reference, near)
+
+    def apart(self) -> Replays:
+        """The same with corrections of their own."""
+        other = copy.copy(self)
+        other._smooth = copy.copy(self._smooth)
+        if self._stiff is not None:
+            one = self._stiff is self._smooth
+            other._stiff = other._smooth if one else copy.copy(self._stiff)
+        return other
+
+    def _settle(self, kind: Extrapolated) -> None:
+        """Correct others than the reference's by it, or by what of it they can follow."""
+        if kind is self.of(self._reference):
+            return
+        smooth = kind is self._smooth
+        followed = [p for p in self._reference if not (smooth and p.effect.stiff)]
+        if kind.reference is None or list(kind.reference) != followed:
+            kind.around(followed, [])
+
+
 _STEP = 0.1
 """Change of an error for its derivative [deviations]: long valleys need good ones."""
 ROUGH = 10.0
@@ -150,7 +218,7 @@ class Nearby:
 
     def __init__(
         self,
-        replays: Extrapolated,
+        replays: Replays,
         tolerances: Sequence[ModelTolerance],
         once: bool,
         remembers: bool,
@@ -178,7 +246,7 @@ class Nearby:
             | None
         ) = None
 
-    def on(self, replays: Extrapolated) -> Nearby:
+    def on(self, replays: Replays) -> Nearby:
         """The same differences of other replays of the same stretches."""
         other = copy.copy(self)
         other._replays = replays
@@ -214,6 +282,6 @@ class Nearby:
         changes = np.nan_to_num(changes) / np.where(self.able, self._step, 1.0)[:, None, None]
         response = np.zeros((*q.shape, 0))
         if self._remembers:
-            response = responses(self._replays.slopes, here)
+            response = responses(self._replays.of(here).slopes, here)
         self._known = (keys, changes, response) if self._once else None
         return q, changes, response

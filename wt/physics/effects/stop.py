@@ -32,6 +32,7 @@ class Stop(FromRecordings):
     )
     reference = "K. Hunt and F. Crossley, Coefficient of restitution as damping, ASME JAM 1975"
     reads_residual = True
+    stiff = True
     signed = (1,)
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
