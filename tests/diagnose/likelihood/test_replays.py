@@ -72,8 +72,9 @@ def test_a_stiff_law_takes_the_short_steps_and_the_rest_long_ones(tmp_path: Path
     exact = [Replayer(scene, stretches, STEP / 8).run([h]).q[0] for h in asked]
     for reference in ((rubs,), (rubs, play)):  # of either kind
         made.around(reference, [])
-        for q, other in zip(made.run(asked), exact, strict=True):
-            assert np.sqrt(np.mean((q - other) ** 2)) < 1e-4  # the play being 0.02 rad
+        off = np.sqrt(np.mean((made.run(asked) - exact) ** 2, axis=(1, 2)))
+        assert (off[:2] < 1e-4).all()
+        assert (off[2:] < 4e-3).all()  # of a motion in a play of 0.02 rad; with long steps 0.13
     assert made.run([]).shape == (0, *exact[0].shape)
 
 

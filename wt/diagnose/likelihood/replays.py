@@ -133,7 +133,10 @@ def longest_step(smoothed: Smoothed, stretches: Sequence[Stretch], step: float) 
 
 
 class Replays:
-    """Extrapolated replays of hypotheses, those with a stiff law at shorter steps than the rest."""
+    """Extrapolated replays of hypotheses, those with a stiff law apart from the rest.
+
+    Their steps may be shorter. Where nothing holds the base, what feet meet is as stiff as any.
+    """
 
     def __init__(
         self, scene: Scene, stretches: Sequence[Stretch], step: float, smooth: float
@@ -148,7 +151,8 @@ class Replays:
         """
         self._scene, self._stretches, self._step = scene, stretches, step
         self._smooth = Extrapolated(scene, stretches, smooth)
-        self._stiff = self._smooth if smooth <= step else None
+        # what steps do to a gear is no correction of what they do without one
+        self._stiff = self._smooth if scene.free else None
         self._reference: Sequence[Planted] = ()
 
     def of(self, hypothesis: Sequence[Planted]) -> Extrapolated:
