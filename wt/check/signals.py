@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import gaussian_filter1d
 
+from wt.physics.motion import Motion, Segment
 from wt.physics.scene import Scene
 from wt.types import Recording
 
@@ -47,6 +48,12 @@ class Signals:
     measured: Bool[np.ndarray, " dof"]
     commanded: Bool[np.ndarray, " actuator"]
     dt: float
+
+    def motion(self, scene: Scene) -> Motion:
+        """The same as the motion of a scene."""
+        n = len(self.q)
+        whole = (Segment(slice(0, n), 0, self.dt),)
+        return Motion(scene, whole, self.dt * np.arange(n), self.q, self.v, self.a, self.u)
 
     @classmethod
     def of(cls, scene: Scene, recording: Recording) -> Signals | None:

@@ -88,10 +88,11 @@ def _turned(
     )
     if angle < _TILT or not _STRENGTH[0] < size < _STRENGTH[1]:
         return
-    turned = weight.left(snapped / np.linalg.norm(g))
+    beaten = _DECISIVE * weight.left(snapped / np.linalg.norm(g))
     quarter = np.count_nonzero(snapped) == 1
-    otherwise = min(weight.left_to_springs(), weight.left_to_a_pull())
-    if given < _DECISIVE * turned or not (quarter or otherwise > _DECISIVE * turned):
+    if given < beaten or not (
+        quarter or (weight.left_to_springs() > beaten and weight.left_to_a_pull(balance) > beaten)
+    ):
         return
     said = "[" + ", ".join(f"{x:.2g}" for x in snapped) + "]"
     yield AuditFinding(
@@ -152,7 +153,8 @@ class _Weight:
         gravity: direction of the model's, as a unit vector.
         own: weight that the model leaves to each row's drive.
         place: each row's position, its square and its cube: what a spring's force is along.
-        pulled: force on each row's joint per newton on each body, along each axis.
+        free: what may adapt in each row.
+        dofs: each row's joint.
         given: share of the weight that it leaves to all of them.
         scale: variance that is left of each row's force at the best, to weigh the rows.
     """
@@ -162,7 +164,8 @@ class _Weight:
     gravity: Float[np.ndarray, " 3"]
     own: tuple[Float[np.ndarray, " row"], ...]
     place: tuple[Float[np.ndarray, "row 3"], ...]
-    pulled: tuple[Float[np.ndarray, "row pull"], ...]
+    free: tuple[Float[np.ndarray, "row adapting"], ...]
+    dofs: tuple[int, ...]
     given: float
     scale: Float[np.ndarray, " drive"]
 
@@ -173,9 +176,8 @@ class _Weight:
         strength = float(np.linalg.norm(m.opt.gravity))
         demand = balance.inverse(s.q, s.v, s.a)
         bare, axes = _weights(m, s.q, s.v, s.a, strength)
-        pulls = _pulls(balance.scene, s.q)
         down = np.array(m.opt.gravity) / strength
-        force, along, place, pulled, scale, shown = [], [], [], [], [], []
+        force, along, place, adapting, scale, shown = [], [], [], [], [], []
         left_to, own = [], np.zeros(2)
         for row in balance.rows:
             drive, i = row.drive, row.drive.dof
@@ -202,7 +204,7 @@ class _Weight:
             force.append(y)
             along.append(x)
             place.append(without(s.q[:, i, None] ** np.arange(1, 4), free))
-            pulled.append(without(pulls[:, i], free))
+            adapting.append(free)
             scale.append(max(float(np.mean((y - x @ best) ** 2)), 1e-9 * float(np.mean(pull**2))))
             shown.append(
                 float(w @ w) > _SHOWN * float(y @ y) and float(w @ w) / len(w) > 4 * scale[-1]
@@ -216,7 +218,8 @@ class _Weight:
             down,
             tuple(left_to[k] for k in chosen),
             tuple(place[k] for k in chosen),
-            tuple(pulled[k] for k in chosen),
+            tuple(adapting[k] for k in chosen),
+            tuple(balance.rows[k].drive.dof for k in chosen),
             float(own[0] / own[1]),
             np.array(scale)[chosen],
         )
@@ -238,25 +241,24 @@ class _Weight:
         stiff[helped] = sprung[helped]
         return float(stiff.mean())
 
-    def left_to_a_pull(self) -> float:
+    def left_to_a_pull(self, balance: Balance) -> float:
         """The same with a constant force on the body where one helps most, if there are several.
 
         On one body alone, it is as good as a tilt.
         """
-        columns = [x / np.sqrt(len(x) * s) for x, s in zip(self.pulled, self.scale, strict=True)]
-        rest = [
-            (y - w) / np.sqrt(len(y) * s)
-            for y, w, s in zip(self.force, self.own, self.scale, strict=True)
-        ]
-        all_of_it, lacking = np.concatenate(columns), np.concatenate(rest)
-        bodies = all_of_it.shape[1] // 3
-        if bodies < 2:
+        scene, rows = balance.scene, range(len(self.force))
+        if len(scene.moving) < 2:
             return np.inf
-        each = [np.linalg.lstsq(x, lacking)[0] for x in np.split(all_of_it, bodies, axis=1)]
-        left = [
-            lacking - x @ f for x, f in zip(np.split(all_of_it, bodies, axis=1), each, strict=True)
-        ]
-        return float(min(e @ e for e in left)) / len(rest)
+        size = [np.sqrt(len(y) * s) for y, s in zip(self.force, self.scale, strict=True)]
+        lacking = np.concatenate([(self.force[k] - self.own[k]) / size[k] for k in rows])
+        motion, left = balance.signals.motion(scene), []
+        for body in scene.moving:
+            pull = motion.point(body).jacobian
+            each = [without(pull[:, :, self.dofs[k]], self.free[k]) / size[k] for k in rows]
+            columns = np.concatenate(each)
+            rest = lacking - columns @ np.linalg.lstsq(columns, lacking)[0]
+            left.append(float(rest @ rest) / len(rows))
+        return min(left)
 
     def left(self, pull: Float[np.ndarray, "*axis"] | float) -> float:
         """Weighted mean square that is left with a share of the weight, or with another pull."""
@@ -283,22 +285,6 @@ class _Weight:
         )
         gram = gram + _RIDGE * np.trace(gram) * np.eye(3)
         return np.asarray(g + np.linalg.solve(gram, right) * np.linalg.norm(g))
-
-
-def _pulls(scene: Scene, q: Float[np.ndarray, "row dof"]) -> Float[np.ndarray, "row dof pull"]:
-    """Force on each joint per newton at each moving body's centre of mass, along each axis."""
-    m = scene.model
-    d, jacobian = mujoco.MjData(m), np.zeros((3, m.nv))
-    bodies = [m.body(name).id for name in scene.moving]
-    result = np.zeros((len(q), m.nv, 3 * len(bodies)))
-    for k, position in enumerate(q):
-        d.qpos[:] = position
-        mujoco.mj_kinematics(m, d)
-        mujoco.mj_comPos(m, d)
-        for b, body in enumerate(bodies):
-            mujoco.mj_jacBodyCom(m, d, jacobian, None, body)
-            result[k, :, 3 * b : 3 * b + 3] = jacobian.T
-    return result
 
 
 def _weights(

@@ -122,14 +122,15 @@ class InitialState:
         return np.clip(limited, -self.farthest, self.farthest)
 
     def change(
-        self, error: Float[np.ndarray, " error"], change: Float[np.ndarray, " error"]
-    ) -> Float[np.ndarray, " state"]:
-        """Deviations by which a small change of an error moves :meth:`shift`, to first order.
+        self, error: Float[np.ndarray, " error"], changes: Float[np.ndarray, "error change"]
+    ) -> Float[np.ndarray, "state change"]:
+        """Deviations by which small changes of an error move :meth:`shift`, to first order.
 
         What is at its limit stays there.
         """
-        free, moved = np.abs(self._solve @ error) <= self.farthest, np.zeros(len(self.gram))
-        moved[free] = np.linalg.solve(self.gram[np.ix_(free, free)], self.weighted[free] @ change)
+        free = np.abs(self._solve @ error) <= self.farthest
+        moved = np.zeros((len(free), changes.shape[1]))
+        moved[free] = np.linalg.solve(self.gram[np.ix_(free, free)], self.weighted[free] @ changes)
         return moved
 
 
@@ -204,6 +205,20 @@ def project(
     return left
 
 
+def project_changes(
+    error: Float[np.ndarray, "sample dof"],
+    changes: Float[np.ndarray, "sample dof change"],
+    initial: Sequence[InitialState],
+) -> Float[np.ndarray, "sample dof change"]:
+    """Changes of a projected error by small ones of the error, to first order."""
+    left, count = changes.copy(), changes.shape[2]
+    for state in initial:
+        part = changes[state.rows]
+        moved = state.change(error[state.rows].reshape(-1), part.reshape(-1, count))
+        left[state.rows] -= (state.response @ moved).reshape(part.shape)
+    return left
+
+
 @dataclass(frozen=True, eq=False)
 class Adaptable:
     """Linearised errors of replays.
@@ -232,17 +247,6 @@ class Adaptable:
     def project(self, error: Float[np.ndarray, "sample dof"]) -> Float[np.ndarray, "sample dof"]:
         """Take out of an error what plausible other initial states explain."""
         return project(error, self.initial)
-
-    def change(
-        self, error: Float[np.ndarray, "sample dof"], change: Float[np.ndarray, "sample dof"]
-    ) -> Float[np.ndarray, "sample dof"]:
-        """Change of a projected error by a small one of the error, to first order."""
-        left = change.copy()
-        for state in self.initial:
-            here, part = error[state.rows].reshape(-1), change[state.rows]
-            moved = state.response @ state.change(here, part.reshape(-1))
-            left[state.rows] -= moved.reshape(part.shape)
-        return left
 
     def at_origin(
         self, error: Float[np.ndarray, "sample dof"], centre: Float[np.ndarray, " tolerance"]
@@ -300,9 +304,6 @@ def linear(
     initial: tuple[InitialState, ...] = (),
 ) -> Adaptable:
     """Project the changes of an error per deviation of each tolerance, to first order."""
-    n, samples, nv = changes.shape
-    projected = np.empty((nv, samples, n))
-    around = Adaptable(projected, centre, parts, initial)
-    for k, change in enumerate(changes):
-        projected[:, :, k] = around.change(error, change).T
-    return around
+    columns = np.moveaxis(changes, 0, 2)
+    projected = project_changes(error, columns, initial).transpose(1, 0, 2)
+    return Adaptable(np.ascontiguousarray(projected), centre, parts, initial)

@@ -17,7 +17,7 @@ from scipy.stats import chi2
 from scipy.stats import t as student
 
 from wt.diagnose.likelihood.objective import Assessed, Objective
-from wt.diagnose.likelihood.refine import bounds, jacobian, pack, refine, steps, unpack
+from wt.diagnose.likelihood.refine import bounds, jacobian, pack, refine, rows_of, steps, unpack
 from wt.diagnose.likelihood.shown import hidden_axes, shown
 from wt.diagnose.likelihood.tolerances import absorbed, alike, boxes
 from wt.diagnose.result import Estimate
@@ -79,10 +79,9 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     small, large = _as_good(objective, now, theta)
     low = np.maximum(np.minimum(theta - spread, small), lower)
     high = np.minimum(np.maximum(theta + spread, large), upper)
-    estimates, offset = [], 0
-    for planted in now.hypothesis:
-        rows = slice(offset, offset + planted.effect.n_theta)
-        offset = rows.stop
+    estimates = []
+    for i, rows in rows_of(now.hypothesis, parts):
+        planted = now.hypothesis[i]
         units = units_at(objective.scene, planted.at)
         estimates.append(
             _named(planted, units, low[rows], high[rows], smallest[rows], visible[rows, rows])

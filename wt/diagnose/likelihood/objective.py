@@ -23,6 +23,7 @@ from wt.diagnose.likelihood.adapt import (
     Squares,
     initial_states,
     linear,
+    project_changes,
 )
 from wt.diagnose.likelihood.replays import Nearby, Replays
 from wt.diagnose.likelihood.tolerances import ModelTolerance, alike, boxes, tolerances
@@ -306,9 +307,13 @@ class Objective:
         """A projected error with tolerances of such sizes [deviations]."""
         return np.asarray(error + self._around.moved(sizes))
 
-    def change(self, now: Assessed, other: Assessed) -> Float[np.ndarray, "sample dof"]:
-        """Change of the projected error by a small one of the hypothesis, to first order."""
-        return self._around.change(now.raw, other.raw - now.raw)
+    def change(
+        self, now: Assessed, others: Sequence[Assessed]
+    ) -> Float[np.ndarray, "sample dof other"]:
+        """Change of the projected error to hypotheses close by, to first order."""
+        changes = [other.raw - now.raw for other in others]
+        stacked = np.stack(changes, axis=2) if changes else np.zeros((*now.raw.shape, 0))
+        return project_changes(now.raw, stacked, self._around.initial)
 
     def sharper(self) -> Objective:
         """The same replays, judged down to noise where joints are forgiven far more than that.
@@ -408,4 +413,5 @@ class Objective:
         else:
             here = (*reference.hypothesis, *self._nearby.rig(reference.centre))
             left = self._replays.of(here).unsettled(here)
-        return self._around.change(reference.raw, np.where(self.channels.valid, left, 0.0))
+        valid = np.where(self.channels.valid, left, 0.0)[:, :, None]
+        return project_changes(reference.raw, valid, self._around.initial)[:, :, 0]

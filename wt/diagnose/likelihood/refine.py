@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.shown import shown, without_hidden
@@ -119,7 +119,9 @@ def jacobian(
         step *= objective.nudge
         up, down = np.minimum(step, upper - theta), np.minimum(step, theta - lower)
         step = np.where((up == step) | (up >= down), up, -down)
-        step = np.where(_known(assessed.hypothesis, parts, known), 0.0, step)
+        for i, rows in rows_of(assessed.hypothesis, parts):
+            if assessed.hypothesis[i].key in known:
+                step[rows] = 0.0
         for k in np.flatnonzero(step):
             moved = theta.copy()
             moved[k] += step[k]
@@ -129,12 +131,12 @@ def jacobian(
     moved_to = iter(objective.evaluate(neighbours, centres))
     result = []
     for assessed, parts, step in zip(at, free, sizes, strict=True):
-        slope = np.zeros((*assessed.error.shape, len(step)))
-        for k in np.flatnonzero(step):
-            slope[:, :, k] = objective.change(assessed, next(moved_to)) / step[k]
-        for key, rows in _rows(assessed.hypothesis, parts):
-            if key in known:
-                slope[:, :, rows] = known[key]
+        slope, asked = np.zeros((*assessed.error.shape, len(step))), np.flatnonzero(step)
+        others = [next(moved_to) for _ in asked]
+        slope[:, :, asked] = objective.change(assessed, others) / step[asked]
+        for i, rows in rows_of(assessed.hypothesis, parts):
+            if assessed.hypothesis[i].key in known:
+                slope[:, :, rows] = known[assessed.hypothesis[i].key]
         result.append(np.nan_to_num(slope))
     return result
 
@@ -143,24 +145,17 @@ def slopes_of(
     hypothesis: Hypothesis, slope: Float[np.ndarray, "sample dof parameter"]
 ) -> dict[Key, Float[np.ndarray, "sample dof _"]]:
     """Derivatives in all parts of a hypothesis, part by part."""
-    return {key: slope[:, :, rows] for key, rows in _rows(hypothesis, range(len(hypothesis)))}
+    everywhere = rows_of(hypothesis, range(len(hypothesis)))
+    return {hypothesis[i].key: slope[:, :, rows] for i, rows in everywhere}
 
 
-def _rows(hypothesis: Hypothesis, parts: Sequence[int]) -> Iterator[tuple[Key, slice]]:
+def rows_of(hypothesis: Hypothesis, parts: Sequence[int]) -> Iterator[tuple[int, slice]]:
     """Each of some parts, and where its parameters are among those of all."""
     start = 0
     for i in parts:
-        size = hypothesis[i].effect.n_theta
-        yield hypothesis[i].key, slice(start, start + size)
-        start += size
-
-
-def _known(
-    hypothesis: Hypothesis, parts: Sequence[int], known: Slopes
-) -> Bool[np.ndarray, " parameter"]:
-    """Parameters whose derivatives are known."""
-    each = [np.full(hypothesis[i].effect.n_theta, hypothesis[i].key in known) for i in parts]
-    return np.concatenate(each)
+        rows = slice(start, start + hypothesis[i].effect.n_theta)
+        start = rows.stop
+        yield i, rows
 
 
 def _seen(
@@ -241,11 +236,8 @@ def unpack(
 ) -> Hypothesis:
     """The hypothesis with other parameters of some parts."""
     changed = list(hypothesis)
-    start = 0
-    for i in parts:
-        size = hypothesis[i].effect.n_theta
-        changed[i] = Planted(hypothesis[i].effect, hypothesis[i].at, theta[start : start + size])
-        start += size
+    for i, rows in rows_of(hypothesis, parts):
+        changed[i] = Planted(hypothesis[i].effect, hypothesis[i].at, theta[rows])
     return tuple(changed)
 
 

@@ -84,15 +84,7 @@ def cut(smoothed: Smoothed, index: int, rows: slice) -> Stretch:
     first, segment = rows.start, smoothed.motion.segments[index]
     lead = slice(int(np.searchsorted(s.t, s.t[first] - LEAD_S)), first)
     known = (q[first], v[first], s.activation[first], s.t[lead], s.command[lead])
-    return Stretch(
-        s.recording,
-        s.t[rows],
-        s.command[rows],
-        *known,
-        segment,
-        smoothed.motion,
-        unsure=smoothed.unsure[index],
-    )
+    return Stretch(s.recording, s.t[rows], s.command[rows], *known, segment, smoothed.motion)
 
 
 def stretches_of(
@@ -128,7 +120,10 @@ def stretches_of(
     for i, first, last in blocks:
         later = ready[i][(ready[i] >= first) & (ready[i] <= (first + last) // 2)]
         rows = slice(int(later[0]) if len(later) else first, last)
-        pieces.append((cut(smoothed, i, rows), measured[i][rows]))
+        piece = cut(smoothed, i, rows)
+        if not forgets:
+            piece = replace(piece, unsure=smoothed.unsure[i])
+        pieces.append((piece, measured[i][rows]))
     return pieces
 
 

@@ -304,10 +304,10 @@ def simplified(
         said = any(excluded(law, p) for p in rest)  # by another, which has that law in it
         again = estimate(objective, rest if said else (*rest[:i], law, *rest[i:]))
         before, after = estimated.assessed.mse, again.assessed.mse
-        worse = set(np.flatnonzero(after > (1.0 + THRESHOLDS.material) * before).tolist())
+        erring = erring_joints(objective, again.assessed)
         # legs err now by more and now by less than their noise: there only nats tell what is lost
         lost = -worth(objective, again.assessed, estimated.assessed)
-        clean = not worse.intersection(erring_joints(objective, again.assessed))
+        clean = (after[erring] <= (1.0 + THRESHOLDS.material) * before[erring]).all()
         simple_enough = lost < THRESHOLDS.min_nats or (not said and clean)
         sizes = present.effect.n_free, 0 if said else law.effect.n_free
         needed = f"its further parameters are not needed: {law}" + said * ", as another has it"
