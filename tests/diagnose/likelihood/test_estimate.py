@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 from unittest.mock import Mock
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -220,3 +221,23 @@ def test_where_motion_is_free_figures_are_as_good_as_noise_allows(tmp_path: Path
     mass = Planted(effects()["body.mass"], Location("body", "link1"), np.array([1.4]))
     low, high = estimate(some, (mass,)).estimates[0]["factor"].ci95
     assert 1.35 < low < 1.6 < high < 1.85
+
+
+@pytest.mark.parametrize("times", [1.0, 0.25])
+def test_of_what_shows_as_a_product_neither_factor_is_known(tmp_path: Path, times: float) -> None:
+    """A point that circles a joint is pulled as much by half the spring, tied twice as far away."""
+    stiffness, anchor = 40.0, np.array([0.3, 0.0, -0.2])
+
+    def tied(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        pull = stiffness * (anchor - data.xpos[2])
+        jacobian = np.zeros((3, model.nv))
+        mujoco.mj_jac(model, data, jacobian, None, data.xpos[2], 2)
+        data.qfrc_applied[:] = jacobian.T @ pull
+
+    slow = world(tmp_path, 2, tied, 4.0)
+    start = np.array([times * stiffness, *(anchor / times)])
+    tether = Planted(effects()["body.tether"], Location("body", "link2"), start)
+    found = estimate(slow.objective, (tether,)).estimates[0]["stiffness"]
+    low, high = found.ci95
+    assert low < stiffness / 5.0 and high > 5.0 * stiffness
+    assert "not identifiable" in found.warning

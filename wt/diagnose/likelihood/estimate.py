@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.stats import chi2
 from scipy.stats import t as student
 
@@ -36,6 +36,12 @@ _NO_LOSS = 0.5 * float(chi2.ppf(0.95, 1))
 """Loss of log-likelihood inside a 95 % interval of one parameter [nats] (S. S. Wilks, 1938)."""
 _FACTORS, _TIMES, _NO_ENDS = np.array([[0.5], [2.0]]), 3, np.array([[0.0], [np.inf]])
 """What is as good so often halved, or doubled, has no end that these recordings show."""
+_WEAK, _DAMPED, _FITTED = 0.5, 1e-6, 3
+"""Half width of an interval, as a share of the value, from which curvature says little of it; damping and
+number of the steps of the others."""
+_NOTHING, _UNSEEN, _MEMBER = 1e-10, 1e-8, 1e-3
+"""Curvature that is none, as a share of the largest, and of what differences of replays cannot
+tell from none; least component of what belongs to such a direction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +82,7 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     spread = _spread(sharp, best, slope @ visible)
     spread = np.hypot(spread, least_spread(best.hypothesis, smallest))
     lower, upper = bounds(now.hypothesis, parts)
-    small, large = _as_good(objective, now, theta)
+    small, large = _as_good(objective, now, theta, spread > _WEAK * np.abs(theta))
     low = np.maximum(np.minimum(theta - spread, small), lower)
     high = np.minimum(np.maximum(theta + spread, large), upper)
     estimates = []
@@ -149,51 +155,94 @@ def _spread(
     scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     scaled, free = hessian / scale / scale[:, None], np.flatnonzero(~settled)
     inverse = np.zeros((n, n))
-    inverse[np.ix_(free, free)] = np.linalg.pinv(scaled[np.ix_(free, free)], rcond=1e-10)
+    inverse[np.ix_(free, free)] = np.linalg.pinv(scaled[np.ix_(free, free)], rcond=_NOTHING)
     meat = scores.T @ scores / scale / scale[:, None]
     # the tolerances' true values scatter around zero by one standard deviation each
     meat[range(p, n), range(p, n)] += 1.0 / scale[p:] ** 2
     covariance = (inverse @ meat @ inverse) / scale / scale[:, None]
     freedom = max(blocks - p, 2)
+    unseen = _unseen(scaled[:p, :p])
     # those that were taken to be nothing do so too, and go into the parameters as they are
     blamed = inverse @ (scaled[:, settled] * scale[settled]) / scale[:, None]
-    variance = np.diag(covariance) + (blamed**2).sum(axis=1)
+    # of what hardly shows, scores are as good as none, and their scatter says nothing of it
+    likely = np.maximum(np.diag(covariance), np.diag(inverse) / scale**2)
+    variance = likely + (blamed**2).sum(axis=1)
     deviation = np.sqrt(np.maximum(variance[:p], 0.0))
     # what the replays' steps may still be wrong by, seen through the same estimator
     numerical = inverse @ (_numerical_score(objective, now, slope) / scale) / scale
-    return np.asarray(np.hypot(student.ppf(0.975, freedom) * deviation, 2.0 * numerical[:p]))
+    spread = np.hypot(student.ppf(0.975, freedom) * deviation, 2.0 * numerical[:p])
+    return np.where(unseen, np.inf, spread)
+
+
+def _unseen(curvature: Float[np.ndarray, "parameter parameter"]) -> Bool[np.ndarray, " parameter"]:
+    """Parameters of which recordings show a combination only, by their scaled curvature.
+
+    One of which they show nothing by itself is another matter: a law may hold whatever it is.
+    """
+    seen = np.diag(curvature) > _MEMBER
+    squares, directions = np.linalg.eigh(curvature[np.ix_(seen, seen)])
+    combinations = directions[:, squares < _UNSEEN * squares.max(initial=0.0)]
+    unseen = np.zeros(len(curvature), bool)
+    unseen[seen] = (np.abs(combinations) > _MEMBER).any(axis=1)
+    return unseen
 
 
 def _as_good(
-    objective: Objective, now: Assessed, theta: Float[np.ndarray, " parameter"]
+    objective: Objective,
+    now: Assessed,
+    theta: Float[np.ndarray, " parameter"],
+    weak: Bool[np.ndarray, " parameter"],
 ) -> Float[np.ndarray, "end parameter"]:
     """How small, and how large, each size may be without any loss: curvature where it is says not.
 
     Friction in which nothing slipped, a limit that nothing reached: beyond some size such a law
-    does what it does anyway.
+    does what it does anyway. A spring that is half as stiff and tied twice as far away: what is
+    known weakly may change beside all others (D. J. Venzon, S. H. Moolgavkar, 1988).
 
     Args:
         objective: the replays.
         now: the fitted hypothesis.
         theta: its parameters.
+        weak: those beside which the others are fitted again.
 
     Returns:
         Parameters; zero or infinite where no multiple that is tried makes a difference.
     """
     parts, count = range(len(now.hypothesis)), np.arange(len(theta))
     each = [p for q in now.hypothesis for p in q.effect.parameters for _ in range(p.size)]
-    sizes = [p.size == 1 and p.lower >= 0.0 and p.public for p in each]
+    sizes = np.array([p.size == 1 and p.lower >= 0.0 and p.public for p in each])
+    going = np.stack([sizes & (theta > 0.0)] * 2)
+    tried = {(end, k): theta for end, k in np.argwhere(going).tolist()}
     multiple = np.ones((2, len(theta)))
-    going = np.stack([np.array(sizes) & (theta > 0.0)] * 2)
     for _ in range(_TIMES):
-        further = multiple * _FACTORS
-        tried = [np.where(count == k, further[end] * theta, theta) for end, k in np.argwhere(going)]
-        if not tried:
+        ways = np.argwhere(going).tolist()
+        if not ways:
             break
-        fits = objective.evaluate([unpack(now.hypothesis, parts, t) for t in tried])
+        for end, k in ways:
+            tried[end, k] = np.where(count == k, _FACTORS[end] * tried[end, k], tried[end, k])
+            if weak[k]:
+                tried[end, k] = _others_fitted(objective, now, tried[end, k], k)
+        fits = objective.evaluate([unpack(now.hypothesis, parts, tried[e, k]) for e, k in ways])
         going[going] = [f.loglik > now.loglik - _NO_LOSS for f in fits]
-        multiple = np.where(going, further, multiple)
+        multiple = np.where(going, multiple * _FACTORS, multiple)
     return np.where(going, _NO_ENDS, multiple * theta)
+
+
+def _others_fitted(
+    objective: Objective, now: Assessed, theta: Float[np.ndarray, " parameter"], held: int
+) -> Float[np.ndarray, " parameter"]:
+    """Parameters of which all but one are fitted, inside their bounds, until nothing is lost."""
+    parts = range(len(now.hypothesis))
+    lower, upper = bounds(now.hypothesis, parts)
+    for _ in range(_FITTED):
+        (there,) = objective.evaluate([unpack(now.hypothesis, parts, theta)], [now.tolerances])
+        if there.loglik > now.loglik - _NO_LOSS or not np.isfinite(there.loglik):
+            break
+        (slope,) = jacobian(objective, [there], [parts])
+        slope[:, :, held] = 0.0
+        _, step = objective.solve(there, slope, lower - theta, upper - theta, _DAMPED)
+        theta = np.clip(theta + step, lower, upper)
+    return theta
 
 
 def least_spread(
