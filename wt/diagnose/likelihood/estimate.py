@@ -36,12 +36,11 @@ _NO_LOSS = 0.5 * float(chi2.ppf(0.95, 1))
 """Loss of log-likelihood inside a 95 % interval of one parameter [nats] (S. S. Wilks, 1938)."""
 _FACTORS, _TIMES, _NO_ENDS = np.array([[0.5], [2.0]]), 3, np.array([[0.0], [np.inf]])
 """What is as good so often halved, or doubled, has no end that these recordings show."""
-_WEAK, _DAMPED, _FITTED = 0.5, 1e-6, 3
-"""Half width of an interval, as a share of the value, from which curvature says little of it; damping and
-number of the steps of the others."""
-_NOTHING, _UNSEEN, _MEMBER = 1e-10, 1e-8, 1e-3
-"""Curvature that is none, as a share of the largest, and of what differences of replays cannot
-tell from none; least component of what belongs to such a direction."""
+_DAMPED, _FITTED = 1e-6, 3
+"""Damping and number of the steps in which others are fitted beside one that is held."""
+_UNSEEN, _MEMBER = 1e-8, 1e-3
+"""Curvature that differences of replays cannot tell from none, as a share of the largest; least
+component of what belongs to such a direction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +50,12 @@ class Estimated:
     Attributes:
         assessed: the hypothesis on all fitted data.
         estimates: for each part, its parameters by name.
+        combined: parts of whose parameters recordings show a combination only.
     """
 
     assessed: Assessed
     estimates: tuple[dict[str, Estimate], ...]
+    combined: frozenset[int] = frozenset()
 
     @property
     def hypothesis(self) -> Hypothesis:
@@ -78,21 +79,26 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     theta = pack(best.hypothesis, parts)
     slopes = jacobian(sharp, [best], [parts])
     (slope,) = jacobian(sharp, [best], [parts], slopes)
-    visible = shown(best.hypothesis, slope, sharp.channels.precision(best.variance))
+    precision = sharp.channels.precision(best.variance)
+    visible = shown(best.hypothesis, slope, precision)
     spread = _spread(sharp, best, slope @ visible)
     spread = np.hypot(spread, least_spread(best.hypothesis, smallest))
+    unseen = _unseen(slope, precision, visible)
+    spread[unseen] = np.inf
     lower, upper = bounds(now.hypothesis, parts)
-    small, large = _as_good(objective, now, theta, spread > _WEAK * np.abs(theta))
+    small, large = _as_good(objective, now, theta, unseen)
     low = np.maximum(np.minimum(theta - spread, small), lower)
     high = np.minimum(np.maximum(theta + spread, large), upper)
-    estimates = []
+    estimates, combined = [], set[int]()
     for i, rows in rows_of(now.hypothesis, parts):
+        if _unseen(slope[:, :, rows], precision, visible[rows, rows]).any():
+            combined.add(i)
         planted = now.hypothesis[i]
         units = units_at(objective.scene, planted.at)
         estimates.append(
             _named(planted, units, low[rows], high[rows], smallest[rows], visible[rows, rows])
         )
-    return Estimated(now, tuple(estimates))
+    return Estimated(now, tuple(estimates), frozenset(combined))
 
 
 def _fitted(
@@ -117,10 +123,13 @@ def _fitted(
 def distances_from_nothing(estimated: Estimated) -> dict[int, float]:
     """Effects that may as well be nothing, by index: their distance from it [interval widths].
 
-    Those are the effects whose intervals hold all of their neutral values (A. Wald, 1943).
+    Those are the effects whose intervals hold all of their neutral values (A. Wald, 1943). Where
+    only a product shows, each factor may be as good as nothing, and the effect is none of these.
     """
     distances: dict[int, float] = {}
     for i, planted in enumerate(estimated.hypothesis):
+        if i in estimated.combined:
+            continue
         known = [p for p in planted.effect.parameters if p.neutral is not None]
         widths = [_from_neutral(p, estimated.estimates[i][p.name]) for p in known]
         if widths and np.isfinite(widths).all():
@@ -155,13 +164,12 @@ def _spread(
     scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     scaled, free = hessian / scale / scale[:, None], np.flatnonzero(~settled)
     inverse = np.zeros((n, n))
-    inverse[np.ix_(free, free)] = np.linalg.pinv(scaled[np.ix_(free, free)], rcond=_NOTHING)
+    inverse[np.ix_(free, free)] = np.linalg.pinv(scaled[np.ix_(free, free)], rcond=1e-10)
     meat = scores.T @ scores / scale / scale[:, None]
     # the tolerances' true values scatter around zero by one standard deviation each
     meat[range(p, n), range(p, n)] += 1.0 / scale[p:] ** 2
     covariance = (inverse @ meat @ inverse) / scale / scale[:, None]
     freedom = max(blocks - p, 2)
-    unseen = _unseen(scaled[:p, :p])
     # those that were taken to be nothing do so too, and go into the parameters as they are
     blamed = inverse @ (scaled[:, settled] * scale[settled]) / scale[:, None]
     # of what hardly shows, scores are as good as none, and their scatter says nothing of it
@@ -170,19 +178,27 @@ def _spread(
     deviation = np.sqrt(np.maximum(variance[:p], 0.0))
     # what the replays' steps may still be wrong by, seen through the same estimator
     numerical = inverse @ (_numerical_score(objective, now, slope) / scale) / scale
-    spread = np.hypot(student.ppf(0.975, freedom) * deviation, 2.0 * numerical[:p])
-    return np.where(unseen, np.inf, spread)
+    return np.asarray(np.hypot(student.ppf(0.975, freedom) * deviation, 2.0 * numerical[:p]))
 
 
-def _unseen(curvature: Float[np.ndarray, "parameter parameter"]) -> Bool[np.ndarray, " parameter"]:
-    """Parameters of which recordings show a combination only, by their scaled curvature.
+def _unseen(
+    slope: Float[np.ndarray, "sample dof parameter"],
+    precision: Float[np.ndarray, "sample dof"],
+    visible: Float[np.ndarray, "parameter parameter"],
+) -> Bool[np.ndarray, " parameter"]:
+    """Parameters of which recordings show a combination only.
 
-    One of which they show nothing by itself is another matter: a law may hold whatever it is.
+    One of which they show nothing by itself is another matter: a law may hold whatever it is. So
+    are directions of one vector, see :func:`shown`.
     """
-    seen = np.diag(curvature) > _MEMBER
-    squares, directions = np.linalg.eigh(curvature[np.ix_(seen, seen)])
+    flat = ((slope @ visible) * np.sqrt(precision)[:, :, None]).reshape(-1, slope.shape[2])
+    sizes = np.linalg.norm(flat, axis=0)
+    seen = sizes > 0.0
+    scaled = flat[:, seen] / sizes[seen]
+    hidden = (np.eye(len(visible)) - visible)[np.ix_(seen, seen)]
+    squares, directions = np.linalg.eigh(scaled.T @ scaled + hidden)
     combinations = directions[:, squares < _UNSEEN * squares.max(initial=0.0)]
-    unseen = np.zeros(len(curvature), bool)
+    unseen = np.zeros(len(seen), bool)
     unseen[seen] = (np.abs(combinations) > _MEMBER).any(axis=1)
     return unseen
 
@@ -191,19 +207,19 @@ def _as_good(
     objective: Objective,
     now: Assessed,
     theta: Float[np.ndarray, " parameter"],
-    weak: Bool[np.ndarray, " parameter"],
+    unseen: Bool[np.ndarray, " parameter"],
 ) -> Float[np.ndarray, "end parameter"]:
     """How small, and how large, each size may be without any loss: curvature where it is says not.
 
     Friction in which nothing slipped, a limit that nothing reached: beyond some size such a law
-    does what it does anyway. A spring that is half as stiff and tied twice as far away: what is
-    known weakly may change beside all others (D. J. Venzon, S. H. Moolgavkar, 1988).
+    does what it does anyway. And what only combinations show, as of a spring that is half as stiff
+    and tied twice as far away, changes beside the others (D. J. Venzon, S. H. Moolgavkar, 1988).
 
     Args:
         objective: the replays.
         now: the fitted hypothesis.
         theta: its parameters.
-        weak: those beside which the others are fitted again.
+        unseen: those of which only combinations show.
 
     Returns:
         Parameters; zero or infinite where no multiple that is tried makes a difference.
@@ -220,7 +236,7 @@ def _as_good(
             break
         for end, k in ways:
             tried[end, k] = np.where(count == k, _FACTORS[end] * tried[end, k], tried[end, k])
-            if weak[k]:
+            if unseen[k]:
                 tried[end, k] = _others_fitted(objective, now, tried[end, k], k)
         fits = objective.evaluate([unpack(now.hypothesis, parts, tried[e, k]) for e, k in ways])
         going[going] = [f.loglik > now.loglik - _NO_LOSS for f in fits]
