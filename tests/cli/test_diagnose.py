@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -209,7 +210,10 @@ def test_tracking_logs_what_was_found(
     )
 
 
-def test_ctrl_c_in_the_real_analysis_is_one_line(model: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("times", [2, 3])
+def test_two_ctrl_c_write_what_is_known_and_a_third_ends_at_once(
+    times: int, model: str, tmp_path: Path
+) -> None:
     u = synthetic.commands(16.0, 0.0)
     q, _ = synthetic.simulate(synthetic.PATCHED, u)
     columns = {f"ctrl/a{k}": u[:, k - 1] for k in (1, 2)}
@@ -227,13 +231,24 @@ def test_ctrl_c_in_the_real_analysis_is_one_line(model: str, tmp_path: Path) -> 
         env={**os.environ, "WT_DEBUG": "0"},
     )  # fmt: skip
     time.sleep(2.0 + 1.5 * imports_s)
-    started.send_signal(signal.SIGINT)
-    printed, err = started.communicate(timeout=60)
-    assert (started.returncode, printed) == (1, "")
+    for _ in range(times):
+        started.send_signal(signal.SIGINT)
+        time.sleep(0.3)
+    printed, err = started.communicate(timeout=120)
     # but for how long it would have taken
-    (said,) = (line for line in err.splitlines() if not line.startswith("this takes"))
-    assert said.startswith("error: interrupted")
-    assert not out.exists()
+    once, again, *rest = (
+        line for line in err.splitlines() if line and not line.startswith("this takes")
+    )
+    assert once.startswith("Ctrl-C once more ends the search") and again.startswith("ending")
+    if times == 3:
+        assert (started.returncode, printed) == (1, "")
+        assert len(rest) == 1 and rest[0].startswith("error: interrupted")
+        assert not out.exists()
+    else:
+        assert started.returncode == 0
+        written = json.loads((out / "diagnosis.json").read_text())
+        assert any("ended before its time" in note for note in written["notes"])
+        assert written["verdict"] != "no_mismatch"
 
 
 def test_why_prints_every_decision_at_a_place(

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 EXPERIMENT = "diagnose"
 """Name of the experiment in MLflow."""
+_ONCE = "Ctrl-C once more ends the search and writes what is known by now; until then it goes on"
+_AGAIN = "ending the search; what is known is proven and written (Ctrl-C once more: nothing is)"
 QUICK_S = 10.0
 """Shorter than this [s], nothing is said of how long it will take."""
 
@@ -201,8 +203,10 @@ def _working(
     out: Path, inputs: Sequence[Path], jobs: str | None, bundle: bool
 ) -> Iterator[tuple[Callable[[Diagnosis], None], Callable[[str, float], None]]]:
     """Keep the folder, and show how far the work is; yields what writes into it, and the bar."""
+    from wt.cli._interrupts import twice
     from wt.cli._progress import bar
     from wt.diagnose.report.write import claimed
+    from wt.diagnose.stop import stop_when
     from wt.physics.spread import over
 
     if bundle:
@@ -212,6 +216,8 @@ def _working(
         claimed(out, inputs, bundle) as write,
         bar("reading", timed=True) as progress,
         over(jobs),
+        twice(_ONCE, _AGAIN) as asked,
+        stop_when(asked),
     ):
         if os.environ.get("WT_DEBUG", "0") in ("", "0"):
             # what numpy and MuJoCo say to programmers is no line for users

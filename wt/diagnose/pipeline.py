@@ -43,6 +43,7 @@ from wt.diagnose.selection.verdict import (
     unforeseen,
     verdict,
 )
+from wt.diagnose.stop import stopped
 from wt.mjcf.edit import patched_xml
 from wt.physics.planted import Hypothesis, Key
 from wt.physics.quiet import quiet
@@ -86,6 +87,8 @@ _FAR_MORE = 1.5
 """Mean square error of a joint, over another, that is no refinement any more."""
 ATTEMPTS = 3
 """At most this many searches, each without the effects that held-out data refused before."""
+_NOT_LOOKED_FOR = "the search had not named when it was ended."
+_CUT_SHORT = "The search was ended before its time: there may be more than what it had found."
 
 
 @quiet()  # what is wrong with a model is an error of one line, and many a replay explodes
@@ -134,6 +137,7 @@ def diagnose(
         notes=(
             *diagnosis.notes,
             *note,
+            *((_CUT_SHORT,) if stopped() else ()),
             *(sentences(translation_evidence) if translation_evidence else ()),
         ),
         seconds=time.monotonic() - began,
@@ -225,7 +229,7 @@ def searched(
         return Outcome(prepared, fitted, naming, naming.proven(()), None)
     pace.time(naming.search_replays)
     accepted = search(screen, naming.search_replays, log, pace.search)
-    if window:
+    if window and not stopped():
         longest = functools.partial(longest_window, fitted, quick)
         window, naming, accepted = _prolonged(naming, accepted, window, longest, naming_by, pace)
     proven = _proven(naming, accepted, pace, attempts)
@@ -253,7 +257,7 @@ def _in_turns(
     scene: Scene, prepared: Prepared, outcome: Outcome, seed: int, log: DecisionLog, pace: Pace
 ) -> tuple[Outcome, tuple[str, ...]]:
     """What is found with others held out, where those held out show more; and a note of it."""
-    others = outcome.missed and turned(prepared)
+    others = outcome.missed and not stopped() and turned(prepared)
     if not others:
         return outcome, ()
     pace.stage("recordings take turns")
@@ -286,7 +290,10 @@ def _diagnosis(scene: Scene, outcome: Outcome) -> Diagnosis:
     smoothed = (outcome.fitted, holdout.smoothed)
     shown = traces(prepared, smoothed, claims.complete, naming.step)
     commanded = not any(f.voids_commands for f in prepared.audit)
-    nameless = unforeseen(claims.estimated.assessed, naming.objective, where) if commanded else ()
+    that = (_NOT_LOOKED_FOR,) if stopped() else ()
+    nameless = (
+        unforeseen(claims.estimated.assessed, naming.objective, where, *that) if commanded else ()
+    )
     experiment = release(scene, shown) if passive(scene) else ""
     all_findings = (*findings(claims, scene, experiment), *nameless, *quantized)
     said = verdict(claims, naming.objective, quantized)
@@ -401,7 +408,7 @@ def _proven(naming: Naming, accepted: tuple[Accepted, ...], pace: Pace, before: 
         # fewer, not others: an effect that a simpler law says as well was not refused
         refused = len(proven.accepted) < len(accepted)
         best = proven = naming.further(best, proven) if best else proven
-        if not refused or attempt == ATTEMPTS or naming.clean(proven):
+        if not refused or attempt == ATTEMPTS or stopped() or naming.clean(proven):
             break
         kept = {a.planted.key for a in proven.accepted}
         banned |= {a.planted.key for a in accepted} - kept

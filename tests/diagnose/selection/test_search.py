@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from wt.diagnose.selection.search import uphill
+from wt.diagnose.stop import StoppedError
 from wt.physics.planted import Key
 
 State = frozenset[Key]
@@ -68,3 +69,14 @@ def test_it_ends_where_nothing_new_lasts() -> None:
         State({COULOMB}), lambda s, _: (s, {ARMATURE}), lambda *_: 0.0, set, lambda s, *_: s
     )
     assert replaced == {COULOMB}
+
+
+def test_an_end_before_its_time_gives_the_best_so_far() -> None:
+    ladder = Ladder({State(ORDER[:k]): float(k) for k in range(4)})
+
+    def advance(state: State, refused: Container[Key]) -> tuple[State, set[Key]]:
+        if len(state) == 2:
+            raise StoppedError
+        return ladder.advance(state, refused)
+
+    assert uphill(State(), advance, ladder.lead, set, ladder.back) == {COULOMB, ARMATURE}

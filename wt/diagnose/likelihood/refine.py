@@ -11,6 +11,7 @@ step and not on the parameter, so that what data do tell is found without bias (
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -19,6 +20,7 @@ from jaxtyping import Float
 
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.shown import shown, without_hidden
+from wt.diagnose.stop import StoppedError
 from wt.physics.planted import Hypothesis, Key, Planted
 from wt.physics.scales import step_sizes
 
@@ -79,13 +81,14 @@ def refine(
     """
     evaluated = _settled(objective, objective.evaluate(starts, centres))
     climbs = [_Climb(tuple(f), a, done=not len(f)) for f, a in zip(free, evaluated, strict=True)]
-    for _ in range(iterations):
-        active = [i for i, c in enumerate(climbs) if not c.done and np.isfinite(c.now.loglik)]
-        if not active:
-            break
-        steps_taken = _step(objective, [climbs[i] for i in active], known)
-        for i, climb in zip(active, steps_taken, strict=True):
-            climbs[i] = climb
+    with suppress(StoppedError):
+        for _ in range(iterations):
+            active = [i for i, c in enumerate(climbs) if not c.done and np.isfinite(c.now.loglik)]
+            if not active:
+                break
+            steps_taken = _step(objective, [climbs[i] for i in active], known)
+            for i, climb in zip(active, steps_taken, strict=True):
+                climbs[i] = climb
     return [c.now for c in climbs]
 
 

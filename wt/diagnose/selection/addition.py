@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Container, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ from wt.diagnose.residual.screen import Scored, Screen
 from wt.diagnose.result import Stage
 from wt.diagnose.selection.candidates import candidates, dof_of, excluded
 from wt.diagnose.selection.decisions import DecisionLog
+from wt.diagnose.stop import StoppedError
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Shape, alternatives
 from wt.physics.planted import Hypothesis, Key, Planted
@@ -86,9 +88,10 @@ def addition(
     fits = _replayed(screen, objective, now, [p for p, _ in tried])
     if fits:
         log.trying([p for p, _ in tried], _by_worth(objective, fits, now)[0].hypothesis[-1])
-    pairs = [(*now.hypothesis, *p) for p in _pairs(screen, objective, now, known, ranked, fits)]
-    fits += _refined(objective, pairs, now, 3)
-    fits = _finished(objective, fits, now)
+    with suppress(StoppedError):  # the best so far will do
+        pairs = [(*now.hypothesis, *p) for p in _pairs(screen, objective, now, known, ranked, fits)]
+        fits += _refined(objective, pairs, now, 3)
+        fits = _finished(objective, fits, now)
     if not fits:
         return []
     best = simplest(objective, fits, now)
@@ -98,11 +101,12 @@ def addition(
         return []
     shapes = {s.planted.key: s.shape for s in ranked} | {p.key: shape for p, shape in tried}
     joined = _accepted(objective, best, fits, now, shapes)
-    for more in _beside(screen, objective, best, fits, now) if len(joined) < most else ():
-        joined += _accepted(objective, more.fit, more.fits, more.reference, shapes)
-        gain = worth(objective, more.fit, more.reference)
-        planted = more.fit.hypothesis[-1]
-        log.add(planted, "joined", True, gain, THRESHOLDS.min_nats, f"beside {joined[0].planted}")
+    with suppress(StoppedError):
+        for more in _beside(screen, objective, best, fits, now) if len(joined) < most else ():
+            joined += _accepted(objective, more.fit, more.fits, more.reference, shapes)
+            gain, planted = worth(objective, more.fit, more.reference), more.fit.hypothesis[-1]
+            reason = f"beside {joined[0].planted}"
+            log.add(planted, "joined", True, gain, THRESHOLDS.min_nats, reason)
     return joined[:most]
 
 

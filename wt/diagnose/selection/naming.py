@@ -38,6 +38,7 @@ from wt.diagnose.selection.holdout import (
     scaled,
 )
 from wt.diagnose.selection.in_turn import where_mute
+from wt.diagnose.stop import stopped
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.choice import freest
 from wt.diagnose.unknown.fit import ForceData
@@ -270,8 +271,11 @@ class Naming:
         return full, gains_of(holdout, both[better * len(sides) + np.arange(len(sides))])
 
     def _with_unknown(self, claims: Claims) -> Claims:
-        """Learn what is left, as long as that improves the held-out fit."""
-        if self.clean(claims):
+        """Learn what is left, as long as that improves the held-out fit.
+
+        Where the search was ended before its time, nobody knows that it has no name.
+        """
+        if stopped() or self.clean(claims):
             return claims
         laws: list[Unknown] = []
         assessed = claims.assessed(self.objective)

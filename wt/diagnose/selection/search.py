@@ -7,6 +7,7 @@ a round that goes downhill is taken back, and the search goes on without what jo
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -20,8 +21,9 @@ from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.addition import Accepted, addition
 from wt.diagnose.selection.candidates import dof_of
 from wt.diagnose.selection.decisions import DecisionLog
+from wt.diagnose.stop import StoppedError, stoppable, stopped
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.physics.planted import Hypothesis, Key, Planted, without
+from wt.physics.planted import Hypothesis, Key, without
 
 S = TypeVar("S")
 DOWNHILL = 2
@@ -52,16 +54,19 @@ def search(
         The effects in the order in which they were added.
     """
     most = THRESHOLDS.most_effects
-    latest: list[Planted] = []  # joined in the last round
+    latest: list[Accepted] = []  # joined in the last round
 
     def advance(state: _State, refused: Container[Key]) -> tuple[_State, set[Key]]:
+        latest.clear()
         if len(state.accepted) >= most or exhausted(objective, state.now):
             return state, set()
         if report:
             report(len(state.accepted) + 1, len(erring_joints(objective, state.now)))
-        after, joined = _round(screen, objective, state, log, _Union(banned, refused))
-        latest[:] = joined
-        return after, {p.key for p in joined}
+        union = _Union(banned, refused)
+        room = most - len(state.accepted)
+        latest[:] = addition(screen, objective, state.now, state.accepted, log, room, union)
+        after = _joined(screen, objective, state, latest, log, union) if latest else state
+        return after, {a.planted.key for a in latest}
 
     def lead(after: _State, state: _State) -> float:
         # likelihoods compare only where the same may adapt: both around the later state
@@ -70,13 +75,19 @@ def search(
 
     def back(state: _State, joined: set[Key], lead: float) -> _State:
         reason = "the round that it joined ends below where it began"
-        for planted in (p for p in latest if p.key in joined):
-            log.add(planted, "reconsidered", False, lead, 0.0, reason)
+        for a in (a for a in latest if a.planted.key in joined):
+            log.add(a.planted, "reconsidered", False, lead, 0.0, reason)
         return replace(state, now=objective.reference(state.now.hypothesis, state.now.tolerances))
 
     known = tuple(a.planted for a in start)
     begin = _State(list(start), _fitted(objective, known) if known else objective.reference(()))
-    end = uphill(begin, advance, lead, lambda s: s.names, back)
+    with stoppable():
+        end = uphill(begin, advance, lead, lambda s: s.names, back)
+    if latest and stopped() and not {a.planted.key for a in latest} <= end.names:
+        # ended amid a round: what joined in it is the best so far
+        hypothesis = (*end.now.hypothesis, *(a.planted for a in latest))
+        more = _State([*end.accepted, *latest], _fitted(objective, hypothesis))
+        end = more if lead(more, end) > 0.0 else end
     return tuple(
         replace(a, planted=planted)
         for a, planted in zip(end.accepted, end.now.hypothesis, strict=True)
@@ -92,6 +103,8 @@ def uphill(
 ) -> S:
     """Go on from state to state, and never end below one that was passed.
 
+    Whoever asks for an earlier end (:mod:`~wt.diagnose.stop`) gets the best so far.
+
     Args:
         state: where to begin.
         advance: one round from a state, without what is refused; the next state and what joined.
@@ -101,21 +114,22 @@ def uphill(
     """
     refused: set[Key] = set()
     downhill = 0
-    while downhill <= DOWNHILL:
-        after, joined = advance(state, refused)
-        if not joined:
-            break
-        gained = lead(after, state)
-        lasted = not names(after) <= names(state)
-        if gained > 0.0:
-            state = after
-        elif lasted:
-            # go on from where the round began, without what it added
-            downhill += 1
-            refused |= joined
-            state = back(state, joined, gained)
-        if not lasted:
-            break
+    with suppress(StoppedError):
+        while downhill <= DOWNHILL:
+            after, joined = advance(state, refused)
+            if not joined:
+                break
+            gained = lead(after, state)
+            lasted = not names(after) <= names(state)
+            if gained > 0.0:
+                state = after
+            elif lasted:
+                # go on from where the round began, without what it added
+                downhill += 1
+                refused |= joined
+                state = back(state, joined, gained)
+            if not lasted:
+                break
     return state
 
 
@@ -149,27 +163,19 @@ class _Union(Container[Key]):
         return any(key in part for part in self._parts)
 
 
-def _round(
+def _joined(
     screen: Screen,
     objective: Objective,
     state: _State,
+    joined: Sequence[Accepted],
     log: DecisionLog,
     banned: Container[Key],
-) -> tuple[_State, list[Planted]]:
-    """One round: effects join, the superfluous leave, and the joined are looked for once more.
-
-    Returns:
-        (the best state of the round whose effects all earn their place, what joined).
-    """
-    room = THRESHOLDS.most_effects - len(state.accepted)
-    joined = addition(screen, objective, state.now, state.accepted, log, room, banned)
-    if not joined:
-        return state, []
-    new = [a.planted for a in joined]
-    hypothesis = (*state.now.hypothesis, *new)
+) -> _State:
+    """A round's best state: effects have joined, the superfluous left, the joined are sure."""
     accepted = [*state.accepted, *joined]
+    hypothesis = (*state.now.hypothesis, *(a.planted for a in joined))
     pruned = _prune(objective, accepted, _fitted(objective, hypothesis), log)
-    return _State(*_reconsidered(screen, objective, *pruned, log, banned, joined)), new
+    return _State(*_reconsidered(screen, objective, *pruned, log, banned, joined))
 
 
 def _fitted(objective: Objective, hypothesis: Hypothesis) -> Assessed:
