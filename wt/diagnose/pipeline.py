@@ -289,11 +289,10 @@ def _diagnosis(scene: Scene, outcome: Outcome) -> Diagnosis:
     where = claims.unexplained(naming.objective)
     smoothed = (outcome.fitted, holdout.smoothed)
     shown = traces(prepared, smoothed, claims.complete, naming.step)
-    commanded = not any(f.voids_commands for f in prepared.audit)
     that = (_NOT_LOOKED_FOR,) if stopped() else ()
-    nameless = (
-        unforeseen(claims.estimated.assessed, naming.objective, where, *that) if commanded else ()
-    )
+    nameless = unforeseen(claims.estimated.assessed, naming.objective, where, *that)
+    if any(f.voids_commands for f in prepared.audit):
+        nameless = ()
     experiment = release(scene, shown) if passive(scene) else ""
     all_findings = (*findings(claims, scene, experiment), *nameless, *quantized)
     said = verdict(claims, naming.objective, quantized)
