@@ -8,6 +8,7 @@ servos that the compiler derives, is written out once instead.
 from __future__ import annotations
 
 import mujoco
+import numpy as np
 
 from wt.physics.parts import settle, write_weights
 
@@ -36,3 +37,26 @@ def slim(spec: mujoco.MjSpec) -> None:
 
 def _paired(spec: mujoco.MjSpec, geom: str) -> bool:
     return any(geom in (pair.geomname1, pair.geomname2) for pair in spec.pairs)
+
+
+def rest_idle(model: mujoco.MjModel) -> None:
+    """Switch off, in place, the stages of a physics step that have nothing to do in it.
+
+    Looking for contacts among geoms that never collide is a fifth of a small arm's step. What
+    steps say stays the same to the bit.
+    """
+    if not may_touch(model):
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+        held = (model.neq, model.jnt_limited, model.tendon_limited)
+        rubbing = (model.dof_frictionloss, model.tendon_frictionloss)
+        if not any(np.any(some) for some in (*held, *rubbing)):
+            model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+
+
+def may_touch(model: mujoco.MjModel) -> bool:
+    """Whether two geoms of parts that move against each other may collide, wherever they are."""
+    if model.npair or model.nflex:
+        return True
+    part = model.body_weldid[model.geom_bodyid]
+    bits = (model.geom_contype[:, None] & model.geom_conaffinity) != 0
+    return bool(((bits | bits.T) & (part[:, None] != part)).any())

@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 from wt.batch import Batch
 from wt.physics.acting import Acting, acting, is_live, neighbours
 from wt.physics.activation import activated, dynamic, late
+from wt.physics.lean import rest_idle
 from wt.physics.limbs import Limb, Limbs, limbs
 from wt.physics.live import StepState
 from wt.physics.planted import Planted
@@ -160,7 +161,9 @@ class Replayer:
         spec.option.timestep = self.step
         for planted in hypothesis:
             planted.model(spec)
-        return spec.compile()
+        model = spec.compile()
+        rest_idle(model)
+        return model
 
 
 def _contents(hypothesis: Sequence[Planted]) -> tuple[tuple[int, Location, bytes], ...]:
