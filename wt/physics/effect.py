@@ -127,7 +127,8 @@ class Effect(abc.ABC):
             :func:`alternatives`.
         common: how often real machines have it although their models do not.
         plotted_over: the variable that its force is best seen over.
-        stiff: whether it moves faster than the machine, so that replays take the shortest steps.
+        stiff: whether it moves faster than the machine, or takes damping away that long steps
+            rely on, so that replays take the shortest ones.
         form: in words, of a law that MuJoCo has in several; "" for the usual one.
         forms: the others.
     """

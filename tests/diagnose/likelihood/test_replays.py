@@ -78,6 +78,18 @@ def test_a_stiff_law_takes_the_short_steps_and_the_rest_long_ones(tmp_path: Path
     assert made.run([]).shape == (0, *exact[0].shape)
 
 
+def test_a_drive_that_lets_go_takes_the_short_steps(tmp_path: Path) -> None:
+    """Within its dead band a servo damps nothing, but long steps are stable by its damping."""
+    scene, stretches = prepared(tmp_path, chain(2))
+    dead = Planted(effects()["actuator.deadband"], Location("actuator", "a2"), np.array([0.15]))
+    exact = Replayer(scene, stretches, STEP / 8).run([(dead,)]).q[0]
+    made, long = Replays(scene, stretches, STEP, 4 * STEP), Extrapolated(scene, stretches, 4 * STEP)
+    made.around((), [])
+    long.around((), [])
+    off, otherwise = (np.abs(some.run([(dead,)])[0] - exact).max() for some in (made, long))
+    assert off < 0.5 * otherwise
+
+
 def test_steps_are_as_long_as_noise_can_tell(tmp_path: Path) -> None:
     path = tmp_path / "chain.xml"
     path.write_text(chain(2).replace(f'timestep="{STEP}"', 'timestep="0.004"'))

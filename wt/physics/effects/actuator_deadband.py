@@ -31,6 +31,7 @@ class ActuatorDeadband(OnSteps):
     signed = (1,)
     looks_like = ("weak drive", "offset")
     plotted_over = "drive"
+    stiff = True
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Widths that cover 5 to 60 % of the drive's forces."""
