@@ -87,7 +87,6 @@ _FAR_MORE = 1.5
 """Mean square error of a joint, over another, that is no refinement any more."""
 ATTEMPTS = 3
 """At most this many searches, each without the effects that held-out data refused before."""
-_NOT_LOOKED_FOR = "the search had not named when it was ended."
 _CUT_SHORT = "The search was ended before its time: there may be more than what it had found."
 
 
@@ -289,10 +288,8 @@ def _diagnosis(scene: Scene, outcome: Outcome) -> Diagnosis:
     where = claims.unexplained(naming.objective)
     smoothed = (outcome.fitted, holdout.smoothed)
     shown = traces(prepared, smoothed, claims.complete, naming.step)
-    that = (_NOT_LOOKED_FOR,) if stopped() else ()
-    nameless = unforeseen(claims.estimated.assessed, naming.objective, where, *that)
-    if any(f.voids_commands for f in prepared.audit):
-        nameless = ()
+    commanded = not any(f.voids_commands for f in prepared.audit)
+    nameless = unforeseen(claims.estimated.assessed, naming.objective, where) if commanded else ()
     experiment = release(scene, shown) if passive(scene) else ""
     all_findings = (*findings(claims, scene, experiment), *nameless, *quantized)
     said = verdict(claims, naming.objective, quantized)

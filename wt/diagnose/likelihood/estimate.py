@@ -89,16 +89,19 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     small, large = _as_good(objective, now, theta, unseen)
     low = np.maximum(np.minimum(theta - spread, small), lower)
     high = np.minimum(np.maximum(theta + spread, large), upper)
-    estimates, combined = [], set[int]()
+    combined = frozenset(
+        i
+        for i, rows in rows_of(now.hypothesis, parts)
+        if _unseen(slope[:, :, rows], precision, visible[rows, rows]).any()
+    )
+    estimates = []
     for i, rows in rows_of(now.hypothesis, parts):
-        if _unseen(slope[:, :, rows], precision, visible[rows, rows]).any():
-            combined.add(i)
         planted = now.hypothesis[i]
         units = units_at(objective.scene, planted.at)
         estimates.append(
             _named(planted, units, low[rows], high[rows], smallest[rows], visible[rows, rows])
         )
-    return Estimated(now, tuple(estimates), frozenset(combined))
+    return Estimated(now, tuple(estimates), combined)
 
 
 def _fitted(

@@ -15,16 +15,20 @@ from wt.diagnose.likelihood.bic import erring
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.result import Confusable, Diagnosis, Finding, Located, Verdict
 from wt.diagnose.selection.naming import Claims
+from wt.diagnose.stop import stopped
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.scene import Scene
 from wt.types import Location
+
+_UNPREDICTED = "nothing recorded predicts."
+_NOT_LOOKED_FOR = "the search had not named when it was ended."
 
 
 def unforeseen(
     assessed: Assessed,
     objective: Objective,
     where: Mapping[str, float],
-    that: str = "nothing recorded predicts.",
+    that: str = "",
 ) -> tuple[Finding, ...]:
     """At joints that err: something unknown, without a law.
 
@@ -33,8 +37,9 @@ def unforeseen(
         objective: replays of all fitted data.
         where: joint → share of the error. What one foot meets shows on all joints of a machine
             that nothing holds: there, the fewest are named that bear most of it.
-        that: what is said of it.
+        that: what is said of it; that nothing predicts it, or was yet found to, if left out.
     """
+    that = that or (_NOT_LOOKED_FOR if stopped() else _UNPREDICTED)
     by_place: dict[Location, Finding] = {}
     for joint in bearing(where, THRESHOLDS.bearing_share) if objective.scene.free else where:
         dof, at = objective.scene.dof(joint), objective.scene.place(joint)
