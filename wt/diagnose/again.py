@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from wt.diagnose.likelihood.estimate import estimate
 from wt.diagnose.pace import Pace, Say
-from wt.diagnose.pipeline import audited, effort_for, effort_of, objective_on, searched
+from wt.diagnose.pipeline import audited, effort_of, objective_on, searched, steps_for
 from wt.diagnose.recordings.commands import smooth_as_sent
 from wt.diagnose.recordings.prepare import Prepared, Source
 from wt.diagnose.recordings.stretches import longest_window
@@ -89,9 +89,8 @@ def estimated(
     """
     scene, effort = of.scene, effort_of(of.scene)
     whole, forgetting = smooth_as_sent(scene, of.prepared.whole, effort.step, effort.search_step)
-    effort = effort_for(whole, forgetting)
     window = None if forgetting or scene.free else longest_window(whole, effort.search_step)
-    smooth = effort.smooth_step
+    smooth = steps_for(whole, forgetting, window)
     objective = objective_on([whole], forgetting, effort.most_s, effort.step, window, smooth)
     here = [p.elsewhere(whole.motion) for p in hypothesis]
     start = tuple(p for p in here if p.wrong(whole.motion) is None)

@@ -14,7 +14,7 @@ import numpy as np
 from wt.diagnose.experiment.release import passive, release
 from wt.diagnose.likelihood.bic import erring, erring_joints
 from wt.diagnose.likelihood.objective import Assessed, Objective
-from wt.diagnose.likelihood.replays import longest_step
+from wt.diagnose.likelihood.replays import Steps, longest_steps
 from wt.diagnose.notes import notes
 from wt.diagnose.observed.forces import measured
 from wt.diagnose.observed.translation import TrainedTranslation, sentences, timed, translated
@@ -62,7 +62,6 @@ class Effort:
     Attributes:
         step: fine physics step [s]; the model's own, if that is smaller.
         search_step: … and while hypotheses are compared.
-        smooth_step: either, where no law is stiff, if it is longer.
         search_s: at most so many seconds of recordings are replayed while these are compared.
         doubt_s: … while each of what was found is compared with its lookalikes.
         most_s: … and to estimate.
@@ -75,7 +74,6 @@ class Effort:
     doubt_s: float
     most_s: float
     proof_s: float
-    smooth_step: float = 0.0
 
 
 FIXED = Effort(STEP_S, 1e-3, 16.0, 60.0, 60.0, np.inf)
@@ -164,14 +162,12 @@ def effort_of(scene: Scene) -> Effort:
     return replace(effort, step=min(effort.step, own), search_step=min(effort.search_step, own))
 
 
-def effort_for(smoothed: Smoothed, forgetting: bool) -> Effort:
-    """What recordings are worth: where no law is stiff, no step shorter than noise can tell."""
+def steps_for(smoothed: Smoothed, forgetting: bool, window: float | None) -> Steps | None:
+    """Steps that do for recordings where no law is stiff; None for any machine's."""
     scene = smoothed.motion.scene
     effort = effort_of(scene)
-    if scene.free:
-        return effort
-    stretches = [s for s, _ in stretches_of(smoothed, forgetting, effort.search_s)]
-    return replace(effort, smooth_step=longest_step(smoothed, stretches, effort.step))
+    pairs = stretches_of(smoothed, forgetting, effort.search_s, window=window)
+    return None if scene.free else longest_steps(smoothed, pairs, effort.step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,15 +202,16 @@ def searched(
     pace.stage("smoothing")
     effort = effort_of(scene)
     fitted, forgetting = smooth_as_sent(scene, prepared.fit, effort.step, effort.search_step)
-    effort = effort_for(fitted, forgetting)
     step, quick = effort.step, effort.search_step
     held_out = smooth(scene, prepared.held, fitted.commands, fitted.begun)
     pace.stage("screening hypotheses")
     screen = Screen(fitted, seed)
 
+    steps = functools.cache(functools.partial(steps_for, fitted, forgetting))
+
     def naming_by(window: float | None) -> Naming:
         def of(sets: Sequence[Smoothed], seconds: float, step: float) -> Objective:
-            return objective_on(sets, forgetting, seconds, step, window, effort.smooth_step)
+            return objective_on(sets, forgetting, seconds, step, window, steps(window))
 
         all_replays = functools.cache(lambda: of([fitted, held_out], effort.doubt_s, quick))
         replays = of([fitted], effort.search_s, quick), of([fitted], effort.most_s, step)
@@ -243,8 +240,8 @@ def searched(
     claims, missed = naming.claimed(replace(proven, events=seen)), None
     # replays of legs are asked by the proof alone: they would cost a search
     if not scene.free and verdict(claims, naming.objective) in ("no_mismatch", "explained"):
-        smooth_step = effort.smooth_step
-        replays = objective_on([held_out], forgetting, effort.most_s, step, window, smooth_step)
+        of_held = [held_out], forgetting, effort.most_s, step, window, steps(window)
+        replays = objective_on(*of_held)
         # it is the same machine: its tolerances begin as the fitted recordings have them
         known = claims.assessed(naming.objective).tolerances
         assessed = replays.reference(naming.holdout.here(claims.hypothesis), known)
@@ -418,7 +415,7 @@ def objective_on(
     seconds: float,
     step: float,
     window: float | None = None,
-    smooth: float = 0.0,
+    smooth: Steps | None = None,
 ) -> Objective:
     """Replays of one or more sets of recordings, which are counted through; see ``Objective``."""
     telling = TELLING if sets[0].motion.scene.free else 0.0

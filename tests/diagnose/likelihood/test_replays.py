@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 
 from tests.diagnose.hidden_forces import STEP, chain, record
-from wt.diagnose.likelihood.replays import COARSE, Extrapolated, Replays, longest_step
+from wt.diagnose.likelihood.replays import COARSE, Extrapolated, Replays, Steps, longest_steps
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import stretches_of
@@ -17,7 +18,7 @@ from wt.physics.planted import Planted
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
-from wt.types import Location
+from wt.types import Location, Recording
 
 
 def prepared(folder: Path, xml: str) -> tuple[Scene, list[Stretch]]:
@@ -32,7 +33,7 @@ def test_two_step_lengths_tell_what_steps_of_no_length_say(tmp_path: Path) -> No
     scene, stretches = prepared(tmp_path, chain(2))
     step = 4 * STEP
     exact = Replayer(scene, stretches, step / 32).run([()]).q[0]
-    made = Extrapolated(scene, stretches, step)
+    made = Extrapolated(scene, stretches, Steps.usual(step))
     assert made.coarse.step == COARSE * step
 
     def off(q: np.ndarray) -> float:
@@ -52,7 +53,7 @@ def test_a_machine_too_stiff_for_coarse_steps_gets_fine_ones(tmp_path: Path) -> 
     """An explicit integrator, and a servo that damps more than it bears at the coarse step."""
     stiff = chain(2).replace("implicitfast", "Euler")
     scene, stretches = prepared(tmp_path, stiff)
-    made = Extrapolated(scene, stretches, STEP)
+    made = Extrapolated(scene, stretches, Steps.usual(STEP))
     assert made.coarse.step == made.slopes.step == STEP
     q = made.around((), [()])[0]
     exact = Replayer(scene, stretches, STEP / 16).run([()]).q[0]
@@ -65,7 +66,7 @@ def test_a_stiff_law_takes_the_short_steps_and_the_rest_long_ones(tmp_path: Path
     at = Location("joint", "j2")
     play = Planted(effects()["joint.backlash"], at, np.array([0.02, 0.0]))
     rubs = Planted(effects()["joint.friction_viscous"], at, np.array([0.1]))
-    made = Replays(scene, stretches, STEP, 4 * STEP)
+    made = Replays(scene, stretches, STEP, Steps.usual(4 * STEP))
     assert made.of((rubs,)).coarse.step == 4 * COARSE * STEP
     assert made.of((rubs, play)).coarse.step == COARSE * STEP
     asked = [(), (rubs,), (play,), (rubs, play)]
@@ -83,7 +84,10 @@ def test_a_drive_that_lets_go_takes_the_short_steps(tmp_path: Path) -> None:
     scene, stretches = prepared(tmp_path, chain(2))
     dead = Planted(effects()["actuator.deadband"], Location("actuator", "a2"), np.array([0.15]))
     exact = Replayer(scene, stretches, STEP / 8).run([(dead,)]).q[0]
-    made, long = Replays(scene, stretches, STEP, 4 * STEP), Extrapolated(scene, stretches, 4 * STEP)
+    made, long = (
+        Replays(scene, stretches, STEP, Steps.usual(4 * STEP)),
+        Extrapolated(scene, stretches, Steps.usual(4 * STEP)),
+    )
     made.around((), [])
     long.around((), [])
     off, otherwise = (np.abs(some.run([(dead,)])[0] - exact).max() for some in (made, long))
@@ -94,11 +98,53 @@ def test_steps_are_as_long_as_noise_can_tell(tmp_path: Path) -> None:
     path = tmp_path / "chain.xml"
     path.write_text(chain(2).replace(f'timestep="{STEP}"', 'timestep="0.004"'))
     fit = smooth(Scene(path), [Part(record(chain(2), None, 4.0, 0), 0)])
-    stretches = [s for s, _ in stretches_of(fit, True)]
     steps = [
-        longest_step(replace(fit, noise=noise * fit.noise), stretches, STEP)
+        longest_steps(replace(fit, noise=noise * fit.noise), stretches_of(fit, True), STEP)
         for noise in (1e-3, 1.0, 1e3)
     ]
-    assert steps[0] == STEP
-    assert steps[0] <= steps[1] <= steps[2]
-    assert steps[2] == 0.004
+    fine, coarse = zip(*steps, strict=True)
+    assert fine[0] == STEP and fine[0] <= fine[1] <= fine[2] == 0.004
+    assert coarse[0] == COARSE * STEP and coarse[0] <= coarse[1] <= coarse[2] == 0.008
+
+
+def test_coarse_steps_are_as_long_as_they_tell_hypotheses_apart(tmp_path: Path) -> None:
+    """Longer than those that say exactly where a machine goes."""
+    path = tmp_path / "pendulum.xml"
+    path.write_text(pendulum(0.002))
+    fit = smooth(Scene(path), [Part(swings(path), 0)])
+    pairs = stretches_of(fit, False)
+    steps = longest_steps(fit, pairs, STEP)
+    assert steps == Steps(0.002, 0.008)
+    stretches = [s for s, _ in pairs]
+    made = Extrapolated(fit.motion.scene, stretches, steps)
+    usual = Extrapolated(fit.motion.scene, stretches, Steps.usual(steps.fine))
+    assert made.coarse.step == steps.coarse
+    rubs = Planted(effects()["joint.friction_viscous"], Location("joint", "j"), np.array([2e-3]))
+    here, there = (
+        Replayer(fit.motion.scene, stretches, STEP / 8).run([h]).q[0] for h in ((), (rubs,))
+    )
+    for some in (made, usual):
+        q = some.around((), [])[0]
+        off, apart = q - here, some.run([(rubs,)])[0] - q - (there - here)
+        assert np.sqrt(np.mean(off**2)) < fit.noise.max()
+        assert np.sqrt(np.mean(apart**2)) < 0.7 * fit.noise.max()
+
+
+def pendulum(timestep: float) -> str:
+    return f"""
+<mujoco><option timestep="{timestep}" integrator="implicitfast"/><worldbody><body>
+  <joint name="j" axis="0 1 0"/><inertial pos="0 0 -.3" mass="1" diaginertia=".01 .01 .01"/>
+</body></worldbody></mujoco>"""
+
+
+def swings(path: Path) -> Recording:
+    """A pendulum let go, seen by an encoder at 200 Hz."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.timestep, model.dof_damping[0] = 1e-4, 0.02
+    data, q = mujoco.MjData(model), []
+    data.qpos[0] = 1.5
+    for _ in range(800):
+        q.append(data.qpos[0])
+        mujoco.mj_step(model, data, 50)
+    noisy = np.array(q) + np.random.default_rng(0).normal(0.0, 2e-4, len(q))
+    return Recording(np.arange(800) * 0.005, {"qpos/j": noisy}, {})

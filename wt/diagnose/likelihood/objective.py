@@ -25,7 +25,7 @@ from wt.diagnose.likelihood.adapt import (
     linear,
     project_changes,
 )
-from wt.diagnose.likelihood.replays import Nearby, Replays
+from wt.diagnose.likelihood.replays import Nearby, Replays, Steps
 from wt.diagnose.likelihood.tolerances import ModelTolerance, alike, boxes, tolerances
 from wt.diagnose.likelihood.weights import Channels
 from wt.diagnose.recordings.smooth import Smoothed
@@ -93,7 +93,7 @@ class Objective:
         stretches: Sequence[tuple[Stretch, Float[np.ndarray, "_ dof"]]],
         step: float,
         forgets: bool,
-        smooth: float = 0.0,
+        smooth: Steps | None = None,
     ) -> None:
         """Prepare.
 
@@ -102,7 +102,7 @@ class Objective:
             stretches: what to replay, each with the measured positions.
             step: fine physics step [s].
             forgets: whether the machine forgets its initial state, so that stretches are long.
-            smooth: step that does where no law is stiff, if it is longer [s].
+            smooth: steps that do where no law is stiff, if they are longer.
         """
         self.motion, self.scene = smoothed.motion, smoothed.motion.scene
         self.noise = np.nan_to_num(smoothed.noise, nan=1.0)
@@ -120,7 +120,8 @@ class Objective:
             slice(int(end) - len(s.t), int(end))
             for end, s in zip(ends, self.stretches, strict=True)
         )
-        self._replays = Replays(self.scene, self.stretches, step, max(step, smooth))
+        long = smooth.at_least(step) if smooth else Steps.usual(step)
+        self._replays = Replays(self.scene, self.stretches, step, long)
         seconds = sum(s.t[-1] - s.t[0] for s in self.stretches)
         count = np.minimum(
             seconds * THRESHOLDS.independent_hz * valid.mean(axis=0), valid.sum(axis=0)

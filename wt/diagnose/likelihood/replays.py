@@ -10,6 +10,7 @@ from __future__ import annotations
 import copy
 import functools
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -17,7 +18,9 @@ from jaxtyping import Bool, Float
 from wt.diagnose.likelihood.adapt import responses
 from wt.diagnose.likelihood.tolerances import ModelTolerance
 from wt.diagnose.recordings.smooth import Smoothed
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
+from wt.physics.motion import Motion
 from wt.physics.planted import Key, Planted
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
@@ -25,13 +28,38 @@ from wt.physics.scene import Scene
 from wt.types import Location
 
 COARSE = 2.0
-"""Physics step of most replays, in fine ones; the extrapolation needs two."""
+"""Physics step of most replays at least, in fine ones; the extrapolation needs two."""
+_LONGEST_S = 8e-3
+"""Longest physics step of most replays [s]."""
 _SLOPE_STEP_S = 2e-3
 """Physics step for small differences between replays, unless coarse ones are longer [s]."""
 _BOUNDED = 0.02
-"""Most that coarse steps may change, as a share of how far a joint moves; beyond, fine ones do."""
-_EXACT, _RUBBING = 0.15, 0.05
-"""What longer steps may still be off by, in noise, with friction of such a share of all force."""
+"""Most that coarse steps may change, as a share of how far a joint moves; beyond, finer ones do."""
+_EXACT, _APART, _PROBED = 0.15, 0.3, 0.05
+"""What longer fine steps, and coarse ones, may be off by, in what no law is asked to explain, with
+laws of such a share of all force."""
+
+
+class Steps(NamedTuple):
+    """Physics steps of replays [s].
+
+    Attributes:
+        fine: of those few that say what a reference does.
+        coarse: of those many that say what is different from it.
+    """
+
+    fine: float
+    coarse: float
+
+    @classmethod
+    def usual(cls, fine: float) -> Steps:
+        """Those where nothing is known of what longer ones do."""
+        return cls(fine, COARSE * fine)
+
+    def at_least(self, fine: float) -> Steps:
+        """The same, where none may be shorter than a fine one."""
+        fine = max(fine, self.fine)
+        return Steps(fine, max(COARSE * fine, self.coarse))
 
 
 class Extrapolated:
@@ -47,15 +75,15 @@ class Extrapolated:
         reference: what that is of; None to begin with.
     """
 
-    def __init__(self, scene: Scene, stretches: Sequence[Stretch], step: float) -> None:
+    def __init__(self, scene: Scene, stretches: Sequence[Stretch], steps: Steps) -> None:
         """Prepare.
 
         Args:
             scene: the machine.
             stretches: what to replay.
-            step: the fine step [s].
+            steps: fine and coarse.
         """
-        self._fine = Replayer(scene, stretches, step)
+        self._fine = Replayer(scene, stretches, steps.fine)
         short = self._fine.run([()]).q[0]
         bound = _BOUNDED * np.std(short, axis=0)
 
@@ -64,7 +92,9 @@ class Extrapolated:
             apart = np.sqrt(np.mean((replayer.run([()]).q[0] - short) ** 2, axis=0))
             return replayer if (apart <= bound).all() else otherwise  # NaN is none
 
-        self.coarse = bounded(COARSE * step, self._fine)
+        self._double = self.coarse = bounded(COARSE * steps.fine, self._fine)
+        if self.coarse.step < steps.coarse:
+            self.coarse = bounded(steps.coarse, self.coarse)
         self.slopes = self.coarse
         if self.coarse.step < _SLOPE_STEP_S:
             self.slopes = bounded(_SLOPE_STEP_S, self.coarse)
@@ -89,7 +119,9 @@ class Extrapolated:
         base, *others = self.slopes.run([reference, *near]).q
         q = base if self.slopes is self.coarse else self.coarse.run([reference]).q[0]
         if self.coarse is not self._fine:
-            self.correction = np.nan_to_num(2.0 * (self._fine.run([reference]).q[0] - q))
+            double = q if self._double is self.coarse else self._double.run([reference]).q[0]
+            exact = 2.0 * self._fine.run([reference]).q[0] - double
+            self.correction = np.nan_to_num(exact - q)
         return q + self.correction, np.array(others).reshape(-1, *base.shape) - base
 
     def unsettled(self, reference: Sequence[Planted]) -> Float[np.ndarray, "sample dof"]:
@@ -101,35 +133,74 @@ class Extrapolated:
         return np.nan_to_num(2.0 * finer - fine - self.run([reference])[0])
 
 
-def longest_step(smoothed: Smoothed, stretches: Sequence[Stretch], step: float) -> float:
-    """The longest step whose extrapolated replays say what finer ones do [s].
+def longest_steps(
+    smoothed: Smoothed, pairs: Sequence[tuple[Stretch, Float[np.ndarray, "_ dof"]]], step: float
+) -> Steps:
+    """The longest steps whose replays say what finer ones do, down to a share of the noise.
 
-    By no more than a share of the noise, with dry friction in every joint: what sticks and slips
-    follows no order in the steps. The given one, twice that and so on, up to the model's own.
+    Fine ones by themselves, extrapolated, with dry friction in every joint: what sticks and slips
+    follows no order in the steps. They are the given one, twice that and so on, up to the model's
+    own. Coarse ones by what they say of the difference between hypotheses as far apart as the given
+    model is from the recordings, whichever law it lacks.
 
     Args:
         smoothed: the recordings.
-        stretches: of them.
+        pairs: stretches of them, each with the measured positions.
         step: the shortest [s].
     """
     motion, scene = smoothed.motion, smoothed.motion.scene
-    size = _RUBBING * np.sqrt(np.mean(motion.demand**2, axis=0))
-    rubbing = [
-        Planted(effects()["joint.friction_coulomb"], Location("joint", j), size[[scene.dof(j)]])
-        for j in scene.own_joints
-    ]
+    stretches, measured = [s for s, _ in pairs], np.concatenate([q for _, q in pairs])
+    noise = np.nan_to_num(smoothed.noise, nan=np.inf)
+    probes = [(), *_probes(motion)]
 
     @functools.cache
-    def replayed(long: float) -> Float[np.ndarray, "sample dof"]:
-        return Replayer(scene, stretches, long).run([rubbing]).q[0]
+    def replayed(long: float) -> Float[np.ndarray, "probe sample dof"]:
+        return Replayer(scene, stretches, long).run(probes).q
 
-    while 2.0 * step <= scene.model.opt.timestep:
-        finer, longer = (2.0 * replayed(h) - replayed(COARSE * h) for h in (step, 2.0 * step))
-        off = np.sqrt(np.mean((longer - finer) ** 2, axis=0))
-        if not (off <= _EXACT * np.nan_to_num(smoothed.noise, nan=np.inf)).all():
+    def rms(error: Float[np.ndarray, "*probe sample dof"]) -> Float[np.ndarray, "*probe dof"]:
+        return np.asarray(np.sqrt(np.mean(error**2, axis=-2)))
+
+    def extrapolated(long: float) -> Float[np.ndarray, "probe sample dof"]:
+        return np.asarray(2.0 * replayed(long) - replayed(COARSE * long))
+
+    fine = step
+    while 2.0 * fine <= scene.model.opt.timestep:
+        off = rms((extrapolated(2.0 * fine) - extrapolated(fine))[1])
+        if not (off <= _EXACT * noise).all():
             break
-        step *= 2.0
-    return step
+        fine *= 2.0
+    exact = extrapolated(fine)
+    moved, coarse = exact[1:] - exact[0], COARSE * fine
+    given = np.sqrt(np.nanmean((exact[0] - measured) ** 2, axis=0))
+    # what is forgiven to any law is forgiven to steps
+    floor = np.hypot(noise, THRESHOLDS.law_error * given)
+    least = _APART * floor * np.maximum(1.0, rms(moved) / np.maximum(given, floor))
+    while 2.0 * coarse <= _LONGEST_S:
+        q = replayed(2.0 * coarse)
+        if not (rms(q[1:] - q[0] - moved) <= least).all():
+            break
+        coarse *= 2.0
+    return Steps(fine, coarse)
+
+
+def _probes(motion: Motion) -> list[tuple[Planted, ...]]:
+    """Laws in every joint that force, each so strong, is a share of all: dry friction comes first.
+
+    The same by bristles, grease and rotors, whose forces follow the motion otherwise.
+    """
+    share = _PROBED * np.sqrt(np.mean(motion.demand**2, axis=0))
+    fast, faster = (np.sqrt(np.mean(x**2, axis=0)) + 1e-12 for x in (motion.v, motion.a))
+    sizes = {
+        "joint.friction_coulomb": share[:, None],
+        "joint.friction_stribeck": np.stack([share, share, 0.1 * fast], axis=1),
+        "joint.friction_viscous": (share / fast)[:, None],
+        "joint.armature": (share / faster)[:, None],
+    }
+    dofs = [(j, motion.scene.dof(j)) for j in motion.scene.own_joints]
+    return [
+        tuple(Planted(effects()[name], Location("joint", j), size[dof]) for j, dof in dofs)
+        for name, size in sizes.items()
+    ]
 
 
 class Replays:
@@ -139,7 +210,7 @@ class Replays:
     """
 
     def __init__(
-        self, scene: Scene, stretches: Sequence[Stretch], step: float, smooth: float
+        self, scene: Scene, stretches: Sequence[Stretch], step: float, smooth: Steps
     ) -> None:
         """Prepare.
 
@@ -147,7 +218,7 @@ class Replays:
             scene: the machine.
             stretches: what to replay.
             step: fine step where a law is stiff [s].
-            smooth: … and where none is.
+            smooth: steps where none is.
         """
         self._scene, self._stretches, self._step = scene, stretches, step
         self._smooth = Extrapolated(scene, stretches, smooth)
@@ -160,7 +231,8 @@ class Replays:
         if not any(p.effect.stiff for p in hypothesis):
             return self._smooth
         if self._stiff is None:
-            self._stiff = Extrapolated(self._scene, self._stretches, self._step)
+            steps = Steps.usual(self._step)
+            self._stiff = Extrapolated(self._scene, self._stretches, steps)
         return self._stiff
 
     def run(

@@ -34,9 +34,9 @@ import wt.mjcf.plain
 from wt.diagnose.selection.holdout import RAN_AWAY, Holdout
 from wt.errors import UserError, WorkError
 from wt.physics.activation import dynamic
+from wt.physics.job import begun, initial_states
 from wt.physics.planted import Hypothesis
 from wt.physics.replay import Stretch
-from wt.physics.rollout import begun, initial_states
 from wt.show.files import write_together
 
 HOLDOUT = "holdout.npz"

@@ -1,0 +1,118 @@
+"""One replay: a stretch of a recording on the model of a hypothesis, and how it begins."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from wt.physics.acting import is_live
+from wt.physics.activation import activated, dynamic
+from wt.physics.planted import Planted
+from wt.physics.replay import Inputs, Outputs, Stretch
+from wt.physics.scene import Scene
+
+
+def initial_states(
+    scene: Scene, hypothesis: Sequence[Planted], stretch: Stretch
+) -> dict[str, tuple[float, float]]:
+    """Positions and velocities that a replay starts from, by joint, those that are added last."""
+    start = Outputs(stretch.recording, stretch.t[:1], stretch.q0[None], stretch.v0[None])
+    sensed = Outputs(start.recording, start.t, start.q.copy(), start.v.copy())
+    for p in hypothesis:
+        p.sense(sensed, scene)
+    # what was measured is what the sensors made of it: undo an offset or a scale
+    q, v = 2.0 * start.q[0] - sensed.q[0], 2.0 * start.v[0] - sensed.v[0]
+    dofs = [(name, scene.dof(name)) for name in scene.joints]
+    known = {name: (float(q[dof]), float(v[dof])) for name, dof in dofs}
+    begun = replace(stretch, q0=q, v0=v)
+    for p in hypothesis:
+        known |= {name: known[leader] for name, leader in p.followers().items()}
+        for name, hidden in p.started(begun).items():
+            dq, dv = stretch.shifts.get(name, (0.0, 0.0))
+            known[name] = (hidden.position + dq, hidden.velocity + dv)
+    return known
+
+
+def begun(model: mujoco.MjModel, stretch: Stretch) -> Float[np.ndarray, " actuator"]:
+    """What each drive of a model acts on where a stretch begins."""
+    if stretch.activation is not None:
+        return stretch.activation
+    return activated(model, stretch.t[:1], stretch.command[:1])[0]
+
+
+class Job:
+    """One stretch on one hypothesis.
+
+    Attributes:
+        scene: the machine.
+        hypothesis: what is changed in it.
+        stretch: what to replay.
+        model: of the hypothesis.
+        inputs: at every physics step.
+        live: whether a law acts at every step.
+        layout: what jobs share that can run side by side.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        hypothesis: Sequence[Planted],
+        stretch: Stretch,
+        given: Inputs,
+        model: mujoco.MjModel,
+        sizes: tuple[int, ...],
+    ) -> None:
+        """Prepare.
+
+        Args:
+            scene: the machine.
+            hypothesis: what is changed in it.
+            stretch: what to replay.
+            given: its inputs before any effect changes them.
+            model: of the hypothesis.
+            sizes: of that model.
+        """
+        self.scene = scene
+        self.hypothesis = tuple(hypothesis)
+        self.stretch = stretch
+        self.model = model
+        self.inputs = replace(given, u=given.u.copy(), force={}, torque={})
+        for p in hypothesis:
+            p.drive(self.inputs, self.scene)
+        self.inputs = self.inputs.of_replay()
+        self.live, steps = any(is_live(p.effect) for p in hypothesis), len(self.inputs.t)
+        pushed = bool(self.inputs.force), bool(self.inputs.torque)
+        self.layout = (*sizes, steps, *pushed, self.live)
+
+    def initial(self) -> tuple[Float[np.ndarray, " joint"], Float[np.ndarray, " joint"]]:
+        """Positions and velocities to start from, in the order of the patched model's joints."""
+        known = initial_states(self.scene, self.hypothesis, self.stretch)
+        states = np.array([known[self.model.joint(i).name] for i in range(self.model.njnt)])
+        return states[:, 0], states[:, 1]
+
+    def activations(self) -> Float[np.ndarray, " activation"]:
+        """Activations to start from, in the order of the patched model's."""
+        given, start = self.scene.model, begun(self.scene.model, self.stretch)
+        act = np.zeros(self.model.na)
+        for i in np.flatnonzero(dynamic(given)):
+            act[self.model.actuator(given.actuator(i).name).actadr[0]] = start[i]
+        return act
+
+
+@functools.cache
+def _size_names() -> tuple[str, ...]:
+    """MjModel's integer sizes, apart from those of texts and names."""
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    names = [name for name in dir(model) if name.startswith("n") and "name" not in name]
+    skip = {"nbuffer", "npaths", "ntextdata", "narena", "nconmax", "njmax"}
+    return tuple(n for n in names if n not in skip and isinstance(getattr(model, n), int))
+
+
+def sizes_of(model: mujoco.MjModel) -> tuple[int, ...]:
+    """Sizes that two models must share to be simulated in one batch."""
+    return tuple(getattr(model, name) for name in _size_names())
