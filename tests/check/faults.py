@@ -70,6 +70,61 @@ def _swaps() -> list[Fault]:
     return found
 
 
+def _cycles() -> list[Fault]:
+    """Columns of which each stands in the next one's place."""
+    found = []
+    for name, joints in (
+        ("arm4", ("yaw", "lift", "bend")), ("arm4", ("bend", "lift", "yaw", "roll")),
+        ("gantry", ("rail", "hoist", "swing")), ("arm4_torque", ("yaw", "bend", "roll")),
+    ):  # fmt: skip
+        next_ = dict(zip(joints, joints[1:] + joints[:1], strict=True))
+        for kind, templates in (
+            ("positions_swapped", ("qpos/{}", "qvel/{}")), ("commands_swapped", ("ctrl/{}_m",)),
+        ):  # fmt: skip
+            moved = {t.format(a): t.format(b) for a, b in next_.items() for t in templates}
+            found.append(
+                Fault(f"cycle-{kind[:3]}-{name}-{len(joints)}", name, _moved(moved), (kind,),
+                      frozenset(moved), seed=4)
+            )  # fmt: skip
+    return found
+
+
+def _moved(source: dict[str, str]):  # noqa: ANN202
+    return lambda r: with_columns(r, {name: r.columns[of] for name, of in source.items()})
+
+
+def _units_of_many() -> list[Fault]:
+    """One unit of several columns, and a sign and a unit of one."""
+
+    def group(name: str, *templates: str) -> tuple[str, ...]:
+        return tuple(t.format(j) for j in MACHINES[name].joints for t in templates)
+
+    both = ("qpos/{}", "qvel/{}")
+    positions = {name: group(name, *both) for name in ("arm4", "arm4_torque")}
+    commands = group("arm4", "ctrl/{}_m")
+    some = tuple(t.format(j) for j in ("lift", "roll") for t in both)
+    one = tuple(t.format("lift") for t in (*both, "ctrl/{}_m"))
+    bend = tuple(t.format("bend") for t in both)
+    return [
+        *(Fault(f"degrees-positions-{name}", name, times(DEG, *columns), ("position_unit",),
+                frozenset(columns), seed=6) for name, columns in positions.items()),
+        Fault("degrees-commands-arm4", "arm4", times(DEG, *commands), ("command_unit",),
+              frozenset(commands), seed=6),
+        Fault("degrees-some-arm4", "arm4", times(DEG, *some), ("position_unit",),
+              frozenset(some), seed=6),
+        Fault("percent-arm4-lift", "arm4", times(100.0 / 1.2, *one), ("unit_of_all",),
+              frozenset(one), seed=6),
+        Fault("degrees-backwards-arm4", "arm4", times(-DEG, *bend), ("position_unit",),
+              frozenset(bend), seed=6),
+        Fault("degrees-backwards-torque", "arm4_torque", times(-DEG, *bend), ("position_unit",),
+              frozenset(bend), seed=6),
+        *(Fault(f"force-{factor:g}-{name}-{joint}", name, times(factor, f"ctrl/{joint}_m"),
+                ("command_scale",), frozenset({f"ctrl/{joint}_m"}), seed=6)
+          for name, joint, factor in (("planar_torque", "knee", 0.02), ("arm4_torque", "yaw", 0.02),
+                                      ("arm4_torque", "lift", 1000.0))),
+    ]  # fmt: skip
+
+
 def _units() -> list[Fault]:
     def both(joint: str) -> tuple[str, str]:
         return f"qpos/{joint}", f"qvel/{joint}"
@@ -198,6 +253,22 @@ def _encoders() -> list[Fault]:
         x = r.columns["qpos/yaw"]
         return with_columns(r, {"qpos/yaw": np.minimum(x, np.quantile(x, 0.8))})
 
+    def clipped_velocity(r: Recording) -> Recording:
+        v = r.columns["qvel/lift"]
+        return with_columns(r, {"qvel/lift": np.clip(v, -0.4 * v.max(), 0.4 * v.max())})
+
+    def still(r: Recording) -> Recording:
+        u = r.columns["ctrl/bend_m"].copy()
+        u[150:290] = u[150]
+        return with_columns(r, {"ctrl/bend_m": u})
+
+    def rounded(r: Recording) -> Recording:
+        return with_columns(r, {"qpos/lift": np.round(r.columns["qpos/lift"] / 0.05) * 0.05})
+
+    def repeated_joint(r: Recording) -> Recording:
+        held = np.arange(len(r)) // 4 * 4
+        return with_columns(r, {n: r.columns[n][held] for n in ("qpos/bend", "qvel/bend")})
+
     everything = frozenset(
         f"{kind}/{j}" for j in MACHINES["planar"].joints for kind in ("qpos", "qvel")
     )
@@ -212,14 +283,21 @@ def _encoders() -> list[Fault]:
               frozenset({f"qpos/{joint}"}), seed=12)
         for name, joint, by in (("planar_torque", "hip", math.pi),
                                 ("arm4_torque", "lift", -math.pi / 2),
-                                ("arm4", "yaw", 0.8), ("planar", "knee", math.pi / 2))
+                                ("arm4", "yaw", 0.8), ("planar", "knee", math.pi / 2),
+                                ("planar", "hip", math.pi), ("arm4", "lift", math.pi))
     ]  # fmt: skip
     return [
         *found,
         Fault("frozen-arm4-lift", "arm4", frozen, ("frozen",), frozenset({"qpos/lift"})),
         Fault("repeated", "planar", repeated, ("samples_repeated",), everything),
+        Fault("repeated-arm4-bend", "arm4", repeated_joint, ("samples_repeated",),
+              frozenset({"qpos/bend", "qvel/bend"})),
+        Fault("frozen-command-arm4-bend", "arm4", still, ("frozen",), frozenset({"ctrl/bend_m"})),
         Fault("clipped-arm4-yaw", "arm4", clipped, ("clipped",), frozenset({"qpos/yaw"})),
-    ]
+        Fault("clipped-velocity-arm4-lift", "arm4", clipped_velocity, ("clipped",),
+              frozenset({"qvel/lift"})),
+        Fault("rounded-arm4-lift", "arm4", rounded, ("quantization",), frozenset({"qpos/lift"})),
+    ]  # fmt: skip
 
 
 def _shifted(name: str, by: float):  # noqa: ANN202
@@ -233,6 +311,18 @@ def _clocks() -> list[Fault]:
         keep = (r.t < 2.0) | (r.t > 2.7)
         return Recording(r.t[keep], {n: c[keep] for n, c in r.columns.items()}, r.meta)
 
+    def without(lost: np.ndarray):  # noqa: ANN202
+        return lambda r: Recording(r.t[~lost], {n: c[~lost] for n, c in r.columns.items()}, r.meta)
+
+    def drifting(rate: float):  # noqa: ANN202
+        return lambda r: with_columns(
+            r, {n: np.interp(r.t * (1.0 + rate), r.t, c) for n, c in r.columns.items()
+                if n.startswith("ctrl/")},
+        )  # fmt: skip
+
+    commands = frozenset(f"ctrl/{j}_m" for j in MACHINES["arm4"].joints)
+    rows = np.arange(400)
+
     def uneven(x: np.ndarray) -> np.ndarray:
         return x + np.random.default_rng(0).uniform(0.0, 0.0095, len(x))
 
@@ -242,13 +332,18 @@ def _clocks() -> list[Fault]:
         Fault("us-arm4", "arm4", clock(lambda x: x * 1e6), ("time_unit",), t),
         Fault("ns-gantry", "gantry", clock(lambda x: x * 1e9), ("time_unit",), t),
         Fault("gap", "arm4", gap, ("clock_gaps",), t),
+        Fault("gap-of-ten", "arm4", without((rows >= 200) & (rows < 210)), ("clock_gaps",), t),
+        Fault("lost-here-and-there", "arm4", without(np.random.default_rng(0).random(400) < 0.1),
+              ("clock_gaps",), t),
+        *(Fault(f"drift-{rate:g}", "arm4", drifting(rate), ("clock_drift",), commands,
+                options={"seconds": 10.0}) for rate in (0.01, -0.02)),
         Fault("jitter", "arm4", clock(uneven), ("clock_jitter",), t),
-    ]
+    ]  # fmt: skip
 
 
 FAULTS = [
-    *_encoder_signs(), *_command_signs(), *_swaps(), *_units(), *_velocities(), *_commands(),
-    *_encoders(), *_clocks(),
+    *_encoder_signs(), *_command_signs(), *_swaps(), *_cycles(), *_units(), *_units_of_many(),
+    *_velocities(), *_commands(), *_encoders(), *_clocks(),
 ]  # fmt: skip
 """Every fault of a recording."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import mujoco
@@ -84,6 +85,61 @@ def test_limits_that_the_recording_leaves(tmp_path: Path) -> None:
     assert kinds(xml, tmp_path, record("arm4", 44)) == ["joint_limit"]
 
 
+def test_limits_in_degrees_are_no_unit_of_the_log(tmp_path: Path) -> None:
+    """A range of ±1° and a log of ±60°: in degrees the log would fit, and weigh nothing."""
+    xml = MACHINES["arm4"].xml.replace('name="bend"', 'name="bend" range="-.017 .017"')
+    assert kinds(xml, tmp_path, record("arm4", 44)) == ["joint_limit"]
+
+
+def stiffer(factor: float, *joints: str) -> str:
+    """The arm with other gains of some servos, or of all."""
+
+    def scaled(found: re.Match[str]) -> str:
+        if joints and found[1] not in joints:
+            return found[0]
+        kp, kv = (factor * float(x) for x in found.groups()[1:])
+        return f'joint="{found[1]}" kp="{kp:.8g}" kv="{kv:.8g}"'
+
+    return re.sub(r'joint="(\w+)" kp="([.0-9]+)" kv="([.0-9]+)"', scaled, MACHINES["arm4"].xml)
+
+
+@pytest.mark.parametrize("factor", [57.29578, 1.0 / 57.29578, 1000.0])
+def test_gains_in_another_unit(factor: float, tmp_path: Path) -> None:
+    path = tmp_path / "m.xml"
+    path.write_text(stiffer(factor))
+    found = [f for f in check(Scene(path), record("arm4", 48)).findings if f.sure]
+    assert [f.kind for f in found if f.kind != "model_explodes"] == ["gain_unit"]
+    (change,) = [f.model_change for f in found if f.model_change]
+    spec = mujoco.MjSpec.from_file(str(path))
+    change(spec)
+    right = mujoco.MjModel.from_xml_string(MACHINES["arm4"].xml)
+    mended = spec.compile()
+    np.testing.assert_allclose(mended.actuator_gainprm, right.actuator_gainprm, rtol=1e-4)
+    np.testing.assert_allclose(mended.actuator_biasprm, right.actuator_biasprm, rtol=1e-4)
+
+
+@pytest.mark.parametrize(("factor", "joints"), [(2.0, ()), (5.0, ()), (57.29578, ("bend",))])
+def test_other_gains_are_physics(factor: float, joints: tuple[str, ...], tmp_path: Path) -> None:
+    found = kinds(stiffer(factor, *joints), tmp_path, record("arm4", 48))
+    assert set(found) <= {"model_explodes"}
+
+
+HELD = {
+    "weld": '<weld body1="target" body2="b"/>',
+    "connect": '<connect body1="b" anchor="0 0 -.3"/>',
+    "joint": '<joint joint1="hip" joint2="knee" polycoef="0 .2 0 0 0"/>',
+}
+
+
+@pytest.mark.parametrize("name", HELD)
+def test_what_an_equality_holds_is_not_judged(name: str, tmp_path: Path) -> None:
+    """Nobody recorded its force: a servo that pulls against it moves less than it is told."""
+    target = '<body name="target" mocap="true" pos="0 0 .4"/></worldbody>'
+    xml = MACHINES["planar"].xml.replace("</worldbody>", target)
+    xml = xml.replace("</mujoco>", f"<equality>{HELD[name]}</equality></mujoco>")
+    assert kinds(xml, tmp_path, record("planar", 49, robot=xml)) == []
+
+
 def test_a_model_that_explodes(tmp_path: Path) -> None:
     xml = MACHINES["arm4"].xml.replace('timestep="0.001"', 'timestep="0.02" integrator="Euler"')
     xml = xml.replace("kp=", 'kv="0" kp=').replace(' kv="5"', "").replace(' kv="6"', "")
@@ -97,8 +153,6 @@ def test_a_sound_model_alone(tmp_path: Path) -> None:
 
 
 def test_masses_that_nobody_gave_are_a_note(tmp_path: Path) -> None:
-    import re
-
     path = tmp_path / "m.xml"
     path.write_text(re.sub(r' mass="[^"]*"', "", MACHINES["planar"].xml))
     notes = [f.kind for f in check(Scene(path), None).findings if not f.sure]

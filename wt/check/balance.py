@@ -16,14 +16,15 @@ from typing import Literal
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.optimize import lsq_linear, nnls
 
 from wt.check.signals import Signals
 from wt.physics.motion import NOT_DEMANDED
 from wt.physics.scene import Drive, Scene
 
-_LEAST_GAIN, _MOST_GAIN = 0.12, 8.0  # of the model's, over the drive's
+GAINS = (0.12, 8.0)
+"""Of the model's, over the drive's: a factor between is physics."""
 _LATEST = 0.08  # s
 _ROTOR = 30.0  # of the inertia that a joint feels
 _SLOW = 0.03  # of the usual speed: where friction changes its sign
@@ -65,13 +66,30 @@ class Row:
     scale: float
 
 
+@dataclass(frozen=True)
+class _Fit:
+    """How a row's command is explained.
+
+    Attributes:
+        left: mean square that is not.
+        sent: variance of the command.
+        forced: variance of what it adds to the position that the drive holds.
+        gain: of the model's, over the drive's.
+    """
+
+    left: float
+    sent: float
+    forced: float
+    gain: float
+
+
 class Balance:
     """Commands against inverse dynamics.
 
     Attributes:
         scene: the model.
         signals: the recording.
-        rows: the drives whose commands are explained.
+        rows: the drives whose commands are explained; not those that an equality holds.
         dynamic: whether inverse dynamics are known; where something floats, or a position was not
             recorded, the drives' own laws have to do.
         idle: degrees of freedom that no drive moves: friction and rotors aside, a right motion
@@ -84,12 +102,14 @@ class Balance:
         self.dynamic = not scene.free and bool(signals.measured.all())
         m = scene.model
         joints = [d.joint for d in scene.drives]
+        held = self._held()
         self.rows = tuple(
             Row(d, d.gear * d.gain)
             for d in scene.drives
             if d.gear * d.gain != 0.0
             and int(m.actuator_dyntype[d.index]) in _DIRECT
             and joints.count(d.joint) == 1
+            and not held[d.dof]
             and signals.measured[d.dof]
             and signals.commanded[d.index]
             and signals.u[:, d.index].std() > _STILL
@@ -99,7 +119,7 @@ class Balance:
         self._data = mujoco.MjData(self._model)
         self._demands: dict[tuple[Edit, ...], Float[np.ndarray, "row dof"]] = {}
         self._felt = self._inertia()
-        self.idle = self._undriven() if self.dynamic else ()
+        self.idle = self._undriven(held) if self.dynamic else ()
 
     def on(self, signals: Signals) -> Balance:
         """The same motion under other commands."""
@@ -121,16 +141,28 @@ class Balance:
             lenient: whether a force that goes with the joint's position (a spring, another weight)
                 may adapt too, and the joint have less damping than in the model.
         """
-        return np.array([left / sent for left, sent, _ in self._fits(edits, lenient)])
+        return np.array([fit.left / fit.sent for fit in self._fits(edits, lenient)])
+
+    def unexplained_forces(
+        self, edits: Sequence[Edit] = (), gains: tuple[float, float] = GAINS
+    ) -> Float[np.ndarray, " row"]:
+        """Share of what each drive adds to the position it holds that the model cannot explain.
+
+        Beside :meth:`unexplained` it tells units that positions and commands share, or gains.
+
+        Args:
+            edits: mix-ups of channels that are undone.
+            gains: of the model's over the drive's, between which each may adapt.
+        """
+        return np.array([f.left / max(f.forced, 1e-18) for f in self._fits(edits, gains=gains)])
 
     def misfit(self, edits: Sequence[Edit] = ()) -> float:
-        """Share of the forces of all drives that stays unexplained, as a mean logarithm.
+        """The same of all drives, as a mean logarithm."""
+        return float(np.log(self.unexplained_forces(edits) + 1e-6).mean()) if self.rows else 0.0
 
-        Beside :meth:`unexplained` it tells whether what a servo *adds* to the position it holds is
-        explained, and so tells units that positions and commands share.
-        """
-        shares = [left / max(forced, 1e-18) for left, _, forced in self._fits(edits)]
-        return float(np.mean(np.log(np.array(shares) + 1e-6))) if shares else 0.0
+    def gains(self, edits: Sequence[Edit] = ()) -> Float[np.ndarray, " row"]:
+        """Gain of the model's over that of each drive which fits best, however far from one."""
+        return np.array([fit.gain for fit in self._fits(edits, gains=(0.0, np.inf))])
 
     def upset(self, edits: Sequence[Edit], before: Sequence[Edit]) -> bool:
         """Tell whether edits put what no drive moves out of balance, compared with others."""
@@ -143,24 +175,38 @@ class Balance:
         _, v, a = self._moved(edits)
         columns = np.stack([soft_sign(v[:, i]), v[:, i], a[:, i]], axis=1)
         high = np.array([np.inf, np.inf, _ROTOR * self._felt[i]])
-        return _left(columns, -self._demand(edits)[:, i], high, dynamic=False)
+        return _adapted(columns, -self._demand(edits)[:, i], np.zeros(3), high)[0]
 
-    def _undriven(self) -> tuple[int, ...]:
-        """Degrees of freedom without a drive; none where constraints couple some."""
-        m = self.scene.model
-        if m.neq:
-            return ()
+    def _held(self) -> Bool[np.ndarray, " dof"]:
+        """Degrees of freedom that an equality acts on, with forces that nobody recorded."""
+        m = mujoco.MjModel.__copy__(self.scene.model)
+        m.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         data = mujoco.MjData(m)
-        data.qpos[:] = np.median(self.signals.q, axis=0)
+        data.qpos[:] = self._pose(m)
+        mujoco.mj_forward(m, data)
+        slopes = data.efc_J.reshape(-1, m.nv)
+        return np.asarray((slopes[data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY]).any(0))
+
+    def _pose(self, model: mujoco.MjModel) -> Float[np.ndarray, " coordinate"]:
+        """A pose of the recording; the model's own where that is not known."""
+        return np.median(self.signals.q, axis=0) if self.dynamic else model.qpos0
+
+    def _undriven(self, held: Bool[np.ndarray, " dof"]) -> tuple[int, ...]:
+        """Degrees of freedom without a drive, and that no equality holds."""
+        m = self.scene.model
+        data = mujoco.MjData(m)
+        data.qpos[:] = self._pose(m)
         mujoco.mj_forward(m, data)
         rows = zip(data.moment_rowadr, data.moment_rownnz, strict=True)
         driven = {int(i) for at, n in rows for i in data.moment_colind[at : at + n]}
-        return tuple(i for i in range(m.nv) if i not in driven)
+        return tuple(i for i in range(m.nv) if i not in driven and not held[i])
 
     def _fits(
-        self, edits: Sequence[Edit], lenient: bool = False
-    ) -> list[tuple[float, float, float]]:
-        """Of each row the mean square left, and the variances of the command and of the force."""
+        self,
+        edits: Sequence[Edit],
+        lenient: bool = False,
+        gains: tuple[float, float] = GAINS,
+    ) -> list[_Fit]:
         s = self.signals
         u, du = s.u.copy(), s.du.copy()
         for e in edits:
@@ -168,7 +214,7 @@ class Balance:
                 u[:, e.index] = e.factor * s.u[:, e.source] + e.offset
                 du[:, e.index] = e.factor * s.du[:, e.source]
         (q, v, a), demand = self._moved(edits), self._demand(edits)
-        return [self._fit(r, q, v, a, u, du, demand, lenient) for r in self.rows]
+        return [self._fit(r, q, v, a, u, du, demand, lenient, gains) for r in self.rows]
 
     def _moved(self, edits: Sequence[Edit]) -> tuple[Float[np.ndarray, "row dof"], ...]:
         """Positions, velocities and accelerations after edits."""
@@ -209,7 +255,7 @@ class Balance:
     def _inertia(self) -> Float[np.ndarray, " dof"]:
         m, d = self._model, self._data
         full = np.zeros((m.nv, m.nv))
-        d.qpos[:] = np.median(self.signals.q, axis=0) if self.dynamic else m.qpos0
+        d.qpos[:] = self._pose(m)
         mujoco.mj_forward(m, d)
         mujoco.mj_fullM(m, d, full)
         return np.asarray(np.diag(full)).copy()
@@ -224,7 +270,8 @@ class Balance:
         du: Float[np.ndarray, "row actuator"],
         demand: Float[np.ndarray, "row dof"],
         lenient: bool,
-    ) -> tuple[float, float, float]:
+        gains: tuple[float, float],
+    ) -> _Fit:
         drive, i = row.drive, row.drive.dof
         command = np.clip(u[:, drive.index], *drive.commands)
         _, stiffness, damping = drive.bias
@@ -243,10 +290,12 @@ class Balance:
             ],
             axis=1,
         )
-        high = np.array([_MOST_GAIN, np.inf, np.inf, _ROTOR * self._felt[i], _LATEST])
+        low = np.array([gains[0] if self.dynamic else 0.0, 0.0, 0.0, 0.0, 0.0])
+        high = np.array([gains[1], np.inf, np.inf, _ROTOR * self._felt[i], _LATEST])
         free = _of_position(q[:, i]) if lenient else None
-        left = _left(columns, command - spring, high, self.dynamic, free)
-        return left, max(float(command.var()), _STILL**2), float((command - spring).var())
+        left, best = _adapted(columns, command - spring, low, high, free)
+        sent, forced = float(command.var()), float((command - spring).var())
+        return _Fit(left, max(sent, _STILL**2), forced, float(best[0]))
 
 
 def free_of_forces(model: mujoco.MjModel) -> mujoco.MjModel:
@@ -279,29 +328,29 @@ def _of_position(q: Float[np.ndarray, " row"]) -> Float[np.ndarray, "row column"
     return np.stack([q, np.cos(q), np.sin(q)], axis=1)
 
 
-def _left(
+def _adapted(
     columns: Float[np.ndarray, "row column"],
     target: Float[np.ndarray, " row"],
+    low: Float[np.ndarray, " column"],
     high: Float[np.ndarray, " column"],
-    dynamic: bool,
     free: Float[np.ndarray, "row _"] | None = None,
-) -> float:
-    """Mean square that the columns leave of the target, with a constant free, and what else is."""
+) -> tuple[float, Float[np.ndarray, " column"]]:
+    """Mean square that the columns leave of the target, and how much of each is taken.
+
+    A constant is free, and what else is.
+    """
     x = columns - columns.mean(axis=0)
     y = target - target.mean()
     if free is not None:
         free = free - free.mean(axis=0)
         x, y = without(x, free), without(y, free)
-    low = np.zeros(len(high))
-    if dynamic:
-        low[0] = _LEAST_GAIN
     y = y - x @ low
     scale = np.maximum(np.sqrt((x**2).mean(axis=0)), 1e-12)
     r, z = _triangle(x / scale, y)
     best, _ = nnls(r, z)
     if (best / scale > high - low).any():
         best = lsq_linear(r, z, (np.zeros(len(high)), (high - low) * scale), method="bvls").x
-    return float(np.mean((y - (x / scale) @ best) ** 2))
+    return float(np.mean((y - (x / scale) @ best) ** 2)), low + best / scale
 
 
 def _triangle(

@@ -27,7 +27,10 @@ DECISIVE = 5.0
 """A suspect has to divide what is left of some command by so much."""
 RIGHT = 0.3
 """… and to leave no more than this share of it."""
-_STEP = 0.7  # of the logarithm of what is left, summed over drives: a step that is taken
+STEP = 0.7
+"""Of the logarithm of what is left, summed over drives: a step that is taken."""
+AMBIGUOUS = 0.7
+"""Confidence where something else would explain as much."""
 _ALIKE = 0.5  # … by which two suspects cannot be told apart
 _FLOOR = 1e-5
 _MOST = 6
@@ -44,7 +47,12 @@ class _State:
 
     @property
     def total(self) -> float:
-        return float(np.log(self.left + _FLOOR).sum())
+        return total(self.left)
+
+
+def total(left: Float[np.ndarray, " row"]) -> float:
+    """What is left of all commands together: the sum of logarithms."""
+    return float(np.log(left + _FLOOR).sum())
 
 
 def search(balance: Balance, suspects: Sequence[Suspect]) -> list[tuple[Suspect, str, float]]:
@@ -57,23 +65,22 @@ def search(balance: Balance, suspects: Sequence[Suspect]) -> list[tuple[Suspect,
     while len(state.suspects) < _MOST and (state.left > WRONG).any():
         trials = [_with(balance, state, s) for s in suspects if _apart(state, s)]
         best = _named(trials, min(trials, key=lambda trial: trial.total, default=state))
-        if best.total > state.total - _STEP:
+        if best.total > state.total - STEP:
             break
         state = best
     return _needed(balance, state, suspects)
 
 
 def _named(trials: Sequence[_State], best: _State) -> _State:
-    """The best, or a unit that has a name and says as much as the factor that fits best."""
-    if not best.suspects or not best.suspects[-1].kind.endswith("_scale"):
+    """The best, or a unit of as few columns as may be that has a name and says as much."""
+    if not best.suspects or not best.suspects[-1].kind.endswith(("_scale", "_unit")):
         return best
-    kind = best.suspects[-1].kind.replace("_scale", "_unit")
     alike = [
         trial
         for trial in trials
-        if trial.suspects[-1].kind == kind and trial.total < best.total + _ALIKE
+        if trial.suspects[-1].kind.endswith("_unit") and trial.total < best.total + _ALIKE
     ]
-    return min(alike, key=lambda trial: trial.total, default=best)
+    return min(alike, key=lambda trial: (len(trial.edits), trial.total), default=best)
 
 
 def _with(balance: Balance, state: _State, suspect: Suspect) -> _State:
@@ -108,17 +115,32 @@ def _needed(
             f"the motion explains {_percent(1.0 - state.left[row])} of {name}'s command if "
             f"{suspect.evidence}, and {_percent(1.0 - without[row])} as recorded"
         )
-        others = [
-            s.evidence
-            for s in suspects
-            if s is not suspect
-            and _apart(rest, s)
-            and _with(balance, rest, s).total < state.total + _ALIKE
-        ]
+        confidence = 1.0 - float(state.left[row] / without[row])
+        others = _others(balance, rest, state, suspect, suspects)
         if others:
-            said += f"; it cannot be told from this: {others[0]}"
-        removable.append((suspect, said, 1.0 - float(state.left[row] / without[row])))
+            said += f"; it cannot be told from this: {', or '.join(others)}"
+            confidence = min(confidence, AMBIGUOUS)
+        removable.append((suspect, said, confidence))
     return removable
+
+
+def _others(
+    balance: Balance,
+    rest: _State,
+    state: _State,
+    suspect: Suspect,
+    suspects: Sequence[Suspect],
+) -> list[str]:
+    """What would explain as much as a suspect: of each set of channels that which does most."""
+    best: dict[frozenset[tuple[str, int]], tuple[float, str]] = {}
+    for other in suspects:
+        if other is suspect or not _apart(rest, other):
+            continue
+        total = _with(balance, rest, other).total
+        channels = frozenset((e.group, e.index) for e in other.edits)
+        if total < min(state.total + _ALIKE, best.get(channels, (np.inf, ""))[0]):
+            best[channels] = total, other.evidence
+    return [evidence for _, evidence in best.values()]
 
 
 def _own(balance: Balance, suspect: Suspect) -> Bool[np.ndarray, " row"]:

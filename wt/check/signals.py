@@ -22,6 +22,8 @@ WINDOW_S, WINDOW_SAMPLES = 0.025, 1.5
 GAP_S = 0.15
 """What happened in a longer gap is not known."""
 _ROWS = 240
+_STEPS = 8  # values that a column has at least: an end stop and a switch are no steps
+_EVEN = 0.01  # of a step, by which a value may miss it
 _MOST = 60_000  # grid points that are looked at
 
 
@@ -95,6 +97,16 @@ class Signals:
 def has(column: Float[np.ndarray, " sample"] | None) -> bool:
     """Tell whether a column is there, and has samples enough to be compared."""
     return column is not None and int(np.isfinite(column).sum()) >= 12
+
+
+def step_of(column: Float[np.ndarray, " sample"]) -> float:
+    """The step that all values of a column are whole numbers of apart; 0 if there is none."""
+    values = np.unique(column[np.isfinite(column)])
+    if len(values) < _STEPS:
+        return 0.0
+    step = float(np.diff(values).min())
+    count = (values - values[0]) / step
+    return step if (np.abs(count - np.round(count)) < _EVEN).all() else 0.0
 
 
 def linear(

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from wt.check.audit import Stage, Subject, register
-from wt.check.finding import AuditFinding, Change
-from wt.check.velocity import belongs
+from wt.check.finding import AuditFinding
+from wt.check.signals import has, step_of
+from wt.check.velocity import related
 from wt.data.recording import coordinate
 from wt.types import Recording
 
 _LEAST = 0.01  # of all samples, at one end
 _RUN = 5
 _FAST = 0.3  # of the usual slope: what the other quantity says meanwhile
+_BEYOND = 1.1  # of a velocity's end: what the position's slope is then
+_TURNING = 2.0  # steps of an encoder, within which a motion may turn round
+_ALIKE = 0.9  # correlation of both, apart from what is clipped
+_OTHER = {"qpos": "qvel", "qvel": "qpos"}
 
 
 @register
@@ -25,7 +30,7 @@ class Clipped:
     """A position or velocity that stays at exactly its largest value while the joint moves on."""
 
     kinds: ClassVar[tuple[str, ...]] = ("clipped",)
-    stage: ClassVar[Stage] = "rest"
+    stage: ClassVar[Stage] = "range"
 
     def findings(self, subject: Subject) -> Iterable[AuditFinding]:
         """One for each clipped column."""
@@ -34,51 +39,75 @@ class Clipped:
             return
         for name in recording.columns:
             group, _, joint = name.partition("/")
-            if group not in ("qpos", "qvel") or coordinate(joint) is not None:
+            if group not in _OTHER or coordinate(joint) is not None:
                 continue
-            if not belongs(recording, joint):
+            ends = _ends(recording.columns[name]) if has(recording.columns[name]) else []
+            at = np.isin(recording.columns[name], ends)
+            if not ends or not _moves(recording, joint, group, at):
                 continue
-            at = _at_end(recording.columns[name])
-            if at is not None and _moves(recording, joint, group, at):
-                end = float(np.nanmedian(recording.columns[name][at]))
-                yield AuditFinding(
-                    "clipped",
-                    (name,),
-                    (f"joint {joint}",),
-                    f"'{name}' stays at exactly {end:.4g} for {at.sum()} samples, while "
-                    f"'{'qvel' if group == 'qpos' else 'qpos'}/{joint}' says that it goes on",
-                    "widen the range of the sensor or of the log; clipped samples are missing ones",
-                    change=_missing(name, end),
-                )
+            said = " and ".join(f"{end:.4g}" for end in ends)
+            yield AuditFinding(
+                "clipped",
+                (name,),
+                (f"joint {joint}",),
+                f"'{name}' stays at exactly {said} for {at.sum()} samples, while "
+                f"'{_OTHER[group]}/{joint}' says that it goes on",
+                "widen the range of the sensor or of the log; clipped samples are missing ones",
+                change=_Missing(name, ends),
+            )
 
 
-def _at_end(column: Float[np.ndarray, " sample"]) -> Bool[np.ndarray, " sample"] | None:
-    """Samples at an extreme value that is held."""
+def _ends(column: Float[np.ndarray, " sample"]) -> list[float]:
+    """Extreme values that are held."""
+    held = []
     for end in (np.nanmax(column), np.nanmin(column)):
         at = column == end
         if at.mean() < _LEAST:
             continue
         runs = np.diff(np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]))))[::2]
         if np.median(runs) >= _RUN:
-            return np.asarray(at)
-    return None
+            held.append(float(end))
+    return held
 
 
 def _moves(recording: Recording, joint: str, group: str, at: Bool[np.ndarray, " sample"]) -> bool:
     """Tell whether the joint's other column says that it goes on."""
-    t = recording.t
+    name = f"{group}/{joint}"
+    free = _Missing(name, recording.columns[name][at])(recording)
+    relation = related(free, joint, joint)
+    if relation is None or abs(relation.correlation) < _ALIKE:
+        return False
     if group == "qpos":
         v = recording.columns[f"qvel/{joint}"]
-        return bool(np.nanmean(np.abs(v[at])) > _FAST * np.nanstd(v))
-    slope = np.gradient(recording.columns[f"qpos/{joint}"], t)
-    end = np.abs(recording.columns[f"qvel/{joint}"][at][0])
-    return bool(np.nanmedian(np.abs(slope[at])) > 1.1 * end)
+        travel = _travel(v / relation.factor, recording.t, at)
+        return bool(
+            np.nanmean(np.abs(v[at])) > _FAST * np.nanstd(v)
+            and travel > _TURNING * step_of(recording.columns[name])
+        )
+    slope = relation.factor * np.gradient(recording.columns[f"qpos/{joint}"], recording.t)
+    end = np.maximum(np.abs(recording.columns[name]), _FAST * np.nanstd(slope))
+    return bool(np.nanmedian(np.abs(slope[at]) / end[at]) > _BEYOND)
 
 
-def _missing(name: str, end: float) -> Change:
-    def change(recording: Recording) -> Recording:
-        column = recording.columns[name]
-        cut = np.where(column == end, np.nan, column)
-        return replace(recording, columns={**recording.columns, name: cut})
+def _travel(
+    v: Float[np.ndarray, " sample"],
+    t: Float[np.ndarray, " sample"],
+    at: Bool[np.ndarray, " sample"],
+) -> float:
+    """How far a velocity goes within the longest-going stretch of some samples [rad or m]."""
+    way = np.cumsum(np.nan_to_num(v) * np.gradient(t))
+    runs = np.split(way, np.flatnonzero(np.diff(at.astype(int))) + 1)
+    return max(float(np.ptp(run)) for run in runs[0 if at[0] else 1 :: 2])
 
-    return change
+
+@dataclass(frozen=True, eq=False)
+class _Missing:
+    """Takes values out of a column."""
+
+    name: str
+    values: Sequence[float] | Float[np.ndarray, " sample"]
+
+    def __call__(self, recording: Recording) -> Recording:
+        column = recording.columns[self.name]
+        cut = np.where(np.isin(column, self.values), np.nan, column)
+        return replace(recording, columns={**recording.columns, self.name: cut})

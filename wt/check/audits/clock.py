@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
+from jaxtyping import Float
 
 from wt.check.audit import Stage, Subject, register
 from wt.check.finding import AuditFinding
@@ -15,7 +16,10 @@ from wt.types import Recording
 
 UNITS = {"ms": 1e-3, "µs": 1e-6, "ns": 1e-9}
 _USUAL = (1.5e-4, 0.25)  # s, intervals of any controller's log
-_GAP_S, _GAP_SAMPLES = 0.15, 10.0
+_GAP_S, _GAP_SAMPLES = 0.05, 10.0
+"""A gap is longer than both: than what the smoothing of the motion bridges, and than hiccups."""
+_LOST = 0.05  # of all samples, that may be missing one by one
+_EVEN, _MOSTLY = 0.2, 0.9  # of a period, by which so many intervals may miss a whole number of them
 _UNEVEN = 0.8  # of an interval: spread of the middle nine tenths of all intervals
 
 
@@ -36,29 +40,55 @@ class Clock:
             yield wrong_unit
             assert wrong_unit.change is not None
             recording = wrong_unit.change(recording)
-        dt = np.diff(recording.t)
-        usual = float(np.median(dt))
-        gaps = np.flatnonzero(dt > max(_GAP_S, _GAP_SAMPLES * usual))
-        if len(gaps):
-            longest = int(gaps[np.argmax(dt[gaps])])
-            yield AuditFinding(
-                "clock_gaps",
-                ("t",),
-                (),
-                f"{len(gaps)} gaps of up to {dt[longest]:.3g} s, the longest at "
-                f"{recording.t[longest] - recording.t[0]:.4g} s; what happened there is unknown",
-                "record again, or cut the recording there",
-            )
-        low, high = np.quantile(dt, [0.05, 0.95]) / usual
-        if high - low > _UNEVEN:
-            yield AuditFinding(
-                "clock_jitter",
-                ("t",),
-                (),
-                f"Nine tenths of the intervals are {1e3 * low * usual:.3g} to "
-                f"{1e3 * high * usual:.3g} ms long, where the usual one is {1e3 * usual:.3g} ms",
-                "stamp samples where they are taken, not where they are written",
-            )
+        yield from _gaps(recording)
+        yield from _jitter(recording)
+
+
+def _gaps(recording: Recording) -> Iterable[AuditFinding]:
+    """Samples that are missing: many in a row, or one here and there all along."""
+    dt = np.diff(recording.t)
+    usual = float(np.median(dt))
+    absent = np.maximum(_periods(recording.t) - 1.0, 0.0)
+    gaps = np.flatnonzero(dt > max(_GAP_S, _GAP_SAMPLES * usual))
+    share = float(absent.sum() / (len(dt) + absent.sum()))
+    if len(gaps):
+        longest = int(gaps[np.argmax(dt[gaps])])
+        said = (
+            f"{len(gaps)} gaps of up to {dt[longest]:.3g} s, the longest at "
+            f"{recording.t[longest] - recording.t[0]:.4g} s; what happened there is unknown"
+        )
+    elif share > _LOST:
+        said = (
+            f"{100 * share:.0f} % of the samples are missing, up to {absent.max():.0f} in a row: "
+            f"intervals are whole multiples of {1e3 * usual:.3g} ms"
+        )
+    else:
+        return
+    yield AuditFinding("clock_gaps", ("t",), (), said, "record again, or cut the recording there")
+
+
+def _jitter(recording: Recording) -> Iterable[AuditFinding]:
+    """Intervals of all lengths, beside those in which samples are missing."""
+    dt = np.diff(recording.t) / np.maximum(_periods(recording.t), 1.0)
+    usual = float(np.median(dt))
+    low, high = np.quantile(dt, [0.05, 0.95])
+    if high - low > _UNEVEN * usual:
+        yield AuditFinding(
+            "clock_jitter",
+            ("t",),
+            (),
+            f"Nine tenths of the intervals are {1e3 * low:.3g} to {1e3 * high:.3g} ms long, where "
+            f"the usual one is {1e3 * usual:.3g} ms",
+            "stamp samples where they are taken, not where they are written",
+        )
+
+
+def _periods(t: Float[np.ndarray, " sample"]) -> Float[np.ndarray, " interval"]:
+    """Periods in each interval, where most intervals are whole numbers of them; else 1."""
+    ratio = np.diff(t) / float(np.median(np.diff(t)))
+    whole = np.round(ratio)
+    even = np.mean(np.abs(ratio - whole) < _EVEN) > _MOSTLY
+    return np.asarray(whole if even else np.ones_like(ratio))
 
 
 def _unit(recording: Recording) -> AuditFinding | None:

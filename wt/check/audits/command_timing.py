@@ -49,16 +49,15 @@ class CommandTiming:
         if gain < _DECISIVE:
             return
         if 0.2 < lead < 0.75 and dt >= _SLOW_S:
-            count = _periods(balance)
             yield AuditFinding(
                 "command_rate",
                 names,
                 elements,
                 f"The motion follows the commands up to half a sample before they were logged: the "
-                f"controller ran faster than the log's {1 / dt:.0f} Hz, at some {count / dt:.0f}",
+                f"controller ran faster than the log's {1 / dt:.0f} Hz",
                 "log at the controller's rate; the commands between two samples are not known",
                 0.9,
-                change=lambda r: _between(r, names, count),
+                change=lambda r: _between(r, names, _periods(balance)),
             )
         elif 0.75 < lead < 1.35:
             yield AuditFinding(
@@ -88,7 +87,8 @@ def _periods(balance: Balance) -> int:
     """The fewest periods of the controller in one of the log that explain the motion.
 
     A command that is held for 1/n of an interval takes effect (1 − 1/n)/2 of it earlier than one
-    that is held throughout.
+    that is held throughout. That tells two periods from one, and hardly four from three: enough to
+    fill commands in, and no measure of the controller's rate.
     """
     totals = {n: _total(balance, 0.5 * (1.0 - 1.0 / n)) for n in range(2, _MOST_BETWEEN + 1)}
     return next(n for n, total in totals.items() if total <= min(totals.values()) + _ALIKE)

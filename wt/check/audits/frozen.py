@@ -13,10 +13,13 @@ from jaxtyping import Float
 from wt.check.audit import Stage, Subject, register
 from wt.check.finding import AuditFinding, Change
 from wt.data.recording import coordinate
+from wt.physics.scene import Drive
 from wt.types import Recording
 
 _SWEPT = 0.3  # rad or m that a command sweeps while its joint's column stands still
 _LONG_S = 1.0
+_LEAP = 2.0  # times the largest of a command's other steps
+_RESTING = 0.2  # of a command's samples, that may repeat the one before
 _TRAVEL = 0.2  # rad or m that a velocity integrates to
 _REPEATED, _QUANTA = 0.3, 4.0
 _PAUSE, _HELD = 12, 0.4  # samples between leaps of one motion; share of them that repeat
@@ -41,6 +44,9 @@ class Frozen:
                 yield from _position(subject, recording, name)
             elif name.startswith("qvel/"):
                 yield from _velocity(recording, name)
+        for drive in subject.scene.drives if subject.scene else ():
+            if drive.servo:
+                yield from _command(recording, drive)
         yield from _repeats(recording)
 
 
@@ -95,6 +101,50 @@ def _velocity(recording: Recording, name: str) -> Iterable[AuditFinding]:
     )
 
 
+def _command(recording: Recording, drive: Drive) -> Iterable[AuditFinding]:
+    """A servo's command that stops while its joint goes on, and then leaps to where it is.
+
+    Without that leap it may be a command that was held, and another load that moved the joint.
+    """
+    name, t = f"ctrl/{drive.name}", recording.t
+    command, position = recording.columns.get(name), recording.columns.get(f"qpos/{drive.joint}")
+    if command is None or position is None:
+        return
+    start, end = _longest(command)
+    if end - start < 12 or t[end] - t[start] < _LONG_S or end + 1 >= len(command):
+        return
+    step = np.abs(np.diff(command))
+    others = np.delete(step, slice(start, end + 1))
+    swept = float(np.ptp(np.nan_to_num(position[start : end + 1], nan=position[start])))
+    if (
+        not np.isfinite(others).all()
+        or np.mean(others == 0.0) > _RESTING
+        or step[end] < _LEAP * others.max()
+        or not swept > _SWEPT
+    ):
+        return
+    yield AuditFinding(
+        "frozen",
+        (name,),
+        (f"actuator {drive.name}",),
+        f"'{name}' does not change for {t[end] - t[start]:.3g} s from {t[start] - t[0]:.4g} s on, "
+        f"its joint moves by {swept:.3g} meanwhile, and then the command leaps by {step[end]:.3g}",
+        f"record '{name}' again, or leave that time out",
+        change=_cut(float(t[start]), float(t[end])),
+    )
+
+
+def _cut(start: float, end: float) -> Change:
+    """Leaves out what comes after one time [s] and until another: nobody knows its commands."""
+
+    def change(recording: Recording) -> Recording:
+        keep = (recording.t <= start) | (recording.t > end)
+        columns = {n: c[keep] for n, c in recording.columns.items()}
+        return replace(recording, t=recording.t[keep], columns=columns)
+
+    return change
+
+
 def _longest(column: Float[np.ndarray, " sample"]) -> tuple[int, int]:
     """First and last sample of the longest stretch in which a column does not change."""
     same = np.concatenate([[False], np.diff(column) == 0.0, [False]])
@@ -122,20 +172,34 @@ def _missing(name: str, start: int, end: int) -> Change:
 
 
 def _repeats(recording: Recording) -> Iterable[AuditFinding]:
-    """Samples that hold what the one before held: the log runs faster than the sensors."""
+    """Samples that hold what the one before held: the log runs faster than the sensors, or one."""
     measured = [n for n in recording.columns if n.startswith(("qpos/", "qvel/"))]
-    if not measured:
+    whole = _repeated(recording, measured)
+    if whole:
+        yield whole
         return
+    channels: dict[str, list[str]] = {}
+    for name in measured:
+        if coordinate(name) is None:
+            channels.setdefault(name.partition("/")[2], []).append(name)
+    found = [_repeated(recording, names) for names in channels.values()]
+    yield from (finding for finding in found if finding)
+
+
+def _repeated(recording: Recording, measured: list[str]) -> AuditFinding | None:
+    """Columns that all change at every few samples only, though what they measure moves."""
+    if not measured:
+        return None
     table = np.stack([recording.columns[n] for n in measured], axis=1)
     table = table[:, np.nanstd(table, axis=0) > 0.0]
     if not table.size:
-        return
+        return None
     change = np.abs(np.diff(table, axis=0))
     known = np.isfinite(change).all(axis=1)
     same = known & (change == 0.0).all(axis=1)
     moved = change[known & ~same]
     if len(moved) < 20 or same[known].mean() < _REPEATED:
-        return
+        return None
     # the smallest change that a column ever makes: an encoder's step, if it has one
     quantum = np.array([c[c > 0.0].min() if (c > 0.0).any() else np.inf for c in moved.T])
     leaps = np.flatnonzero(known & ((change / quantum).max(axis=1) >= _QUANTA))
@@ -144,14 +208,14 @@ def _repeats(recording: Recording) -> Iterable[AuditFinding]:
     idle = np.array([bool(same[i + 1 : j].all()) for i, j in itertools.pairwise(leaps)], bool)
     moving = apart <= _PAUSE
     if moving.sum() < 20 or np.mean(idle[moving] & (apart[moving] > 1)) < _HELD:
-        return
+        return None
     period = float(apart[moving].mean())
-    yield AuditFinding(
+    return AuditFinding(
         "samples_repeated",
         tuple(measured),
         (),
-        f"{100 * same[known].mean():.0f} % of the samples repeat the one before, also while what "
-        f"they measure moves: new ones come every {period:.1f} samples only",
+        f"{100 * same[known].mean():.0f} % of the samples of '{measured[0]}' repeat the one "
+        f"before, also while what they measure moves: new ones come every {period:.1f} samples",
         "log at the sensors' own rate, or mark repeated samples as missing",
         change=_unrepeated(measured),
     )

@@ -1,52 +1,96 @@
-"""Two columns that were exchanged: positions, or commands."""
+"""Columns that were exchanged: positions, or commands, two or a whole cycle of them."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from wt.check.audit import Suspect, register
 from wt.check.balance import Balance, Edit
+from wt.check.channels import STEP, WRONG, total
+
+Order = dict[int, int]
+"""Channel: that whose column holds it; channels at their own place are left out."""
+_MOST = 8
+"""Exchanges that are made one after another, to sort columns."""
 
 
 @register
 class Swap:
-    """Two columns stand at each other's place, as where a log has another order than the model."""
+    """Columns stand at each other's place, as where a log has another order than the model."""
 
     kinds: ClassVar[tuple[str, ...]] = ("positions_swapped", "commands_swapped")
 
     def suspects(self, balance: Balance) -> Sequence[Suspect]:
-        """Every pair of measured joints, and of commands, that a command may tell apart."""
-        listed = []
+        """Every pair of measured joints, and of commands, and the order that explains most."""
+        driven = {row.drive.dof for row in balance.rows}
         joints = [
             i
             for i, name in enumerate(balance.scene.joints)
             if balance.signals.measured[i] and name in balance.scene.own_joints
         ]
-        driven = {row.drive.dof for row in balance.rows}
-        for i, j in itertools.combinations(joints, 2):
-            if i in driven or j in driven:
-                one, other = balance.joint(i), balance.joint(j)
-                listed.append(
-                    Suspect(
-                        "positions_swapped",
-                        (Edit("q", i, j), Edit("q", j, i)),
-                        f"the positions of {one} and {other} are exchanged",
-                        f"joints: {{{one}: {other}, {other}: {one}}}",
-                        (f"joint {one}", f"joint {other}"),
-                    )
-                )
-        drives = [row.drive for row in balance.rows]
-        for a, b in itertools.combinations(drives, 2):
-            listed.append(
-                Suspect(
-                    "commands_swapped",
-                    (Edit("u", a.index, b.index), Edit("u", b.index, a.index)),
-                    f"the commands of {a.name} and {b.name} are exchanged",
-                    f"commands: {{{a.name}: {b.name}, {b.name}: {a.name}}}, or the other order of "
-                    "actuators in the MJCF",
-                    (f"actuator {a.name}", f"actuator {b.name}"),
-                )
-            )
-        return listed
+        positions = [p for p in itertools.combinations(joints, 2) if driven & set(p)]
+        commands = list(itertools.combinations([row.drive.index for row in balance.rows], 2))
+        return [*_of(balance, "q", positions), *_of(balance, "u", commands)]
+
+
+def _of(
+    balance: Balance, group: Literal["q", "u"], pairs: Sequence[tuple[int, int]]
+) -> list[Suspect]:
+    orders = [{i: j, j: i} for i, j in pairs]
+    order = _sorted(balance, group, pairs)
+    if len(order) > 2:
+        orders.append(order)
+    return [_suspect(balance, group, order) for order in orders]
+
+
+def _sorted(balance: Balance, group: Literal["q", "u"], pairs: Sequence[tuple[int, int]]) -> Order:
+    """The order that explains most, by exchanging two columns as long as that helps."""
+    order: Order = {}
+    left = balance.unexplained()
+    right = {
+        row.drive.dof if group == "q" else row.drive.index
+        for row, share in zip(balance.rows, left, strict=True)
+        if share <= WRONG
+    }
+    pairs = [pair for pair in pairs if not right.issuperset(pair)]
+    least = total(left)
+    for _ in range(_MOST):
+        trials = [_exchanged(order, *pair) for pair in pairs]
+        scores = [total(balance.unexplained(_edits(group, trial))) for trial in trials]
+        if min(scores, default=least) > least - STEP:
+            break
+        least = min(scores)
+        order = trials[scores.index(least)]
+    return order
+
+
+def _exchanged(order: Order, i: int, j: int) -> Order:
+    changed = {**order, i: order.get(j, j), j: order.get(i, i)}
+    return {channel: column for channel, column in changed.items() if channel != column}
+
+
+def _edits(group: Literal["q", "u"], order: Order) -> tuple[Edit, ...]:
+    return tuple(Edit(group, channel, column) for channel, column in sorted(order.items()))
+
+
+def _suspect(balance: Balance, group: Literal["q", "u"], order: Order) -> Suspect:
+    of_joints = group == "q"
+    model, items = balance.scene.model, sorted(order.items())
+    name = {i: balance.joint(i) if of_joints else model.actuator(i).name for i, _ in items}
+    *names, last = name.values()
+    said = f"the {'positions' if of_joints else 'commands'} of {', '.join(names)} and {last}"
+    said += " are exchanged"
+    if len(order) > 2:
+        said += " (" + ", ".join(f"{name[i]}'s is called {name[j]}" for i, j in items) + ")"
+    entries = ", ".join(f"{name[column]}: {name[i]}" for i, column in items)
+    return Suspect(
+        "positions_swapped" if of_joints else "commands_swapped",
+        _edits(group, order),
+        said,
+        f"joints: {{{entries}}}"
+        if of_joints
+        else f"commands: {{{entries}}}, or the other order of actuators in the MJCF",
+        tuple(f"{'joint' if of_joints else 'actuator'} {n}" for n in name.values()),
+    )

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import ClassVar, Literal, get_args
 
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
 from wt.check.audit import Suspect, register
-from wt.check.balance import Balance, Edit, Row
+from wt.check.balance import GAINS, Balance, Edit, Row
 
+Group = Literal["q", "u"]
+_GROUPS: tuple[Group, ...] = get_args(Group)
 UNITS = {
     "degrees": math.pi / 180.0,
     "turns": 2.0 * math.pi,
@@ -27,6 +29,8 @@ _NEAR = 0.04  # of a factor, for its unit to be named
 _ORDINARY = (0.6, 1.7)  # factors that physics may explain: a gain, a scale
 _BORNE = 0.99
 """Share of a recording in which a force must be one that can be borne."""
+_SUSPECT = 0.05
+"""Share of a command left unexplained above which its channels' units are tried."""
 _GRID = np.geomspace(1e-4, 1e4, 33)
 
 
@@ -38,55 +42,101 @@ class Unit:
                                         "command_scale")  # fmt: skip
 
     def suspects(self, balance: Balance) -> Sequence[Suspect]:
-        """The named units, and the factor that fits best, of each channel that is unexplained."""
-        listed: list[Suspect] = []
-        left = balance.unexplained()
-        for row, share in zip(balance.rows, left, strict=True):
-            if share > 0.05:
-                listed += _of(balance, row)
-        return listed
+        """The named units, and the factor that fits best, of each channel that is unexplained.
+
+        And each unit of several of them: an encoder's is seldom alone.
+        """
+        wrong = [
+            row
+            for row, share in zip(balance.rows, balance.unexplained(), strict=True)
+            if share > _SUSPECT
+        ]
+        if not wrong:
+            return []
+        several = [s for group in _GROUPS for s in _of_several(balance, group)]
+        return [suspect for row in wrong for suspect in _of(balance, row)] + several
+
+
+def _told(group: Group, row: Row) -> bool:
+    """Tell whether a channel has units: a force in another one is a gain."""
+    return group == "q" or row.drive.servo
+
+
+def _known(balance: Balance, row: Row) -> dict[str, float]:
+    """Units that a joint's channels may be in."""
+    hinge = balance.scene.model.jnt_type[row.drive.dof] == int(mujoco.mjtJoint.mjJNT_HINGE)
+    return UNITS if hinge else LINEAR
 
 
 def _of(balance: Balance, row: Row) -> list[Suspect]:
-    drive, joint = row.drive, row.drive.dof
-    hinge = balance.scene.model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_HINGE)
-    known = UNITS if hinge else LINEAR
     listed = []
-    for group, index, column, quantity in (
-        ("q", joint, f"qpos/{drive.joint}", "position"),
-        ("u", drive.index, f"ctrl/{drive.name}", "command"),
-    ):
-        if group == "u" and not drive.servo:
-            continue  # a force in another unit is a gain, and physics
+    for group in _GROUPS:
+        known = _known(balance, row) if _told(group, row) else {}
         for name, factor in known.items():
-            edit = Edit(group, index, index, factor, _middle(balance, row, group, factor))  # type: ignore[arg-type]
-            listed.append(
-                Suspect(
-                    f"{quantity}_unit",
-                    (edit,),
-                    f"'{column}' is in {name}",
-                    "",
-                    (f"joint {drive.joint}" if group == "q" else f"actuator {drive.name}",),
-                )
-            )
+            said = f"{_column(group, row)} is in {name}"
+            listed += [
+                _suspect(balance, group, [row], [factor], "unit", said),
+                _suspect(balance, group, [row], [-factor], "unit", f"{said} and runs backwards"),
+            ]
         if not balance.dynamic and _bearable(balance, row):
             continue  # under a load that nobody knows a soft servo moves less than it is told
-        fitted = _fitted(balance, row, group, index)
-        if fitted is None or any(abs(abs(fitted) / f - 1.0) < _NEAR for f in known.values()):
-            continue
-        ratio = 1.0 / abs(fitted)
-        said = f"{ratio:.4g}" if ratio >= 1.0 else f"1/{1 / ratio:.4g}"
-        edit = Edit(group, index, index, fitted, _middle(balance, row, group, fitted))  # type: ignore[arg-type]
-        listed.append(
-            Suspect(
-                f"{quantity}_scale",
-                (edit,),
-                f"'{column}' is {said} times the model's, as behind a gear or in ticks",
-                "",
-                (f"joint {drive.joint}" if group == "q" else f"actuator {drive.name}",),
+        for fitted in _fitted(balance, row, group):
+            if any(abs(abs(fitted) / f - 1.0) < _NEAR for f in known.values()):
+                continue
+            ratio = 1.0 / abs(fitted)
+            said = f"{ratio:.4g}" if ratio >= 1.0 else f"1/{1 / ratio:.4g}"
+            said = (
+                f"{_column(group, row)} is {said} times the model's, as behind a gear or in ticks"
             )
-        )
+            listed.append(_suspect(balance, group, [row], [fitted], "scale", said))
     return listed
+
+
+def _of_several(balance: Balance, group: Group) -> list[Suspect]:
+    """One unit of all hinges, or slides, or of those whose servos say that they are in it."""
+    listed = []
+    for units in (UNITS, LINEAR):
+        rows = [r for r in balance.rows if _known(balance, r) is units and _told(group, r)]
+        for name, factor in units.items():
+            followed = [r for r in rows if _follows(balance, r, group, factor)]
+            for same in [rows] if followed == rows else [rows, followed]:
+                if len(same) < 2:
+                    continue
+                *names, last = (_column(group, row) for row in same)
+                said = f"{', '.join(names)} and {last} are in {name}"
+                listed.append(_suspect(balance, group, same, [factor] * len(same), "unit", said))
+    return listed
+
+
+def _follows(balance: Balance, row: Row, group: Group, factor: float) -> bool:
+    """Tell whether a servo's column is to its counterpart as one in a unit is."""
+    s, drive = balance.signals, row.drive
+    q, u = s.q[:, drive.dof].std(), s.u[:, drive.index].std()
+    wanted, given = (u, q) if group == "q" else (q, u)
+    return bool(drive.servo and _ORDINARY[0] < factor * given / max(wanted, 1e-12) < _ORDINARY[1])
+
+
+def _column(group: Group, row: Row) -> str:
+    return f"'qpos/{row.drive.joint}'" if group == "q" else f"'ctrl/{row.drive.name}'"
+
+
+def _suspect(
+    balance: Balance,
+    group: Group,
+    rows: Sequence[Row],
+    factors: Sequence[float],
+    what: Literal["unit", "scale"],
+    said: str,
+) -> Suspect:
+    drives = [row.drive for row in rows]
+    indices = [d.dof if group == "q" else d.index for d in drives]
+    edits = [
+        Edit(group, i, i, factor, _middle(balance, row, group, factor))
+        for row, i, factor in zip(rows, indices, factors, strict=True)
+    ]
+    elements = [f"joint {d.joint}" if group == "q" else f"actuator {d.name}" for d in drives]
+    kind = f"{'position' if group == 'q' else 'command'}_{what}"
+    return Suspect(kind, tuple(edits), said, "", tuple(elements))
 
 
 def _bearable(balance: Balance, row: Row) -> bool:
@@ -98,7 +148,7 @@ def _bearable(balance: Balance, row: Row) -> bool:
     return float(np.quantile(np.abs(force), _BORNE)) < most
 
 
-def _middle(balance: Balance, row: Row, group: str, factor: float) -> float:
+def _middle(balance: Balance, row: Row, group: Group, factor: float) -> float:
     """Offset after which a servo's column lies about its counterpart; 0 if it does without."""
     s, drive = balance.signals, row.drive
     if not drive.servo:
@@ -109,31 +159,40 @@ def _middle(balance: Balance, row: Row, group: str, factor: float) -> float:
     return shift if abs(shift) > 0.5 * max(float(np.ptp(wanted)), 0.2) else 0.0
 
 
-def _fitted(balance: Balance, row: Row, group: str, index: int) -> float | None:
-    """Factor that fits best; None if it may be physics."""
+def _fitted(balance: Balance, row: Row, group: Group) -> list[float]:
+    """Factors that fit best, and are none that may be physics."""
     s, drive = balance.signals, row.drive
     if drive.servo:
         q, u = s.q[:, drive.dof], s.u[:, drive.index]
         wanted, given = (u, q) if group == "q" else (q, u)
         if given.std() < 1e-9 or abs(np.corrcoef(wanted, given)[0, 1]) < 0.8:
-            return None
+            return []
         factor = float(np.polyfit(given, wanted, 1)[0])
-        factor = _refined(balance, row, group, index, factor * np.linspace(0.8, 1.25, 10))
+        factor = _refined(balance, row, group, factor * np.linspace(0.8, 1.25, 10))
+    elif group == "q":
+        factor = _refined(balance, row, group, _GRID)
+        factor = _refined(balance, row, group, factor * np.geomspace(0.6, 1.7, 9))
     else:
-        factor = _refined(balance, row, group, index, _GRID)
-        factor = _refined(balance, row, group, index, factor * np.geomspace(0.6, 1.7, 9))
-    factor = _refined(balance, row, group, index, factor * np.linspace(0.95, 1.05, 5))
-    return None if _ORDINARY[0] < abs(factor) < _ORDINARY[1] else factor
+        return _gains(balance, row)
+    factor = _refined(balance, row, group, factor * np.linspace(0.95, 1.05, 5))
+    return [] if _ORDINARY[0] < abs(factor) < _ORDINARY[1] else [factor]
+
+
+def _gains(balance: Balance, row: Row) -> list[float]:
+    """Factors of a torque drive's command, of either sign, that no gain explains."""
+    at, i = balance.rows.index(row), row.drive.index
+    gains = {sign: float(balance.gains([Edit("u", i, i, sign)])[at]) for sign in (1.0, -1.0)}
+    return [
+        sign / gain
+        for sign, gain in gains.items()
+        if gain > 0.0 and not GAINS[0] <= gain <= GAINS[1]
+    ]
 
 
 def _refined(
-    balance: Balance, row: Row, group: str, index: int, factors: Float[np.ndarray, " trial"]
+    balance: Balance, row: Row, group: Group, factors: Float[np.ndarray, " trial"]
 ) -> float:
     at = balance.rows.index(row)
-    left = [
-        balance.unexplained(
-            [Edit(group, index, index, float(f), _middle(balance, row, group, float(f)))]  # type: ignore[arg-type]
-        )[at]
-        for f in factors
-    ]
+    trials = [_suspect(balance, group, [row], [float(f)], "scale", "") for f in factors]
+    left = [balance.unexplained(trial.edits)[at] for trial in trials]
     return float(factors[int(np.argmin(left))])

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from wt.check.audit import Stage, Subject, register
-from wt.check.balance import Edit
+from wt.check.balance import Balance, Edit
 from wt.check.finding import AuditFinding
 from wt.check.velocity import belongs
 from wt.physics.scene import Drive, Scene
@@ -21,6 +21,8 @@ _BEYOND = 0.5  # rad past a limit: more than any offset or compliance explains
 _SWEEP = 3.0 * math.pi  # rad that a limb without limits may sweep
 _PERCENT = 100.5
 _TICKS = 4096
+_ALIKE = 0.5  # of the mean logarithm of what is left: units that say as much
+_FACTORS = np.geomspace(1e-4, 0.5, 16)
 
 
 @register
@@ -38,28 +40,20 @@ class UnitOfAll:
         strange = [d for d in scene.drives if d.servo and _strange(scene, recording, d)]
         if not strange or subject.balance is None:
             return
-        options = _options(scene, recording, _all_hinges(scene, recording))
-        options = {unit: edits for unit, edits in options.items() if edits}
-        if not options:
+        found = _unit(scene, recording, subject.balance, strange)
+        if found is None:
             return
-        if subject.balance.dynamic and subject.balance.rows:
-            unit = min(options, key=lambda u: subject.balance.misfit(options[u]))  # type: ignore[union-attr]
-        else:
-            unit = next(iter(options))
-        edits = options[unit]
+        unit, edits = found
         columns = _columns(scene, recording, edits)
         worst = strange[0].joint
-        low, high = (
-            np.nanmin(recording.columns[f"qpos/{worst}"]),
-            np.nanmax(recording.columns[f"qpos/{worst}"]),
-        )
+        x = recording.columns[f"qpos/{worst}"]
         yield AuditFinding(
             "unit_of_all",
             tuple(columns),
             tuple(f"joint {d.joint}" for d in strange),
-            f"'qpos/{worst}' runs from {low:.4g} to {high:.4g}, far outside of what a hinge of "
-            f"the model does, and its command does so too: these columns are in {unit}",
-            _map(unit, columns),
+            f"'qpos/{worst}' runs from {np.nanmin(x):.4g} to {np.nanmax(x):.4g}, far outside of "
+            f"what a hinge of the model does, and so does its command: these columns are {unit}",
+            _map(unit, columns, whole=len(edits) == 2 * len(_all_hinges(scene, recording))),
             change=lambda r: replace(
                 r,
                 columns={
@@ -68,6 +62,38 @@ class UnitOfAll:
                 },
             ),
         )
+
+
+def _unit(
+    scene: Scene, recording: Recording, balance: Balance, strange: Sequence[Drive]
+) -> tuple[str, tuple[Edit, ...]] | None:
+    """The unit after which the weight is explained, of all hinges or of the strange ones alone.
+
+    None where the model explains as much of the forces without: then its limits are wrong.
+    """
+    drives = _all_hinges(scene, recording)
+    named = _options(scene, recording, drives)
+    if not balance.dynamic or not balance.rows:
+        return next(iter(named.items())) if 2 * len(strange) > len(drives) else None
+    options = list(named.items())
+    if len(strange) < len(drives):
+        options += _options(scene, recording, strange).items()
+    best = min(options, key=lambda option: balance.misfit(option[1]))
+    factor = _fitted(balance, strange)
+    fitted = _scaled(strange, factor)
+    if balance.misfit(fitted) < balance.misfit(best[1]) - _ALIKE:
+        best = (f"some {1.0 / factor:.3g} times the model's", fitted)
+    return best if balance.misfit(best[1]) < balance.misfit() - _ALIKE else None
+
+
+def _fitted(balance: Balance, drives: Sequence[Drive]) -> float:
+    """Factor common to positions and commands after which most of the forces is explained."""
+    factor = 1.0
+    for grid in (_FACTORS, np.geomspace(0.75, 1.35, 9), np.geomspace(0.95, 1.05, 9)):
+        trials = factor * grid
+        misfits = [balance.misfit(_scaled(drives, float(trial))) for trial in trials]
+        factor = float(trials[int(np.argmin(misfits))])
+    return factor
 
 
 def _strange(scene: Scene, recording: Recording, drive: Drive) -> bool:
@@ -119,8 +145,8 @@ def _options(
     if np.array_equal(values, np.round(values)) and np.abs(values).max() > 400.0:
         middle = 0.0 if values.min() < 0.0 else _TICKS / 2
         turn = 2.0 * math.pi / _TICKS
-        return {f"ticks of {_TICKS} a turn": _edits(drives, lambda d: (turn, -middle * turn))}
-    options = {"degrees": _edits(drives, lambda d: (math.pi / 180.0, 0.0))}
+        return {f"in ticks of {_TICKS} a turn": _edits(drives, lambda d: (turn, -middle * turn))}
+    options = {"in degrees": _scaled(drives, math.pi / 180.0)}
     limits = {d.name: _limits(scene, d) for d in drives}
     if np.abs(values).max() <= _PERCENT and all(limits.values()):
 
@@ -128,7 +154,7 @@ def _options(
             low, high = limits[d.name] or (0.0, 0.0)
             return (high - low) / 200.0, 0.5 * (low + high)
 
-        percent = {"percent of the range, −100…100": _edits(drives, of_range)}
+        percent = {"in percent of the range, −100…100": _edits(drives, of_range)}
         fits = all(_inside(scene, recording, d, math.pi / 180.0) for d in drives)
         options = {**options, **percent} if fits else {**percent, **options}
     return options
@@ -141,6 +167,10 @@ def _edits(drives: Sequence[Drive], of: Callable[[Drive], tuple[float, float]]) 
         listed.append(Edit("q", d.dof, d.dof, factor, offset))
         listed.append(Edit("u", d.index, d.index, factor, offset))
     return tuple(listed)
+
+
+def _scaled(drives: Sequence[Drive], factor: float) -> tuple[Edit, ...]:
+    return _edits(drives, lambda _: (factor, 0.0))
 
 
 def _limits(scene: Scene, drive: Drive) -> tuple[float, float] | None:
@@ -177,9 +207,11 @@ def _columns(
     return columns
 
 
-def _map(unit: str, columns: dict[str, tuple[float, float]]) -> str:
-    if unit == "degrees":
+def _map(unit: str, columns: dict[str, tuple[float, float]], whole: bool) -> str:
+    """The entry of a map; ``whole`` if the columns are all that can be in degrees."""
+    degrees = unit == "in degrees"
+    if degrees and whole:
         return "units: deg"
-    factors = ", ".join(f"{n}: {f:.5g}" for n, (f, _) in columns.items())
+    factors = ", ".join(f"{n}: {'deg' if degrees else f'{f:.5g}'}" for n, (f, _) in columns.items())
     offsets = ", ".join(f"{n}: {o:.4g}" for n, (_, o) in columns.items() if abs(o) > 1e-9)
     return f"units: {{{factors}}}" + (f"; offsets: {{{offsets}}}" if offsets else "")

@@ -20,6 +20,7 @@ from wt.check.finding import AuditFinding
 
 _QUARTERS = (math.pi, 0.5 * math.pi, -0.5 * math.pi)
 _FAR = 0.35  # rad
+_RIGHT = 0.3  # of its command that a joint leaves unexplained, at most
 _FORCES = 3.0  # times all that the motion demands: no bias of a drive is so large
 
 
@@ -51,7 +52,7 @@ class FarFromCommand:
     """A servo's joint that follows its command at a distance which no force explains."""
 
     kinds: ClassVar[tuple[str, ...]] = ("encoder_zero",)
-    stage: ClassVar[Stage] = "rest"
+    stage: ClassVar[Stage] = "range"
 
     def findings(self, subject: Subject) -> Iterable[AuditFinding]:
         """One for each such joint."""
@@ -62,13 +63,14 @@ class FarFromCommand:
         demand = balance.inverse(s.q, s.v, s.a)
         for row, left in zip(balance.rows, balance.unexplained(), strict=True):
             drive, i = row.drive, row.drive.dof
-            if not drive.servo or left > 0.3:
+            if not drive.servo or left > _RIGHT:
                 continue
-            counted = -drive.gain * drive.gear / (drive.bias[1] * drive.gear**2)
-            away = float(np.median(counted * s.u[:, drive.index] - s.q[:, i]))
             stiffness = abs(drive.bias[1]) * drive.gear**2
-            if abs(away) < _FAR or stiffness * abs(away) < _FORCES * np.abs(demand[:, i]).max():
+            told = row.scale / stiffness * s.u[:, drive.index]
+            away, most = float(np.median(told - s.q[:, i])), float(np.abs(demand[:, i]).max())
+            if abs(away) < _FAR or stiffness * abs(away) < _FORCES * most:
                 continue
+            zero = _unloaded(balance, i, stiffness, away)
             name = f"qpos/{drive.joint}"
             yield AuditFinding(
                 "encoder_zero",
@@ -76,9 +78,24 @@ class FarFromCommand:
                 (f"joint {drive.joint}",),
                 f"'{name}' stays {abs(away):.3g} {'below' if away > 0 else 'above'} its command, "
                 f"which would take {stiffness * abs(away):.3g} of force and the motion at most "
-                f"{np.abs(demand[:, i]).max():.3g}: the encoder has another zero",
-                f"offsets: {{{name}: {away:.4g}}}",
-                change=lambda r, name=name, away=away: replace(  # type: ignore[misc]
-                    r, columns={**r.columns, name: r.columns[name] + away}
+                f"{most:.3g}: the encoder has another zero",
+                f"offsets: {{{name}: {zero:.4g}}}",
+                change=lambda r, name=name, zero=zero: replace(  # type: ignore[misc]
+                    r, columns={**r.columns, name: r.columns[name] + zero}
                 ),
             )
+
+
+def _unloaded(balance: Balance, dof: int, stiffness: float, away: float) -> float:
+    """Offset of an encoder, less what its load makes a servo stay behind.
+
+    Args:
+        balance: of the recording.
+        dof: the joint.
+        stiffness: force per position.
+        away: distance from the command, load and all [rad or m].
+    """
+    s = balance.signals
+    q = s.q.copy()
+    q[:, dof] += away
+    return away - float(np.median(balance.inverse(q, s.v, s.a)[:, dof])) / stiffness
