@@ -177,8 +177,23 @@ def test_what_is_wrong_inside_a_file_is_said(tmp_path: Path) -> None:
 
 def test_more_than_the_memory_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     recordings.write(make(), tmp_path / "a.parquet")
-    monkeypatch.setattr(recordings, "_COPIES", 1e12)
+    monkeypatch.setattr(recordings, "_COPIES_OF_WORK", 10**12)
     assert "400 rows of 4 columns" in refused(tmp_path / "a.parquet")
+
+
+def test_more_than_helps_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recordings.write(make(), tmp_path / "a.parquet")
+    recordings.write(make(), tmp_path / "b.parquet")
+    (tmp_path / "c.parquet").write_text("none")
+    sizes = recordings.sizes_of(sorted(tmp_path.iterdir()))
+    assert [*sizes.values()] == [(400, 4), (400, 4)]
+    monkeypatch.setattr(recordings, "_MOST", 2000)
+    recordings.read(tmp_path / "a.parquet")
+    with pytest.raises(RecordingError, match=r"2 files have .* one row in 2 "):
+        recordings.refuse_more_than_helps(sizes)
+    monkeypatch.setattr(recordings, "_MOST", 200)
+    assert "400 rows of 4 columns are" in refused(tmp_path / "a.parquet")
+    assert "one row in 8 " in refused(tmp_path / "a.parquet")
 
 
 def test_degrees_are_not_what_may_be_radians(model: mujoco.MjModel) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import mujoco
@@ -28,6 +29,10 @@ UNNAMED = """<mujoco>
   </actuator>
 </mujoco>
 """
+PID = """<mujoco><extension><plugin plugin="mujoco.pid"/></extension><actuator>
+  <plugin name="w" joint="hip" plugin="mujoco.pid"><config key="kp" value="40"/></plugin>
+  </actuator>"""
+CLOTH = '<flexcomp name="cloth" type="grid" count="4 4 1" spacing=".1 .1 .1" dim="2" mass=".1"/>'
 
 
 def refusal(folder: Path, text: str) -> str:
@@ -68,12 +73,42 @@ def test_joints_and_actuators_get_names_by_id(tmp_path: Path) -> None:
             '<muscle name="w" joint="hip" lengthrange="0 1"/>',
             "actuator 'w'",
         ),
+        ("<mujoco>", PID, "actuator 'w' of"),
+        ('<joint axis="1 0 0"/>', '<joint name="e" type="ball"/>', "write it as three hinges"),
+        ("</worldbody>", f"{CLOTH}</worldbody>", "flex 'cloth' of"),
         ("</mujoco>", "", "does not compile"),
     ],
 )
 def test_what_cannot_be_used_is_one_line(tmp_path: Path, old: str, new: str, said: str) -> None:
     assert old in UNNAMED
     assert said in refusal(tmp_path, UNNAMED.replace(old, new))
+
+
+def test_a_refusal_is_all_that_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Not MuJoCo's warnings of the same as well."""
+    monkeypatch.chdir(tmp_path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        refusal(tmp_path, UNNAMED.replace("</worldbody>", f"{CLOTH}</worldbody>"))
+    assert capfd.readouterr() == ("", "")
+    assert [p.name for p in tmp_path.iterdir()] == ["arm.xml"]
+
+
+def test_what_mujoco_warns_of_is_said_once_in_a_line(tmp_path: Path) -> None:
+    path = tmp_path / "arm.xml"
+    path.write_text(UNNAMED.replace("<mujoco>", '<mujoco><compiler settotalmass="2"/>'))
+    with pytest.warns(UserWarning) as said:
+        Scene(path).given  # noqa: B018
+    (line,) = (str(w.message) for w in said)
+    assert line.startswith(f"model '{path}': compiler attribute") and "\n" not in line
+
+
+def test_rigid_flexes_are_taken(tmp_path: Path) -> None:
+    rigid = CLOTH.replace("<flexcomp", '<flexcomp rigid="true"')
+    (tmp_path / "arm.xml").write_text(UNNAMED.replace("</worldbody>", f"{rigid}</worldbody>"))
+    assert Scene(tmp_path / "arm.xml").own_joints == ("hip", "joint2")
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "latin-1"])

@@ -61,6 +61,8 @@ def place(at: Location, way: str) -> Location:
     """Where an effect is in a file that may have other names, of a machine without a b3."""
     name = at.name.replace("b3", "b2")
     own = name not in ("all", "floor", "world")
+    if own and way == "unnamed" and at.kind == "actuator":
+        name = name.replace("m", "actuator")
     if own and way == "attached":
         name = "+".join(f"a_{part}" for part in name.split("+"))
     return Location(at.kind, name)

@@ -113,6 +113,14 @@ def _framed() -> str:
     )
 
 
+def _unnamed() -> str:
+    """Without names that nothing else in the file asks for."""
+    text = PLAIN.replace('<body name="stand" ', "<body ")
+    for i in range(3):
+        text = _edited((f'<general name="m{i}" ', "<general "), text=text)
+    return text
+
+
 def written(folder: Path) -> dict[str, Path]:
     """Files of the machine by the way in which they are written."""
     child = _with_defaults(f'<default class="link">{_HOSTILE}</default>').format(
@@ -146,6 +154,12 @@ def written(folder: Path) -> dict[str, Path]:
             (_BASE, _BASE + seen),
             text=_with_defaults(viz, _framed()),
         ),
+        "unnamed": _unnamed(),
+        "sections, parts of parts": _edited(
+            (f"<actuator>{_DRIVES}</actuator>", '<include file="parts/all.xml"/>'),
+            (f"<contact>{_EXCLUDED}</contact>", ""),
+            (_FLOOR, f"{_FLOOR}</worldbody>\n  <worldbody>"),
+        ),
         "attached": _edited(
             (_ARM, '<attach model="child" body="stand" prefix="a_"/>'),
             ("<worldbody>", '<asset><model name="child" file="child.xml"/></asset>\n  <worldbody>'),
@@ -155,6 +169,12 @@ def written(folder: Path) -> dict[str, Path]:
     }
     (folder / "inner.xml").write_text(f"<mujocoinclude>{_INNER}</mujocoinclude>")
     (folder / "child.xml").write_text(PLAIN)
+    (folder / "parts").mkdir()
+    all_parts = '<actuator><include file="drives.xml"/></actuator><include file="apart.xml"/>'
+    (folder / "parts" / "all.xml").write_text(f"<mujocoinclude>{all_parts}</mujocoinclude>")
+    (folder / "parts" / "drives.xml").write_text(f"<mujocoinclude>{_DRIVES}</mujocoinclude>")
+    apart = f"<mujocoinclude><contact>{_EXCLUDED}</contact></mujocoinclude>"
+    (folder / "parts" / "apart.xml").write_text(apart)
     paths = {}
     for way, text in ways.items():
         paths[way] = folder / f"{way.replace(' ', '_')}.xml"

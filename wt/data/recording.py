@@ -6,6 +6,7 @@ units and radians, with free metadata as JSON under the file's key ``wt``.
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import os
@@ -25,7 +26,11 @@ from wt.types import Recording
 
 META_KEY = b"wt"
 DEGREE = np.pi / 180.0
-_COPIES, _SHARE_OF_MEMORY = 8, 0.7  # smoothing keeps about eight copies
+_COPIES, _COPIES_OF_WORK, _SHARE_OF_MEMORY = 8, 16, 0.7
+"""Copies that reading a log keeps, and smoothing a recording; share of the memory for them."""
+_MOST = 10_000_000
+"""Numbers that are worked on at once: an audit takes 2 µs for each, the smoothing of a diagnosis 5,
+and neither learns more of a machine from a longer recording."""
 _BEYOND = 0.5  # rad past a limit: more than any sensor offset or compliance explains
 _TURN = 2.0 * np.pi  # rad: what stays inside may as well be radians
 
@@ -64,7 +69,9 @@ def table(path: str | Path) -> tuple[dict[str, Float[np.ndarray, " sample"]], di
     try:
         with pq.ParquetFile(path) as file:
             rows, width = file.metadata.num_rows, file.metadata.num_columns
-            refuse_too_much(path, 8 * rows * width, f"{rows} rows of {width} columns")
+            refuse_more_than_helps({path: (rows, width)})
+            what = f"{rows} rows of {width} columns"
+            refuse_too_much(path, 8 * rows * width, what, _COPIES_OF_WORK)
             _refuse_twice(path, file.schema_arrow.names)
             content = file.read()
     except (pa.ArrowException, OSError, ValueError) as error:
@@ -95,18 +102,19 @@ def table(path: str | Path) -> tuple[dict[str, Float[np.ndarray, " sample"]], di
     return columns, meta
 
 
-def refuse_too_much(path: Path, size: int, what: str = "") -> None:
+def refuse_too_much(path: Path, size: int, what: str = "", copies: int = _COPIES) -> None:
     """Refuse what does not fit the memory of this machine, before it is read.
 
     Args:
         path: the file.
         size: of its numbers when read [B].
         what: how many there are, for the message.
+        copies: of them that the work keeps.
 
     Raises:
         RecordingError: they would not fit.
     """
-    needed = _COPIES * size
+    needed = copies * size
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if needed > _SHARE_OF_MEMORY * memory:
         raise RecordingError(
@@ -114,6 +122,38 @@ def refuse_too_much(path: Path, size: int, what: str = "") -> None:
             f"{needed / 2**30:.0f} GiB of this machine's {memory / 2**30:.0f}; cut it, or thin it "
             "out"
         )
+
+
+def refuse_more_than_helps(sizes: Mapping[str | Path, tuple[int, int]]) -> None:
+    """Refuse recordings that would be worked on for minutes before a word is said.
+
+    Args:
+        sizes: rows and columns of each file that is worked on at once.
+
+    Raises:
+        RecordingError: they are; the message says by how much to cut them.
+    """
+    numbers = sum(rows * width for rows, width in sizes.values())
+    if numbers <= _MOST:
+        return
+    files = ", ".join(f"'{path}'" for path in sizes)
+    (rows, width), *more = sizes.values()
+    have = f"{len(sizes)} files have" if more else f"{rows} rows of {width} columns are"
+    raise RecordingError(
+        f"{files}: {have} {numbers / 1e6:.0f} million numbers, and at most {_MOST / 1e6:.0f} "
+        "million are worked on at once; cut out the telling part, or keep one row in "
+        f"{-(-numbers // _MOST)} of a log that is faster than its controller"
+    )
+
+
+def sizes_of(paths: Iterable[str | Path]) -> dict[str | Path, tuple[int, int]]:
+    """Rows and columns of each of the files that are Parquet; none of it is read."""
+    sizes: dict[str | Path, tuple[int, int]] = {}
+    for path in paths:
+        with contextlib.suppress(pa.ArrowException, OSError, ValueError):
+            metadata = pq.read_metadata(path)
+            sizes[path] = metadata.num_rows, metadata.num_columns
+    return sizes
 
 
 def _refuse_twice(path: Path, names: Sequence[str]) -> None:

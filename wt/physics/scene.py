@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -31,6 +32,7 @@ _DYNAMICS = tuple(
 Amendment = Callable[[mujoco.MjSpec], None]
 """Changes a model."""
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+_GIVE = "give a motor, position, velocity, intvelocity or filtered actuator"
 
 
 @dataclass(frozen=True)
@@ -166,6 +168,42 @@ def _range(limited: bool, ends: Float[np.ndarray, " 2"]) -> tuple[float, float]:
     return (float(ends[0]), float(ends[1])) if limited else (-np.inf, np.inf)
 
 
+def _refuse_unknown(m: mujoco.MjModel, spec: mujoco.MjSpec, path: Path) -> None:
+    """Refuse a machine whose state recordings cannot tell, or whose laws are not known here.
+
+    Raises:
+        ModelError: it is such a machine; the message names the element.
+    """
+    for i in range(m.njnt):
+        if int(m.jnt_type[i]) not in _SCALAR:
+            raise ModelError(
+                f"joint '{m.joint(i).name}' of '{path}' is a ball; only machines of hinges, slides "
+                "and free bases can be diagnosed yet: write it as three hinges in one body, or "
+                "leave it out where it is rigid"
+            )
+    for actuator in spec.actuators:
+        kind, plugin = int(m.actuator_dyntype[actuator.id]), actuator.plugin
+        named = f"actuator '{actuator.name}' of '{path}'"
+        if m.actuator_plugin[actuator.id] >= 0:
+            raise ModelError(
+                f"{named} is a plugin ({plugin.plugin_name or plugin.name}), whose law and state "
+                f"are not known here; {_GIVE}"
+            )
+        if kind not in _DYNAMICS:
+            raise ModelError(
+                f"{named} has dynamics of its own "
+                f"({mujoco.mjtDyn(kind).name.removeprefix('mjDYN_').lower()}), whose state no "
+                f"recording tells; {_GIVE}"
+            )
+    for flex in spec.flexes:
+        if m.flex_rigid[flex.id]:
+            continue
+        raise ModelError(
+            f"flex '{flex.name}' of '{path}' is deformable, and no recording tells how its "
+            'vertices move; leave it out, or make it rigid (<flexcomp rigid="true">)'
+        )
+
+
 class Scene:
     """A model of a machine as effects see it: all of its joints are hinges and slides.
 
@@ -193,7 +231,7 @@ class Scene:
         try:
             spec = self.written()
             self.free = base.expand(spec)
-            self.model = spec.compile()
+            self.model, doubts = source.compiled(spec)
         except (ValueError, mujoco.FatalError) as error:
             reason = (str(error).strip().splitlines() or ["no reason given"])[0]
             raise ModelError(f"model '{path}' does not compile: {reason}") from error
@@ -203,21 +241,9 @@ class Scene:
                 'timestep="0.002"/> or another one above zero'
             )
         self.data = mujoco.MjData(self.model)
-        for i in range(self.model.njnt):
-            if int(self.model.jnt_type[i]) not in _SCALAR:
-                raise ModelError(
-                    f"joint '{self.model.joint(i).name}' of '{path}' is a ball; only machines "
-                    "of hinges, slides and free bases can be diagnosed yet"
-                )
-        for i in range(self.model.nactuator):
-            kind = int(self.model.actuator_dyntype[i])
-            if kind not in _DYNAMICS:
-                raise ModelError(
-                    f"actuator '{self.model.actuator(i).name}' of '{path}' has dynamics of its own "
-                    f"({mujoco.mjtDyn(kind).name.removeprefix('mjDYN_').lower()}), whose state no "
-                    "recording tells; give a motor, position, velocity, intvelocity or filtered "
-                    "actuator"
-                )
+        _refuse_unknown(self.model, spec, self.path)
+        for doubt in doubts:
+            warnings.warn(f"model '{path}': {doubt}", stacklevel=2)
 
     def written(self, amended: bool = True) -> mujoco.MjSpec:
         """A fresh editable copy of the model as it is written, with or without the amendments.
@@ -251,7 +277,7 @@ class Scene:
     @cached_property
     def given(self) -> mujoco.MjModel:
         """The model as it is written, compiled: what recordings name their columns after."""
-        return self.written().compile()
+        return source.compiled(self.written())[0]
 
     @cached_property
     def joints(self) -> tuple[str, ...]:

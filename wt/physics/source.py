@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 import re
+import warnings
 from pathlib import Path
 
 import mujoco
 
 from wt.errors import ModelError
+from wt.physics.quiet import quiet
 
 _COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 _TAG = re.compile(rb"""<([A-Za-z_][\w.-]*)((?:[^"'<>]|"[^"]*"|'[^']*')*)>""")
@@ -55,12 +57,28 @@ def read(path: Path) -> mujoco.MjSpec:
     Raises:
         ValueError: MuJoCo refuses it.
     """
-    spec = mujoco.MjSpec.from_file(str(path))
+    with quiet():  # of what will be deprecated one day
+        spec = mujoco.MjSpec.from_file(str(path))
     try:
         spec.comment  # noqa: B018 – the first of the file, of any encoding
     except UnicodeDecodeError:
         spec.comment = ""
     return spec
+
+
+def compiled(spec: mujoco.MjSpec) -> tuple[mujoco.MjModel, tuple[str, ...]]:
+    """Compile a model in silence.
+
+    Returns:
+        (the model; what MuJoCo warns of, a line each).
+
+    Raises:
+        ValueError: MuJoCo refuses it.
+    """
+    with quiet(), warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        model = spec.compile()
+    return model, tuple(dict.fromkeys(" ".join(str(w.message).split()) for w in caught))
 
 
 def name_unnamed(spec: mujoco.MjSpec) -> bool:
@@ -73,7 +91,7 @@ def name_unnamed(spec: mujoco.MjSpec) -> bool:
     if all(element.name for elements in kinds.values() for element in elements):
         return False
     copy = spec.copy()
-    copy.compile()  # which gives ids
+    compiled(copy)  # which gives ids
     for kind, numbered in {"joint": copy.joints, "actuator": copy.actuators}.items():
         taken = {element.name for element in kinds[kind]}
         for element, same in zip(kinds[kind], numbered, strict=True):

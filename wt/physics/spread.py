@@ -24,7 +24,8 @@ def over(jobs: int | str | None) -> Iterator[None]:
             one of this machine's cores, which ends with the block), or None for one thread a core.
 
     Raises:
-        UserError: it is none of these, Ray is not installed, or its cluster cannot be used.
+        UserError: it is none of these, or the cluster cannot be used.
+        WorkError: Ray is not installed.
     """
     with _opened(jobs) as runner, choose(runner):
         yield

@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 from tests.diagnose.hidden_forces import chain, record
+from wt.data import recording as recordings
 from wt.diagnose.recordings.prepare import Prepared, prepare, turned
+from wt.errors import RecordingError
 from wt.physics.scene import Scene
 
 
@@ -46,3 +48,33 @@ def test_of_one_recording_the_first_quarter_is(scene: Scene) -> None:
 def test_what_is_for_the_proof_only_is_never_fitted(scene: Scene) -> None:
     one, two = (record(chain(1), None, 3.0, i) for i in range(2))
     assert turned(prepare(scene, [one], [two])) is None
+
+
+def test_what_is_given_twice_is_refused_under_whatever_name(scene: Scene, tmp_path: Path) -> None:
+    one, copy, other = (tmp_path / f"{name}.parquet" for name in ("one", "copy", "other"))
+    recordings.write(record(chain(1), None, 3.0, 0), one)
+    recordings.write(record(chain(1), None, 3.0, 1), other)
+    copy.write_bytes(one.read_bytes())
+    for fitted, held, said in (
+        ([one], [one], "is to be fitted and held out"),
+        ([other, one], [copy], "copy.parquet', which holds the same as '.*one.parquet', is to be"),
+        ([one, one], [], "one.parquet' is given twice"),
+        ([one], [other, other], "other.parquet' is given twice"),
+    ):
+        with pytest.raises(RecordingError, match=said) as error:
+            prepare(scene, fitted, held)
+        assert "\n" not in str(error.value)
+    assert indices(prepare(scene, [one], [other])) == ([0], [1])
+
+
+def test_more_than_helps_in_all_is_refused_before_it_is_read(
+    scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = [tmp_path / "a.parquet", tmp_path / "b.parquet"]
+    for i, file in enumerate(files):
+        recordings.write(record(chain(1), None, 3.0, i), file)
+    rows, width = recordings.sizes_of(files)[files[0]]
+    monkeypatch.setattr(recordings, "_MOST", rows * width)
+    monkeypatch.setattr(recordings, "read", None)
+    with pytest.raises(RecordingError, match="2 files have"):
+        prepare(scene, files, [])

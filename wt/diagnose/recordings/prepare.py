@@ -6,6 +6,7 @@ held-out parts.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -74,7 +75,9 @@ def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) ->
     """
     if not given:
         raise RecordingError("no recording was given; give at least one .parquet file")
-    _refuse_both(given, holdout)
+    files = [s for s in (*given, *holdout) if not isinstance(s, Recording)]
+    recordings.refuse_more_than_helps(recordings.sizes_of(files))
+    _refuse_twice(given, holdout)
     audit: dict[tuple[object, ...], AuditFinding] = {}
     read = [_read(scene, source, i, audit) for i, source in enumerate([*given, *holdout])]
     named = _numbered(read)
@@ -140,15 +143,29 @@ def _split(
     return Prepared(tuple(fit), tuple(held_out), tuple(used), names, split, audit)
 
 
-def _refuse_both(given: Sequence[Source], holdout: Sequence[Source]) -> None:
-    """Refuse a file that is to be fitted and to prove the fit."""
-    fitted = {Path(s).resolve() for s in given if not isinstance(s, Recording)}
-    for source in holdout:
-        if not isinstance(source, Recording) and Path(source).resolve() in fitted:
+def _refuse_twice(given: Sequence[Source], holdout: Sequence[Source]) -> None:
+    """Refuse contents that are to be fitted and to prove the fit, or to count twice."""
+    seen: dict[str, tuple[Source, bool]] = {}
+    named = [(s, False) for s in given] + [(s, True) for s in holdout]
+    for source, held in named:
+        if isinstance(source, Recording) or not Path(source).is_file():
+            continue
+        with Path(source).open("rb") as file:
+            contents = hashlib.file_digest(file, "sha256").hexdigest()
+        if contents not in seen:
+            seen[contents] = source, held
+            continue
+        earlier, held_before = seen[contents]
+        same = "" if str(earlier) == str(source) else f", which holds the same as '{earlier}',"
+        if held == held_before:
             raise RecordingError(
-                f"'{source}' is to be fitted and held out: what was fitted proves nothing; name it "
+                f"'{source}'{same} is given twice: what is told twice is no more likely; name it "
                 "once"
             )
+        raise RecordingError(
+            f"'{source}'{same} is to be fitted and held out: what was fitted proves nothing; give "
+            "another recording of the same machine, or leave --holdout out"
+        )
 
 
 def _roles(fit: list[Part], held_out: list[Part]) -> tuple[tuple[Role, list[Part]], ...]:

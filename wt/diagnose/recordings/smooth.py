@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 from jaxtyping import Float
@@ -36,6 +37,13 @@ _COARSEST = 0.05  # s between knots: slower than any motion that matters
 _STILL = 0.1  # rad/s or m/s: below, dry friction may be less than it is
 _STEPS, _NUDGE = 8, 1e-6
 """Steps in which an integrator's begin is found, and by what its slope is taken [rad or m]."""
+_MEAN_S = 0.1
+"""Forces are compared in means of so long [s]: shorter than any motion that tells them apart."""
+_TRIMS, _JOLT = 3, 5.0
+"""Turns in which samples are left out whose errors are so many times the median."""
+_TRIVIAL = 3e-3
+"""Errors of forces that tell nothing, as a share of what the motion demands: steps of time, and the
+smoothing, leave them too."""
 FINEST_S = 3e-3
 """Even grids are no finer [s]: forces at 1 kHz say no more than at a third of the rate, and the
 screen takes thrice the time."""
@@ -251,15 +259,17 @@ def _begun(smoothed: Smoothed, parts: Sequence[Part]) -> dict[int, Float[np.ndar
     """Activations of integrators where each recording began, of which nothing recorded says.
 
     They began where forces balance in the mean of a recording, but for what follows the motion:
-    friction, inertia, or a share of all. At the ends of its range an activation forgets where it
-    began, so that this is found in steps.
+    friction, inertia, or a share of all, where any of these shows. At the ends of its range
+    an activation forgets where it began, so that this is found in steps.
     """
     motion, model = smoothed.motion, smoothed.motion.scene.model
     begun = {part.index: np.zeros(model.nactuator) for part in parts}
     for part in parts:
         rows = np.zeros(len(motion.t), bool)
-        for segment in motion.segments:
-            rows[segment.rows] |= segment.recording == part.index
+        for segment in motion.segments:  # at its very ends a curve's slope is loose
+            end = round(_MEAN_S / segment.dt)
+            inner = slice(segment.rows.start + end, segment.rows.stop - end)
+            rows[inner] |= segment.recording == part.index
         t, command, _ = commanded(motion.scene, part.recording)
         start, given = begun[part.index], activated(model, t, command)
         for drive in (d for d in motion.scene.drives if d.index in integrating(model)):
@@ -275,12 +285,60 @@ def _begun(smoothed: Smoothed, parts: Sequence[Part]) -> dict[int, Float[np.ndar
                     for x in (acted - given[:, i], (moved - acted) / _NUDGE)
                 )
                 lacking = motion.unexplained[rows, drive.dof] - force * since
-                columns = np.stack([slope, *following], axis=1)
-                step = np.linalg.lstsq(columns, lacking, rcond=1e-6)[0][0] / force
+                columns = np.stack([slope, *following, lacking], axis=1)
+                step = _shared(_means(columns, max(1, round(_MEAN_S / motion.dt)))) / force
                 start[i] += step
                 if abs(step) < _NUDGE:
                     break
     return begun
+
+
+def _means(x: Float[np.ndarray, "sample column"], count: int) -> Float[np.ndarray, "_ column"]:
+    """Means of each ``count`` samples: noise of accelerations is in every force that has them."""
+    whole = len(x) // count * count
+    return np.asarray(x[:whole].reshape(-1, count, x.shape[1]).mean(axis=1))
+
+
+def _shared(columns: Float[np.ndarray, "row column"]) -> float:
+    """Coefficient of the first column in the last; the others contribute only if they show.
+
+    The last but one is the force that the motion demands.
+
+    A weight that hardly changes looks like the begin of an integrator, and the least error of a
+    model would be given to both. So each other force must be worth its parameter by the Bayesian
+    information criterion (G. Schwarz, 1978); so many samples are independent as errors change sign.
+    Jolts, which no smooth motion follows, are left out.
+    """
+    scale = np.sqrt(np.mean(columns**2, axis=0)) + 1e-12
+    columns, trivial = columns / scale, _TRIVIAL * scale[-2] / scale[-1]
+    others = range(1, columns.shape[1] - 1)
+    subsets = [(0, *c) for n in range(len(others) + 1) for c in combinations(others, n)]
+    for _ in range(_TRIMS):
+        left = _left(columns, subsets[-1])
+        columns = columns[np.abs(left) <= _JOLT * np.median(np.abs(left)) + trivial]
+    left = _left(columns, subsets[-1])
+    small = np.asarray(np.linalg.qr(columns, mode="r"))  # with the same least squares
+    independent = max(int(np.count_nonzero(np.diff(np.sign(left)))), 1)
+
+    def criterion(subset: tuple[int, ...]) -> float:
+        mse = float(np.sum(_left(small, subset) ** 2)) / len(columns)
+        parameters = len(subset) * np.log(independent)
+        return float(independent * np.log(mse + trivial**2) + parameters)
+
+    best = min(subsets, key=criterion)
+    return float(_least(small, best)[0] * scale[-1] / scale[0])
+
+
+def _least(columns: Float[np.ndarray, "row column"], subset: tuple[int, ...]) -> np.ndarray:
+    """Coefficients of some columns that come nearest to the last one."""
+    return np.asarray(np.linalg.lstsq(columns[:, subset], columns[:, -1], rcond=1e-6)[0])
+
+
+def _left(
+    columns: Float[np.ndarray, "row column"], subset: tuple[int, ...]
+) -> Float[np.ndarray, " row"]:
+    """What some columns leave of the last one."""
+    return np.asarray(columns[:, -1] - columns[:, subset] @ _least(columns, subset))
 
 
 def _constant(t: Float[np.ndarray, " sample"], value: float) -> BSpline:
