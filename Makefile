@@ -55,6 +55,8 @@ format: env ## lay the code out as lint wants it
 	$(BIN)/ruff check --fix --quiet .
 	$(BIN)/ruff format --quiet .
 
+# Those that take an hour or more, or a part of the machine for themselves, are run by hand: envs, diagnose,
+# stream, trials, toys, real and the public robots; each says how in its first lines.
 bench: env ## print the tables of speed
 	$(BIN)/python benchmarks/steps.py
 	$(BIN)/python benchmarks/collect.py

@@ -115,6 +115,24 @@ def play(commands: Path, model: Path, options: RunOptions) -> None:
     _run(job, options)
 
 
+def recover(folder: Path) -> None:
+    """Make the files of a run that was killed together with the process that keeps it.
+
+    Args:
+        folder: of the run.
+
+    Raises:
+        DataError: it has nothing to recover.
+        WorkError: the run still goes on.
+    """
+    from deploy.scribe import recover as recovered
+
+    written = [path.name for path in recovered(folder)]
+    what = f"recovered {', '.join(written)}, up to the last tick" if written else "it has no tick"
+    print(f"{folder}: {what}")
+    _tell_command(folder, written)
+
+
 def _run(prepare: Callable[[], _Job], options: RunOptions) -> None:
     """Do what the two above say; what can be refused is, before the robot is looked for.
 
@@ -127,8 +145,10 @@ def _run(prepare: Callable[[], _Job], options: RunOptions) -> None:
     from deploy.robot import Silent
     from deploy.runner import RATE_HZ, Runner, teller
     from deploy.safety import Limits
+    from deploy.scribe import discard
 
     bounds = Limits.parse(list(options.limits))
+    _refuse_unrecovered(options.out)
     if options.realtime:
         take_precedence()  # before the threads of policy and network begin
     job = prepare()
@@ -154,6 +174,7 @@ def _run(prepare: Callable[[], _Job], options: RunOptions) -> None:
         written = runner.recorder.write(folder, meta)
         for follower in followers:
             follower.dismiss()
+        discard(folder)
         if left and not written:
             _take_back(folder)
     _tell(folder, [p.name for p in written], outcome, runner.events)
@@ -189,6 +210,21 @@ def _folder(out: Path | None) -> Path:
     return folder
 
 
+def _refuse_unrecovered(folder: Path | None) -> None:
+    """Refuse a folder with what is left of a run that was killed: it would be lost.
+
+    Raises:
+        UserError: there is one.
+    """
+    from deploy.scribe import JOURNAL
+
+    if folder is not None and (folder / JOURNAL).exists():
+        raise UserError(
+            f"{folder} has the {JOURNAL} of a run that was killed; make a recording of it with "
+            f"'wt-run --recover {folder}', or give another --out"
+        )
+
+
 def _leave_model(path: Path, xml: str) -> bool:
     """Write the machine's MJCF unless it is there; False if it was.
 
@@ -212,12 +248,16 @@ def _take_back(folder: Path) -> None:
 
 def _tell(folder: Path, written: Sequence[str], outcome: RunOutcome, events: object) -> None:
     """Leave a report; print the timing, what was written, and how to compare it with the model."""
-    from deploy.record import RECORDING
-
     report = {"timing": outcome.timing.dict(), "events": events, "began": outcome.began}
     _write_whole(folder / REPORT, json.dumps(report, indent=1) + "\n")
     print(outcome.timing.text())
     print(f"{folder}: {', '.join([*written, MODEL, REPORT])}")
+    _tell_command(folder, written)
+
+
+def _tell_command(folder: Path, written: Sequence[str]) -> None:
+    from deploy.record import RECORDING
+
     if RECORDING in written:
         print(f"wt diagnose {folder / MODEL} {folder / RECORDING} --out {folder / 'diagnosis'}")
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import subprocess
+import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -34,23 +36,22 @@ def test_every_step_is_a_command_in_the_folder_and_done_once(
 ) -> None:
     folder, ran, said = tmp_path / "demo", list[str](), list[str]()
     monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://elsewhere")
+    started = subprocess.Popen
 
-    def run(command: list[str], **options: object) -> subprocess.CompletedProcess[str]:
-        environment = options["env"]
-        assert isinstance(environment, dict) and "MLFLOW_TRACKING_URI" not in environment
-        assert options["cwd"] == folder
+    def start(command: list[str], **options: Any) -> subprocess.Popen[str]:  # noqa: ANN401 – passed on
+        assert "MLFLOW_TRACKING_URI" not in options["env"] and options["cwd"] == folder
         ran.append(" ".join(command[3:]))
-        return subprocess.CompletedProcess(command, 0, "done", "")
+        return started([sys.executable, "-c", "print('done')"], **options)
 
-    monkeypatch.setattr(subprocess, "run", run)
+    monkeypatch.setattr(subprocess, "Popen", start)
     demo.prepare(folder)
     for lane in demo.lanes(folder):
         for step in lane:
-            demo._run(folder, step, said.append)
+            demo._run(folder, step, said.append, print)
             product = folder / step.product
             product.parent.mkdir(exist_ok=True)
             product.touch()
-            demo._run(folder, step, said.append)
+            demo._run(folder, step, said.append, print)
     assert [words.split()[0] for words in ran] == ["diagnose", "diagnose", "fit"]
     assert said[0].startswith("\n$ wt diagnose examples/arm/model.xml examples/arm/1.parquet")
 
@@ -58,7 +59,29 @@ def test_every_step_is_a_command_in_the_folder_and_done_once(
 def test_a_step_that_fails_says_why_in_one_line(tmp_path: Path) -> None:
     step = demo.Step(("wt", "diagnose", "none.xml", "none.parquet", "--out", "x"), "x")
     with pytest.raises(WorkError, match=r"failed: .*none"):
-        demo._run(tmp_path, step, print)
+        demo._run(tmp_path, step, print, print)
+
+
+def test_how_far_a_step_is_is_noted_while_it_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noted, said, started = list[str](), list[str](), subprocess.Popen
+    code = "import sys; print('naming: 80 %', file=sys.stderr); print('done')"
+    stand_in = [sys.executable, "-c", code]
+    monkeypatch.setattr(subprocess, "Popen", lambda _, **options: started(stand_in, **options))
+    step = demo.diagnosis_of("arm")
+    demo._run(tmp_path, step, said.append, noted.append)
+    assert noted == ["arm: naming: 80 %"] and said == [f"\n$ {step}\ndone"]
+
+
+def test_what_is_left_to_the_user_is_a_command_on_an_example(tmp_path: Path) -> None:
+    demo.prepare(tmp_path / "demo")
+    *_, line = demo._to_open(tmp_path / "demo")
+    change, command = line.strip().split(" && ")
+    assert change == f"cd {tmp_path / 'demo'}"
+    model, *recordings = command.split()[2:5]
+    assert command.startswith("wt diagnose examples/go2/") and len(recordings) == 2
+    assert all((tmp_path / "demo" / file).is_file() for file in (model, *recordings))
 
 
 def test_a_fit_that_was_interrupted_is_continued(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
-from wt.errors import UserError, WorkError
+from wt.errors import UserError, WorkError, lacking
 from wt.version import __version__
 
 if TYPE_CHECKING:
@@ -34,8 +34,8 @@ def connected(asked_by: str) -> Iterator[None]:
         asked_by: what the user asked for Ray with, for messages.
 
     Raises:
-        UserError: Ray is not installed, or nothing answers at ``RAY_ADDRESS``.
-        WorkError: Ray does not start on this machine.
+        UserError: nothing answers at ``RAY_ADDRESS``.
+        WorkError: Ray is not installed, or does not start on this machine.
     """
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     # one failure is raised here; that others of the same call failed too is no news
@@ -57,14 +57,12 @@ def check(asked_by: str) -> None:
     """Refuse to go on without Ray.
 
     Raises:
-        UserError: it is not installed.
+        WorkError: it is not installed.
     """
     try:
         import ray  # noqa: F401
     except ImportError as error:
-        raise UserError(
-            f"{asked_by} needs Ray, which is not installed: pip install '.[scale]'"
-        ) from error
+        raise WorkError(lacking(asked_by, "ray", "scale")) from error
 
 
 def cores() -> int:

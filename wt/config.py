@@ -161,6 +161,7 @@ class Train:
     devices: int = 1
     nodes: int = 1
     strategy: Strategy = "auto"
+    rerun: bool = False
 
 
 @dataclass

@@ -14,6 +14,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tempfile
 import typing
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -26,7 +27,12 @@ from wt.errors import UserError, WorkError
 MARK = ".wt-demo"
 """File that tells the folder of a demonstration from any other."""
 DIAGNOSED = ("arm", "cart")
-"""Examples that are diagnosed; ``go2`` takes minutes and is left to the user."""
+"""Examples that are diagnosed."""
+LEFT = "go2"
+"""The example that is left to the user, and how long that takes."""
+LASTS = "two to ten minutes"
+BASELINES = "baselines.names=[RawSim,ResDyn,MeanShiftOT,SimulatorEncoder]"
+"""Of those of ``conf/debug.yaml``: the others would take a sixth of the time, and say no more."""
 MODEL = "wt-debug@champion"
 Say = Callable[[str], None]
 
@@ -47,30 +53,36 @@ class Step:
         """The command line."""
         return shlex.join(self.words)
 
+    @property
+    def name(self) -> str:
+        """What stands before its progress: the folder of its product, else the command."""
+        return (*Path(self.product).parts, self.words[1])[0]
+
+
+def diagnosis_of(name: str) -> Step:
+    """The command that diagnoses an example."""
+    takes = (f"examples/{name}/{take}.parquet" for take in (1, 2))
+    words = ("wt", "diagnose", f"examples/{name}/model.xml", *takes, "--out", name)
+    return Step(words, f"{name}/report.html")
+
 
 def lanes(folder: Path) -> tuple[tuple[Step, ...], ...]:
     """Steps, those of different lanes side by side: one keeps a core busy."""
-    diagnoses = tuple(
-        Step(
-            ("wt", "diagnose", f"examples/{name}/model.xml",
-             *(f"examples/{name}/{take}.parquet" for take in (1, 2)), "--out", name),
-            f"{name}/report.html",
-        )
-        for name in DIAGNOSED
-    )  # fmt: skip
+    diagnoses = tuple(diagnosis_of(name) for name in DIAGNOSED)
     resume = ("--resume",) if (folder / "fit" / "config.yaml").is_file() else ()
     config = "fit/config.yaml" if resume else "debug"
     words = ("wt", "fit", "--config", config, "--out", "fit", *resume)
-    fit = Step((*words, *(() if resume else ("workers=1",))), "fit/results.json")
+    fit = Step((*words, *(() if resume else ("workers=1", BASELINES))), "fit/results.json")
     return diagnoses, (fit,)
 
 
-def demonstrate(folder: Path, say: Say) -> None:
+def demonstrate(folder: Path, say: Say, note: Say) -> None:
     """Do it all, and say what to open.
 
     Args:
         folder: new, empty, or that of an earlier demonstration.
         say: takes what is to be printed.
+        note: takes lines on how far a step is.
 
     Raises:
         UserError: the folder holds something else, or the package came without examples.
@@ -78,9 +90,9 @@ def demonstrate(folder: Path, say: Say) -> None:
     """
     prepare(folder)
     with ThreadPoolExecutor(2) as pool:
-        for done in [pool.submit(_run_all, folder, lane, say) for lane in lanes(folder)]:
+        for done in [pool.submit(_run_all, folder, lane, say, note) for lane in lanes(folder)]:
             done.result()
-    _run(folder, Step(("wt", "registry", "show", MODEL), ""), say)
+    _run(folder, Step(("wt", "registry", "show", MODEL), ""), say, note)
     say("\n".join(("", *_compared(folder), "", *_to_open(folder))))
 
 
@@ -104,27 +116,39 @@ def prepare(folder: Path) -> None:
             shutil.copytree(example, folder / "examples" / example.name)
 
 
-def _run_all(folder: Path, steps: Sequence[Step], say: Say) -> None:
+def _run_all(folder: Path, steps: Sequence[Step], say: Say, note: Say) -> None:
     for step in steps:
-        _run(folder, step, say)
+        _run(folder, step, say, note)
 
 
-def _run(folder: Path, step: Step, say: Say) -> None:
+def _run(folder: Path, step: Step, say: Say, note: Say) -> None:
     """Run one step unless its product is there; what it printed is said when it has ended.
+
+    What it says of its progress, on stderr, is noted at once.
 
     Raises:
         WorkError: it failed.
     """
     if step.product and (folder / step.product).is_file():
         return
-    done = subprocess.run(
-        [sys.executable, "-m", "wt.cli.main", *step.words[1:]],
-        cwd=folder, env=_environment(), capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    if done.returncode:
-        last = (done.stderr.strip() or done.stdout.strip()).splitlines()[-1:]
-        raise WorkError(f"'{step}' in {folder} failed: {' '.join(last).removeprefix('error: ')}")
-    say(f"\n$ {step}\n{done.stdout.rstrip()}")
+    words, last = [sys.executable, "-m", "wt.cli.main", *step.words[1:]], ""
+    with (
+        tempfile.TemporaryFile("w+") as printed,
+        subprocess.Popen(
+            words, cwd=folder, env=_environment(), text=True, stdout=printed, stderr=subprocess.PIPE
+        ) as process,
+    ):
+        assert process.stderr is not None
+        for line in filter(None, map(str.strip, process.stderr)):
+            last = line.removeprefix("error: ")
+            if last == line:
+                note(f"{step.name}: {line}")
+        code = process.wait()
+        printed.seek(0)
+        text = printed.read().rstrip()
+    if code:
+        raise WorkError(f"'{step}' in {folder} failed: {last or text[-200:]}")
+    say(f"\n$ {step}\n{text}")
 
 
 def _environment() -> dict[str, str]:
@@ -174,4 +198,10 @@ def _to_open(folder: Path) -> list[str]:
         ),
     ]
     wide = max(len(what) for what, _ in rows)
-    return ["What to open:", *(f"  {what:<{wide}}  {why}" for what, why in rows)]
+    return [
+        "What to open:",
+        *(f"  {what:<{wide}}  {why}" for what, why in rows),
+        "",
+        f"What to try, {LASTS} (examples/{LEFT}/answer.json has what is hidden):",
+        f"  cd {shlex.quote(str(folder))} && {diagnosis_of(LEFT)}",
+    ]

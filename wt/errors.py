@@ -47,6 +47,20 @@ class RegistryError(UserError):
     """A registry entry is missing, or its bytes are not those that were registered."""
 
 
+def lacking(what: str, package: str | None, extra: str) -> str:
+    """One line on a package that is not installed.
+
+    Args:
+        what: needs it.
+        package: as it is imported.
+        extra: of this package, which brings it.
+    """
+    return (
+        f"{what} needs the package '{package}', which the extra '{extra}' brings: "
+        f"pip install '.[{extra}]' in a clone, or pip install 'world_translation-….whl[{extra}]'"
+    )
+
+
 def suggest(given: str, allowed: Iterable[str]) -> str:
     """The nearest allowed name as '; did you mean …?', or the list of all allowed ones.
 

@@ -7,11 +7,13 @@ the predictions of every method that is already finished.
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import fields, replace
 from pathlib import Path
 
-from wt.baselines.base import longest_first
+from wt.baselines.base import find, longest_first
 from wt.config import FitConfig, load
 from wt.data.transitions import content_hash
 from wt.errors import ConfigError
@@ -22,7 +24,7 @@ from wt.run.folder import claim, keep, tracked
 from wt.run.jobs import Job, run_jobs
 from wt.run.publish import Published, check_name, publish
 from wt.run.study import Listener, Study, check
-from wt.run.track import Dataset, Run, machine
+from wt.run.track import NOTE, Dataset, Run, machine
 from wt.worlds.base import kind_of
 
 
@@ -76,25 +78,41 @@ def fit(config: FitConfig, folder: Path, listener: Listener) -> tuple[Published,
     Returns:
         What was published, and the MLflow run.
     """
-    with tracked(config, folder) as current, machine(current):
+    with tracked(config, folder) as current, machine(current), ExitStack() as stack:
         current.tags(_tags(config))
-        study = Study.open(config, folder, _Logged(listener, current))
+        study = Study.open(config, folder, _Logged(listener, current, stack))
         _announce_streams(study, listener)
-        current.inputs(_datasets(study))
+        used = _datasets(study)
+        current.inputs(used)
         methods = [OURS, PAPERS_OWN, *longest_first(config.baselines.names)]
         jobs = [Job(seed, method) for seed in config.seeds for method in methods]
         for job in jobs:
-            current.child(str(job)).params(job.parameters(config))
+            child = current.child(str(job))
+            child.params(job.parameters(config))
+            child.inputs(used)
+            child.tags({NOTE: _note(job, config.task)})
         run_jobs(study, jobs)
         by_seed = {seed: _evaluate(study, seed, current) for seed in config.seeds}
         return publish(study, by_seed, current), current
 
 
 class _Logged:
-    """Hands progress and warnings on, and metrics to the run of their method and seed in MLflow."""
+    """Hands progress and warnings on, and metrics to the run of their method and seed in MLflow.
 
-    def __init__(self, listener: Listener, tracked: Run) -> None:
-        self.progress, self.warn, self._tracked = listener.progress, listener.warn, tracked
+    The machine's load is logged to such a run, too, while it makes progress.
+    """
+
+    def __init__(self, listener: Listener, tracked: Run, stack: ExitStack) -> None:
+        self.warn, self._progress, self._tracked = listener.warn, listener.progress, tracked
+        self._stack, self._watched = stack, dict[str, ExitStack]()
+
+    def progress(self, what: str, done: int, total: int) -> None:
+        self._progress(what, done, total)
+        if what in self._tracked.children and what not in self._watched:
+            self._watched[what] = self._stack.enter_context(ExitStack())
+            self._watched[what].enter_context(machine(self._tracked.child(what)))
+        if what in self._watched and done >= total:
+            self._watched[what].close()
 
     def metrics(self, what: str, values: Mapping[str, float], step: int) -> None:
         self._tracked.child(what).metrics(values, step)
@@ -110,7 +128,21 @@ def _tags(config: FitConfig) -> dict[str, str]:
         f"{config.seeds}, one run below this one each.{row_text} `single_step.json` among the "
         "artifacts is the table, `rollout.rrd` is for `wt view`."
     )
-    return {"task": config.task, "paper.row": row or "none", "mlflow.note.content": note}
+    return {"task": config.task, "paper.row": row or "none", NOTE: note}
+
+
+def _note(job: Job, task: str) -> str:
+    """What a person reads of the run of one method and seed."""
+    if job.method in (OURS, PAPERS_OWN):
+        whose = "ours" if job.method == OURS else "the paper's, unchanged"
+        what = f"World Translation, {whose}"
+    else:
+        what = (inspect.getdoc(find(job.method)) or "").split("\n\n")[0].rstrip(".")
+    return (
+        f"`{job.method}` on the task `{task}`, seed {job.seed}: {' '.join(what.split())}. "
+        "`test/mse` is its error on pairs that neither trained nor chose, `val/…` its error on "
+        "what is held out while it trained."
+    )
 
 
 def _announce_streams(study: Study, listener: Listener) -> None:

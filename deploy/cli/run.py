@@ -17,6 +17,16 @@ PlayOption = Annotated[
 ModelOption = Annotated[
     Path | None, typer.Option(help="MJCF that they were made for: gains of the drives.")
 ]
+LimitsArgument = Annotated[
+    list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Change a safety limit.")
+]
+DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Compute everything, send nothing.")]
+RecoverOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR", help="Run nothing: write the files of a run that was killed with all of it."
+    ),
+]
 
 
 def command(
@@ -25,9 +35,7 @@ def command(
     ] = "",
     play: PlayOption = None,
     model: ModelOption = None,
-    limits: Annotated[
-        list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Change a safety limit.")
-    ] = None,
+    limits: LimitsArgument = None,
     robot: Annotated[RobotName, typer.Option(help="What to run it on.")] = "go2",
     interface: Annotated[
         str, typer.Option(help="Network interface of the robot; lo for wt-sim-go2.")
@@ -37,9 +45,7 @@ def command(
     out: Annotated[
         Path | None, typer.Option(help="Folder of recording and log [default: runs/go2-<time>].")
     ] = None,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Compute everything, send nothing.")
-    ] = False,
+    dry_run: DryRunOption = False,
     realtime: Annotated[
         bool, typer.Option("--realtime", help="Run before all else (root, or ulimit -r 20).")
     ] = False,
@@ -48,6 +54,7 @@ def command(
         typer.Option(help="The robot's: a line says when it is no longer the one in it."),
     ] = None,
     unit: Annotated[str, typer.Option(help="Which unit of it [default: the only one].")] = "",
+    recover: RecoverOption = None,
 ) -> None:
     """Run a policy on a robot: passive, stand up, policy, damping, as the operator says.
 
@@ -62,11 +69,15 @@ def command(
         wt-run --robot go2 --policy go2 --interface lo
         wt-run --robot go2 --policy go2@champion --interface eth0 --dry-run
         wt-run --play asked/experiment_1.parquet --model go2_hung.xml
+        wt-run --recover runs/go2-2026-11-21T10-00-00
     """
     from deploy.job import RunOptions, run
     from deploy.job import play as play_commands
+    from deploy.job import recover as recover_run
     from wt.errors import UserError
 
+    if recover is not None:
+        return recover_run(recover)
     if bool(policy) == (play is not None):
         raise UserError("give one of --policy and --play")
     if (play is None) != (model is None):

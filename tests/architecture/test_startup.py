@@ -127,6 +127,30 @@ def test_every_command_says_at_once_which_extra_it_misses(tmp_path: Path) -> Non
     assert sorted(p.name for p in tmp_path.iterdir()) == ["log.h5", "some.rrd"]
 
 
+FIT = """
+import wt.cli.main
+assert wt.cli.main.main(["fit", "--config", "debug", "--out", "run", *{words}]) == 1
+"""
+
+
+@pytest.mark.parametrize(
+    ("package", "words", "extra"),
+    [("onnxscript", [], "fit"), ("rerun", [], "view"), ("ray", ["collect.jobs=ray"], "scale")],
+)
+def test_a_fit_says_first_what_it_would_miss_in_the_end(
+    tmp_path: Path, package: str, words: list[str], extra: str
+) -> None:
+    code = BLOCKED.format(absent={package}, modules=[]) + FIT.format(words=words)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (0, ""), done.stderr[-2000:]
+    said = f"needs the package '{package}', which the extra '{extra}' brings: pip install"
+    assert said in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.long
 def test_every_extra_is_one_of_the_project_and_brings_what_is_said() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]

@@ -21,6 +21,7 @@ from wt.cli.diagnose import repeated
 from wt.cli.main import main
 from wt.data import recording as recordings
 from wt.diagnose import pipeline
+from wt.diagnose.pace import Expected
 from wt.diagnose.result import Diagnosis
 from wt.errors import RecordingError
 from wt.types import Recording
@@ -35,6 +36,7 @@ class Analysis:
         self.answer: Callable[[str], Diagnosis] = synthetic.diagnosis
         self.error: BaseException | None = None
         self.asked: dict[str, Any] = {}
+        self.expected: Expected | None = None
 
     def __call__(
         self,
@@ -44,6 +46,8 @@ class Analysis:
         **rest: Any,  # noqa: ANN401 – only kept
     ) -> Diagnosis:
         self.asked = {"model": model, "recordings": recordings, "holdout": holdout, **rest}
+        if self.expected:
+            rest["expect"](self.expected)
         rest["progress"]("screening", 0.5)
         if self.error:
             raise self.error
@@ -102,6 +106,18 @@ def test_nothing_and_unknown_are_answers(
     analysis.answer = answer
     assert main(["diagnose", model, "a.parquet", "--out", str(tmp_path / "out")]) == 0
     assert capsys.readouterr().out.startswith(said)
+
+
+@pytest.mark.parametrize(
+    ("nothing", "each", "said"), [(1.5, 1.0, False), (4.0, 2.0, True), (9.0, 4.0, True)]
+)
+def test_how_long_it_takes_is_said_unless_even_an_effect_is_found_at_once(
+    analysis: Analysis, model: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    nothing: float, each: float, said: bool,
+) -> None:  # fmt: skip
+    analysis.expected = Expected(nothing, each)
+    assert main(["diagnose", model, "r.parquet", "--out", str(tmp_path / "out")]) == 0
+    assert ("this takes about" in capsys.readouterr().err) is said
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ import typer
 
 import wt.cli
 from deploy.cli import run, sim_go2
+from wt.cli import finetune, train_policy
 from wt.cli.main import QUIET, build, main
 from wt.errors import ConfigError, WorkError
 
@@ -249,18 +250,30 @@ def test_every_command_says_its_version(words: str, capsys: pytest.CaptureFixtur
 
 
 def test_programs_of_their_own_say_it_too(capsys: pytest.CaptureFixture[str]) -> None:
-    for program in (run, sim_go2):
+    for program in (run, sim_go2, finetune, train_policy):
         assert program.main(["--version"]) == 0
         assert capsys.readouterr().out == f"wt {wt.__version__}\n"
 
 
+PROGRAMS = {
+    "wt": "wt.cli.main", "wt-finetune": "wt.cli.finetune", "wt-run": "deploy.cli.run",
+    "wt-sim-go2": "deploy.cli.sim_go2", "wt-train-policy": "wt.cli.train_policy",
+}  # fmt: skip
+
+
 @pytest.mark.parametrize(
-    ("words", "said"), [("wt dia", "diagnose"), ("wt diagnose --hol", "--holdout")]
-)
+    ("words", "said"),
+    [
+        ("wt dia", "diagnose"), ("wt diagnose --hol", "--holdout"), ("wt-run --pol", "--policy"),
+        ("wt-sim-go2 --hu", "--hung"), ("wt-finetune --con", "--config"),
+        ("wt-train-policy --ins", "--install"),
+    ],
+)  # fmt: skip
 def test_the_shell_is_told_what_a_word_may_become(words: str, said: str) -> None:
+    program = words.split()[0]
     asked = {"COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
-    asked["_WT_COMPLETE"] = "complete_bash"
-    code = "from wt.cli.main import main; main()"  # 'wt' is how the program is called
+    asked[f"_{program.replace('-', '_').upper()}_COMPLETE"] = "complete_bash"
+    code = f"import sys; from {PROGRAMS[program]} import main; sys.exit(main())"
     done = subprocess.run(
         [sys.executable, "-c", code],
         env={**os.environ, **asked}, capture_output=True, text=True, check=False,
@@ -278,3 +291,41 @@ def test_telemetry_is_switched_off_by_main_and_not_by_import() -> None:
     command = [sys.executable, "-c", code]
     result = subprocess.run(command, env=clean, capture_output=True, text=True, check=True)
     assert result.stdout.split("\n")[:3] == ["False", f"wt {wt.__version__}", "True"]
+
+
+def test_a_warning_is_one_line_said_once(
+    add_command: AddCommand, capsys: pytest.CaptureFixture[str]
+) -> None:
+    warn = "[warnings.warn(x, stacklevel=1) for x in ('a\\n  b', 'a b', 'c')]"
+    add_command("doubt", warn, imports="import warnings")
+    assert main(["doubt"]) == 0
+    assert capsys.readouterr().err == "warning: a b\nwarning: c\n"
+
+
+WARN = """
+def command() -> None:
+    import mujoco
+    xml = "<mujoco><worldbody><body><joint/><geom size='.1'/></body></worldbody></mujoco>"
+    model = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(model)
+    data.qvel[:] = 1e200
+    mujoco.mj_step(model, data)
+"""
+
+
+@pytest.mark.parametrize("first", ["", "import mujoco;"])
+def test_mujoco_writes_no_log_where_a_command_runs(first: str, tmp_path: Path) -> None:
+    (tmp_path / "cli").mkdir()
+    (tmp_path / "cli" / "warn.py").write_text(WARN)
+    code = (
+        f"import os, wt.cli; {first} from wt.cli.main import main;"
+        "wt.cli.__path__ = ['cli']; assert main(['warn']) == 0; assert os.listdir() == ['cli'];"
+        # and afterwards as it was
+        "from wt.cli import warn; warn.command(); assert 'MUJOCO_LOG.TXT' in os.listdir()"
+    )
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path, env=environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from wt.cli import _progress
-from wt.cli._progress import Lines, bar, bars
+from wt.cli._progress import Lines, bar, bars, waiting
 
 
 def test_lines_say_the_step_its_share_and_the_time(capsys: pytest.CaptureFixture[str]) -> None:
@@ -60,3 +60,11 @@ def test_warnings_are_printed_in_a_log_too(capsys: pytest.CaptureFixture[str]) -
     with bars() as listener:
         listener.warn("the run collapses [z]")
     assert capsys.readouterr().err == "warning: the run collapses [z]\n"
+
+
+def test_steps_of_work_that_waits_are_lines_of_a_log(capsys: pytest.CaptureFixture[str]) -> None:
+    with waiting("two diagnoses") as (say, note):
+        note("arm: naming: 80 %")
+        say("found")
+    out, err = capsys.readouterr()
+    assert (out, err) == ("found\n", "arm: naming: 80 %\n")

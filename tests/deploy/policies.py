@@ -10,7 +10,7 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from wt.worlds.policy import CARD, GRAPH, SHIPPED
+from wt.worlds.policy import CARD, GRAPH, SHIPPED, PolicyCard, metadata
 
 
 def write_policy(folder: Path, **changes: object) -> None:
@@ -35,6 +35,7 @@ def write_policy(folder: Path, **changes: object) -> None:
     tensor = numpy_helper.from_array(pick, "pick")
     graph = helper.make_graph(nodes, "policy", ports[:1], ports[1:], [tensor])
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=8)
+    helper.set_model_props(model, metadata(PolicyCard(**card)))
     content = model.SerializeToString()
     onnx.checker.check_model(model)
     folder.mkdir(parents=True)

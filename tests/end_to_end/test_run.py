@@ -194,6 +194,22 @@ def test_mlflow_holds_the_whole_run(
     for method in METHODS:
         told = children[f"{method}, seed 0"].data.metrics["test/mse"]
         assert told == results["single_step"][method]["mse"]
+    for method in METHODS:
+        one = children[f"{method}, seed 0"]
+        words = one.data.tags["mlflow.note.content"]
+        assert words.startswith(f"`{method}` on the task `r5_force`, seed 0: ") and len(words) > 150
+        assert {d.dataset.name for d in one.inputs.dataset_inputs} == {
+            f"r5_force/{what}" for what in ("sim", "real", "test")
+        }
+        if method == "RawSim":  # which learns nothing
+            continue
+        assert "system/cpu_utilization_percentage" in one.data.metrics
+        if method == "WorldTranslationPlus":  # without pairs it has no loop, see WorldTranslation
+            continue
+        curves = [name for name in one.data.metrics if name.startswith("val/")]
+        assert set(curves) & {"val/energy_distance", "val/mse"}, (method, curves)
+        history = client.get_metric_history(one.info.run_id, curves[0])
+        assert len({m.step for m in history}) > 4, method
     child = children["WorldTranslation, seed 0"]
     assert child.data.params["method"] == "WorldTranslation"
     assert child.data.params["train.steps"] == str(STEPS)

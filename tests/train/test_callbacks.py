@@ -1,16 +1,20 @@
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import lightning
 import pytest
 import torch
 
-from tests.train.conftest import Setup
+from tests.train.conftest import Setup, World
 from wt.config import Method
 from wt.errors import WorkError
 from wt.train.callbacks import CollapseLimits, CollapseWatch, ShowProgress
+from wt.train.fit import fit_world_model
 from wt.train.logger import SinkLogger
 from wt.train.module import WorldTranslation
 
@@ -95,3 +99,20 @@ def test_callbacks_refuse_another_module() -> None:
         ShowProgress(print, 1).on_train_batch_end(
             trainer, lightning.LightningModule(), None, None, 0
         )
+
+
+def test_curves_are_drawn_where_they_are_asked_for(
+    world: World, paper: Method, folder: Path
+) -> None:
+    shown = replace(paper, train=replace(paper.train, rerun=True))
+    for method, where in ((paper, "plain"), (shown, "drawn")):
+        data = (world.spec, method, world.sim, world.real, world.selection, 0)
+        fit_world_model(*data, folder / where)
+    assert not list((folder / "plain").glob("*.rrd"))
+    (drawn,) = (folder / "drawn").glob("*.rrd")
+    assert drawn.name == "training_0.rrd"
+    done = subprocess.run(
+        [Path(sys.executable).with_name("rerun"), "rrd", "print", "-v", drawn],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert "/vae/kl" in done.stdout and "/val/mse" in done.stdout

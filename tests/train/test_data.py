@@ -11,9 +11,11 @@ import torch
 
 from tests.train.conftest import Setup, World
 from wt.config import Method
+from wt.train.data import TranslationData
 from wt.train.fit import fit_world_model
 from wt.train.module import WorldTranslation
-from wt.train.score import score
+from wt.train.score import PairTensors, predictions, score
+from wt.types import Pairs
 
 SetUp = Callable[[Method], Setup]
 
@@ -42,6 +44,29 @@ def test_every_loader_gives_what_it_is_named_after(set_up: SetUp, paper: Method)
     (told,) = trainer().validate(setup.module, setup.data, verbose=False)
     wanted = score(setup.module.deployed(), setup.data.validation)
     assert told["val/mse"] == pytest.approx(wanted, rel=1e-5)
+
+
+def test_the_trainer_tests_on_pairs_that_chose_nothing(
+    set_up: SetUp, paper: Method, world: World
+) -> None:
+    setup = set_up(paper)
+    with pytest.raises(RuntimeError, match="no test pairs"):
+        setup.data.test_dataloader()
+    sim, real, batch, latent, seed, _ = setup.data._train
+    data = TranslationData(
+        sim, real, world.selection, batch=batch, latent=latent, seed=seed, test=world.pairs
+    )
+    (told,) = trainer().test(setup.module, datamodule=data, verbose=False)
+    states = predictions(setup.module.deployed(), pair_tensors(setup, world.pairs)).numpy()
+    frame, wanted = setup.module.model.frame, world.pairs.real.s_next
+    for name, unit in (("mse", frame.state.std), ("mse_change", frame.change.std)):
+        error = (((states - wanted) / unit.numpy()) ** 2).mean()
+        assert told[f"test/{name}"] == pytest.approx(error, rel=1e-5)
+
+
+def pair_tensors(setup: Setup, pairs: Pairs) -> PairTensors:
+    frame = setup.module.model.frame
+    return PairTensors.of(pairs, frame.state.std, frame.change.std)
 
 
 @pytest.mark.parametrize("which", ["paper", "plus"])

@@ -49,10 +49,13 @@ def test_rate_rises_over_a_tenth_and_falls_to_zero() -> None:
     assert (np.diff(rates[150:]) < 0).all() and rates[-1] < 1e-4
 
 
-def test_progress_is_told_every_hundred_steps() -> None:
+@pytest.mark.parametrize(("steps", "first", "count"), [(250, 2, 125), (30, 1, 30), (1999, 19, 106)])
+def test_progress_is_told_of_every_hundredth_and_of_the_last(
+    steps: int, first: int, count: int
+) -> None:
     told: list[tuple[int, int]] = []
-    fitted(Regression(250, 8, 0.01), progress=lambda done, total: told.append((done, total)))
-    assert told == [(100, 250), (200, 250)]
+    fitted(Regression(steps, 8, 0.01), progress=lambda done, total: told.append((done, total)))
+    assert told[0] == (first, steps) and told[-1] == (steps, steps) and len(told) == count
 
 
 def test_the_weights_of_the_lowest_score_are_kept() -> None:

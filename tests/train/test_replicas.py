@@ -11,33 +11,50 @@ import torch
 import torch.distributed
 
 from tests.train.conftest import World
-from wt.config import Method
+from wt.config import Device, Method
 from wt.train.batches import DomainData, StepBatches
+from wt.train.device import device_of, on
 from wt.train.fit import fit_world_model
 
 Seen = dict[int, dict[str, float]]
 
 
-def curve(world: World, method: Method, devices: int, folder: Path) -> tuple[Seen, torch.nn.Module]:
+def curve(
+    world: World, method: Method, devices: int, folder: Path, device: Device = "cpu"
+) -> tuple[Seen, torch.nn.Module]:
     seen: Seen = {}
 
     def sink(values: Mapping[str, float], step: int) -> None:
         seen.setdefault(step, {}).update(values)
 
     method = replace(method, train=replace(method.train, devices=devices))
-    model = fit_world_model(
-        world.spec, method, world.sim, world.real, world.selection, 0, folder, sink=sink
-    )
-    return seen, model
+    with on(device_of(device)):
+        model = fit_world_model(
+            world.spec, method, world.sim, world.real, world.selection, 0, folder, sink=sink
+        )
+    return seen, model.cpu()
 
 
-@pytest.mark.parametrize("segment", [pytest.param(1, marks=pytest.mark.long), 3])
+TWO_CUDA = pytest.mark.skipif(
+    torch.cuda.device_count() < 2, reason="no two CUDA devices on this machine"
+)
+
+
+@pytest.mark.parametrize(
+    ("segment", "device"),
+    [
+        pytest.param(1, "cpu", marks=pytest.mark.long),
+        (3, "cpu"),
+        pytest.param(1, "cuda", marks=TWO_CUDA),
+        pytest.param(3, "cuda", marks=TWO_CUDA),
+    ],
+)
 def test_the_curve_is_the_same_on_one_and_two_processes(
-    segment: int, world: World, plus: Method, tmp_path: Path
+    segment: int, device: Device, world: World, plus: Method, tmp_path: Path
 ) -> None:
     method = replace(plus, train=replace(plus.train, segment=segment))
-    alone, one = curve(world, method, 1, tmp_path / "one")
-    together, two = curve(world, method, 2, tmp_path / "two")
+    alone, one = curve(world, method, 1, tmp_path / "one", device)
+    together, two = curve(world, method, 2, tmp_path / "two", device)
     assert sorted(alone) == sorted(together)
     # a spread over the rows of a batch is no mean over them: each process has that of its share
     names = [name for name in alone[10] if name != "latent/active_std"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -30,18 +30,28 @@ def write(folder: Path, weight: np.ndarray, clock_period: float | None = None) -
     tensor = numpy_helper.from_array(weight, "weight")
     graph = helper.make_graph([node], "policy", ports[:1], ports[1:], [tensor])
     opset = [helper.make_opsetid("", 18)]
-    content = helper.make_model(graph, opset_imports=opset, ir_version=8).SerializeToString()
-    onnx.checker.check_model(onnx.load_model_from_string(content))
+    model = helper.make_model(graph, opset_imports=opset, ir_version=8)
+    onnx.checker.check_model(model)
     stiffness, velocity_gain = gains(GO2, GO2.physics)
     card = PolicyCard(
         name="test", robot="go2", rate_hz=50.0, joints=list(GO2.joints),
         default=list(GO2.default), action_scale=list(GO2.action_scale), stiffness=stiffness,
         velocity_gain=velocity_gain, observation=observation_names(GO2, clock_period is not None),
-        command_limits=[1.0, 0.5, 1.0], sha256=hashlib.sha256(content).hexdigest(),
+        command_limits=[1.0, 0.5, 1.0], sha256="",
         made_by="a test", training={}, config={}, clock_period=clock_period,
     )  # fmt: skip
-    (folder / GRAPH).write_bytes(content)
     (folder / CARD).write_text(card.text())
+    onnx.save(model, folder / GRAPH)
+    say(folder, metadata(card))
+
+
+def say(folder: Path, words: Mapping[str, str]) -> None:
+    """Write metadata into the graph, as its exporter does, and hash it anew."""
+    model = onnx.load(folder / GRAPH)
+    helper.set_model_props(model, dict(words))
+    content = model.SerializeToString()
+    (folder / GRAPH).write_bytes(content)
+    edit(folder, sha256=hashlib.sha256(content).hexdigest())
 
 
 @pytest.fixture
@@ -71,6 +81,7 @@ def test_the_gains_of_other_physics_are_refused_unless_asked_for(folder: Path) -
     with pytest.raises(ModelError, match=r"stiffness differs .*number 0 is 50.0 instead of 40.0"):
         Policy.load(folder, GO2, soft)
     edit(folder, stiffness=[40.0] * 12)
+    say(folder, metadata(PolicyCard.read(folder / CARD)))
     assert Policy.load(folder, GO2, soft).card.stiffness[0] == 40.0
 
 
@@ -148,17 +159,7 @@ def test_a_policy_that_does_not_exist_is_refused() -> None:
         Policy.load("nobody", GO2)
 
 
-def say(folder: Path, **changes: str) -> None:
-    """Write metadata into the graph, as its exporter does, with changes; and hash it anew."""
-    card, model = PolicyCard.read(folder / CARD), onnx.load(folder / GRAPH)
-    helper.set_model_props(model, metadata(card) | changes)
-    content = model.SerializeToString()
-    (folder / GRAPH).write_bytes(content)
-    edit(folder, sha256=hashlib.sha256(content).hexdigest())
-
-
 def test_the_graph_speaks_as_mjlab_s_do(folder: Path) -> None:
-    say(folder)
     said = {p.key: p.value for p in onnx.load(folder / GRAPH).metadata_props}
     assert said["joint_names"].split(",") == list(GO2.joints)
     for key in ("joint_stiffness", "joint_damping", "default_joint_pos", "action_scale"):
@@ -184,16 +185,25 @@ def test_the_graph_speaks_as_mjlab_s_do(folder: Path) -> None:
 def test_a_graph_that_contradicts_its_card_is_refused(
     folder: Path, key: str, change: Callable[[list[str]], list[str]]
 ) -> None:
-    was = metadata(PolicyCard.read(folder / CARD))[key].split(",")
-    say(folder, **{key: ",".join(change(was))})
+    said = metadata(PolicyCard.read(folder / CARD))
+    say(folder, said | {key: ",".join(change(said[key].split(",")))})
     with pytest.raises(ModelError, match=f"metadata and its card differ in {key}") as caught:
         Policy.load(folder, GO2)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("key", ["joint_names", "action_scale", "rate_hz"])
+def test_a_graph_that_does_not_say_what_its_card_does_is_refused(folder: Path, key: str) -> None:
+    said = metadata(PolicyCard.read(folder / CARD))
+    del said[key]
+    say(folder, said)
+    with pytest.raises(ModelError, match=f"metadata lack {key}, which its card has"):
+        Policy.load(folder, GO2)
 
 
 def test_numbers_may_have_the_three_decimals_that_mjlab_writes(folder: Path) -> None:
     said = metadata(PolicyCard.read(folder / CARD))
     numbers = ("joint_stiffness", "joint_damping", "default_joint_pos", "action_scale")
     rounded = {k: ",".join(f"{float(x):.3f}" for x in said[k].split(",")) for k in numbers}
-    say(folder, **rounded)
+    say(folder, said | rounded)
     assert Policy.load(folder, GO2).card.name == "test"

@@ -17,7 +17,7 @@ from tests.conftest import FromShared
 from tests.physics.test_ray import ran
 from tests.worlds.test_collect import SMALL
 from wt.config import load
-from wt.errors import UserError
+from wt.errors import WorkError
 from wt.run.study import check
 from wt.worlds.base import World, make
 
@@ -79,7 +79,8 @@ def test_without_ray_it_is_refused_before_anything_is_written(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(UserError, match=r"collect\.jobs=ray needs Ray, .*'\.\[scale\]'") as said:
+    said_by = r"collect\.jobs=ray needs the package 'ray', .*'\.\[scale\]'"
+    with pytest.raises(WorkError, match=said_by) as said:
         check(load("debug", ["collect.jobs=ray"]))
     assert "\n" not in str(said.value)
 

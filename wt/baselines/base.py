@@ -27,6 +27,7 @@ from wt.errors import ConfigError, suggest
 from wt.nets.frame import Frame
 from wt.nets.mlp import Ensemble, mlp
 from wt.train.hidden import Simulator
+from wt.train.logger import MetricSink
 from wt.train.mean_field import fit_normalizers
 from wt.train.regression import (
     Progress,
@@ -79,6 +80,8 @@ class Baseline(ABC):
         self.frame = Frame(spec, Mean())
         self.nets = nn.ModuleDict({"frame": self.frame})
         self.selection: Selection | None = None
+        self._sink: MetricSink | None = None
+        self._done = 0
 
     def train(
         self,
@@ -86,6 +89,7 @@ class Baseline(ABC):
         real: Transitions,
         selection: Selection | None = None,
         progress: Progress | None = None,
+        sink: MetricSink | None = None,
     ) -> None:
         """Fit normalisers and networks.
 
@@ -95,12 +99,19 @@ class Baseline(ABC):
             selection: held-out data on which :meth:`score` is taken while training; None to keep
                 the last weights.
             progress: called with (done, total) steps.
+            sink: where the scores go, by the steps that are done.
         """
         torch.manual_seed(self.seed)
         fit_normalizers(self.frame, sim, real)
         self.nets.update(self.build())
-        self.selection = selection
-        self.fit(sim, real, progress)
+        self.selection, self._sink, self._done = selection, sink, 0
+
+        def follow(done: int, total: int) -> None:
+            self._done = done
+            if progress:
+                progress(done, total)
+
+        self.fit(sim, real, follow)
 
     @classmethod
     def remark(cls, spec: TransitionSpec) -> str | None:
@@ -114,9 +125,24 @@ class Baseline(ABC):
             return None
         if self.translates:
             source = chosen_by.translated
-            return lambda: chosen_by.error(torch.tensor(self.predict(source)))
+            return self.drawn(
+                chosen_by.metric, lambda: chosen_by.error(torch.tensor(self.predict(source)))
+            )
         pairs, scale = self.held_out(chosen_by), self.frame.state.std.cpu().numpy()
-        return lambda: float((((self.predict(pairs) - pairs.real.s_next) / scale) ** 2).mean())
+        return self.drawn(
+            "mse", lambda: float((((self.predict(pairs) - pairs.real.s_next) / scale) ** 2).mean())
+        )
+
+    def drawn(self, metric: str, score: Score) -> Score:
+        """A score that is also a point of the training's curve ``val/<metric>``."""
+
+        def told() -> float:
+            value = score()
+            if self._sink:
+                self._sink({f"val/{metric}": value}, self._done)
+            return value
+
+        return told
 
     def held_out(self, selection: Selection) -> Pairs:
         """R's transitions that score a prediction, with the answer of S that it may read."""

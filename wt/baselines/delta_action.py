@@ -79,7 +79,7 @@ class DeltaAction(Baseline):
             answer = in_chunks(lambda rows: self.imitation(self._corrected(rows)), x)
             return float(((answer - change) ** 2).mean())
 
-        return measured
+        return self.drawn("mse", measured)
 
     def _imitate(
         self, x: Tensor, nominal: Tensor, real: Transitions, progress: Progress | None

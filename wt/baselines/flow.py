@@ -24,7 +24,7 @@ from wt.nets.world_model import WorldModel
 from wt.train import phases
 from wt.train.batches import StepBatch, StepBatches, in_frame
 from wt.train.device import seeded
-from wt.train.regression import BestWeights, Progress
+from wt.train.regression import BestWeights, Progress, tell
 from wt.translate import translate_state
 from wt.types import Pairs, Transitions
 
@@ -102,8 +102,7 @@ class FlowTranslation(Baseline):
                 optimizer.step()
             for schedule in schedules:
                 schedule.step()
-            if progress and step % 100 == 99:
-                progress(step + 1, settings.steps)
+            tell(progress, step + 1, settings.steps)
             best.look(step)
         best.restore()
         model.eval()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib.util
 
+from wt.errors import lacking
+
 EXTRAS = {
     "absl": "rivals",
     "colorama": "rivals",
@@ -40,13 +42,7 @@ def missing(module: str | None) -> str | None:
         module: dotted name of what could not be imported.
     """
     top = (module or "").partition(".")[0]
-    if top not in EXTRAS:
-        return None
-    extra = EXTRAS[top]
-    return (
-        f"this needs the package '{top}', which the extra '{extra}' brings: "
-        f"pip install '.[{extra}]' in a clone, or pip install 'world_translation-….whl[{extra}]'"
-    )
+    return lacking("this", top, EXTRAS[top]) if top in EXTRAS else None
 
 
 def need(*modules: str) -> None:

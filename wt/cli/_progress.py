@@ -66,13 +66,26 @@ def bar(beginning: str, timed: bool = False) -> Iterator[Callable[[str, float], 
 
 
 @contextmanager
-def waiting(what: str) -> Iterator[Callable[[str], None]]:
-    """A spinner over work that tells no share; yields what prints to stdout above it."""
+def waiting(what: str) -> Iterator[tuple[Callable[[str], None], Callable[[str], None]]]:
+    """A spinner over work that tells no share.
+
+    Yields:
+        What prints to stdout above it; and what shows a line on how far a step is: beside the
+        spinner, or as a line of the log where stderr is no terminal.
+    """
     from rich.console import Console
+    from rich.markup import escape
 
     console = Console(stderr=True)
-    with console.status(what):  # draws nothing where stderr is no terminal
-        yield lambda text: print(text, flush=True)
+    with console.status(what) as status:  # draws nothing where stderr is no terminal
+
+        def note(line: str) -> None:
+            if console.is_terminal:
+                status.update(f"{what}; {escape(line)}")
+            else:
+                print(line, file=sys.stderr, flush=True)
+
+        yield lambda text: print(text, flush=True), note
 
 
 class Lines:

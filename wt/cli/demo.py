@@ -26,5 +26,5 @@ def command(
     from wt.demo import demonstrate
 
     need("lightning", "mlflow", "rerun")
-    with waiting("two diagnoses and a fit, a minute and a half") as say:
-        demonstrate(out, say)
+    with waiting("two diagnoses and a fit, a minute and a half") as (say, note):
+        demonstrate(out, say, note)

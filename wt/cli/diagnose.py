@@ -29,8 +29,8 @@ EXPERIMENT = "diagnose"
 """Name of the experiment in MLflow."""
 _ONCE = "Ctrl-C once more ends the search and writes what is known by now; until then it goes on"
 _AGAIN = "ending the search; what is known is proven and written (Ctrl-C once more: nothing is)"
-QUICK_S = 10.0
-"""Shorter than this [s], nothing is said of how long it will take."""
+QUICK_S = 5.0
+"""Where even an effect is found sooner than this [s], nothing is said of how long it will take."""
 
 
 TranslationOption = Annotated[
@@ -193,8 +193,8 @@ def printed(diagnosis: Diagnosis, out: Path) -> Console:
 
 
 def _print_expected(expected: Expected) -> None:
-    """Say how long it will take, unless it is quick."""
-    if expected.nothing > QUICK_S:
+    """Say how long it will take, unless it is quick even where an effect is found."""
+    if expected.nothing + expected.each > QUICK_S:
         print(expected, file=sys.stderr, flush=True)
 
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import functools
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
-
-from wt.cli.main import subcommand
 
 
 def command(
@@ -64,8 +62,15 @@ def command(
     print(f"run {tracked.id} in {tracked.uri}; files in {folder}")
 
 
-main = functools.partial(subcommand, "finetune")
-"""Entry point of ``wt-finetune``."""
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point of ``wt-finetune``; its exit code.
+
+    Args:
+        argv: the arguments; None for those of this process.
+    """
+    from wt.cli.main import single
+
+    return single(command, "wt-finetune", argv)
 
 
 if __name__ == "__main__":

@@ -4,9 +4,20 @@ from __future__ import annotations
 
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from wt.cli._extras import need
+from wt.errors import WorkError
+
+if TYPE_CHECKING:
+    from wt.config import FitConfig
+    from wt.joined import Joined
+    from wt.run.study import Listener
+
+NEEDED = ("omegaconf", "torch", "lightning", "mlflow", "rerun", "onnxscript", "matplotlib")
+"""What configures, trains, tracks, shows and exports: the last would be missed after hours."""
 
 
 def command(
@@ -41,12 +52,11 @@ def command(
     """
     from rich.console import Console
 
+    need(*NEEDED)
     from wt.cli._progress import bars
     from wt.config import load
-    from wt.errors import ConfigError, WorkError
+    from wt.errors import ConfigError
     from wt.fit import fit, on_model, open_folder
-    from wt.joined import join
-    from wt.run.folder import CONFIG
 
     if resume and out is None:
         raise ConfigError("--resume needs --out: the folder of the run to continue")
@@ -57,15 +67,27 @@ def command(
     try:
         with bars() as listener:
             done, tracked = fit(settings, folder, listener)
-            both = join(settings, folder, listener) if settings.diagnose else None
+            both = _joined(settings, folder, listener) if settings.diagnose else None
     except KeyboardInterrupt as error:
-        raise WorkError(
-            "interrupted: nothing finished is lost; continue with: "
-            f"wt fit --config {folder / CONFIG} --resume --out {folder}"
-        ) from error
+        raise _interrupted(folder) from error
     console = Console()
     done.results.print_table(console)
     console.print(f"{done.version}: {done.version.decision}")
     if both is not None:
         both.print_table(console)
     console.print(f"run {tracked.id} in {tracked.uri}; files in {folder}", soft_wrap=True)
+
+
+def _joined(settings: FitConfig, folder: Path, listener: Listener) -> Joined:
+    from wt.joined import join  # with all of wt diagnose, which few runs need
+
+    return join(settings, folder, listener)
+
+
+def _interrupted(folder: Path) -> WorkError:
+    from wt.run.folder import CONFIG
+
+    return WorkError(
+        "interrupted: nothing finished is lost; continue with: "
+        f"wt fit --config {folder / CONFIG} --resume --out {folder}"
+    )

@@ -19,7 +19,7 @@ import typer
 
 import wt
 import wt.cli
-from wt.cli import _extras
+from wt.cli import _extras, _warnings
 from wt.errors import WTError
 
 QUIET = {
@@ -71,24 +71,15 @@ def single(command: Callable[..., object], name: str, argv: Sequence[str] | None
     return _run(one, name, argv)
 
 
-def subcommand(name: str, argv: Sequence[str] | None = None) -> int:
-    """Run a command of ``wt`` that has a program of its own too, and return its exit code.
-
-    Args:
-        name: of the command.
-        argv: its arguments; None for those of this process.
-    """
-    return main([name, *(sys.argv[1:] if argv is None else argv)])
-
-
 def _run(make: Callable[[], typer.Typer], name: str, argv: Sequence[str] | None) -> int:
     os.environ.update(QUIET)
     try:
         program = typer.main.get_command(make())
         _offer_version(program)
-        code = program.main(
-            args=None if argv is None else list(argv), prog_name=name, standalone_mode=False
-        )
+        with _warnings.no_log(), _warnings.one_line_each(_warn):
+            code = program.main(
+                args=None if argv is None else list(argv), prog_name=name, standalone_mode=False
+            )
     except Exception as error:
         if os.environ.get("WT_DEBUG", "0") not in ("", "0"):
             raise
@@ -170,6 +161,10 @@ def _disk_full(error: BaseException) -> bool:
 def _fail(message: str, exit_code: int) -> int:
     print(f"error: {printable(' '.join(message.split()))}", file=sys.stderr)
     return exit_code
+
+
+def _warn(text: str) -> None:
+    print(f"warning: {printable(text)}", file=sys.stderr)
 
 
 def printable(text: str) -> str:

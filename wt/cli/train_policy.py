@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import functools
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
-
-from wt.cli.main import subcommand
 
 
 def command(
@@ -74,8 +72,15 @@ def command(
     print(f"policy, card and checkpoint in {folder}")
 
 
-main = functools.partial(subcommand, "train-policy")
-"""Entry point of ``wt-train-policy``."""
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point of ``wt-train-policy``; its exit code.
+
+    Args:
+        argv: the arguments; None for those of this process.
+    """
+    from wt.cli.main import single
+
+    return single(command, "wt-train-policy", argv)
 
 
 if __name__ == "__main__":

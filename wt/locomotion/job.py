@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wt.errors import ConfigError
+from wt.errors import WorkError, lacking
 from wt.locomotion.config import PolicyConfig
 from wt.show.files import write_together
 from wt.worlds.policy import CARD, GRAPH, SHIPPED, Policy
@@ -49,7 +49,8 @@ def run(
         The table of its figures.
 
     Raises:
-        ConfigError: rsl_rl is not installed, or as :func:`wt.locomotion.train.train` says.
+        WorkError: rsl_rl is not installed.
+        ConfigError: as :func:`wt.locomotion.train.train` says.
         ModelError: ``start_from`` is no policy of this robot.
     """
     find_rsl_rl()
@@ -119,13 +120,11 @@ def find_rsl_rl() -> None:
     """Find out whether policies can be trained here.
 
     Raises:
-        ConfigError: rsl_rl is not installed.
+        WorkError: rsl_rl is not installed.
     """
     # it imports GitPython, which refuses to be imported where there is no git
     os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
     try:
         importlib.import_module("rsl_rl.runners")
     except ModuleNotFoundError as error:
-        raise ConfigError(
-            f"training needs {error.name}, which is not installed: pip install '.[rl]'"
-        ) from error
+        raise WorkError(lacking("training", error.name, "rl")) from error

@@ -122,7 +122,13 @@ def train(study: Study, job: Job, index: int = 0) -> None:
     if method not in (OURS, PAPERS_OWN):
         with on(device_of(config.device, index, replayed=False)):
             baseline = find(method)(study.world.spec, config.baselines, seed, study.world)
-            baseline.train(sim, real, selection, lambda k, n: listener.progress(str(job), k, n))
+            baseline.train(
+                sim,
+                real,
+                selection,
+                lambda k, n: listener.progress(str(job), k, n),
+                lambda values, step: listener.metrics(str(job), values, step),
+            )
         baseline.nets.cpu()
         study.keep_baseline(seed, baseline)
         study.keep(seed, method, baseline.predict(study.data.test))

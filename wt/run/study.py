@@ -41,7 +41,7 @@ def check(config: FitConfig) -> None:
     Raises:
         ConfigError: a world, one of its options, or a baseline is not known; a world is to be
             diagnosed that cannot be recorded; this machine has no such device.
-        UserError: Ray is asked for and not installed.
+        WorkError: Ray is asked for and not installed.
     """
     device.check(config.device)
     if config.collect.jobs == "ray":

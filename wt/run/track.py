@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from mlflow.entities import Metric
 
 UNKNOWN = "unknown"
+NOTE = "mlflow.note.content"
+"""Tag with the description that a person reads."""
 _BATCH = 1000  # what MLflow takes in one call; 100 for parameters
 _PARAMS = 100
 _INHERITED = ("commit", "task", "mlflow.source.git.commit", "mlflow.source.name",
@@ -139,6 +141,11 @@ class Run:
         self._flushed = time.monotonic()
         self._children: dict[str, Run] = {}
 
+    @property
+    def children(self) -> frozenset[str]:
+        """Names of the runs below this one that were asked for."""
+        return frozenset(self._children)
+
     def child(self, name: str) -> Run:
         """The run below this one that has a name: begun, or found again; it ends with this one."""
         if name not in self._children:
@@ -147,7 +154,7 @@ class Run:
         return self._children[name]
 
     def tags(self, values: Mapping[str, str]) -> None:
-        """Set tags; ``mlflow.note.content`` is the description that a person reads."""
+        """Set tags; :data:`NOTE` is the description that a person reads."""
         with answering(self.uri):
             for key, value in values.items():
                 self._client.set_tag(self.id, key, value)
@@ -306,7 +313,11 @@ def _child(client: MlflowClient, uri: str, parent: str, name: str) -> Run:
 
 @contextmanager
 def machine(current: Run) -> Iterator[None]:
-    """Log the machine's load (``system/…``) while a run goes on: processors, memory, disk, GPU."""
+    """Log the machine's load (``system/…``) while a run goes on: processors, memory, disk, GPU.
+
+    Every ten seconds, and at the end, so that a short run has it too.
+    """
+    from mlflow.exceptions import MlflowException
     from mlflow.system_metrics.system_metrics_monitor import SystemMetricsMonitor
 
     with quiet():
@@ -315,8 +326,11 @@ def machine(current: Run) -> Iterator[None]:
     try:
         yield
     finally:
-        with quiet():
+        with quiet(), suppress(MlflowException):  # what ended the run matters more
             monitor.finish()
+            monitor.collect_metrics()
+            monitor.publish_metrics(monitor.aggregate_metrics())
+            monitor.mlflow_logger.flush()
 
 
 def _user() -> str:

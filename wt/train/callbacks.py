@@ -1,16 +1,21 @@
-"""What watches a training: its progress, and its ways of collapsing."""
+"""What watches a training: its progress, its curves, and its ways of collapsing."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import lightning
 
 from wt.errors import WorkError
 from wt.train.module import WorldTranslation
 from wt.train.regression import Progress
+
+if TYPE_CHECKING:
+    import rerun
 
 
 class ShowProgress(lightning.Callback):
@@ -37,6 +42,70 @@ class ShowProgress(lightning.Callback):
         module = _own(pl_module)
         if module.own_step % self._every == 0:
             self._progress(module.own_step, module.model.method.train.steps)
+
+
+class RerunCurves(lightning.Callback):
+    """Draws the metrics into a recording for Rerun, which can be looked at while they grow.
+
+    A training that is continued begins another recording: ``training_<step>.rrd``.
+    """
+
+    def __init__(self, folder: Path, every: int) -> None:
+        """Set up.
+
+        Args:
+            folder: where recordings go.
+            every: steps between two points.
+        """
+        self._folder, self._every = folder, every
+        self._recording: rerun.RecordingStream | None = None
+
+    def on_train_start(
+        self, trainer: lightning.Trainer, pl_module: lightning.LightningModule
+    ) -> None:
+        """Begin a recording."""
+        import rerun
+
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self._recording = rerun.RecordingStream("World Translation: training")
+        self._recording.save(self._folder / f"training_{_own(pl_module).own_step}.rrd")
+
+    def on_train_batch_end(
+        self,
+        trainer: lightning.Trainer,
+        pl_module: lightning.LightningModule,
+        outputs: object,
+        batch: object,
+        batch_idx: int,
+    ) -> None:
+        """Draw the step's metrics."""
+        module = _own(pl_module)
+        if module.own_step % self._every == 0:
+            self._draw({k: float(v) for k, v in module.metrics.items()}, module.own_step)
+
+    def on_validation_epoch_end(
+        self, trainer: lightning.Trainer, pl_module: lightning.LightningModule
+    ) -> None:
+        """Draw what was measured on what is held out."""
+        values = {k: float(v) for k, v in trainer.callback_metrics.items() if k.startswith("val/")}
+        self._draw(values, _own(pl_module).own_step)
+
+    def on_train_end(
+        self, trainer: lightning.Trainer, pl_module: lightning.LightningModule
+    ) -> None:
+        """Close the recording."""
+        if self._recording:
+            self._recording.disconnect()
+        self._recording = None
+
+    def _draw(self, values: Mapping[str, float], step: int) -> None:
+        import rerun
+
+        if self._recording is None:  # validation without training
+            return
+        self._recording.set_time("step", sequence=step)
+        for name, value in values.items():
+            self._recording.log(name, rerun.Scalars(value))
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The data of a training as Lightning takes it: loaders of training and of validation."""
+"""The data of a training as Lightning takes it: loaders of training, validation and test."""
 
 from __future__ import annotations
 
@@ -6,12 +6,15 @@ from collections.abc import Iterator
 
 import lightning
 import torch
-from torch.utils.data import DataLoader, IterableDataset
+from torch import Tensor
+from torch.utils.data import DataLoader, IterableDataset, TensorDataset
 
 from wt.train.batches import Drawn, StepBatch, StepBatches
 from wt.train.module import WorldTranslation
+from wt.train.score import CHUNK
 from wt.train.segments import Segments
 from wt.train.selection import Selection
+from wt.types import Pairs
 
 
 class TranslationData(lightning.LightningDataModule):
@@ -22,6 +25,7 @@ class TranslationData(lightning.LightningDataModule):
 
     Attributes:
         validation: what chooses the checkpoint; nothing is trained on it.
+        test: pairs that neither train nor choose; None where there are none.
     """
 
     def __init__(
@@ -34,6 +38,7 @@ class TranslationData(lightning.LightningDataModule):
         latent: int,
         seed: int,
         segments: Segments | None = None,
+        test: Pairs | None = None,
     ) -> None:
         """Keep references.
 
@@ -45,10 +50,11 @@ class TranslationData(lightning.LightningDataModule):
             latent: size of z, for the noise.
             seed: same seed, same batches.
             segments: where training is on segments too.
+            test: pairs for ``Trainer.test``.
         """
         super().__init__()
         self._train = sim, real, batch, latent, seed, segments
-        self.validation = validation
+        self.validation, self.test = validation, test
 
     def train_dataloader(self) -> DataLoader[StepBatch]:
         """Endless batches, from the module's own step on."""
@@ -62,6 +68,14 @@ class TranslationData(lightning.LightningDataModule):
         """What is held out, as one batch; every process sees all, and so chooses the same."""
         return DataLoader([self.validation], batch_size=None, collate_fn=_as_it_is)  # type: ignore[arg-type]
 
+    def test_dataloader(self) -> DataLoader[tuple[Tensor, ...]]:
+        """The pairs in order: observations, actions, and the next states of S and of R."""
+        if self.test is None:
+            raise RuntimeError("these data have no test pairs: make them with test=Pairs(…)")
+        real, sim_next = self.test.real, self.test.sim_next
+        columns = (torch.tensor(x, device="cpu") for x in (real.o, real.a, sim_next, real.s_next))
+        return DataLoader(TensorDataset(*columns), batch_size=CHUNK)
+
     def to(self, device: torch.device) -> TranslationData:
         """The same data on another device."""
         sim, real, batch, latent, seed, segments = self._train
@@ -73,6 +87,7 @@ class TranslationData(lightning.LightningDataModule):
             latent=latent,
             seed=seed,
             segments=segments and segments.to(device),
+            test=self.test,
         )
 
 

@@ -24,7 +24,7 @@ from wt.nets.simulator_use import UNTRIED, use_of
 from wt.nets.world_model import WorldModel
 from wt.train.answers import answers_of, with_answers
 from wt.train.batches import in_frame, within
-from wt.train.callbacks import CollapseWatch, ShowProgress
+from wt.train.callbacks import CollapseWatch, RerunCurves, ShowProgress
 from wt.train.checkpoints import WholeCheckpoints
 from wt.train.data import TranslationData
 from wt.train.device import beside, on
@@ -209,6 +209,8 @@ def _run(
     watchers: list[lightning.Callback] = [CollapseWatch(warn, train.log_every)]
     if progress:
         watchers.append(ShowProgress(progress, train.log_every))
+    if train.rerun:
+        watchers.append(RerunCurves(folder, train.log_every))
     given: tuple[Any, ...] = ()
     if train.devices > 1:
         # a copy: tensors that are given to another process are the same memory in both

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from typing import Any
@@ -21,7 +21,7 @@ from wt.config import Method
 from wt.nets.world_model import WorldModel
 from wt.train import graphs, phases, replicas
 from wt.train.batches import StepBatch
-from wt.train.score import PairTensors, reconstructions, score
+from wt.train.score import PairTensors, errors, reconstructions, score
 from wt.train.selection import Selection
 from wt.types import TransitionSpec
 
@@ -130,6 +130,20 @@ class WorldTranslation(lightning.LightningModule):
         for name, value in values.items():
             self.log(f"val/{name}", value, batch_size=1)
         self._log_step()
+
+    def test_step(self, batch: Sequence[Tensor], batch_idx: int) -> None:
+        """Error on pairs of a model that would be exported now.
+
+        Args:
+            batch: observations, actions, next states of S and of R, as test loaders give them.
+            batch_idx: not used.
+        """
+        frame = self.model.frame
+        o, a, sim_next, real_next = batch
+        pairs = PairTensors(o, a, sim_next, real_next, frame.state.std, frame.change.std)
+        names = ("test/mse", "test/mse_change")
+        values = dict(zip(names, errors(self.deployed(), pairs), strict=True))
+        self.log_dict(values, batch_size=len(pairs.o))
 
     def deployed(self) -> WorldModel:
         """The model as it would be exported now, sharing all but an averaged generator."""

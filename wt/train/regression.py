@@ -90,11 +90,16 @@ def regress(
         value.backward()
         optimizer.step()
         schedule.step()
-        if progress and step % 100 == 99:
-            progress(step + 1, settings.steps)
+        tell(progress, step + 1, settings.steps)
         best.look(step)
     best.restore()
     net.eval()
+
+
+def tell(progress: Progress | None, done: int, total: int) -> None:
+    """Tell of every hundredth of the steps, and of the last."""
+    if progress and (done % max(1, total // 100) == 0 or done == total):
+        progress(done, total)
 
 
 class BestWeights:

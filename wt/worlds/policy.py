@@ -279,9 +279,14 @@ def _check(card: PolicyCard, robot: LeggedRobot, physics: LeggedPhysics, folder:
 
 
 def _check_metadata(said: Mapping[str, str], card: PolicyCard, folder: Path) -> None:
-    """Compare what the graph says of itself, as far as it does, with its card."""
+    """Compare what the graph says of itself with its card."""
     for key, wanted in metadata(card).items():
-        given, known = said.get(key, wanted).split(","), wanted.split(",")
+        if key not in said:
+            raise ModelError(
+                f"policy {folder} does not fit: its graph's metadata lack {key}, which its card "
+                f"has ({wanted[:40]}…); export the policy again"
+            )
+        given, known = said[key].split(","), wanted.split(",")
         if len(given) != len(known) or not all(map(_same, given, known)):
             where = _first_difference(given, known)
             raise ModelError(

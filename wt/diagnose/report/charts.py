@@ -267,16 +267,29 @@ def _variable(
 def _command_unit(
     diagnosis: Diagnosis, model: mujoco.MjModel | None, actuator: str, joint: str
 ) -> str:
-    """Unit of a command: of the joint's position for a servo, of its force for a motor."""
+    """Unit of a command: of the joint's position for a servo, of its force for a motor.
+
+    Where gains and gear scale it, so much of that as a command of 1 asks for: ``0.5 rad``.
+    """
     if model is None:
         return "-"
     drive = model.actuator(actuator)
-    gain, position, speed = drive.gainprm[0], drive.biasprm[1], drive.biasprm[2]
+    biases = mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE
+    affine = drive.gaintype[0] == mujoco.mjtGain.mjGAIN_FIXED
+    affine &= any(drive.biastype[0] == bias for bias in biases)
+    gain, gear, (_, position, speed) = drive.gainprm[0], drive.gear[0], drive.biasprm[:3]
+    if not affine or not gain * gear:
+        return "-"
+    # force = gear (gain u + position gear q + speed gear q̇): a servo rests where that is 0
     if position:
-        return diagnosis.unit_of(joint) if np.isclose(gain, -position) else "-"
-    if speed:
-        return f"{diagnosis.unit_of(joint)}/s" if np.isclose(gain, -speed) else "-"
-    return _force_unit(diagnosis, joint) if gain == 1.0 else "-"
+        scale, unit = -gain / (position * gear), diagnosis.unit_of(joint)
+    elif speed:
+        scale, unit = -gain / (speed * gear), f"{diagnosis.unit_of(joint)}/s"
+    else:
+        scale, unit = gain * gear, _force_unit(diagnosis, joint)
+    if drive.dyntype[0] == mujoco.mjtDyn.mjDYN_INTEGRATOR:
+        unit = f"{unit}/s"
+    return unit if np.isclose(scale, 1.0) else f"{scale:.3g} {unit}"
 
 
 def _drive_forces(
