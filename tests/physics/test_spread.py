@@ -176,9 +176,10 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[object]:
     return found
 
 
-def refusal(jobs: str, capsys: pytest.CaptureFixture[str]) -> str:
-    """The one line of a command that was refused."""
-    assert main(["diagnose", "m.xml", "a.parquet", "--out", "nowhere", f"--jobs={jobs}"]) == 2
+def refusal(jobs: str, capsys: pytest.CaptureFixture[str], code: int = 2) -> str:
+    """The one line of a command that was refused, with an exit code."""
+    words = ["diagnose", "m.xml", "a.parquet", "--out", "nowhere", f"--jobs={jobs}"]
+    assert main(words) == code
     printed = capsys.readouterr()
     assert printed.out == ""
     assert printed.err.count("\n") == 1
@@ -204,7 +205,7 @@ def test_without_ray_the_extra_is_named(
     asked: list[object], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
-    assert "pip install '.[scale]'" in refusal("ray", capsys)
+    assert "pip install '.[scale]'" in refusal("ray", capsys, code=1)
     assert asked == []
 
 

@@ -118,13 +118,14 @@ class Balance:
         self._model = free_of_forces(m)
         self._data = mujoco.MjData(self._model)
         self._demands: dict[tuple[Edit, ...], Float[np.ndarray, "row dof"]] = {}
+        self._known: dict[tuple[object, ...], _Fit] = {}
         self._felt = self._inertia()
         self.idle = self._undriven(held) if self.dynamic else ()
 
     def on(self, signals: Signals) -> Balance:
         """The same motion under other commands."""
         other = copy.copy(self)
-        other.signals = signals
+        other.signals, other._known = signals, {}
         return other
 
     def joint(self, dof: int) -> str:
@@ -207,14 +208,26 @@ class Balance:
         lenient: bool = False,
         gains: tuple[float, float] = GAINS,
     ) -> list[_Fit]:
-        s = self.signals
-        u, du = s.u.copy(), s.du.copy()
-        for e in edits:
-            if e.group == "u":
-                u[:, e.index] = e.factor * s.u[:, e.source] + e.offset
-                du[:, e.index] = e.factor * s.du[:, e.source]
-        (q, v, a), demand = self._moved(edits), self._demand(edits)
-        return [self._fit(r, q, v, a, u, du, demand, lenient, gains) for r in self.rows]
+        moved = tuple(e for e in edits if e.group == "q")
+
+        def key(row: Row) -> tuple[object, ...]:
+            # motion changes what every drive has to do, a command what its own drive does
+            own = (e for e in edits if e.group == "u" and e.index == row.drive.index)
+            return (row, moved, *own, lenient, gains)
+
+        missing = [row for row in self.rows if key(row) not in self._known]
+        if missing:
+            s = self.signals
+            u, du = s.u.copy(), s.du.copy()
+            for e in edits:
+                if e.group == "u":
+                    u[:, e.index] = e.factor * s.u[:, e.source] + e.offset
+                    du[:, e.index] = e.factor * s.du[:, e.source]
+            (q, v, a), demand = self._moved(edits), self._demand(edits)
+            for row in missing:
+                fit = self._fit(row, q, v, a, u, du, demand, lenient, gains)
+                self._known[key(row)] = fit
+        return [self._known[key(row)] for row in self.rows]
 
     def _moved(self, edits: Sequence[Edit]) -> tuple[Float[np.ndarray, "row dof"], ...]:
         """Positions, velocities and accelerations after edits."""

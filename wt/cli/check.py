@@ -70,22 +70,19 @@ def command(
 
 
 def _print(findings: list[AuditFinding]) -> None:
-    from rich import box
+    """Kind and place of each in bold, evidence and fix below: whole words at any width."""
     from rich.console import Console
-    from rich.table import Table
+    from rich.padding import Padding
     from rich.text import Text
 
     console = Console()
     faults = [f for f in findings if f.sure]
-    if faults:
-        table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-        for head in ("kind", "where", "evidence", "fix"):
-            table.add_column(head, overflow="fold")
-        for f in faults:
-            where = ", ".join(f.columns or f.elements)
-            table.add_row(Text(f.kind, "bold"), Text(where), Text(f.evidence), Text(f.fix))
-        console.print(table)
-    else:
+    for f in faults:
+        where = ", ".join(f.columns or f.elements)
+        console.print(Text(f"{f.kind}  {where}".rstrip(), "bold"))
+        for text in filter(None, (f.evidence, f.fix)):
+            console.print(Padding(Text(text), (0, 0, 0, 2), expand=False))
+    if not faults:
         console.print("Clean: nothing is wrong with what was given.", highlight=False)
     for f in findings:
         if not f.sure:
