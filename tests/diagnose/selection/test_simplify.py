@@ -61,6 +61,7 @@ def test_bristles_that_slide_nearly_all_the_way_are_coulombs(rubbing: World) -> 
     assert soft.simpler(rubbing.screen.motion, {}) is None
 
 
+@pytest.mark.long
 def test_legs_lose_a_law_that_gains_too_few_nats(
     rubbing: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
