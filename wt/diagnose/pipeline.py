@@ -163,7 +163,7 @@ def effort_of(scene: Scene) -> Effort:
 
 
 def steps_for(smoothed: Smoothed, forgetting: bool, window: float | None) -> Steps | None:
-    """Steps that do for recordings where no law is stiff; None for any machine's."""
+    """Steps that do where no law is stiff; None where nothing tells longer ones than usual."""
     scene = smoothed.motion.scene
     effort = effort_of(scene)
     pairs = stretches_of(smoothed, forgetting, effort.search_s, window=window)
@@ -240,8 +240,8 @@ def searched(
     claims, missed = naming.claimed(replace(proven, events=seen)), None
     # replays of legs are asked by the proof alone: they would cost a search
     if not scene.free and verdict(claims, naming.objective) in ("no_mismatch", "explained"):
-        of_held = [held_out], forgetting, effort.most_s, step, window, steps(window)
-        replays = objective_on(*of_held)
+        long = steps(window)
+        replays = objective_on([held_out], forgetting, effort.most_s, step, window, long)
         # it is the same machine: its tolerances begin as the fitted recordings have them
         known = claims.assessed(naming.objective).tolerances
         assessed = replays.reference(naming.holdout.here(claims.hypothesis), known)
