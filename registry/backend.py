@@ -24,6 +24,11 @@ URI_VARIABLE = "MLFLOW_TRACKING_URI"
 DEFAULT_URI = "sqlite:///mlflow.db"
 PROBE_SECONDS = 5.0
 
+NOTE = "mlflow.note.content"
+"""Tag with the description that a person reads."""
+ORIGIN = ("mlflow.source.git.commit", "mlflow.source.name", "mlflow.source.type", "mlflow.user")
+"""Tags by which MLflow's pages show what code made a run or a model, and who started it."""
+
 _SQLITE = "sqlite:///"
 _BARS = "MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR"
 

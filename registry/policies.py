@@ -146,6 +146,6 @@ def _about(card: dict[str, Any], heldout: HeldOut) -> About:
         f"Walking policy of the robot `{card['robot']}` at {card['rate_hz']:g} Hz: from an "
         "observation to the offsets of its joints' targets, in units of the action scale on its "
         "card.",
-        f"**Error in following commands {heldout.value:.4g}** (mean over the trials on its card). "
+        f"Error in following commands {heldout.value:.4g} (mean over the trials on its card). "
         "`wt-run --policy` runs it on the robot.",
     )

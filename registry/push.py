@@ -106,14 +106,15 @@ def _frames(card: Card) -> mlmodel.Frames:
 def _about(card: Card) -> About:
     """Words on a model and on one version of it."""
     measured = f"{card.heldout.metric} {card.heldout.value:.4g} on {card.heldout.set}"
-    others = ", ".join(f"{name} {value:.4g}" for name, value in card.metrics.items()) or "none"
+    rows = [f"| {name} | {value:.4g} |" for name, value in card.metrics.items()]
+    table = ["| on the test pairs | error |", "| --- | ---: |", *rows] if rows else []
     return About(
         f"World Translation for the task `{card.task}`: from an observation, an action and the "
         "simulator's next observation to the real robot's next observation, in physical units "
         f"at {card.rate_hz:g} Hz. Joints: {', '.join(card.joints)}.",
-        f"**{measured}** is what versions are compared by; MSE is of the normalised next state."
-        f"\n\nOn the test pairs: {others}.\n\n"
+        # no bold here: lists of versions show the beginning as it stands
+        f"{measured} is what versions are compared by; MSE is of the normalised next state.\n\n"
         f"Trained from data {card.data_hash} by commit {card.commit[:12]}; `card.json` beside the "
         "graph has the rest. `mlflow.pyfunc.load_model` takes a frame with one column a channel, "
-        "as in the example.",
+        "as in the example.\n\n" + "\n".join(table),
     )

@@ -6,19 +6,22 @@ with the hashes of its graph and card in the tags. We read those two files alone
 
 from __future__ import annotations
 
+import json
 import re
 import tempfile
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from registry.backend import answering, connect, one_line, quiet, resolve_uri
+from registry.backend import NOTE, ORIGIN, answering, connect, one_line, quiet, resolve_uri
 from registry.card import HeldOut
 from wt.errors import RegistryError, suggest
 
 if TYPE_CHECKING:
+    from mlflow.entities import LoggedModel
     from mlflow.entities.model_registry import ModelVersion, RegisteredModel
 
 TRACKING_ERROR = "tracking_error"
@@ -164,20 +167,10 @@ class Store:
         Raises:
             RegistryError: the name cannot be used.
         """
-        from mlflow.entities import LoggedModelOutput
-
         check_name(name)
         compared = {f"heldout.{key}": str(value) for key, value in vars(heldout).items()}
         with answering(self.uri), quiet():
-            run = self._client.get_run(run_id)
-            logged = self._client.create_logged_model(
-                run.info.experiment_id, name, run_id, tags=dict(tags), model_type="onnx"
-            )
-            with tempfile.TemporaryDirectory(prefix="wt-push-") as folder:
-                write(Path(folder), logged.model_id)
-                self._client.log_model_artifacts(logged.model_id, folder)
-            self._client.finalize_logged_model(logged.model_id, "READY")
-            self._client.log_outputs(run_id, [LoggedModelOutput(logged.model_id, 0)])
+            logged = self._log(name, run_id, write, heldout, {**tags, NOTE: about.version})
             if name not in self.models():
                 self._client.create_registered_model(name, description=about.model)
             made = self._client.create_model_version(
@@ -188,7 +181,48 @@ class Store:
                 description=about.version,
                 model_id=logged.model_id,
             )
+            # a server does so itself: else the model's page says that it is not registered
+            link = json.dumps([{"name": name, "version": int(made.version)}])
+            self._client.set_logged_model_tags(logged.model_id, {"mlflow.modelVersions": link})
         return int(made.version)
+
+    def _log(
+        self,
+        name: str,
+        run_id: str,
+        write: Callable[[Path, str], None],
+        heldout: HeldOut,
+        tags: Mapping[str, str],
+    ) -> LoggedModel:
+        """A model of a run, not registered yet, with what its page in MLflow has room for."""
+        from mlflow.entities import LoggedModelOutput, Metric
+
+        run = self._client.get_run(run_id)
+        logged = self._client.create_logged_model(
+            run.info.experiment_id,
+            name,
+            run_id,
+            tags={**{k: v for k, v in run.data.tags.items() if k in ORIGIN}, **tags},
+            params=run.data.params,
+            model_type="onnx",
+        )
+        with tempfile.TemporaryDirectory(prefix="wt-push-") as folder:
+            write(Path(folder), logged.model_id)
+            self._client.log_model_artifacts(logged.model_id, folder)
+        self._client.finalize_logged_model(logged.model_id, "READY")
+        self._client.log_outputs(run_id, [LoggedModelOutput(logged.model_id, 0)])
+        metric = Metric(
+            f"heldout/{heldout.metric}",
+            heldout.value,
+            int(time.time() * 1000),
+            0,
+            model_id=logged.model_id,
+            dataset_name=heldout.set,
+            dataset_digest=heldout.data_hash,
+            run_id=run_id,
+        )
+        self._client.log_batch(run_id, metrics=[metric])
+        return logged
 
     def set_alias(self, version: Version, alias: str) -> None:
         """Let ``alias`` stand for ``version`` from now on.

@@ -8,12 +8,17 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from jaxtyping import install_import_hook
 
+from tests.browser import chromium
 from tests.order import pytest_collection_modifyitems as pytest_collection_modifyitems
 from tests.order import pytest_xdist_make_scheduler as pytest_xdist_make_scheduler
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -90,6 +95,13 @@ def no_network() -> Iterator[None]:
     _outward.clear()
     yield
     assert not _outward, f"tried to reach the network: {sorted(set(_outward))}"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """Headless Chromium; its loop of events would be in the way of other modules' tests."""
+    with chromium() as started:
+        yield started
 
 
 @pytest.fixture(scope="session")

@@ -229,6 +229,19 @@ def test_a_run_has_runs_below_it_that_are_found_again(uri: str, client: MlflowCl
     assert {"mlflow.source.name", "mlflow.user", "mlflow.note.content"} <= set(held.data.tags)
 
 
+def test_a_run_that_has_ended_keeps_its_status_and_duration(uri: str, client: MlflowClient) -> None:
+    with pytest.raises(ZeroDivisionError), track.run("toy", "parent", uri=uri) as run:
+        run.child("A").end("FINISHED")
+        ended = client.get_run(run.child("A").id).info.end_time
+        run.child("A").metrics({"loss": 1.0}, 0)
+        _ = 1 / 0
+    with track.run("toy", "parent", uri=uri, run_id=run.id) as again:
+        again.child("A").metrics({"loss": 0.5}, 1)
+    held = client.get_run(run.child("A").id)
+    assert (held.info.status, held.info.end_time) == ("FINISHED", ended)
+    assert held.data.metrics == {"loss": 0.5}
+
+
 def test_what_fails_fails_with_all_below_it(uri: str, client: MlflowClient) -> None:
     with pytest.raises(ZeroDivisionError), track.run("toy", "cut", uri=uri) as run:
         child = run.child("A")
@@ -240,8 +253,10 @@ def test_what_fails_fails_with_all_below_it(uri: str, client: MlflowClient) -> N
 
 def test_data_is_shown_with_its_digest(uri: str, client: MlflowClient, tmp_path: Path) -> None:
     from mlflow.data import get_source
+    from mlflow.types import Schema
 
-    data = track.Dataset("toy/real", "training", "0123456789abcdef", tmp_path, 300)
+    columns = ("o/qpos/hip", "a/u")
+    data = track.Dataset("toy/real", "training", "0123456789abcdef", tmp_path, 300, columns)
     with track.run("toy", "data", uri=uri) as run:
         run.inputs([data])
         run.inputs([data])
@@ -249,6 +264,8 @@ def test_data_is_shown_with_its_digest(uri: str, client: MlflowClient, tmp_path:
     assert (used.dataset.name, used.dataset.digest) == ("toy/real", "0123456789abcdef")
     assert {t.key: t.value for t in used.tags} == {"mlflow.data.context": "training"}
     assert json.loads(used.dataset.profile) == {"num_rows": 300}
+    schema = Schema.from_json(json.dumps(json.loads(used.dataset.schema)["mlflow_colspec"]))
+    assert schema.input_names() == ["o/qpos/hip", "a/u"]
     assert Path(get_source(used).load()) == tmp_path
 
 

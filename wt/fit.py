@@ -8,7 +8,7 @@ the predictions of every method that is already finished.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import fields, replace
 from pathlib import Path
@@ -80,42 +80,69 @@ def fit(config: FitConfig, folder: Path, listener: Listener) -> tuple[Published,
     """
     with tracked(config, folder) as current, machine(current), ExitStack() as stack:
         current.tags(_tags(config))
-        study = Study.open(config, folder, _Logged(listener, current, stack))
-        _announce_streams(study, listener)
-        used = _datasets(study)
-        current.inputs(used)
         methods = [OURS, PAPERS_OWN, *longest_first(config.baselines.names)]
         jobs = [Job(seed, method) for seed in config.seeds for method in methods]
-        for job in jobs:
-            child = current.child(str(job))
-            child.params(job.parameters(config))
-            child.inputs(used)
-            child.tags({NOTE: _note(job, config.task)})
+        logged = _Logged(listener, current, config, jobs, stack)
+        study = Study.open(config, folder, logged)
+        _announce_streams(study, listener)
+        logged.used = _datasets(study)
+        current.inputs(logged.used)
         run_jobs(study, jobs)
-        by_seed = {seed: _evaluate(study, seed, current) for seed in config.seeds}
+        by_seed = {seed: _evaluate(study, seed, logged) for seed in config.seeds}
         return publish(study, by_seed, current), current
 
 
 class _Logged:
     """Hands progress and warnings on, and metrics to the run of their method and seed in MLflow.
 
-    The machine's load is logged to such a run, too, while it makes progress.
+    Such a run lasts as long as its job makes progress, and has the machine's load meanwhile.
+
+    Attributes:
+        used: data that the jobs use.
     """
 
-    def __init__(self, listener: Listener, tracked: Run, stack: ExitStack) -> None:
-        self.warn, self._progress, self._tracked = listener.warn, listener.progress, tracked
+    def __init__(
+        self,
+        listener: Listener,
+        tracked: Run,
+        config: FitConfig,
+        jobs: Sequence[Job],
+        stack: ExitStack,
+    ) -> None:
+        self.warn, self._progress, self.tracked = listener.warn, listener.progress, tracked
+        self._config, self._jobs = config, {str(job): job for job in jobs}
         self._stack, self._watched = stack, dict[str, ExitStack]()
+        self.used: list[Dataset] = []
+
+    def child(self, what: str) -> Run:
+        """The run of a job, begun when it is first asked for."""
+        begun = what in self.tracked.children
+        child = self.tracked.child(what)
+        if not begun:
+            job = self._jobs[what]
+            child.params(job.parameters(self._config))
+            child.inputs(self.used)
+            child.tags({NOTE: _note(job, self._config.task)})
+        return child
 
     def progress(self, what: str, done: int, total: int) -> None:
         self._progress(what, done, total)
-        if what in self._tracked.children and what not in self._watched:
+        if what not in self._jobs:
+            return
+        if what not in self._watched:
             self._watched[what] = self._stack.enter_context(ExitStack())
-            self._watched[what].enter_context(machine(self._tracked.child(what)))
-        if what in self._watched and done >= total:
+            self._watched[what].enter_context(machine(self.child(what)))
+        if done >= total:
             self._watched[what].close()
+            self.finish(what)
 
     def metrics(self, what: str, values: Mapping[str, float], step: int) -> None:
-        self._tracked.child(what).metrics(values, step)
+        self.child(what).metrics(values, step)
+
+    def finish(self, what: str) -> None:
+        """Say that a job has ended."""
+        self.child(what).flush()
+        self.child(what).end("FINISHED")
 
 
 def _tags(config: FitConfig) -> dict[str, str]:
@@ -159,7 +186,9 @@ def _announce_streams(study: Study, listener: Listener) -> None:
 
 def _datasets(study: Study) -> list[Dataset]:
     """The collections, as MLflow lists them."""
-    collected, task = study.data, study.config.task
+    collected, task, spec = study.data, study.config.task, study.world.spec
+    channels = {"o": spec.observation, "a": spec.action, "s_next": spec.state}
+    columns = tuple(f"{of}/{c.name}" for of, each in channels.items() for c in each)
     uses = {"sim": "training", "real": "training", "validation": "validation", "test": "test"}
     return [
         Dataset(
@@ -168,19 +197,21 @@ def _datasets(study: Study) -> list[Dataset]:
             content_hash(getattr(collected, what)),
             collected.folders[what],
             len(collected.whole(what)),
+            columns,
         )
         for what, use in uses.items()
         if what in collected.folders
     ]
 
 
-def _evaluate(study: Study, seed: int, tracked: Run) -> dict[str, Errors]:
+def _evaluate(study: Study, seed: int, logged: _Logged) -> dict[str, Errors]:
     """Errors of every method with one seed; the first and only look at the test pairs."""
     by_method = {}
     for method in (*study.config.baselines.names, PAPERS_OWN, OURS):
         by_method[method] = errors(study.prediction(seed, method), study.data.test, study.scales)
         values = {"mse": by_method[method].mse, "mse_change": by_method[method].mse_change}
-        tracked.metrics({f"test/{method}/{k}": v for k, v in values.items()}, seed)
+        logged.tracked.metrics({f"test/{k}/{method}": v for k, v in values.items()}, seed)
         of_method = {f"test/{k}": v for k, v in values.items()}
-        tracked.child(str(Job(seed, method))).metrics(of_method, 0)
+        logged.metrics(str(Job(seed, method)), of_method, 0)
+        logged.finish(str(Job(seed, method)))  # of those that learn nothing nobody has said so
     return by_method

@@ -187,7 +187,7 @@ def test_mlflow_holds_the_whole_run(
     assert held.data.params["plus.train.steps"] == str(STEPS)
     assert held.data.params["world.force.max_newton"] == "200.0"
     for method in METHODS:
-        assert held.data.metrics[f"test/{method}/mse"] == results["single_step"][method]["mse"]
+        assert held.data.metrics[f"test/mse/{method}"] == results["single_step"][method]["mse"]
     below = client.search_runs([held.info.experiment_id], f"tags.`mlflow.parentRunId` = '{run_id}'")
     children = {run.info.run_name: run for run in below}
     assert set(children) == {f"{method}, seed 0" for method in METHODS}
@@ -201,6 +201,9 @@ def test_mlflow_holds_the_whole_run(
         assert {d.dataset.name for d in one.inputs.dataset_inputs} == {
             f"r5_force/{what}" for what in ("sim", "real", "test")
         }
+        assert "names" not in one.data.params  # of all baselines
+        assert one.data.tags["paper.row"] == "figure 3, r5_force"
+        assert one.info.end_time < held.info.end_time
         if method == "RawSim":  # which learns nothing
             continue
         assert "system/cpu_utilization_percentage" in one.data.metrics

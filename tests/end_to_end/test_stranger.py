@@ -7,17 +7,19 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import mujoco
 import pytest
 
+from tests.browser import CUT, watched
 from tests.end_to_end.conftest import Tried
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 
 def words(text: str) -> list[str]:
@@ -52,28 +54,10 @@ def test_rerun_reads_the_recording(tried: Tried) -> None:
 
 @pytest.mark.parametrize("width", [1400, 400])
 def test_a_browser_shows_the_report_and_nothing_beside_the_page(
-    tried: Tried, width: int, tmp_path: Path
+    tried: Tried, browser: Browser, width: int
 ) -> None:
-    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if browser is None:
-        pytest.skip(f"there is no browser: {', '.join(BROWSERS)}")
-    report = (tried.clone / "diagnosis" / "report.html").read_text(encoding="utf-8")
-    probe = "<script>document.title = document.documentElement.scrollWidth</script></body>"
-    page = tmp_path / "page.html"
-    page.write_text(report.replace("</body>", probe), encoding="utf-8")
-    frame = tmp_path / "frame.html"
-    # a window of the browser's own has a least width that is more than a telephone's
-    frame.write_text(
-        f'<iframe id="f" src="page.html" width="{width}" height="800" style="border:0"></iframe>'
-        "<script>f.onload = () => document.body.dataset.is = f.contentDocument.title</script>"
-    )
-    shown = subprocess.run(
-        [browser, "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking",
-         "--allow-file-access-from-files",
-         f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=5000", "--dump-dom",
-         frame.as_uri()],
-        capture_output=True, text=True, timeout=120, check=True,
-    ).stdout  # fmt: skip
-    needed = re.search(r'data-is="(\d+)"', shown)
-    assert needed is not None, shown[-500:]
-    assert int(needed[1]) <= width
+    report = (tried.clone / "diagnosis" / "report.html").as_uri()
+    with watched(browser.new_page(viewport={"width": width, "height": 800}), report) as page:
+        page.goto(report)
+        assert page.evaluate("document.documentElement.scrollWidth") == width
+        assert page.evaluate(CUT) == []

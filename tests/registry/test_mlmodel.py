@@ -85,7 +85,20 @@ def test_signature_requirements_and_the_words_on_it(
     assert "mse 0.5 on pairs/test" in version.description
     assert "task `toy`" in client.get_registered_model("wt-toy").description
     (output,) = client.get_run(run_id).outputs.model_outputs
-    assert version.source == client.get_logged_model(output.model_id).artifact_location
+    logged = client.get_logged_model(output.model_id)
+    assert version.source == logged.artifact_location
+    assert json.loads(logged.tags["mlflow.modelVersions"]) == [{"name": "wt-toy", "version": 1}]
+    assert logged.tags["mlflow.note.content"] == version.description
+    run = client.get_run(run_id)
+    assert (
+        logged.params == run.data.params
+        and logged.tags.items()
+        >= {key: run.data.tags[key] for key in ("mlflow.user", "mlflow.source.name")}.items()
+    )
+    (metric,) = logged.metrics
+    assert (metric.key, metric.value, metric.run_id) == ("heldout/mse", 0.5, run_id)
+    assert (metric.dataset_name, metric.dataset_digest) == ("pairs/test", "heldout-1")
+    assert run.data.metrics["heldout/mse"] == 0.5
     pinned = mlflow.pyfunc.get_model_dependencies("models:/wt-toy@champion")
     assert all("==" in line for line in Path(pinned).read_text().splitlines() if line)
 

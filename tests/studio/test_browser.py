@@ -14,44 +14,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.browser import CONTRAST, CUT, NAMELESS, watched
 from wt.data import recording as recordings
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-
-CONTRAST = """() => {
-  const channel = c => { c /= 255; return c <= .04045 ? c / 12.92 : ((c + .055) / 1.055) ** 2.4 };
-  const luminance = ([r, g, b]) => .2126 * channel(r) + .7152 * channel(g) + .0722 * channel(b);
-  const parsed = text => text.match(/[\\d.]+/g).map(Number);
-  const found = [];
-  for (const e of document.querySelectorAll("main *")) {
-    const own = [...e.childNodes].some(n => n.nodeType === 3 && n.textContent.trim());
-    if (!own || !e.checkVisibility() || e.closest("svg, .unseen")) continue;
-    let behind = e;
-    while (behind && parsed(getComputedStyle(behind).backgroundColor)[3] === 0)
-      behind = behind.parentElement;
-    const both = [getComputedStyle(e).color,
-      getComputedStyle(behind ?? document.body).backgroundColor];
-    const [a, b] = both.map(c => luminance(parsed(c))).sort((x, y) => y - x);
-    found.push([(a + .05) / (b + .05), e.textContent.trim().slice(0, 40)]);
-  }
-  return found;
-}"""  # the contrast of WCAG 2, of each text with what is behind it
-NAMELESS = """() => [...document.querySelectorAll("input, select, button, a, iframe")].filter(e =>
-  e.type !== "hidden" && !e.ariaLabel && !e.labels?.length && !e.textContent.trim() && !e.title
-).map(e => e.outerHTML)"""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[sync_api.Browser]:
-    found = [shutil.which(name) for name in ("chromium", "chromium-browser", "google-chrome")]
-    path = next(filter(None, found), None)
-    if path is None:
-        pytest.skip("no Chromium on this machine")
-    with sync_api.sync_playwright() as playwright:
-        arguments = ["--no-sandbox"] if os.geteuid() == 0 else []
-        chromium = playwright.chromium.launch(executable_path=path, args=arguments)
-        yield chromium
-        chromium.close()
 
 
 @pytest.fixture
@@ -73,15 +39,9 @@ def address(tmp_path: Path) -> Iterator[str]:
 def page(browser: sync_api.Browser, address: str) -> Iterator[sync_api.Page]:
     """The page in the dark; nothing that it does may fail, or ask anybody else."""
     opened = browser.new_page(color_scheme="dark", viewport={"width": 1400, "height": 900})
-    wrong: list[str] = []
-    opened.on("console", lambda m: wrong.append(m.text) if m.type in ("error", "warning") else None)
-    opened.on("pageerror", lambda e: wrong.append(str(e)))
-    own = address.rpartition("/")[0]
-    opened.on("request", lambda r: None if r.url.startswith(own) else wrong.append(r.url))
-    opened.goto(address)
-    yield opened
-    opened.close()
-    assert not wrong
+    with watched(opened, address.rpartition("/")[0]):
+        opened.goto(address)
+        yield opened
 
 
 @pytest.fixture
@@ -164,6 +124,9 @@ def test_from_drop_to_report_by_keyboard_in_the_dark(
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(20, 23, 27)"
     faint = [each for each in page.evaluate(CONTRAST) if each[0] < 4.5]
     assert not faint
+    page.set_viewport_size({"width": 400, "height": 800})
+    assert page.evaluate("document.documentElement.scrollWidth") == 400
+    assert page.evaluate(CUT) == []
 
 
 @pytest.mark.long
@@ -182,4 +145,5 @@ def test_a_folder_is_dropped_and_fits_a_telephone(
     sync_api.expect(page.locator("#map")).to_be_visible(timeout=30_000)
     assert (tmp_path / "session/model/cart/model.xml").is_file()
     assert page.evaluate("document.documentElement.scrollWidth") == 400
+    assert page.evaluate(CUT) == []
     assert not [each for each in page.evaluate(CONTRAST) if each[0] < 4.5]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
@@ -67,8 +67,8 @@ class _Import(MetaPathFinder):
     """Finds MuJoCo as usual, once, and switches its log off as soon as it is loaded."""
 
     def find_spec(
-        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
-    ) -> ModuleSpec | None:
+        self, fullname: str, path: object, target: ModuleType | None = None
+    ) -> ModuleSpec | None:  # the path of a namespace package is no sequence
         if fullname != "mujoco":
             return None
         sys.meta_path.remove(self)

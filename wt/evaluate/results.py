@@ -238,8 +238,9 @@ class Results:
             "",
             *markdown_table(self._head(), self._rows(bold="**{}**")),
             "",
-            " ".join([self._ratio(), *self._remarks()]),
+            self._ratio(),
             "",
+            *([*self._remarks(), ""] if self.remarks else []),
             " ".join(
                 [
                     _LEGEND,

@@ -63,8 +63,9 @@ class Job(NamedTuple):
     def parameters(self, config: FitConfig) -> dict[str, object]:
         """What its run in MLflow is compared by: method, seed and settings."""
         trained = self.method in (OURS, PAPERS_OWN)
-        settings = self.settings(config) if trained else config.baselines
-        return {"method": self.method, "seed": self.seed, **flat(settings)}
+        settings = flat(self.settings(config) if trained else config.baselines)
+        settings.pop("names", None)  # of all baselines
+        return {"method": self.method, "seed": self.seed, **settings}
 
     def settings(self, config: FitConfig) -> Method:
         """Settings of a World Translation model, the paper's, ours or a variant."""

@@ -3,7 +3,7 @@
 ::
 
     with track.run("r5_force", "all methods") as run:
-        run.inputs([Dataset("r5_force/real", "training", digest, folder)])
+        run.inputs([Dataset("r5_force/real", "training", digest, folder, 8000, columns)])
         child = run.child("DirectPred, seed 0")
         child.params({"lr": 3e-4})
         child.metrics({"loss/cycle": 0.1}, step=10)
@@ -27,7 +27,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, SupportsFloat
 
-from registry.backend import answering, artifact_location, connect, quiet, resolve_uri
+from registry.backend import NOTE as NOTE
+from registry.backend import ORIGIN, answering, artifact_location, connect, quiet, resolve_uri
 from wt.errors import ConfigError, WorkError
 
 if TYPE_CHECKING:
@@ -36,12 +37,9 @@ if TYPE_CHECKING:
     from mlflow.entities import Metric
 
 UNKNOWN = "unknown"
-NOTE = "mlflow.note.content"
-"""Tag with the description that a person reads."""
 _BATCH = 1000  # what MLflow takes in one call; 100 for parameters
 _PARAMS = 100
-_INHERITED = ("commit", "task", "mlflow.source.git.commit", "mlflow.source.name",
-              "mlflow.source.type", "mlflow.user")  # fmt: skip
+_INHERITED = ("commit", "task", "paper.row", *ORIGIN)
 _SECONDS = 10.0  # a metric is seen in the UI at most this long after it was logged
 
 
@@ -81,6 +79,7 @@ class Dataset:
         digest: hash of its content, at most 36 characters.
         folder: where it lies.
         rows: number of transitions.
+        columns: names of what the digest is of.
     """
 
     name: str
@@ -88,6 +87,7 @@ class Dataset:
     digest: str
     folder: Path
     rows: int
+    columns: tuple[str, ...] = ()
 
 
 @contextmanager
@@ -132,7 +132,7 @@ class Run:
         uri: the store.
     """
 
-    def __init__(self, client: MlflowClient, uri: str, run_id: str) -> None:
+    def __init__(self, client: MlflowClient, uri: str, run_id: str, ended: bool = False) -> None:
         """Wrap a run that is there."""
         self.id = run_id
         self.uri = uri
@@ -140,6 +140,7 @@ class Run:
         self._pending: list[Metric] = []
         self._flushed = time.monotonic()
         self._children: dict[str, Run] = {}
+        self._ended = ended
 
     @property
     def children(self) -> frozenset[str]:
@@ -147,14 +148,17 @@ class Run:
         return frozenset(self._children)
 
     def child(self, name: str) -> Run:
-        """The run below this one that has a name: begun, or found again; it ends with this one."""
+        """The run below this one that has a name: begun, or found again.
+
+        It ends with this one, if it has not ended before.
+        """
         if name not in self._children:
             with answering(self.uri):
                 self._children[name] = _child(self._client, self.uri, self.id, name)
         return self._children[name]
 
     def tags(self, values: Mapping[str, str]) -> None:
-        """Set tags; :data:`NOTE` is the description that a person reads."""
+        """Set tags; ``NOTE`` is the description that a person reads."""
         with answering(self.uri):
             for key, value in values.items():
                 self._client.set_tag(self.id, key, value)
@@ -168,7 +172,9 @@ class Run:
         for data in used:
             source = json.dumps({"uri": data.folder.absolute().as_uri()})
             profile = json.dumps({"num_rows": data.rows})
-            entity = Entity(data.name, data.digest, "local", source, profile=profile)
+            columns = [{"type": "float", "name": n, "required": True} for n in data.columns]
+            schema = json.dumps({"mlflow_colspec": columns}) if columns else None
+            entity = Entity(data.name, data.digest, "local", source, schema, profile)
             datasets.append(DatasetInput(entity, [InputTag("mlflow.data.context", data.context)]))
         with answering(self.uri):
             self._client.log_inputs(self.id, datasets)
@@ -252,11 +258,16 @@ class Run:
             self._client.log_artifact(self.id, str(path), folder)
 
     def end(self, status: str) -> None:
-        """Set MLflow's status of the run and those below it: FINISHED, FAILED or KILLED."""
+        """Set MLflow's status of the run and those below it: FINISHED, FAILED or KILLED.
+
+        A run that has ended keeps its status and its duration, whatever is logged to it later.
+        """
         for child in self._children.values():
             child.end(status)
-        with answering(self.uri):
-            self._client.set_terminated(self.id, status)
+        if not self._ended:
+            with answering(self.uri):
+                self._client.set_terminated(self.id, status)
+            self._ended = True
 
 
 def _begin(client: MlflowClient, uri: str, experiment: str, name: str) -> Run:
@@ -303,8 +314,10 @@ def _child(client: MlflowClient, uri: str, parent: str, name: str) -> Run:
     )
     same = next((r for r in known if r.info.run_name == name), None)
     if same is not None:
-        client.update_run(same.info.run_id, status="RUNNING")
-        return Run(client, uri, same.info.run_id)
+        ended = same.info.status == "FINISHED"
+        if not ended:
+            client.update_run(same.info.run_id, status="RUNNING")
+        return Run(client, uri, same.info.run_id, ended)
     shown = {k: v for k, v in of.data.tags.items() if k in _INHERITED}
     tags = {**shown, "mlflow.parentRunId": parent}
     made = client.create_run(of.info.experiment_id, tags=tags, run_name=name)
