@@ -8,8 +8,10 @@ TORCH  := $(shell grep '^torch==' constraints.txt)
 PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	$$p -c 'import ensurepip, sys; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 14))' \
 	2>/dev/null && echo $$p && break; done)
-# Test processes, each on one thread: two of them beat one with two threads.
+# Test processes, each on one thread: two of them beat one with two threads. They start a hundred
+# others, which are to find what the first one compiled, wherever Python was told to keep nothing.
 WORKERS ?= 2
+PYTEST  := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --max-worker-restart=0
 
 .PHONY: help env fit demo test pytest test-long lint format bench docs stranger wheel-smoke docker docker-run
 .DEFAULT_GOAL := help
@@ -41,10 +43,10 @@ test: env ## lint, types and all tests
 	@$(MAKE) --no-print-directory -j2 lint pytest
 
 pytest: env ## the tests alone
-	OMP_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --max-worker-restart=0 $(ARGS)
+	$(PYTEST) $(ARGS)
 
 test-long: env ## the tests that take minutes each, which test leaves out
-	OMP_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --max-worker-restart=0 -m long $(ARGS)
+	$(PYTEST) -m long $(ARGS)
 
 lint: env ## ruff, its formatter and mypy
 	$(BIN)/ruff check --quiet .

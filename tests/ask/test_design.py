@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from tests.ask.conftest import AT, RATE, bias_or_dead_band, law, reach
 from wt.ask.alive import Alive
@@ -35,6 +36,7 @@ def test_it_goes_where_they_differ(arm: Scene) -> None:
     assert found.commands.seconds <= 12.0
 
 
+@pytest.mark.long
 def test_a_slow_machine_takes_its_time_to_where_they_differ(arm: Scene) -> None:
     """It never moved fast; the load turns over where it gets to in many seconds only."""
     slow = replace(wide(arm), speed=np.array([0.35]))

@@ -15,7 +15,7 @@ from wt.prove.cases import cases
 
 CLEAN = [c for c in cases("nulls", 1) if "pendulum" in c.name][:1]
 SPRINGS = [
-    c
+    pytest.param(c, id=c.name, marks=pytest.mark.long)
     for c in cases("full", 412)
     if c.name.endswith(("pendulum-joint.stiffness-clear", "pendulum-outsider.rubber-clear"))
 ]

@@ -103,6 +103,7 @@ def test_wrong_arguments_are_one_line_and_exit_2(
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
+@pytest.mark.long
 def test_ctrl_c_leaves_no_process_and_what_is_finished(tmp_path: Path) -> None:
     out, scratch = tmp_path / "trial", tmp_path / "scratch"
     scratch.mkdir()

@@ -59,6 +59,7 @@ def test_some_pieces_are_where_forces_are_unusual(machine: Scene) -> None:
     assert all(end < start for (_, end), (start, _) in itertools.pairwise(ends))
 
 
+@pytest.mark.long
 def test_where_nothing_is_hidden_little_is_gained(machine: Scene) -> None:
     assert ranked(machine, None, 6.0)[0].gain < 12.0
 
@@ -93,6 +94,7 @@ def pushed(t: float) -> Sequence[float]:
     return PUSH if any(start <= t < end for start, end in WINDOWS) else (0.0, 0.0, 0.0)
 
 
+@pytest.mark.long
 def test_a_push_that_is_fainter_than_the_residual_is_seen_by_its_direction(machine: Scene) -> None:
     parts = [Part(stool.recording(seed, seconds=5.0, push=pushed), seed) for seed in (3, 4)]
     screen = Screen(smooth(machine, parts))

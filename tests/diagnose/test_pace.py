@@ -41,14 +41,17 @@ class Told:
 class Replays(Objective):
     """Take so long each, on the clock of a pace [s]."""
 
-    def __init__(self, told: Told, seconds: float, forgets: bool = True) -> None:
+    def __init__(
+        self, told: Told, seconds: float, forgets: bool = True, reference: float = 1.0
+    ) -> None:
         self._told, self._seconds, self.forgets = told, seconds, forgets
+        self._reference_s = reference
         errors = [SimpleNamespace(planted=object()) for _ in range(9)]
         self.tolerances = tuple(errors)  # type: ignore[arg-type]
 
     def reference(self, *_: object, **__: object) -> None:  # type: ignore[override]
-        """What a search begins with is no part of what is timed."""
-        self._told.now += 1.0
+        """What a search begins with is no replay of what it tries."""
+        self._told.now += self._reference_s
 
     def evaluate(self, hypotheses: Sequence[Hypothesis], *_: object) -> None:  # type: ignore[override]
         assert len(set(hypotheses)) == len(hypotheses), "what is alike is replayed once"
@@ -97,6 +100,26 @@ def test_a_floating_machine_is_told_of_before_it_is_smoothed_and_again_where_it_
     pace_.search(1, 1)
     assert len(told.expected) == said
     assert told.expected[-1].again == (said == 2)
+
+
+def test_many_joints_take_longer_to_linearise_than_to_search(arm: Scene) -> None:
+    told = Told()
+    pace_ = told.pace()
+    pace_.foretell(arm, 1e-3, 16.0, EIGHT)
+    pace_.time(Replays(told, 0.0, reference=100.0))
+    pace_.search(1, 1)
+    (expected,) = told.expected
+    assert expected.nothing - told.now > pace.NOTHING * 100.0
+
+
+def test_what_takes_minutes_is_said_before_it_is_smoothed(
+    arm: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pace, "step_seconds", lambda *_: 1e-4)
+    told = Told()
+    told.pace().foretell(arm, 1e-3, 16.0, EIGHT)
+    (first,) = told.expected
+    assert first.nothing > pace.NOTHING * 95 * 1e-4 * 4000 > 45.0
 
 
 def test_a_round_that_took_longer_makes_the_rest_longer(arm: Scene) -> None:

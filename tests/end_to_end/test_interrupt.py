@@ -73,6 +73,7 @@ def assert_one_line(ended: tuple[int, str, str], folder: str) -> None:
     ]
 
 
+@pytest.mark.long
 def test_a_kill_then_resume_change_nothing(
     start: Start, place: Place, finished: Path, wt: Wt
 ) -> None:
@@ -169,6 +170,7 @@ def test_a_worker_that_is_killed_ends_the_run(place: Place, finished: Path, tmp_
     assert multiprocessing.active_children() == []
 
 
+@pytest.mark.long
 def test_a_worker_that_is_killed_while_the_next_one_starts_ends_the_run(
     place: Place, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -67,6 +67,7 @@ def test_robots_that_cannot_be_divided_are_refused(root: Path) -> None:
         config(root, "processes=4")
 
 
+@pytest.mark.long
 def test_a_process_that_ends_is_no_silence(root: Path) -> None:
     env = environment(config(root, "processes=2"), "cpu")
     for process in multiprocessing.active_children():

@@ -99,6 +99,7 @@ def test_each_group_is_estimated_and_later_ones_are_appended(bench: Path) -> Non
     assert len(list(out.iterdir())) == 4
 
 
+@pytest.mark.long
 def test_sessions_are_added_one_after_the_other(bench: Path) -> None:
     """As they would have been on their days, whatever the order in which they are given."""
     model, paths = bench / "rig.xml", sorted(bench.glob("*-?.parquet"))
@@ -179,6 +180,7 @@ def test_a_passport_is_of_one_model(bench: Path) -> None:
         add(other, [bench / "A17-9.parquet"], out)
 
 
+@pytest.mark.long
 def test_a_group_is_all_its_recordings(bench: Path) -> None:
     """A second recording of the same session narrows its estimate."""
     model, out = bench / "rig.xml", bench / "robot"

@@ -70,6 +70,7 @@ def trials(
     return Counter(p.level for p in found), found
 
 
+@pytest.mark.long
 def test_a_parameter_of_the_model_is_put_elsewhere_as_seldom_as_is_promised() -> None:
     counts, found = trials(300, groups(3, 3), seed=1)
     # three standard deviations of a count at the promised rate

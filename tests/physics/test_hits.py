@@ -35,6 +35,7 @@ def moved(folder: Path, run: arm.Run) -> Motion:
     return arm.motion(arm.scene(folder), thin)
 
 
+@pytest.mark.long
 def test_the_table_is_seen_where_it_is(run: arm.Run, tmp_path: Path) -> None:
     found = face(moved(tmp_path, run))
     assert found is not None

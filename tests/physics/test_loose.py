@@ -41,6 +41,7 @@ def test_the_path_is_that_of_the_load(tmp_path: Path) -> None:
     assert not found.s[:, 1:].any()
 
 
+@pytest.mark.long
 def test_the_law_is_read_off_the_residual(tmp_path: Path) -> None:
     motion, _ = recorded(tmp_path, RAILS, 6.0)
     law, centre, mass = laws_that_fit(motion, "b2")[0]

@@ -210,6 +210,7 @@ def brought(home: Path) -> Path:
     return file
 
 
+@pytest.mark.long
 def test_cases_of_others(tmp_path: Path) -> None:
     home = tmp_path / "theirs"
     key = read_key(str(seal_all(home, brought(home))))

@@ -30,6 +30,7 @@ _ROTOR = 30.0  # of the inertia that a joint feels
 _SLOW = 0.03  # of the usual speed: where friction changes its sign
 _UPSET = 2.0  # of a mean square force
 _STILL = 1e-6
+_AT_STOP, _RESTS = 0.02, 0.5  # of a joint's range, from its end; share of the time spent there
 _DIRECT = (int(mujoco.mjtDyn.mjDYN_NONE), int(mujoco.mjtDyn.mjDYN_FILTER),
            int(mujoco.mjtDyn.mjDYN_FILTEREXACT))  # fmt: skip
 
@@ -89,7 +90,7 @@ class Balance:
     Attributes:
         scene: the model.
         signals: the recording.
-        rows: the drives whose commands are explained; not those that an equality holds.
+        rows: the drives whose commands are explained; not those that an equality or a stop holds.
         dynamic: whether inverse dynamics are known; where something floats, or a position was not
             recorded, the drives' own laws have to do.
         idle: degrees of freedom that no drive moves: friction and rotors aside, a right motion
@@ -110,6 +111,7 @@ class Balance:
             and int(m.actuator_dyntype[d.index]) in _DIRECT
             and joints.count(d.joint) == 1
             and not held[d.dof]
+            and not self._rests(d)
             and signals.measured[d.dof]
             and signals.commanded[d.index]
             and signals.u[:, d.index].std() > _STILL
@@ -118,6 +120,7 @@ class Balance:
         self._model = free_of_forces(m)
         self._data = mujoco.MjData(self._model)
         self._demands: dict[tuple[Edit, ...], Float[np.ndarray, "row dof"]] = {}
+        self._keys: dict[tuple[Edit, ...], tuple[int, ...]] = {}
         self._known: dict[tuple[object, ...], _Fit] = {}
         self._felt = self._inertia()
         self.idle = self._undriven(held) if self.dynamic else ()
@@ -188,6 +191,16 @@ class Balance:
         slopes = data.efc_J.reshape(-1, m.nv)
         return np.asarray((slopes[data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY]).any(0))
 
+    def _rests(self, drive: Drive) -> bool:
+        """Tell whether a joint lies against a stop most of the time, which nobody commanded."""
+        m, joint = self.scene.model, self.scene.model.joint(drive.joint).id
+        if not m.jnt_limited[joint]:
+            return False
+        low, high = m.jnt_range[joint]
+        q = self.signals.q[:, drive.dof]
+        near = np.minimum(np.abs(q - low), np.abs(q - high)) < _AT_STOP * (high - low)
+        return bool(near.mean() >= _RESTS)
+
     def _pose(self, model: mujoco.MjModel) -> Float[np.ndarray, " coordinate"]:
         """A pose of the recording; the model's own where that is not known."""
         return np.median(self.signals.q, axis=0) if self.dynamic else model.qpos0
@@ -209,11 +222,13 @@ class Balance:
         gains: tuple[float, float] = GAINS,
     ) -> list[_Fit]:
         moved = tuple(e for e in edits if e.group == "q")
+        demands = self._demand_keys(moved)
 
         def key(row: Row) -> tuple[object, ...]:
-            # motion changes what every drive has to do, a command what its own drive does
-            own = (e for e in edits if e.group == "u" and e.index == row.drive.index)
-            return (row, moved, *own, lenient, gains)
+            # another finger's motion is nothing to a drive, nor is another drive's command
+            own = {"q": row.drive.dof, "u": row.drive.index}
+            mine = (e for e in edits if e.index == own[e.group])
+            return (row, demands[row.drive.dof], *mine, lenient, gains)
 
         missing = [row for row in self.rows if key(row) not in self._known]
         if missing:
@@ -247,6 +262,12 @@ class Balance:
             q, v, a = self._moved(moved)
             self._demands[moved] = self.inverse(q, v, a)
         return self._demands[moved]
+
+    def _demand_keys(self, moved: tuple[Edit, ...]) -> tuple[int, ...]:
+        """For each degree of freedom what tells its demanded force after edits from others."""
+        if moved not in self._keys:
+            self._keys[moved] = tuple(hash(x.tobytes()) for x in self._demand(moved).T)
+        return self._keys[moved]
 
     def inverse(
         self,

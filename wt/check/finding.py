@@ -46,6 +46,11 @@ class AuditFinding:
         """Tell whether it is a fault, not only a note."""
         return self.confidence >= SURE
 
+    @property
+    def mended(self) -> bool:
+        """Tell whether what follows is of corrected data, or of a corrected model."""
+        return self.sure and (self.change is not None or self.model_change is not None)
+
     def to_json(self) -> dict[str, Any]:
         """As in ``diagnosis.json``."""
         return {

@@ -2,8 +2,9 @@
 
 Most of it goes into rounds of the search, and a round into two things: replays, some of which are
 timed as the search begins; and the screen of forces, whose time goes with the samples. How many
-rounds the whole takes depends on what is found. Where the base floats even the way to the search
-takes long: there a physics step is timed first, and it is said again what comes out otherwise.
+rounds the whole takes depends on what is found. Where the base floats, or joints are many, even the
+way to the search takes long: there a physics step is timed first, and it is said again what comes
+out otherwise.
 
 The constants come from diagnoses of the examples ``arm`` and ``cart``, of 7 toys
 (``benchmarks/toys.py``), and of trials of one, two, three and six joints; where the base floats,
@@ -20,6 +21,7 @@ from typing import Literal, get_args
 from wt.batch import Batch
 from wt.diagnose.likelihood.objective import Objective
 from wt.diagnose.likelihood.replays import COARSE
+from wt.diagnose.likelihood.tolerances import tolerances
 from wt.diagnose.recordings.smooth import FINEST_S
 from wt.diagnose.result import Used
 from wt.physics.scene import Scene
@@ -31,6 +33,9 @@ Say = Callable[[str, float], None]
 ROUND, OF_JOINT, KEEPING = 95, 100, 1.35
 """Replays of a round of the search, and for each joint that errs: 240 to 860 in all; and how many
 times more where a machine keeps its initial state: it is fitted too, and windows may grow."""
+LINEARISED = 2.0
+"""Linearisations of all that may adapt that a round takes at least: with many joints these are more
+replays than :data:`ROUND`."""
 FLOATING, FEET = 370.0, 3.5
 """Replays of a round where the base floats, whatever errs; and how many times longer they take
 than such a machine at rest: feet land, and coarse steps do not do."""
@@ -43,6 +48,8 @@ EACH, EACH_FLOATING = 0.6, 2.0
 """… and more for each effect that it finds: 0 to 1.7, and 1.4 to 2.8 where the base floats."""
 _PROBES, _PROBED = 16, 200  # replays and steps of a machine that are timed
 _TIMED = 4  # … and of recordings
+_EARLY_S = 60.0
+"""A round that takes so long, as far as the machine at rest tells, is said before all else [s]."""
 _OTHERWISE = 1.5
 """What takes so many times longer than was said, or shorter, is said again."""
 
@@ -107,6 +114,7 @@ class Pace:
         self._began, self._computed, self._share = clock(), cpu(), 0.0
         self._cpu, self._replay, self._live, self._screen = cpu, 0.0, 0.0, 0.0
         self._floats, self._more, self._proved = False, 1.0, False
+        self._reference = 0.0
         self._said: Expected | None = None
         self._round: float | None = None
         self._round_began: float | None = None
@@ -114,7 +122,7 @@ class Pace:
     def foretell(
         self, scene: Scene, step: float, seconds: float, recordings: Sequence[Used]
     ) -> None:
-        """Measure how fast replays are; where the base floats, that says how long all will take.
+        """Measure how fast replays are, and say how long all will take, if it takes long.
 
         Args:
             scene: the machine.
@@ -132,14 +140,19 @@ class Pace:
             SCREEN_S * slower * samples * scene.model.nv,
         )
         self._floats = bool(scene.free)
-        if self._floats:
-            at_rest = step_seconds(scene, COARSE * step, self._clock)
-            self._replay = FEET * at_rest * steps + self._live
-            self._announce(FLOATING)
+        at_rest = step_seconds(scene, COARSE * step, self._clock)
+        self._replay = (FEET if self._floats else 1.0) * at_rest * steps + self._live
+        adapting = LINEARISED * (len(tolerances(scene)) + 2 * scene.model.nv)
+        replays = FLOATING if self._floats else max(ROUND, adapting) + OF_JOINT
+        # where the way to the search is short, it says so better
+        if self._floats or replays * self._replay + self._screen > _EARLY_S:
+            self._announce(replays * self._replay)
 
     def time(self, replays: Objective) -> None:
         """Measure how long the search's replays take on this machine, at present."""
+        began = self._clock()
         replays.reference(())  # where the search begins
+        self._reference = self._clock() - began
         # as different as those of a search are: what is alike in several is replayed once
         different = [(error.planted,) for error in replays.tolerances[:_TIMED]]
         began = self._clock()
@@ -162,15 +175,16 @@ class Pace:
         """
         self._measure()
         if number == 1:
-            fixed = self._more * (ROUND + OF_JOINT * erring)
-            self._announce(FLOATING if self._floats else fixed)
+            fixed = max(self._more * ROUND * self._replay, self._reference)
+            each = self._more * OF_JOINT * erring * self._replay
+            self._announce(FLOATING * self._replay if self._floats else fixed + each)
         elif self._proved:
             self._search_on(number - 1)
         self._round_began = self._clock()
         self._tell(f"looking for effect {number}", _WHOLE if number == 1 else NOTHING)
 
-    def _announce(self, replays: float) -> None:
-        self._round = replays * self._replay + self._screen
+    def _announce(self, replays_s: float) -> None:
+        self._round = replays_s + self._screen
         nothing = self._passed() + NOTHING * self._round
         each = (EACH_FLOATING if self._floats else EACH) * self._round
         self._promise(Expected(nothing, each, again=self._said is not None))

@@ -148,7 +148,7 @@ def audited(
     pace.stage("auditing")
     scene = Scene(model)
     prepared = prepare(scene, recordings, holdout)
-    amendments = [f.model_change for f in prepared.audit if f.model_change]
+    amendments = [f.model_change for f in prepared.audit if f.sure and f.model_change]
     scene = Scene(model, amendments) if amendments else scene
     effort = effort_of(scene)
     pace.foretell(scene, effort.search_step, effort.search_s, prepared.used)
@@ -162,12 +162,18 @@ def effort_of(scene: Scene) -> Effort:
     return replace(effort, step=min(effort.step, own), search_step=min(effort.search_step, own))
 
 
-def steps_for(smoothed: Smoothed, forgetting: bool, window: float | None) -> Steps | None:
-    """Steps that do where no law is stiff; None where nothing tells longer ones than usual."""
+def steps_for(smoothed: Smoothed, window: float | None) -> Steps | None:
+    """Steps that do where no law is stiff; None where nothing tells longer ones than usual.
+
+    A machine that forgets errs in short windows as it does in long ones, and many short ones are
+    stepped side by side.
+    """
     scene = smoothed.motion.scene
+    if scene.free:
+        return None
     effort = effort_of(scene)
-    pairs = stretches_of(smoothed, forgetting, effort.search_s, window=window)
-    return None if scene.free else longest_steps(smoothed, pairs, effort.step)
+    pairs = stretches_of(smoothed, False, effort.search_s, window=window)
+    return longest_steps(smoothed, pairs, effort.step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +213,7 @@ def searched(
     pace.stage("screening hypotheses")
     screen = Screen(fitted, seed)
 
-    steps = functools.cache(functools.partial(steps_for, fitted, forgetting))
+    steps = functools.cache(functools.partial(steps_for, fitted))
 
     def naming_by(window: float | None) -> Naming:
         def of(sets: Sequence[Smoothed], seconds: float, step: float) -> Objective:

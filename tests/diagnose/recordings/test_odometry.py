@@ -139,6 +139,7 @@ def test_replays_are_not_compared_with_what_an_estimator_says(
             assert np.isfinite(np.delete(measured, free, axis=1)).all()
 
 
+@pytest.mark.long
 def test_a_load_is_seen_by_an_imu(machine: Scene) -> None:
     edit = stool.loaded(1.0, (0.08, -0.03, 0.06))
     recorded = [stool.recording(seed, edit, seconds=5.0, imu=SENSORS) for seed in (3, 4)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from tests.diagnose import synthetic
+from wt.check.finding import AuditFinding
 from wt.diagnose.report import text
 from wt.diagnose.result import Diagnosis, Estimate, Finding
 
@@ -40,3 +41,12 @@ def test_an_error_that_stays_does_not_fall() -> None:
 
 def test_times_of_pushes_are_no_estimates() -> None:
     assert [row[2] for row in text.parameter_rows(pushed().findings)] == ["torque"]
+
+
+def test_what_an_audit_is_unsure_of_is_left_to_do() -> None:
+    """Neither recordings nor models are corrected by a note, nor said to be."""
+    finding = AuditFinding(
+        "gain_unit", (), (), "kp is off", "kp=5", 0.5, model_change=lambda spec: None
+    )
+    assert text.audited(finding) == "kp is off; to do: kp=5."
+    assert text.audited(replace(finding, confidence=0.9)).endswith("is of the corrected data.")

@@ -63,6 +63,7 @@ def joined(
     return addition(screen, objective, objective.reference(()), [], DecisionLog(), 4)
 
 
+@pytest.mark.long
 def test_a_rotor_is_not_taken_for_an_elastic_gear(tmp_path: Path) -> None:
     (rotor,) = joined(tmp_path, ' armature=".03"', SERVO, 10.0, NOISE, seed=4)
     assert rotor.planted.effect.id == "joint.armature"

@@ -31,6 +31,7 @@ def rubbing(tmp_path_factory: pytest.TempPathFactory) -> World:
     return world(tmp_path_factory.mktemp("rubbing"), 2, friction, 5.0)
 
 
+@pytest.mark.long
 def test_friction_that_no_load_changes_is_coulombs(rubbing: World) -> None:
     planted = Planted(LOAD, J2, np.array([0.28, 0.01]))
     coulomb = Planted(effects()["joint.friction_coulomb"], J2, np.array([0.29]))
@@ -86,6 +87,7 @@ def two_ways(tmp_path_factory: pytest.TempPathFactory) -> World:
     return world(tmp_path_factory.mktemp("two"), 2, friction, 3.0, model=model)
 
 
+@pytest.mark.long
 def test_what_another_law_has_in_it_is_not_said_twice(two_ways: World) -> None:
     whole = effects()["joint.friction_directional"].shaped((0.3, 0.3))
     both = Planted(whole, J2, np.array([0.4, 0.2, 0.3, 0.3]))

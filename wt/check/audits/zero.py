@@ -13,6 +13,7 @@ from typing import ClassVar
 
 import mujoco
 import numpy as np
+from jaxtyping import Bool
 
 from wt.check.audit import Stage, Subject, Suspect, register
 from wt.check.balance import Balance, Edit
@@ -21,6 +22,7 @@ from wt.check.finding import AuditFinding
 _QUARTERS = (math.pi, 0.5 * math.pi, -0.5 * math.pi)
 _FAR = 0.35  # rad
 _RIGHT = 0.3  # of its command that a joint leaves unexplained, at most
+_OFTEN = 0.5  # of the poses in which something holds a joint, at least, to be why it stays away
 _FORCES = 3.0  # times all that the motion demands: no bias of a drive is so large
 
 
@@ -60,7 +62,7 @@ class FarFromCommand:
         if balance is None or not balance.dynamic:
             return
         s = balance.signals
-        demand = balance.inverse(s.q, s.v, s.a)
+        demand, held = balance.inverse(s.q, s.v, s.a), None
         for row, left in zip(balance.rows, balance.unexplained(), strict=True):
             drive, i = row.drive, row.drive.dof
             if not drive.servo or left > _RIGHT:
@@ -69,6 +71,9 @@ class FarFromCommand:
             told = row.scale / stiffness * s.u[:, drive.index]
             away, most = float(np.median(told - s.q[:, i])), float(np.abs(demand[:, i]).max())
             if abs(away) < _FAR or stiffness * abs(away) < _FORCES * most:
+                continue
+            held = _held(balance) if held is None else held
+            if held[i]:
                 continue
             zero = _unloaded(balance, i, stiffness, away)
             name = f"qpos/{drive.joint}"
@@ -84,6 +89,22 @@ class FarFromCommand:
                     r, columns={**r.columns, name: r.columns[name] + zero}
                 ),
             )
+
+
+def _held(balance: Balance) -> Bool[np.ndarray, " dof"]:
+    """Degrees of freedom that what they touch keeps from where they are sent to.
+
+    In the model, at half of the recording's poses or more.
+    """
+    m = mujoco.MjModel.__copy__(balance.scene.model)
+    m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
+    d = mujoco.MjData(m)
+    held = np.zeros((len(balance.signals.q), m.nv), dtype=bool)
+    for here, q in zip(held, balance.signals.q, strict=True):
+        d.qpos[:] = q
+        mujoco.mj_forward(m, d)
+        here[:] = d.qfrc_constraint != 0.0
+    return np.asarray(np.mean(held, axis=0) >= _OFTEN)
 
 
 def _unloaded(balance: Balance, dof: int, stiffness: float, away: float) -> float:
