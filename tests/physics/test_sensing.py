@@ -97,3 +97,10 @@ def test_windows_of_a_push_are_found_and_replayed(tmp_path: Path) -> None:
     planted = Planted(bound, at, np.array([6.0, 2.0, -5.0]))
     replay = Replayer(scene(tmp_path), [stretch]).run([[planted]])
     assert np.std(replay.q[0] - run.q) < 0.02 * np.std(nominal.q - run.q)
+
+
+def test_an_encoder_reads_too_much_or_too_little() -> None:
+    offset = effects()["sensor.offset"]
+    said = [offset.statement(J1, np.array([off])) for off in (0.08, -0.06)]
+    assert said[0].endswith("reads 4.58° too much.")
+    assert said[1].endswith("reads 3.44° too little.")

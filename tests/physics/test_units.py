@@ -13,7 +13,7 @@ from tests.physics.arm import scene
 from wt.physics.effect import Effect, effects
 from wt.physics.planted import Planted
 from wt.physics.scene import Scene
-from wt.physics.units import HINGE, SLIDE, unit_at, units_at
+from wt.physics.units import HINGE, SLIDE, column_unit, unit_at, units_at
 from wt.types import Location
 
 # A gantry: x and z slide, the wrist turns.
@@ -123,3 +123,17 @@ def test_the_figures_are_mujocos(gantry: Scene) -> None:
     assert data.qfrc_passive[0] == pytest.approx(-1.0)
     said = Planted(effect, at, np.array([2.0])).statement(gantry)
     assert said == "Joint x has 2 N·s/m of viscous friction not in the model."
+
+
+@pytest.mark.parametrize(
+    ("column", "unit"),
+    [("qpos/x", "m"), ("qvel/x", "m/s"), ("qpos/wrist", "rad"), ("qvel/wrist", "rad/s"),
+     ("ctrl/mx", "m"), ("ctrl/mz", "N"), ("ctrl/mw", "N·m"), ("ctrl/nobody", ""),
+     ("sensor/imu/0", "")],
+)  # fmt: skip
+def test_a_recorded_column_has_the_unit_of_what_it_moves(
+    tmp_path: Path, column: str, unit: str
+) -> None:
+    path = tmp_path / "gantry.xml"
+    path.write_text(GANTRY)
+    assert column_unit(Scene(path), column) == unit

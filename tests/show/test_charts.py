@@ -31,7 +31,7 @@ def test_a_chart_keeps_peaks_that_thinning_could_lose() -> None:
     assert (points <= [WIDTH, HEIGHT]).all()
     high = points[points[:, 1].argmin()]
     base = points[0]
-    assert base[1] - high[1] > 0.8 * (HEIGHT - 48)
+    assert base[1] - high[1] > 0.8 * (HEIGHT - 76)
     np.testing.assert_allclose(
         (high[0] - base[0]) / (points[-1, 0] - base[0]), 12_345 / 19_999, atol=1e-3
     )

@@ -93,11 +93,17 @@ def test_the_commands_that_the_page_prints_do_the_same(
     assert [path.read_bytes() for path in made] == first
 
 
-def test_a_table_is_mapped_by_its_header(studio: Studio, cart: Path, tmp_path: Path) -> None:
+def table(cart: Path, path: Path) -> Recording:
+    """Write a recording as a table of other names, commands in mm."""
     given = recordings.read(cart / "1.parquet")
     rows = zip(given.t, given.columns["ctrl/drive"], given.columns["qpos/rail"], strict=True)
     text = "".join(f"{t:.6f},{1e3 * u:.9g},{q:.9g}\n" for t, u, q in rows)
-    (tmp_path / "log.csv").write_text("time,target,where\n" + text)
+    path.write_text("time,target,where\n" + text)
+    return given
+
+
+def test_a_table_is_mapped_by_its_header(studio: Studio, cart: Path, tmp_path: Path) -> None:
+    given = table(cart, tmp_path / "log.csv")
     studio.drop(cart / "model.xml")
     studio.drop(tmp_path / "log.csv")
     studio.post("check")
@@ -116,6 +122,19 @@ def test_a_table_is_mapped_by_its_header(studio: Studio, cart: Path, tmp_path: P
     assert studio.ended("check").result["checked"] == ["recordings/log.csv.parquet"]
     made = recordings.read(studio.session.folder / "recordings/log.csv.parquet")
     np.testing.assert_allclose(made.columns["ctrl/drive"], given.columns["ctrl/drive"], atol=1e-8)
+
+
+def test_a_log_that_waits_for_its_map_is_not_forgotten(
+    studio: Studio, cart: Path, tmp_path: Path
+) -> None:
+    table(cart, tmp_path / "log.csv")
+    for path in (cart / "model.xml", cart / "1.parquet", tmp_path / "log.csv"):
+        studio.drop(path)
+    studio.post("check")
+    assert studio.ended("check").result["checked"] == ["logs/1.parquet"]
+    page = studio.get("live/check")
+    assert "Nothing is wrong with what can be read" in page
+    assert "Waits for the map of log.csv" in page and "This log needs a map" in page
 
 
 @pytest.mark.parametrize(

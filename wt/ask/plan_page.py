@@ -67,12 +67,13 @@ def _matrix(pairs: Sequence[Apart]) -> str:
     """Causes against causes."""
     causes = list(dict.fromkeys(c for p in pairs for c in p.causes))
     times = {frozenset(p.causes): p for p in pairs}
+    names = [f"{cause.effect} {cause.at.name}" for cause in causes]
     rows = []
     for i, one in enumerate(causes):
-        cells = "".join(f'<td class="n">{_cell(times, one, other)}</td>' for other in causes[:i])
-        name = f"{i + 1} {one.effect} {one.at.name}"
-        rows.append(f"<tr><td>{escaped(name)}</td>{cells}</tr>")
-    return table(["", *(f"#{i + 1}" for i in range(len(causes) - 1))], rows)
+        cells = "".join(f"<td>{_cell(times, one, other)}</td>" for other in causes[:i])
+        rows.append(f"<tr><td>{escaped(names[i])}</td>{cells}</tr>")
+    shown = table(["", *names[:-1]], rows, "heat")
+    return f"<details><summary>All {len(pairs)} pairs</summary>{shown}</details>"
 
 
 def _cell(times: dict[frozenset[Cause], Apart], one: Cause, other: Cause) -> str:

@@ -16,6 +16,7 @@ from wt.physics.activation import activated
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
+from wt.physics.units import column_unit
 from wt.show.charts import Axes, Series, chart
 from wt.show.page import escaped, section, table, template
 from wt.types import Recording
@@ -92,11 +93,13 @@ def figures(scene: Scene | None, each: Audited, kinds: Sequence[str] = ("qpos",)
     replayed = replay(scene, each.corrected) if scene is not None else {}
     shown = [n for n in each.given.columns if n.partition("/")[0] in kinds]
     names = [n for n in shown if coordinate(n) is None]
-    drawn = {name: _channel(name, each, replayed.get(name)) for name in names}
+    drawn = {name: _channel(scene, name, each, replayed.get(name)) for name in names}
     return {name: figure for name, figure in drawn.items() if figure}
 
 
-def _channel(name: str, each: Audited, replayed: Float[np.ndarray, " sample"] | None) -> str:
+def _channel(
+    scene: Scene | None, name: str, each: Audited, replayed: Float[np.ndarray, " sample"] | None
+) -> str:
     """The chart of one column; "" where nothing is to be seen."""
     assert each.given is not None and each.corrected is not None
     shown = each.given if np.array_equal(each.given.t, each.corrected.t) else each.corrected
@@ -112,9 +115,16 @@ def _channel(name: str, each: Audited, replayed: Float[np.ndarray, " sample"] | 
     title = "; ".join([" and ".join(said), *(kind.replace("_", " ") for kind in wrong[:1])])
     return (
         f'<figure data-channel="{escaped(name)}">'
-        f"{chart(series, Axes(x='time [s]', y=name, alt=title))}"
+        f"{chart(series, Axes(x='time [s]', y=f'{name}{_unit(scene, name)}', alt=title))}"
         f"<figcaption>{escaped(title)}</figcaption></figure>"
     )
+
+
+def _unit(scene: Scene | None, name: str) -> str:
+    """Unit that a column should have, in brackets; either one where no model says what moves."""
+    either = {"qpos": "rad or m", "qvel": "rad/s or m/s"}
+    unit = column_unit(scene, name) if scene else either.get(name.partition("/")[0], "")
+    return f" [{unit}]" if unit else ""
 
 
 def _series(css: str, recording: Recording, y: Float[np.ndarray, " sample"]) -> Series:

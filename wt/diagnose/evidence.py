@@ -160,7 +160,8 @@ class Trace:
         before: positions replayed on the model as given.
         after: positions replayed on the patched model.
         velocity: smoothed velocities [rad/s or m/s].
-        force_before: generalised force that the given model lacks [N·m].
+        force_before: generalised force that the given model lacks and no contact may have supplied
+            [N·m].
         force_after: force that the patched model still lacks.
         command: commands by actuator name.
     """

@@ -96,10 +96,10 @@ def _history(quantity: Quantity, state: State) -> str:
     series = [bars, Series("after", x, y, "beads")]
     if state.alarm:
         series.append(Series("before", x[-1:], y[-1:], "beads"))
-    unit = "" if quantity.measured_in == "-" else f" [{quantity.measured_in}]"
+    label = f"{quantity.parameter} [{quantity.measured_in}]"
     name = text.said(quantity)
     first = state.history.keys[0][1]
-    axes = Axes(f"days since {first}", f"{quantity.parameter}{unit}", f"{name} over sessions")
+    axes = Axes(f"days since {first}", label, f"{name} over sessions")
     said = text.changed(quantity, state) or f"{name[:1].upper()}{name[1:]}: unchanged."
     return f"<figure>{chart(series, axes)}<figcaption>{escaped(said)}</figcaption></figure>"
 

@@ -83,6 +83,46 @@ def unit_at(scene: Scene, at: Location, unit: str) -> str:
     return units_at(scene, at).of(unit)
 
 
+def column_unit(scene: Scene, column: str) -> str:
+    """Unit of a recorded column, e.g. ``"rad/s"``; "" where the model does not tell it."""
+    group, _, name = column.partition("/")
+    units = units_at(scene, Location("joint" if group in ("qpos", "qvel") else "actuator", name))
+    if group in ("qpos", "qvel"):
+        return units.position if group == "qpos" else units.speed
+    known = mujoco.mj_name2id(scene.model, mujoco.mjtObj.mjOBJ_ACTUATOR, name) >= 0
+    return command_unit(scene.model, name, units) if group == "ctrl" and known else ""
+
+
+def command_unit(model: mujoco.MjModel, actuator: str, units: Units) -> str:
+    """Unit of a command: of the joint's position for a servo, of its force for a motor.
+
+    Where gains and gear scale it, so much of that as a command of 1 asks for: ``0.5 rad``. A dash
+    where the drive's law is not affine.
+
+    Args:
+        model: that has the actuator.
+        actuator: its name.
+        units: at its joint.
+    """
+    drive = model.actuator(actuator)
+    biases = mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE
+    affine = drive.gaintype[0] == mujoco.mjtGain.mjGAIN_FIXED
+    affine &= any(drive.biastype[0] == bias for bias in biases)
+    gain, gear, (_, position, speed) = drive.gainprm[0], drive.gear[0], drive.biasprm[:3]
+    if not affine or not gain * gear:
+        return "-"
+    # force = gear (gain u + position gear q + speed gear q̇): a servo rests where that is 0
+    if position:
+        scale, unit = -gain / (position * gear), units.position
+    elif speed:
+        scale, unit = -gain / (speed * gear), units.speed
+    else:
+        scale, unit = gain * gear, units.force
+    if drive.dyntype[0] == mujoco.mjtDyn.mjDYN_INTEGRATOR:
+        unit = f"{unit}/s"
+    return unit if math.isclose(scale, 1.0, rel_tol=1e-5) else f"{scale:.3g} {unit}"
+
+
 def _joints(scene: Scene, at: Location) -> list[str]:
     """The joints that a place stands for; none for bodies, geoms and the world."""
     if at.kind not in ("joint", "actuator", "sensor", "pair"):

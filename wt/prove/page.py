@@ -20,18 +20,13 @@ from wt.show.charts import Axes, Series, chart
 from wt.show.page import escaped, section, table, template
 
 STYLE = """<style>
-table.heat { width: auto; font-size: 12.5px }
-.heat td { text-align: center; padding: 3px 4px; min-width: 24px }
-.heat td.name { text-align: left; padding-left: 0 }
-.heat th { font-weight: 500; font-size: 12px; vertical-align: bottom; padding: 3px 4px }
-.heat th.up { writing-mode: vertical-rl; transform: rotate(180deg); white-space: nowrap }
-.heat td.same { outline: 2px solid var(--ok); outline-offset: -2px }
+.heat .same { outline: 2px solid var(--ok); outline-offset: -2px }
 .strip { width: 320px; max-width: 100% } .strip .axis { stroke: var(--line) }
 .strip .limit { stroke: var(--soft); stroke-dasharray: 2 3 }
 .strip .hit { fill: var(--after) }
 .strip .miss { fill: none; stroke: var(--before); stroke-width: 2 }
 .strip .near { fill: none; stroke: var(--after); stroke-width: 2 }
-.ok { color: var(--ok) } .bad { color: var(--before) }
+.ok { color: var(--ok) } .bad { color: var(--warn) }
 </style>"""
 _LOW, _HIGH = 0.1, 1e4
 """Ends of the scale of effect over noise."""
@@ -90,27 +85,29 @@ def _scores(results: Results) -> str:
             goal = f"{100 * target['from']:.0f} to {100 * target['to']:.0f} %"
             css = {True: " ok", False: " bad", None: ""}[target["met"]]
         rows.append(
-            f'<tr><td class="name">{escaped(label)}</td><td class="n">{_of(scores[0])}</td>'
+            f'<tr><td class="name">{escaped(label)}</td>{_of(scores[0])}'
             + "".join(
                 f'<td class="n{css if i == 0 else ""}">{escaped(c)}</td>'
                 for i, c in enumerate(cells)
             )
             + f'<td class="n">{escaped(goal)}</td></tr>'
         )
-    head = ("", "#of", *(f"#{title(who)}" for who in contenders), "#wanted")
+    head = ("", "#of", "#95 % interval", *(f"#{title(who)}" for who in contenders), "#wanted")
     said = (
         f"Places and effects count where the effect changes the recordings by more than {SEEN:g} "
-        "times their noise. Held-out errors are those of the patched MJCF in plain MuJoCo."
+        "times their noise. Held-out errors are those of the patched MJCF in plain MuJoCo, "
+        f"intervals those of {title(contenders[0])}."
     )
     return section("Scores", said, table(head, rows))
 
 
 def _of(score: object) -> str:
-    """Number of cases behind a share, with its interval; "" for other scores."""
+    """Cells with the number of cases behind a share and its interval; empty for other scores."""
     if not isinstance(score, dict) or score["ci95"] is None:
-        return ""
+        return '<td class="n"></td>' * 2
     low, high = (100 * end for end in score["ci95"])
-    return f'<span title="95 % interval of ours: {low:.0f} to {high:.0f} %">{score["of"]}</span>'
+    interval = escaped(f"{low:.0f} to {high:.0f} %")
+    return f'<td class="n">{score["of"]}</td><td class="n">{interval}</td>'
 
 
 def _power(results: Results) -> str:

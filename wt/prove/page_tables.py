@@ -48,7 +48,7 @@ def machines(results: Results) -> str:
     )  # fmt: skip
     words = (
         "Errors on held-out motions [mrad, mm on slides], each model as MJCF in plain MuJoCo. "
-        "Published: what its laboratory fitted, with all motions at hand; red: ours is worse. "
+        "Published: what its laboratory fitted, with all motions at hand; orange: ours is worse. "
         "Floor: deviation of one run from the mean of two with the same commands, where a motion "
         "was repeated. Minutes: of our diagnosis."
     )
@@ -83,21 +83,14 @@ def confusion(results: Results) -> str:
         return ""
     hidden = sorted(counts, key=lambda law: (law == NOTHING, law))
     said = sorted({s for inner in counts.values() for s in inner}, key=lambda s: (s == NOTHING, s))
-    head = '<th scope="col"></th>' + "".join(
-        f'<th scope="col" class="up">{html.escape(s)}</th>' for s in said
-    )
     rows = []
     for law in hidden:
         total = sum(counts[law].values())
         right = "unknown" if law.startswith("outsider.") else law
         cells = "".join(_heat(counts[law].get(s, 0), total, s == right) for s in said)
         rows.append(f'<tr><td class="name"><code>{html.escape(law)}</code></td>{cells}</tr>')
-    body = (
-        f'<div class="scroll"><table class="heat"><thead><tr>{head}</tr></thead>'
-        f"<tbody>{''.join(rows)}</tbody></table></div>"
-    )
     words = "Rows: hidden effects. Columns: claims at their places. Outlined: right."
-    return section("Confusions", words, body)
+    return section("Confusions", words, table(("", *said), rows, "heat"))
 
 
 def _heat(count: int, total: int, right: bool) -> str:
@@ -105,7 +98,7 @@ def _heat(count: int, total: int, right: bool) -> str:
     if not count:
         return f"<td{css}></td>"
     color = "after" if right else "before"
-    share = round(15 + 60 * count / total)
+    share = round(10 + 35 * count / total)  # what is written on it stays readable
     style = f"background: color-mix(in oklab, var(--{color}) {share}%, transparent)"
     return f'<td{css} style="{style}">{count}</td>'
 
@@ -114,7 +107,7 @@ def cases(results: Results) -> str:
     """All cases, with links to our reports."""
     who = first(results)
     rows = [_case(CaseResult.from_json(case), who) for case in results["cases"]]
-    head = ("case", "hidden", "said", "", "#held-out error left")
+    head = ("case", "hidden", "said", "outcome", "#held-out error left")
     return f"<details><summary>All {len(rows)} cases</summary>{table(head, rows)}</details>"
 
 

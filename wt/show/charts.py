@@ -23,11 +23,12 @@ Scale = Callable[[np.ndarray], np.ndarray]
 Mark = Literal["line", "dots", "beads"]
 """A line, a cloud of points, or a line with a bead at each point."""
 
-WIDTH, HEIGHT = 520.0, 230.0
-_LEFT, _RIGHT, _TOP, _BOTTOM = 62.0, 8.0, 10.0, 38.0
+WIDTH, HEIGHT = 440.0, 240.0
+"""About as wide as on a phone: letters are neither tiny there nor huge on a screen."""
+_LEFT, _RIGHT, _TOP, _BOTTOM = 66.0, 16.0, 30.0, 46.0
+_MOST_X, _MOST_Y = 6, 6  # ticks
 _COLUMNS = 300  # of a line's envelope
 _DOTS = 500
-_LOG_FLOOR = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +54,7 @@ class Axes:
 
     Attributes:
         x: label below, with its unit.
-        y: label at the left, with its unit.
+        y: label above, with its unit: as long as names of joints are, it would not fit beside.
         alt: description for readers who hear the chart instead of seeing it.
         log: whether both scales are logarithmic.
         spans: (start, end) pairs along x that are shaded.
@@ -88,7 +89,7 @@ def chart(series: Sequence[Series], axes: Axes) -> str:
     for s in drawn:
         x, y = (s.x, s.y) if s.mark == "beads" else _thin(s)
         if axes.log:
-            x, y = np.maximum(x, _LOG_FLOOR), np.maximum(y, _LOG_FLOOR)
+            x, y = np.maximum(x, x0), np.maximum(y, y0)  # what has no logarithm lies on the edge
         parts.append(_marked(s, to_x(x), to_y(y)))
     return "".join(parts) + "</svg>"
 
@@ -164,21 +165,17 @@ def _grid(
     x0, x1, y0, y1 = limits
     parts = []
     bottom, right = HEIGHT - _BOTTOM, WIDTH - _RIGHT
-    for value, y in _placed(_values(y0, y1, axes.log, 6), to_y):
+    for value, y in _placed(_values(y0, y1, axes.log, _MOST_Y), to_y):
         css = "zero" if value == 0 else "grid"
         parts.append(f'<path class="{css}" d="M{_LEFT:g} {y:.1f}H{right:g}"/>')
         parts.append(f'<text class="y" x="{_LEFT - 6:g}" y="{y + 4:.1f}">{_label(value)}</text>')
-    for value, x in _placed(_values(x0, x1, axes.log, 7), to_x):
+    for value, x in _placed(_values(x0, x1, axes.log, _MOST_X), to_x):
         parts.append(f'<path class="grid" d="M{x:.1f} {bottom:g}v4"/>')
-        parts.append(f'<text class="x" x="{x:.1f}" y="{bottom + 17:g}">{_label(value)}</text>')
+        parts.append(f'<text class="x" x="{x:.1f}" y="{bottom + 18:g}">{_label(value)}</text>')
     middle = (_LEFT + right) / 2
     label = f'<text class="x label" x="{middle:g}" y="{HEIGHT - 5:g}">{html.escape(axes.x)}</text>'
-    half = (_TOP + bottom) / 2
-    side = (
-        f'<text class="x label" transform="translate(12 {half:g}) rotate(-90)">'
-        f"{html.escape(axes.y)}</text>"
-    )
-    return [*parts, label, side]
+    above = f'<text class="label" x="0" y="14">{html.escape(axes.y)}</text>'
+    return [*parts, label, above]
 
 
 def _values(low: float, high: float, log: bool, most: int) -> Float[np.ndarray, " tick"]:

@@ -37,10 +37,16 @@ def section(title: str, said: str, body: str) -> str:
     return f"<section><h2>{escaped(title)}</h2>{intro}{body}</section>"
 
 
-def table(head: Sequence[str], rows: Sequence[str]) -> str:
+def table(head: Sequence[str], rows: Sequence[str], css: str = "") -> str:
     """A table of rows in HTML; a heading that begins with # is of a column of numbers.
 
-    On a narrow page every row is a card, whose cells say which column they are of.
+    On a narrow page every row is a card, whose cells say which column they are of; empty ones are
+    left out.
+
+    Args:
+        head: headings of the columns.
+        rows: in HTML.
+        css: a class; ``heat`` is of many narrow columns, whose headings stand upright.
     """
     cells = "".join(
         f'<th scope="col" class="n">{escaped(h[1:])}</th>'
@@ -51,7 +57,8 @@ def table(head: Sequence[str], rows: Sequence[str]) -> str:
     labels = [escaped(h.removeprefix("#")) for h in head]
     body = "".join(_labelled(row, labels) for row in rows)
     content = f"<thead><tr>{cells}</tr></thead><tbody>{body}</tbody>"
-    return f'<div class="scroll"><table>{content}</table></div>'
+    kind = f' class="{css}"' if css else ""
+    return f'<div class="scroll"><table{kind}>{content}</table></div>'
 
 
 def _labelled(row: str, labels: Sequence[str]) -> str:

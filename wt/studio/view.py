@@ -63,14 +63,15 @@ class View:
         return [f for f in self.checked.get("findings", ()) if f["sure"]]
 
     def form(self, log: str, fixes: bool) -> tuple[str, dict[str, Any]] | None:
-        """A log and its columns: the one that is asked for, else the first that has any.
+        """A log and its columns: the one that is asked for, else one that waits for its map.
 
         Args:
             log: its file.
             fixes: whether with what the check proposes.
         """
         forms = self.checked.get("forms", {})
-        name = log if log in forms else next(iter(forms), None)
+        waiting = (each for each in self.checked.get("doubts", {}) if each in forms)
+        name = log if log in forms else next(waiting, next(iter(forms), None))
         if name is None:
             return None
         return name, (self.checked["proposed"].get(name) if fixes else None) or forms[name]

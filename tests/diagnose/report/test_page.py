@@ -228,7 +228,7 @@ def test_places_lead_to_their_joint() -> None:
 
 def test_a_marked_body_stands_out_and_stays_on_the_page() -> None:
     model = mujoco.MjModel.from_xml_string(synthetic.ARM)
-    svg = draw(model, np.array([0.4, -1.0]), {Location("body", "fore"): "payload"})
+    svg = draw(model, np.array([0.4, -1.0]), {Location("body", "fore"): ["payload"]})
     assert re.search(r'class="s\d hot"', svg)
     assert "body fore" in svg
     assert "payload" in svg
@@ -402,3 +402,19 @@ def test_the_page_says_where_the_patched_model_looks_ahead_worse() -> None:
     proof = dataclasses.replace(diagnosis.proof, horizons=horizons)
     words = Page(report(dataclasses.replace(diagnosis, proof=proof))).words
     assert "worse than the one given: 5.00 against 1.80 mrad at 0.1 s." in words
+
+
+def test_an_error_that_fades_is_one_of_the_start() -> None:
+    diagnosis = synthetic.diagnosis()
+    assert "that fades" not in Page(report(diagnosis)).words
+    horizons = {0.1: (9e-3, 1.6e-3), 2.0: (19e-3, 7e-4)}
+    proof = dataclasses.replace(diagnosis.proof, horizons=horizons)
+    assert "that fades" in Page(report(dataclasses.replace(diagnosis, proof=proof))).words
+
+
+def test_one_joint_is_not_told_twice() -> None:
+    diagnosis = synthetic.diagnosis()
+    assert "all joints" in Page(report(diagnosis)).words
+    alone = dataclasses.replace(diagnosis.proof, joints={"j2": diagnosis.proof.joints["j2"]})
+    said = Page(report(dataclasses.replace(diagnosis, proof=alone))).words
+    assert "all joints" not in said and "j2 " in said

@@ -45,6 +45,14 @@ def sticking() -> Recording:
     return record(XML, on_joint(1, law), SECONDS, 0)
 
 
+def loaded() -> Recording:
+    """Half a kilogram far out on the second link."""
+    load = '<geom type="sphere" size=".02" pos=".1 .05 -.3" mass=".5"/></body></body></worldbody>'
+    xml = XML.replace("</body></body></worldbody>", load)
+    assert xml != XML
+    return record(xml, None, SECONDS, 0)
+
+
 def left(folder: Path, recording: Recording, planted: Planted | None) -> float:
     """Force at joint j2 that a finding leaves, rms [N·m]."""
     path = folder / "arm.xml"
@@ -63,6 +71,7 @@ def left(folder: Path, recording: Recording, planted: Planted | None) -> float:
     [
         (late, "actuator.delay", Location("actuator", "a2"), [0.02], 0.0),
         (rippling, "actuator.ripple", Location("actuator", "a2"), [0.6, 11.0, 1.0], 0.0),
+        (loaded, "body.payload_fixed", Location("body", "link2"), [0.5, 0.1, 0.05, -0.3], 0.0),
         (sticking, "joint.friction_stribeck", Location("joint", "j2"), [0.3, 1.0, 0.25], 0.25),
     ],
 )
@@ -76,3 +85,11 @@ def test_what_a_finding_takes_away_is_the_whole_of_it(
     assert before > 6.0 * nothing
     # a smooth motion rounds off what friction does abruptly
     assert found < max(2.0 * nothing, share * before)
+
+
+def test_a_finding_takes_no_more_than_it_says(tmp_path: Path) -> None:
+    """Fitted anew to a recording, half of a law would take all of the force."""
+    recording = record(XML, on_joint(1, lambda q, v: -0.8 * v), SECONDS, 0)
+    half = Planted(effects()["joint.friction_viscous"], Location("joint", "j2"), np.array([0.4]))
+    before = left(tmp_path, recording, None)
+    assert left(tmp_path, recording, half) == pytest.approx(0.5 * before, rel=0.05)

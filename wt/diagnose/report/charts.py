@@ -19,13 +19,14 @@ from wt.diagnose.result import Diagnosis, Finding
 from wt.physics import base
 from wt.physics.effect import effects
 from wt.physics.scene import drives
-from wt.physics.units import Units
+from wt.physics.units import Units, command_unit
 from wt.show.charts import Axes, Series, chart
 from wt.types import Location
 
 _BINS, _LEAST = 36, 5
 _MOST_TRACES = 4
 _MOST_SHADED = 0.8  # of a trace, from which shading tells nothing
+_FADES = 1.5  # times as large as far ahead is an error of the start
 _EXTREME = 0.005  # share of samples at either end that would squeeze all the rest
 BEFORE = '<span class="key before">model as given</span>'
 BEFORE_AFTER = f'{BEFORE} <span class="key after">patched model</span>'
@@ -67,12 +68,11 @@ def filled(
 
 def robot(diagnosis: Diagnosis, model: mujoco.MjModel) -> str:
     """The robot where its error is largest, with its culprits, as a figure."""
-    names: dict[Location, list[str]] = {}
+    marked: dict[Location, list[str]] = {}
     for f in diagnosis.findings:
-        names.setdefault(f.at, []).append(name_of(f.effect))
-    marked = {at: ", ".join(effects_there) for at, effects_there in names.items()}
+        marked.setdefault(f.at, []).append(name_of(f.effect))
     if not marked and diagnosis.verdict != "no_mismatch":
-        marked = {place.at: "unexplained" for place in diagnosis.locations[:1]}
+        marked = {place.at: ["unexplained"] for place in diagnosis.locations[:1]}
     poses, when = np.tile(model.qpos0, (1, 1)), ""
     if diagnosis.traces:
         trace = diagnosis.traces[0]
@@ -104,14 +104,14 @@ def over_time(diagnosis: Diagnosis, trace: Trace) -> Iterator[str]:
         before, after = (q[:, j] - trace.recorded[:, j] for q in (trace.before, trace.after))
         if not np.isfinite(before).any():
             continue
-        factor, unit = scaled(float(np.nanmax(np.abs(before))), diagnosis.unit_of(name))
+        rms = [float(np.sqrt(np.nanmean(e**2))) for e in (before, after)]
+        factor, unit = scaled(max(rms), diagnosis.unit_of(name))
         error = diagnosis.proof.joints.get(name)
-        rms = [np.sqrt(np.nanmean(e**2)) * factor for e in (before, after)]
         series = [Series("before", trace.t, before * factor)]
-        caption = f"Joint {name}: error RMS {number(float(rms[0]))} {unit}"
+        caption = f"Joint {name}: error RMS {number(rms[0] * factor)} {unit}"
         if diagnosis.findings:
             series.append(Series("after", trace.t, after * factor))
-            left = error_text(float(rms[1]), error.noise_floor * factor if error else 0.0)
+            left = error_text(rms[1] * factor, error.noise_floor * factor if error else 0.0)
             caption += f" with the model as given, {left} {unit} with the patched one"
         axes = Axes(
             x="time [s]",
@@ -148,7 +148,7 @@ def dependence(diagnosis: Diagnosis, finding: Finding, model: mujoco.MjModel | N
         return ""
     name = diagnosis.joints[column]
     variable, label, values = _variable(diagnosis, finding, column, model)
-    unit = _force_unit(diagnosis, name)
+    unit = _units(diagnosis, name).force
     x = np.concatenate(values)
     x = _usual(x)
     series = []
@@ -187,7 +187,13 @@ def horizon(diagnosis: Diagnosis) -> str:
         series.append(Series("after", x, both[:, 1] * factor, "beads"))
     title = "Error of replays that are restarted from the recording, over how far they look ahead"
     axes = Axes(x="how far ahead [s]", y=f"RMSE [{unit}]", alt=title, log=True)
-    return _figure(chart(series, axes), f"{title}.{_worse_ahead(diagnosis, factor, unit)}")
+    said = _worse_ahead(diagnosis, factor, unit)
+    if diagnosis.findings and both[0, 1] > _FADES * both[-1, 1]:
+        said += (
+            " A restart does not know what no recording tells, such as the side on which play is; "
+            "that fades."
+        )
+    return _figure(chart(series, axes), f"{title}.{said}")
 
 
 def _worse_ahead(diagnosis: Diagnosis, factor: float, unit: str) -> str:
@@ -248,11 +254,12 @@ def _variable(
     if kind in ("command", "drive") and all(command in t.command for t in traces):
         if kind == "command" or model is None:
             values = [t.command[command] for t in traces]
-            said = f"command of {command} [{_command_unit(diagnosis, model, command, joint)}]"
+            of_command = command_unit(model, command, _units(diagnosis, joint)) if model else "-"
+            said = f"command of {command} [{of_command}]"
             return f"the command of {command}", said, values
         label = f"force of {command} in the model"
         values = _drive_forces(diagnosis, model, command, column)
-        return f"the {label}", f"{label} [{_force_unit(diagnosis, joint)}]", values
+        return f"the {label}", f"{label} [{_units(diagnosis, joint).force}]", values
     if kind == "time":
         return "time", "time [s]", [t.t for t in traces]
     if kind == "velocity":
@@ -262,34 +269,6 @@ def _variable(
     else:
         kind, per, values = "position", "", [t.recorded[:, column] for t in traces]
     return f"the {kind} of {joint}", f"{kind} of {joint} [{unit}{per}]", values
-
-
-def _command_unit(
-    diagnosis: Diagnosis, model: mujoco.MjModel | None, actuator: str, joint: str
-) -> str:
-    """Unit of a command: of the joint's position for a servo, of its force for a motor.
-
-    Where gains and gear scale it, so much of that as a command of 1 asks for: ``0.5 rad``.
-    """
-    if model is None:
-        return "-"
-    drive = model.actuator(actuator)
-    biases = mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE
-    affine = drive.gaintype[0] == mujoco.mjtGain.mjGAIN_FIXED
-    affine &= any(drive.biastype[0] == bias for bias in biases)
-    gain, gear, (_, position, speed) = drive.gainprm[0], drive.gear[0], drive.biasprm[:3]
-    if not affine or not gain * gear:
-        return "-"
-    # force = gear (gain u + position gear q + speed gear q̇): a servo rests where that is 0
-    if position:
-        scale, unit = -gain / (position * gear), diagnosis.unit_of(joint)
-    elif speed:
-        scale, unit = -gain / (speed * gear), f"{diagnosis.unit_of(joint)}/s"
-    else:
-        scale, unit = gain * gear, _force_unit(diagnosis, joint)
-    if drive.dyntype[0] == mujoco.mjtDyn.mjDYN_INTEGRATOR:
-        unit = f"{unit}/s"
-    return unit if np.isclose(scale, 1.0) else f"{scale:.3g} {unit}"
 
 
 def _drive_forces(
@@ -315,8 +294,8 @@ def _depends(diagnosis: Diagnosis, finding: Finding, column: int) -> tuple[str, 
     return kinds.get(group, "position"), column
 
 
-def _force_unit(diagnosis: Diagnosis, joint: str) -> str:
-    return Units(slide=diagnosis.unit_of(joint) == "m").force
+def _units(diagnosis: Diagnosis, joint: str) -> Units:
+    return Units(slide=diagnosis.unit_of(joint) == "m")
 
 
 def _actuator(finding: Finding, joint: str, model: mujoco.MjModel | None) -> str:

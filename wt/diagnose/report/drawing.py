@@ -19,17 +19,21 @@ from jaxtyping import Float
 from wt.show.surfaces import surface
 from wt.types import Location
 
-WIDTH, HEIGHT = 560.0, 420.0
+WIDTH, HEIGHT = 480.0, 360.0
+"""About as wide as on a phone; as high where the robot is, higher where labels need it."""
 SHADES = 8
 """Classes ``s0`` (darkest) … ``s7`` of the faces."""
-_MARGIN, _LEADER, _LETTER = 26.0, 34.0, 8.2
+_MARGIN, _LEADER, _LETTER = 26.0, 30.0, 8.8
 """Around all; from the robot to its labels; width of a label's letter."""
+_WIDEST = 0.5
+"""Share of the page that labels may take."""
 _FREE = 6  # joints of a body that floats: they have no place in a picture
 _LIGHT = np.array([0.35, -0.45, 0.82])
 _FIRST_HIDDEN_GROUP = 3
 _MOST_LABELS = 12
 _SHORTEST = 8  # letters that labels have room for at least
-_LINE = 19.0
+_LINE, _WHY, _GAP = 19.0, 17.0, 8.0
+"""Heights of a name, of a line that says why it is marked, and of what follows these."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +45,14 @@ class Camera:
         scale: page units per metre.
         shift: the world's origin on the page.
         side: abscissa at which labels begin on the page.
+        height: of the page.
     """
 
     axes: Float[np.ndarray, "3 3"]
     scale: float
     shift: Float[np.ndarray, " 2"]
     side: float
+    height: float
 
     def page(self, points: Float[np.ndarray, "*point 3"]) -> Float[np.ndarray, "*point 2"]:
         """Places on the page of points [m]."""
@@ -64,7 +70,7 @@ class Camera:
 def draw(
     model: mujoco.MjModel,
     qpos: Float[np.ndarray, " position"],
-    marked: Mapping[Location, str],
+    marked: Mapping[Location, Sequence[str]],
     poses: Sequence[Float[np.ndarray, " position"]] = (),
 ) -> str:
     """The robot at ``qpos`` as an ``<svg>`` element.
@@ -72,7 +78,7 @@ def draw(
     Args:
         model: whose geoms are drawn.
         qpos: the pose.
-        marked: label of each marked place.
+        marked: why each marked place is, a line each.
         poses: other poses, so that the view shows the plane of the motion.
     """
     data = mujoco.MjData(model)
@@ -82,9 +88,12 @@ def draw(
     anchors = {model.joint(j).name: data.xanchor[j].copy() for j in own}
     corners = [faces.reshape(-1, 3) for faces in surfaces.values()]
     corners += [anchor[None] for anchor in anchors.values()]
-    longest = max(map(len, [" " * _SHORTEST, *map(str, marked), *marked.values(), *anchors]))
-    gutter = min(_LETTER * longest, 0.45 * WIDTH)
-    camera = _camera(moving, corners, gutter)
+    why = [line for lines in marked.values() for line in lines]
+    longest = max(map(len, [" " * _SHORTEST, *map(str, marked), *why, *anchors]))
+    gutter = min(_LETTER * longest, _WIDEST * WIDTH)
+    quiet = len(anchors) if len(anchors) <= _MOST_LABELS else 0
+    least = _MARGIN + quiet * _LINE + sum(map(_room, marked.values()))
+    camera = _camera(moving, corners, gutter, least)
     hot = {_body_of(model, at) for at in marked if at.kind in ("body", "geom")}
     faces = [
         (face, int(model.geom_bodyid[g]) in hot)
@@ -95,7 +104,7 @@ def draw(
     alt = f"Drawing of the robot; marked: {places}" if places else "Drawing of the robot"
     return "".join(
         [
-            f'<svg class="robot" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" '
+            f'<svg class="robot" viewBox="0 0 {WIDTH:g} {camera.height:.0f}" role="img" '
             f'aria-label="{html.escape(alt)}">',
             *_painted(faces, camera),
             *_labels(model, data, camera, anchors, marked),
@@ -159,9 +168,19 @@ def _body_of(model: mujoco.MjModel, at: Location) -> int:
 
 
 def _camera(
-    moving: Float[np.ndarray, "place 3"], points: Sequence[Float[np.ndarray, "_ 3"]], gutter: float
+    moving: Float[np.ndarray, "place 3"],
+    points: Sequence[Float[np.ndarray, "_ 3"]],
+    gutter: float,
+    least: float,
 ) -> Camera:
-    """Look at the plane of the motion, a little from the side and from above; fit to the page."""
+    """Look at the plane of the motion, a little from the side and from above; fit to the page.
+
+    Args:
+        moving: places of bodies in all poses [m].
+        points: what has to be seen [m].
+        gutter: width that is left for labels.
+        least: height that labels need.
+    """
     spread = np.cov(moving[:, :2].T, bias=True) + 1e-9 * np.diag([1.0, 2.0])
     _, vectors = np.linalg.eigh(spread)
     x, y = vectors[:, 0]  # the horizontal direction of least motion
@@ -177,11 +196,12 @@ def _camera(
     low, high = flat.min(axis=0), flat.max(axis=0)
     room = np.array([WIDTH - 2 * _MARGIN - _LEADER - gutter, HEIGHT - 2 * _MARGIN])
     scale = float((room / np.maximum(high - low, 1e-6)).min())
-    width = scale * (high - low)[0]
+    width, tall = (float(x) for x in scale * (high - low))
+    height = max(tall + 2 * _MARGIN, least)
     start = (WIDTH - width - _LEADER - gutter) / 2  # robot and labels together in the middle
     middle = scale * (low + high)[1] / 2
-    shift = np.array([start - scale * low[0], HEIGHT / 2 + middle])
-    return Camera(axes, scale, shift, float(start + width + _LEADER))
+    shift = np.array([start - scale * low[0], height / 2 + middle])
+    return Camera(axes, scale, shift, float(start + width + _LEADER), height)
 
 
 def _painted(
@@ -217,51 +237,62 @@ def _labels(
     data: mujoco.MjData,
     camera: Camera,
     anchors: Mapping[str, Float[np.ndarray, " 3"]],
-    marked: Mapping[Location, str],
+    marked: Mapping[Location, Sequence[str]],
 ) -> list[str]:
     """Names in the gutter at the right, each with a line to its place; marked ones stand out."""
-    places: list[tuple[np.ndarray, str, str]] = []
+    places: list[tuple[np.ndarray, str, Sequence[str]]] = []
     named = set()
-    for at, text in marked.items():
+    for at, why in marked.items():
         body, joint = _body_of(model, at), joint_of(model, at)
         if body >= 0:
-            places.append((camera.page(data.xipos[body]), str(at), text))
+            places.append((camera.page(data.xipos[body]), str(at), why))
         elif joint is not None:
-            places.append((camera.page(anchors[joint]), str(at), text))
+            places.append((camera.page(anchors[joint]), str(at), why))
             named.add(joint)
     if len(anchors) <= _MOST_LABELS:
         others = [name for name in anchors if name not in named]
-        places += [(camera.page(anchors[name]), name, "") for name in others]
+        places += [(camera.page(anchors[name]), name, ()) for name in others]
     places.sort(key=lambda p: float(p[0][1]))
-    heights = _apart([float(p[0][1]) for p in places], [2.3 if p[2] else 1.0 for p in places])
+    heights = _apart([float(p[0][1]) for p in places], [_room(p[2]) for p in places], camera.height)
     parts: list[str] = []
     left = camera.side
-    for (place, name, text), height in zip(places, heights, strict=True):
-        parts += _label(place.tolist(), left, height, name, text)
+    for (place, name, why), height in zip(places, heights, strict=True):
+        parts += _label(place.tolist(), left, height, name, why)
     return parts
 
 
+def _room(why: Sequence[str]) -> float:
+    """Height that a label takes."""
+    return _LINE + (_WHY * len(why) + _GAP if why else 0.0)
+
+
 def _label(
-    place: Sequence[float], left: float, height: float, name: str, text: str
+    place: Sequence[float], left: float, height: float, name: str, why: Sequence[str]
 ) -> Iterator[str]:
-    """A name with a line to its place, and below it the text of a marked one."""
+    """A name with a line to its place, and below it why it is marked."""
     x, y = place
-    css, radius = ("mark", 8.0) if text else ("quiet", 2.5)
+    css, radius = ("mark", 8.0) if why else ("quiet", 2.5)
     yield f'<path class="leader {css}" d="M{x:.1f} {y:.1f}L{left - 6:g} {height:.1f}"/>'
     yield f'<circle class="dot {css}" cx="{x:.1f}" cy="{y:.1f}" r="{radius:g}"/>'
     yield f'<text class="{css}" x="{left:g}" y="{height + 4:.1f}">{html.escape(name)}</text>'
-    if text:
-        below = height + 4 + _LINE - 3
-        yield f'<text class="why" x="{left:g}" y="{below:.1f}">{html.escape(text)}</text>'
+    for i, line in enumerate(why, 1):
+        below = height + 4 + _WHY * i
+        yield f'<text class="why" x="{left:g}" y="{below:.1f}">{html.escape(line)}</text>'
 
 
-def _apart(heights: Sequence[float], lines: Sequence[float]) -> list[float]:
-    """Heights in the same order, moved down where labels would overlap, then up if they leave."""
+def _apart(heights: Sequence[float], rooms: Sequence[float], page: float) -> list[float]:
+    """Heights in the same order, moved down where labels would overlap, then up if they leave.
+
+    Args:
+        heights: where labels would best be.
+        rooms: how high each is.
+        page: how high the page is.
+    """
     placed: list[float] = []
     for i, height in enumerate(heights):
-        least = placed[-1] + _LINE * lines[i - 1] if placed else _MARGIN / 2
+        least = placed[-1] + rooms[i - 1] if placed else _MARGIN / 2
         placed.append(max(height, least))
     for i in reversed(range(len(placed))):
-        most = placed[i + 1] - _LINE * lines[i] if i + 1 < len(placed) else HEIGHT - _LINE
-        placed[i] = min(placed[i], most)
+        below = placed[i + 1] if i + 1 < len(placed) else page - _MARGIN / 2 + _LINE / 2
+        placed[i] = min(placed[i], below - rooms[i])
     return placed

@@ -131,11 +131,12 @@ def _parameters(d: Diagnosis) -> str:
 def _evidence(d: Diagnosis, f: Finding) -> str:
     """Evidence for a finding, and the law of an unknown one."""
     p = text.p_value(f.p_value)
+    chance = f"p {p if p.startswith('<') else f'= {p}'}".replace(" ", text.NBSP)
     name = text.name_of(f.effect)
     parts = [
         escaped(
             f"{name[:1].upper()}{name[1:]} at {f.at} removes {text.percent(f.holdout_gain)} % of "
-            f"the squared error on held-out data (p {p if p.startswith('<') else f'= {p}'})."
+            f"the squared error on held-out data ({chance})."
         ),
         escaped(text.borne_out(d, f)),
     ]
@@ -158,7 +159,8 @@ def _dependence(d: Diagnosis) -> str:
     after = any("beads after" in c for c in drawn)
     keys = f"<p>{charts.BEFORE_AFTER if after else charts.BEFORE}</p>"
     intro = (
-        "Force that the recorded motion demands, by inverse dynamics, less what the model supplies."
+        "Force that the recorded motion demands, by inverse dynamics, less what the model supplies "
+        "and contacts may supply."
     )
     drawings = f'{keys}<div class="grid">{"".join(dict.fromkeys(drawn))}</div>'
     return section("What the missing force depends on", intro, drawings)
@@ -300,9 +302,9 @@ def _sources(d: Diagnosis) -> str:
 def proof(d: Diagnosis) -> str:
     """The section."""
     p = d.proof
-    shown = [("all joints", e, unit, "best") for e, unit in text.overall(d)]
-    if len(shown) > 1:
-        shown = [(f"all in {unit}", e, unit, css) for _, e, unit, css in shown]
+    whose = text.PLURAL if len(d.compared) > 1 else dict.fromkeys(d.compared, "joints")
+    together = [(f"all {whose[unit]}", e, unit, "best") for e, unit in text.overall(d)]
+    shown = together if len(p.joints) != 1 else []
     shown += [(name, error, d.unit_of(name), "") for name, error in p.joints.items()]
     largest = {
         unit: max(1e-30, *(e.before for _, e, u, _ in shown if u == unit), 0.0)

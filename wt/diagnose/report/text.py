@@ -31,7 +31,7 @@ _NO_END = 1e6  # in any unit, and a thousand times the value: where an interval 
 _NOUNS = ("friction", "payload", "force")  # that an effect's id has before what qualifies them
 _PROPER = ("coulomb", "stribeck")
 _MOST_SPANS = 6
-_PLURAL = {"rad": "hinges", "m": "slides"}
+PLURAL = {"rad": "hinges", "m": "slides"}
 
 
 def sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
@@ -59,8 +59,7 @@ def sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
 
 def audited(finding: AuditFinding) -> str:
     """An audit's finding in one sentence, with what was done about it."""
-    mended = finding.change is not None or finding.model_change is not None
-    what = "what follows is of the corrected data" if mended else f"to do: {finding.fix}"
+    what = "what follows is of the corrected data" if finding.mended else f"to do: {finding.fix}"
     return f"{finding.evidence}; {what}."
 
 
@@ -73,7 +72,7 @@ def fit(diagnosis: Diagnosis) -> str:
         left = f" to {error(h.after * factor, h.noise_floor * factor)}"
         falls = diagnosis.findings and not stays
         change = f"{number(h.before * factor)}{left if falls else ''} {unit}"
-        whose = f" ({_PLURAL[of]})" if len(diagnosis.compared) > 1 else ""
+        whose = f" ({PLURAL[of]})" if len(diagnosis.compared) > 1 else ""
         said.append(change + whose)
         noises.append(f"{number(h.noise_floor * factor, 2)} {unit}")
     noise = f"measurement noise alone would give {' and '.join(noises)}"

@@ -11,7 +11,7 @@ from wt.diagnose.evidence import Trace
 from wt.diagnose.recordings.prepare import Prepared
 from wt.diagnose.recordings.smooth import Smoothed
 from wt.diagnose.recordings.stretches import cut
-from wt.diagnose.residual.signature import elsewhere, reduced
+from wt.diagnose.residual.signature import elsewhere, without
 from wt.physics.planted import Hypothesis
 from wt.physics.rollout import Replayer
 
@@ -35,7 +35,7 @@ def traces(
         if role == "holdout":  # what happens at times happens at theirs
             here = elsewhere(motions.motion, hypothesis)
         both = Replayer(scene, stretches, step).run([(), here]).q
-        after = reduced(motions.motion, here).residual
+        after = without(motions.motion, here).unexplained
         start = 0
         for s, state, segment in zip(
             motions.samples, motions.at_samples, motions.motion.segments, strict=True
@@ -53,7 +53,7 @@ def traces(
                     before=both[0, rows][each],
                     after=both[1, rows][each],
                     velocity=state[1][each],
-                    force_before=_at(s.t[each], grid, motions.motion.residual[segment.rows]),
+                    force_before=_at(s.t[each], grid, motions.motion.unexplained[segment.rows]),
                     force_after=_at(s.t[each], grid, after[segment.rows]),
                     command={
                         scene.model.actuator(i).name: s.command[each, i]

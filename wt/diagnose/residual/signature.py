@@ -9,7 +9,7 @@ from jaxtyping import Float
 from scipy.optimize import least_squares
 
 from wt.physics.effect import Shape
-from wt.physics.hooks import n_fitted
+from wt.physics.hooks import around, n_fitted
 from wt.physics.motion import Motion
 from wt.physics.planted import Planted
 
@@ -24,11 +24,16 @@ def elsewhere(motion: Motion, hypothesis: Sequence[Planted]) -> tuple[Planted, .
     """
     if not any(p.observed() for p in hypothesis):
         return tuple(hypothesis)
-    rest = motion
-    for planted in hypothesis:
-        known = None if planted.observed() else force(motion, planted)
-        rest = rest if known is None else rest.without(known)
+    rest = without(motion, [p for p in hypothesis if not p.observed()])
     return tuple(p.elsewhere(rest) if p.observed() else p for p in hypothesis)
+
+
+def without(motion: Motion, hypothesis: Sequence[Planted]) -> Motion:
+    """A motion without the force of effects, as large as they are found to be."""
+    for planted in hypothesis:
+        known = force(motion, planted)
+        motion = motion if known is None else motion.without(known)
+    return motion
 
 
 def force(motion: Motion, planted: Planted) -> Float[np.ndarray, "sample dof"] | None:
@@ -37,7 +42,9 @@ def force(motion: Motion, planted: Planted) -> Float[np.ndarray, "sample dof"] |
     if shaped is None:
         return None
     columns, shape = shaped
-    effect = planted.effect
+    effect, own = planted.effect, around(planted.effect, planted.theta)
+    if own is not None:  # elsewhere its columns are no more than slopes
+        columns, shape = effect.columns(motion, planted.at, own), own
     scale = np.abs(planted.theta) + effect.steps()
 
     def miss(coefficients: Float[np.ndarray, " coefficient"]) -> Float[np.ndarray, " parameter"]:

@@ -58,7 +58,8 @@ class SensorOffset(OnOutputs):
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
     ) -> str:
         """See :meth:`Effect.statement`."""
-        return f"The encoder of joint {at.name} reads {units.distance(theta[0])} too much."
+        off, way = abs(float(theta[0])), "much" if theta[0] > 0.0 else "little"
+        return f"The encoder of joint {at.name} reads {units.distance(off)} too {way}."
 
     def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""

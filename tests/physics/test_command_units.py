@@ -1,14 +1,11 @@
-"""Commands on the axis of a diagnosis' chart have the unit that their drive gives them."""
+"""Commands on the axis of a chart have the unit that their drive gives them."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import mujoco
 import pytest
 
-from tests.diagnose import synthetic
-from wt.diagnose.report.charts import _command_unit
+from wt.physics.units import HINGE, command_unit
 
 MODEL = """<mujoco><worldbody><body><joint name="j2" axis="0 1 0"/><geom size=".1"/>
 </body></worldbody><actuator>{drive}</actuator></mujoco>"""
@@ -31,9 +28,6 @@ MODEL = """<mujoco><worldbody><body><joint name="j2" axis="0 1 0"/><geom size=".
         ('<general name="m" joint="j2" gaintype="affine" gainprm="1 2 3"/>', "-"),
     ],
 )
-def test_a_command_has_the_unit_that_its_drive_gives_it(
-    tmp_path: Path, drive: str, unit: str
-) -> None:
+def test_a_command_has_the_unit_that_its_drive_gives_it(drive: str, unit: str) -> None:
     model = mujoco.MjModel.from_xml_string(MODEL.format(drive=drive))
-    diagnosis = synthetic.diagnosis(str(synthetic.write_model(tmp_path)))
-    assert _command_unit(diagnosis, model, "m", "j2") == unit
+    assert command_unit(model, "m", HINGE) == unit
