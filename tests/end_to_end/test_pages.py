@@ -33,10 +33,23 @@ def server(browser: Browser, place: Place, finished: Path) -> Iterator[str]:
     import uvicorn
     from mlflow.server import handlers
     from mlflow.server.fastapi_app import app
+    from mlflow.tracking._model_registry import utils as of_models
+    from mlflow.tracking._tracking_service import utils as of_runs
 
-    handlers.initialize_backend_stores(place.store, place.store, str(place.home / "mlartifacts"))
     serving = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=2))
-    with socket.create_server(("127.0.0.1", 0)) as listening:
+    with pytest.MonkeyPatch.context() as patch, socket.create_server(("127.0.0.1", 0)) as listening:
+        # a store that is served becomes that of the whole process: not for other tests
+        for name in ("MLFLOW_TRACKING_URI", "MLFLOW_REGISTRY_URI"):
+            patch.setenv(name, place.store)
+        for where, name in (
+            (of_runs, "_tracking_uri"),
+            (of_models, "_registry_uri"),
+            (handlers, "_tracking_store"),
+            (handlers, "_model_registry_store"),
+        ):
+            patch.setattr(where, name, None)
+        artifacts = str(place.home / "mlartifacts")
+        handlers.initialize_backend_stores(place.store, place.store, artifacts)
         thread = threading.Thread(target=serving.run, args=([listening],))
         thread.start()
         yield f"http://127.0.0.1:{listening.getsockname()[1]}/"
