@@ -66,6 +66,7 @@ def test_people_are_told_what_is_hard(plans: dict[str, Plan]) -> None:
     assert "Joint j" in html and "never" in html and html.count("<table") == 2
 
 
+@pytest.mark.long
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     model = tmp_path / "arm.xml"
     model.write_text(UPRIGHT)

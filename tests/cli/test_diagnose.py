@@ -226,7 +226,7 @@ def test_tracking_logs_what_was_found(
     )
 
 
-@pytest.mark.parametrize("times", [2, 3])
+@pytest.mark.parametrize("times", [pytest.param(2, marks=pytest.mark.long), 3])
 def test_two_ctrl_c_write_what_is_known_and_a_third_ends_at_once(
     times: int, model: str, tmp_path: Path
 ) -> None:

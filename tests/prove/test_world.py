@@ -210,6 +210,7 @@ def test_first_rows_keep_their_places() -> None:
     )
 
 
+@pytest.mark.long
 def test_below_the_noise_is_below_it() -> None:
     for case in cases("faintest"):
         if case.rig in ("arm3", "pendulum"):

@@ -70,6 +70,7 @@ def test_a_rotor_is_not_taken_for_an_elastic_gear(tmp_path: Path) -> None:
     assert rotor.planted.theta == pytest.approx([0.03], rel=0.05)
 
 
+@pytest.mark.long
 def test_a_spring_is_judged_on_the_model_as_it_is(tmp_path: Path) -> None:
     """Without it the model errs by half a radian and bends all that it may to make up for that."""
     hidden = ' stiffness="3.2" springref=".4"'
