@@ -170,7 +170,8 @@ class Store:
         check_name(name)
         compared = {f"heldout.{key}": str(value) for key, value in vars(heldout).items()}
         with answering(self.uri), quiet():
-            logged = self._log(name, run_id, write, heldout, {**tags, NOTE: about.version})
+            logged = self._log(name, run_id, write, {**tags, NOTE: about.version})
+            self._measured(logged, run_id, heldout)
             if name not in self.models():
                 self._client.create_registered_model(name, description=about.model)
             made = self._client.create_model_version(
@@ -187,15 +188,10 @@ class Store:
         return int(made.version)
 
     def _log(
-        self,
-        name: str,
-        run_id: str,
-        write: Callable[[Path, str], None],
-        heldout: HeldOut,
-        tags: Mapping[str, str],
+        self, name: str, run_id: str, write: Callable[[Path, str], None], tags: Mapping[str, str]
     ) -> LoggedModel:
-        """A model of a run, not registered yet, with what its page in MLflow has room for."""
-        from mlflow.entities import LoggedModelOutput, Metric
+        """A model of a run, not registered yet, with that run's parameters and origin."""
+        from mlflow.entities import LoggedModelOutput
 
         run = self._client.get_run(run_id)
         logged = self._client.create_logged_model(
@@ -211,6 +207,12 @@ class Store:
             self._client.log_model_artifacts(logged.model_id, folder)
         self._client.finalize_logged_model(logged.model_id, "READY")
         self._client.log_outputs(run_id, [LoggedModelOutput(logged.model_id, 0)])
+        return logged
+
+    def _measured(self, logged: LoggedModel, run_id: str, heldout: HeldOut) -> None:
+        """Log what a model is compared by as a metric of it and of its run, with the data."""
+        from mlflow.entities import Metric
+
         metric = Metric(
             f"heldout/{heldout.metric}",
             heldout.value,
@@ -222,7 +224,6 @@ class Store:
             run_id=run_id,
         )
         self._client.log_batch(run_id, metrics=[metric])
-        return logged
 
     def set_alias(self, version: Version, alias: str) -> None:
         """Let ``alias`` stand for ``version`` from now on.

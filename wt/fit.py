@@ -141,8 +141,9 @@ class _Logged:
 
     def finish(self, what: str) -> None:
         """Say that a job has ended."""
-        self.child(what).flush()
-        self.child(what).end("FINISHED")
+        child = self.child(what)
+        child.flush()
+        child.end("FINISHED")
 
 
 def _tags(config: FitConfig) -> dict[str, str]:

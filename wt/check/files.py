@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from wt.check.finding import AuditFinding
+from wt.check.finding import AuditFinding, amendments
 from wt.check.reading import read
 from wt.check.run import check
 from wt.data import recording as recordings
@@ -125,7 +125,7 @@ def _write_model(model: Path, findings: Sequence[AuditFinding], out: Path) -> Pa
     path = out / f"{model.stem}.fixed.xml"
     _refuse_input(path, model)
     _refuse_foreign(path)
-    amended = Scene(model, [f.model_change for f in changes if f.model_change])
+    amended = Scene(model, amendments(changes))
     said = "; ".join(f"{f.kind}: {f.evidence}" for f in changes)
     write_whole(path, f"{patched_xml(amended, (), ())}\n{comment(f'{MARK}: {said}')}\n")
     return path

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -61,3 +61,8 @@ class AuditFinding:
             "fix": self.fix,
             "confidence": round(self.confidence, 3),
         }
+
+
+def amendments(findings: Iterable[AuditFinding]) -> list[Amendment]:
+    """What mends a model, of the findings that are sure of it."""
+    return [f.model_change for f in findings if f.sure and f.model_change]

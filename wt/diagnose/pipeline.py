@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from wt.check.finding import amendments
 from wt.diagnose.experiment.release import passive, release
 from wt.diagnose.likelihood.bic import erring, erring_joints
 from wt.diagnose.likelihood.objective import Assessed, Objective
@@ -148,8 +149,8 @@ def audited(
     pace.stage("auditing")
     scene = Scene(model)
     prepared = prepare(scene, recordings, holdout)
-    amendments = [f.model_change for f in prepared.audit if f.sure and f.model_change]
-    scene = Scene(model, amendments) if amendments else scene
+    changes = amendments(prepared.audit)
+    scene = Scene(model, changes) if changes else scene
     effort = effort_of(scene)
     pace.foretell(scene, effort.search_step, effort.search_s, prepared.used)
     return scene, prepared
