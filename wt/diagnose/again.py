@@ -16,8 +16,9 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.diagnose.likelihood.estimate import estimate
+from wt.diagnose.likelihood.objective import objective_on
 from wt.diagnose.pace import Pace, Say
-from wt.diagnose.pipeline import audited, effort_of, objective_on, searched, steps_for
+from wt.diagnose.pipeline import audited, effort_of, searched, steps_for
 from wt.diagnose.recordings.commands import smooth_as_sent
 from wt.diagnose.recordings.prepare import Prepared, Source
 from wt.diagnose.recordings.stretches import longest_window

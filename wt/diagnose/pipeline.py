@@ -14,7 +14,7 @@ import numpy as np
 from wt.check.finding import amendments
 from wt.diagnose.experiment.release import passive, release
 from wt.diagnose.likelihood.bic import erring, erring_joints
-from wt.diagnose.likelihood.objective import Assessed, Objective
+from wt.diagnose.likelihood.objective import Assessed, Objective, objective_on
 from wt.diagnose.likelihood.replays import Steps, longest_steps
 from wt.diagnose.notes import notes
 from wt.diagnose.observed.forces import measured
@@ -24,7 +24,7 @@ from wt.diagnose.recordings.commands import smooth_as_sent
 from wt.diagnose.recordings.grid import coarse_steps, located
 from wt.diagnose.recordings.prepare import Prepared, Source, prepare, turned
 from wt.diagnose.recordings.smooth import Smoothed, smooth
-from wt.diagnose.recordings.stretches import WINDOW_S, longest_window, stretches_of
+from wt.diagnose.recordings.stretches import BLOCK_S, WINDOW_S, longest_window, stretches_of
 from wt.diagnose.report.handed_over import hand_over
 from wt.diagnose.report.traces import traces
 from wt.diagnose.report.verify import replayed_files
@@ -80,8 +80,6 @@ class Effort:
 FIXED = Effort(STEP_S, 1e-3, 16.0, 60.0, 60.0, np.inf)
 FLOATING = Effort(1e-3, 1e-3, 5.0, 8.0, 16.0, 16.0)
 """Steps with contacts cost several times as much, and there are many more of them to choose."""
-TELLING = 0.4
-"""Share of a floating machine's windows that are not spread evenly: where forces are unusual."""
 _FAR_MORE = 1.5
 """Mean square error of a joint, over another, that is no refinement any more."""
 ATTEMPTS = 3
@@ -217,11 +215,14 @@ def searched(
     steps = functools.cache(functools.partial(steps_for, fitted))
 
     def naming_by(window: float | None) -> Naming:
-        def of(sets: Sequence[Smoothed], seconds: float, step: float) -> Objective:
-            return objective_on(sets, forgetting, seconds, step, window, steps(window))
+        def of(
+            sets: Sequence[Smoothed], seconds: float, step: float, length: float | None = window
+        ) -> Objective:
+            return objective_on(sets, forgetting, seconds, step, length, steps(window))
 
         all_replays = functools.cache(lambda: of([fitted, held_out], effort.doubt_s, quick))
-        replays = of([fitted], effort.search_s, quick), of([fitted], effort.most_s, step)
+        short = BLOCK_S if forgetting else window  # figures are of long replays
+        replays = of([fitted], effort.search_s, quick, short), of([fitted], effort.most_s, step)
         held = functools.partial(prepare_holdout, held_out, forgetting, effort.proof_s, step)
         shorter = functools.cache(held) if window and window > WINDOW_S else None
         return Naming(screen, *replays, all_replays, held(window), step, seed, log, shorter)
@@ -414,24 +415,6 @@ def _proven(naming: Naming, accepted: tuple[Accepted, ...], pace: Pace, before: 
         banned |= {a.planted.key for a in accepted} - kept
         accepted = search(screen, replays, log, pace.search, proven.accepted, banned)
     return proven
-
-
-def objective_on(
-    sets: Sequence[Smoothed],
-    forgetting: bool,
-    seconds: float,
-    step: float,
-    window: float | None = None,
-    smooth: Steps | None = None,
-) -> Objective:
-    """Replays of one or more sets of recordings, which are counted through; see ``Objective``."""
-    telling = TELLING if sets[0].motion.scene.free else 0.0
-    pairs, before = [], 0
-    for smoothed in sets:
-        stretches = stretches_of(smoothed, forgetting, seconds, telling, window)
-        pairs += [(replace(s, recording=s.recording + before), q) for s, q in stretches]
-        before += max(s.recording for s in smoothed.samples) + 1
-    return Objective(sets[0], pairs, step, forgetting, smooth)
 
 
 def _too_coarse(scene: Scene, holdout: Holdout, claims: Claims) -> bool:

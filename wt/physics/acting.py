@@ -13,23 +13,31 @@ from wt.physics.hooks import OnSteps
 from wt.physics.live import Live
 from wt.physics.planted import Planted
 from wt.physics.scene import Scene
-from wt.types import Location
-
-_Key = tuple[int, tuple[str, str, str], int]
 
 
 @dataclass(frozen=True, eq=False)
 class Acting:
-    """A law that acts on some replays.
+    """A law that acts in some replays, at one place or more of each.
 
     Attributes:
-        rows: the replays, as rows of the batch: a slice where they are neighbours, whose states
-            the law then sees and changes in place.
-        live: the law, with the parameters of each.
+        rows: the replay of each place, as rows of the batch: a slice where they are neighbours,
+            whose states the law then sees without a copy.
+        replays: the same as indices.
+        live: the law, with the parameters at each place.
+        twice: whether two places in a replay act on the same degree of freedom.
     """
 
-    rows: Int[np.ndarray, " row"] | slice
+    rows: Int[np.ndarray, " place"] | slice
+    replays: Int[np.ndarray, " place"]
     live: Live
+    twice: bool
+
+    def add(self, force: Float[np.ndarray, " place"], to: Float[np.ndarray, "replay dof"]) -> None:
+        """Add the force at each place to those of all replays, in place [N·m or N]."""
+        if self.twice:
+            np.add.at(to, (self.replays, self.live.dofs), force)
+        else:
+            to[self.replays, self.live.dofs] += force
 
 
 def is_live(effect: Effect) -> bool:
@@ -38,29 +46,32 @@ def is_live(effect: Effect) -> bool:
 
 
 def acting(scene: Scene, hypotheses: Sequence[Sequence[Planted]]) -> list[Acting]:
-    """One law for each effect and place, in the order in which each hypothesis has them.
+    """One law for each effect, wherever it acts: twelve joints take one call, not twelve.
 
-    So the sum of several forces does not depend, to the bit, on the other replays of a batch.
+    In the order of their names, so that the sum of several forces does not depend, to the bit, on
+    the other replays of a batch.
 
     Args:
         scene: the machine.
         hypotheses: one for each replay of a batch.
     """
-    rows: dict[_Key, list[int]] = {}
-    laws: dict[_Key, tuple[OnSteps, Location]] = {}
-    theta: dict[_Key, list[Float[np.ndarray, " parameter"]]] = {}
+    # two learned laws share a name, and are still two objects
+    laws: dict[int, OnSteps] = {}
+    places: dict[int, list[tuple[int, Planted]]] = {}
     for row, hypothesis in enumerate(hypotheses):
-        living = ((p, p.effect) for p in hypothesis if isinstance(p.effect, OnSteps))
-        for turn, (p, effect) in enumerate(living):
-            # two learned laws share an id, and are still two objects
-            key = (turn, p.key, id(effect))
-            laws[key] = effect, p.at
-            rows.setdefault(key, []).append(row)
-            theta.setdefault(key, []).append(p.theta)
+        for p in hypothesis:
+            if isinstance(p.effect, OnSteps):
+                laws[id(p.effect)] = p.effect
+                places.setdefault(id(p.effect), []).append((row, p))
     laws_acting = []
-    for key, (effect, at) in sorted(laws.items(), key=lambda item: item[0][0]):
-        live = effect.live(scene, at, np.stack(theta[key]))
-        laws_acting.append(Acting(neighbours(rows[key]), live))
+    for key in sorted(laws, key=lambda key: laws[key].id):
+        rows = np.array([row for row, _ in places[key]])
+        planted = [p for _, p in places[key]]
+        theta = np.stack([p.theta for p in planted])
+        live = laws[key].live(scene, [p.at for p in planted], theta)
+        cells = np.stack([rows, live.dofs], axis=1)
+        twice = len(np.unique(cells, axis=0)) < len(cells)
+        laws_acting.append(Acting(neighbours(rows), rows, live, twice))
     return laws_acting
 
 

@@ -272,9 +272,9 @@ class OnSteps(InReplay):
 
     @abc.abstractmethod
     def live(
-        self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
+        self, scene: Scene, at: Sequence[Location], theta: Float[np.ndarray, "place parameter"]
     ) -> Live:
-        """The law that acts in replays, each of which has its own ``theta``."""
+        """The law that acts at some places of some replays, each with its own ``theta``."""
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,8 @@ _SELDOM = 0.2
 """Share of the time that all of them take at most."""
 _CLEAR = 0.6
 """Share of a moment's square, but for its mean, that a push explains."""
+_SEES = 4.0
+"""Standard deviations that smoothing sees on either side."""
 _SEEN = 0.1
 """Share of its height at which a push begins and ends for people."""
 
@@ -134,10 +136,13 @@ def _fitted(
     """
     length = max(float(t[span.stop - 1] - t[span.start]), _SHORTEST_S)
     middle = 0.5 * float(t[span.stop - 1] + t[span.start])
-    rows = np.abs(t - middle) < 1.5 * length
+    rows = np.flatnonzero(np.abs(t - middle) < 1.5 * length)
     force = x[rows]
     peak = float(y[span][np.argmax(np.abs(y[span]))])
     width = SMOOTH_S / segment.dt
+    # all that the filter sees of them: far less than a recording
+    first = max(0, int(rows[0]) - int(np.ceil(_SEES * width)))
+    near = t[first : int(rows[-1]) + 1 + int(np.ceil(_SEES * width))]
 
     def push(z: Float[np.ndarray, " 4"]) -> Push:
         half, flank = np.exp(z[1:3])
@@ -146,7 +151,7 @@ def _fitted(
 
     def left(z: Float[np.ndarray, " 5"]) -> Float[np.ndarray, " moment"]:
         one = push(z[:4])
-        course = gaussian_filter1d(one.course(t), width)[rows]
+        course = gaussian_filter1d(one.course(near), width, truncate=_SEES)[rows - first]
         return np.asarray(one.height * course + z[4] - force)
 
     start = np.array([middle, np.log(0.4 * length), np.log(0.3 * length), peak, 0.0])

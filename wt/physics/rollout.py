@@ -19,8 +19,11 @@ from wt.physics.quiet import quiet
 from wt.physics.replay import Inputs, Stretch
 from wt.physics.runner import chosen
 from wt.physics.scene import Scene
-from wt.physics.stepping import CHUNK, simulate
+from wt.physics.stepping import simulate
 from wt.types import Location
+
+_ALIKE = 0.75
+"""Replays that need this share of the steps of the longest take as many: more calls cost more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +59,7 @@ class Replayer:
         self.stretches = tuple(stretches)
         self.step = step
         lengths = [(s.t[-1] - s.t[0]) / self.step for s in self.stretches]
-        self.shortest = max(1, int(np.ceil(min(lengths) - 1e-6)))
+        self._steps = dict(zip(self.stretches, _shared(lengths), strict=True))
         self._inputs: dict[Stretch, Inputs] = {}
 
     def run(self, hypotheses: Sequence[Sequence[Planted]]) -> Replays:
@@ -141,10 +144,7 @@ class Replayer:
     def inputs(self, stretch: Stretch) -> Inputs:
         """Inputs of a stretch before any effect changes them."""
         if stretch not in self._inputs:
-            h = self.step
-            # whole chunks, so that recordings of nearly the same length run side by side
-            chunk = min(CHUNK, self.shortest)
-            steps = chunk * int(np.ceil((stretch.t[-1] - stretch.t[0]) / (h * chunk) - 1e-6))
+            h, steps = self.step, self._steps[stretch]
             before = stretch.steps_before(h)
             t = stretch.t[0] + h * np.arange(-before, steps)
             u = stretch.commands(h, steps, before)
@@ -164,6 +164,17 @@ class Replayer:
         model = spec.compile()
         rest_idle(model)
         return model
+
+
+def _shared(lengths: Sequence[float]) -> list[int]:
+    """Steps that each stretch takes, of those that it needs: nearly as many run side by side."""
+    needed = [max(1, int(np.ceil(length - 1e-6))) for length in lengths]
+    taken, most = [0] * len(needed), 0
+    for i in sorted(range(len(needed)), key=lambda i: -needed[i]):
+        if needed[i] < _ALIKE * most or not most:
+            most = needed[i]
+        taken[i] = most
+    return taken
 
 
 def _contents(hypothesis: Sequence[Planted]) -> tuple[tuple[int, Location, bytes], ...]:

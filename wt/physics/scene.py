@@ -17,6 +17,7 @@ from wt.errors import ModelError
 from wt.physics import base, source
 from wt.physics.activation import dynamic
 from wt.physics.lean import slim
+from wt.physics.live import columns
 from wt.types import Location
 
 _DYNAMICS = tuple(
@@ -79,6 +80,31 @@ class Drive:
     def servo(self) -> bool:
         """Tell whether it holds a position: its force falls with the joint's position."""
         return self.bias[1] < 0.0
+
+
+class Drives:
+    """A drive at each of n places: forces of all of them at once.
+
+    Attributes:
+        dofs: degree of freedom of each, (n,).
+    """
+
+    def __init__(self, each: Sequence[Drive]) -> None:
+        """Prepare."""
+        self.dofs = np.array([d.dof for d in each])
+        self._command = columns(np.array([d.index for d in each]))
+        fields = np.array([(d.gear, d.gain, *d.bias, *d.commands, *d.forces) for d in each])
+        if (fields == fields[:1]).all():  # figures cost less than arrays of them
+            fields = fields[:1]
+        self._gear, self._gain, *bias, low, high, weakest, strongest = fields.T
+        self._bias = bias[0], bias[1] * self._gear, bias[2] * self._gear
+        self._commands, self._forces = (low, high), (weakest, strongest)
+
+    def force(self, u: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """As :meth:`Drive.force`, from all commands, (n, nu), and the joints' own q and v, (n,)."""
+        constant, stiffness, damping = self._bias
+        sent = self._gain * between(u[self._command], *self._commands)
+        return self._gear * between(sent + constant + stiffness * q + damping * v, *self._forces)
 
 
 def between(x: np.ndarray, low: float | np.ndarray, high: float | np.ndarray) -> np.ndarray:

@@ -124,10 +124,8 @@ def _advance(
         q, v, command, force = qpos[:, mine].copy(), qvel[:, mine].copy(), u[k], extra[k]
         for act in acts:
             rows = act.rows
-            now = StepState(t[k, rows], h, q[rows], v[rows], command[rows], force[rows])
-            act.live.act(now)
-            if not isinstance(rows, slice):  # picked out of the batch: put back
-                command[rows], force[rows] = now.u, now.applied
+            now = StepState(t[k, rows], h, q[rows], v[rows], command[rows])
+            act.add(act.live.force(now), force)
         ctrl[:], applied[:, mine] = command[:, sent], force
         for row, wrenches in pushed:
             xfrc[row] = wrenches[k].reshape(-1, 6)

@@ -9,7 +9,7 @@ import numpy as np
 
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import smooth
-from wt.diagnose.recordings.stretches import WINDOW_S, stretches_of
+from wt.diagnose.recordings.stretches import BURN_IN_S, WINDOW_S, stretches_of
 from wt.physics.scene import Scene
 from wt.types import Recording
 
@@ -82,3 +82,20 @@ def test_commands_that_change_all_the_time_hold_nothing_back(tmp_path: Path) -> 
     smoothed = smooth(Scene(path), [Part(Recording(recording.t, columns), 0)])
     windows = [s for s, _ in stretches_of(smoothed, forgets=False)]
     assert np.median([s.t[-1] - s.t[0] for s in windows]) > 0.95 * (WINDOW_S - 1.0 / RATE)
+
+
+def test_short_blocks_of_all_of_a_recording_score_each_sample_once(tmp_path: Path) -> None:
+    recording, _ = steps(0.0)
+    path = tmp_path / "chain.xml"
+    path.write_text(CHAIN)
+    smoothed = smooth(Scene(path), [Part(recording, 0)])
+    blocks = [s for s, _ in stretches_of(smoothed, forgets=True, window=2.5)]
+    assert len(blocks) == 5
+    scored = np.concatenate([s.t[s.t >= s.t[0] + BURN_IN_S] for s in blocks])
+    np.testing.assert_allclose(scored, recording.t[-len(scored) :])
+    assert len(scored) > 0.95 * SECONDS * RATE
+    ((one, _),) = stretches_of(smoothed, forgets=True)
+    assert one.t[-1] == recording.t[-1]
+    few = [s for s, _ in stretches_of(smoothed, forgets=True, seconds=6.0, window=2.5)]
+    assert len(few) == 3
+    assert 5.0 < sum(s.t[-1] - s.t[0] for s in few) < 6.0

@@ -59,7 +59,6 @@ def test_replays_remember_as_recordings_do(plain: World) -> None:
                     q=np.array([[fine[0][k]], [0.0]]),
                     v=np.array([[fine[1][k]], [0.0]]),
                     u=np.zeros((2, 1)),
-                    applied=np.zeros((2, 1)),
                 )
             )
             for k in range(steps)

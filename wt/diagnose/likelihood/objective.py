@@ -29,6 +29,7 @@ from wt.diagnose.likelihood.replays import Nearby, Replays, Steps
 from wt.diagnose.likelihood.tolerances import ModelTolerance, alike, boxes, tolerances
 from wt.diagnose.likelihood.weights import Channels
 from wt.diagnose.recordings.smooth import Smoothed
+from wt.diagnose.recordings.stretches import BURN_IN_S, stretches_of
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.planted import Hypothesis
 from wt.physics.replay import Stretch
@@ -73,8 +74,8 @@ _SHARES = (0.5, 0.25)
 _FORGIVING = 1.5  # noise: more than this is far more than noise
 _ALIKE = 4  # replays that tell how rough they are
 _WORTHWHILE = 0.05  # deviations: a smaller correction is not worth a change of the model
-BURN_IN_S = 0.25
-"""Start of a long stretch that is not scored: hidden states (gears, buffers) settle [s]."""
+_TELLING = 0.4
+"""Share of a floating machine's windows that are not spread evenly: where forces are unusual."""
 
 
 class Objective:
@@ -416,3 +417,21 @@ class Objective:
             left = self._replays.of(here).unsettled(here)
         valid = np.where(self.channels.valid, left, 0.0)[:, :, None]
         return project_changes(reference.raw, valid, self._around.initial)[:, :, 0]
+
+
+def objective_on(
+    sets: Sequence[Smoothed],
+    forgetting: bool,
+    seconds: float,
+    step: float,
+    window: float | None = None,
+    smooth: Steps | None = None,
+) -> Objective:
+    """Replays of one or more sets of recordings, which are counted through; see ``Objective``."""
+    telling = _TELLING if sets[0].motion.scene.free else 0.0
+    pairs, before = [], 0
+    for smoothed in sets:
+        stretches = stretches_of(smoothed, forgetting, seconds, telling, window)
+        pairs += [(replace(s, recording=s.recording + before), q) for s, q in stretches]
+        before += max(s.recording for s in smoothed.samples) + 1
+    return Objective(sets[0], pairs, step, forgetting, smooth)

@@ -35,6 +35,7 @@ more than so many of the smallest steps: what a shorter one changes is lost in t
 roughness, where friction catches a step earlier or later."""
 _DAMPING = 0.03  # to begin with
 _TRIALS = (1e-6, 1.0)  # factors on it, tried side by side: a valley needs hardly any
+_SAME = 0.05  # share of a step that makes no other one
 _CONVERGED = 0.05  # nats gained in a step
 
 
@@ -187,13 +188,12 @@ def _step(objective: Objective, climbs: Sequence[_Climb], known: Slopes) -> list
     at, free = [c.now for c in climbs], [c.free for c in climbs]
     jacobians = jacobian(objective, at, free, [c.slope for c in climbs], known)
     pairs = zip(climbs, jacobians, strict=True)
-    ways = [way for climb, slope in pairs for way in _ways(objective, climb, slope)]
-    assessed = objective.evaluate([h for h, _ in ways], [centre for _, centre in ways])
-    likeliest = [
-        max(range(i, i + len(_TRIALS)), key=lambda k: assessed[k].loglik)
-        for i in range(0, len(ways), len(_TRIALS))
-    ]
-    settled = _settled(objective, [assessed[k] for k in likeliest])
+    ways = [_ways(objective, climb, slope) for climb, slope in pairs]
+    flat = [way for each in ways for way in each]
+    assessed = iter(objective.evaluate([h for h, _ in flat], [centre for _, centre in flat]))
+    tried = [[next(assessed) for _ in each] for each in ways]
+    likeliest = [max(range(len(each)), key=lambda k: each[k].loglik) for each in tried]
+    settled = _settled(objective, [each[k] for each, k in zip(tried, likeliest, strict=True)])
     result = []
     climbs = [replace(c, slope=slope) for c, slope in zip(climbs, jacobians, strict=True)]
     for climb, k, best in zip(climbs, likeliest, settled, strict=True):
@@ -203,15 +203,18 @@ def _step(objective: Objective, climbs: Sequence[_Climb], known: Slopes) -> list
             damping = climb.damping * 1e3
             result.append(replace(climb, damping=damping, done=damping > 1e4))
         else:
-            damping = climb.damping * (10.0 if k % len(_TRIALS) else 0.1)
+            damping = climb.damping * (10.0 if k else 0.1)
             result.append(replace(climb, now=best, damping=damping, done=gained < _CONVERGED))
     return result
 
 
 def _ways(
     objective: Objective, climb: _Climb, slope: Float[np.ndarray, "sample dof parameter"]
-) -> Iterator[tuple[Hypothesis, Float[np.ndarray, " tolerance"]]]:
-    """Where steps of each damping lead: the hypothesis, and the tolerances beside it."""
+) -> list[tuple[Hypothesis, Float[np.ndarray, " tolerance"]]]:
+    """Where steps of each damping lead: the hypothesis, and the tolerances beside it.
+
+    One, where damping hardly changes it: that of a single parameter, as a rule.
+    """
     free = [climb.now.hypothesis[i] for i in climb.free]
     visible = shown(free, slope, objective.channels.precision(climb.now.variance))
     reach = [p.reach() for p in free]
@@ -220,13 +223,19 @@ def _ways(
         [q.prior_std for p in free for q in p.effect.parameters for _ in range(q.size)]
     )
     ends = np.cumsum([p.effect.n_theta for p in free])[:-1]
+    here, ways = pack(climb.now.hypothesis, climb.free), []
+    places: list[Float[np.ndarray, " parameter"]] = []
     for factor in _TRIALS:
         damping = climb.damping * factor
         centre, step = objective.solve(climb.now, slope @ visible, lower, upper, damping, prior_std)
         own = np.split(visible @ step, ends)
         moved = np.concatenate([p.moved(x) for p, x in zip(free, own, strict=True)])
         moved = without_hidden(free, moved, visible)
-        yield unpack(climb.now.hypothesis, climb.free, moved), centre
+        if places and (np.abs(moved - places[0]) <= _SAME * np.abs(places[0] - here)).all():
+            break
+        places.append(moved)
+        ways.append((unpack(climb.now.hypothesis, climb.free, moved), centre))
+    return ways
 
 
 def pack(hypothesis: Hypothesis, parts: Sequence[int]) -> Float[np.ndarray, " parameter"]:

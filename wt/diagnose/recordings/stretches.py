@@ -23,6 +23,12 @@ legs: what feet do to each other's forces soon makes two replays of the same wal
 WINDOWS_S = (WINDOW_S, 1.0, 2.0, 4.0)
 """What windows may be as long as: the longer, the better a replay tells one law from another, as
 long as it does not lose the recording."""
+_LONG_S, BLOCK_S = 10.0, 2.5
+"""Most that stretches of a machine that forgets are long [s], and where many hypotheses are
+compared: laws are stepped for all stretches at once, so that ten short ones cost little more than
+one of them."""
+BURN_IN_S = 0.25
+"""Start of a long stretch that is not scored: hidden states (gears, buffers) settle [s]."""
 LEAD_S = 0.3
 """Commands of so long before a stretch [s] reach drives that are late, or slow, in it."""
 _TEST_S, _SHOVE, _FORGOTTEN = 1.5, 0.02, 0.3
@@ -102,21 +108,25 @@ def stretches_of(
         seconds: at most this much in all; blocks spread evenly over the recordings.
         telling: share of them that is not, where windows are chosen from more than that: these are
             where forces differ most from the usual. A stop is hit, and a foot slips, now and then.
-        window: length of windows [s]; the shortest if left out.
+        window: length of windows [s]; if left out, the shortest, and blocks of a machine that
+            forgets are as long as its recordings.
     """
     total = sum(float(s.t[-1] - s.t[0]) for s in smoothed.samples)
     keep = min(1.0, seconds / total)
     telling = 0.0 if forgets or keep == 1.0 else telling
-    if window is None:
+    if window is None and not forgets:
         window = FLOATING_S if smoothed.motion.scene.free else WINDOW_S
     blocks = [
         (i, *block)
         for i, s in enumerate(smoothed.samples)
         for block in _blocks(s, keep * (1.0 - telling), forgets, window)
     ]
-    blocks = sorted(blocks + _telling(smoothed, blocks, round(telling * keep * total / window)))
+    if telling and window:
+        blocks = sorted(blocks + _telling(smoothed, blocks, round(telling * keep * total / window)))
     ready, pieces = [_ready(smoothed, i, forgets) for i in range(len(smoothed.samples))], []
     measured = [s.measured for s in smoothed.samples]
+    if forgets:
+        blocks = _overlapping(smoothed, blocks, ready)
     for i, first, last in blocks:
         later = ready[i][(ready[i] >= first) & (ready[i] <= (first + last) // 2)]
         rows = slice(int(later[0]) if len(later) else first, last)
@@ -125,6 +135,28 @@ def stretches_of(
             piece = replace(piece, unsure=smoothed.unsure[i])
         pieces.append((piece, measured[i][rows]))
     return pieces
+
+
+def _overlapping(
+    smoothed: Smoothed, blocks: list[SampleRange], ready: list[Int[np.ndarray, " start"]]
+) -> list[SampleRange]:
+    """The same, but what follows another begins inside of it, where the motion is known.
+
+    So early that it has settled where the other ends: each sample is scored once.
+    """
+    overlapping: list[SampleRange] = []
+    for i, first, last in blocks:
+        j, start, end = overlapping[-1] if overlapping else (-1, 0, 0)
+        t = smoothed.samples[i].t
+        if i == j and t[first] - t[end - 1] < BURN_IN_S:
+            settled = np.searchsorted(t, t[end - 1] - BURN_IN_S, side="right") - 1
+            inside = ready[i][(ready[i] >= (start + end) // 2) & (ready[i] <= settled)]
+            if len(inside):
+                first = int(inside[-1])
+                scored = int(np.searchsorted(t, t[first] + BURN_IN_S))
+                overlapping[-1] = (i, start, scored)
+        overlapping.append((i, first, last))
+    return overlapping
 
 
 def _telling(smoothed: Smoothed, taken: list[SampleRange], count: int) -> list[SampleRange]:
@@ -178,15 +210,15 @@ def _known(
     return np.asarray((local < _MISFIT**2).all(axis=1))
 
 
-def _blocks(s: Samples, keep: float, forgets: bool, window: float) -> list[tuple[int, int]]:
-    """Ranges of samples: windows [s], or blocks of about 10 s; the given share is kept."""
+def _blocks(s: Samples, keep: float, forgets: bool, window: float | None) -> list[tuple[int, int]]:
+    """Ranges of samples: windows [s], or blocks that are no longer; the given share is kept."""
     length = s.t[-1] - s.t[0]
-    if forgets:
+    if window is None:
         if keep >= 0.999:
             return [(0, len(s.t))]
-        count = max(1, int(np.ceil(keep * length / 10.0)))
-    else:
-        count = max(1, int(keep * length / window))
+        window = _LONG_S
+    count = keep * length / window
+    count = max(1, int(np.ceil(count) if forgets else count))
     size = max(12, int(keep * len(s.t) / count))
     starts = np.linspace(0, len(s.t) - size, count).astype(int)
     return [(int(i), int(i + size)) for i in np.unique(starts)]

@@ -17,10 +17,9 @@ from wt.diagnose.likelihood.adapt import (
     project,
     responses,
 )
-from wt.diagnose.likelihood.objective import BURN_IN_S
 from wt.diagnose.recordings.samples import Samples
 from wt.diagnose.recordings.smooth import Smoothed
-from wt.diagnose.recordings.stretches import cut, stretches_of
+from wt.diagnose.recordings.stretches import BURN_IN_S, cut, stretches_of
 from wt.diagnose.residual.signature import elsewhere
 from wt.diagnose.result import Error, Proof
 from wt.diagnose.thresholds import THRESHOLDS

@@ -8,6 +8,7 @@ finding only if replays of recordings that it was not fitted to improve.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -78,10 +79,10 @@ class UnknownForce(OnSteps):
         return coefficients
 
     def live(
-        self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
+        self, scene: Scene, at: Sequence[Location], theta: Float[np.ndarray, "place parameter"]
     ) -> Live:
         """Adds the force at every step."""
-        return _Pushing(self.law, scene, scene.dof(at.name), theta)
+        return _Pushing(self.law, scene, at, theta)
 
     def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """The law by ``residual.onnx``, whose inputs are its columns."""
@@ -111,15 +112,19 @@ class UnknownForce(OnSteps):
 
 class _Pushing(Live):
     def __init__(
-        self, law: Law, scene: Scene, dof: int, theta: Float[np.ndarray, "replay parameter"]
+        self,
+        law: Law,
+        scene: Scene,
+        at: Sequence[Location],
+        theta: Float[np.ndarray, "place parameter"],
     ) -> None:
-        self.law, self.dof, self.amplitude = law, dof, theta[:, 0]
+        super().__init__(np.array([scene.dof(place.name) for place in at]))
+        self.law, self.amplitude = law, theta[:, 0]
         self.columns = Remembering(scene, law.columns)
 
-    def act(self, state: StepState) -> None:
-        """See :meth:`Live.act`."""
-        force = self.law.force(self.columns.step(state))
-        state.applied[:, self.dof] += self.amplitude * force
+    def force(self, state: StepState) -> np.ndarray:
+        """See :meth:`Live.force`."""
+        return self.amplitude * self.law.force(self.columns.step(state))
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from wt.physics.hooks import OnSteps
 from wt.physics.live import Live, StepState
@@ -22,7 +22,7 @@ from wt.physics.parts import (
     weigh_alone,
     write_weight,
 )
-from wt.physics.scene import Drive, Scene, between
+from wt.physics.scene import Drive, Drives, Scene, between
 from wt.physics.script import Helper, Script
 from wt.types import Location
 
@@ -52,29 +52,44 @@ def noticeable(
 
 
 class DriveLaw(Live):
-    """Turns the force of one drive into another, by way of generalised forces."""
+    """Turns the force of drives into another, by way of generalised forces."""
 
     def __init__(
         self,
         scene: Scene,
-        actuator: str,
+        at: Sequence[Location],
         law: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
     ) -> None:
         """Prepare.
 
         Args:
             scene: the machine.
-            actuator: the drive's name.
+            at: the drive at each of n places.
             law: (force, joint velocity, time), each (n,), → the force instead.
         """
-        self.drive, self.law = scene.drive(actuator), law
+        self.drives, self.law = Drives([scene.drive(place.name) for place in at]), law
+        super().__init__(self.drives.dofs)
 
-    def act(self, state: StepState) -> None:
-        """Add what the law changes."""
-        i, dof = self.drive.index, self.drive.dof
-        q, v = state.q[:, dof], state.v[:, dof]
-        force = self.drive.force(state.u[:, i], q, v)
-        state.applied[:, dof] += self.law(force, v, state.t) - force
+    def force(self, state: StepState) -> np.ndarray:
+        """What the law changes."""
+        v = state.v[self.own]
+        force = self.drives.force(state.u, state.q[self.own], v)
+        return np.asarray(self.law(force, v, state.t) - force)
+
+
+class JointDrives:
+    """Force of all drives together on the joint of each of n places."""
+
+    def __init__(self, scene: Scene, dofs: Int[np.ndarray, " place"]) -> None:
+        """Prepare for these degrees of freedom."""
+        of = [[d for d in scene.drives if d.dof == dof] for dof in dofs.tolist()]
+        most, none = max(map(len, of), default=0), Drive("", 0, "", 0, 0.0, 0.0, (0.0, 0.0, 0.0))
+        padded = [[*own, *[none] * (most - len(own))] for own in of]
+        self._turns = [Drives(turn) for turn in zip(*padded, strict=True)]
+
+    def force(self, u: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Force [N·m or N], (n,), from all commands, (n, nu), and the joints' own q and v, (n,)."""
+        return sum((drives.force(u, q, v) for drives in self._turns), np.zeros_like(q))
 
 
 def per_radian(joint: mujoco.MjsJoint) -> float:
@@ -103,27 +118,28 @@ class Bristle(Live):
     """
 
     def __init__(
-        self, scene: Scene, joint: str, theta: Float[np.ndarray, "replay parameter"]
+        self, scene: Scene, at: Sequence[Location], theta: Float[np.ndarray, "place parameter"]
     ) -> None:
-        """Prepare for the replays of ``theta``, (n, n_theta)."""
-        self.scene, self.dof, self.theta = scene, scene.dof(joint), theta
-        self.inertia = effective_inertia(scene.model, joint)
+        """Prepare for the joints of n places and their ``theta``, (n, n_theta)."""
+        super().__init__(np.array([scene.dof(place.name) for place in at]))
+        self.scene, self.theta = scene, theta
+        self.inertia = np.array([effective_inertia(scene.model, place.name) for place in at])
         self.bent = np.zeros(len(theta))
 
     @abc.abstractmethod
     def level(self, state: StepState) -> np.ndarray:
         """Friction at which the bristle slips, (n,) [N·m]."""
 
-    def act(self, state: StepState) -> None:
+    def force(self, state: StepState) -> np.ndarray:
         """Brake the joint."""
-        v, most = state.v[:, self.dof], self.level(state)
+        v, most = state.v[self.own], self.level(state)
         frequency = _BRISTLE_FREQUENCY / state.h
         stiffness = self.inertia * frequency**2
         damping = 2.0 * _BRISTLE_DAMPING * self.inertia * frequency
         # the bristle bends with the joint and slips where it would carry more than friction
         bend = most / stiffness
         self.bent = between(self.bent + state.h * v, -bend, bend)
-        state.applied[:, self.dof] -= between(stiffness * self.bent + damping * v, -most, most)
+        return -between(stiffness * self.bent + damping * v, -most, most)
 
 
 class BristleFriction(OnSteps):
@@ -136,10 +152,10 @@ class BristleFriction(OnSteps):
     bristle: ClassVar[type[Bristle]]
 
     def live(
-        self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
+        self, scene: Scene, at: Sequence[Location], theta: Float[np.ndarray, "place parameter"]
     ) -> Live:
         """Friction by an elastic bristle that slips."""
-        return self.bristle(scene, at.name, theta)
+        return self.bristle(scene, at, theta)
 
     @staticmethod
     def slipping(at: Location, level: Sequence[str], helper: Helper) -> Script:

@@ -52,11 +52,11 @@ class ActuatorDeadband(OnSteps):
         return coefficients * shape[0]
 
     def live(
-        self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
+        self, scene: Scene, at: Sequence[Location], theta: Float[np.ndarray, "place parameter"]
     ) -> Live:
         """Take the swallowed force off."""
         width = theta[:, 0]
-        return DriveLaw(scene, at.name, lambda force, v, t: force - between(force, -width, width))
+        return DriveLaw(scene, at, lambda force, v, t: force - between(force, -width, width))
 
     def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """Take the swallowed force off."""

@@ -95,10 +95,10 @@ class ActuatorFade(FromRecordings, OnSteps):
         actuator.biasprm = np.array(actuator.biasprm) * (1.0 - theta[0])
 
     def live(
-        self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
+        self, scene: Scene, at: Sequence[Location], theta: Float[np.ndarray, "place parameter"]
     ) -> Live:
         """Take the lost force off."""
-        return _Warming(scene, at.name, theta, self._load(theta), self.usual)
+        return _Warming(scene, at, theta, self._load(theta), self.usual)
 
     def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """Take the lost force off, with the heat as a hidden state."""
@@ -161,21 +161,21 @@ class _Warming(DriveLaw):
     def __init__(
         self,
         scene: Scene,
-        actuator: str,
-        theta: Float[np.ndarray, "replay parameter"],
-        rated: Float[np.ndarray, " replay"],
+        at: Sequence[Location],
+        theta: Float[np.ndarray, "place parameter"],
+        rated: Float[np.ndarray, " place"],
         usual: float,
     ) -> None:
         """Prepare; ``rated`` is τ₀ of each, or zeros, ``usual`` the load in the recordings."""
         self.loss, self.tau = theta[:, 0], theta[:, 1]
         self.rated, self.usual = rated, usual
         self.heat: np.ndarray | None = None
-        super().__init__(scene, actuator, self._weakened)
+        super().__init__(scene, at, self._weakened)
 
-    def act(self, state: StepState) -> None:
-        """See :meth:`Live.act`."""
+    def force(self, state: StepState) -> np.ndarray:
+        """See :meth:`Live.force`."""
         self.step = -np.expm1(-state.h / self.tau)
-        super().act(state)
+        return super().force(state)
 
     def _weakened(self, force: np.ndarray, v: np.ndarray, t: np.ndarray) -> np.ndarray:
         timed = not self.usual

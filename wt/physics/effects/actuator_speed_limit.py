@@ -65,11 +65,11 @@ class ActuatorSpeedLimit(OnSteps):
         narrow(spec, at.name, float(theta[0]))
 
     def live(
-        self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
+        self, scene: Scene, at: Sequence[Location], theta: Float[np.ndarray, "place parameter"]
     ) -> Live:
         """Clip the force at every step."""
         stall, speed = theta.T
-        return DriveLaw(scene, at.name, lambda force, v, t: _limited(force, v, stall, speed))
+        return DriveLaw(scene, at, lambda force, v, t: _limited(force, v, stall, speed))
 
     def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """Clip the force at every step."""

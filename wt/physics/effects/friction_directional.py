@@ -31,7 +31,7 @@ _SLOW = 0.1
 
 class _Directed(Bristle):
     def level(self, state: StepState) -> np.ndarray:
-        v = state.v[:, self.dof]
+        v = state.v[self.own]
         forward, backward, fast, slow = self.theta.T
         return np.where(v > 0.0, forward + fast * v, backward - slow * v)
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._tools import Bristle, BristleFriction
+from wt.physics.effects._tools import Bristle, BristleFriction, JointDrives
 from wt.physics.hooks import Intervals, Nested
 from wt.physics.live import StepState
 from wt.physics.motion import Motion
@@ -22,16 +24,13 @@ _NEGLIGIBLE = 0.05  # share of the constant part that the load must add to count
 
 class _Loaded(Bristle):
     def __init__(
-        self, scene: Scene, joint: str, theta: Float[np.ndarray, "replay parameter"]
+        self, scene: Scene, at: Sequence[Location], theta: Float[np.ndarray, "place parameter"]
     ) -> None:
-        super().__init__(scene, joint, theta)
-        self.drives = [d for d in scene.drives if d.dof == self.dof]
+        super().__init__(scene, at, theta)
+        self.drives = JointDrives(scene, self.dofs)
 
     def level(self, state: StepState) -> np.ndarray:
-        q, v = state.q[:, self.dof], state.v[:, self.dof]
-        load = np.zeros_like(q)
-        for drive in self.drives:
-            load += drive.force(state.u[:, drive.index], q, v)
+        load = self.drives.force(state.u, state.q[self.own], state.v[self.own])
         return np.asarray(self.theta[:, 0] + self.theta[:, 1] * np.abs(load))
 
 

@@ -27,7 +27,7 @@ _BEGUN = 0.3  # depth to start from where plain dry friction was found
 
 class _Along(Bristle):
     def level(self, state: StepState) -> np.ndarray:
-        return np.asarray(self.theta[:, 0] * _shape(state.q[:, self.dof], self.theta.T))
+        return np.asarray(self.theta[:, 0] * _shape(state.q[self.own], self.theta.T))
 
 
 @register

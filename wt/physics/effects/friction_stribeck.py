@@ -31,7 +31,7 @@ late, brakes too much; against a machine that has it, .1 errs by a seventh of wh
 class _Sticking(Bristle):
     def level(self, state: StepState) -> np.ndarray:
         coulomb, static, velocity = self.theta.T
-        slow = np.exp(-((state.v[:, self.dof] / velocity) ** 2))
+        slow = np.exp(-((state.v[self.own] / velocity) ** 2))
         return np.asarray(coulomb + (np.maximum(static, coulomb) - coulomb) * slow)
 
 

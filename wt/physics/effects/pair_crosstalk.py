@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._tools import neighbours
+from wt.physics.effects._tools import JointDrives, neighbours
 from wt.physics.hooks import OnSteps
-from wt.physics.live import Live, StepState
+from wt.physics.live import Live, StepState, columns
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number
@@ -53,7 +53,7 @@ class PairCrosstalk(OnSteps):
         return coefficients
 
     def live(
-        self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
+        self, scene: Scene, at: Sequence[Location], theta: Float[np.ndarray, "place parameter"]
     ) -> Live:
         """Add the fraction of the force."""
         return _Leaking(scene, at, theta)
@@ -88,15 +88,14 @@ class PairCrosstalk(OnSteps):
 
 class _Leaking(Live):
     def __init__(
-        self, scene: Scene, at: Location, theta: Float[np.ndarray, "replay parameter"]
+        self, scene: Scene, at: Sequence[Location], theta: Float[np.ndarray, "place parameter"]
     ) -> None:
-        self.first, self.second = (scene.dof(name) for name in at.name.split("+"))
-        self.drives = [drive for drive in scene.drives if drive.dof == self.first]
+        pairs = np.array([[scene.dof(name) for name in place.name.split("+")] for place in at])
+        super().__init__(pairs[:, 1])
+        self.first, self.drives = columns(pairs[:, 0]), JointDrives(scene, pairs[:, 0])
         self.fraction = theta[:, 0]
 
-    def act(self, state: StepState) -> None:
-        """Add the fraction of the force."""
-        q, v = state.q[:, self.first], state.v[:, self.first]
-        for drive in self.drives:
-            force = drive.force(state.u[:, drive.index], q, v)
-            state.applied[:, self.second] += self.fraction * force
+    def force(self, state: StepState) -> np.ndarray:
+        """The fraction of the force."""
+        q, v = state.q[self.first], state.v[self.first]
+        return self.fraction * self.drives.force(state.u, q, v)
