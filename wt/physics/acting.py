@@ -48,7 +48,7 @@ def is_live(effect: Effect) -> bool:
 def acting(scene: Scene, hypotheses: Sequence[Sequence[Planted]]) -> list[Acting]:
     """One law for each effect, wherever it acts: twelve joints take one call, not twelve.
 
-    In the order of their names, so that the sum of several forces does not depend, to the bit, on
+    In the order of names, so that the sum of several forces does not depend, to the bit, on
     the other replays of a batch.
 
     Args:
@@ -65,8 +65,8 @@ def acting(scene: Scene, hypotheses: Sequence[Sequence[Planted]]) -> list[Acting
                 places.setdefault(id(p.effect), []).append((row, p))
     laws_acting = []
     for key in sorted(laws, key=lambda key: laws[key].id):
-        rows = np.array([row for row, _ in places[key]])
-        planted = [p for _, p in places[key]]
+        there = sorted(places[key], key=lambda place: (place[0], place[1].at.name))
+        rows, planted = np.array([row for row, _ in there]), [p for _, p in there]
         theta = np.stack([p.theta for p in planted])
         live = laws[key].live(scene, [p.at for p in planted], theta)
         cells = np.stack([rows, live.dofs], axis=1)

@@ -128,9 +128,9 @@ def test_linearised_again_as_long_as_replays_get_better(
     some = objective(smoothed(tmp_path, chain(2), chain(2)), True)
     linearised, times, met = some._linearised, [0], list[float]()
 
-    def counted(hypothesis: tuple[Planted, ...]) -> Assessed:
+    def counted(hypothesis: tuple[Planted, ...], anew: bool) -> Assessed:
         times[0] += 1
-        return linearised(hypothesis)
+        return linearised(hypothesis, anew)
 
     def better(error: np.ndarray, centre: np.ndarray) -> float:
         gains = [4.0, 3.0, 2.0, 0.0] if times[0] < 9 else [0.0] * 4
@@ -142,3 +142,41 @@ def test_linearised_again_as_long_as_replays_get_better(
     monkeypatch.setattr(some, "_met", better)
     some.reference(())
     assert times[0] == 9
+
+
+def test_what_tolerances_change_is_taken_over_from_close_parameters(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rubbing = chain(2).replace('damping=".3"', 'damping=".3" frictionloss=".2"')
+    fit = smoothed(tmp_path, rubbing, chain(2))
+    some, other = objective(fit, True), objective(fit, True)
+    near: list[int] = []
+    around = some._nearby._replays.around
+
+    def counted(
+        reference: tuple[Planted, ...], moved: list[tuple[Planted, ...]]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        near.append(len(moved))
+        return around(reference, moved)
+
+    monkeypatch.setattr(some._nearby._replays, "around", counted)
+
+    def dry(*torques: float) -> tuple[Planted, ...]:
+        effect = effects()["joint.friction_coulomb"]
+        return tuple(
+            Planted(effect, Location("joint", f"j{i}"), np.array([torque]))
+            for i, torque in enumerate(torques, 1)
+        )
+
+    some.reference(dry(0.17, 0.2))
+    assert max(near) == len(some.tolerances)
+    near.clear()
+    taken, own = some.reference(dry(0.2, 0.21)), other.reference(dry(0.2, 0.21))
+    assert near == [0]
+    assert abs(taken.loglik - own.loglik) < 0.5
+    left, apart = other.left(own), some.left(taken) - other.left(own)
+    assert ((apart**2).mean(axis=0) < 0.1 * (left**2).mean(axis=0)).all()
+    # of other parameters, or of another law, it says nothing
+    some.reference(dry(0.5, 0.2))
+    some.reference(dry(0.5))
+    assert near.count(len(some.tolerances)) >= 2

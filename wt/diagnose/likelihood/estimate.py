@@ -36,6 +36,9 @@ _NO_LOSS = 0.5 * float(chi2.ppf(0.95, 1))
 """Loss of log-likelihood inside a 95 % interval of one parameter [nats] (S. S. Wilks, 1938)."""
 _FACTORS, _TIMES, _NO_ENDS = np.array([[0.5], [2.0]]), 3, np.array([[0.0], [np.inf]])
 """What is as good so often halved, or doubled, has no end that these recordings show."""
+_FLAT, _HALVED = 30.0, 3
+"""A parameter of which half, or twice, loses less [nats] may be flat in between: curvature where it
+is tells nothing of its end, which is looked for by halving the way so often."""
 _DAMPED, _FITTED = 1e-6, 3
 """Damping and number of the steps in which others are fitted beside one that is held."""
 _UNSEEN, _MEMBER = 1e-8, 1e-3
@@ -65,16 +68,15 @@ class Estimated:
 
 def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     """Fit all effects together, down to noise, and estimate how well they are known."""
-    now = objective.reference(start)
+    now = fitted(objective, start)
     if not start:
         return Estimated(now, ())
     parts = range(len(start))
     smallest = steps(objective, start, parts)
-    now, sharp = _fitted(objective, start, smallest), objective.sharper()
-    best = now
+    best, sharp = now, objective.sharper()
     if sharp is not objective:
         sharp.reference(now.hypothesis, now.tolerances)
-        best = _fitted(sharp, now.hypothesis, smallest)
+        best = _refined(sharp, now.hypothesis, smallest)
         now = objective.reference(best.hypothesis, best.tolerances)
     theta = pack(best.hypothesis, parts)
     slopes = jacobian(sharp, [best], [parts])
@@ -104,7 +106,13 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     return Estimated(now, tuple(estimates), combined)
 
 
-def _fitted(
+def fitted(objective: Objective, start: Hypothesis) -> Assessed:
+    """All effects fitted together, without a word of how well they are known."""
+    now = objective.reference(start)
+    return _refined(objective, start, steps(objective, start, range(len(start)))) if start else now
+
+
+def _refined(
     objective: Objective, start: Hypothesis, smallest: Float[np.ndarray, " parameter"]
 ) -> Assessed:
     """All effects refined, each with what its own tolerance took of it, linear around the last."""
@@ -242,9 +250,36 @@ def _as_good(
             if unseen[k]:
                 tried[end, k] = _others_fitted(objective, now, tried[end, k], k)
         fits = objective.evaluate([unpack(now.hypothesis, parts, tried[e, k]) for e, k in ways])
-        going[going] = [f.loglik > now.loglik - _NO_LOSS for f in fits]
+        losses = np.array([now.loglik - f.loglik for f in fits])
+        flat = [w for w, loss in zip(ways, losses, strict=True) if _NO_LOSS <= loss < _FLAT]
+        going[going] = losses < _NO_LOSS
         multiple = np.where(going, multiple * _FACTORS, multiple)
+        for end, k in flat:
+            if multiple[end, k] == 1.0 and not unseen[k]:
+                multiple[end, k] = _between(objective, now, theta, k, float(_FACTORS[end, 0]))
     return np.where(going, _NO_ENDS, multiple * theta)
+
+
+def _between(
+    objective: Objective,
+    now: Assessed,
+    theta: Float[np.ndarray, " parameter"],
+    index: int,
+    lost: float,
+) -> float:
+    """Multiple of a parameter up to which nothing is lost, between one and that at which it is.
+
+    What a law does without slipping, or without reaching its limit, has no curvature there.
+    """
+    parts, low, high = range(len(now.hypothesis)), 0.0, 1.0
+    for _ in range(_HALVED):
+        share = 0.5 * (low + high)
+        there = theta.copy()
+        there[index] *= lost**share
+        (fit,) = objective.evaluate([unpack(now.hypothesis, parts, there)])
+        as_good = fit.loglik > now.loglik - _NO_LOSS
+        low, high = (share, high) if as_good else (low, share)
+    return float(lost**low)
 
 
 def _others_fitted(

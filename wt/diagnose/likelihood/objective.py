@@ -204,8 +204,8 @@ class Objective:
             return last
         if centre is not None:
             self._around = replace(self._around, centre=np.where(self._able, centre, 0.0))
-        for _ in range(min(most, self._relinearised)):
-            assessed = self._linearised(hypothesis)
+        for turn in range(min(most, self._relinearised)):
+            assessed = self._linearised(hypothesis, anew=turn > 0)
             here, goal = assessed.centre, np.where(self._able, assessed.tolerances, 0.0)
             (actual,) = self._replayed(hypothesis, [goal])
             apart = actual - assessed.error - self._around.moved(goal)
@@ -240,10 +240,10 @@ class Objective:
         variance = self.channels.variance(self._around.squares(error).total)
         return self.channels.nats(variance) - 0.5 * float(centre @ centre)
 
-    def _linearised(self, hypothesis: Hypothesis) -> Assessed:
-        """Linearise around a hypothesis and the present tolerances."""
+    def _linearised(self, hypothesis: Hypothesis, anew: bool = False) -> Assessed:
+        """Linearise around a hypothesis and the present tolerances; see :meth:`Nearby.around`."""
         centre = self._around.centre
-        q, changes, response = self._nearby.around(hypothesis, centre)
+        q, changes, response = self._nearby.around(hypothesis, centre, anew)
         error, columns = self._errors(q), np.where(self.channels.valid, changes, 0.0)
         parts = self.channels.parts
         if self.forgets:

@@ -145,6 +145,14 @@ def jacobian(
     return result
 
 
+def slopes_at(objective: Objective, now: Assessed) -> dict[Key, Float[np.ndarray, "sample dof _"]]:
+    """Derivatives in all parts of a hypothesis, where it is; they hardly change beside others."""
+    if not now.hypothesis:
+        return {}
+    (slope,) = jacobian(objective, [now], [range(len(now.hypothesis))])
+    return slopes_of(now.hypothesis, slope)
+
+
 def slopes_of(
     hypothesis: Hypothesis, slope: Float[np.ndarray, "sample dof parameter"]
 ) -> dict[Key, Float[np.ndarray, "sample dof _"]]:

@@ -21,7 +21,7 @@ from wt.diagnose.recordings.smooth import Smoothed
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
 from wt.physics.motion import Motion
-from wt.physics.planted import Key, Planted
+from wt.physics.planted import Planted
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
@@ -280,11 +280,27 @@ ROUGH = 10.0
 after the smallest change, and what that does must not pass for a slope."""
 
 
+_CLOSE = 0.3
+"""Parameters of a hypothesis are close to another's within such a share of theirs."""
+_KEPT = 4
+"""Hypotheses whose differences are kept: a search comes back to where it was."""
+
+
+class _Changes(NamedTuple):
+    """What is different near a hypothesis, see :meth:`Nearby.around`."""
+
+    hypothesis: tuple[Planted, ...]
+    of_tolerances: Float[np.ndarray, "tolerance sample dof"]
+    of_states: Float[np.ndarray, "sample dof state"]
+
+
 class Nearby:
     """Finite differences of replays, by which they are linear around a hypothesis.
 
     A floating base has many links and as many unknown initial speeds; what they change is computed
-    once there for hypotheses of the same effects, whatever their parameters.
+    once there for hypotheses of the same effects, whatever their parameters. Where drives hold a
+    machine, so that it forgets how it began, they are taken over from one of close parameters, for
+    a replay to say whether they will do.
 
     Attributes:
         nudge: factor by which differences are larger than where replays are smooth.
@@ -313,14 +329,7 @@ class Nearby:
         self.tolerances = tuple(tolerances)
         able = [tolerance.effect.correctable for tolerance in tolerances]
         self.able: Bool[np.ndarray, " tolerance"] = np.array(able, dtype=bool)
-        self._known: (
-            tuple[
-                tuple[Key, ...],
-                Float[np.ndarray, "tolerance sample dof"],
-                Float[np.ndarray, "sample dof state"],
-            ]
-            | None
-        ) = None
+        self._known: list[_Changes] = []
 
     def on(self, replays: Replays) -> Nearby:
         """The same differences of other replays of the same stretches."""
@@ -334,7 +343,10 @@ class Nearby:
         return tuple(t.scaled(float(x)) for t, x in pairs if t.effect.correctable and x)
 
     def around(
-        self, hypothesis: Sequence[Planted], centre: Float[np.ndarray, " tolerance"]
+        self,
+        hypothesis: Sequence[Planted],
+        centre: Float[np.ndarray, " tolerance"],
+        anew: bool = False,
     ) -> tuple[
         Float[np.ndarray, "sample dof"],
         Float[np.ndarray, "tolerance sample dof"],
@@ -342,14 +354,19 @@ class Nearby:
     ]:
         """Replay a hypothesis with the tolerances at ``centre`` [deviations].
 
+        Args:
+            hypothesis: what to replay.
+            centre: where the tolerances are.
+            anew: whether what those of a hypothesis close by changed will not do.
+
         Returns:
             (positions; what changes per deviation of each tolerance; what changes per deviation
             of each initial state, of no width if it is forgotten).
         """
         here = (*hypothesis, *self.rig(centre))
-        keys = tuple(p.key for p in hypothesis)
-        if self._known is not None and self._known[0] == keys:
-            return self._replays.around(here, [])[0], *self._known[1:]
+        taken = [known for known in self._known if self._close(known.hypothesis, hypothesis)]
+        if taken and not (anew and not self._once):
+            return self._replays.around(here, [])[0], *taken[-1][1:]
         moved = [
             (*hypothesis, *self.rig(centre + one)) if t.effect.correctable else (*here, t.planted)
             for t, one in zip(self.tolerances, self._step * np.eye(len(centre)), strict=True)
@@ -359,5 +376,14 @@ class Nearby:
         response = np.zeros((*q.shape, 0))
         if self._remembers:
             response = responses(self._replays.of(here).slopes, here)
-        self._known = (keys, changes, response) if self._once else None
+        kept = [k for k in self._known if not self._close(k.hypothesis, hypothesis)]
+        self._known = [*kept[1 - _KEPT :], _Changes(tuple(hypothesis), changes, response)]
         return q, changes, response
+
+    def _close(self, one: Sequence[Planted], other: Sequence[Planted]) -> bool:
+        """Whether what one's tolerances change will do for the other's."""
+        if [p.key for p in one] != [p.key for p in other]:
+            return False
+        sizes = [(p.theta, q.theta) for p, q in zip(one, other, strict=True)]
+        near = (np.linalg.norm(b - a) <= _CLOSE * np.linalg.norm(a) for a, b in sizes)
+        return self._once or (not self._remembers and all(near))

@@ -138,7 +138,7 @@ def stretches_of(
 
 
 def _overlapping(
-    smoothed: Smoothed, blocks: list[SampleRange], ready: list[Int[np.ndarray, " start"]]
+    smoothed: Smoothed, blocks: list[SampleRange], ready: list[Int[np.ndarray, " _"]]
 ) -> list[SampleRange]:
     """The same, but what follows another begins inside of it, where the motion is known.
 

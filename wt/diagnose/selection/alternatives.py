@@ -29,7 +29,7 @@ from wt.diagnose.likelihood.bic import (
     size,
     worth,
 )
-from wt.diagnose.likelihood.estimate import Estimated, estimate
+from wt.diagnose.likelihood.estimate import Estimated, estimate, fitted
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import Slopes, jacobian, refine, slopes_of
 from wt.diagnose.residual.screen import Screen
@@ -293,30 +293,31 @@ def simplified(
         estimated: their parameters.
         log: grows by every decision.
     """
-    for planted in estimated.hypothesis:
-        i = next(k for k, p in enumerate(estimated.hypothesis) if p.key == planted.key)
-        present, rest = estimated.hypothesis[i], without(estimated.hypothesis, i)
-        intervals = {name: e.ci95 for name, e in estimated.estimates[i].items()}
+    now = estimated.assessed
+    for planted, estimates in zip(estimated.hypothesis, estimated.estimates, strict=True):
+        i = next(k for k, p in enumerate(now.hypothesis) if p.key == planted.key)
+        present, rest = now.hypothesis[i], without(now.hypothesis, i)
+        intervals = {name: e.ci95 for name, e in estimates.items()}
         simpler_law = present.simpler(objective.motion, intervals)
         if simpler_law is None:
             continue
         law = Planted(effects()[simpler_law[0]], present.at, simpler_law[1])
         said = any(excluded(law, p) for p in rest)  # by another, which has that law in it
-        again = estimate(objective, rest if said else (*rest[:i], law, *rest[i:]))
-        before, after = estimated.assessed.mse, again.assessed.mse
-        erring = erring_joints(objective, again.assessed)
+        again = fitted(objective, rest if said else (*rest[:i], law, *rest[i:]))
+        erring = erring_joints(objective, again)
         # legs err now by more and now by less than their noise: there only nats tell what is lost
-        lost = -worth(objective, again.assessed, estimated.assessed)
-        clean = (after[erring] <= (1.0 + THRESHOLDS.material) * before[erring]).all()
+        lost = -worth(objective, again, now)
+        clean = (again.mse[erring] <= (1.0 + THRESHOLDS.material) * now.mse[erring]).all()
         simple_enough = lost < THRESHOLDS.min_nats or (not said and clean)
         sizes = present.effect.n_free, 0 if said else law.effect.n_free
         needed = f"its further parameters are not needed: {law}" + said * ", as another has it"
         reason = needed if simple_enough else "needed"
         log.add(present, "simplified", not simple_enough, float(sizes[0]), float(sizes[1]), reason)
         if simple_enough:
-            now = () if said else (_by(law, accepted[i], present, objective),)
-            accepted = (*accepted[:i], *now, *accepted[i + 1 :])
-            estimated = again
+            instead = () if said else (_by(law, accepted[i], present, objective),)
+            accepted, now = (*accepted[:i], *instead, *accepted[i + 1 :]), again
+    if now is not estimated.assessed:
+        estimated = estimate(objective, now.hypothesis)
     return accepted, estimated
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from wt.diagnose.likelihood.objective import Objective
+from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.thresholds import THRESHOLDS
@@ -27,16 +27,18 @@ def in_best_form(
         accepted: effects that were found.
         log: grows by what changes.
     """
+    before: Assessed | None = None
     for i in range(len(accepted)):
         for form in _others(accepted[i]):
             now, other = accepted[i], replace(accepted[i].planted, effect=form)
             changed = (*accepted[:i], replace(now, planted=other), *accepted[i + 1 :])
             # each as replays around itself say: what adapts to one is not what adapts to the other
-            before, after = (objective.reference(_laws(those)) for those in (accepted, changed))
+            before = before or objective.reference(_laws(accepted))
+            after = objective.reference(_laws(changed))
             lead = after.loglik - before.loglik
             due = THRESHOLDS.equivalent_nats if form.form else -THRESHOLDS.equivalent_nats
             if lead > due:
-                accepted = changed
+                accepted, before = changed, after
                 reason = f"as {form.form}" if form.form else "in the usual form"
                 log.add(other, "alternative", True, lead, due, reason)
     return accepted
