@@ -45,14 +45,14 @@ class Live(abc.ABC):
     def __init__(self, dofs: Int[np.ndarray, " place"]) -> None:
         """Prepare."""
         self.dofs = dofs
-        self.own = columns(dofs)
+        self.own = column_of_each(dofs)
 
     @abc.abstractmethod
     def force(self, state: StepState) -> np.ndarray:
         """Generalised force that it adds at each place, (n,) [N·m or N]; once at every step."""
 
 
-def columns(
+def column_of_each(
     each: Int[np.ndarray, " place"],
 ) -> tuple[slice | Int[np.ndarray, " place"], int | Int[np.ndarray, " place"]]:
     """Index of one column in each row; of a view where that is the same one in all."""

@@ -17,7 +17,7 @@ from wt.errors import ModelError
 from wt.physics import base, source
 from wt.physics.activation import dynamic
 from wt.physics.lean import slim
-from wt.physics.live import columns
+from wt.physics.live import column_of_each
 from wt.types import Location
 
 _DYNAMICS = tuple(
@@ -92,7 +92,7 @@ class Drives:
     def __init__(self, each: Sequence[Drive]) -> None:
         """Prepare."""
         self.dofs = np.array([d.dof for d in each])
-        self._command = columns(np.array([d.index for d in each]))
+        self._command = column_of_each(np.array([d.index for d in each]))
         fields = np.array([(d.gear, d.gain, *d.bias, *d.commands, *d.forces) for d in each])
         if (fields == fields[:1]).all():  # figures cost less than arrays of them
             fields = fields[:1]

@@ -17,7 +17,17 @@ from scipy.stats import chi2
 from scipy.stats import t as student
 
 from wt.diagnose.likelihood.objective import Assessed, Objective
-from wt.diagnose.likelihood.refine import bounds, jacobian, pack, refine, rows_of, steps, unpack
+from wt.diagnose.likelihood.refine import (
+    bounds,
+    jacobian,
+    pack,
+    refine,
+    rows_of,
+    slopes_at,
+    slopes_of,
+    steps,
+    unpack,
+)
 from wt.diagnose.likelihood.shown import hidden_axes, shown
 from wt.diagnose.likelihood.tolerances import absorbed, alike, boxes
 from wt.diagnose.result import Estimate
@@ -68,19 +78,18 @@ class Estimated:
 
 def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     """Fit all effects together, down to noise, and estimate how well they are known."""
-    now = fitted(objective, start)
+    now = objective.reference(start)
     if not start:
         return Estimated(now, ())
-    parts = range(len(start))
+    parts, sharp = range(len(start)), objective.sharper()
     smallest = steps(objective, start, parts)
-    best, sharp = now, objective.sharper()
+    now, slope = _refined(objective, now, smallest)
+    best = now
     if sharp is not objective:
-        sharp.reference(now.hypothesis, now.tolerances)
-        best = _refined(sharp, now.hypothesis, smallest)
+        begun = sharp.reference(now.hypothesis, now.tolerances)
+        best, slope = _refined(sharp, begun, smallest, slope)
         now = objective.reference(best.hypothesis, best.tolerances)
-    theta = pack(best.hypothesis, parts)
-    slopes = jacobian(sharp, [best], [parts])
-    (slope,) = jacobian(sharp, [best], [parts], slopes)
+    theta, slope = pack(best.hypothesis, parts), slopes_at(sharp, best, slope)
     precision = sharp.channels.precision(best.variance)
     visible = shown(best.hypothesis, slope, precision)
     spread = _spread(sharp, best, slope @ visible)
@@ -109,16 +118,33 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
 def fitted(objective: Objective, start: Hypothesis) -> Assessed:
     """All effects fitted together, without a word of how well they are known."""
     now = objective.reference(start)
-    return _refined(objective, start, steps(objective, start, range(len(start)))) if start else now
+    return _refined(objective, now, steps(objective, start, range(len(start))))[0] if start else now
 
 
 def _refined(
-    objective: Objective, start: Hypothesis, smallest: Float[np.ndarray, " parameter"]
-) -> Assessed:
-    """All effects refined, each with what its own tolerance took of it, linear around the last."""
-    parts, before = range(len(start)), start
+    objective: Objective,
+    now: Assessed,
+    smallest: Float[np.ndarray, " parameter"],
+    slope: Float[np.ndarray, "sample dof parameter"] | None = None,
+) -> tuple[Assessed, Float[np.ndarray, "sample dof parameter"]]:
+    """All effects refined, each with what its own tolerance took of it, linear around the last.
+
+    The steps of a fit share the slopes where it began: those of the last are where it ends.
+
+    Args:
+        objective: what they are judged by.
+        now: where to begin, its reference.
+        smallest: changes of the parameters that matter.
+        slope: derivatives somewhere near.
+
+    Returns:
+        (the fit; derivatives where the last one began).
+    """
+    parts = range(len(now.hypothesis))
     for _ in range(_SETTLED):
-        (now,) = refine(objective, [before], [parts], iterations=3)
+        before, slope = now.hypothesis, slopes_at(objective, now, slope)
+        known = slopes_of(before, slope)
+        (now,) = refine(objective, [before], [parts], iterations=3, known=known)
         own = alike(objective.tolerances, now.hypothesis)
         whole = absorbed(objective.tolerances, now.tolerances, now.hypothesis)
         theta = pack(whole, parts)
@@ -127,8 +153,8 @@ def _refined(
             now = objective.reference(whole, np.where(own, 0.0, now.tolerances))
         if not moved:
             break
-        before = whole
-    return now
+    assert slope is not None
+    return now, slope
 
 
 def distances_from_nothing(estimated: Estimated) -> dict[int, float]:

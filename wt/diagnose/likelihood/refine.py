@@ -132,12 +132,13 @@ def jacobian(
             neighbours.append(unpack(assessed.hypothesis, parts, moved))
             centres.append(assessed.centre)
         sizes.append(step)
-    moved_to = iter(objective.evaluate(neighbours, centres))
+    moved_to = iter(objective.evaluate(neighbours, centres) if neighbours else ())
     result = []
     for assessed, parts, step in zip(at, free, sizes, strict=True):
         slope, asked = np.zeros((*assessed.error.shape, len(step))), np.flatnonzero(step)
         others = [next(moved_to) for _ in asked]
-        slope[:, :, asked] = objective.change(assessed, others) / step[asked]
+        if others:
+            slope[:, :, asked] = objective.change(assessed, others) / step[asked]
         for i, rows in rows_of(assessed.hypothesis, parts):
             if assessed.hypothesis[i].key in known:
                 slope[:, :, rows] = known[assessed.hypothesis[i].key]
@@ -145,12 +146,24 @@ def jacobian(
     return result
 
 
-def slopes_at(objective: Objective, now: Assessed) -> dict[Key, Float[np.ndarray, "sample dof _"]]:
-    """Derivatives in all parts of a hypothesis, where it is; they hardly change beside others."""
+def slopes_at(
+    objective: Objective,
+    now: Assessed,
+    before: Float[np.ndarray, "sample dof parameter"] | None = None,
+) -> Float[np.ndarray, "sample dof parameter"]:
+    """Derivatives in all parameters of a hypothesis, by differences that replays tell from nothing.
+
+    Args:
+        objective: whose errors.
+        now: where.
+        before: derivatives somewhere near; taken here, by the smallest differences, if left out.
+    """
     if not now.hypothesis:
-        return {}
-    (slope,) = jacobian(objective, [now], [range(len(now.hypothesis))])
-    return slopes_of(now.hypothesis, slope)
+        return np.zeros((*now.error.shape, 0))
+    parts = [range(len(now.hypothesis))]
+    if before is None:
+        (before,) = jacobian(objective, [now], parts)
+    return jacobian(objective, [now], parts, [before])[0]
 
 
 def slopes_of(

@@ -23,10 +23,10 @@ legs: what feet do to each other's forces soon makes two replays of the same wal
 WINDOWS_S = (WINDOW_S, 1.0, 2.0, 4.0)
 """What windows may be as long as: the longer, the better a replay tells one law from another, as
 long as it does not lose the recording."""
-_LONG_S, BLOCK_S = 10.0, 2.5
+_LONG_S, BLOCK_S = 10.0, 4.0
 """Most that stretches of a machine that forgets are long [s], and where many hypotheses are
-compared: laws are stepped for all stretches at once, so that ten short ones cost little more than
-one of them."""
+compared: laws are stepped for all stretches at once, so that short ones cost little more than one.
+Not shorter: friction at standstill begins unbent in each."""
 BURN_IN_S = 0.25
 """Start of a long stretch that is not scored: hidden states (gears, buffers) settle [s]."""
 LEAD_S = 0.3

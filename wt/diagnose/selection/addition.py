@@ -15,7 +15,7 @@ import numpy as np
 
 from wt.diagnose.likelihood.bic import earns, erring_joints, excess, simplest, worth
 from wt.diagnose.likelihood.objective import Assessed, Objective
-from wt.diagnose.likelihood.refine import refine, slopes_at
+from wt.diagnose.likelihood.refine import refine, slopes_at, slopes_of
 from wt.diagnose.residual.screen import Scored, Screen
 from wt.diagnose.result import Stage
 from wt.diagnose.selection.candidates import candidates, dof_of, excluded
@@ -149,7 +149,7 @@ def _finished(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> 
     fits = _by_worth(objective, fits, now)
     finalists = [f.hypothesis for f in fits[:_FINALISTS]]
     all_free = [range(len(h)) for h in finalists]
-    known = slopes_at(objective, now)
+    known = slopes_of(now.hypothesis, slopes_at(objective, now))
     refined = refine(objective, finalists, all_free, iterations=4, known=known)
     best = _by_worth(objective, refined, now)
     if not objective.scene.free:

@@ -15,7 +15,7 @@ import numpy as np
 
 from wt.diagnose.likelihood.bic import earns, erring_joints, exhausted, merit, worth
 from wt.diagnose.likelihood.objective import Assessed, Objective
-from wt.diagnose.likelihood.refine import refine, slopes_at
+from wt.diagnose.likelihood.refine import refine, slopes_at, slopes_of
 from wt.diagnose.likelihood.tolerances import taken_over
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.addition import Accepted, addition
@@ -243,7 +243,7 @@ def _prune(
         lesser = [without(now.hypothesis, i) for i in range(len(accepted))]
         free = [range(len(accepted) - 1)] * len(lesser)
         errors = [taken_over(objective.tolerances, now.tolerances, p) for p in now.hypothesis]
-        known = slopes_at(objective, now)
+        known = slopes_of(now.hypothesis, slopes_at(objective, now))
         fits = refine(objective, lesser, free, iterations=2, centres=errors, known=known)
         losses = [worth(objective, now, fit) for fit in fits]
         weakest = int(np.argmin(losses))

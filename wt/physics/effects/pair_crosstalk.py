@@ -10,7 +10,7 @@ from jaxtyping import Float
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import JointDrives, neighbours
 from wt.physics.hooks import OnSteps
-from wt.physics.live import Live, StepState, columns
+from wt.physics.live import Live, StepState, column_of_each
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number
@@ -92,7 +92,7 @@ class _Leaking(Live):
     ) -> None:
         pairs = np.array([[scene.dof(name) for name in place.name.split("+")] for place in at])
         super().__init__(pairs[:, 1])
-        self.first, self.drives = columns(pairs[:, 0]), JointDrives(scene, pairs[:, 0])
+        self.first, self.drives = column_of_each(pairs[:, 0]), JointDrives(scene, pairs[:, 0])
         self.fraction = theta[:, 0]
 
     def force(self, state: StepState) -> np.ndarray:
