@@ -72,9 +72,7 @@ class Drive:
 
     def unclamped(self, u: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """The force before the gear and before its own clamp."""
-        constant, stiffness, damping = self.bias
-        spring = stiffness * self.gear * q + damping * self.gear * v
-        return np.asarray(self.gain * between(u, *self.commands) + constant + spring)
+        return _unclamped(u, q, v, self.gear, self.gain, self.bias, self.commands)
 
     @property
     def servo(self) -> bool:
@@ -96,15 +94,29 @@ class Drives:
         fields = np.array([(d.gear, d.gain, *d.bias, *d.commands, *d.forces) for d in each])
         if (fields == fields[:1]).all():  # figures cost less than arrays of them
             fields = fields[:1]
-        self._gear, self._gain, *bias, low, high, weakest, strongest = fields.T
-        self._bias = bias[0], bias[1] * self._gear, bias[2] * self._gear
-        self._commands, self._forces = (low, high), (weakest, strongest)
+        self._gear, self._gain, *rest = fields.T
+        self._bias, self._commands, self._forces = rest[:3], rest[3:5], rest[5:]
 
     def force(self, u: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """As :meth:`Drive.force`, from all commands, (n, nu), and the joints' own q and v, (n,)."""
-        constant, stiffness, damping = self._bias
-        sent = self._gain * between(u[self._command], *self._commands)
-        return self._gear * between(sent + constant + stiffness * q + damping * v, *self._forces)
+        law = self._gear, self._gain, self._bias, self._commands
+        return self._gear * between(_unclamped(u[self._command], q, v, *law), *self._forces)
+
+
+def _unclamped(
+    u: np.ndarray,
+    q: np.ndarray,
+    v: np.ndarray,
+    gear: float | np.ndarray,
+    gain: float | np.ndarray,
+    bias: Sequence[float | np.ndarray],
+    commands: Sequence[float | np.ndarray],
+) -> np.ndarray:
+    """The force of a drive, or of one at each place, before its gear and its own clamp."""
+    constant, stiffness, damping = bias
+    low, high = commands
+    spring = stiffness * gear * q + damping * gear * v
+    return np.asarray(gain * between(u, low, high) + constant + spring)
 
 
 def between(x: np.ndarray, low: float | np.ndarray, high: float | np.ndarray) -> np.ndarray:

@@ -122,7 +122,7 @@ class Bristle(Live):
     ) -> None:
         """Prepare for the joints of n places and their ``theta``, (n, n_theta)."""
         super().__init__(np.array([scene.dof(place.name) for place in at]))
-        self.scene, self.theta = scene, theta
+        self.theta = theta
         self.inertia = np.array([effective_inertia(scene.model, place.name) for place in at])
         self.bent = np.zeros(len(theta))
 
