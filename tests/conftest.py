@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from jaxtyping import install_import_hook
 
+from tests import shapes
 from tests.browser import chromium
 from tests.order import pytest_collection_modifyitems as pytest_collection_modifyitems
 from tests.order import pytest_xdist_make_scheduler as pytest_xdist_make_scheduler
@@ -22,52 +22,13 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).resolve().parent.parent
 
-EVERY_STEP = {
-    "wt.check.balance",
-    "wt.diagnose.likelihood.adapt",
-    "wt.diagnose.likelihood.bounded",
-    "wt.diagnose.observed.states",
-    "wt.diagnose.unknown.force",
-    "wt.diagnose.unknown.law",
-    "wt.diagnose.unknown.memory",
-    "wt.physics.acting",
-    "wt.physics.effects._tools",
-    "wt.physics.effects.actuator_fade",
-    "wt.physics.effects.friction_directional",
-    "wt.physics.effects.friction_load",
-    "wt.physics.effects.friction_position",
-    "wt.physics.effects.friction_stribeck",
-    "wt.physics.effects.pair_crosstalk",
-    "wt.physics.job",
-    "wt.physics.live",
-    "wt.physics.planted",
-    "wt.physics.replay",
-    "wt.physics.stepping",
-    "wt.physics.scene",
-    "wt.prove.body_laws",
-    "wt.prove.contact_laws",
-    "wt.prove.controllers",
-    "wt.prove.drive_laws",
-    "wt.prove.hidden",
-    "wt.prove.joint_laws",
-    "wt.prove.laws",
-    "wt.prove.moving_laws",
-    "wt.prove.outside_laws",
-    "wt.prove.trajectory",
-}
-"""Modules whose functions run at every physics step, sample or replay, or for every fault that an
-audit tries: to check them would take longer than to run them, and made the tests three times as
-long."""
-
 
 def _check_shapes() -> None:
-    """Have types and shapes checked in every call of our own code, but for :data:`EVERY_STEP`."""
+    """Have types and shapes of our own code checked."""
     files = [p for top in ("wt", "registry", "deploy") for p in (ROOT / top).rglob("*.py")]
     modules = {".".join(p.relative_to(ROOT).with_suffix("").parts) for p in files}
-    assert modules >= EVERY_STEP, f"no such modules: {sorted(EVERY_STEP - modules)}"
     # a package's own name would stand for all that is in it
-    checked = {m for m in modules - EVERY_STEP if not m.endswith("__init__")}
-    install_import_hook(sorted(checked), "beartype.beartype")
+    shapes.check(m for m in modules if not m.endswith("__init__"))
 
 
 _check_shapes()
@@ -87,6 +48,12 @@ def pytest_configure() -> None:
     # a shell's background job ignores Ctrl-C, and so would every program that a test starts
     signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.addaudithook(_watch_network)
+
+
+@pytest.fixture(autouse=True)
+def checked_anew() -> None:
+    """Check types and shapes in the first calls that each test makes."""
+    shapes.anew()
 
 
 @pytest.fixture(autouse=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -13,7 +14,7 @@ from tests.physics.laws import G2, sliding
 from wt.physics.effect import effects
 from wt.physics.loose import LooseLaw, paths
 from wt.physics.loose_search import laws_that_fit, likeliest_laws
-from wt.physics.motion import Motion
+from wt.physics.motion import Motion, Segment
 from wt.types import Location
 
 AT = (0.1, 0.04, 0.05)
@@ -39,6 +40,23 @@ def test_the_path_is_that_of_the_load(tmp_path: Path) -> None:
     assert np.sqrt(np.mean((found.s[:, 0] - truth) ** 2)) < 0.002
     assert np.sqrt(np.mean((other.s[:, 0] - truth) ** 2)) > 0.02
     assert not found.s[:, 1:].any()
+
+
+def test_recordings_and_pieces_side_by_side_are_each_alone(tmp_path: Path) -> None:
+    motion, _ = recorded(tmp_path, RAILS, 8.0)
+    whole, cut = motion.segments[0], 1500
+    two = tuple(
+        Segment(slice(*rows), whole.recording, whole.dt) for rows in ((0, cut), (cut, len(motion)))
+    )
+    laws = [LooseLaw((0.1, 0.0, 0.0), 4.0, 0.0, 0.0), LooseLaw((0.1, 0.1, 0.0), 2.0, 25.0, 0.4)]
+    loads = [(law, AT) for law in laws]
+    together = paths(replace(motion, segments=two), "b2", loads)
+    alone = paths(motion, "b2", loads)
+    for one, other in zip(together, alone, strict=True):
+        np.testing.assert_array_equal(one.s[:cut], other.s[:cut])
+        assert not one.s[cut].any() and other.s[cut].any()
+    for one, other in zip(paths(motion, "b2", loads, longest=3.0), alone, strict=True):
+        assert np.abs(one.s - other.s).max() < 0.02 * np.abs(other.s).max()
 
 
 @pytest.mark.long

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -28,6 +29,8 @@ Centre = tuple[float, float, float]
 
 _STEP_S = 0.0025
 """Of the integration [s]: stops are reached at below 1 m/s."""
+_LEAD_S = 3.0
+"""Time in which a load forgets how it began [s]."""
 
 
 @dataclass(frozen=True)
@@ -72,33 +75,74 @@ def _path_of(motion: Motion, body: str, centre: Centre, law: LooseLaw) -> Path:
     return paths(motion, body, [(law, centre)])[0]
 
 
-def paths(motion: Motion, body: str, loads: Sequence[tuple[LooseLaw, Centre]]) -> list[Path]:
-    """Paths of loads of several laws, each from rest in its middle at a segment's start."""
+def paths(
+    motion: Motion, body: str, loads: Sequence[tuple[LooseLaw, Centre]], longest: float = np.inf
+) -> list[Path]:
+    """Paths of loads of several laws, each from rest in its middle at a segment's start.
+
+    Args:
+        motion: of the body.
+        body: that they are in.
+        loads: the law and the middle of each.
+        longest: of segments that last longer [s], pieces are integrated side by side, each begun so
+            early that where a load began is forgotten.
+    """
     moved = kinematics(motion.recorded)[body]
     s, v, a = np.zeros((3, len(motion), len(loads), 3))
+    groups: dict[int, list[_Piece]] = {}
     for segment in motion.segments:
-        rows = segment.rows
-        s[rows], v[rows] = _integrated(moved, segment, loads)
-        a[rows] = np.gradient(v[rows], segment.dt, axis=0)
+        groups.setdefault(_parts(segment.dt), []).extend(_pieces(segment, longest))
+    for parts, pieces in groups.items():
+        for piece, path in zip(pieces, _integrated(moved, pieces, parts, loads), strict=True):
+            rows = slice(piece.rows.start + piece.lead, piece.rows.stop)
+            s[rows], v[rows] = path[:, piece.lead :]
+    for segment in motion.segments:
+        a[segment.rows] = np.gradient(v[segment.rows], segment.dt, axis=0)
     return [Path(s[:, k], v[:, k], a[:, k]) for k in range(len(loads))]
 
 
+class _Piece(NamedTuple):
+    """Samples of a segment that are integrated in a row.
+
+    Attributes:
+        rows: they.
+        dt: between them [s].
+        lead: so many are there for the load to forget how it began.
+    """
+
+    rows: slice
+    dt: float
+    lead: int
+
+
+def _parts(dt: float) -> int:
+    """Steps from one sample to the next."""
+    return max(1, round(dt / _STEP_S))
+
+
+def _pieces(segment: Segment, longest: float) -> list[_Piece]:
+    """Pieces of a segment of about the same length, after the first with a lead."""
+    rows, dt = segment.rows, segment.dt
+    count = max(1, int(np.ceil((rows.stop - rows.start) * dt / longest)))
+    ends = np.linspace(rows.start, rows.stop, count + 1).round().astype(int).tolist()
+    leads = [min(round(_LEAD_S / dt), start - rows.start) for start in ends[:-1]]
+    return [
+        _Piece(slice(start - lead, end), dt, lead)
+        for start, end, lead in zip(ends[:-1], ends[1:], leads, strict=True)
+    ]
+
+
 def _integrated(
-    moved: Moved, segment: Segment, loads: Sequence[tuple[LooseLaw, Centre]]
-) -> tuple[Float[np.ndarray, "row load 3"], Float[np.ndarray, "row load 3"]]:
-    """Positions and velocities of L loads at the samples of a segment, (n, L, 3) each."""
-    parts = max(1, round(segment.dt / _STEP_S))
-    h, n = segment.dt / parts, segment.rows.stop - segment.rows.start
-    at, fine = np.arange(n), np.arange((n - 1) * parts) / parts
-    spin, turning, lifting = (
-        np.stack([np.interp(fine, at, x[segment.rows, k]) for k in range(3)], axis=1)
-        for x in (moved.spin, moved.turning, moved.lifting)
-    )
-    around = _cross(spin)
-    # of where a load is, how fast, and one: its acceleration but for spring and damping
-    pulls = np.concatenate(
-        [-(_cross(turning) + around @ around), -2.0 * around, -lifting[:, :, None]], axis=2
-    ).swapaxes(1, 2)
+    moved: Moved, pieces: Sequence[_Piece], parts: int, loads: Sequence[tuple[LooseLaw, Centre]]
+) -> list[Float[np.ndarray, "2 row load 3"]]:
+    """Positions and velocities of L loads at the samples of each piece, (2, n, L, 3).
+
+    A thousand loads cost little more than one: all pieces are stepped side by side.
+    """
+    sizes = [p.rows.stop - p.rows.start for p in pieces]
+    n = max(sizes)
+    pulls = np.stack([_pulls(moved, p.rows, parts, n) for p in pieces], axis=1)
+    h = np.array([p.dt / parts for p in pieces])[:, None, None]
     centres = np.array([centre for _, centre in loads])
     half = 0.5 * np.array([law.travel for law, _ in loads])
     figures = np.array([[law.damping, law.spring, law.rolling] for law, _ in loads])
@@ -109,11 +153,11 @@ def _integrated(
     pushed = gain * kept
     sprung = pushed * spring
     low, high = centres - half, centres + half
-    state = np.ones((len(loads), 7))
-    there, v = state[:, :3], state[:, 3:6]
+    state = np.ones((len(pieces), len(loads), 7))
+    there, v = state[..., :3], state[..., 3:6]
     there[:], v[:] = centres, 0.0
-    path = np.zeros((2, n, len(loads), 3))
-    for k in range(len(fine)):
+    path = np.zeros((len(pieces), 2, n, len(loads), 3))
+    for k in range(len(pulls)):
         pull = state @ pulls[k]
         pull *= pushed
         pull -= sprung * (there - centres)
@@ -123,8 +167,24 @@ def _integrated(
         np.minimum(np.maximum(free, low), high, out=there)
         v[there != free] = 0.0
         if (k + 1) % parts == 0:
-            path[0, (k + 1) // parts], path[1, (k + 1) // parts] = there - centres, v
-    return path[0], path[1]
+            at = (k + 1) // parts
+            path[:, 0, at], path[:, 1, at] = there - centres, v
+    return [p[:, :size] for p, size in zip(path, sizes, strict=True)]
+
+
+def _pulls(moved: Moved, rows: slice, parts: int, n: int) -> Float[np.ndarray, "step 7 3"]:
+    """What accelerates a load, but for spring and damping, of (where it is, how fast, one).
+
+    At all steps between n samples; where there are fewer, the last goes on.
+    """
+    at, fine = np.arange(rows.stop - rows.start), np.arange((n - 1) * parts) / parts
+    spin, turning, lifting = (
+        np.stack([np.interp(fine, at, x[rows, k]) for k in range(3)], axis=1)
+        for x in (moved.spin, moved.turning, moved.lifting)
+    )
+    around = _cross(spin)
+    linear = [-(_cross(turning) + around @ around), -2.0 * around, -lifting[:, :, None]]
+    return np.concatenate(linear, axis=2).swapaxes(1, 2)
 
 
 def columns(

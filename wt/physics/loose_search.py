@@ -30,6 +30,8 @@ _ROLLING = 0.4
 _ROUNDS = (1.5, 1.5, 1.4, 1.25, 1.15)
 """Factors by which the best laws are varied, round after round."""
 _VARIED, _GIVEN, _FURTHEST = 3, 2, 1.5
+_PIECE_S = 10.0
+"""Longer segments are looked at in pieces of about so long [s], side by side."""
 _LIKELIEST = 8  # of the coarse laws: where forces are noisy the best is among the first ten or so
 
 
@@ -153,7 +155,7 @@ class _Search:
 
     def tried(self, loads: Sequence[tuple[LooseLaw, Centre]]) -> list[_Fit]:
         """Fits of loads; integrating many side by side costs little more than one."""
-        load_paths = paths(self._motion, self._body, loads)
+        load_paths = paths(self._motion, self._body, loads, _PIECE_S)
         return [self._fitted(*load, path)[0] for load, path in zip(loads, load_paths, strict=True)]
 
     def _fitted(

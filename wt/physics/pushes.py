@@ -24,6 +24,8 @@ _SELDOM = 0.2
 """Share of the time that all of them take at most."""
 _CLEAR = 0.6
 """Share of a moment's square, but for its mean, that a push explains."""
+_ENOUGH = 1e-4
+"""Change of a push's figures, and of what it leaves [shares], at which its fit ends."""
 _SEES = 4.0
 """Standard deviations that smoothing sees on either side."""
 _SEEN = 0.1
@@ -156,7 +158,8 @@ def _fitted(
 
     start = np.array([middle, np.log(0.4 * length), np.log(0.3 * length), peak, 0.0])
     reach = np.array([length, 2.5, 2.5, 3.0 * abs(peak) + 1e-12, 2.0 * abs(peak) + 1e-12])
-    fit = least_squares(left, start, bounds=(start - reach, start + reach), x_scale=reach)
+    bounds = start - reach, start + reach
+    fit = least_squares(left, start, bounds=bounds, x_scale=reach, xtol=_ENOUGH, ftol=_ENOUGH)
     total = float(((force - force.mean()) ** 2).sum())
     one = push(fit.x[:4])
     begin, end = one.window

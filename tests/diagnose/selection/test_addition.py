@@ -10,11 +10,12 @@ import pytest
 
 from tests.diagnose.hidden_forces import world
 from wt.diagnose.likelihood.objective import Objective
+from wt.diagnose.likelihood.refine import refine
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import stretches_of
 from wt.diagnose.residual.screen import Screen
-from wt.diagnose.selection.addition import Accepted, _asked, addition
+from wt.diagnose.selection.addition import Accepted, Incumbent, _alike, addition
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
@@ -84,15 +85,32 @@ def test_in_the_place_of_an_effect_comes_what_acts_there_or_looks_alike(tmp_path
     nothing = world(tmp_path, 3, None, 2.5)
 
     def places(name: str, kind: str, at: str) -> set[tuple[str, str]]:
-        instead = planted(name, kind, at)
-        options = [planted(n, k, a) for n, k, a in OPTIONS]
-        asked = [p for p in options if _asked(nothing.screen, frozenset(), instead, p)]
-        return {(p.effect.id, p.at.name) for p in asked}
+        alike = _alike(nothing.screen, planted(name, kind, at))
+        asked = [(n, a) for n, k, a in OPTIONS if (n, Location(k, a)) in alike]
+        return set(asked)
 
     gravity, late = ("world.gravity", "world"), ("actuator.delay", "a3")
     here = ("joint.friction_coulomb", "j1")
     assert places("joint.friction_viscous", "joint", "j1") == {here, gravity}
     assert places("sensor.delay", "sensor", "all") == {gravity, late}
+
+
+def test_what_nothing_comes_close_to_keeps_its_place(tmp_path: Path) -> None:
+    path = tmp_path / "link.xml"
+    path.write_text(LINK.format(hidden="", drive=SERVO))
+    recording = record(' frictionloss="1.5"', SERVO, 5.0, 1e-4, seed=2)
+    fitted = smooth(Scene(path), [Part(recording, 0)])
+    objective = Objective(fitted, stretches_of(fitted, forgets=True), 1e-3, True)
+    now, screen = objective.reference(()), Screen(fitted, 0)
+
+    def instead(name: str) -> list[str]:
+        (fit,) = refine(objective, [(planted(name, "joint", "hinge"),)], [[0]], 6)
+        found = Incumbent(fit.hypothesis[0], fit.loglik)
+        others = addition(screen, objective, now, [], DecisionLog(), 1, instead=found)
+        return [a.planted.effect.id for a in others]
+
+    assert instead("joint.friction_coulomb") == []
+    assert instead("joint.stiffness") == ["joint.friction_coulomb"]
 
 
 OPTIONS = (

@@ -10,6 +10,7 @@ import functools
 from collections.abc import Container, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,9 +23,12 @@ from wt.diagnose.selection.candidates import candidates, dof_of, excluded
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.stop import StoppedError
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.physics.effect import Shape, alternatives
+from wt.physics.effect import Shape, alternatives, effects
 from wt.physics.planted import Hypothesis, Key, Planted
 from wt.types import Location
+
+Named = tuple[str, Location]
+"""Id of an effect, and a place."""
 
 _STARTS, _PROMISING, _FINALISTS = 20, 8, 4
 """How many hypotheses of a round get one step, two more steps, and all effects refined."""
@@ -37,8 +41,22 @@ _STARTED = 5
 """… and so many at each joint get a step at least."""
 _PAIRED, _PAIRS = 8, 3
 """So many at a joint are also paired, and so many of the pairs replayed, beside friction, …"""
+_HOPELESS = 30.0
+"""What is so many nats behind the effect whose place it would take is not refined any further."""
 _PAIRED_JOINTS = 4
 """… at so many joints, those that err most: where all of a robot's do, the cause is one of all."""
+
+
+class Incumbent(NamedTuple):
+    """An effect that was found, and whose place others may take.
+
+    Attributes:
+        planted: the effect.
+        loglik: of the hypothesis that has it, all effects refined.
+    """
+
+    planted: Planted
+    loglik: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +82,7 @@ def addition(
     log: DecisionLog,
     most: int,
     banned: Container[Key] = frozenset(),
-    instead: Planted | None = None,
+    instead: Incumbent | None = None,
 ) -> list[Accepted]:
     """Effects to add to the present hypothesis, at most ``most``.
 
@@ -78,14 +96,20 @@ def addition(
         banned: what must not join.
         instead: an effect whose place they take: they act on its degree of freedom, alone or with
             others; where it acts on several, they do too or look like it. None for any.
+
+    Returns:
+        The effects; none where nothing comes close to the one whose place they would take.
     """
     known = [(a.planted, a.shape) for a in accepted]
-    asked = functools.partial(_asked, screen, banned, instead)
-    ranked = [s for s in screen.rank(known) if asked(s.planted)]
+    only = None if instead is None else _alike(screen, instead.planted)
+    asked = functools.partial(_asked, banned, only)
+    ranked = [s for s in screen.rank(known, only) if asked(s.planted)]
     tried = [c for c in candidates(screen, ranked, objective, now) if asked(c[0])]
     _log_screened(log, ranked, tried)
     log.trying([p for p, _ in tried])
     fits = _replayed(screen, objective, now, [p for p, _ in tried])
+    if instead is not None and _unrivalled(objective, fits, now, instead):
+        return []
     if fits:
         log.trying([p for p, _ in tried], _by_worth(objective, fits, now)[0].hypothesis[-1])
     with suppress(StoppedError):  # the best so far will do
@@ -110,17 +134,39 @@ def addition(
     return joined[:most]
 
 
-def _asked(
-    screen: Screen, banned: Container[Key], instead: Planted | None, planted: Planted
-) -> bool:
+def _asked(banned: Container[Key], only: Container[Named] | None, planted: Planted) -> bool:
     """Tell whether an effect may join: it is not banned, and might be in another's place."""
-    if planted.key in banned:
+    there = only is None or (planted.effect.id, planted.at) in only
+    return there and planted.key not in banned
+
+
+def _alike(screen: Screen, planted: Planted) -> set[Named]:
+    """Effects at places that might be in the place of another, that one among them."""
+    there = dof_of(screen, planted.at)
+    alternative = alternatives(planted.effect.id) if there < 0 else ()
+    return {
+        (effect.id, at)
+        for effect in effects().values()
+        for at in effect.places(screen.motion.scene)
+        if effect.id in alternative or dof_of(screen, at) in (there, -1)
+    }
+
+
+def _unrivalled(
+    objective: Objective, fits: Sequence[Assessed], now: Assessed, instead: Incumbent
+) -> bool:
+    """Whether nothing comes close to an effect in its place, all refined as far.
+
+    Nor may it if the others adapted to it by as much as they do to that effect.
+    """
+    own = [f for f in fits if f.hypothesis[-1].key == instead.planted.key]
+    others = [f for f in fits if f.hypothesis[-1].key != instead.planted.key]
+    if not own:
         return False
-    if instead is None:
-        return True
-    there = dof_of(screen, instead.at)
-    alike = there < 0 and planted.effect.id in alternatives(instead.effect.id)
-    return alike or dof_of(screen, planted.at) in (there, -1)
+    ahead = max(worth(objective, f, now) for f in own)
+    adapted = instead.loglik - max(f.loglik for f in own)
+    close = ahead - max(_HOPELESS, adapted)
+    return all(worth(objective, f, now) < close for f in others)
 
 
 def _log_screened(

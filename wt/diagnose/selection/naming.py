@@ -3,8 +3,8 @@
 A name is kept if it improves the fit of held-out recordings, and if no nonparametric force at its
 joint predicts much better: a law of the library always fits something, and is the right one only if
 a regression of any shape on positions, velocities and time, which must predict blocks of time that
-it has not seen, cannot beat it by much (:func:`rivals_nonparametric`). What then remains, and
-improves the held-out fit when it is learned, is reported as unknown.
+it has not seen, cannot beat it by much (:mod:`~wt.diagnose.selection.rivalry`). What then remains,
+and improves the held-out fit when it is learned, is reported as unknown.
 
 Every model is off by a few per cent, which is no finding. Where a finding changes the model anyway
 and the recordings show these tolerances, :func:`calibration` corrects them, so that the patched
@@ -13,17 +13,21 @@ model fits down to the noise; that has to be proven on held-out data like everyt
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wt.diagnose.likelihood.bic import erring, erring_joints, merit
-from wt.diagnose.likelihood.estimate import Estimated, distances_from_nothing, estimate
+from wt.diagnose.likelihood.estimate import (
+    Estimated,
+    distances_from_nothing,
+    estimate,
+    fitted,
+)
 from wt.diagnose.likelihood.objective import Assessed, Objective
-from wt.diagnose.residual.scoring import STRIDE, WINDOW
-from wt.diagnose.residual.screen import Screen, leftover
-from wt.diagnose.residual.signature import signature, unsaid
+from wt.diagnose.residual.screen import Screen
+from wt.diagnose.residual.signature import unsaid
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.alternatives import Lookalikes, simplified, united
 from wt.diagnose.selection.decisions import DecisionLog
@@ -38,15 +42,12 @@ from wt.diagnose.selection.holdout import (
     scaled,
 )
 from wt.diagnose.selection.in_turn import where_mute
+from wt.diagnose.selection.rivalry import joint_of, rivals_nonparametric
 from wt.diagnose.stop import stopped
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.diagnose.unknown.choice import freest
-from wt.diagnose.unknown.fit import ForceData
 from wt.diagnose.unknown.force import Unknown, find
-from wt.diagnose.unknown.memory import recorded
 from wt.physics.planted import Hypothesis, Key, Planted, without
 from wt.physics.scene import Scene
-from wt.types import Location
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,24 +156,54 @@ class Naming:
         accepted, estimated = lookalikes.settled(accepted, estimated, known)
         accepted, estimated = simplified(objective, accepted, estimated, log)
         accepted, estimated = united(objective, accepted, estimated, log)
+        limits = {
+            a.planted.key: THRESHOLDS.significant / (1 if a.planted.key in known else attempts)
+            for a in accepted
+        }
         while accepted:
             weakest = self._uncertain(estimated)
-            if weakest is None:
-                each = self._gains(estimated)
-                limits = [
-                    THRESHOLDS.significant / (1 if a.planted.key in known else attempts)
-                    for a in accepted
-                ]
-                weakest = int(np.argmax([g.p_value / p for g, p in zip(each, limits, strict=True)]))
-                if each[weakest].p_value <= limits[weakest]:
-                    for a, g, limit in zip(accepted, each, limits, strict=True):
-                        log.add(a.planted, "holdout", True, g.p_value, limit, "proven")
+            if weakest is not None:
+                accepted, fewer = _less(accepted, estimated.hypothesis, weakest)
+            else:
+                each, weak = self._judged(estimated.assessed, limits)
+                if not weak:
+                    for planted, g in zip(estimated.hypothesis, each, strict=True):
+                        log.add(planted, "holdout", True, g.p_value, limits[planted.key], "proven")
                     return Claims(accepted, estimated, tuple(each), ())
-                p, reason = each[weakest].p_value, "held-out replays do not clearly gain by it"
-                log.add(accepted[weakest].planted, "holdout", False, p, limits[weakest], reason)
-            accepted = tuple(a for i, a in enumerate(accepted) if i != weakest)
-            estimated = estimate(objective, without(estimated.hypothesis, weakest))
+                accepted, fewer = self._unrefused(accepted, estimated.assessed, each, weak, limits)
+            estimated = estimate(objective, fewer)
         return Claims((), estimated, (), ())
+
+    def _judged(self, now: Assessed, limits: Mapping[Key, float]) -> tuple[list[Gain], list[int]]:
+        """Gain of each effect, and those that are not proven, weakest first."""
+        each = self._gains(now)
+        pairs = zip(each, now.hypothesis, strict=True)
+        over = np.array([g.p_value / limits[p.key] for g, p in pairs])
+        return each, [int(i) for i in np.argsort(-over, kind="stable") if over[i] > 1.0]
+
+    def _unrefused(
+        self,
+        accepted: tuple[Accepted, ...],
+        now: Assessed,
+        each: Sequence[Gain],
+        weak: Sequence[int],
+        limits: Mapping[Key, float],
+    ) -> tuple[tuple[Accepted, ...], Hypothesis]:
+        """Effects without the weakest, and without those that are not proven without it either.
+
+        A fit says of all but the last whether they are: it costs a part of an estimate.
+        """
+        reason = "held-out replays do not clearly gain by it"
+        while True:
+            planted, p = now.hypothesis[weak[0]], each[weak[0]].p_value
+            self.log.add(planted, "holdout", False, p, limits[planted.key], reason)
+            accepted, fewer = _less(accepted, now.hypothesis, weak[0])
+            if len(weak) == 1:
+                return accepted, fewer
+            now = fitted(self.objective, fewer)
+            each, weak = self._judged(now, limits)
+            if not weak:
+                return accepted, now.hypothesis
 
     def claimed(self, proven: Claims) -> Claims:
         """Doubt names, learn what is left, and correct the model's tolerances."""
@@ -234,13 +265,13 @@ class Naming:
         self.log.add(planted, "certainty", False, widths[weakest], 0.5, nothing)
         return weakest
 
-    def _gains(self, estimated: Estimated) -> list[Gain]:
+    def _gains(self, assessed: Assessed) -> list[Gain]:
         """Gain of each effect: all of them against all but this one.
 
         On held-out data, or on the fitted ones where those cannot say; either kind of test pays
         for how many there are of it, and one in shorter windows for having been the second.
         """
-        assessed, objective = estimated.assessed, self.objective
+        objective = self.objective
         all_but_one = [without(assessed.hypothesis, i) for i in range(len(assessed.hypothesis))]
         sides = [assessed, *objective.evaluate(all_but_one)]
         full, each = self._with_tolerances(self.holdout, sides)
@@ -327,7 +358,7 @@ class Naming:
         motion, replaced = self.screen.motion, _replaced(unnamed, named)
         for law in (u.planted for u in unnamed.unknown):
             dof = motion.scene.dof(law.at.name)
-            here = [p for p in replaced if _joint(motion.scene, p.at) == law.at.name]
+            here = [p for p in replaced if joint_of(motion.scene, p.at) == law.at.name]
             share, limit = unsaid(motion, law, here, dof), THRESHOLDS.same_law
             if share > limit:
                 return False
@@ -336,74 +367,17 @@ class Naming:
         return True
 
 
+def _less(
+    accepted: tuple[Accepted, ...], hypothesis: Hypothesis, index: int
+) -> tuple[tuple[Accepted, ...], Hypothesis]:
+    """Effects, and as they are estimated, without one."""
+    return tuple(a for i, a in enumerate(accepted) if i != index), without(hypothesis, index)
+
+
 def _replaced(unnamed: Claims, named: Claims) -> list[Planted]:
     """Named effects in whose place unnamed laws would be."""
     kept = {a.planted.key for a in unnamed.accepted}
     return [p for p in named.estimated.hypothesis if p.key not in kept]
-
-
-@dataclass(frozen=True)
-class Rivalry:
-    """A named effect against a nonparametric force of the same joint.
-
-    Attributes:
-        ratio: mean square of what the nonparametric force leaves when it predicts blocks it has
-            not seen, over what the named effect leaves; both at least the noise floor's. 1 if the
-            named effect leaves only noise.
-        nats: log-likelihood by which the nonparametric force is ahead.
-        r2: share of the joint's force that the named effect explains.
-        depends_on: columns of the nonparametric force.
-    """
-
-    ratio: float
-    nats: float
-    r2: float
-    depends_on: tuple[str, ...]
-
-
-def rivals_nonparametric(
-    screen: Screen, hypothesis: Hypothesis, index: int, *, seed: int = 0, step: float = 1e-3
-) -> Rivalry | None:
-    """Compare one effect of a hypothesis with a force of any shape at its joint.
-
-    Args:
-        screen: the fitted recordings.
-        hypothesis: the accepted effects.
-        index: which of them.
-        seed: of the folds.
-        step: coarsest physics step of replays [s].
-
-    Returns:
-        None where the comparison says nothing: the effect is not at one joint, or has no
-        signature in forces (gear play, elasticity, sensors). Of what acts at times that were read
-        off the recordings it is asked wherever it is: at the joint where it shows most.
-    """
-    planted, scene = hypothesis[index], screen.motion.scene
-    joint = _joint(scene, planted.at)
-    if (joint is None and not planted.observed()) or signature(screen.motion, planted) is None:
-        return None
-    rest = leftover(screen, hypothesis)
-    if joint is None:
-        shown = np.mean(rest.parts[index] ** 2, axis=0) / screen.floor**2
-        joint = scene.joints[int(np.argmax(shown))]
-    dof = scene.dof(joint)
-    rows = rest.keep[:, dof]
-    data = ForceData(screen, joint, rest.without(index)[:, dof], rows, seed, step)
-    fit, _ = freest(data)
-    count, floor = len(data.force), float(screen.floor[dof]) ** 2
-    named = max(float(np.mean(rest.left[rows, dof] ** 2)), floor)
-    free = max(float(fit.error.sum()) / count, floor)
-    total = max(float(np.mean(data.force**2)), floor)
-    nats = 0.5 * count * STRIDE / WINDOW * float(np.log(named / free))
-    return Rivalry(free / named, nats, 1.0 - named / total, recorded(fit.names))
-
-
-def _joint(scene: Scene, at: Location) -> str | None:
-    """The one joint that a place acts on."""
-    if at.kind == "joint":
-        return at.name
-    joints = {drive.joint for drive in scene.driven(at)}
-    return joints.pop() if len(joints) == 1 else None
 
 
 def calibration(

@@ -18,7 +18,7 @@ from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import refine, slopes_at, slopes_of
 from wt.diagnose.likelihood.tolerances import taken_over
 from wt.diagnose.residual.screen import Screen
-from wt.diagnose.selection.addition import Accepted, addition
+from wt.diagnose.selection.addition import Accepted, Incumbent, addition
 from wt.diagnose.selection.candidates import dof_of
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.stop import StoppedError, stoppable, stopped
@@ -208,9 +208,11 @@ def _reconsidered(
         if index is None:  # replaced or pruned already
             continue
         rest = [a for i, a in enumerate(accepted) if i != index]
-        base = _fitted(objective, without(now.hypothesis, index))
+        (fit,) = _lesser(objective, now, [index])
+        base = objective.reference(fit.hypothesis, fit.tolerances)
         kept = [replace(a, planted=p) for a, p in zip(rest, base.hypothesis, strict=True)]
-        others = addition(screen, objective, base, kept, log, 1, banned, accepted[index].planted)
+        present = Incumbent(accepted[index].planted, now.loglik)
+        others = addition(screen, objective, base, kept, log, 1, banned, present)
         names = {a.planted.key for a in accepted}
         if any(a.planted.key not in names for a in others):
             other = _fitted(objective, (*base.hypothesis, others[0].planted))
@@ -240,11 +242,7 @@ def _prune(
     One that has become as small as any model's errors are is one of these.
     """
     while len(accepted) > 1:
-        lesser = [without(now.hypothesis, i) for i in range(len(accepted))]
-        free = [range(len(accepted) - 1)] * len(lesser)
-        errors = [taken_over(objective.tolerances, now.tolerances, p) for p in now.hypothesis]
-        known = slopes_of(now.hypothesis, slopes_at(objective, now))
-        fits = refine(objective, lesser, free, iterations=2, centres=errors, known=known)
+        fits = _lesser(objective, now, range(len(accepted)))
         losses = [worth(objective, now, fit) for fit in fits]
         weakest = int(np.argmin(losses))
         if losses[weakest] > THRESHOLDS.min_nats and earns(objective, now, fits[weakest]):
@@ -255,3 +253,12 @@ def _prune(
         accepted = [a for i, a in enumerate(accepted) if i != weakest]
         now = objective.reference(fits[weakest].hypothesis, fits[weakest].tolerances)
     return accepted, now
+
+
+def _lesser(objective: Objective, now: Assessed, each: Sequence[int]) -> list[Assessed]:
+    """A hypothesis without each of some effects, the others refined; ``now`` is the reference."""
+    lesser = [without(now.hypothesis, i) for i in each]
+    free = [range(len(h)) for h in lesser]
+    errors = [taken_over(objective.tolerances, now.tolerances, now.hypothesis[i]) for i in each]
+    known = slopes_of(now.hypothesis, slopes_at(objective, now))
+    return refine(objective, lesser, free, iterations=2, centres=errors, known=known)
