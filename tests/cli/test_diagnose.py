@@ -23,6 +23,7 @@ from wt.data import recording as recordings
 from wt.diagnose import pipeline
 from wt.diagnose.pace import Expected
 from wt.diagnose.result import Diagnosis
+from wt.diagnose.stop import stopped
 from wt.errors import RecordingError
 from wt.types import Recording
 
@@ -265,6 +266,25 @@ def test_two_ctrl_c_write_what_is_known_and_a_third_ends_at_once(
         assert "The search was ended before its time" in printed
         written = json.loads((out / "diagnosis.json").read_text())
         assert written["verdict"] != "no_mismatch"
+
+
+def test_a_time_limit_ends_the_search(
+    analysis: Analysis, model: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def search(path: str) -> Diagnosis:
+        begun = time.monotonic()
+        while not stopped():
+            assert time.monotonic() - begun < 60.0
+            time.sleep(0.01)
+        assert stopped() and time.monotonic() - begun > 0.3
+        return synthetic.diagnosis(path)
+
+    analysis.answer, out = search, str(tmp_path / "out")
+    assert main(["diagnose", model, "a", "--out", out, "--time-limit", "0.01"]) == 0
+    assert capsys.readouterr().err.count("the 0.01 min are over: ending the search") == 1
+    assert not stopped()
+    assert main(["diagnose", model, "a", "--out", out + "2", "--time-limit", "0"]) == 2
+    assert "0.01" in capsys.readouterr().err
 
 
 def test_why_prints_every_decision_at_a_place(

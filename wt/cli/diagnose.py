@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import sys
+import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -28,7 +29,8 @@ if TYPE_CHECKING:
 EXPERIMENT = "diagnose"
 """Name of the experiment in MLflow."""
 _ONCE = "Ctrl-C once more ends the search and writes what is known by now; until then it goes on"
-_AGAIN = "ending the search; what is known is proven and written (Ctrl-C once more: nothing is)"
+_ENDING = "ending the search; what is known is proven and written"
+_AGAIN = f"{_ENDING} (Ctrl-C once more: nothing is)"
 QUICK_S = 5.0
 """Where even an effect is found sooner than this [s], nothing is said of how long it will take."""
 
@@ -81,6 +83,15 @@ JobsOption = Annotated[
         "else one of this machine's cores. Same answer.  [default: one thread a core]",
     ),
 ]
+LimitOption = Annotated[
+    float | None,
+    typer.Option(
+        metavar="MINUTES",
+        min=0.01,
+        help="End the search after so long; what is known by then is proven and written, which "
+        "takes a while more. As Ctrl-C twice does.",
+    ),
+]
 
 
 class Command(TyperCommand):
@@ -121,6 +132,7 @@ def command(
     suggest_experiment: SuggestOption = None,
     translation: TranslationOption = None,
     jobs: JobsOption = None,
+    time_limit: LimitOption = None,
     why: WhyOption = None,
     bundle: BundleOption = False,
     plan: PlanOption = False,
@@ -149,7 +161,7 @@ def command(
     if suggest_experiment is not None:
         _refuse_to_lose(suggest_experiment, inputs)
     translator = _registered(translation) if translation else None
-    with _working(out, inputs, jobs, bundle) as (write, progress):
+    with _working(out, inputs, jobs, bundle, time_limit) as (write, progress):
         diagnosis = diagnose(
             model, recordings, holdout or (), seed=seed, progress=progress, expect=_print_expected,
             translation=translator,
@@ -200,7 +212,7 @@ def _print_expected(expected: Expected) -> None:
 
 @contextlib.contextmanager
 def _working(
-    out: Path, inputs: Sequence[Path], jobs: str | None, bundle: bool
+    out: Path, inputs: Sequence[Path], jobs: str | None, bundle: bool, time_limit: float | None
 ) -> Iterator[tuple[Callable[[Diagnosis], None], Callable[[str, float], None]]]:
     """Keep the folder, and show how far the work is; yields what writes into it, and the bar."""
     from wt.cli._interrupts import twice
@@ -217,13 +229,29 @@ def _working(
         bar("reading", timed=True) as progress,
         over(jobs),
         twice(_ONCE, _AGAIN) as asked,
-        stop_when(asked),
+        stop_when(_ending(asked, time_limit)),
     ):
         if os.environ.get("WT_DEBUG", "0") in ("", "0"):
             # what numpy and MuJoCo say to programmers is no line for users
             warnings.simplefilter("ignore", RuntimeWarning)
             warnings.simplefilter("ignore", UserWarning)
         yield write, progress
+
+
+def _ending(asked: Callable[[], bool], time_limit: float | None) -> Callable[[], bool]:
+    """Tells whether the search is to end: it was asked to, or its minutes are over."""
+    if time_limit is None:
+        return asked
+    end, said = time.monotonic() + 60.0 * time_limit, list[str]()
+
+    def ending() -> bool:
+        over = time.monotonic() > end
+        if over and not said:
+            said.append(f"the {time_limit:g} min are over: {_ENDING}")
+            print(f"\n{said[0]}", file=sys.stderr, flush=True)
+        return over or asked()
+
+    return ending
 
 
 def _registered(reference: str) -> TrainedTranslation:
