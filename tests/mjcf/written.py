@@ -19,7 +19,7 @@ from wt.physics.effect import effects
 from wt.physics.hooks import shaped
 from wt.physics.planted import Planted
 
-_RUNS: dict[str, Run] = {}
+_RUNS: dict[tuple[str, float], Run] = {}
 
 
 def planted(truth: Truth) -> Planted:
@@ -88,7 +88,7 @@ def error(q: np.ndarray, run: Run) -> float:
     return float(np.sqrt(np.mean((q - run.q) ** 2)))
 
 
-def unhidden(xml: str) -> Run:
-    if xml not in _RUNS:
-        _RUNS[xml] = simulate(xml)
-    return _RUNS[xml]
+def unhidden(xml: str, seconds: float = 2.0) -> Run:
+    if (xml, seconds) not in _RUNS:
+        _RUNS[xml, seconds] = simulate(xml, seconds=seconds)
+    return _RUNS[xml, seconds]

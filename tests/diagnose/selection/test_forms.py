@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -15,7 +16,7 @@ from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.forms import in_best_form
 from wt.physics.effect import Effect, effects
 from wt.physics.hooks import shaped
-from wt.physics.planted import Planted
+from wt.physics.planted import Hypothesis, Planted
 from wt.types import Location
 
 COULOMB = effects()["joint.friction_coulomb"]
@@ -25,7 +26,7 @@ J2 = Location("joint", "j2")
 
 def form(of: World, found_as: Effect) -> str:
     found = Accepted(Planted(found_as, J2, np.array([0.3])), (), ())
-    (chosen,) = in_best_form(of.objective, (found,), DecisionLog())
+    (chosen,) = in_best_form(of.objective, of.objective, (found,), DecisionLog())
     assert chosen.planted.effect.id == COULOMB.id
     return chosen.planted.effect.form
 
@@ -56,5 +57,29 @@ def test_what_has_one_form_stays_what_it_was_bound_to(tmp_path: Path) -> None:
     """Pushes at times that were read off these recordings; and no replay is asked about them."""
     pushes = shaped(effects()["body.force_intermittent"], (0.0, 0.0, 1.0, 2.0))
     found = Accepted(Planted(pushes, Location("body", "link1"), np.ones(pushes.n_theta)), (), ())
-    (kept,) = in_best_form(Mock(spec=Objective), (found,), DecisionLog())
+    replays = Mock(spec=Objective)
+    (kept,) = in_best_form(replays, replays, (found,), DecisionLog())
     assert kept is found
+
+
+def test_all_recordings_are_asked_only_of_what_a_part_of_them_does_not_refuse() -> None:
+    quick, objective = Mock(spec=Objective), Mock(spec=Objective)
+    found = tuple(
+        Accepted(Planted(COULOMB, Location("joint", name), np.array([0.3])), (), ())
+        for name in ("j1", "j2")
+    )
+
+    def likelier_creeping(joint: str) -> Callable[[Hypothesis], Mock]:
+        def reference(hypothesis: Hypothesis) -> Mock:
+            (one,) = [p for p in hypothesis if p.at.name == joint]
+            others = sum(p.effect is not COULOMB for p in hypothesis if p is not one)
+            return Mock(loglik=(30.0 if one.effect is not COULOMB else 0.0) - 30.0 * others)
+
+        return reference
+
+    quick.reference.side_effect = likelier_creeping("j2")
+    objective.reference.side_effect = likelier_creeping("j2")
+    chosen = in_best_form(quick, objective, found, DecisionLog())
+    assert [bool(a.planted.effect.form) for a in chosen] == [False, True]
+    # of j1 a part sufficed
+    assert quick.reference.call_count == 3 and objective.reference.call_count == 2

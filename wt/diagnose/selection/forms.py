@@ -18,27 +18,32 @@ from wt.physics.planted import Hypothesis
 
 
 def in_best_form(
-    objective: Objective, accepted: tuple[Accepted, ...], log: DecisionLog
+    quick: Objective, objective: Objective, accepted: tuple[Accepted, ...], log: DecisionLog
 ) -> tuple[Accepted, ...]:
     """The same effects, each in its usual form unless replays are clearly likelier in another.
 
     Args:
-        objective: replays.
+        quick: replays of a part of the recordings, which say at once that a form is none.
+        objective: replays of all of them, which say that it is one.
         accepted: effects that were found.
         log: grows by what changes.
     """
-    before: Assessed | None = None
+    present: dict[Objective, Assessed] = {}
     for i in range(len(accepted)):
         for form in _others(accepted[i]):
             now, other = accepted[i], replace(accepted[i].planted, effect=form)
             changed = (*accepted[:i], replace(now, planted=other), *accepted[i + 1 :])
-            # each as replays around itself say: what adapts to one is not what adapts to the other
-            before = before or objective.reference(_laws(accepted))
-            after = objective.reference(_laws(changed))
-            lead = after.loglik - before.loglik
             due = THRESHOLDS.equivalent_nats if form.form else -THRESHOLDS.equivalent_nats
-            if lead > due:
-                accepted, before = changed, after
+            for replays, least in ((quick, min(due, 0.0)), (objective, due)):
+                # each as replays around itself say: what adapts to one does not to the other
+                if replays not in present:
+                    present[replays] = replays.reference(_laws(accepted))
+                after = replays.reference(_laws(changed))
+                lead = after.loglik - present[replays].loglik
+                if lead <= least:
+                    break
+            else:
+                accepted, present = changed, {objective: after}
                 reason = f"as {form.form}" if form.form else "in the usual form"
                 log.add(other, "alternative", True, lead, due, reason)
     return accepted

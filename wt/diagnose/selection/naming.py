@@ -150,7 +150,7 @@ class Naming:
                 are asked later is not theirs to pay.
         """
         objective, log = self.objective, self.log
-        accepted = in_best_form(objective, accepted, log)
+        accepted = in_best_form(self.search_replays, objective, accepted, log)
         estimated = estimate(objective, tuple(a.planted for a in accepted))
         lookalikes = Lookalikes(self.screen, self.search_replays, objective, self.all_replays, log)
         accepted, estimated = lookalikes.settled(accepted, estimated, known)

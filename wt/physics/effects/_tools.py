@@ -124,7 +124,8 @@ class Bristle(Live):
         super().__init__(np.array([scene.dof(place.name) for place in at]))
         self.theta = theta
         self.inertia = np.array([effective_inertia(scene.model, place.name) for place in at])
-        self.bent = np.zeros(len(theta))
+        self.bent = self._stiffness = self._damping = np.zeros(len(theta))
+        self._step = 0.0
 
     @abc.abstractmethod
     def level(self, state: StepState) -> np.ndarray:
@@ -132,14 +133,20 @@ class Bristle(Live):
 
     def force(self, state: StepState) -> np.ndarray:
         """Brake the joint."""
+        if state.h != self._step:
+            self._stiffen(state.h)
         v, most = state.v[self.own], self.level(state)
-        frequency = _BRISTLE_FREQUENCY / state.h
-        stiffness = self.inertia * frequency**2
-        damping = 2.0 * _BRISTLE_DAMPING * self.inertia * frequency
         # the bristle bends with the joint and slips where it would carry more than friction
-        bend = most / stiffness
+        bend = most / self._stiffness
         self.bent = between(self.bent + state.h * v, -bend, bend)
-        return -between(stiffness * self.bent + damping * v, -most, most)
+        return -between(self._stiffness * self.bent + self._damping * v, -most, most)
+
+    def _stiffen(self, step: float) -> None:
+        """Make it as stiff as steps of a length [s] allow."""
+        frequency = _BRISTLE_FREQUENCY / step
+        self._step = step
+        self._stiffness = self.inertia * frequency**2
+        self._damping = 2.0 * _BRISTLE_DAMPING * self.inertia * frequency
 
 
 class BristleFriction(OnSteps):
