@@ -19,7 +19,7 @@ PYTEST  := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-env: $(STAMP) ## set up .venv (about 2 minutes; nothing to do if nothing changed)
+env: $(STAMP) ## set up .venv (1 to 3 minutes; nothing to do if nothing changed)
 
 # torch first and by exact version: left to the resolver, CUDA packages of gigabytes may come.
 $(STAMP): pyproject.toml constraints.txt
@@ -29,7 +29,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -m venv $(VENV)
 	@echo "environment: installing $(TORCH)"
 	@$(BIN)/pip install -qq --disable-pip-version-check "$(TORCH)"
-	@echo "environment: installing the rest (a minute; 2 to 3 by pip, where uv is not to be had)"
+	@echo "environment: installing the rest (a minute; 2 to 3 where uv is not to be had)"
 	@rest="-c constraints.txt -e .[dev]"; \
 		{ $(BIN)/pip install -qq --disable-pip-version-check uv && \
 		$(BIN)/uv pip install -q --python $(BIN)/python $$rest; } || \
