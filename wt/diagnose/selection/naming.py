@@ -170,7 +170,9 @@ class Naming:
                     for planted, g in zip(estimated.hypothesis, each, strict=True):
                         log.add(planted, "holdout", True, g.p_value, limits[planted.key], "proven")
                     return Claims(accepted, estimated, tuple(each), ())
-                accepted, fewer = self._unrefused(accepted, estimated.assessed, each, weak, limits)
+                accepted, fewer = self._without_refused(
+                    accepted, estimated.assessed, each, weak, limits
+                )
             estimated = estimate(objective, fewer)
         return Claims((), estimated, (), ())
 
@@ -181,7 +183,7 @@ class Naming:
         over = np.array([g.p_value / limits[p.key] for g, p in pairs])
         return each, [int(i) for i in np.argsort(-over, kind="stable") if over[i] > 1.0]
 
-    def _unrefused(
+    def _without_refused(
         self,
         accepted: tuple[Accepted, ...],
         now: Assessed,
