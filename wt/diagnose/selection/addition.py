@@ -41,7 +41,7 @@ _STARTED = 5
 """… and so many at each joint get a step at least."""
 _PAIRED, _PAIRS = 8, 3
 """So many at a joint are also paired, and so many of the pairs replayed, beside friction, …"""
-_HOPELESS = 30.0
+HOPELESS = 30.0
 """What is so many nats behind the effect whose place it would take is not refined any further."""
 _PAIRED_JOINTS = 4
 """… at so many joints, those that err most: where all of a robot's do, the cause is one of all."""
@@ -165,7 +165,7 @@ def _unrivalled(
         return False
     ahead = max(worth(objective, f, now) for f in own)
     adapted = instead.loglik - max(f.loglik for f in own)
-    close = ahead - max(_HOPELESS, adapted)
+    close = ahead - max(HOPELESS, adapted)
     return all(worth(objective, f, now) < close for f in others)
 
 

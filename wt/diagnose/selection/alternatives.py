@@ -33,7 +33,7 @@ from wt.diagnose.likelihood.estimate import Estimated, estimate, fitted
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import Slopes, jacobian, refine, slopes_of
 from wt.diagnose.residual.screen import Screen
-from wt.diagnose.selection.addition import Accepted
+from wt.diagnose.selection.addition import HOPELESS, Accepted
 from wt.diagnose.selection.candidates import excluded, lookalikes
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.thresholds import THRESHOLDS
@@ -67,8 +67,9 @@ class Option(NamedTuple):
 
 _STARTS, _STEPS = 2, 2
 """So many starts of each lookalike get so many steps, then the best, then that on all data, …"""
-_FAR, _HOPELESS = 120.0, 30.0
-"""… unless they are so many nats worse than what was found before the second and the third."""
+_FAR = 120.0
+"""… unless they are so many nats worse than what was found before the second, and hopeless before
+the third."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +202,7 @@ class Lookalikes:
             )
             near_it = [f for f in fits if f.loglik > present.loglik - _FAR]
             begun = _best_of_each(near_it, index, 1)
-        going = [f.hypothesis for f in begun if worth(self.search_replays, f, present) > -_HOPELESS]
+        going = [f.hypothesis for f in begun if worth(self.search_replays, f, present) > -HOPELESS]
         if not going:
             return [Option(hypothesis[index], 0.0, 0.0)]
         events = any(p.observed() for p in hypothesis)  # at other times in other recordings
