@@ -68,14 +68,14 @@ def test_the_order_of_laws_is_none_of_the_physics(scene: Scene) -> None:
 def test_one_call_for_all_places_of_a_law(scene: Scene) -> None:
     acts = acting(scene, HYPOTHESES)
     assert len(acts) == 4
-    assert sum(len(a.replays) for a in acts) == sum(map(len, HYPOTHESES))
+    assert sum(len(a.cells) for a in acts) == sum(map(len, HYPOTHESES))
 
 
 def test_two_leaks_into_a_joint_add_up(scene: Scene) -> None:
     (act,) = acting(scene, [LEAKS])
     assert act.twice
     total = np.zeros((1, JOINTS))
-    act.add(np.array([2.0, 3.0]), total)
+    act.add(np.array([2.0, 3.0]), total.reshape(-1))
     np.testing.assert_array_equal(total, [[0.0, 0.0, 5.0]])
     both, first = (replayed(scene, [tuple(h)])[0] for h in (LEAKS, LEAKS[:1]))
     assert np.abs(both - first)[:, 2].max() > 1e-3

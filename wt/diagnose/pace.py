@@ -20,7 +20,7 @@ from typing import Literal, get_args
 
 from wt.batch import Batch
 from wt.diagnose.likelihood.objective import Objective
-from wt.diagnose.likelihood.replays import COARSE
+from wt.diagnose.likelihood.steps import COARSE
 from wt.diagnose.likelihood.tolerances import tolerances
 from wt.diagnose.recordings.smooth import FINEST_S
 from wt.diagnose.result import Used

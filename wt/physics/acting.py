@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from wt.physics.effect import Effect
 from wt.physics.hooks import OnSteps
@@ -22,22 +22,25 @@ class Acting:
     Attributes:
         rows: the replay of each place, as rows of the batch: a slice where they are neighbours,
             whose states the law then sees without a copy.
-        replays: the same as indices.
         live: the law, with the parameters at each place.
+        cells: where the force of each place goes, among those of all replays one after another.
         twice: whether two places in a replay act on the same degree of freedom.
     """
 
     rows: Int[np.ndarray, " place"] | slice
-    replays: Int[np.ndarray, " place"]
     live: Live
+    cells: Int[np.ndarray, " place"]
     twice: bool
 
-    def add(self, force: Float[np.ndarray, " place"], to: Float[np.ndarray, "replay dof"]) -> None:
-        """Add the force at each place to those of all replays, in place [N·m or N]."""
+    def add(self, force: np.ndarray, to: np.ndarray) -> None:
+        """Add the force at each place, (n,), to those of all replays, in place [N·m or N].
+
+        Those are (replays · nv,), one after another.
+        """
         if self.twice:
-            np.add.at(to, (self.replays, self.live.dofs), force)
+            np.add.at(to, self.cells, force)
         else:
-            to[self.replays, self.live.dofs] += force
+            to[self.cells] += force
 
 
 def is_live(effect: Effect) -> bool:
@@ -69,9 +72,9 @@ def acting(scene: Scene, hypotheses: Sequence[Sequence[Planted]]) -> list[Acting
         rows, planted = np.array([row for row, _ in there]), [p for _, p in there]
         theta = np.stack([p.theta for p in planted])
         live = laws[key].live(scene, [p.at for p in planted], theta)
-        cells = np.stack([rows, live.dofs], axis=1)
-        twice = len(np.unique(cells, axis=0)) < len(cells)
-        laws_acting.append(Acting(neighbours(rows), rows, live, twice))
+        cells = rows * scene.model.nv + live.dofs
+        twice = len(np.unique(cells)) < len(cells)
+        laws_acting.append(Acting(neighbours(rows), live, cells, twice))
     return laws_acting
 
 

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from wt.physics.acting import is_live
 from wt.physics.activation import late
 from wt.physics.job import Job, sizes_of
 from wt.physics.lean import rest_idle
@@ -22,8 +23,9 @@ from wt.physics.scene import Scene
 from wt.physics.stepping import simulate
 from wt.types import Location
 
-_ALIKE = 0.75
-"""Replays that need this share of the steps of the longest take as many: more calls cost more."""
+_ALIKE, _ALIKE_LIVE = 0.75, 0.5
+"""Replays that need this share of the steps of the longest take as many: more calls cost more, and
+most where a law acts at every step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +61,11 @@ class Replayer:
         self.stretches = tuple(stretches)
         self.step = step
         lengths = [(s.t[-1] - s.t[0]) / self.step for s in self.stretches]
-        self._steps = dict(zip(self.stretches, _shared(lengths), strict=True))
-        self._inputs: dict[Stretch, Inputs] = {}
+        self._steps = {
+            live: dict(zip(self.stretches, _shared(lengths, alike), strict=True))
+            for live, alike in ((False, _ALIKE), (True, _ALIKE_LIVE))
+        }
+        self._inputs: dict[tuple[Stretch, int], Inputs] = {}
 
     def run(self, hypotheses: Sequence[Sequence[Planted]]) -> Replays:
         """Replay every stretch on every hypothesis."""
@@ -128,10 +133,10 @@ class Replayer:
             except (ValueError, mujoco.FatalError):
                 # MuJoCo refuses such parameters: as bad as a replay that explodes
                 continue
-            sizes = sizes_of(model)
+            sizes, live = sizes_of(model), any(is_live(p.effect) for p in hypothesis)
             for k, s in enumerate(stretches):
-                stretch = self.stretches[s]
-                job = Job(self.scene, hypothesis, stretch, self.inputs(stretch), model, sizes)
+                stretch, given = self.stretches[s], self.inputs(self.stretches[s], live)
+                job = Job(self.scene, hypothesis, stretch, given, model, sizes)
                 groups.setdefault(job.layout, []).append((h, k, job))
         for members in groups.values():
             for outputs, (h, k, _) in zip(
@@ -141,10 +146,10 @@ class Replayer:
                 path[0, h, rows], path[1, h, rows] = outputs.q, outputs.v
         return path
 
-    def inputs(self, stretch: Stretch) -> Inputs:
-        """Inputs of a stretch before any effect changes them."""
-        if stretch not in self._inputs:
-            h, steps = self.step, self._steps[stretch]
+    def inputs(self, stretch: Stretch, live: bool = False) -> Inputs:
+        """Inputs of a stretch before any effect changes them, where a law is live or none is."""
+        h, steps = self.step, self._steps[live][stretch]
+        if (stretch, steps) not in self._inputs:
             before = stretch.steps_before(h)
             t = stretch.t[0] + h * np.arange(-before, steps)
             u = stretch.commands(h, steps, before)
@@ -152,8 +157,8 @@ class Replayer:
             for i in late(self.scene.model):
                 own = float(self.scene.model.actuator_delay[i])
                 given.u[:, i] = given.delayed(given.u[:, i], own)
-            self._inputs[stretch] = given
-        return self._inputs[stretch]
+            self._inputs[stretch, steps] = given
+        return self._inputs[stretch, steps]
 
     def compile(self, hypothesis: Sequence[Planted]) -> mujoco.MjModel:
         """The model of a hypothesis, with the replays' time step."""
@@ -166,12 +171,12 @@ class Replayer:
         return model
 
 
-def _shared(lengths: Sequence[float]) -> list[int]:
+def _shared(lengths: Sequence[float], alike: float) -> list[int]:
     """Steps that each stretch takes, of those that it needs: nearly as many run side by side."""
     needed = [max(1, int(np.ceil(length - 1e-6))) for length in lengths]
     taken, most = [0] * len(needed), 0
     for i in sorted(range(len(needed)), key=lambda i: -needed[i]):
-        if needed[i] < _ALIKE * most or not most:
+        if needed[i] < alike * most or not most:
             most = needed[i]
         taken[i] = most
     return taken

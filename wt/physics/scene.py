@@ -72,7 +72,7 @@ class Drive:
 
     def unclamped(self, u: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """The force before the gear and before its own clamp."""
-        return _unclamped(u, q, v, self.gear, self.gain, self.bias, self.commands)
+        return _unclamped(between(u, *self.commands), q, v, self.gear, self.gain, self.bias)
 
     @property
     def servo(self) -> bool:
@@ -95,12 +95,23 @@ class Drives:
         if (fields == fields[:1]).all():  # figures cost less than arrays of them
             fields = fields[:1]
         self._gear, self._gain, *rest = fields.T
-        self._bias, self._commands, self._forces = rest[:3], rest[3:5], rest[5:]
+        self._bias, self._commands, self._forces = rest[:3], _ends(rest[3:5]), _ends(rest[5:])
 
     def force(self, u: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """As :meth:`Drive.force`, from all commands, (n, nu), and the joints' own q and v, (n,)."""
-        law = self._gear, self._gain, self._bias, self._commands
-        return self._gear * between(_unclamped(u[self._command], q, v, *law), *self._forces)
+        command = u[self._command]
+        if self._commands is not None:
+            command = between(command, *self._commands)
+        force = _unclamped(command, q, v, self._gear, self._gain, self._bias)
+        return self._gear * (force if self._forces is None else between(force, *self._forces))
+
+
+def _ends(
+    ends: Sequence[Float[np.ndarray, " drive"]],
+) -> tuple[Float[np.ndarray, " drive"], Float[np.ndarray, " drive"]] | None:
+    """Ends of ranges, None where they clamp nothing: what is not done at a step takes no time."""
+    low, high = ends
+    return None if np.isneginf(low).all() and np.isposinf(high).all() else (low, high)
 
 
 def _unclamped(
@@ -110,13 +121,14 @@ def _unclamped(
     gear: float | np.ndarray,
     gain: float | np.ndarray,
     bias: Sequence[float | np.ndarray],
-    commands: Sequence[float | np.ndarray],
 ) -> np.ndarray:
-    """The force of a drive, or of one at each place, before its gear and its own clamp."""
+    """The force of a drive, or of one at each place, before its gear and its own clamp.
+
+    Its command is clamped already.
+    """
     constant, stiffness, damping = bias
-    low, high = commands
     spring = stiffness * gear * q + damping * gear * v
-    return np.asarray(gain * between(u, low, high) + constant + spring)
+    return np.asarray(gain * u + constant + spring)
 
 
 def between(x: np.ndarray, low: float | np.ndarray, high: float | np.ndarray) -> np.ndarray:

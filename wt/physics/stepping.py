@@ -116,7 +116,10 @@ def _advance(
     mine, sent = neighbours(own), neighbours(controls)
     t = np.stack([job.inputs.t[start:stop] for job in jobs], axis=1)
     u = np.ascontiguousarray(u.swapaxes(0, 1))
-    extra = np.stack([_torques(job, start, stop)[:, own] for job in jobs], axis=1)
+    # those of a step one after another in memory, for laws to be added to
+    extra = np.ascontiguousarray(
+        np.stack([_torques(job, start, stop)[:, own] for job in jobs], axis=1)
+    )
     pushed = [
         (row, _wrenches(job, start, stop)) for row, job in enumerate(jobs) if job.inputs.force
     ]
@@ -125,7 +128,7 @@ def _advance(
         for act in acts:
             rows = act.rows
             now = StepState(t[k, rows], h, q[rows], v[rows], command[rows])
-            act.add(act.live.force(now), force)
+            act.add(act.live.force(now), force.reshape(-1))
         ctrl[:], applied[:, mine] = command[:, sent], force
         for row, wrenches in pushed:
             xfrc[row] = wrenches[k].reshape(-1, 6)

@@ -9,7 +9,8 @@ import mujoco
 import numpy as np
 
 from tests.diagnose.hidden_forces import STEP, chain, record
-from wt.diagnose.likelihood.replays import COARSE, Extrapolated, Replays, Steps, longest_steps
+from wt.diagnose.likelihood.replays import Extrapolated, Replays
+from wt.diagnose.likelihood.steps import COARSE, Accuracy, Steps, longest_steps
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import stretches_of
@@ -94,6 +95,32 @@ def test_a_drive_that_lets_go_takes_the_short_steps(tmp_path: Path) -> None:
     assert off < 0.5 * otherwise
 
 
+def test_a_stiff_law_gets_steps_as_long_as_noise_can_tell(tmp_path: Path) -> None:
+    path = tmp_path / "chain.xml"
+    path.write_text(chain(2).replace(f'timestep="{STEP}"', 'timestep="0.004"'))
+    fit = smooth(Scene(path), [Part(record(chain(2), None, 4.0, 0), 0)])
+    stretches = [s for s, _ in stretches_of(fit, True)]
+    drive = Location("actuator", "a2")
+    little, much = (
+        (Planted(effects()["actuator.deadband"], drive, np.array([w])),) for w in (0.02, 0.3)
+    )
+    given = np.full(2, 1e-3)
+    for noise, longest in ((1e-7, COARSE * STEP), (1.0, 0.008)):
+        steps = Steps(0.004, 0.008, Accuracy(np.full(2, noise), given))
+        made = Replays(fit.motion.scene, stretches, STEP, steps)
+        usual = made.of(little)  # nothing is known of it yet
+        assert usual.coarse.step == COARSE * STEP
+        q = made.around(little, [])[0]
+        assert made.of(little).coarse.step == longest
+        np.testing.assert_array_equal(made.run([little])[0], q)
+        # one that is unlike it is looked at anew, another law not before it is a reference
+        stop = Planted(effects()["joint.stop"], Location("joint", "j2"), np.array([2.0, 1.0]))
+        assert made.of((*little, stop)) is usual
+        before = made.of(much)
+        made.around(much, [])
+        assert made.of(much) is not before
+
+
 def test_steps_are_as_long_as_noise_can_tell(tmp_path: Path) -> None:
     path = tmp_path / "chain.xml"
     path.write_text(chain(2).replace(f'timestep="{STEP}"', 'timestep="0.004"'))
@@ -102,7 +129,7 @@ def test_steps_are_as_long_as_noise_can_tell(tmp_path: Path) -> None:
         longest_steps(replace(fit, noise=noise * fit.noise), stretches_of(fit, True), STEP)
         for noise in (1e-3, 1.0, 1e3)
     ]
-    fine, coarse = zip(*steps, strict=True)
+    fine, coarse = [s.fine for s in steps], [s.coarse for s in steps]
     assert fine[0] == STEP and fine[0] <= fine[1] <= fine[2] == 0.004
     assert coarse[0] == COARSE * STEP and coarse[0] <= coarse[1] <= coarse[2] == 0.008
 
@@ -114,7 +141,7 @@ def test_coarse_steps_are_as_long_as_they_tell_hypotheses_apart(tmp_path: Path) 
     fit = smooth(Scene(path), [Part(swings(path), 0)])
     pairs = stretches_of(fit, False)
     steps = longest_steps(fit, pairs, STEP)
-    assert steps == Steps(0.002, 0.008)
+    assert (steps.fine, steps.coarse) == (0.002, 0.008)
     stretches = [s for s, _ in pairs]
     made = Extrapolated(fit.motion.scene, stretches, steps)
     usual = Extrapolated(fit.motion.scene, stretches, Steps.usual(steps.fine))

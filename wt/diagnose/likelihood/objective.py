@@ -25,7 +25,8 @@ from wt.diagnose.likelihood.adapt import (
     linear,
     project_changes,
 )
-from wt.diagnose.likelihood.replays import Nearby, Replays, Steps
+from wt.diagnose.likelihood.replays import Nearby, Replays
+from wt.diagnose.likelihood.steps import Steps
 from wt.diagnose.likelihood.tolerances import ModelTolerance, alike, boxes, tolerances
 from wt.diagnose.likelihood.weights import Channels
 from wt.diagnose.recordings.smooth import Smoothed

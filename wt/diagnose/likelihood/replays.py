@@ -8,7 +8,6 @@ tolerances and by other initial states.
 from __future__ import annotations
 
 import copy
-import functools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -16,50 +15,17 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from wt.diagnose.likelihood.adapt import responses
+from wt.diagnose.likelihood.steps import COARSE, Accuracy, Steps, probes_of
 from wt.diagnose.likelihood.tolerances import ModelTolerance
-from wt.diagnose.recordings.smooth import Smoothed
-from wt.diagnose.thresholds import THRESHOLDS
-from wt.physics.effect import effects
-from wt.physics.motion import Motion
-from wt.physics.planted import Planted
+from wt.physics.planted import Hypothesis, Key, Planted
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
-from wt.types import Location
 
-COARSE = 2.0
-"""Physics step of most replays at least, in fine ones; the extrapolation needs two."""
-_LONGEST_S = 8e-3
-"""Longest physics step of most replays [s]."""
 _SLOPE_STEP_S = 2e-3
 """Physics step for small differences between replays, unless coarse ones are longer [s]."""
 _BOUNDED = 0.02
 """Most that coarse steps may change, as a share of how far a joint moves; beyond, finer ones do."""
-_EXACT, _APART, _PROBED = 0.15, 0.3, 0.05
-"""What longer fine steps, and coarse ones, may be off by, in what no law is asked to explain, with
-laws of such a share of all force."""
-
-
-class Steps(NamedTuple):
-    """Physics steps of replays [s].
-
-    Attributes:
-        fine: of those few that say what a reference does.
-        coarse: of those many that say what is different from it.
-    """
-
-    fine: float
-    coarse: float
-
-    @classmethod
-    def usual(cls, fine: float) -> Steps:
-        """Those where nothing is known of what longer ones do."""
-        return cls(fine, COARSE * fine)
-
-    def at_least(self, fine: float) -> Steps:
-        """The same, where none may be shorter than a fine one."""
-        fine = max(fine, self.fine)
-        return Steps(fine, max(COARSE * fine, self.coarse))
 
 
 class Extrapolated:
@@ -119,9 +85,8 @@ class Extrapolated:
         base, *others = self.slopes.run([reference, *near]).q
         q = base if self.slopes is self.coarse else self.coarse.run([reference]).q[0]
         if self.coarse is not self._fine:
-            double = q if self._double is self.coarse else self._double.run([reference]).q[0]
-            exact = 2.0 * self._fine.run([reference]).q[0] - double
-            self.correction = np.nan_to_num(exact - q)
+            double = q[None] if self._double is self.coarse else None
+            self.correction = np.nan_to_num(self._exact([reference], double)[0] - q)
         return q + self.correction, np.array(others).reshape(-1, *base.shape) - base
 
     def unsettled(self, reference: Sequence[Planted]) -> Float[np.ndarray, "sample dof"]:
@@ -132,81 +97,50 @@ class Extrapolated:
             return np.nan_to_num(2.0 * (finer - fine))
         return np.nan_to_num(2.0 * finer - fine - self.run([reference])[0])
 
+    def _exact(
+        self,
+        hypotheses: Sequence[Sequence[Planted]],
+        double: Float[np.ndarray, "hypothesis sample dof"] | None = None,
+    ) -> Float[np.ndarray, "hypothesis sample dof"]:
+        """What steps of no length say; ``double`` is what twice the fine ones do, if known."""
+        if double is None:
+            double = self._double.run(hypotheses).q
+        return np.asarray(2.0 * self._fine.run(hypotheses).q - double)
 
-def longest_steps(
-    smoothed: Smoothed, pairs: Sequence[tuple[Stretch, Float[np.ndarray, "_ dof"]]], step: float
-) -> Steps:
-    """The longest steps whose replays say what finer ones do, down to a share of the noise.
+    def lengthened(
+        self, probes: Sequence[Hypothesis], accuracy: Accuracy, longest: Extrapolated
+    ) -> Extrapolated:
+        """The same with steps as long as a hypothesis, and some around it, allow.
 
-    Fine ones by themselves, extrapolated, with dry friction in every joint: what sticks and slips
-    follows no order in the steps. They are the given one, twice that and so on, up to the model's
-    own. Coarse ones by what they say of the difference between hypotheses as far apart as the given
-    model is from the recordings, whichever law it lacks.
-
-    Args:
-        smoothed: the recordings.
-        pairs: stretches of them, each with the measured positions.
-        step: the shortest [s].
-    """
-    motion, scene = smoothed.motion, smoothed.motion.scene
-    stretches, measured = [s for s, _ in pairs], np.concatenate([q for _, q in pairs])
-    noise = np.nan_to_num(smoothed.noise, nan=np.inf)
-    probes = [(), *_probes(motion)]
-
-    @functools.cache
-    def replayed(long: float) -> Float[np.ndarray, "probe sample dof"]:
-        return Replayer(scene, stretches, long).run(probes).q
-
-    def rms(error: Float[np.ndarray, "*probe sample dof"]) -> Float[np.ndarray, "*probe dof"]:
-        return np.asarray(np.sqrt(np.mean(error**2, axis=-2)))
-
-    def extrapolated(long: float) -> Float[np.ndarray, "probe sample dof"]:
-        return np.asarray(2.0 * replayed(long) - replayed(COARSE * long))
-
-    fine = step
-    while 2.0 * fine <= scene.model.opt.timestep:
-        off = rms((extrapolated(2.0 * fine) - extrapolated(fine))[1])
-        if not (off <= _EXACT * noise).all():
-            break
-        fine *= 2.0
-    exact = extrapolated(fine)
-    moved, coarse = exact[1:] - exact[0], COARSE * fine
-    given = np.sqrt(np.nanmean((exact[0] - measured) ** 2, axis=0))
-    # what is forgiven to any law is forgiven to steps
-    floor = np.hypot(noise, THRESHOLDS.law_error * given)
-    least = _APART * floor * np.maximum(1.0, rms(moved) / np.maximum(given, floor))
-    while 2.0 * coarse <= _LONGEST_S:
-        q = replayed(2.0 * coarse)
-        if not (rms(q[1:] - q[0] - moved) <= least).all():
-            break
-        coarse *= 2.0
-    return Steps(fine, coarse)
-
-
-def _probes(motion: Motion) -> list[tuple[Planted, ...]]:
-    """Laws in every joint that force, each so strong, is a share of all: dry friction comes first.
-
-    The same by bristles, grease and rotors, whose forces follow the motion otherwise.
-    """
-    share = _PROBED * np.sqrt(np.mean(motion.demand**2, axis=0))
-    fast, faster = (np.sqrt(np.mean(x**2, axis=0)) + 1e-12 for x in (motion.v, motion.a))
-    sizes = {
-        "joint.friction_coulomb": share[:, None],
-        "joint.friction_stribeck": np.stack([share, share, 0.1 * fast], axis=1),
-        "joint.friction_viscous": (share / fast)[:, None],
-        "joint.armature": (share / faster)[:, None],
-    }
-    dofs = [(j, motion.scene.dof(j)) for j in motion.scene.own_joints]
-    return [
-        tuple(Planted(effects()[name], Location("joint", j), size[dof]) for j, dof in dofs)
-        for name, size in sizes.items()
-    ]
+        Args:
+            probes: the hypothesis, and those around it.
+            accuracy: what steps may be off by.
+            longest: takes steps that are not to be exceeded.
+        """
+        other = copy.copy(self)
+        other.reference = None  # what it says is not corrected by other steps' errors
+        if longest._fine.step > self._fine.step:
+            ends = [probes[0], probes[-1]]
+            if accuracy.exact(longest._exact(ends), self._exact(ends)):
+                other._fine, other._double = longest._fine, longest._double
+                other.coarse = max(other.coarse, other._double, key=lambda r: r.step)
+        longer, scene, stretches = longest.coarse, self._fine.scene, self._fine.stretches
+        if longer.step > other.coarse.step:
+            q = other.coarse.run(probes).q
+            while longer.step > other.coarse.step:
+                if accuracy.apart(longer.run(probes).q, q):
+                    other.coarse = longer
+                else:
+                    longer = Replayer(scene, stretches, 0.5 * longer.step)
+        other.slopes = max(other.slopes, other.coarse, key=lambda r: r.step)
+        return other
 
 
 class Replays:
     """Extrapolated replays of hypotheses, those with a stiff law apart from the rest.
 
-    Their steps may be shorter. Where nothing holds the base, what feet meet is as stiff as any.
+    Their steps may be shorter: as long as references with the same stiff laws allow. Where nothing
+    holds the base, what feet meet is as stiff as any.
     """
 
     def __init__(
@@ -221,15 +155,19 @@ class Replays:
             smooth: steps where none is.
         """
         self._scene, self._stretches, self._step = scene, stretches, step
-        self._smooth = Extrapolated(scene, stretches, smooth)
+        self._smooth, self._accuracy = Extrapolated(scene, stretches, smooth), smooth.accuracy
         # what steps do to a gear is no correction of what they do without one
         self._stiff = self._smooth if scene.free else None
+        self._longer: dict[frozenset[Key], tuple[Hypothesis, Extrapolated]] = {}
         self._reference: Sequence[Planted] = ()
 
     def of(self, hypothesis: Sequence[Planted]) -> Extrapolated:
         """The replays that a hypothesis takes."""
-        if not any(p.effect.stiff for p in hypothesis):
+        stiff = _stiff_of(hypothesis)
+        if not stiff:
             return self._smooth
+        if (known := self._longer.get(_keys(stiff))) is not None:
+            return known[1]
         if self._stiff is None:
             steps = Steps.usual(self._step)
             self._stiff = Extrapolated(self._scene, self._stretches, steps)
@@ -251,6 +189,7 @@ class Replays:
         self, reference: Sequence[Planted], near: Sequence[Sequence[Planted]]
     ) -> tuple[Float[np.ndarray, "sample dof"], Float[np.ndarray, "hypothesis sample dof"]]:
         """See :meth:`Extrapolated.around`."""
+        self._lengthen(reference)
         self._reference = reference
         return self.of(reference).around(reference, near)
 
@@ -261,7 +200,20 @@ class Replays:
         if self._stiff is not None:
             one = self._stiff is self._smooth
             other._stiff = other._smooth if one else copy.copy(self._stiff)
+        other._longer = {k: (h, copy.copy(longer)) for k, (h, longer) in self._longer.items()}
         return other
+
+    def _lengthen(self, reference: Sequence[Planted]) -> None:
+        """Find the steps for a reference with stiff laws, unless it is like the last with these."""
+        stiff, motion = _stiff_of(reference), self._stretches[0].motion
+        if not stiff or self._accuracy is None or motion is None:
+            return
+        known = self._longer.pop(_keys(stiff), None)
+        if known is None or not like(known[0], stiff):
+            probes = probes_of(tuple(reference), motion)
+            usual = self.of(stiff)
+            known = stiff, usual.lengthened(probes, self._accuracy, self._smooth)
+        self._longer[_keys(stiff)] = known
 
     def _settle(self, kind: Extrapolated) -> None:
         """Correct others than the reference's by it, or by what of it they can follow."""
@@ -271,6 +223,22 @@ class Replays:
         followed = [p for p in self._reference if not (smooth and p.effect.stiff)]
         if kind.reference is None or list(kind.reference) != followed:
             kind.around(followed, [])
+
+
+def like(one: Sequence[Planted], other: Sequence[Planted]) -> bool:
+    """Whether two hypotheses are the same effects with parameters that are close."""
+    if [p.key for p in one] != [p.key for p in other]:
+        return False
+    sizes = [(p.theta, q.theta) for p, q in zip(one, other, strict=True)]
+    return all(np.linalg.norm(b - a) <= _CLOSE * np.linalg.norm(a) for a, b in sizes)
+
+
+def _stiff_of(hypothesis: Sequence[Planted]) -> tuple[Planted, ...]:
+    return tuple(p for p in hypothesis if p.effect.stiff)
+
+
+def _keys(hypothesis: Sequence[Planted]) -> frozenset[Key]:
+    return frozenset(p.key for p in hypothesis)
 
 
 _STEP = 0.1
@@ -382,8 +350,6 @@ class Nearby:
 
     def _close(self, one: Sequence[Planted], other: Sequence[Planted]) -> bool:
         """Whether what one's tolerances change will do for the other's."""
-        if [p.key for p in one] != [p.key for p in other]:
-            return False
-        sizes = [(p.theta, q.theta) for p, q in zip(one, other, strict=True)]
-        near = (np.linalg.norm(b - a) <= _CLOSE * np.linalg.norm(a) for a, b in sizes)
-        return self._once or (not self._remembers and all(near))
+        if self._once:
+            return [p.key for p in one] == [p.key for p in other]
+        return not self._remembers and like(one, other)

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from scipy.stats import combine_pvalues, ttest_1samp, wilcoxon
 
 from wt.diagnose.likelihood.objective import Assessed, Objective
-from wt.diagnose.likelihood.replays import COARSE
+from wt.diagnose.likelihood.steps import COARSE
 from wt.diagnose.residual.screen import Screen, leftover
 from wt.diagnose.selection.holdout import Gain, Holdout, errors
 from wt.diagnose.thresholds import THRESHOLDS
