@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import socket
+import subprocess
 import sys
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
 from itertools import permutations
 from pathlib import Path
 
 import mujoco
 import numpy as np
+import psutil
 import pytest
 
 from tests.physics.arm import ARM, commands, scene
@@ -18,14 +23,17 @@ from wt.diagnose import pipeline
 from wt.diagnose.unknown.force import UnknownForce
 from wt.diagnose.unknown.law import Atom, Law
 from wt.errors import UserError
-from wt.physics import cluster
+from wt.physics import workers
+from wt.physics.acting import is_live
 from wt.physics.effect import effects
+from wt.physics.packed import PackedScene
 from wt.physics.planted import Planted
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer, Replays
-from wt.physics.runner import Threads, chosen
+from wt.physics.runner import Threads, chosen, split
 from wt.physics.scene import Scene
 from wt.physics.spread import over
+from wt.physics.workers import Workers
 from wt.types import Location
 
 Array = np.ndarray
@@ -85,6 +93,10 @@ def whole(replayer: Replayer) -> Replays:
     return replayer.run(hypotheses())
 
 
+def live() -> Hypothesis:
+    return (planted("joint.friction_stribeck", "joint", "j1", 0.3, 0.5, 0.1),)
+
+
 def same(a: Replays, b: Replays) -> bool:
     return a.q.tobytes() == b.q.tobytes() and a.v.tobytes() == b.v.tobytes()
 
@@ -102,17 +114,97 @@ def test_company_changes_no_bit(replayer: Replayer, whole: Replays) -> None:
 
 @pytest.mark.parametrize("jobs", [1, "3"])
 def test_threads_say_the_same(replayer: Replayer, whole: Replays, jobs: int | str) -> None:
-    with over(jobs), over(None), over(jobs):
-        assert chosen() == Threads(int(jobs))
+    with over(1), over(None), over(jobs):
+        runner = chosen()
+        assert isinstance(runner, Threads if jobs == 1 else Workers)
+        assert runner.count == int(jobs)
         assert same(replayer.run(hypotheses()), whole)
     assert chosen() == Threads()
+
+
+@pytest.fixture
+def processes(monkeypatch: pytest.MonkeyPatch) -> Iterator[Workers]:
+    """Two that are given whatever has a live law."""
+    monkeypatch.setattr(workers, "_WORTH_S", 0.0)
+    monkeypatch.setattr(workers, "_WORTH_STEPS", 1)
+    with over(2):
+        runner = chosen()
+        assert isinstance(runner, Workers)
+        yield runner
+
+
+def test_processes_say_the_same(
+    processes: Workers, replayer: Replayer, whole: Replays, tmp_path: Path
+) -> None:
+    assert same(replayer.run(hypotheses()), whole)
+    one = next(i for i, h in enumerate(hypotheses()) if any(is_live(p.effect) for p in h))
+    alone = replayer.run(hypotheses()[one : one + 1])  # its stretches are divided
+    assert same(alone, Replays(whole.q[[one]], whole.v[[one]]))
+    others = [on_the_arm(tmp_path) for _ in range(workers._KEPT + 1)]
+    for other in (*others, replayer):  # more than they keep
+        assert same(other.run(hypotheses()[one : one + 1]), alone)
+    assert processes._processes and len(processes._processes) == 2
+
+
+def test_a_process_that_is_gone_is_done_without(
+    processes: Workers, replayer: Replayer, whole: Replays
+) -> None:
+    replayer.run([live()])
+    assert processes._processes
+    for process in processes._processes:
+        process._process.kill()
+    assert same(replayer.run(hypotheses()), whole)
+    assert processes._processes is None
+
+
+def test_what_cannot_be_told_is_done_here(processes: Workers, replayer: Replayer) -> None:
+    lock = threading.Lock()
+
+    class Local(type(effects()["joint.friction_stribeck"])):  # type: ignore[misc]
+        held = lock
+
+    law = Planted(Local(), Location("joint", "j1"), np.array([0.3, 0.5, 0.1]))
+    assert same(replayer.run([(law,)]), replayer.run([live()]))
+    assert processes._processes is None
+
+
+def test_what_a_process_raises_is_raised(processes: Workers, replayer: Replayer) -> None:
+    nowhere = replace(live()[0], at=Location("joint", "none"))
+    with pytest.raises(KeyError):
+        replayer.run([(nowhere,)])
+    assert np.isfinite(replayer.run([live()]).q).all()
+
+
+def test_processes_end_with_their_parent(tmp_path: Path) -> None:
+    """However it ends."""
+    code = """
+import sys, os, signal
+from pathlib import Path
+from tests.physics.test_spread import live, on_the_arm
+from wt.physics import workers
+from wt.physics.runner import chosen
+from wt.physics.spread import over
+from wt.physics.workers import Workers
+workers._WORTH_S, workers._WORTH_STEPS = 0.0, 1
+with over(2):
+    on_the_arm(Path(sys.argv[1])).run([live()])
+    print(*(p._process.pid for p in chosen()._processes), flush=True)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+    made = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True
+    )
+    pids = [int(pid) for pid in made.stdout.split()]
+    assert len(pids) == 2, made.stderr
+    gone = psutil.wait_procs([psutil.Process(p) for p in pids if psutil.pid_exists(p)], timeout=20)
+    assert not gone[1]
 
 
 @pytest.mark.parametrize("sizes", [(1, 1, 1), (7, 3, 2), (2, 5, 16), (1, 9, 4), (5, 1, 64)])
 def test_every_replay_is_in_one_part(sizes: tuple[int, int, int]) -> None:
     hypotheses, stretches, cores = sizes
     count = np.zeros((hypotheses, stretches), int)
-    parts = cluster.split(*sizes)
+    parts = split(*sizes)
     for some, run in parts:
         count[some, run] += 1
     assert (count == 1).all()
@@ -120,7 +212,7 @@ def test_every_replay_is_in_one_part(sizes: tuple[int, int, int]) -> None:
     assert len(parts) < 2 * cores
 
 
-def test_a_model_travels_with_its_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_model_travels_with_its_files(tmp_path: Path) -> None:
     here, away = tmp_path / "here", tmp_path / "away"
     for folder in (here / "robot", here / "meshes", away):
         folder.mkdir(parents=True)
@@ -136,11 +228,10 @@ def test_a_model_travels_with_its_files(tmp_path: Path, monkeypatch: pytest.Monk
         '<joint name="j"/><geom type="mesh" mesh="m"/></body></worldbody></mujoco>'
     )
     before = mujoco.MjModel.from_xml_path(str(main_file))
-    packed = cluster._packed(Scene(main_file))
-    assert cluster._unpacked(packed) == main_file  # the files are here
-    monkeypatch.setattr(cluster, "_folder", lambda: away)
+    packed = PackedScene.of(Scene(main_file))
+    assert packed.unpacked(lambda: away).path == main_file  # the files are here
     here.rename(tmp_path / "gone")
-    after = mujoco.MjModel.from_xml_path(str(cluster._unpacked(packed)))
+    after = packed.unpacked(lambda: away).model
     assert after.body_inertia.tobytes() == before.body_inertia.tobytes()
 
 
@@ -154,7 +245,7 @@ def test_a_model_travels_as_it_is_amended(tmp_path: Path) -> None:
     def weightless(spec: mujoco.MjSpec) -> None:
         spec.option.gravity = np.zeros(3)
 
-    arrived = cluster._built(cluster._packed(Scene(path, [weightless])))
+    arrived = PackedScene.of(Scene(path, [weightless])).unpacked(lambda: tmp_path)
     assert not arrived.model.opt.gravity.any()
 
 
@@ -190,14 +281,15 @@ def test_the_option_reaches_the_replays(
     asked: list[object], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert refusal("3", capsys) == "error: that is all\n"
-    assert asked == [Threads(3)]
+    (runner,) = asked
+    assert isinstance(runner, Workers) and runner.count == 3
 
 
 @pytest.mark.parametrize("jobs", ["0", "-2", "1.5", "many", "Ray", ""])
 def test_wrong_jobs_are_refused(
     jobs: str, asked: list[object], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert f"jobs '{jobs}': give a number of threads from 1 up, or 'ray'" in refusal(jobs, capsys)
+    assert f"jobs '{jobs}': give a number of cores from 1 up, or 'ray'" in refusal(jobs, capsys)
     assert asked == []
 
 

@@ -79,8 +79,8 @@ JobsOption = Annotated[
     str | None,
     typer.Option(
         metavar="N|ray",
-        help="Replay on N threads, or spread over a Ray cluster: the one that RAY_ADDRESS names, "
-        "else one of this machine's cores. Same answer.  [default: one thread a core]",
+        help="Replay on N cores, or spread over a Ray cluster: the one that RAY_ADDRESS names, "
+        "else one of this machine's cores. Same answer.  [default: all cores]",
     ),
 ]
 LimitOption = Annotated[

@@ -43,7 +43,7 @@ def diagnose(
         holdout: recordings for the proof only. Without any, the last of several recordings is
             held out, or the last quarter of a single one.
         seed: of everything random.
-        jobs: where recordings are replayed: on so many threads (by default one a core), or with
+        jobs: where recordings are replayed: on so many cores (by default all), or with
             ``"ray"`` on a Ray cluster (see :func:`wt.physics.spread.over`); the answer is the same.
         progress: called as the work goes on, with what is being done and the share behind, 0…1.
 

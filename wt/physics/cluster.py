@@ -6,26 +6,24 @@ Workers are given the model's files and the stretches once, and then hypotheses.
 from __future__ import annotations
 
 import functools
-import itertools
-import os
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
-import mujoco
 import numpy as np
 from jaxtyping import Float
 
 from wt.cluster import called_off, connected, cores, same_versions, versions
+from wt.physics.packed import PackedScene
 from wt.physics.planted import Planted
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
-from wt.physics.runner import Divisible
-from wt.physics.scene import Amendment, Scene
+from wt.physics.runner import Divisible, split
+from wt.physics.scene import Scene
 
 if TYPE_CHECKING:
     from ray import ObjectRef
@@ -45,15 +43,6 @@ def cluster() -> Iterator[Cluster]:
     """
     with connected("jobs 'ray'"):
         yield Cluster()
-
-
-@dataclass(frozen=True, eq=False)
-class _Model:
-    """An MJCF and all files that it takes in, by their full paths, and what is amended in it."""
-
-    path: Path
-    files: Mapping[Path, bytes]
-    amendments: tuple[Amendment, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,32 +88,10 @@ class Cluster:
         if replayer not in self._prepared:
             scene = replayer.scene
             if scene not in self._models:
-                self._models[scene] = ray.put(_packed(scene))
+                self._models[scene] = ray.put(PackedScene.of(scene))
             model = self._models[scene]
             self._prepared[replayer] = ray.put(_Prepared(model, replayer.stretches, replayer.step))
         return self._prepared[replayer]
-
-
-def split(hypotheses: int, stretches: int, cores: int) -> list[tuple[slice, range]]:
-    """Divide hypotheses × stretches into about as many parts as there are cores.
-
-    Hypotheses are dealt like cards, for neighbours are alike and take equally long. Only if they
-    are fewer than cores, stretches are divided too: a model is compiled once in each part.
-    """
-    piles = max(1, min(hypotheses, cores))
-    runs = min(stretches, -(-cores // piles))
-    edges = [stretches * i // runs for i in range(runs + 1)]
-    return [
-        (slice(pile, None, piles), range(first, last))
-        for pile in range(piles)
-        for first, last in itertools.pairwise(edges)
-    ]
-
-
-def _packed(scene: Scene) -> _Model:
-    path = scene.path.resolve()
-    files = {Path(p).resolve() for p in mujoco.mju_getXMLDependencies(str(path))}
-    return _Model(path, {p: p.read_bytes() for p in files}, scene.amendments)
 
 
 # -- in a worker -----------------------------------------------------------------------------------
@@ -153,24 +120,7 @@ def _replayer(source: ObjectRef) -> Replayer:
 def _scene(source: ObjectRef) -> Scene:
     import ray
 
-    return _built(ray.get(source))
-
-
-def _built(model: _Model) -> Scene:
-    return Scene(_unpacked(model), model.amendments)
-
-
-def _unpacked(model: _Model) -> Path:
-    """The MJCF where it was, if this machine has the same files there, else a copy."""
-    if all(p.is_file() and p.read_bytes() == data for p, data in model.files.items()):
-        return model.path
-    above = os.path.commonpath([p.parent for p in model.files])
-    folder = _folder()
-    for path, data in model.files.items():
-        copy = folder / path.relative_to(above)
-        copy.parent.mkdir(parents=True, exist_ok=True)
-        copy.write_bytes(data)
-    return folder / model.path.relative_to(above)
+    return ray.get(source).unpacked(_folder)
 
 
 def _folder() -> Path:

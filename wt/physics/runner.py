@@ -6,6 +6,7 @@ nothing of clusters, and :mod:`wt.physics.spread` is free to choose any.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -67,6 +68,22 @@ class Threads:
     ) -> Float[np.ndarray, "2 hypothesis sample dof"]:
         """See :class:`Runner`."""
         return replays.part(hypotheses, range(len(replays.stretches)), self.count)
+
+
+def split(hypotheses: int, stretches: int, cores: int) -> list[tuple[slice, range]]:
+    """Divide hypotheses × stretches into about as many parts as there are cores.
+
+    Hypotheses are dealt like cards, for neighbours are alike and take equally long. Only if they
+    are fewer than cores, stretches are divided too: a model is compiled once in each part.
+    """
+    piles = max(1, min(hypotheses, cores))
+    runs = min(stretches, -(-cores // piles))
+    edges = [stretches * i // runs for i in range(runs + 1)]
+    return [
+        (slice(pile, None, piles), range(first, last))
+        for pile in range(piles)
+        for first, last in itertools.pairwise(edges)
+    ]
 
 
 _EVERY_CORE = Threads()
