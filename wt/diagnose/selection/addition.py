@@ -42,7 +42,7 @@ _STARTED = 5
 _PAIRED, _PAIRS = 8, 3
 """So many at a joint are also paired, and so many of the pairs replayed, beside friction, …"""
 HOPELESS = 30.0
-"""What is so many nats behind the effect whose place it would take is not refined any further."""
+"""What is so many nats behind the effect whose place it would take is given up."""
 _PAIRED_JOINTS = 4
 """… at so many joints, those that err most: where all of a robot's do, the cause is one of all."""
 
@@ -108,14 +108,18 @@ def addition(
     _log_screened(log, ranked, tried)
     log.trying([p for p, _ in tried])
     fits = _replayed(screen, objective, now, [p for p, _ in tried])
-    if instead is not None and _unrivalled(objective, fits, now, instead):
+    least = -np.inf
+    if instead is not None:
+        fits, least = _rivals(objective, fits, now, instead)
+    if not fits:
         return []
-    if fits:
-        log.trying([p for p, _ in tried], _by_worth(objective, fits, now)[0].hypothesis[-1])
+    log.trying([p for p, _ in tried], _by_worth(objective, fits, now)[0].hypothesis[-1])
     with suppress(StoppedError):  # the best so far will do
-        pairs = [(*now.hypothesis, *p) for p in _pairs(screen, objective, now, known, ranked, fits)]
-        fits += _refined(objective, pairs, now, 3)
+        if instead is None:
+            pairs = _pairs(screen, objective, now, known, ranked, fits)
+            fits += _refined(objective, [(*now.hypothesis, *p) for p in pairs], now, 3)
         fits = _finished(objective, fits, now)
+    fits = [f for f in fits if worth(objective, f, now) > least]
     if not fits:
         return []
     best = simplest(objective, fits, now)
@@ -152,21 +156,25 @@ def _alike(screen: Screen, planted: Planted) -> set[Named]:
     }
 
 
-def _unrivalled(
+def _rivals(
     objective: Objective, fits: Sequence[Assessed], now: Assessed, instead: Incumbent
-) -> bool:
-    """Whether nothing comes close to an effect in its place, all refined as far.
+) -> tuple[list[Assessed], float]:
+    """What comes close to an effect in its place, all refined as far.
 
-    Nor may it if the others adapted to it by as much as they do to that effect.
+    What is not too far behind for the others to adapt to it, as they do to that effect, or for
+    refinement.
+
+    Returns:
+        (fits of others; what they are to be worth in the end not to be hopeless).
     """
     own = [f for f in fits if f.hypothesis[-1].key == instead.planted.key]
     others = [f for f in fits if f.hypothesis[-1].key != instead.planted.key]
     if not own:
-        return False
+        return others, -np.inf
     ahead = max(worth(objective, f, now) for f in own)
     adapted = instead.loglik - max(f.loglik for f in own)
     close = ahead - max(HOPELESS, adapted)
-    return all(worth(objective, f, now) < close for f in others)
+    return [f for f in others if worth(objective, f, now) >= close], ahead + adapted - HOPELESS
 
 
 def _log_screened(
@@ -197,10 +205,14 @@ def _finished(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> 
     all_free = [range(len(h)) for h in finalists]
     known = slopes_of(now.hypothesis, slopes_at(objective, now))
     refined = refine(objective, finalists, all_free, iterations=4, known=known)
-    best = _by_worth(objective, refined, now)
+    leader, *others = _by_worth(objective, refined, now)
     if not objective.scene.free:
-        best = [_settled(objective, f, best[0], now) for f in best]
-    return _by_worth(objective, [*best, *fits[_FINALISTS:]], now)
+        others = [_settled(objective, f, leader, now) for f in others]
+        # settled, the leader would lead by more: that matters where another comes close
+        close = worth(objective, leader, now) - THRESHOLDS.min_nats
+        if any(worth(objective, f, now) > close for f in others):
+            leader = _settled(objective, leader, leader, now)
+    return _by_worth(objective, [leader, *others, *fits[_FINALISTS:]], now)
 
 
 def _settled(objective: Objective, fit: Assessed, best: Assessed, now: Assessed) -> Assessed:
