@@ -71,11 +71,13 @@ def record(
         data.ctrl[:] = u[max(k, 0)]
         if k >= 0:
             q[k], v[k] = data.qpos, data.qvel
+        if hidden is None:
+            mujoco.mj_step(model, data, REFINE)
+            continue
         for _ in range(REFINE):
             data.qfrc_applied[:], data.xfrc_applied[:] = 0.0, 0.0
             data.time = max(k, 0) / RATE
-            if hidden:
-                hidden(model, data)
+            hidden(model, data)
             mujoco.mj_step(model, data)
     q, v = q + NOISE * rng.standard_normal(q.shape), v + 2e-3 * rng.standard_normal(v.shape)
     columns = {f"qpos/j{j + 1}": q[:, j] for j in range(nv)}
