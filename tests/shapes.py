@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, ParamSpec, TypeVar, get_args, get_type_hints
 
 import jaxtyping
+from beartype import BeartypeConf, beartype
 from jaxtyping import install_import_hook
 
 FIRST = 20
@@ -22,6 +23,7 @@ FIRST = 20
 
 _calls: Counter[object] = Counter()
 _jaxtyped = jaxtyping.jaxtyped
+_LIKE_JAXTYPING = BeartypeConf(violation_type=jaxtyping.TypeCheckError)
 
 P, R = ParamSpec("P"), TypeVar("R")
 Function = Callable[P, R]
@@ -78,7 +80,8 @@ def _checked(function: types.FunctionType, typechecker: Callable[..., Any]) -> C
     )
     plain.__kwdefaults__, plain.__annotations__ = function.__kwdefaults__, hints
     plain.__module__, plain.__qualname__ = function.__module__, function.__qualname__
-    return typechecker(plain)
+    checked: Callable[..., Any] = beartype(conf=_LIKE_JAXTYPING)(plain)
+    return checked
 
 
 def _hint(function: types.FunctionType, text: object) -> object:
