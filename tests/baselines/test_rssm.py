@@ -5,15 +5,12 @@ import torch
 from torch.distributions import Independent, Normal, kl_divergence
 
 from tests.baselines.toy import Trial
-from wt.baselines.base import find
 from wt.baselines.rssm import _kl
 from wt.config import Baselines
 
 
 def fitted_error(trial: Trial, settings: Baselines) -> float:
-    baseline = find("RSSM")(trial.toy.spec, settings, 0)
-    baseline.train(trial.sim, trial.real)
-    return trial.error(baseline.predict(trial.test))
+    return trial.error(trial.fitted("RSSM", settings).predict(trial.test))
 
 
 def test_infers_a_force_that_stays(persistent: Trial, small: Baselines) -> None:

@@ -14,7 +14,7 @@ since noiseless observations reveal the earlier forces.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
@@ -161,12 +161,15 @@ class Trial:
     sim: Transitions
     real: Transitions
     test: Pairs
+    kept: dict[tuple[str, str], Baseline] = field(default_factory=dict)
 
     def fitted(self, name: str, settings: Baselines) -> Baseline:
-        """A baseline trained on it, with S at hand."""
-        baseline = find(name)(self.toy.spec, settings, 0, self.toy)
-        baseline.train(self.sim, self.real)
-        return baseline
+        """A baseline trained on it, with S at hand; the same one whenever it is asked for."""
+        key = name, repr(settings)
+        if key not in self.kept:
+            self.kept[key] = find(name)(self.toy.spec, settings, 0, self.toy)
+            self.kept[key].train(self.sim, self.real)
+        return self.kept[key]
 
     def error(self, predicted: np.ndarray, settled: int = 10) -> float:
         """Mean squared error of v_next, over steps that have a history."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
@@ -23,14 +24,26 @@ def scenes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Scene]:
     return {name: Scene(write_model(name, folder)) for name in MACHINES}
 
 
+@pytest.fixture(scope="module")
+def checked(scenes: dict[str, Scene]) -> Callable[[Fault], Checked]:
+    """What is said of a faulty log, once: most are also mended."""
+    kept: dict[str, Checked] = {}
+
+    def of(fault: Fault) -> Checked:
+        if fault.id not in kept:
+            kept[fault.id] = check(scenes[fault.machine], fault.log())
+        return kept[fault.id]
+
+    return of
+
+
 def said(checked: Checked) -> set[tuple[str, frozenset[str]]]:
     return {(f.kind, frozenset(f.columns)) for f in checked.findings if f.sure}
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda f: f.id)
-def test_a_fault_is_said(fault: Fault, scenes: dict[str, Scene]) -> None:
-    checked = check(scenes[fault.machine], fault.log())
-    assert said(checked) == {(fault.kinds[0], fault.columns)}
+def test_a_fault_is_said(fault: Fault, checked: Callable[[Fault], Checked]) -> None:
+    assert said(checked(fault)) == {(fault.kinds[0], fault.columns)}
 
 
 EXACT = [f for f in FAULTS if f.id.startswith(("sign", "swap", "degrees", "ms", "wrap", "comm"))]
@@ -38,9 +51,9 @@ MENDED = [*EXACT[::3], *(f for f in FAULTS if f.id.startswith("cycle"))]
 
 
 @pytest.mark.parametrize("fault", MENDED, ids=lambda f: f.id)
-def test_a_mended_log_is_as_it_was(fault: Fault, scenes: dict[str, Scene]) -> None:
+def test_a_mended_log_is_as_it_was(fault: Fault, checked: Callable[[Fault], Checked]) -> None:
     clean = record(fault.machine, fault.seed, **fault.options)  # type: ignore[arg-type]
-    mended = check(scenes[fault.machine], fault.log()).recording
+    mended = checked(fault).recording
     assert mended is not None
     np.testing.assert_allclose(mended.t, clean.t, atol=1e-9)
     for name, column in clean.columns.items():
@@ -66,10 +79,10 @@ def test_two_faults_are_said(pair: tuple[str, str], scenes: dict[str, Scene]) ->
     assert found == {(f.kinds[0], f.columns) for f in (one, other)}
 
 
-def test_the_rate_of_a_controller_is_not_guessed(scenes: dict[str, Scene]) -> None:
+def test_the_rate_of_a_controller_is_not_guessed(checked: Callable[[Fault], Checked]) -> None:
     """Half a sample of lead tells that it is another one, and hardly which."""
     slow = next(f for f in FAULTS if f.id == "slow-log-arm4")
-    (found,) = check(scenes[slow.machine], slow.log()).findings
+    (found,) = checked(slow).findings
     assert re.findall(r"[0-9]+", found.evidence) == ["25"]
 
 

@@ -66,16 +66,19 @@ def record(
     f, phase = rng.uniform(0.1, 0.8, (4, nv)), rng.uniform(0.0, 6.28, (4, nv))
     u = 0.4 + swing * np.sin(2 * np.pi * t[:, None, None] * f + phase).sum(axis=1)
     q, v = np.empty((n, nv)), np.empty((n, nv))
+    applied, pushed = data.qfrc_applied, data.xfrc_applied
     # settle under the first command
     for k in range(-RATE, n):
         data.ctrl[:] = u[max(k, 0)]
         if k >= 0:
             q[k], v[k] = data.qpos, data.qvel
+        if hidden is None:
+            mujoco.mj_step(model, data, REFINE)
+            continue
         for _ in range(REFINE):
-            data.qfrc_applied[:], data.xfrc_applied[:] = 0.0, 0.0
+            applied[:], pushed[:] = 0.0, 0.0
             data.time = max(k, 0) / RATE
-            if hidden:
-                hidden(model, data)
+            hidden(model, data)
             mujoco.mj_step(model, data)
     q, v = q + NOISE * rng.standard_normal(q.shape), v + 2e-3 * rng.standard_normal(v.shape)
     columns = {f"qpos/j{j + 1}": q[:, j] for j in range(nv)}

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +28,20 @@ def case(effect: str, **parameters: object) -> Case:
     return Case("x", "pendulum", 3, "single", (truth,), SENSING, motions, 4.0)
 
 
+DRY = case("joint.friction_coulomb", coulomb=0.6)
+
+
+@pytest.fixture(scope="module")
+def of_friction(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], dict[str, Any]]:
+    """What a rival says of dry friction, once."""
+
+    @functools.cache
+    def of(rival: str) -> dict[str, Any]:
+        return says(rival, DRY, tmp_path_factory.mktemp(rival))
+
+    return of
+
+
 def says(rival: str, hidden: Case, folder: Path) -> dict[str, Any]:
     """What a rival says of a case."""
     world = build(hidden)
@@ -45,9 +61,8 @@ def test_all_of_them_compete() -> None:
 
 
 @pytest.mark.parametrize("rival", ["sysid", "sysid-bic", "coulomb"])
-def test_dry_friction(rival: str, tmp_path: Path) -> None:
-    hidden = case("joint.friction_coulomb", coulomb=0.6)
-    marks = score(says(rival, hidden, tmp_path), hidden)
+def test_dry_friction(rival: str, of_friction: Callable[[str], dict[str, Any]]) -> None:
+    marks = score(of_friction(rival), DRY)
     assert marks.effect
     assert marks.errors["joint.friction_coulomb.coulomb"] < 0.15
 
@@ -66,11 +81,5 @@ def test_sparse_regression(effect: str, parameters: dict[str, float], tmp_path: 
     assert max(marks.errors.values()) < 0.2
 
 
-def test_dropping_what_says_little(tmp_path: Path) -> None:
-    hidden = case("joint.friction_coulomb", coulomb=0.6)
-    few, all_ = tmp_path / "few", tmp_path / "all"
-    few.mkdir()
-    all_.mkdir()
-    assert len(says("sysid-bic", hidden, few)["findings"]) <= len(
-        says("sysid", hidden, all_)["findings"]
-    )
+def test_dropping_what_says_little(of_friction: Callable[[str], dict[str, Any]]) -> None:
+    assert len(of_friction("sysid-bic")["findings"]) <= len(of_friction("sysid")["findings"])

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -42,6 +42,22 @@ def fit(world: World, method: Method, folder: Path, sink: Sink, seed: int = 0) -
     )
 
 
+@pytest.fixture(scope="module")
+def undisturbed(
+    world: World, tmp_path_factory: pytest.TempPathFactory
+) -> Callable[[Method], tuple[WorldModel, Sink]]:
+    """A method's whole training, and what its sink saw; once for all tests."""
+    kept: dict[str, tuple[WorldModel, Sink]] = {}
+
+    def of(method: Method) -> tuple[WorldModel, Sink]:
+        if repr(method) not in kept:
+            sink = Sink()
+            kept[repr(method)] = fit(world, method, tmp_path_factory.mktemp("whole"), sink), sink
+        return kept[repr(method)]
+
+    return of
+
+
 def same(one: WorldModel, other: WorldModel) -> bool:
     a, b = one.state_dict(), other.state_dict()
     return a.keys() == b.keys() and all(torch.equal(a[k], b[k]) for k in a)
@@ -50,11 +66,16 @@ def same(one: WorldModel, other: WorldModel) -> bool:
 @pytest.mark.parametrize("which", ["paper", "plus"])
 @pytest.mark.parametrize("killed_at", [5, 25])
 def test_a_killed_and_resumed_run_ends_in_the_same_model(
-    which: str, killed_at: int, world: World, tmp_path: Path, request: pytest.FixtureRequest
+    which: str,
+    killed_at: int,
+    world: World,
+    undisturbed: Callable[[Method], tuple[WorldModel, Sink]],
+    tmp_path: Path,
+    request: pytest.FixtureRequest,
 ) -> None:
     method = request.getfixturevalue(which)
-    whole, first, second = Sink(), Sink(stop_at=killed_at), Sink()
-    uninterrupted = fit(world, method, tmp_path / "a", whole)
+    uninterrupted, whole = undisturbed(method)
+    first, second = Sink(stop_at=killed_at), Sink()
     with pytest.raises(ConnectionError):
         fit(world, method, tmp_path / "b", first)
     resumed = fit(world, method, tmp_path / "b", second)
@@ -65,9 +86,13 @@ def test_a_killed_and_resumed_run_ends_in_the_same_model(
     assert all(whole.seen[step] == values for step, values in second.seen.items())
 
 
-def test_another_seed_gives_another_model(world: World, paper: Method, tmp_path: Path) -> None:
-    one, other = (fit(world, paper, tmp_path / str(seed), Sink(), seed) for seed in (0, 1))
-    assert not same(one, other)
+def test_another_seed_gives_another_model(
+    world: World,
+    undisturbed: Callable[[Method], tuple[WorldModel, Sink]],
+    paper: Method,
+    folder: Path,
+) -> None:
+    assert not same(undisturbed(paper)[0], fit(world, paper, folder, Sink(), seed=1))
 
 
 def test_a_resumed_run_loses_nothing_though_the_error_had_stopped_falling(
@@ -122,9 +147,10 @@ def test_a_silent_latent_is_reported(world: World, paper: Method, folder: Path) 
     assert sink.curve("collapsed") == [1.0]
 
 
-def test_everything_worth_watching_arrives(world: World, plus: Method, folder: Path) -> None:
-    sink = Sink()
-    fit(world, plus, folder, sink)
+def test_everything_worth_watching_arrives(
+    undisturbed: Callable[[Method], tuple[WorldModel, Sink]], plus: Method
+) -> None:
+    _, sink = undisturbed(plus)
     assert sorted(sink.seen) == list(range(5, 45, 5))
     watched = {
         "gradient/vae", "gradient/blind", "gradient/generators", "gradient/judges",

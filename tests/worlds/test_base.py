@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from dataclasses import dataclass, is_dataclass
 from pathlib import Path
@@ -16,7 +17,11 @@ from wt.config import load
 from wt.errors import ConfigError
 from wt.worlds import base
 
-SECTIONS = {name.removesuffix(".yaml"): load(CONF / name).world for name in TASKS}
+
+@functools.cache
+def world_of(task: str) -> dict[str, Any]:
+    """``world`` of a shipped configuration."""
+    return load(CONF / f"{task}.yaml").world
 
 
 @dataclass(frozen=True)
@@ -114,9 +119,9 @@ def test_a_new_file_is_found_by_itself(
     assert type(base.make({"name": "found"})).__name__ == "Found"
 
 
-@pytest.mark.parametrize("name", SECTIONS)
+@pytest.mark.parametrize("name", [task.removesuffix(".yaml") for task in TASKS])
 def test_every_shipped_world_keeps_the_contract(name: str) -> None:
-    world = base.make(SECTIONS[name])
+    world = base.make(world_of(name))
     assert isinstance(world, base.World)
     assert is_dataclass(type(world).options)  # type: ignore[attr-defined]
     spec = world.spec
@@ -133,7 +138,7 @@ def test_every_shipped_world_keeps_the_contract(name: str) -> None:
 
 def test_a_world_with_history_is_the_same_world_with_its_past_in_the_observation() -> None:
     section = {
-        **SECTIONS["r5"], "arms": 4, "episode_steps": 25, "threads": 1,
+        **world_of("r5"), "arms": 4, "episode_steps": 25, "threads": 1,
         "motion": {"routes": 2, "route_seconds": 2.0},
     }  # fmt: skip
     plain, remembering = base.make(section), base.make({**section, "history": 3})
@@ -157,4 +162,4 @@ def test_a_world_with_history_is_the_same_world_with_its_past_in_the_observation
 @pytest.mark.parametrize("history", [-1, 1.5, "two"])
 def test_a_history_that_is_no_number_of_steps_is_refused(history: object) -> None:
     with pytest.raises(ConfigError, match=r"world\.history is .* zero or more"):
-        base.make({**SECTIONS["r5"], "history": history})
+        base.make({**world_of("r5"), "history": history})

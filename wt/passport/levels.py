@@ -91,7 +91,8 @@ class Sessions:
     @property
     def unit(self) -> Int[np.ndarray, " session"]:
         """Index of each one's unit."""
-        return np.array([self.units.index(unit) for unit, _ in self.keys])
+        units = self.units
+        return np.array([units.index(unit) for unit, _ in self.keys])
 
     def where(self, chosen: Bool[np.ndarray, " session"]) -> Sessions:
         """Some of them."""

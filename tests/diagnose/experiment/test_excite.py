@@ -32,6 +32,14 @@ def arm(tmp_path: Path) -> Path:
     return synthetic.write_model(tmp_path)
 
 
+@pytest.fixture(scope="module")
+def suggested(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    """The motion that tells the arm's rivals apart."""
+    return suggest(
+        synthetic.diagnosis(), synthetic.write_model(tmp_path_factory.mktemp("suggested"))
+    )
+
+
 def replay(
     model: mujoco.MjModel, u: np.ndarray, q0: np.ndarray, delay: float, lag: float
 ) -> np.ndarray:
@@ -74,11 +82,11 @@ def deviations(u: np.ndarray, q0: np.ndarray, first: str, second: str) -> np.nda
 
 
 @pytest.mark.long
-def test_confusable_pairs_come_apart(arm: Path) -> None:
+def test_confusable_pairs_come_apart(suggested: Recording) -> None:
     """The same seconds of the suggested motion tell more than those of the recorded one."""
     diagnosis = synthetic.diagnosis()
     recorded = np.stack([diagnosis.traces[1].command[a] for a in ("a1", "a2")], axis=1)
-    new = suggest(diagnosis, arm)
+    new = suggested
     u = np.stack([new.columns["ctrl/a1"], new.columns["ctrl/a2"]], axis=1)
     q0 = np.array([new.columns["qpos/j1"][0], new.columns["qpos/j2"][0]])
     for pair, factor in ((("delay", "lag"), 5.0), (("viscous", "delay"), 2.0)):
@@ -90,8 +98,8 @@ def test_confusable_pairs_come_apart(arm: Path) -> None:
     assert after[1] < before[1] / 1.5 and after[0] < 1.3 * before[0]
 
 
-def test_only_joints_with_rivals_move_and_from_rest_to_rest(arm: Path) -> None:
-    motion = suggest(synthetic.diagnosis(), arm)
+def test_only_joints_with_rivals_move_and_from_rest_to_rest(suggested: Recording) -> None:
+    motion = suggested
     assert motion.seconds == pytest.approx(30.0) and motion.rate_hz == pytest.approx(100.0)
     q1, q2 = motion.columns["qpos/j1"], motion.columns["qpos/j2"]
     assert np.ptp(q2) > 1.0 and np.ptp(q1) < 0.1
@@ -126,13 +134,12 @@ def test_limits_of_joints_commands_and_recorded_speed_hold(tmp_path: Path) -> No
     assert np.abs(np.gradient(q, motion.t)).max() < 1.31 * fastest
 
 
-def test_a_joint_that_would_hit_something_moves_less(arm: Path, tmp_path: Path) -> None:
+def test_a_joint_that_would_hit_something_moves_less(suggested: Recording, tmp_path: Path) -> None:
     wall = '<geom name="wall" type="box" pos="0.45 0 0.28" size="0.3 0.3 0.02"/>'
     path = tmp_path / "walled.xml"
     path.write_text(synthetic.ARM.replace('<body name="base"', wall + '<body name="base"'))
-    free = suggest(synthetic.diagnosis(), arm)
     walled = suggest(synthetic.diagnosis(), path)
-    assert np.ptp(walled.columns["qpos/j2"]) < 0.9 * np.ptp(free.columns["qpos/j2"])
+    assert np.ptp(walled.columns["qpos/j2"]) < 0.9 * np.ptp(suggested.columns["qpos/j2"])
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
     for q in np.stack([walled.columns["qpos/j1"], walled.columns["qpos/j2"]], axis=1):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,6 +46,7 @@ XML = (
 J1, J2 = Location("joint", "j1"), Location("joint", "j2")
 
 
+@functools.cache
 def record(xml: str, seed: int, seconds: float = 12.0) -> Recording:
     """Follow a multisine; every sensor of the MJCF and every actuator's force is recorded."""
     model = mujoco.MjModel.from_xml_string(xml)

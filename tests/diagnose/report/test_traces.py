@@ -53,6 +53,12 @@ def loaded() -> Recording:
     return record(xml, None, SECONDS, 0)
 
 
+@pytest.fixture(scope="module")
+def nothing(tmp_path_factory: pytest.TempPathFactory) -> float:
+    """What is left where nothing is hidden."""
+    return left(tmp_path_factory.mktemp("nothing"), record(XML, None, SECONDS, 0), None)
+
+
 def left(folder: Path, recording: Recording, planted: Planted | None) -> float:
     """Force at joint j2 that a finding leaves, rms [N·m]."""
     path = folder / "arm.xml"
@@ -76,10 +82,15 @@ def left(folder: Path, recording: Recording, planted: Planted | None) -> float:
     ],
 )
 def test_what_a_finding_takes_away_is_the_whole_of_it(
-    tmp_path: Path, world: object, effect: str, at: Location, theta: list[float], share: float
+    tmp_path: Path,
+    nothing: float,
+    world: object,
+    effect: str,
+    at: Location,
+    theta: list[float],
+    share: float,
 ) -> None:
     recording = world()  # type: ignore[operator]
-    nothing = left(tmp_path, record(XML, None, SECONDS, 0), None)
     found = left(tmp_path, recording, Planted(effects()[effect], at, np.array(theta)))
     before = left(tmp_path, recording, None)
     assert before > 6.0 * nothing

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -12,7 +13,7 @@ from wt.diagnose.selection.naming import rivals_nonparametric
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.choice import choose
 from wt.diagnose.unknown.fit import ForceData
-from wt.diagnose.unknown.force import find
+from wt.diagnose.unknown.force import Unknown, find
 from wt.diagnose.unknown.law import Atom, Law
 from wt.diagnose.unknown.onnx import to_onnx
 from wt.physics.effect import effects
@@ -53,6 +54,20 @@ def worlds(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], World]:
     return of
 
 
+@pytest.fixture(scope="module")
+def found(worlds: Callable[[str], World]) -> Callable[[str], Unknown]:
+    """What is learned in each world, once."""
+
+    @functools.cache
+    def of(name: str) -> Unknown:
+        w = worlds(name)
+        learned = find(w.screen, w.objective, w.objective.reference(()), w.held, step=STEP)
+        assert learned is not None
+        return learned
+
+    return of
+
+
 def infer(graph: bytes, inputs: dict[str, np.ndarray]) -> np.ndarray:
     session = ort.InferenceSession(graph, providers=["CPUExecutionProvider"])
     feeds = {name: x.astype(np.float32).reshape(-1, 1) for name, x in inputs.items()}
@@ -65,37 +80,35 @@ def infer(graph: bytes, inputs: dict[str, np.ndarray]) -> np.ndarray:
 )
 def test_unknown_force_is_learned_and_improves_replays(
     worlds: Callable[[str], World],
+    found: Callable[[str], Unknown],
     name: str,
     law: Callable[[float, float], float],
     columns: tuple[str, ...],
     near: float,
 ) -> None:
-    w = worlds(name)
-    now = w.objective.reference(())
-    found = find(w.screen, w.objective, now, w.held, step=STEP)
-    assert found is not None
-    assert (found.planted.effect.id, found.planted.at) == ("unknown", J2)
-    assert found.depends_on == columns
-    assert found.gain.p_value < 0.01
-    assert found.gain.share > 0.8
-    assert found.r2 > 0.9
-    assert all(c in found.formula for c in columns)
-    said = float(found.statement.partition("strongest near ")[2].partition(" rad")[0])
+    w, force = worlds(name), found(name)
+    assert (force.planted.effect.id, force.planted.at) == ("unknown", J2)
+    assert force.depends_on == columns
+    assert force.gain.p_value < 0.01
+    assert force.gain.share > 0.8
+    assert force.r2 > 0.9
+    assert all(c in force.formula for c in columns)
+    said = float(force.statement.partition("strongest near ")[2].partition(" rad")[0])
     assert said == pytest.approx(near, abs=0.1)
     # the exported force against the one that was hidden, along the held-out motion
     motion = w.held.smoothed.motion
     values = {"qpos/j2": motion.q[:, 1], "qvel/j2": motion.v[:, 1]}
-    got = infer(found.onnx, {c: values[c] for c in columns})[:, 0]
+    got = infer(force.onnx, {c: values[c] for c in columns})[:, 0]
     true = np.array([law(q, v) for q, v in zip(motion.q[:, 1], motion.v[:, 1], strict=True)])
     assert np.sqrt(np.mean((got - true) ** 2)) < 0.2 * np.sqrt(np.mean(true**2))
 
 
-def test_amplitude_zero_is_neutral(worlds: Callable[[str], World]) -> None:
-    w = worlds("detent")
-    found = find(w.screen, w.objective, w.objective.reference(()), w.held, step=STEP)
-    assert found is not None
-    off = Planted(found.planted.effect, found.planted.at, np.zeros(1))
-    plain, without, acting = (a.error for a in w.objective.evaluate([(), (off,), (found.planted,)]))
+def test_amplitude_zero_is_neutral(
+    worlds: Callable[[str], World], found: Callable[[str], Unknown]
+) -> None:
+    w, there = worlds("detent"), found("detent").planted
+    off = Planted(there.effect, there.at, np.zeros(1))
+    plain, without, acting = (a.error for a in w.objective.evaluate([(), (off,), (there,)]))
     np.testing.assert_allclose(without, plain, atol=1e-9)
     assert np.abs(acting - plain).max() > 1e-4
 
