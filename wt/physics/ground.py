@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from jaxtyping import Float
-from sklearn.linear_model import LinearRegression, RANSACRegressor
 
 from wt.physics.reach import points_near, reaching
 from wt.physics.scene import Scene
@@ -85,6 +84,9 @@ def _floor(
     if len(points) < _LEAST:
         return None
     level = np.array(scene.model.geom_pos[geom])
+    # it takes seconds to load, and few machines stand on a floor
+    from sklearn.linear_model import LinearRegression, RANSACRegressor
+
     plane = RANSACRegressor(
         LinearRegression(), min_samples=3, residual_threshold=_ON_IT, random_state=0
     )

@@ -34,9 +34,9 @@ from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.runner import Divisible, split
 
-_WORTH_S, _WORTH_STEPS = 3.0, 2000
-"""Processes are started once live laws have taken so long [s], and are given what takes so many
-steps: it takes them a moment to be told."""
+_WORTH_S, _WORTH_STEPS = 6.0, 2000
+"""Processes are started once live laws have taken so long [s], as long as the start of two takes,
+and are given what takes so many steps: it takes them a moment to be told."""
 _MOST = 16
 """Most processes: each has the libraries in memory once more."""
 _KEPT = 12

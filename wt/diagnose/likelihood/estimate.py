@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy.stats import chi2
 from scipy.stats import t as student
 
@@ -280,9 +280,10 @@ def _as_good(
         flat = [w for w, loss in zip(ways, losses, strict=True) if _NO_LOSS <= loss < _FLAT]
         going[going] = losses < _NO_LOSS
         multiple = np.where(going, multiple * _FACTORS, multiple)
-        for end, k in flat:
-            if multiple[end, k] == 1.0 and not unseen[k]:
-                multiple[end, k] = _between(objective, now, theta, k, float(_FACTORS[end, 0]))
+        flat = [(end, k) for end, k in flat if multiple[end, k] == 1.0 and not unseen[k]]
+        if flat:
+            ends, of = np.array(flat).T
+            multiple[ends, of] = _between(objective, now, theta, of, _FACTORS[ends, 0])
     return np.where(going, _NO_ENDS, multiple * theta)
 
 
@@ -290,22 +291,22 @@ def _between(
     objective: Objective,
     now: Assessed,
     theta: Float[np.ndarray, " parameter"],
-    index: int,
-    lost: float,
-) -> float:
-    """Multiple of a parameter up to which nothing is lost, between one and that at which it is.
+    of: Int[np.ndarray, " end"],
+    lost: Float[np.ndarray, " end"],
+) -> Float[np.ndarray, " end"]:
+    """Multiples of parameters up to which nothing is lost, between one and those at which it is.
 
     What a law does without slipping, or without reaching its limit, has no curvature there.
     """
-    parts, low, high = range(len(now.hypothesis)), 0.0, 1.0
+    parts, low, high = range(len(now.hypothesis)), np.zeros(len(of)), np.ones(len(of))
     for _ in range(_HALVED):
         share = 0.5 * (low + high)
-        there = theta.copy()
-        there[index] *= lost**share
-        (fit,) = objective.evaluate([unpack(now.hypothesis, parts, there)])
-        as_good = fit.loglik > now.loglik - _NO_LOSS
-        low, high = (share, high) if as_good else (low, share)
-    return float(lost**low)
+        there = np.tile(theta, (len(of), 1))
+        there[np.arange(len(of)), of] *= lost**share
+        fits = objective.evaluate([unpack(now.hypothesis, parts, x) for x in there])
+        as_good = np.array([fit.loglik > now.loglik - _NO_LOSS for fit in fits])
+        low, high = np.where(as_good, share, low), np.where(as_good, high, share)
+    return np.asarray(lost**low)
 
 
 def _others_fitted(

@@ -210,7 +210,7 @@ class Replays:
             return
         known = self._longer.pop(_keys(stiff), None)
         if known is None or not like(known[0], stiff):
-            probes = probes_of(tuple(reference), motion)
+            probes = probes_of(stiff, motion)
             usual = self.of(stiff)
             known = stiff, usual.lengthened(probes, self._accuracy, self._smooth)
         self._longer[_keys(stiff)] = known

@@ -126,27 +126,21 @@ def longest_steps(
     return Steps(fine, coarse, accuracy)
 
 
-def probes_of(hypothesis: Hypothesis, motion: Motion) -> list[Hypothesis]:
-    """A hypothesis with stiff laws, and what its neighbours are like.
-
-    Those laws somewhat larger and smaller, and dry friction in every joint beside them.
-    """
-    able = [p.effect.stiff * (step_sizes(p, motion) > 0.0) for p in hypothesis]
+def probes_of(stiff: Hypothesis, motion: Motion) -> list[Hypothesis]:
+    """Stiff laws, the same somewhat larger and smaller, and beside dry friction in every joint."""
+    moves = [_MOVED * p.theta * (step_sizes(p, motion) > 0.0) for p in stiff]
     moved = [
-        tuple(
-            Planted(p.effect, p.at, p.moved(share * moves * p.theta))
-            for p, moves in zip(hypothesis, able, strict=True)
-        )
-        for share in (_MOVED, -_MOVED)
+        tuple(Planted(p.effect, p.at, p.moved(sign * x)) for p, x in zip(stiff, moves, strict=True))
+        for sign in (1.0, -1.0)
     ]
-    return [tuple(hypothesis), *moved, (*hypothesis, *_probes(motion)[0])]
+    return [stiff, *moved, (*stiff, *_probes(motion)[0])]
 
 
 def _rms(error: Float[np.ndarray, "*probe sample dof"]) -> Float[np.ndarray, "*probe dof"]:
     return np.asarray(np.sqrt(np.mean(error**2, axis=-2)))
 
 
-def _probes(motion: Motion) -> list[tuple[Planted, ...]]:
+def _probes(motion: Motion) -> list[Hypothesis]:
     """Laws in every joint that force, each so strong, is a share of all: dry friction comes first.
 
     The same by bristles, grease and rotors, whose forces follow the motion otherwise.
