@@ -85,8 +85,9 @@ class Extrapolated:
         base, *others = self.slopes.run([reference, *near]).q
         q = base if self.slopes is self.coarse else self.coarse.run([reference]).q[0]
         if self.coarse is not self._fine:
-            double = q[None] if self._double is self.coarse else None
-            self.correction = np.nan_to_num(self._exact([reference], double)[0] - q)
+            double = q if self._double is self.coarse else self._double.run([reference]).q[0]
+            exact = 2.0 * self._fine.run([reference]).q[0] - double
+            self.correction = np.nan_to_num(exact - q)
         return q + self.correction, np.array(others).reshape(-1, *base.shape) - base
 
     def unsettled(self, reference: Sequence[Planted]) -> Float[np.ndarray, "sample dof"]:
@@ -97,42 +98,26 @@ class Extrapolated:
             return np.nan_to_num(2.0 * (finer - fine))
         return np.nan_to_num(2.0 * finer - fine - self.run([reference])[0])
 
-    def _exact(
-        self,
-        hypotheses: Sequence[Sequence[Planted]],
-        double: Float[np.ndarray, "hypothesis sample dof"] | None = None,
-    ) -> Float[np.ndarray, "hypothesis sample dof"]:
-        """What steps of no length say; ``double`` is what twice the fine ones do, if known."""
-        if double is None:
-            double = self._double.run(hypotheses).q
-        return np.asarray(2.0 * self._fine.run(hypotheses).q - double)
-
     def lengthened(
-        self, probes: Sequence[Hypothesis], accuracy: Accuracy, longest: Extrapolated
+        self, probes: Sequence[Hypothesis], accuracy: Accuracy, longest: Replayer
     ) -> Extrapolated:
-        """The same with steps as long as a hypothesis, and some around it, allow.
+        """The same with coarse steps as long as they tell some hypotheses apart.
 
         Args:
-            probes: the hypothesis, and those around it.
-            accuracy: what steps may be off by.
+            probes: a hypothesis, and some around it.
+            accuracy: what coarse steps may be off by.
             longest: takes steps that are not to be exceeded.
         """
-        other = copy.copy(self)
+        other, longer = copy.copy(self), longest
         other.reference = None  # what it says is not corrected by other steps' errors
-        if longest._fine.step > self._fine.step:
-            ends = [probes[0], probes[-1]]
-            if accuracy.exact(longest._exact(ends), self._exact(ends)):
-                other._fine, other._double = longest._fine, longest._double
-                other.coarse = max(other.coarse, other._double, key=lambda r: r.step)
-        longer, scene, stretches = longest.coarse, self._fine.scene, self._fine.stretches
-        if longer.step > other.coarse.step:
-            q = other.coarse.run(probes).q
+        if longer.step > self.coarse.step:
+            q, scene, stretches = self.coarse.run(probes).q, longest.scene, longest.stretches
             while longer.step > other.coarse.step:
                 if accuracy.apart(longer.run(probes).q, q):
                     other.coarse = longer
                 else:
                     longer = Replayer(scene, stretches, 0.5 * longer.step)
-        other.slopes = max(other.slopes, other.coarse, key=lambda r: r.step)
+        other.slopes = max(other.slopes, other.coarse, key=lambda replayer: replayer.step)
         return other
 
 
@@ -210,9 +195,8 @@ class Replays:
             return
         known = self._longer.pop(_keys(stiff), None)
         if known is None or not like(known[0], stiff):
-            probes = probes_of(stiff, motion)
-            usual = self.of(stiff)
-            known = stiff, usual.lengthened(probes, self._accuracy, self._smooth)
+            probes, longest = probes_of(stiff, motion), self._smooth.coarse
+            known = stiff, self.of(stiff).lengthened(probes, self._accuracy, longest)
         self._longer[_keys(stiff)] = known
 
     def _settle(self, kind: Extrapolated) -> None:

@@ -46,9 +46,7 @@ class Accuracy:
     given: Float[np.ndarray, " dof"]
 
     def exact(
-        self,
-        said: Float[np.ndarray, "*probe sample dof"],
-        q: Float[np.ndarray, "*probe sample dof"],
+        self, said: Float[np.ndarray, "sample dof"], q: Float[np.ndarray, "sample dof"]
     ) -> bool:
         """Whether positions are as good as exact ones."""
         return bool((_rms(said - q) <= _EXACT * self.noise).all())
