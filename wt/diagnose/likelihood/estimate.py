@@ -277,10 +277,13 @@ def _as_good(
                 tried[end, k] = _others_fitted(objective, now, tried[end, k], k)
         fits = objective.evaluate([unpack(now.hypothesis, parts, tried[e, k]) for e, k in ways])
         losses = np.array([now.loglik - f.loglik for f in fits])
-        flat = [w for w, loss in zip(ways, losses, strict=True) if _NO_LOSS <= loss < _FLAT]
         going[going] = losses < _NO_LOSS
         multiple = np.where(going, multiple * _FACTORS, multiple)
-        flat = [(end, k) for end, k in flat if multiple[end, k] == 1.0 and not unseen[k]]
+        flat = [
+            (end, k)
+            for (end, k), loss in zip(ways, losses, strict=True)
+            if _NO_LOSS <= loss < _FLAT and multiple[end, k] == 1.0 and not unseen[k]
+        ]
         if flat:
             ends, of = np.array(flat).T
             multiple[ends, of] = _between(objective, now, theta, of, _FACTORS[ends, 0])

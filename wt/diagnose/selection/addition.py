@@ -14,13 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wt.diagnose.likelihood.bic import earns, erring_joints, excess, simplest, worth
+from wt.diagnose.likelihood.bic import earns, erring_joints, simplest, worth
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import refine, slopes_at, slopes_of
 from wt.diagnose.residual.screen import Scored, Screen
 from wt.diagnose.result import Stage
-from wt.diagnose.selection.candidates import candidates, dof_of, excluded
+from wt.diagnose.selection.candidates import candidates, dof_of
 from wt.diagnose.selection.decisions import DecisionLog
+from wt.diagnose.selection.pairs import paired
 from wt.diagnose.stop import StoppedError
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Shape, alternatives, effects
@@ -39,12 +40,8 @@ _EACH = 2
 """… and so many at each joint get the two more steps, and their chance beside the best."""
 _STARTED = 5
 """… and so many at each joint get a step at least."""
-_PAIRED, _PAIRS = 8, 3
-"""So many at a joint are also paired, and so many of the pairs replayed, beside friction, …"""
 HOPELESS = 30.0
 """What is so many nats behind the effect whose place it would take is given up."""
-_PAIRED_JOINTS = 4
-"""… at so many joints, those that err most: where all of a robot's do, the cause is one of all."""
 
 
 class Incumbent(NamedTuple):
@@ -82,7 +79,6 @@ def addition(
     log: DecisionLog,
     most: int,
     banned: Container[Key] = frozenset(),
-    instead: Incumbent | None = None,
 ) -> list[Accepted]:
     """Effects to add to the present hypothesis, at most ``most``.
 
@@ -94,48 +90,109 @@ def addition(
         log: grows by every decision.
         most: at most so many additions.
         banned: what must not join.
-        instead: an effect whose place they take: they act on its degree of freedom, alone or with
-            others; where it acts on several, they do too or look like it. None for any.
-
-    Returns:
-        The effects; none where nothing comes close to the one whose place they would take.
     """
-    known = [(a.planted, a.shape) for a in accepted]
-    only = None if instead is None else _alike(screen, instead.planted)
-    asked = functools.partial(_asked, banned, only)
-    ranked = [s for s in screen.rank(known, only) if asked(s.planted)]
-    tried = [c for c in candidates(screen, ranked, objective, now) if asked(c[0])]
-    _log_screened(log, ranked, tried)
-    log.trying([p for p, _ in tried])
-    fits = _replayed(screen, objective, now, [p for p, _ in tried])
-    least = -np.inf
-    if instead is not None:
-        fits, least = _rivals(objective, fits, now, instead)
-    if not fits:
-        return []
-    log.trying([p for p, _ in tried], _by_worth(objective, fits, now)[0].hypothesis[-1])
+    tried = _tried(screen, objective, now, accepted, log, banned)
+    fits = list(tried.fits)
     with suppress(StoppedError):  # the best so far will do
-        if instead is None:
-            pairs = _pairs(screen, objective, now, known, ranked, fits)
-            fits += _refined(objective, [(*now.hypothesis, *p) for p in pairs], now, 3)
+        pairs = paired(screen, objective, now, _known(accepted), tried.ranked, fits)
+        fits += _refined(objective, [(*now.hypothesis, *p) for p in pairs], now, 3)
         fits = _finished(objective, fits, now)
-    fits = [f for f in fits if worth(objective, f, now) > least]
-    if not fits:
+    best = _earning(objective, fits, now, log)
+    if best is None:
         return []
-    best = simplest(objective, fits, now)
-    ok = earns(objective, best, now)
-    _log_replays(log, objective, fits, now, best if ok else None)
-    if not ok:
-        return []
-    shapes = {s.planted.key: s.shape for s in ranked} | {p.key: shape for p, shape in tried}
-    joined = _accepted(objective, best, fits, now, shapes)
+    joined = _accepted(objective, best, fits, now, tried.shapes)
     with suppress(StoppedError):
         for more in _beside(screen, objective, best, fits, now) if len(joined) < most else ():
-            joined += _accepted(objective, more.fit, more.fits, more.reference, shapes)
+            joined += _accepted(objective, more.fit, more.fits, more.reference, tried.shapes)
             gain, planted = worth(objective, more.fit, more.reference), more.fit.hypothesis[-1]
             reason = f"beside {joined[0].planted}"
             log.add(planted, "joined", True, gain, THRESHOLDS.min_nats, reason)
     return joined[:most]
+
+
+def replacement(
+    screen: Screen,
+    objective: Objective,
+    now: Assessed,
+    accepted: Sequence[Accepted],
+    log: DecisionLog,
+    banned: Container[Key],
+    incumbent: Incumbent,
+) -> Accepted | None:
+    """The best effect in the place of one; None where nothing comes close to that.
+
+    It acts on that one's degree of freedom, alone or with others; where that acts on several, it
+    does too or looks like it.
+
+    Args:
+        screen: the force residual.
+        objective: the replays, linearised around the present hypothesis.
+        now: the present hypothesis, without that effect.
+        accepted: its effects.
+        log: grows by every decision.
+        banned: what must not join.
+        incumbent: the effect whose place it would take.
+    """
+    only = _alike(screen, incumbent.planted)
+    tried = _tried(screen, objective, now, accepted, log, banned, only)
+    fits, least = _rivals(objective, tried.fits, now, incumbent)
+    with suppress(StoppedError):
+        fits = _finished(objective, fits, now)
+    fits = [f for f in fits if worth(objective, f, now) > least]
+    best = _earning(objective, fits, now, log)
+    return None if best is None else _accepted(objective, best, fits, now, tried.shapes)[-1]
+
+
+class _Tried(NamedTuple):
+    """What was replayed beside the present hypothesis.
+
+    Attributes:
+        ranked: what the force residual shows, best first.
+        fits: of additions, refined the more the better they are.
+        shapes: of their signatures.
+    """
+
+    ranked: list[Scored]
+    fits: list[Assessed]
+    shapes: dict[Key, Shape | None]
+
+
+def _tried(
+    screen: Screen,
+    objective: Objective,
+    now: Assessed,
+    accepted: Sequence[Accepted],
+    log: DecisionLog,
+    banned: Container[Key],
+    only: Container[Named] | None = None,
+) -> _Tried:
+    """Replay what the screen shows, and what only replays show; any effect, or ``only`` some."""
+    asked = functools.partial(_asked, banned, only)
+    ranked = [s for s in screen.rank(_known(accepted), only) if asked(s.planted)]
+    tried = [c for c in candidates(screen, ranked, objective, now) if asked(c[0])]
+    _log_screened(log, ranked, tried)
+    log.trying([p for p, _ in tried])
+    fits = _replayed(screen, objective, now, [p for p, _ in tried])
+    if fits:
+        log.trying([p for p, _ in tried], _by_worth(objective, fits, now)[0].hypothesis[-1])
+    shapes = {s.planted.key: s.shape for s in ranked} | {p.key: shape for p, shape in tried}
+    return _Tried(ranked, fits, shapes)
+
+
+def _known(accepted: Sequence[Accepted]) -> list[tuple[Planted, Shape | None]]:
+    return [(a.planted, a.shape) for a in accepted]
+
+
+def _earning(
+    objective: Objective, fits: Sequence[Assessed], now: Assessed, log: DecisionLog
+) -> Assessed | None:
+    """The best fit, if it earns its place; what became of all of them is logged."""
+    if not fits:
+        return None
+    best = simplest(objective, fits, now)
+    earning = best if earns(objective, best, now) else None
+    _log_replays(log, objective, fits, now, earning)
+    return earning
 
 
 def _asked(banned: Container[Key], only: Container[Named] | None, planted: Planted) -> bool:
@@ -157,7 +214,7 @@ def _alike(screen: Screen, planted: Planted) -> set[Named]:
 
 
 def _rivals(
-    objective: Objective, fits: Sequence[Assessed], now: Assessed, instead: Incumbent
+    objective: Objective, fits: Sequence[Assessed], now: Assessed, incumbent: Incumbent
 ) -> tuple[list[Assessed], float]:
     """What comes close to an effect in its place, all refined as far.
 
@@ -167,12 +224,12 @@ def _rivals(
     Returns:
         (fits of others; what they are to be worth in the end not to be hopeless).
     """
-    own = [f for f in fits if f.hypothesis[-1].key == instead.planted.key]
-    others = [f for f in fits if f.hypothesis[-1].key != instead.planted.key]
+    own = [f for f in fits if f.hypothesis[-1].key == incumbent.planted.key]
+    others = [f for f in fits if f.hypothesis[-1].key != incumbent.planted.key]
     if not own:
         return others, -np.inf
     ahead = max(worth(objective, f, now) for f in own)
-    adapted = instead.loglik - max(f.loglik for f in own)
+    adapted = incumbent.loglik - max(f.loglik for f in own)
     close = ahead - max(HOPELESS, adapted)
     return [f for f in others if worth(objective, f, now) >= close], ahead + adapted - HOPELESS
 
@@ -200,6 +257,8 @@ def _replayed(
 
 def _finished(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> list[Assessed]:
     """By falling worth, all effects of the best ones refined."""
+    if not fits:
+        return []
     fits = _by_worth(objective, fits, now)
     finalists = [f.hypothesis for f in fits[:_FINALISTS]]
     all_free = [range(len(h)) for h in finalists]
@@ -241,42 +300,6 @@ def _refined(
     """Only what was added to the present hypothesis is refined."""
     free = [range(len(now.hypothesis), len(h)) for h in hypotheses]
     return refine(objective, hypotheses, free, iterations)
-
-
-def _pairs(
-    screen: Screen,
-    objective: Objective,
-    now: Assessed,
-    known: Sequence[tuple[Planted, Shape | None]],
-    ranked: Sequence[Scored],
-    fits: Sequence[Assessed],
-) -> list[tuple[Planted, Planted]]:
-    """Two additions at a joint that no single one explains.
-
-    Real joints lack several things at once, each of which alone explains little: dry and viscous
-    friction, say. What wins alone may then be none of them. The force residual knows which two.
-    """
-    groups: list[list[Scored]] = []
-    for dof in np.argsort(-excess(objective, now), kind="stable").tolist():
-        tried = [f for f in fits if dof_of(screen, f.hypothesis[-1].at) == dof]
-        if not tried or any(dof not in erring_joints(objective, f) for f in tried):
-            continue
-        if len(groups) == _PAIRED_JOINTS:
-            break
-        here = [s for s in ranked if dof_of(screen, s.planted.at) == dof]
-        usual = [s for s in here[_PAIRED:] if _usual(s.planted)]
-        groups.append([*here[:_PAIRED], *usual])
-    starts = []
-    for pairs in screen.pairs(known, groups):
-        allowed = [(p.first, p.second) for p in pairs if not excluded(p.first, p.second)]
-        friction = [p for p in allowed[_PAIRS:] if all(_usual(x) for x in p)]
-        starts += [*allowed[:_PAIRS], *friction]
-    return starts
-
-
-def _usual(planted: Planted) -> bool:
-    """Tell whether joints often have it beside another: dry and viscous friction, and drag."""
-    return planted.effect.kind == "joint" and planted.effect.common != "seldom"
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import refine, slopes_at, slopes_of
 from wt.diagnose.likelihood.tolerances import taken_over
 from wt.diagnose.residual.screen import Screen
-from wt.diagnose.selection.addition import Accepted, Incumbent, addition
+from wt.diagnose.selection.addition import Accepted, Incumbent, addition, replacement
 from wt.diagnose.selection.candidates import dof_of
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.stop import StoppedError, stoppable, stopped
@@ -212,10 +212,9 @@ def _reconsidered(
         base = objective.reference(fit.hypothesis, fit.tolerances)
         kept = [replace(a, planted=p) for a, p in zip(rest, base.hypothesis, strict=True)]
         present = Incumbent(accepted[index].planted, now.loglik)
-        others = addition(screen, objective, base, kept, log, 1, banned, present)
-        names = {a.planted.key for a in accepted}
-        if any(a.planted.key not in names for a in others):
-            other = _fitted(objective, (*base.hypothesis, others[0].planted))
+        found = replacement(screen, objective, base, kept, log, banned, present)
+        if found is not None and found.planted.key not in {a.planted.key for a in accepted}:
+            other = _fitted(objective, (*base.hypothesis, found.planted))
             lead = worth(objective, other, now)
             replaced = lead > THRESHOLDS.equivalent_nats
             log.add(
@@ -224,11 +223,11 @@ def _reconsidered(
                 not replaced,
                 lead,
                 THRESHOLDS.equivalent_nats,
-                f"beside the others, {others[0].planted} "
+                f"beside the others, {found.planted} "
                 + ("takes its place" if replaced else "is not clearly ahead"),
             )
             if replaced:
-                accepted, now = [*rest, *others], other
+                accepted, now = [*rest, found], other
                 continue
         now = objective.reference(now.hypothesis, now.tolerances)
     return accepted, now
