@@ -157,6 +157,23 @@ def test_a_process_that_is_gone_is_done_without(
     assert processes._processes is None
 
 
+def test_without_a_second_process_it_is_done_here(
+    processes: Workers, replayer: Replayer, whole: Replays, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started, begin = [], workers._Process
+
+    def once() -> workers._Process:
+        if started:
+            raise BlockingIOError
+        started.append(begin())
+        return started[0]
+
+    monkeypatch.setattr(workers, "_Process", once)
+    assert same(replayer.run(hypotheses()), whole)
+    assert processes._processes is None
+    assert started[0]._process.poll() is not None
+
+
 def test_what_cannot_be_told_is_done_here(processes: Workers, replayer: Replayer) -> None:
     lock = threading.Lock()
 

@@ -108,19 +108,28 @@ class Workers:
             process.end()
         self._processes, self._free = [], SimpleQueue()
 
+    def _started(self) -> list[_Process]:
+        processes: list[_Process] = []
+        try:
+            for _ in range(min(self.count, _MOST)):
+                processes.append(_Process())
+                self._free.put(processes[-1])
+        except OSError as error:  # this machine grants no more of them
+            for process in processes:
+                process.end()
+            raise _GoneError from error
+        return processes
+
     def _spread(
         self, replays: Divisible, hypotheses: Sequence[Sequence[Planted]]
     ) -> Float[np.ndarray, "2 hypothesis sample dof"]:
         """Replay in processes, each a part."""
-        if not self._processes:
-            self._processes = [_Process() for _ in range(min(self.count, _MOST))]
-            for process in self._processes:
-                self._free.put(process)
+        started = self._processes = self._processes or self._started()
         key = self._keys.setdefault(replays, next(self._new_key))
         if self._packed[0] != key:
             self._packed = key, _dumped((key, *_made_of(replays)))
         packed = self._packed[1]
-        parts = split(len(hypotheses), len(replays.stretches), len(self._processes))
+        parts = split(len(hypotheses), len(replays.stretches), len(started))
         asked = [_dumped((key, hypotheses[h], tuple(s))) for h, s in parts]
 
         def said(question: bytes) -> Any:  # noqa: ANN401 – an array, or what went wrong
