@@ -242,13 +242,14 @@ def _ending(asked: Callable[[], bool], time_limit: float | None) -> Callable[[],
     """Tells whether the search is to end: it was asked to, or its minutes are over."""
     if time_limit is None:
         return asked
-    end, said = time.monotonic() + 60.0 * time_limit, list[str]()
+    end, said = time.monotonic() + 60.0 * time_limit, False
 
     def ending() -> bool:
+        nonlocal said
         over = time.monotonic() > end
         if over and not said:
-            said.append(f"the {time_limit:g} min are over: {_ENDING}")
-            print(f"\n{said[0]}", file=sys.stderr, flush=True)
+            print(f"\nthe {time_limit:g} min are over: {_ENDING}", file=sys.stderr, flush=True)
+            said = True
         return over or asked()
 
     return ending
