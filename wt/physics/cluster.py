@@ -18,9 +18,8 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.cluster import called_off, connected, cores, same_versions, versions
-from wt.physics.packed import PackedScene
+from wt.physics.packed import PackedScene, dumped, loaded
 from wt.physics.planted import Planted
-from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.runner import Divisible, split
 from wt.physics.scene import Scene
@@ -47,11 +46,10 @@ def cluster() -> Iterator[Cluster]:
 
 @dataclass(frozen=True, eq=False)
 class _Prepared:
-    """The ingredients of a replayer."""
+    """The ingredients of a replayer: the scene, and stretches and step, which refer to it."""
 
-    model: ObjectRef
-    stretches: tuple[Stretch, ...]
-    step: float
+    scene: ObjectRef
+    rest: bytes
 
 
 class Cluster:
@@ -62,7 +60,7 @@ class Cluster:
         import ray
 
         self._task = ray.remote(_replay)
-        self._models: WeakKeyDictionary[Scene, ObjectRef] = WeakKeyDictionary()
+        self._scenes: WeakKeyDictionary[Scene, ObjectRef] = WeakKeyDictionary()
         self._prepared: WeakKeyDictionary[Divisible, ObjectRef] = WeakKeyDictionary()
 
     def replay(
@@ -74,7 +72,11 @@ class Cluster:
         ends = np.cumsum([0, *(len(s.t) for s in replayer.stretches)])
         parts = split(len(hypotheses), len(replayer.stretches), cores())
         source = [self._put(replayer)]  # in a list Ray hands on the reference, not the thing
-        pending = [self._task.remote(versions(), source, hypotheses[h], s) for h, s in parts]
+        known = replayer.scene, replayer.stretches[0].motion
+        pending = [
+            self._task.remote(versions(), source, dumped(hypotheses[h], *known), s)
+            for h, s in parts
+        ]
         with called_off(pending):
             results = ray.get(pending)
         path = np.empty((2, len(hypotheses), int(ends[-1]), replayer.scene.model.nv))
@@ -87,10 +89,10 @@ class Cluster:
 
         if replayer not in self._prepared:
             scene = replayer.scene
-            if scene not in self._models:
-                self._models[scene] = ray.put(PackedScene.of(scene))
-            model = self._models[scene]
-            self._prepared[replayer] = ray.put(_Prepared(model, replayer.stretches, replayer.step))
+            if scene not in self._scenes:
+                self._scenes[scene] = ray.put(PackedScene.of(scene))
+            rest = dumped((replayer.stretches, replayer.step), scene)
+            self._prepared[replayer] = ray.put(_Prepared(self._scenes[scene], rest))
         return self._prepared[replayer]
 
 
@@ -100,12 +102,14 @@ class Cluster:
 def _replay(
     as_caller: dict[str, str],
     source: Sequence[ObjectRef],
-    hypotheses: Sequence[Sequence[Planted]],
+    hypotheses: bytes,
     stretches: Sequence[int],
 ) -> Float[np.ndarray, "2 hypothesis sample dof"]:
     """One part of :meth:`Cluster.replay`, (2, H, N, nv)."""
     same_versions(as_caller)
-    return _replayer(source[0]).part(hypotheses, stretches, threads=1)
+    replayer = _replayer(source[0])
+    known = replayer.scene, replayer.stretches[0].motion
+    return replayer.part(loaded(hypotheses, *known), stretches, threads=1)
 
 
 @functools.lru_cache(_KEPT)
@@ -113,7 +117,8 @@ def _replayer(source: ObjectRef) -> Replayer:
     import ray
 
     prepared = ray.get(source)
-    return Replayer(_scene(prepared.model), prepared.stretches, prepared.step)
+    scene = _scene(prepared.scene)
+    return Replayer(scene, *loaded(prepared.rest, scene))
 
 
 @functools.lru_cache(_KEPT)

@@ -1,12 +1,16 @@
-"""A machine's model for another process, or another computer."""
+"""A machine's model, and what is replayed on it, for another process or another computer."""
 
 from __future__ import annotations
 
+import io
 import os
+import pickle
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import cloudpickle
 import mujoco
 
 from wt.physics.scene import Amendment, Scene
@@ -44,3 +48,33 @@ class PackedScene:
             copy.parent.mkdir(parents=True, exist_ok=True)
             copy.write_bytes(data)
         return here / self.path.relative_to(above)
+
+
+def dumped(thing: object, *known: object) -> bytes:
+    """Pickle what refers to things that are known where it goes, without these."""
+    file = io.BytesIO()
+    _Pickler(file, known).dump(thing)
+    return file.getvalue()
+
+
+def loaded(data: bytes, *known: object) -> Any:  # noqa: ANN401 – whatever was pickled
+    """What :func:`dumped` made, referring to what is known here, in the same order."""
+    return _Unpickler(io.BytesIO(data), known).load()
+
+
+class _Pickler(cloudpickle.Pickler):
+    def __init__(self, file: io.BytesIO, known: tuple[object, ...]) -> None:
+        super().__init__(file)
+        self._known = {id(thing): i for i, thing in enumerate(known) if thing is not None}
+
+    def persistent_id(self, thing: object) -> int | None:
+        return self._known.get(id(thing))
+
+
+class _Unpickler(pickle.Unpickler):
+    def __init__(self, file: io.BytesIO, known: tuple[object, ...]) -> None:
+        super().__init__(file)
+        self._known = known
+
+    def persistent_load(self, index: int) -> object:
+        return self._known[index]

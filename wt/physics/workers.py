@@ -23,14 +23,12 @@ from queue import SimpleQueue
 from typing import Any
 from weakref import WeakKeyDictionary
 
-import cloudpickle
 import numpy as np
 from jaxtyping import Float
 
 from wt.physics.acting import is_live
-from wt.physics.packed import PackedScene
+from wt.physics.packed import PackedScene, dumped, loaded
 from wt.physics.planted import Planted
-from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.runner import Divisible, split
 
@@ -127,10 +125,11 @@ class Workers:
         started = self._processes = self._processes or self._started()
         key = self._keys.setdefault(replays, next(self._new_key))
         if self._packed[0] != key:
-            self._packed = key, _dumped((key, *_made_of(replays)))
+            self._packed = key, pickle.dumps((key, *_made_of(replays)))
         packed = self._packed[1]
         parts = split(len(hypotheses), len(replays.stretches), len(started))
-        asked = [_dumped((key, hypotheses[h], tuple(s))) for h, s in parts]
+        known = replays.scene, replays.stretches[0].motion
+        asked = [pickle.dumps((key, _dumped(hypotheses[h], *known), tuple(s))) for h, s in parts]
 
         def said(question: bytes) -> Any:  # noqa: ANN401 – an array, or what went wrong
             process = self._free.get()
@@ -202,16 +201,18 @@ class _Process:
                 pipe.close()
 
 
-def _made_of(replays: Divisible) -> tuple[PackedScene, tuple[Sequence[Stretch], float]]:
+def _made_of(replays: Divisible) -> tuple[bytes, bytes]:
+    """The scene, and stretches and step that refer to it."""
     try:
-        return PackedScene.of(replays.scene), (replays.stretches, replays.step)
+        scene = PackedScene.of(replays.scene)
     except (OSError, ValueError) as error:  # its files are gone meanwhile
         raise _GoneError from error
+    return _dumped(scene), _dumped((replays.stretches, replays.step), replays.scene)
 
 
-def _dumped(message: object) -> bytes:
+def _dumped(thing: object, *known: object) -> bytes:
     try:
-        return bytes(cloudpickle.dumps(message))
+        return dumped(thing, *known)
     except (pickle.PicklingError, TypeError, AttributeError) as error:
         raise _GoneError from error
 
@@ -223,7 +224,7 @@ def serve() -> None:
     """Answer what comes in, until nothing does any more."""
     questions, answers = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what is printed is no answer
-    known: dict[int, Replayer] = {}
+    replayers: dict[int, Replayer] = {}
     with tempfile.TemporaryDirectory(prefix="wt-") as folder, answers:
         numbers = itertools.count()
 
@@ -237,14 +238,22 @@ def serve() -> None:
                 key, first, second = pickle.load(questions)
             except EOFError:  # nobody asks any more
                 return
-            if isinstance(first, PackedScene):
-                known[key] = Replayer(first.unpacked(copies), *second)
-                for old in list(known)[:-_KEPT]:
-                    del known[old]
+            if isinstance(second, bytes):  # the scene, and what is replayed on it
+                scene = loaded(first).unpacked(copies)
+                replayers[key] = Replayer(scene, *loaded(second, scene))
+                for old in list(replayers)[:-_KEPT]:
+                    del replayers[old]
                 continue
             try:
-                answer: Any = known[key].part(first, second, threads=1)
+                answer: Any = _answer(replayers[key], first, second)
             except Exception as error:
                 answer = error
             pickle.dump(answer, answers, pickle.HIGHEST_PROTOCOL)
             answers.flush()
+
+
+def _answer(
+    replayer: Replayer, hypotheses: bytes, stretches: Sequence[int]
+) -> Float[np.ndarray, "2 hypothesis sample dof"]:
+    known = replayer.scene, replayer.stretches[0].motion
+    return replayer.part(loaded(hypotheses, *known), stretches, threads=1)

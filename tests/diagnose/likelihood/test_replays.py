@@ -7,6 +7,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import pytest
 
 from tests.diagnose.hidden_forces import STEP, chain, record
 from wt.diagnose.likelihood.replays import Extrapolated, Replays
@@ -14,11 +15,14 @@ from wt.diagnose.likelihood.steps import COARSE, Accuracy, Steps, longest_steps
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import stretches_of
+from wt.physics import workers
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
+from wt.physics.runner import chosen
 from wt.physics.scene import Scene
+from wt.physics.spread import over
 from wt.types import Location, Recording
 
 
@@ -93,6 +97,24 @@ def test_a_drive_that_lets_go_takes_the_short_steps(tmp_path: Path) -> None:
     long.around((), [])
     off, otherwise = (np.abs(some.run([(dead,)])[0] - exact).max() for some in (made, long))
     assert off < 0.5 * otherwise
+
+
+def test_processes_say_the_same_of_what_was_recorded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is replayed refers to the recordings, and these to the machine."""
+    scene, stretches = prepared(tmp_path, chain(2))
+    law = Planted(
+        effects()["joint.friction_stribeck"], Location("joint", "j2"), np.array([0.1, 0.2, 0.1])
+    )
+    replayer = Replayer(scene, stretches, 4 * STEP)
+    here = replayer.run([(law,)])
+    monkeypatch.setattr(workers, "_WORTH_S", 0.0)
+    monkeypatch.setattr(workers, "_WORTH_STEPS", 1)
+    with over(2):
+        there, runner = replayer.run([(law,)]), chosen()
+        assert isinstance(runner, workers.Workers) and runner._processes
+    assert there.q.tobytes() == here.q.tobytes()
 
 
 def test_a_stiff_law_gets_steps_as_long_as_noise_can_tell(tmp_path: Path) -> None:
