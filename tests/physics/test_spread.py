@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 import threading
+import types
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import permutations
@@ -183,6 +184,23 @@ def test_what_cannot_be_told_is_done_here(processes: Workers, replayer: Replayer
     law = Planted(Local(), Location("joint", "j1"), np.array([0.3, 0.5, 0.1]))
     assert same(replayer.run([(law,)]), replayer.run([live()]))
     assert processes._processes is None
+
+
+def test_what_is_unknown_there_is_done_here(
+    processes: Workers,
+    replayer: Replayer,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """A law of a module that only this process can import."""
+    here = types.ModuleType("only_here")
+    law = type("Law", (type(effects()["joint.friction_stribeck"]),), {"__module__": "only_here"})
+    monkeypatch.setattr(here, "Law", law, raising=False)
+    monkeypatch.setitem(sys.modules, "only_here", here)
+    own = Planted(law(), Location("joint", "j1"), np.array([0.3, 0.5, 0.1]))
+    assert same(replayer.run([(own,)]), replayer.run([live()]))
+    assert processes._processes is None
+    assert capfd.readouterr().err == ""
 
 
 def test_what_a_process_raises_is_raised(processes: Workers, replayer: Replayer) -> None:

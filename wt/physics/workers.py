@@ -17,7 +17,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -221,39 +221,31 @@ def _dumped(thing: object, *known: object) -> bytes:
 
 
 def serve() -> None:
-    """Answer what comes in, until nothing does any more."""
+    """Answer what comes in, until nothing does any more, or it cannot be read here."""
     questions, answers = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what is printed is no answer
     replayers: dict[int, Replayer] = {}
-    with tempfile.TemporaryDirectory(prefix="wt-") as folder, answers:
-        numbers = itertools.count()
+    with ExitStack() as ends:
 
         def copies() -> Path:
-            path = Path(folder, str(next(numbers)))
-            path.mkdir()
-            return path
+            return Path(ends.enter_context(tempfile.TemporaryDirectory(prefix="wt-")))
 
         while True:
             try:
                 key, first, second = pickle.load(questions)
-            except EOFError:  # nobody asks any more
+                if isinstance(second, bytes):  # the scene, and what is replayed on it
+                    scene = loaded(first).unpacked(copies)
+                    replayers[key] = Replayer(scene, *loaded(second, scene))
+                    for old in list(replayers)[:-_KEPT]:
+                        del replayers[old]
+                    continue
+                replayer = replayers[key]
+                hypotheses = loaded(first, replayer.scene, replayer.stretches[0].motion)
+            except Exception:  # nobody asks any more, or with words that are unknown here
                 return
-            if isinstance(second, bytes):  # the scene, and what is replayed on it
-                scene = loaded(first).unpacked(copies)
-                replayers[key] = Replayer(scene, *loaded(second, scene))
-                for old in list(replayers)[:-_KEPT]:
-                    del replayers[old]
-                continue
             try:
-                answer: Any = _answer(replayers[key], first, second)
+                answer: Any = replayer.part(hypotheses, second, threads=1)
             except Exception as error:
                 answer = error
             pickle.dump(answer, answers, pickle.HIGHEST_PROTOCOL)
             answers.flush()
-
-
-def _answer(
-    replayer: Replayer, hypotheses: bytes, stretches: Sequence[int]
-) -> Float[np.ndarray, "2 hypothesis sample dof"]:
-    known = replayer.scene, replayer.stretches[0].motion
-    return replayer.part(loaded(hypotheses, *known), stretches, threads=1)
