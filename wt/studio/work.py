@@ -28,6 +28,7 @@ from wt.diagnose.selection.decisions import DecisionLog
 from wt.errors import WTError
 from wt.physics.planted import Planted
 from wt.physics.scene import Scene
+from wt.physics.spread import over
 from wt.show.files import write_whole
 from wt.studio import mapping as maps
 from wt.studio import session, uploads
@@ -173,7 +174,7 @@ def diagnose(
     def expect(expected: Expected) -> None:
         send({"expected": str(expected)})
 
-    with warnings.catch_warnings(), claimed(folder, inputs) as write:
+    with over(None), warnings.catch_warnings(), claimed(folder, inputs) as write:
         warnings.simplefilter("ignore", RuntimeWarning)
         warnings.simplefilter("ignore", UserWarning)
         diagnosis = search(
