@@ -219,7 +219,6 @@ from tests.physics.test_spread import live, on_the_arm
 from wt.physics import workers
 from wt.physics.runner import chosen
 from wt.physics.spread import over
-from wt.physics.workers import Workers
 workers._WORTH_S, workers._WORTH_STEPS = 0.0, 1
 with over(2):
     on_the_arm(Path(sys.argv[1])).run([live()])

@@ -18,10 +18,10 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.cluster import called_off, connected, cores, same_versions, versions
-from wt.physics.packed import PackedScene, dumped, loaded
+from wt.physics.packed import PackedScene, heard, packed, told, unpacked
 from wt.physics.planted import Planted
 from wt.physics.rollout import Replayer
-from wt.physics.runner import Divisible, split
+from wt.physics.runner import Divisible, joined, split
 from wt.physics.scene import Scene
 
 if TYPE_CHECKING:
@@ -69,20 +69,15 @@ class Cluster:
         """See :class:`wt.physics.runner.Runner`."""
         import ray
 
-        ends = np.cumsum([0, *(len(s.t) for s in replayer.stretches)])
         parts = split(len(hypotheses), len(replayer.stretches), cores())
         source = [self._put(replayer)]  # in a list Ray hands on the reference, not the thing
-        known = replayer.scene, replayer.stretches[0].motion
         pending = [
-            self._task.remote(versions(), source, dumped(hypotheses[h], *known), s)
+            self._task.remote(versions(), source, told(replayer, hypotheses[h]), s)
             for h, s in parts
         ]
         with called_off(pending):
             results = ray.get(pending)
-        path = np.empty((2, len(hypotheses), int(ends[-1]), replayer.scene.model.nv))
-        for (h, s), part in zip(parts, results, strict=True):
-            path[:, h, ends[s.start] : ends[s.stop]] = part
-        return path
+        return joined(replayer, len(hypotheses), parts, results)
 
     def _put(self, replayer: Divisible) -> ObjectRef:
         import ray
@@ -91,8 +86,8 @@ class Cluster:
             scene = replayer.scene
             if scene not in self._scenes:
                 self._scenes[scene] = ray.put(PackedScene.of(scene))
-            rest = dumped((replayer.stretches, replayer.step), scene)
-            self._prepared[replayer] = ray.put(_Prepared(self._scenes[scene], rest))
+            prepared = _Prepared(self._scenes[scene], packed(replayer))
+            self._prepared[replayer] = ray.put(prepared)
         return self._prepared[replayer]
 
 
@@ -108,8 +103,7 @@ def _replay(
     """One part of :meth:`Cluster.replay`, (2, H, N, nv)."""
     same_versions(as_caller)
     replayer = _replayer(source[0])
-    known = replayer.scene, replayer.stretches[0].motion
-    return replayer.part(loaded(hypotheses, *known), stretches, threads=1)
+    return replayer.part(heard(replayer, hypotheses), stretches, threads=1)
 
 
 @functools.lru_cache(_KEPT)
@@ -117,8 +111,7 @@ def _replayer(source: ObjectRef) -> Replayer:
     import ray
 
     prepared = ray.get(source)
-    scene = _scene(prepared.scene)
-    return Replayer(scene, *loaded(prepared.rest, scene))
+    return unpacked(_scene(prepared.scene), prepared.rest)
 
 
 @functools.lru_cache(_KEPT)

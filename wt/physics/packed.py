@@ -13,6 +13,8 @@ from typing import Any
 import cloudpickle
 import mujoco
 
+from wt.physics.rollout import Replayer
+from wt.physics.runner import Divisible, Hypotheses
 from wt.physics.scene import Amendment, Scene
 
 
@@ -50,15 +52,36 @@ class PackedScene:
         return here / self.path.relative_to(above)
 
 
-def dumped(thing: object, *known: object) -> bytes:
+def packed(replays: Divisible) -> bytes:
+    """What is replayed on a scene, without the scene; for :func:`unpacked`."""
+    return _dumped((replays.stretches, replays.step), replays.scene)
+
+
+def unpacked(scene: Scene, rest: bytes) -> Replayer:
+    """The replays that :func:`packed` was given, on the scene as it is here."""
+    return Replayer(scene, *_loaded(rest, scene))
+
+
+def told(replays: Divisible, hypotheses: Hypotheses) -> bytes:
+    """Hypotheses, without the scene and recordings that they refer to; for :func:`heard`."""
+    return _dumped(hypotheses, replays.scene, replays.stretches[0].motion)
+
+
+def heard(replays: Divisible, hypotheses: bytes) -> Hypotheses:
+    """What :func:`told` was given, of the scene and recordings as they are here."""
+    loaded: Hypotheses = _loaded(hypotheses, replays.scene, replays.stretches[0].motion)
+    return loaded
+
+
+def _dumped(thing: object, *known: object) -> bytes:
     """Pickle what refers to things that are known where it goes, without these."""
     file = io.BytesIO()
     _Pickler(file, known).dump(thing)
     return file.getvalue()
 
 
-def loaded(data: bytes, *known: object) -> Any:  # noqa: ANN401 – whatever was pickled
-    """What :func:`dumped` made, referring to what is known here, in the same order."""
+def _loaded(data: bytes, *known: object) -> Any:  # noqa: ANN401 – whatever was pickled
+    """What :func:`_dumped` made, referring to what is known here, in the same order."""
     return _Unpickler(io.BytesIO(data), known).load()
 
 

@@ -7,7 +7,7 @@ nothing of clusters, and :mod:`wt.physics.spread` is free to choose any.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -84,6 +84,20 @@ def split(hypotheses: int, stretches: int, cores: int) -> list[tuple[slice, rang
         for pile in range(piles)
         for first, last in itertools.pairwise(edges)
     ]
+
+
+def joined(
+    replays: Divisible,
+    hypotheses: int,
+    parts: Iterable[tuple[slice, range]],
+    said: Iterable[Float[np.ndarray, "2 _ _ dof"]],
+) -> Float[np.ndarray, "2 hypothesis sample dof"]:
+    """What all parts said, as :func:`split` has divided so many hypotheses and all stretches."""
+    ends = np.cumsum([0, *(len(s.t) for s in replays.stretches)])
+    path = np.empty((2, hypotheses, int(ends[-1]), replays.scene.model.nv))
+    for (h, s), part in zip(parts, said, strict=True):
+        path[:, h, ends[s.start] : ends[s.stop]] = part
+    return path
 
 
 _EVERY_CORE = Threads()

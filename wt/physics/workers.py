@@ -23,14 +23,15 @@ from queue import SimpleQueue
 from typing import Any
 from weakref import WeakKeyDictionary
 
+import cloudpickle
 import numpy as np
 from jaxtyping import Float
 
 from wt.physics.acting import is_live
-from wt.physics.packed import PackedScene, dumped, loaded
+from wt.physics.packed import PackedScene, heard, packed, told, unpacked
 from wt.physics.planted import Planted
 from wt.physics.rollout import Replayer
-from wt.physics.runner import Divisible, split
+from wt.physics.runner import Divisible, joined, split
 
 _WORTH_S, _WORTH_STEPS = 6.0, 2000
 """Processes are started once live laws have taken so long [s], as long as the start of two takes,
@@ -125,31 +126,30 @@ class Workers:
         started = self._processes = self._processes or self._started()
         key = self._keys.setdefault(replays, next(self._new_key))
         if self._packed[0] != key:
-            self._packed = key, pickle.dumps((key, *_made_of(replays)))
-        packed = self._packed[1]
+            with _speakable():
+                scene = cloudpickle.dumps(PackedScene.of(replays.scene))
+                self._packed = key, pickle.dumps((key, scene, packed(replays)))
+        made_of = self._packed[1]
         parts = split(len(hypotheses), len(replays.stretches), len(started))
-        known = replays.scene, replays.stretches[0].motion
-        asked = [pickle.dumps((key, _dumped(hypotheses[h], *known), tuple(s))) for h, s in parts]
+        with _speakable():
+            asked = [pickle.dumps((key, told(replays, hypotheses[h]), tuple(s))) for h, s in parts]
 
-        def said(question: bytes) -> Any:  # noqa: ANN401 – an array, or what went wrong
+        def said(question: bytes) -> Any:  # noqa: ANN401 – an array
             process = self._free.get()
             try:
-                return process.ask(key, packed, question)
+                answer = process.ask(key, made_of, question)
             finally:
                 self._free.put(process)
+            if isinstance(answer, Exception):
+                raise answer
+            return answer
 
-        ends = np.cumsum([0, *(len(s.t) for s in replays.stretches)])
-        path = np.empty((2, len(hypotheses), int(ends[-1]), replays.scene.model.nv))
         with ThreadPoolExecutor(len(parts)) as pool:
             try:
-                for (h, s), part in zip(parts, pool.map(said, asked), strict=True):
-                    if isinstance(part, Exception):
-                        raise part
-                    path[:, h, ends[s.start] : ends[s.stop]] = part
+                return joined(replays, len(hypotheses), parts, pool.map(said, asked))
             except BaseException:
                 self.close()  # else what is under way would be waited for
                 raise
-        return path
 
 
 class _Process:
@@ -201,19 +201,12 @@ class _Process:
                 pipe.close()
 
 
-def _made_of(replays: Divisible) -> tuple[bytes, bytes]:
-    """The scene, and stretches and step that refer to it."""
+@contextmanager
+def _speakable() -> Iterator[None]:
+    """What cannot be pickled, or whose files are gone meanwhile, no process can be told of."""
     try:
-        scene = PackedScene.of(replays.scene)
-    except (OSError, ValueError) as error:  # its files are gone meanwhile
-        raise _GoneError from error
-    return _dumped(scene), _dumped((replays.stretches, replays.step), replays.scene)
-
-
-def _dumped(thing: object, *known: object) -> bytes:
-    try:
-        return dumped(thing, *known)
-    except (pickle.PicklingError, TypeError, AttributeError) as error:
+        yield
+    except (OSError, ValueError, pickle.PicklingError, TypeError, AttributeError) as error:
         raise _GoneError from error
 
 
@@ -234,13 +227,13 @@ def serve() -> None:
             try:
                 key, first, second = pickle.load(questions)
                 if isinstance(second, bytes):  # the scene, and what is replayed on it
-                    scene = loaded(first).unpacked(copies)
-                    replayers[key] = Replayer(scene, *loaded(second, scene))
+                    scene = pickle.loads(first).unpacked(copies)
+                    replayers[key] = unpacked(scene, second)
                     for old in list(replayers)[:-_KEPT]:
                         del replayers[old]
                     continue
                 replayer = replayers[key]
-                hypotheses = loaded(first, replayer.scene, replayer.stretches[0].motion)
+                hypotheses = heard(replayer, first)
             except Exception:  # nobody asks any more, or with words that are unknown here
                 return
             try:
