@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import mujoco
@@ -15,6 +16,7 @@ from wt.physics.planted import Planted
 from wt.physics.quiet import quiet
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
+from wt.physics.scene import Scene
 from wt.types import Location
 
 LOG = Path("MUJOCO_LOG.TXT")
@@ -95,3 +97,15 @@ def test_a_replay_that_explodes_is_silent(
     assert np.isfinite(replay.q[1]).all()
     assert not LOG.exists()
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_model_that_is_hardly_possible_is_silent(tmp_path: Path) -> None:
+    doubled = MODEL.replace('<joint name="a"/>', '<joint name="a"/><joint name="b"/>')
+    path = tmp_path / "m.xml"
+    path.write_text(doubled.replace('mass="1"', 'mass="1e-9"'))
+    with pytest.warns(UserWarning, match="singular"):
+        hardly = Scene(path)
+    stretch = Stretch(0, np.arange(3) * 0.01, np.zeros((3, 0)), np.zeros(2), np.zeros(2))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Replayer(hardly, [stretch]).run([[]])

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from wt.physics.effect import Effect
 from wt.physics.hooks import OnSteps
@@ -17,30 +17,19 @@ from wt.physics.scene import Scene
 
 @dataclass(frozen=True, eq=False)
 class Acting:
-    """A law that acts in some replays, at one place or more of each.
+    """The laws that act in the replays of a batch, place after place, for compiled code.
 
     Attributes:
-        rows: the replay of each place, as rows of the batch: a slice where they are neighbours,
-            whose states the law then sees without a copy.
-        live: the law, with the parameters at each place.
-        cells: where the force of each place goes, among those of all replays one after another.
-        twice: whether two places in a replay act on the same degree of freedom.
+        laws: address of the law at each place.
+        places: replay, as row of the batch, and degree of freedom of each.
+        figures: address of the parameters, and of what else is its own, of each.
+        tables: what lies at those addresses.
     """
 
-    rows: Int[np.ndarray, " place"] | slice
-    live: Live
-    cells: Int[np.ndarray, " place"]
-    twice: bool
-
-    def add(self, force: np.ndarray, to: np.ndarray) -> None:
-        """Add the force at each place, (n,), to those of all replays, in place [N·m or N].
-
-        Those are (replays · nv,), one after another.
-        """
-        if self.twice:
-            np.add.at(to, self.cells, force)
-        else:
-            to[self.cells] += force
+    laws: Int[np.ndarray, " place"]
+    places: Int[np.ndarray, "place 2"]
+    figures: Int[np.ndarray, "place 2"]
+    tables: tuple[Float[np.ndarray, "_ _"], ...]
 
 
 def is_live(effect: Effect) -> bool:
@@ -48,15 +37,16 @@ def is_live(effect: Effect) -> bool:
     return isinstance(effect, OnSteps)
 
 
-def acting(scene: Scene, hypotheses: Sequence[Sequence[Planted]]) -> list[Acting]:
-    """One law for each effect, wherever it acts: twelve joints take one call, not twelve.
+def acting(scene: Scene, hypotheses: Sequence[Sequence[Planted]], h: float) -> Acting | None:
+    """The laws of hypotheses; None if none of them has one.
 
-    In the order of names, so that the sum of several forces does not depend, to the bit, on
-    the other replays of a batch.
+    In the order of names, so that the sum of several forces does not depend, to the bit, on how a
+    hypothesis lists them.
 
     Args:
         scene: the machine.
         hypotheses: one for each replay of a batch.
+        h: physics step [s].
     """
     # two learned laws share a name, and are still two objects
     laws: dict[int, OnSteps] = {}
@@ -66,20 +56,33 @@ def acting(scene: Scene, hypotheses: Sequence[Sequence[Planted]]) -> list[Acting
             if isinstance(p.effect, OnSteps):
                 laws[id(p.effect)] = p.effect
                 places.setdefault(id(p.effect), []).append((row, p))
-    laws_acting = []
+    parts = []
     for key in sorted(laws, key=lambda key: laws[key].id):
         there = sorted(places[key], key=lambda place: (place[0], place[1].at.name))
         rows, planted = np.array([row for row, _ in there]), [p for _, p in there]
         theta = np.stack([p.theta for p in planted])
-        live = laws[key].live(scene, [p.at for p in planted], theta)
-        cells = rows * scene.model.nv + live.dofs
-        twice = len(np.unique(cells)) < len(cells)
-        laws_acting.append(Acting(neighbours(rows), live, cells, twice))
-    return laws_acting
+        live = laws[key].live(scene, [p.at for p in planted], theta, h)
+        parts.append((rows, live))
+    return _side_by_side(parts) if parts else None
 
 
-def neighbours(rows: Sequence[int] | Int[np.ndarray, " row"]) -> Int[np.ndarray, " row"] | slice:
-    """A slice for rows that follow one another, whose values are then seen and not copied."""
-    at = np.asarray(rows, dtype=int)
-    consecutive = len(at) > 0 and bool((np.diff(at) == 1).all())
-    return slice(int(at[0]), int(at[-1]) + 1) if consecutive else at
+def _side_by_side(parts: Sequence[tuple[Int[np.ndarray, " _"], Live]]) -> Acting:
+    """All places of laws, given with the replays that each acts in."""
+    from wt.physics.compiled import address  # takes a second to import
+
+    tables, figures = list[np.ndarray](), []
+    for _, live in parts:
+        pair = [np.array(table, dtype=float, order="C") for table in (live.theta, live.own)]
+        figures.append(np.stack([_addresses(table) for table in pair], axis=1))
+        tables += pair
+    return Acting(
+        laws=np.concatenate([np.full(len(rows), address(live.law)) for rows, live in parts]),
+        places=np.concatenate([np.stack([rows, live.dofs], axis=1) for rows, live in parts]),
+        figures=np.concatenate(figures),
+        tables=tuple(tables),
+    )
+
+
+def _addresses(table: Float[np.ndarray, "place figure"]) -> Int[np.ndarray, " place"]:
+    """Where each row of a table begins."""
+    return table.ctypes.data + table.strides[0] * np.arange(len(table))

@@ -272,9 +272,20 @@ class OnSteps(InReplay):
 
     @abc.abstractmethod
     def live(
-        self, scene: Scene, at: Sequence[Location], theta: Float[np.ndarray, "place parameter"]
+        self,
+        scene: Scene,
+        at: Sequence[Location],
+        theta: Float[np.ndarray, "place parameter"],
+        h: float,
     ) -> Live:
-        """The law that acts at some places of some replays, each with its own ``theta``."""
+        """The law that acts at some places of some replays, each with its own ``theta``.
+
+        Args:
+            scene: the machine.
+            at: places.
+            theta: parameters at each.
+            h: physics step [s].
+        """
 
 
 @dataclass(frozen=True)

@@ -1,61 +1,70 @@
-"""Laws that act at every physics step of a replay, where MuJoCo has no element for an effect."""
+"""Laws that act at every physics step of a replay, where MuJoCo has no element for an effect.
+
+A law is a function of one place, in the Python that Numba compiles::
+
+    @Law
+    def _drag(dof, q, v, u, t, h, theta, own):
+        return -theta[0] * v[dof] * abs(v[dof])
+
+It is compiled when a replay first needs it (:mod:`wt.physics.compiled`) and kept beside its file,
+as bytecode is. What it calls of ours is marked with :func:`in_laws`.
+"""
 
 from __future__ import annotations
 
-import abc
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
-# Arrays are plain ones here, as in all that runs at every physics step: to check shapes would take
-# longer than to compute a force.
+Values = np.ndarray
+"""Figures of one place or one replay: where compiled a bare pointer, without length or slices."""
+Acts = Callable[[int, Values, Values, Values, float, float, Values, Values], float]
+"""Generalised force on a degree of freedom at a physics step [N·m or N]. Its arguments:
 
+the degree of freedom; joint positions, joint velocities and commands in force, of all; time since
+the start of the recording and length of the step [s]; the law's parameters at this place; what else
+is this place's own, which it may change.
+"""
 
-@dataclass(slots=True)
-class StepState:
-    """State of replays before a physics step, as a law sees it at each of n places.
-
-    A replay in which the law acts at several places is there as often. One is made at every step,
-    so that it is not frozen, which would take longer.
-
-    Attributes:
-        t: time since the start of the recording, (n,) [s].
-        h: length of the step [s].
-        q: joint positions, (n, nv).
-        v: joint velocities, (n, nv).
-        u: commands in force, (n, nu).
-    """
-
-    t: np.ndarray
-    h: float
-    q: np.ndarray
-    v: np.ndarray
-    u: np.ndarray
+Figures = TypeVar("Figures", float, np.ndarray)
+"""Of what is computed alike from one figure, in a law, and from many, along a recording."""
+_Called = TypeVar("_Called", bound=Callable[..., object])
+callable_in_laws: list[Callable[..., object]] = []
+"""Functions of ours that laws may call."""
 
 
-class Live(abc.ABC):
-    """A law at n places, each with its own parameters; may keep a state between steps.
+@dataclass(frozen=True)
+class Law:
+    """A law that acts at every step, which is compiled when it is needed.
 
     Attributes:
-        dofs: degree of freedom that it acts on at each place, (n,).
-        own: what takes that one's value of each place out of a state's ``q`` or ``v``.
+        acts: at one place.
     """
 
-    def __init__(self, dofs: Int[np.ndarray, " place"]) -> None:
-        """Prepare."""
-        self.dofs = dofs
-        self.own = column_of_each(dofs)
-
-    @abc.abstractmethod
-    def force(self, state: StepState) -> np.ndarray:
-        """Generalised force that it adds at each place, (n,) [N·m or N]; once at every step."""
+    acts: Acts
 
 
-def column_of_each(
-    each: Int[np.ndarray, " place"],
-) -> tuple[slice | Int[np.ndarray, " place"], int | Int[np.ndarray, " place"]]:
-    """Index of one column in each row; of a view where that is the same one in all."""
-    if len(each) and (each == each[0]).all():
-        return slice(None), int(each[0])
-    return np.arange(len(each)), each
+def in_laws(function: _Called) -> _Called:
+    """Mark a function, of figures or of arrays alike, as one that laws may call."""
+    callable_in_laws.append(function)
+    return function
+
+
+@dataclass(frozen=True, eq=False)
+class Live:
+    """A law at n places.
+
+    Attributes:
+        law: what it does at each.
+        dofs: degree of freedom that it acts on.
+        theta: parameters.
+        own: what else is each place's own: constants, and what it remembers between steps.
+    """
+
+    law: Law
+    dofs: Int[np.ndarray, " place"]
+    theta: Float[np.ndarray, "place parameter"]
+    own: Float[np.ndarray, "place figure"]

@@ -135,40 +135,18 @@ def _pieces(segment: Segment, longest: float) -> list[_Piece]:
 def _integrated(
     moved: Moved, pieces: Sequence[_Piece], parts: int, loads: Sequence[tuple[LooseLaw, Centre]]
 ) -> list[Float[np.ndarray, "2 row load 3"]]:
-    """Positions and velocities of L loads at the samples of each piece, (2, n, L, 3).
+    """Positions and velocities of L loads at the samples of each piece, (2, n, L, 3)."""
+    from wt.physics.loose_steps import stepped  # takes a second to import
 
-    A thousand loads cost little more than one: all pieces are stepped side by side.
-    """
     sizes = [p.rows.stop - p.rows.start for p in pieces]
     n = max(sizes)
     pulls = np.stack([_pulls(moved, p.rows, parts, n) for p in pieces], axis=1)
-    h = np.array([p.dt / parts for p in pieces])[:, None, None]
+    h = np.array([p.dt / parts for p in pieces])
     centres = np.array([centre for _, centre in loads])
     half = 0.5 * np.array([law.travel for law, _ in loads])
     figures = np.array([[law.damping, law.spring, law.rolling] for law, _ in loads])
-    damping, spring, rolling = figures.T[..., None]
-    gain = h / (1.0 + rolling)
-    # what brakes is implicit: stable however strong it is
-    kept = 1.0 / (1.0 + gain * damping)
-    pushed = gain * kept
-    sprung = pushed * spring
-    low, high = centres - half, centres + half
-    state = np.ones((len(pieces), len(loads), 7))
-    there, v = state[..., :3], state[..., 3:6]
-    there[:], v[:] = centres, 0.0
     path = np.zeros((len(pieces), 2, n, len(loads), 3))
-    for k in range(len(pulls)):
-        pull = state @ pulls[k]
-        pull *= pushed
-        pull -= sprung * (there - centres)
-        v *= kept
-        v += pull
-        free = there + h * v
-        np.minimum(np.maximum(free, low), high, out=there)
-        v[there != free] = 0.0
-        if (k + 1) % parts == 0:
-            at = (k + 1) // parts
-            path[:, 0, at], path[:, 1, at] = there - centres, v
+    stepped(pulls, h, parts, centres, half, *figures.T, path)
     return [p[:, :size] for p, size in zip(path, sizes, strict=True)]
 
 

@@ -17,7 +17,6 @@ from wt.errors import ModelError
 from wt.physics import base, source
 from wt.physics.activation import dynamic
 from wt.physics.lean import slim
-from wt.physics.live import column_of_each
 from wt.types import Location
 
 _DYNAMICS = tuple(
@@ -68,72 +67,18 @@ class Drive:
 
     def force(self, u: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Force on the joint [N·m or N] from its command, position and velocity, of one shape."""
-        return np.asarray(self.gear * between(self.unclamped(u, q, v), *self.forces))
+        return np.asarray(self.gear * np.clip(self.unclamped(u, q, v), *self.forces))
 
     def unclamped(self, u: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """The force before the gear and before its own clamp."""
-        return _unclamped(between(u, *self.commands), q, v, self.gear, self.gain, self.bias)
+        constant, stiffness, damping = self.bias
+        spring = stiffness * self.gear * q + damping * self.gear * v
+        return np.asarray(self.gain * np.clip(u, *self.commands) + constant + spring)
 
     @property
     def servo(self) -> bool:
         """Tell whether it holds a position: its force falls with the joint's position."""
         return self.bias[1] < 0.0
-
-
-class Drives:
-    """A drive at each of n places: forces of all of them at once.
-
-    Attributes:
-        dofs: degree of freedom of each, (n,).
-    """
-
-    def __init__(self, each: Sequence[Drive]) -> None:
-        """Prepare."""
-        self.dofs = np.array([d.dof for d in each])
-        self._command = column_of_each(np.array([d.index for d in each]))
-        fields = np.array([(d.gear, d.gain, *d.bias, *d.commands, *d.forces) for d in each])
-        if (fields == fields[:1]).all():  # figures cost less than arrays of them
-            fields = fields[:1]
-        self._gear, self._gain, *rest = fields.T
-        self._bias, self._commands, self._forces = rest[:3], _ends(rest[3:5]), _ends(rest[5:])
-
-    def force(self, u: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """As :meth:`Drive.force`, from all commands, (n, nu), and the joints' own q and v, (n,)."""
-        command = u[self._command]
-        if self._commands is not None:
-            command = between(command, *self._commands)
-        force = _unclamped(command, q, v, self._gear, self._gain, self._bias)
-        return self._gear * (force if self._forces is None else between(force, *self._forces))
-
-
-def _ends(
-    ends: Sequence[Float[np.ndarray, " drive"]],
-) -> tuple[Float[np.ndarray, " drive"], Float[np.ndarray, " drive"]] | None:
-    """Ends of ranges, None where they clamp nothing: what is not done at a step takes no time."""
-    low, high = ends
-    return None if np.isneginf(low).all() and np.isposinf(high).all() else (low, high)
-
-
-def _unclamped(
-    u: np.ndarray,
-    q: np.ndarray,
-    v: np.ndarray,
-    gear: float | np.ndarray,
-    gain: float | np.ndarray,
-    bias: Sequence[float | np.ndarray],
-) -> np.ndarray:
-    """The force of a drive, or of one at each place, before its gear and its own clamp.
-
-    Its command is clamped already.
-    """
-    constant, stiffness, damping = bias
-    spring = stiffness * gear * q + damping * gear * v
-    return np.asarray(gain * u + constant + spring)
-
-
-def between(x: np.ndarray, low: float | np.ndarray, high: float | np.ndarray) -> np.ndarray:
-    """``numpy.clip`` without its overhead, which counts at every physics step."""
-    return np.minimum(np.maximum(x, low), high)
 
 
 def drives(m: mujoco.MjModel) -> tuple[Drive, ...]:

@@ -10,9 +10,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from wt.batch import Batch
-from wt.physics.acting import Acting, acting, neighbours
+from wt.physics.acting import Acting, acting
 from wt.physics.job import Job
-from wt.physics.live import StepState
 from wt.physics.replay import Outputs, Stretch
 
 
@@ -20,11 +19,10 @@ def simulate(jobs: Sequence[Job], threads: int) -> list[Outputs]:
     """Run jobs of one layout side by side."""
     first = jobs[0]
     batch = _begun(jobs, threads)
-    qpos, qvel = batch.bind("qpos"), batch.bind("qvel")
     controls = _control_map(first)
     own = np.array([first.model.joint(name).dofadr[0] for name in first.scene.joints])
-    acts = acting(first.scene, [job.hypothesis for job in jobs])
     steps, h = len(first.inputs.t), first.inputs.h
+    acts = acting(first.scene, [job.hypothesis for job in jobs], h)
     nv = first.scene.model.nv
     results = [
         Outputs(j.stretch.recording, j.stretch.t, *np.full((2, len(j.stretch.t), nv), np.nan))
@@ -34,14 +32,15 @@ def simulate(jobs: Sequence[Job], threads: int) -> list[Outputs]:
     for row, job in enumerate(jobs):
         same.setdefault(job.stretch, []).append(row)
     for start in range(0, steps, CHUNK):
-        stop = min(start + CHUNK, steps)
-        before = np.concatenate([qpos[:, own], qvel[:, own]], axis=1)[:, None]
-        states = _advance(batch, jobs, own, controls, acts, start, stop)
-        path = np.concatenate([before, states[..., np.concatenate([own, first.model.nq + own])]], 1)
+        piece = slice(start, min(start + CHUNK, steps))
+        if acts is None:
+            path = _rolled(batch, jobs, own, controls, piece)
+        else:
+            path = _stepped(batch, jobs, own, controls, acts, piece)
         for stretch, rows in same.items():
             at = (stretch.t - stretch.t[0]) / h
             mine = [results[r] for r in rows]
-            _record(mine, path[rows], at, start, np.inf if stop == steps else stop)
+            _record(mine, path[rows], at, start, np.inf if piece.stop == steps else piece.stop)
     exploded = batch.warning[:, :, 1].any(axis=1)
     for row, job in enumerate(jobs):
         if exploded[row]:  # there is nothing that a sensor could make of it
@@ -84,73 +83,73 @@ CHUNK = 2000
 """Physics steps per call: bounds memory, whatever the recording's length."""
 
 
-def _advance(
+def _rolled(
     batch: Batch,
     jobs: Sequence[Job],
     own: Int[np.ndarray, " dof"],
     controls: Int[np.ndarray, " control"],
-    acts: Sequence[Acting],
-    start: int,
-    stop: int,
+    piece: slice,
 ) -> Float[np.ndarray, "replay step state"]:
-    """Positions and velocities after each of some steps, (n, steps, nq + nv)."""
+    """The machine's positions and velocities before and after some steps, (n, steps + 1, 2 nv)."""
     spec = mujoco.mjtState
-    u = np.stack([job.inputs.u[start:stop] for job in jobs])
-    if not acts:
-        u = u[:, :, controls]
-        flags = int(spec.mjSTATE_CTRL)
-        if jobs[0].inputs.torque:
-            flags |= int(spec.mjSTATE_QFRC_APPLIED)
-            u = np.concatenate([u, np.stack([_torques(job, start, stop) for job in jobs])], axis=2)
-        if jobs[0].inputs.force:
-            flags |= int(spec.mjSTATE_XFRC_APPLIED)
-            u = np.concatenate([u, np.stack([_wrenches(job, start, stop) for job in jobs])], axis=2)
-        out = batch.rollout(stop - start, control=u, control_spec=flags, record=("qpos", "qvel"))
-        return np.concatenate([out["qpos"], out["qvel"]], axis=2)
+    before = np.concatenate([batch.bind("qpos")[:, own], batch.bind("qvel")[:, own]], axis=1)
+    u, flags = np.stack([job.inputs.u[piece] for job in jobs])[:, :, controls], spec.mjSTATE_CTRL
+    if jobs[0].inputs.torque:
+        flags |= spec.mjSTATE_QFRC_APPLIED
+        u = np.concatenate([u, np.stack([_torques(job, piece) for job in jobs])], axis=2)
+    if jobs[0].inputs.force:
+        flags |= spec.mjSTATE_XFRC_APPLIED
+        u = np.concatenate([u, np.stack([_wrenches(job, piece) for job in jobs])], axis=2)
+    out = batch.rollout(u.shape[1], control=u, control_spec=int(flags), record=("qpos", "qvel"))
+    after = np.concatenate([out["qpos"][..., own], out["qvel"][..., own]], axis=2)
+    return np.concatenate([before[:, None], after], axis=1)
+
+
+def _stepped(
+    batch: Batch,
+    jobs: Sequence[Job],
+    own: Int[np.ndarray, " dof"],
+    controls: Int[np.ndarray, " control"],
+    acts: Acting,
+    piece: slice,
+) -> Float[np.ndarray, "replay step state"]:
+    """The same where laws act at every step."""
+    from wt.physics.compiled import turn  # takes a second to import
+
     qpos, qvel, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
     applied, xfrc = batch.bind("qfrc_applied"), batch.bind("xfrc_applied")
     applied[:] = 0.0
-    states = np.empty((stop - start, len(jobs), qpos.shape[1] + qvel.shape[1]))
     h = jobs[0].inputs.h
-    # step by step, and slices where they do: what is copied here is copied at every step
-    mine, sent = neighbours(own), neighbours(controls)
-    t = np.stack([job.inputs.t[start:stop] for job in jobs], axis=1)
-    u = np.ascontiguousarray(u.swapaxes(0, 1))
-    # those of a step one after another in memory, for laws to be added to
-    extra = np.ascontiguousarray(
-        np.stack([_torques(job, start, stop)[:, own] for job in jobs], axis=1)
-    )
-    pushed = [
-        (row, _wrenches(job, start, stop)) for row, job in enumerate(jobs) if job.inputs.force
-    ]
-    for k in range(stop - start):
-        q, v, command, force = qpos[:, mine].copy(), qvel[:, mine].copy(), u[k], extra[k]
-        for act in acts:
-            rows = act.rows
-            now = StepState(t[k, rows], h, q[rows], v[rows], command[rows])
-            act.add(act.live.force(now), force.reshape(-1))
-        ctrl[:], applied[:, mine] = command[:, sent], force
+    # those of a step one after another in memory
+    t = np.stack([job.inputs.t[piece] for job in jobs], axis=1)
+    u = np.stack([job.inputs.u[piece] for job in jobs], axis=1)
+    extra = np.stack([_torques(job, piece)[:, own] for job in jobs], axis=1)
+    pushed = [(row, _wrenches(job, piece)) for row, job in enumerate(jobs) if job.inputs.force]
+    path = np.empty((len(t) + 1, len(jobs), 2 * len(own)))
+    given = (t, h, u, extra, own, controls, acts.laws, acts.places, acts.figures)
+    for k in range(len(t)):
+        turn(k, *given, qpos, qvel, path, ctrl, applied)
         for row, wrenches in pushed:
             xfrc[row] = wrenches[k].reshape(-1, 6)
         batch.step()
-        states[k, :, : qpos.shape[1]], states[k, :, qpos.shape[1] :] = qpos, qvel
-    return states.swapaxes(0, 1)
+    path[-1, :, : len(own)], path[-1, :, len(own) :] = qpos[:, own], qvel[:, own]
+    return path.swapaxes(0, 1)
 
 
-def _wrenches(job: Job, start: int, stop: int) -> Float[np.ndarray, "step wrench"]:
+def _wrenches(job: Job, piece: slice) -> Float[np.ndarray, "step wrench"]:
     """World-frame forces and torques on all bodies, (steps, 6 · nbody)."""
-    wrenches = np.zeros((stop - start, job.model.nbody, 6))
+    wrenches = np.zeros((piece.stop - piece.start, job.model.nbody, 6))
     for body, force in job.inputs.force.items():
-        wrenches[:, job.model.body(job.scene.model.body(body).name).id, :3] = force[start:stop]
-    return wrenches.reshape(stop - start, -1)
+        wrenches[:, job.model.body(job.scene.model.body(body).name).id, :3] = force[piece]
+    return wrenches.reshape(len(wrenches), -1)
 
 
-def _torques(job: Job, start: int, stop: int) -> Float[np.ndarray, "step dof"]:
+def _torques(job: Job, piece: slice) -> Float[np.ndarray, "step dof"]:
     """Generalised forces on all degrees of freedom of the patched model, (steps, nv)."""
-    torques = np.zeros((stop - start, job.model.nv))
+    torques = np.zeros((piece.stop - piece.start, job.model.nv))
     for dof, torque in job.inputs.torque.items():
         name = job.scene.model.joint(int(job.scene.model.dof_jntid[dof])).name
-        torques[:, job.model.joint(name).dofadr[0]] = torque[start:stop]
+        torques[:, job.model.joint(name).dofadr[0]] = torque[piece]
     return torques
 
 

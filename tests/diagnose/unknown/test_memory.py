@@ -5,8 +5,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tests.diagnose.hidden_forces import World, world
-from wt.diagnose.unknown.memory import Memory, Remembering, along, memory_of, recorded
-from wt.physics.live import StepState
+from tests.physics.machine_code import called
+from wt.diagnose.unknown.law import Atom, Law
+from wt.diagnose.unknown.live import live
+from wt.diagnose.unknown.memory import Memory, along, memory_of, recorded
+from wt.types import Location
 
 CREEP = Memory("creep", "j1", 0.35)
 SWING, RATE = (Memory(kind, "j1", 9.0, 0.1) for kind in ("swing", "swing_rate"))
@@ -44,29 +47,23 @@ def test_replays_remember_as_recordings_do(plain: World) -> None:
     m = plain.screen.motion
     rows = m.segments[0].rows
     t, q, v = m.t[rows], m.q[rows], m.v[rows]
-    names = ["qvel/j1", CREEP.name, SWING.name, RATE.name]
-    columns = Remembering(m.scene, names)
+    names = ("qvel/j1", CREEP.name, SWING.name, RATE.name)
+    want = along(m, names)[rows]
     h, steps = 5e-4, 4000
     times = t[0] + h * np.arange(steps)
-    fine = [np.interp(times, t, x[:, 0]) for x in (q, v)]
-    # two replays side by side: each has a state of its own
-    got = np.stack(
-        [
-            columns.step(
-                StepState(
-                    t=np.full(2, times[k]),
-                    h=h,
-                    q=np.array([[fine[0][k]], [0.0]]),
-                    v=np.array([[fine[1][k]], [0.0]]),
-                    u=np.zeros((2, 1)),
-                )
-            )
+    fine_q, fine_v = (np.interp(times, t, x[:, 0]) for x in (q, v))
+    for i, name in enumerate(names):
+        column = want[:, i]
+        # alone, and where it is trusted
+        alone = Law((name,), np.array([-1e9]), np.array([1e9]), ((Atom(0, "linear"),),), np.ones(1))
+        acting = live(alone, m.scene, [Location("joint", "j1")], np.ones((1, 1)), h)
+        got = [
+            called(acting, fine_q[k : k + 1], fine_v[k : k + 1], np.zeros(1), times[k], h)
             for k in range(steps)
         ]
-    )
-    want = np.stack([np.interp(times, t, x) for x in along(m, names)[rows].T], axis=1)
-    np.testing.assert_allclose(got[:, 0], want, atol=0.02 * np.abs(want).max())
-    np.testing.assert_array_equal(got[:, 1], 0.0)
+        np.testing.assert_allclose(
+            got, np.interp(times, t, column), atol=0.02 * np.abs(column).max(), err_msg=name
+        )
 
 
 @pytest.mark.parametrize("memory", [CREEP, SWING, RATE])

@@ -25,11 +25,12 @@ from wt.diagnose.unknown.fit import ForceData, LawFit, solve
 from wt.diagnose.unknown.formula import reduced, sparse
 from wt.diagnose.unknown.law import Law
 from wt.diagnose.unknown.lines import column_lines
-from wt.diagnose.unknown.memory import Remembering, along, memory_of, recorded
+from wt.diagnose.unknown.live import live
+from wt.diagnose.unknown.memory import along, memory_of, recorded
 from wt.diagnose.unknown.onnx import to_onnx
 from wt.physics.effect import Parameter, Shape
 from wt.physics.hooks import OnSteps
-from wt.physics.live import Live, StepState
+from wt.physics.live import Live
 from wt.physics.motion import Motion
 from wt.physics.planted import Hypothesis, Planted
 from wt.physics.scene import Scene
@@ -79,10 +80,14 @@ class UnknownForce(OnSteps):
         return coefficients
 
     def live(
-        self, scene: Scene, at: Sequence[Location], theta: Float[np.ndarray, "place parameter"]
+        self,
+        scene: Scene,
+        at: Sequence[Location],
+        theta: Float[np.ndarray, "place parameter"],
+        h: float,
     ) -> Live:
         """Adds the force at every step."""
-        return _Pushing(self.law, scene, at, theta)
+        return live(self.law, scene, at, theta, h)
 
     def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """The law by ``residual.onnx``, whose inputs are its columns."""
@@ -108,23 +113,6 @@ class UnknownForce(OnSteps):
         """See :meth:`Effect.separation`."""
         others = ", ".join(recorded(self.law.columns))
         return f"slow and fast sweeps of {at.name} over its whole range that vary {others} alone"
-
-
-class _Pushing(Live):
-    def __init__(
-        self,
-        law: Law,
-        scene: Scene,
-        at: Sequence[Location],
-        theta: Float[np.ndarray, "place parameter"],
-    ) -> None:
-        super().__init__(np.array([scene.dof(place.name) for place in at]))
-        self.law, self.amplitude = law, theta[:, 0]
-        self.columns = Remembering(scene, law.columns)
-
-    def force(self, state: StepState) -> np.ndarray:
-        """See :meth:`Live.force`."""
-        return self.amplitude * self.law.force(self.columns.step(state))
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,9 +12,6 @@ from jaxtyping import Float, Int
 
 from wt.physics.scene import Scene
 
-# What replays call at every physics step has plain arrays: to check shapes would take longer than
-# to compute a force.
-
 AtomKind = Literal["linear", "sign", "square", "size", "side", "sin", "cos", "bump", "kink"]
 
 MARGINS = {"qpos": 0.25}
@@ -128,9 +125,7 @@ class Law:
         values = [a.value(inside[:, a.column]) for a in self.atoms]
         table = np.stack([*values, np.ones(len(x))], axis=1)
         products = table[:, self.factors[:, 0]] * table[:, self.factors[:, 1]]
-        # one term after another: a matrix product would round by how many rows it is given
-        total = np.cumsum(products * self.weights, axis=1)[:, -1]
-        return np.asarray(fade * total)
+        return np.asarray(fade * (products @ self.weights))
 
     def text(self) -> str:
         """The formula, e.g. ``"-1.2·sign(qvel/j2) + 0.4·qpos/j1"``."""

@@ -11,7 +11,7 @@ recorded motion once its rate is known:
     drags it along. ``swing_rate[…](qpos/j)`` is its derivative.
 
 Columns of these names are computed along recorded motions (:func:`along`), and step by step in
-replays (:class:`Remembering`).
+replays (:mod:`wt.diagnose.unknown.live`).
 """
 
 from __future__ import annotations
@@ -28,12 +28,7 @@ from scipy.linalg import expm
 from scipy.signal import lfilter
 
 from wt.diagnose.unknown.law import table
-from wt.physics.live import StepState
 from wt.physics.motion import Motion
-from wt.physics.scene import Scene
-
-# What replays call at every physics step has plain arrays: to check shapes would take longer than
-# to compute a force.
 
 Kind = Literal["creep", "swing", "swing_rate"]
 
@@ -80,10 +75,9 @@ class Memory:
             return np.asarray(state[:, 0])
         return np.asarray(state[:, 0] - q if self.kind == "swing" else state[:, 1] - v)
 
-    def advance(self, state: np.ndarray, q: np.ndarray, v: np.ndarray, h: float) -> np.ndarray:
-        """State one step of h seconds later; exact for a velocity that is held."""
-        moved = _transition(self.kind == "creep", self.rate, self.damping, h)
-        return np.asarray(np.column_stack([state, q, v]) @ moved.T)
+    def transition(self, h: float) -> Float[np.ndarray, "2 4"]:
+        """State h seconds later, from it and the joint's position and velocity, which is held."""
+        return _transition(self.kind == "creep", self.rate, self.damping, h)
 
 
 def memory_of(name: str) -> Memory | None:
@@ -121,36 +115,11 @@ def along(motion: Motion, names: Sequence[str]) -> Float[np.ndarray, "sample col
     return np.stack(columns, axis=1)
 
 
-class Remembering:
-    """Columns in replays, step by step; holds the hidden states of n of them."""
-
-    def __init__(self, scene: Scene, names: Sequence[str]) -> None:
-        """Prepare for the columns with these names."""
-        self._scene, self._names = scene, names
-        self._memories = [memory_of(name) for name in names]
-        self._states: list[np.ndarray | None] = [None] * len(names)
-
-    def step(self, now: StepState) -> np.ndarray:
-        """Values of the columns, (n, len(names)); the hidden states move on by the step."""
-        columns = []
-        for i, (name, memory) in enumerate(zip(self._names, self._memories, strict=True)):
-            if memory is None:
-                columns.append(table(self._scene, [name], now.t, now.q, now.v, now.u)[:, 0])
-                continue
-            dof = self._scene.dof(memory.joint)
-            q, v = now.q[:, dof], now.v[:, dof]
-            state = self._states[i]
-            state = memory.begin(q, v) if state is None else state
-            columns.append(memory.value(state, q, v))
-            self._states[i] = memory.advance(state, q, v, now.h)
-        return np.stack(columns, axis=1)
-
-
 def _path(
     memory: Memory, q: Float[np.ndarray, " sample"], v: Float[np.ndarray, " sample"], dt: float
 ) -> Float[np.ndarray, " sample"]:
     """A column along an evenly sampled path, from rest."""
-    moved = _transition(memory.kind == "creep", memory.rate, memory.damping, dt)
+    moved = memory.transition(dt)
     # held is the mean velocity of an interval, so that sampling coarsely delays nothing
     mean = np.append(np.diff(q) / dt, v[-1])
     begun = memory.begin(q[:1], v[:1])[0]

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import abc
-from collections.abc import Callable, Sequence
-from typing import ClassVar
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
-from wt.physics.hooks import OnSteps
-from wt.physics.live import Live, StepState
 from wt.physics.motion import Motion
 from wt.physics.parts import (
     add_actuator,
@@ -22,11 +18,8 @@ from wt.physics.parts import (
     weigh_alone,
     write_weight,
 )
-from wt.physics.scene import Drive, Drives, Scene, between
-from wt.physics.script import Helper, Script
-from wt.types import Location
+from wt.physics.scene import Drive, Scene
 
-_BRISTLE_FREQUENCY, _BRISTLE_DAMPING = 0.4, 0.5  # frequency · time step, damping ratio
 _LOAD_RADIUS = 0.01  # m, of the sphere that stands for a load
 _VARIES = 0.05  # least share of its farthest stretch that a spring's way makes up
 _NOTICED = 1e-4
@@ -51,47 +44,6 @@ def noticeable(
     return [float(value) for value in values if value > least]
 
 
-class DriveLaw(Live):
-    """Turns the force of drives into another, by way of generalised forces."""
-
-    def __init__(
-        self,
-        scene: Scene,
-        at: Sequence[Location],
-        law: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
-    ) -> None:
-        """Prepare.
-
-        Args:
-            scene: the machine.
-            at: the drive at each of n places.
-            law: (force, joint velocity, time), each (n,), → the force instead.
-        """
-        self.drives, self.law = Drives([scene.drive(place.name) for place in at]), law
-        super().__init__(self.drives.dofs)
-
-    def force(self, state: StepState) -> np.ndarray:
-        """What the law changes."""
-        v = state.v[self.own]
-        force = self.drives.force(state.u, state.q[self.own], v)
-        return np.asarray(self.law(force, v, state.t) - force)
-
-
-class JointDrives:
-    """Force of all drives together on the joint of each of n places."""
-
-    def __init__(self, scene: Scene, dofs: Int[np.ndarray, " place"]) -> None:
-        """Prepare for these degrees of freedom."""
-        of = [[d for d in scene.drives if d.dof == dof] for dof in dofs.tolist()]
-        most, none = max(map(len, of), default=0), Drive("", 0, "", 0, 0.0, 0.0, (0.0, 0.0, 0.0))
-        padded = [[*own, *[none] * (most - len(own))] for own in of]
-        self._turns = [Drives(turn) for turn in zip(*padded, strict=True)]
-
-    def force(self, u: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Force [N·m or N], (n,), from all commands, (n, nu), and the joints' own q and v, (n,)."""
-        return sum((drives.force(u, q, v) for drives in self._turns), np.zeros_like(q))
-
-
 def per_radian(joint: mujoco.MjsJoint) -> float:
     """Units of angles in a joint's attributes per radian: 180/π in a file in degrees."""
     hinge = joint.type == mujoco.mjtJoint.mjJNT_HINGE
@@ -109,76 +61,6 @@ def add_dry_friction(spec: mujoco.MjSpec, joint: str, torque: float) -> None:
     element.frictionloss += torque
     element.solref_friction = [0.002, 1.0]
     element.solimp_friction = [0.999, 0.9999, 0.001, 0.5, 2.0]
-
-
-class Bristle(Live):
-    """A spring with a damper that slips at a friction force: sticks without chatter.
-
-    Subclasses say how large the friction is.
-    """
-
-    def __init__(
-        self, scene: Scene, at: Sequence[Location], theta: Float[np.ndarray, "place parameter"]
-    ) -> None:
-        """Prepare for the joints of n places and their ``theta``, (n, n_theta)."""
-        super().__init__(np.array([scene.dof(place.name) for place in at]))
-        self.theta = theta
-        self.inertia = np.array([effective_inertia(scene.model, place.name) for place in at])
-        self.bent = self._stiffness = self._damping = np.zeros(len(theta))
-        self._step = 0.0
-
-    @abc.abstractmethod
-    def level(self, state: StepState) -> np.ndarray:
-        """Friction at which the bristle slips, (n,) [N·m]."""
-
-    def force(self, state: StepState) -> np.ndarray:
-        """Brake the joint."""
-        if state.h != self._step:
-            self._stiffen(state.h)
-        v, most = state.v[self.own], self.level(state)
-        # the bristle bends with the joint and slips where it would carry more than friction
-        bend = most / self._stiffness
-        self.bent = between(self.bent + state.h * v, -bend, bend)
-        return -between(self._stiffness * self.bent + self._damping * v, -most, most)
-
-    def _stiffen(self, step: float) -> None:
-        """Make it as stiff as steps of a length [s] allow."""
-        frequency = _BRISTLE_FREQUENCY / step
-        self._step = step
-        self._stiffness = self.inertia * frequency**2
-        self._damping = 2.0 * _BRISTLE_DAMPING * self.inertia * frequency
-
-
-class BristleFriction(OnSteps):
-    """Base of friction laws that brake a joint by an elastic bristle.
-
-    Attributes:
-        bristle: says how large the friction is.
-    """
-
-    bristle: ClassVar[type[Bristle]]
-
-    def live(
-        self, scene: Scene, at: Sequence[Location], theta: Float[np.ndarray, "place parameter"]
-    ) -> Live:
-        """Friction by an elastic bristle that slips."""
-        return self.bristle(scene, at, theta)
-
-    @staticmethod
-    def slipping(at: Location, level: Sequence[str], helper: Helper) -> Script:
-        """The same without this package.
-
-        Args:
-            at: the joint.
-            level: lines that say at which friction the bristle slips, in ``level``.
-            helper: what they call.
-        """
-        force = (
-            *level,
-            f'friction, dof = self._bristle("{at.name}", qvel, level, h)',
-            "f[:, dof] += friction",
-        )
-        return Script(force=force, helpers=(helper, "bristle"))
 
 
 def neighbours(scene: Scene) -> list[tuple[str, str]]:

@@ -8,14 +8,22 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._tools import DriveLaw, noticeable
+from wt.physics.effects._live import between, dofs_of, driven, force_of
+from wt.physics.effects._tools import noticeable
 from wt.physics.hooks import OnSteps
-from wt.physics.live import Live
+from wt.physics.live import Law, Live, Values
 from wt.physics.motion import Motion
-from wt.physics.scene import Scene, between
+from wt.physics.scene import Scene
 from wt.physics.script import Script, number
 from wt.physics.units import HINGE, Units, units_at
 from wt.types import Location
+
+
+@Law
+def _swallowed(
+    dof: int, q: Values, v: Values, u: Values, t: float, h: float, theta: Values, own: Values
+) -> float:
+    return -between(force_of(own, 0, q[dof], v[dof], u), -theta[0], theta[0])
 
 
 @register
@@ -52,11 +60,14 @@ class ActuatorDeadband(OnSteps):
         return coefficients * shape[0]
 
     def live(
-        self, scene: Scene, at: Sequence[Location], theta: Float[np.ndarray, "place parameter"]
+        self,
+        scene: Scene,
+        at: Sequence[Location],
+        theta: Float[np.ndarray, "place parameter"],
+        h: float,
     ) -> Live:
         """Take the swallowed force off."""
-        width = theta[:, 0]
-        return DriveLaw(scene, at, lambda force, v, t: force - between(force, -width, width))
+        return Live(_swallowed, dofs_of(scene, at), theta, driven(scene, at))
 
     def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """Take the swallowed force off."""

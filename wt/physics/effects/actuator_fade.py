@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Sequence
 from typing import ClassVar
 
@@ -12,9 +13,9 @@ from jaxtyping import Float
 from scipy.signal import lfilter
 
 from wt.physics.effect import LEAST, Parameter, Shape, register
-from wt.physics.effects._tools import DriveLaw
+from wt.physics.effects._live import dofs_of, driven, force_of
 from wt.physics.hooks import FromRecordings, OnSteps
-from wt.physics.live import Live, StepState
+from wt.physics.live import Law, Live, Values
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number
@@ -23,6 +24,20 @@ from wt.types import Location
 
 _HOTTEST = 1.5  # heat beyond which a motor's protection would step in
 _SMALLER = (0.85, 0.7, 0.5)  # shares of the load in the recordings
+
+
+@Law
+def _lost(
+    dof: int, q: Values, v: Values, u: Values, t: float, h: float, theta: Values, own: Values
+) -> float:
+    loss, tau, rated, usual = theta[0], theta[1], own[1], own[2]
+    force = force_of(own, 3, q[dof], v[dof], u)
+    if math.isnan(own[0]):  # what came before is taken as the load in the recordings
+        own[0] = -math.expm1(-t / tau) * ((usual / rated) ** 2 if usual else 1.0)
+    lost = loss * min(own[0], _HOTTEST) * force
+    load = (force / rated) ** 2 if usual else 1.0
+    own[0] -= math.expm1(-h / tau) * (load - own[0])
+    return -lost
 
 
 @register
@@ -95,10 +110,16 @@ class ActuatorFade(FromRecordings, OnSteps):
         actuator.biasprm = np.array(actuator.biasprm) * (1.0 - theta[0])
 
     def live(
-        self, scene: Scene, at: Sequence[Location], theta: Float[np.ndarray, "place parameter"]
+        self,
+        scene: Scene,
+        at: Sequence[Location],
+        theta: Float[np.ndarray, "place parameter"],
+        h: float,
     ) -> Live:
         """Take the lost force off."""
-        return _Warming(scene, at, theta, self._load(theta), self.usual)
+        cold = np.full(len(at), np.nan)
+        own = np.column_stack([cold, self._load(theta), np.full(len(at), self.usual)])
+        return Live(_lost, dofs_of(scene, at), theta, np.hstack([own, driven(scene, at)]))
 
     def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """Take the lost force off, with the heat as a hidden state."""
@@ -153,39 +174,6 @@ class _Hot(ActuatorFade):
 
     def _load(self, theta: Float[np.ndarray, "*replay parameter"]) -> Float[np.ndarray, "*replay"]:
         return theta[..., 2]
-
-
-class _Warming(DriveLaw):
-    """Keeps the heat of n drives."""
-
-    def __init__(
-        self,
-        scene: Scene,
-        at: Sequence[Location],
-        theta: Float[np.ndarray, "place parameter"],
-        rated: Float[np.ndarray, " place"],
-        usual: float,
-    ) -> None:
-        """Prepare; ``rated`` is τ₀ of each, or zeros, ``usual`` the load in the recordings."""
-        self.loss, self.tau = theta[:, 0], theta[:, 1]
-        self.rated, self.usual = rated, usual
-        self.heat: np.ndarray | None = None
-        super().__init__(scene, at, self._weakened)
-
-    def force(self, state: StepState) -> np.ndarray:
-        """See :meth:`Live.force`."""
-        self.step = -np.expm1(-state.h / self.tau)
-        return super().force(state)
-
-    def _weakened(self, force: np.ndarray, v: np.ndarray, t: np.ndarray) -> np.ndarray:
-        timed = not self.usual
-        if self.heat is None:  # what came before is taken as the load in the recordings
-            power = 1.0 if timed else (self.usual / self.rated) ** 2
-            self.heat = -np.expm1(-t / self.tau) * power
-        load = np.ones_like(force) if timed else (force / self.rated) ** 2
-        now = force * (1.0 - self.loss * np.minimum(self.heat, _HOTTEST))
-        self.heat = self.heat + self.step * (load - self.heat)
-        return now
 
 
 def _heat(

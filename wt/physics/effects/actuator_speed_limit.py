@@ -9,15 +9,23 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import LEAST, Parameter, Shape, register
-from wt.physics.effects._tools import DriveLaw
+from wt.physics.effects._live import between, dofs_of, driven, force_of
 from wt.physics.effects.actuator_saturation import narrow
 from wt.physics.hooks import OnSteps
-from wt.physics.live import Live
+from wt.physics.live import Figures, Law, Live, Values, in_laws
 from wt.physics.motion import Motion
-from wt.physics.scene import Scene, between
+from wt.physics.scene import Scene
 from wt.physics.script import Script, number
 from wt.physics.units import HINGE, Units
 from wt.types import Location
+
+
+@Law
+def _lacking(
+    dof: int, q: Values, v: Values, u: Values, t: float, h: float, theta: Values, own: Values
+) -> float:
+    force = force_of(own, 0, q[dof], v[dof], u)
+    return _limited(force, v[dof], theta[0], theta[1]) - force
 
 
 @register
@@ -65,11 +73,14 @@ class ActuatorSpeedLimit(OnSteps):
         narrow(spec, at.name, float(theta[0]))
 
     def live(
-        self, scene: Scene, at: Sequence[Location], theta: Float[np.ndarray, "place parameter"]
+        self,
+        scene: Scene,
+        at: Sequence[Location],
+        theta: Float[np.ndarray, "place parameter"],
+        h: float,
     ) -> Live:
         """Clip the force at every step."""
-        stall, speed = theta.T
-        return DriveLaw(scene, at, lambda force, v, t: _limited(force, v, stall, speed))
+        return Live(_lacking, dofs_of(scene, at), theta, driven(scene, at))
 
     def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """Clip the force at every step."""
@@ -96,7 +107,6 @@ class ActuatorSpeedLimit(OnSteps):
         return f"full-force accelerations of {at.name} in both directions up to its top speed"
 
 
-def _limited(
-    force: np.ndarray, v: np.ndarray, stall: np.ndarray | float, speed: np.ndarray | float
-) -> np.ndarray:
+@in_laws
+def _limited(force: Figures, v: Figures, stall: float, speed: float) -> Figures:
     return between(force, -stall * (1.0 + v / speed), stall * (1.0 - v / speed))

@@ -14,9 +14,10 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import Bristle, BristleFriction, add_dry_friction
+from wt.physics.effects._live import BristleFriction, brake
+from wt.physics.effects._tools import add_dry_friction
 from wt.physics.hooks import FromRecordings
-from wt.physics.live import StepState
+from wt.physics.live import Law, Values
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number
@@ -29,11 +30,13 @@ _SLOW = 0.1
 """Share of the usual speed below which a joint sticks as much as it slides."""
 
 
-class _Directed(Bristle):
-    def level(self, state: StepState) -> np.ndarray:
-        v = state.v[self.own]
-        forward, backward, fast, slow = self.theta.T
-        return np.where(v > 0.0, forward + fast * v, backward - slow * v)
+@Law
+def _directed(
+    dof: int, q: Values, v: Values, u: Values, t: float, h: float, theta: Values, own: Values
+) -> float:
+    speed = v[dof]
+    level = theta[0] + theta[2] * speed if speed > 0.0 else theta[1] - theta[3] * speed
+    return brake(level, speed, h, own)
 
 
 @register
@@ -46,7 +49,7 @@ class FrictionDirectional(FromRecordings, BristleFriction):
 
     id = "joint.friction_directional"
     kind = "joint"
-    bristle = _Directed
+    law = _directed
     parameters = (
         Parameter("coulomb_forward", "N·m", 0.0, 1e8, 1e-3, neutral=0.0),
         Parameter("coulomb_backward", "N·m", 0.0, 1e8, 1e-3, neutral=0.0),

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._tools import Bristle, BristleFriction, JointDrives
+from wt.physics.effects._live import BRISTLE, BristleFriction, all_drives, brake, force_of_all
 from wt.physics.hooks import Intervals, Nested
-from wt.physics.live import StepState
+from wt.physics.live import Law, Values
 from wt.physics.motion import Motion
 from wt.physics.parts import compiled
 from wt.physics.scene import Scene
@@ -22,16 +20,12 @@ from wt.types import Location
 _NEGLIGIBLE = 0.05  # share of the constant part that the load must add to count
 
 
-class _Loaded(Bristle):
-    def __init__(
-        self, scene: Scene, at: Sequence[Location], theta: Float[np.ndarray, "place parameter"]
-    ) -> None:
-        super().__init__(scene, at, theta)
-        self.drives = JointDrives(scene, self.dofs)
-
-    def level(self, state: StepState) -> np.ndarray:
-        load = self.drives.force(state.u, state.q[self.own], state.v[self.own])
-        return np.asarray(self.theta[:, 0] + self.theta[:, 1] * np.abs(load))
+@Law
+def _loaded(
+    dof: int, q: Values, v: Values, u: Values, t: float, h: float, theta: Values, own: Values
+) -> float:
+    load = force_of_all(own, BRISTLE, q[dof], v[dof], u)
+    return brake(theta[0] + theta[1] * abs(load), v[dof], h, own)
 
 
 @register
@@ -40,7 +34,7 @@ class FrictionLoad(Nested, BristleFriction):
 
     id = "joint.friction_load"
     kind = "joint"
-    bristle = _Loaded
+    law = _loaded
     parameters = (
         Parameter("coulomb", "N·m", 0.0, 1e8, 1e-3, neutral=0.0),
         Parameter("fraction", "-", 0.0, 1.0, 1e-3, neutral=0.0),
@@ -50,6 +44,12 @@ class FrictionLoad(Nested, BristleFriction):
     signed = (1, 1)
     looks_like = ("dry friction",)
     plotted_over = "velocity"
+
+    def needs(
+        self, scene: Scene, dofs: Int[np.ndarray, " place"]
+    ) -> Float[np.ndarray, "place figure"]:
+        """All drives of each joint."""
+        return all_drives(scene, dofs)
 
     def columns(
         self, motion: Motion, at: Location, shape: Shape

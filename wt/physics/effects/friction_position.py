@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._tools import Bristle, BristleFriction, add_dry_friction
+from wt.physics.effects._live import BristleFriction, brake
+from wt.physics.effects._tools import add_dry_friction
 from wt.physics.hooks import Beyond, Intervals, Nested
-from wt.physics.live import StepState
+from wt.physics.live import Figures, Law, Values, in_laws
 from wt.physics.motion import Motion
 from wt.physics.script import Script, number
 from wt.physics.units import HINGE, Units
@@ -25,9 +26,11 @@ _NOTHING = 0.01  # of the mean
 _BEGUN = 0.3  # depth to start from where plain dry friction was found
 
 
-class _Along(Bristle):
-    def level(self, state: StepState) -> np.ndarray:
-        return np.asarray(self.theta[:, 0] * _shape(state.q[self.own], self.theta.T))
+@Law
+def _along(
+    dof: int, q: Values, v: Values, u: Values, t: float, h: float, theta: Values, own: Values
+) -> float:
+    return brake(theta[0] * _shape(q[dof], theta), v[dof], h, own)
 
 
 @register
@@ -36,7 +39,7 @@ class FrictionPosition(Nested, BristleFriction):
 
     id = "joint.friction_position"
     kind = "joint"
-    bristle = _Along
+    law = _along
     parameters = (
         Parameter("coulomb", "N·m", 0.0, 1e8, 1e-3, neutral=0.0),
         Parameter("depth", "-", 0.0, 1.0, 1e-2, neutral=0.0),
@@ -146,8 +149,8 @@ class FrictionPosition(Nested, BristleFriction):
         return f"one slow speed of {at.name} over all of its range, in both directions"
 
 
-def _shape(
-    q: Float[np.ndarray, " sample"], theta: Float[np.ndarray, "parameter ..."]
-) -> Float[np.ndarray, " sample"]:
-    """Friction at some positions, over what it is on average; each may have its own law."""
-    return np.asarray(1.0 + theta[1] * np.sin(2.0 * np.pi * q / theta[2] + theta[3]))
+@in_laws
+def _shape(q: Figures, theta: Values) -> Figures:
+    """Friction at some positions, over what it is on average."""
+    along: Figures = 1.0 + theta[1] * np.sin(2.0 * np.pi * q / theta[2] + theta[3])
+    return along

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import mujoco
@@ -9,16 +10,15 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
+from wt.physics.effects._live import BristleFriction, brake
 from wt.physics.effects._tools import (
-    Bristle,
-    BristleFriction,
     compiled,
     effective_inertia,
     passive,
     physics_step,
 )
 from wt.physics.hooks import Beyond, Intervals, Nested
-from wt.physics.live import StepState
+from wt.physics.live import Law, Values
 from wt.physics.motion import Motion
 from wt.physics.units import HINGE, Units
 from wt.types import Location
@@ -28,11 +28,13 @@ _STIFFNESS, _DAMPING = 0.1, 0.5
 late, brakes too much; against a machine that has it, .1 errs by a seventh of what .4 does."""
 
 
-class _Sticking(Bristle):
-    def level(self, state: StepState) -> np.ndarray:
-        coulomb, static, velocity = self.theta.T
-        slow = np.exp(-((state.v[self.own] / velocity) ** 2))
-        return np.asarray(coulomb + (np.maximum(static, coulomb) - coulomb) * slow)
+@Law
+def _sticking(
+    dof: int, q: Values, v: Values, u: Values, t: float, h: float, theta: Values, own: Values
+) -> float:
+    coulomb, static, velocity = theta[0], theta[1], theta[2]
+    slow = math.exp(-((v[dof] / velocity) ** 2))
+    return brake(coulomb + (max(static, coulomb) - coulomb) * slow, v[dof], h, own)
 
 
 @register
@@ -41,7 +43,7 @@ class FrictionStribeck(Nested, BristleFriction):
 
     id = "joint.friction_stribeck"
     kind = "joint"
-    bristle = _Sticking
+    law = _sticking
     parameters = (
         Parameter("coulomb", "N·m", 0.0, 1e8, 1e-3, neutral=0.0),
         Parameter("static", "N·m", 0.0, 1e8, 1e-3, neutral=0.0, inexact=0.03),

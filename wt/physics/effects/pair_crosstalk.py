@@ -8,9 +8,10 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._tools import JointDrives, neighbours
+from wt.physics.effects._live import all_drives, force_of_all
+from wt.physics.effects._tools import neighbours
 from wt.physics.hooks import OnSteps
-from wt.physics.live import Live, StepState, column_of_each
+from wt.physics.live import Law, Live, Values
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number
@@ -19,6 +20,14 @@ from wt.types import Location
 
 _LEAST = 0.02
 """Smallest fraction: what is less is an error of some inertia."""
+
+
+@Law
+def _leaking(
+    dof: int, q: Values, v: Values, u: Values, t: float, h: float, theta: Values, own: Values
+) -> float:
+    first = int(own[0])
+    return theta[0] * force_of_all(own, 1, q[first], v[first], u)
 
 
 @register
@@ -53,10 +62,16 @@ class PairCrosstalk(OnSteps):
         return coefficients
 
     def live(
-        self, scene: Scene, at: Sequence[Location], theta: Float[np.ndarray, "place parameter"]
+        self,
+        scene: Scene,
+        at: Sequence[Location],
+        theta: Float[np.ndarray, "place parameter"],
+        h: float,
     ) -> Live:
         """Add the fraction of the force."""
-        return _Leaking(scene, at, theta)
+        pairs = np.array([[scene.dof(name) for name in place.name.split("+")] for place in at])
+        own = np.hstack([pairs[:, :1], all_drives(scene, pairs[:, 0])])
+        return Live(_leaking, pairs[:, 1], theta, own)
 
     def plausible(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
@@ -84,18 +99,3 @@ class PairCrosstalk(OnSteps):
         """See :meth:`Effect.separation`."""
         a, b = at.name.split("+")
         return f"{b} held still while {a} pushes against something, then moves fast"
-
-
-class _Leaking(Live):
-    def __init__(
-        self, scene: Scene, at: Sequence[Location], theta: Float[np.ndarray, "place parameter"]
-    ) -> None:
-        pairs = np.array([[scene.dof(name) for name in place.name.split("+")] for place in at])
-        super().__init__(pairs[:, 1])
-        self.first, self.drives = column_of_each(pairs[:, 0]), JointDrives(scene, pairs[:, 0])
-        self.fraction = theta[:, 0]
-
-    def force(self, state: StepState) -> np.ndarray:
-        """The fraction of the force."""
-        q, v = state.q[self.first], state.v[self.first]
-        return self.fraction * self.drives.force(state.u, q, v)
