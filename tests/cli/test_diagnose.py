@@ -231,7 +231,7 @@ def test_tracking_logs_what_was_found(
 def test_two_ctrl_c_write_what_is_known_and_a_third_ends_at_once(
     times: int, model: str, tmp_path: Path
 ) -> None:
-    u = synthetic.commands(16.0, 0.0)
+    u = synthetic.commands(60.0, 0.0)
     q, _ = synthetic.simulate(synthetic.PATCHED, u)
     columns = {f"ctrl/a{k}": u[:, k - 1] for k in (1, 2)}
     columns |= {f"qpos/j{k}": q[:, k - 1] for k in (1, 2)}

@@ -42,11 +42,13 @@ def _paired(spec: mujoco.MjSpec, geom: str) -> bool:
 def rest_idle(model: mujoco.MjModel) -> None:
     """Switch off, in place, the stages of a physics step that have nothing to do in it.
 
-    Looking for contacts among geoms that never collide is a fifth of a small arm's step. What
-    steps say stays the same to the bit.
+    Looking for contacts among geoms that never collide is a fifth of a small arm's step, and for
+    islands among the constraints of joints an eighth. What steps say stays the same, but for what
+    rounding does where constraints are solved together instead of island by island.
     """
     if not may_touch(model):
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
         held = (model.neq, model.jnt_limited, model.tendon_limited)
         rubbing = (model.dof_frictionloss, model.tendon_frictionloss)
         if not any(np.any(some) for some in (*held, *rubbing)):
