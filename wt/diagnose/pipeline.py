@@ -66,7 +66,8 @@ class Effort:
         search_s: at most so many seconds of recordings are replayed while these are compared.
         doubt_s: … while each of what was found is compared with its lookalikes.
         most_s: … and to estimate.
-        proof_s: … and to prove, of those held out.
+        judge_s: … and to prove each effect, of those held out.
+        proof_s: … and to measure how much better all of them together do.
     """
 
     step: float
@@ -74,11 +75,12 @@ class Effort:
     search_s: float
     doubt_s: float
     most_s: float
+    judge_s: float
     proof_s: float
 
 
-FIXED = Effort(STEP_S, 1e-3, 16.0, 60.0, 60.0, np.inf)
-FLOATING = Effort(1e-3, 1e-3, 5.0, 8.0, 16.0, 16.0)
+FIXED = Effort(STEP_S, 1e-3, 16.0, 60.0, 60.0, 60.0, np.inf)
+FLOATING = Effort(1e-3, 1e-3, 5.0, 8.0, 16.0, 16.0, 16.0)
 """Steps with contacts cost several times as much, and there are many more of them to choose."""
 _FAR_MORE = 1.5
 """Mean square error of a joint, over another, that is no refinement any more."""
@@ -185,6 +187,7 @@ class Outcome:
         prepared: the recordings.
         fitted: those that were fitted, smoothed.
         naming: what the claims are made by.
+        holdout: held-out recordings that the proof is measured on.
         claims: what is claimed.
         missed: the same on the held-out recordings, and their replays, where these err although
             the fitted ones leave nothing open.
@@ -193,6 +196,7 @@ class Outcome:
     prepared: Prepared
     fitted: Smoothed
     naming: Naming
+    holdout: Holdout
     claims: Claims
     missed: tuple[Assessed, Objective] | None
 
@@ -225,14 +229,15 @@ def searched(
         all_replays = functools.cache(lambda: of([fitted, held_out], effort.doubt_s, quick))
         short = BLOCK_S if forgetting else window  # figures are of long replays
         replays = of([fitted], effort.search_s, quick, short), of([fitted], effort.most_s, step)
-        held = functools.partial(prepare_holdout, held_out, forgetting, effort.proof_s, step)
+        held = functools.partial(prepare_holdout, held_out, forgetting, effort.judge_s, step)
         shorter = functools.cache(held) if window and window > WINDOW_S else None
         return Naming(screen, *replays, all_replays, held(window), step, seed, log, shorter)
 
+    measured_on = functools.partial(prepare_holdout, held_out, forgetting, effort.proof_s, step)
     window = None if forgetting or scene.free else longest_window(fitted, quick)
     naming = naming_by(window)
     if any(f.voids_commands for f in prepared.audit):
-        return Outcome(prepared, fitted, naming, naming.proven(()), None)
+        return Outcome(prepared, fitted, naming, measured_on(window), naming.proven(()), None)
     pace.time(naming.search_replays)
     accepted = search(screen, naming.search_replays, log, pace.search)
     if window and not stopped():
@@ -256,7 +261,7 @@ def searched(
         known = claims.assessed(naming.objective).tolerances
         assessed = replays.reference(naming.holdout.here(claims.hypothesis), known)
         missed = (assessed, replays) if erring(assessed, replays) else None
-    return Outcome(prepared, fitted, naming, claims, missed)
+    return Outcome(prepared, fitted, naming, measured_on(window), claims, missed)
 
 
 def _in_turns(
@@ -288,7 +293,7 @@ def told(scene: Scene, outcome: Outcome) -> Diagnosis:
 def _diagnosis(scene: Scene, outcome: Outcome) -> Diagnosis:
     """The claims on the fitted recordings."""
     prepared, naming, claims = outcome.prepared, outcome.naming, outcome.claims
-    holdout = naming.holdout
+    holdout = outcome.holdout
     timestep = STEP_S if _too_coarse(scene, holdout, claims) else None
     units = {j: units_at(scene, Location("joint", j)) for j in scene.joints}
     quantized = coarse_steps(prepared.fit, prepared.held, units)

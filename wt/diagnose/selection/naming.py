@@ -244,7 +244,8 @@ class Naming:
         if not doubtful:
             return named
         rest = tuple(a for i, a in enumerate(proven.accepted) if i not in doubtful)
-        unnamed = self._with_unknown(replace(self.proven(rest), events=proven.events))
+        others = self.proven(rest, known={a.planted.key for a in rest})
+        unnamed = self._with_unknown(replace(others, events=proven.events))
         return unnamed if self._better(unnamed, named) else named
 
     def _uncertain(self, estimated: Estimated) -> int | None:
