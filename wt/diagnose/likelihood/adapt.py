@@ -64,16 +64,37 @@ class Squares:
             prior: weight of each parameter's own square; 1 for tolerances.
             damping: Levenberg-Marquardt, relative to the diagonal, of each or of all.
         """
-        n = self.right.shape[1]
-        if n == 0:
+        if not self.right.shape[1]:
             return np.zeros(0)
-        gram = (weight @ self.gram.reshape(len(weight), -1)).reshape(n, n)
-        gram[range(n), range(n)] *= 1.0 + damping
-        gram[range(n), range(n)] += prior
-        normal = NormalEquations(gram, -(weight @ self.right), _RIDGE)
+        normal = self._normal(weight, prior, damping)
         # what changes nothing within its bounds stays as it is
         idle = normal.scale * (high - low) < _IDLE
         return normal.active_set(np.where(idle, 0.0, low), np.where(idle, 0.0, high))
+
+    def inside(
+        self, weight: Float[np.ndarray, " channel"], box: Float[np.ndarray, " change"]
+    ) -> Float[np.ndarray, " change"]:
+        """The x within ± box that makes the weighted squares of e + C x, and those of x, least.
+
+        The squares of x keep the matrix far from singular.
+        """
+        if not self.right.shape[1]:
+            return np.zeros(0)
+        x, free = np.zeros(len(box)), np.flatnonzero(box)
+        x[free] = self.only(free)._normal(weight, np.ones(len(free))).pivoted(-box[free], box[free])
+        return x
+
+    def _normal(
+        self,
+        weight: Float[np.ndarray, " channel"],
+        prior: Float[np.ndarray, " change"],
+        damping: Float[np.ndarray, " change"] | float = 0.0,
+    ) -> NormalEquations:
+        n = self.right.shape[1]
+        gram = (weight @ self.gram.reshape(len(weight), -1)).reshape(n, n)
+        gram[range(n), range(n)] *= 1.0 + damping
+        gram[range(n), range(n)] += prior
+        return NormalEquations(gram, -(weight @ self.right), _RIDGE)
 
 
 FARTHEST = 3.0

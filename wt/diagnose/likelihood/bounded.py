@@ -4,11 +4,11 @@ Columns differ in size by many orders, from a mass to a time, so that every solv
 columns of length one. There are three, and each agrees with the others to some digits only, so
 that none is exchanged for another without all results changing in their last ones:
 
-- :meth:`NormalEquations.pivoted`, for the thousands of hypotheses of the screen, each with the
-  model's tolerances in their box. It moves many bounds at a time, and takes a fifth of the time
-  of scipy's active set, which moves one (900 problems of 26 or of 33 unknowns);
-- :meth:`NormalEquations.active_set`, scipy's, for the few steps of replays, whose matrix is close
-  to singular in the long valleys of a quiet sensor;
+- :meth:`NormalEquations.pivoted`, for the model's tolerances in their box, of thousands of
+  hypotheses of the screen and of each replay. It moves many bounds at a time, and takes a fifth of
+  the time of scipy's active set, which moves one (900 problems of 26 or of 33 unknowns);
+- :meth:`NormalEquations.active_set`, scipy's, for the few steps of parameters, whose matrix is
+  close to singular in the long valleys of a quiet sensor;
 - :meth:`NormalEquations.reflected`, scipy's, for what adapts without a hypothesis.
 """
 

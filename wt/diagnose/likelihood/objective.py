@@ -364,7 +364,7 @@ class Objective:
         box: Float[np.ndarray, " tolerance"],
     ) -> Float[np.ndarray, " tolerance"]:
         """Tolerances inside their boxes [deviations]."""
-        return squares.step(self.channels.weights(variance), -box, box, np.ones(len(box)))
+        return squares.inside(self.channels.weights(variance), box)
 
     def solve(
         self,
