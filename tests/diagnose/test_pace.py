@@ -95,8 +95,9 @@ def test_a_floating_machine_is_told_of_before_it_is_smoothed_and_again_where_it_
     pace_.foretell(stool.scene(tmp_path), 1e-3, 5.0, EIGHT)
     (first,) = told.expected
     assert not first.again
-    # the clock stood while steps were timed, so that only what laws add was counted
-    pace_.time(Replays(told, (times - 1.0) * 2500 * pace.LIVE_S))
+    # the clock stood while steps were timed: only what laws add was counted, and the screen
+    a_round = first.each / pace.EACH_FLOATING
+    pace_.time(Replays(told, (times - 1.0) * a_round / pace.FLOATING))
     pace_.search(1, 1)
     assert len(told.expected) == said
     assert told.expected[-1].again == (said == 2)

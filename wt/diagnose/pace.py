@@ -39,9 +39,9 @@ replays than :data:`ROUND`."""
 FLOATING, FEET = 370.0, 3.5
 """Replays of a round where the base floats, whatever errs; and how many times longer they take
 than such a machine at rest: feet land, and coarse steps do not do."""
-LIVE_S, SCREEN_S = 3.5e-6, 1.5e-3
+LIVE_S, SCREEN_S = 3e-7, 1.5e-3
 """Time that laws which act at every step add to a step on average, and that the screen takes for a
-sample of one joint [s]. Both are Python's."""
+sample of one joint [s]. What is between steps, and the screen, are Python's."""
 NOTHING = 1.25
 """Time of a diagnosis that finds nothing, from the first round on and in rounds."""
 EACH, EACH_FLOATING = 0.6, 2.0
