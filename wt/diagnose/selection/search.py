@@ -15,7 +15,7 @@ import numpy as np
 
 from wt.diagnose.likelihood.bic import earns, erring_joints, exhausted, merit, worth
 from wt.diagnose.likelihood.objective import Assessed, Objective
-from wt.diagnose.likelihood.refine import refine, slopes_at, slopes_of
+from wt.diagnose.likelihood.refine import Slopes, refine, slopes_at, slopes_of
 from wt.diagnose.likelihood.tolerances import taken_over
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.addition import Accepted, Incumbent, addition, replacement
@@ -174,8 +174,9 @@ def _joined(
     """A round's best state: effects have joined, the superfluous left, the joined are sure."""
     accepted = [*state.accepted, *joined]
     hypothesis = (*state.now.hypothesis, *(a.planted for a in joined))
-    pruned = _prune(objective, accepted, _fitted(objective, hypothesis), log)
-    return _State(*_reconsidered(screen, objective, *pruned, log, banned, joined))
+    accepted, now, slopes = _prune(objective, accepted, _fitted(objective, hypothesis), log)
+    sure = _reconsidered(screen, objective, accepted, now, log, banned, joined, slopes)
+    return _State(*sure)
 
 
 def _fitted(objective: Objective, hypothesis: Hypothesis) -> Assessed:
@@ -193,11 +194,13 @@ def _reconsidered(
     log: DecisionLog,
     banned: Container[Key],
     added: Sequence[Accepted],
+    slopes: Slopes | None,
 ) -> tuple[list[Accepted], Assessed]:
     """Each of some effects that joined together is looked for again, in its place.
 
     Two at one joint were chosen by the force residual, and few others were replayed in their
     place. Of many that joined only such pairs are looked for again: each costs a whole round.
+    What is known of the slopes in all of them holds until one is replaced.
     """
     dofs = [dof_of(screen, a.planted.at) for a in added]
     again = [
@@ -208,7 +211,8 @@ def _reconsidered(
         if index is None:  # replaced or pruned already
             continue
         rest = [a for i, a in enumerate(accepted) if i != index]
-        (fit,) = _lesser(objective, now, [index])
+        slopes = slopes or _slopes(objective, now)
+        (fit,) = _lesser(objective, now, [index], slopes)
         base = objective.reference(fit.hypothesis, fit.tolerances)
         kept = [replace(a, planted=p) for a, p in zip(rest, base.hypothesis, strict=True)]
         present = Incumbent(accepted[index].planted, now.loglik)
@@ -227,7 +231,7 @@ def _reconsidered(
                 + ("takes its place" if replaced else "is not clearly ahead"),
             )
             if replaced:
-                accepted, now = [*rest, found], other
+                accepted, now, slopes = [*rest, found], other, None
                 continue
         now = objective.reference(now.hypothesis, now.tolerances)
     return accepted, now
@@ -235,13 +239,15 @@ def _reconsidered(
 
 def _prune(
     objective: Objective, accepted: list[Accepted], now: Assessed, log: DecisionLog
-) -> tuple[list[Accepted], Assessed]:
-    """Drop effects that the later ones made superfluous.
+) -> tuple[list[Accepted], Assessed, Slopes | None]:
+    """Drop effects that the later ones made superfluous; slopes in those that stay, if known.
 
     One that has become as small as any model's errors are is one of these.
     """
+    slopes: Slopes | None = None
     while len(accepted) > 1:
-        fits = _lesser(objective, now, range(len(accepted)))
+        slopes = _slopes(objective, now)
+        fits = _lesser(objective, now, range(len(accepted)), slopes)
         losses = [worth(objective, now, fit) for fit in fits]
         weakest = int(np.argmin(losses))
         if losses[weakest] > THRESHOLDS.min_nats and earns(objective, now, fits[weakest]):
@@ -249,15 +255,21 @@ def _prune(
         reason = "the others say as much without it"
         planted, loss = accepted[weakest].planted, losses[weakest]
         log.add(planted, "pruned", False, loss, THRESHOLDS.min_nats, reason)
-        accepted = [a for i, a in enumerate(accepted) if i != weakest]
+        accepted, slopes = [a for i, a in enumerate(accepted) if i != weakest], None
         now = objective.reference(fits[weakest].hypothesis, fits[weakest].tolerances)
-    return accepted, now
+    return accepted, now, slopes
 
 
-def _lesser(objective: Objective, now: Assessed, each: Sequence[int]) -> list[Assessed]:
+def _slopes(objective: Objective, now: Assessed) -> Slopes:
+    """Slopes in all effects of the reference."""
+    return slopes_of(now.hypothesis, slopes_at(objective, now))
+
+
+def _lesser(
+    objective: Objective, now: Assessed, each: Sequence[int], slopes: Slopes
+) -> list[Assessed]:
     """A hypothesis without each of some effects, the others refined; ``now`` is the reference."""
     lesser = [without(now.hypothesis, i) for i in each]
     free = [range(len(h)) for h in lesser]
     errors = [taken_over(objective.tolerances, now.tolerances, now.hypothesis[i]) for i in each]
-    known = slopes_of(now.hypothesis, slopes_at(objective, now))
-    return refine(objective, lesser, free, iterations=2, centres=errors, known=known)
+    return refine(objective, lesser, free, iterations=2, centres=errors, known=slopes)
