@@ -1,9 +1,9 @@
 """Replays on the cores of this machine: on threads, or in processes where laws are stepped.
 
-MuJoCo steps many simulations on threads of its own. A law that acts at every step is Python, which
-one thread of a process runs at a time: such replays are given to processes, which are started once
-these have taken a while. Each is told once what is replayed along which recordings, and then
-hypotheses. It ends as soon as nobody can talk to it any more.
+MuJoCo steps many simulations on threads of its own. Where a law acts at every step, what is between
+two steps is Python's, which one thread of a process runs at a time: such replays are given to
+processes, which are started once these have taken a while. Each is told once what is replayed along
+which recordings, and then hypotheses. It ends as soon as nobody can talk to it any more.
 """
 
 from __future__ import annotations
