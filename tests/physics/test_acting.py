@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from tests.physics.arm import ARM, JOINTS
 from tests.physics.machine_code import called
 from wt.physics import compiled
 from wt.physics.effect import effects
+from wt.physics.effects import _live
 from wt.physics.effects.friction_position import FrictionPosition
 from wt.physics.hooks import OnSteps
 from wt.physics.planted import Planted
@@ -111,8 +114,25 @@ def test_machine_code_says_what_python_says(scene: Scene, planted: Planted) -> N
     assert np.ptp(said) > 0.01
 
 
-def test_code_of_another_version_is_another(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_law_is_another_where_what_it_calls_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     acts = FrictionPosition.law.acts
-    name = compiled._of_this_version(acts).__qualname__
-    monkeypatch.setattr(compiled, "_version", lambda: "later")
-    assert compiled._of_this_version(acts).__qualname__ != name
+
+    def name() -> str:
+        return compiled._of_this_version(acts).__qualname__
+
+    before, helpers = name(), Path(inspect.getfile(inspect.unwrap(_live.brake)))
+    assert name() == before
+    read = Path.read_bytes
+    monkeypatch.setattr(Path, "read_bytes", lambda path: read(path) + b"#" * (path == helpers))
+    assert name() != before
+
+
+def test_what_cannot_be_kept_is_compiled_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    def added(a: float, b: float) -> float:
+        return a + b
+
+    assert compiled.fast(added)._cache._impl is not None
+    monkeypatch.setattr(numba.core.caching.CacheImpl, "_locator_classes", [])
+    assert compiled.fast(added)(1.0, 2.0) == 3.0

@@ -38,9 +38,22 @@ def address(law: Law) -> int:
             _known.add(function)
             _make_known(function)
     if law not in _compiled:
-        compiled = cfunc(_LAW, cache=True, error_model="numpy")
-        _compiled[law] = compiled(_of_this_version(law.acts))
+        compiler = functools.partial(cfunc, _LAW, error_model="numpy")
+        _compiled[law] = _kept(compiler, _of_this_version(law.acts))
     return int(_compiled[law].address)
+
+
+def fast(function: Callable[..., object]) -> Any:  # noqa: ANN401 – Numba's
+    """A function that is compiled when it is first called."""
+    return _kept(functools.partial(njit, nogil=True), inspect.unwrap(function))
+
+
+def _kept(compiler: Callable[..., Any], function: Callable[..., object]) -> Any:  # noqa: ANN401
+    """What a compiler makes of a function, kept on the disk where anything can be written."""
+    try:
+        return compiler(cache=True)(function)
+    except RuntimeError:  # Numba found no folder
+        return compiler()(function)
 
 
 def _make_known(function: Callable[..., object]) -> None:
@@ -50,21 +63,26 @@ def _make_known(function: Callable[..., object]) -> None:
 
 
 def _of_this_version(acts: Acts) -> python.FunctionType:
-    """A law under a name of its own for each version of what laws call.
+    """A law under a name of its own for each version of what it calls.
 
     Numba takes what it has kept for as long as the law's own file is the same.
     """
     plain = inspect.unwrap(acts)
     assert isinstance(plain, python.FunctionType)
     named = python.FunctionType(plain.__code__, plain.__globals__, plain.__name__)
-    named.__qualname__ = f"{plain.__qualname__}-{_version()}"
+    named.__qualname__ = f"{plain.__qualname__}-{_version(plain)}"
     named.__module__ = plain.__module__
     return named
 
 
-@functools.cache
-def _version() -> str:
-    files = {__file__, *(inspect.getfile(inspect.unwrap(f)) for f in callable_in_laws)}
+def _version(function: python.FunctionType) -> str:
+    """Of the files of all that a function calls, and of this one."""
+    reached = [function]
+    for now in reached:  # grows
+        called = [now.__globals__.get(name) for name in now.__code__.co_names]
+        plain = [inspect.unwrap(f) for f in called if f in callable_in_laws]
+        reached += [f for f in plain if f not in reached]
+    files = {__file__, *(f.__code__.co_filename for f in reached)}
     return hashlib.sha256(b"".join(Path(f).read_bytes() for f in sorted(files))).hexdigest()[:8]
 
 
@@ -156,4 +174,4 @@ def _turn(
         )
 
 
-turn: Any = njit(cache=True, nogil=True)(inspect.unwrap(_turn))
+turn = fast(_turn)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import inspect
-from typing import Any
-
 import numpy as np
-from numba import njit
+
+from wt.physics.compiled import fast
 
 
 def _stepped(
@@ -62,4 +60,4 @@ def _stepped(
                         path[p, 1, (k + 1) // parts, i, j] = state[3 + j]
 
 
-stepped: Any = njit(cache=True, nogil=True)(inspect.unwrap(_stepped))
+stepped = fast(_stepped)
