@@ -8,6 +8,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import inspect
+import threading
 import types as python
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -27,19 +28,21 @@ _FIGURES = types.CPointer(types.float64)
 _LAW = types.float64(
     types.intp, _FIGURES, _FIGURES, _FIGURES, types.float64, types.float64, _FIGURES, _FIGURES
 )
+_one_at_a_time = threading.Lock()
 _compiled: dict[Law, Any] = {}
 _known: set[Callable[..., object]] = set()
 
 
 def address(law: Law) -> int:
     """Where the machine code of a law begins, which stays there as long as the process lives."""
-    for function in callable_in_laws:
-        if function not in _known:
-            _known.add(function)
-            _make_known(function)
-    if law not in _compiled:
-        compiler = functools.partial(cfunc, _LAW, error_model="numpy")
-        _compiled[law] = _kept(compiler, _of_this_version(law.acts))
+    with _one_at_a_time:
+        for function in callable_in_laws:
+            if function not in _known:
+                _known.add(function)
+                _make_known(function)
+        if law not in _compiled:
+            compiler = functools.partial(cfunc, _LAW, error_model="numpy")
+            _compiled[law] = _kept(compiler, _of_this_version(law.acts))
     return int(_compiled[law].address)
 
 
