@@ -13,7 +13,7 @@ from tests.physics.arm import ARM, JOINTS
 from tests.physics.machine_code import called
 from wt.physics import compiled
 from wt.physics.effect import effects
-from wt.physics.effects import _live
+from wt.physics.effects import _bristle
 from wt.physics.effects.friction_position import FrictionPosition
 from wt.physics.hooks import OnSteps
 from wt.physics.planted import Planted
@@ -122,7 +122,7 @@ def test_a_law_is_another_where_what_it_calls_is(
     def name() -> str:
         return compiled._of_this_version(acts).__qualname__
 
-    before, helpers = name(), Path(inspect.getfile(inspect.unwrap(_live.brake)))
+    before, helpers = name(), Path(inspect.getfile(inspect.unwrap(_bristle.brake)))
     assert name() == before
     read = Path.read_bytes
     monkeypatch.setattr(Path, "read_bytes", lambda path: read(path) + b"#" * (path == helpers))

@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from wt.diagnose.unknown.law import Atom, AtomKind, Law
 from wt.diagnose.unknown.memory import memory_of
-from wt.physics.effects._live import figures, force_of
+from wt.physics.driving import figures, force_of
 from wt.physics.live import Law as LawInSteps
 from wt.physics.live import Live, Values, in_laws
 from wt.physics.scene import Scene

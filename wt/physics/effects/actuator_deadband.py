@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from wt.physics.driving import between, dofs_of, driven, force_of
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._live import between, dofs_of, driven, force_of
 from wt.physics.effects._tools import noticeable
 from wt.physics.hooks import OnSteps
 from wt.physics.live import Law, Live, Values

@@ -12,8 +12,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.signal import lfilter
 
+from wt.physics.driving import dofs_of, driven, force_of
 from wt.physics.effect import LEAST, Parameter, Shape, register
-from wt.physics.effects._live import dofs_of, driven, force_of
 from wt.physics.hooks import FromRecordings, OnSteps
 from wt.physics.live import Law, Live, Values
 from wt.physics.motion import Motion

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from wt.physics.driving import between, dofs_of, driven, force_of
 from wt.physics.effect import LEAST, Parameter, Shape, register
-from wt.physics.effects._live import between, dofs_of, driven, force_of
 from wt.physics.effects.actuator_saturation import narrow
 from wt.physics.hooks import OnSteps
 from wt.physics.live import Figures, Law, Live, Values, in_laws

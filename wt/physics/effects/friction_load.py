@@ -6,8 +6,9 @@ import mujoco
 import numpy as np
 from jaxtyping import Float, Int
 
+from wt.physics.driving import all_drives, force_of_all
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._live import BRISTLE, BristleFriction, all_drives, brake, force_of_all
+from wt.physics.effects._bristle import BRISTLE, BristleFriction, brake
 from wt.physics.hooks import Intervals, Nested
 from wt.physics.live import Law, Values
 from wt.physics.motion import Motion

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._live import BristleFriction, brake
+from wt.physics.effects._bristle import BristleFriction, brake
 from wt.physics.effects._tools import add_dry_friction
 from wt.physics.hooks import Beyond, Intervals, Nested
 from wt.physics.live import Figures, Law, Values, in_laws

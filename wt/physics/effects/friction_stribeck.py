@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._live import BristleFriction, brake
+from wt.physics.effects._bristle import BristleFriction, brake
 from wt.physics.effects._tools import (
     compiled,
     effective_inertia,

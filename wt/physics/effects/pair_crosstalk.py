@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from wt.physics.driving import all_drives, force_of_all
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._live import all_drives, force_of_all
 from wt.physics.effects._tools import neighbours
 from wt.physics.hooks import OnSteps
 from wt.physics.live import Law, Live, Values
