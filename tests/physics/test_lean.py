@@ -8,9 +8,10 @@ import pytest
 
 from wt.physics.lean import rest_idle
 
-CONTACT, CONSTRAINT = (
+CONTACT, CONSTRAINT, ISLAND = (
     int(mujoco.mjtDisableBit.mjDSBL_CONTACT),
     int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT),
+    int(mujoco.mjtDisableBit.mjDSBL_ISLAND),
 )
 ARM = """<mujoco><option timestep=".001" integrator="implicitfast"/><worldbody>{floor}
 <body><joint name="a" axis="0 1 0" damping=".1" {joint}/>
@@ -26,8 +27,8 @@ FLOOR, UNTOUCHED = '<geom type="plane" size="1 1 .1" pos="0 0 -.4"/>', 'contype=
     [
         ("", "", UNTOUCHED, CONTACT | CONSTRAINT),
         (FLOOR, "", UNTOUCHED, CONTACT | CONSTRAINT),
-        ("", 'frictionloss=".2"', UNTOUCHED, CONTACT),
-        ("", 'range="-10 10"', UNTOUCHED, CONTACT),
+        ("", 'frictionloss=".2"', UNTOUCHED, CONTACT | ISLAND),
+        ("", 'range="-10 10"', UNTOUCHED, CONTACT | ISLAND),
         (FLOOR, "", "", 0),
         ("", "", 'contype="2" conaffinity="4"', CONTACT | CONSTRAINT),
         ("", "", 'contype="2" conaffinity="2"', 0),

@@ -46,13 +46,14 @@ def rest_idle(model: mujoco.MjModel) -> None:
     islands among the constraints of joints an eighth. What steps say stays the same, but for what
     rounding does where constraints are solved together instead of island by island.
     """
-    if not may_touch(model):
-        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
-        held = (model.neq, model.jnt_limited, model.tendon_limited)
-        rubbing = (model.dof_frictionloss, model.tendon_frictionloss)
-        if not any(np.any(some) for some in (*held, *rubbing)):
-            model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    if may_touch(model):
+        return
+    off = mujoco.mjtDisableBit
+    held = (model.neq, model.jnt_limited, model.tendon_limited)
+    rubbing = (model.dof_frictionloss, model.tendon_frictionloss)
+    constrained = any(np.any(some) for some in (*held, *rubbing))
+    idle = off.mjDSBL_ISLAND if constrained else off.mjDSBL_CONSTRAINT
+    model.opt.disableflags |= off.mjDSBL_CONTACT | idle
 
 
 def may_touch(model: mujoco.MjModel) -> bool:
