@@ -219,6 +219,8 @@ def searched(
     screen = Screen(fitted, seed)
 
     steps = functools.cache(functools.partial(steps_for, fitted))
+    held = functools.cache(functools.partial(prepare_holdout, held_out, forgetting, step=step))
+    judge_s = _judged_s(held_out, effort)
 
     def naming_by(window: float | None) -> Naming:
         def of(
@@ -229,15 +231,15 @@ def searched(
         all_replays = functools.cache(lambda: of([fitted, held_out], effort.doubt_s, quick))
         short = BLOCK_S if forgetting else window  # figures are of long replays
         replays = of([fitted], effort.search_s, quick, short), of([fitted], effort.most_s, step)
-        held = functools.partial(prepare_holdout, held_out, forgetting, effort.judge_s, step)
-        shorter = functools.cache(held) if window and window > WINDOW_S else None
-        return Naming(screen, *replays, all_replays, held(window), step, seed, log, shorter)
+        shorter = functools.partial(held, judge_s) if window and window > WINDOW_S else None
+        judged = held(judge_s, window=window)
+        return Naming(screen, *replays, all_replays, judged, step, seed, log, shorter)
 
-    measured_on = functools.partial(prepare_holdout, held_out, forgetting, effort.proof_s, step)
     window = None if forgetting or scene.free else longest_window(fitted, quick)
     naming = naming_by(window)
     if any(f.voids_commands for f in prepared.audit):
-        return Outcome(prepared, fitted, naming, measured_on(window), naming.proven(()), None)
+        measured_on = held(effort.proof_s, window=window)
+        return Outcome(prepared, fitted, naming, measured_on, naming.proven(()), None)
     pace.time(naming.search_replays)
     accepted = search(screen, naming.search_replays, log, pace.search)
     if window and not stopped():
@@ -261,7 +263,16 @@ def searched(
         known = claims.assessed(naming.objective).tolerances
         assessed = replays.reference(naming.holdout.here(claims.hypothesis), known)
         missed = (assessed, replays) if erring(assessed, replays) else None
-    return Outcome(prepared, fitted, naming, measured_on(window), claims, missed)
+    return Outcome(prepared, fitted, naming, held(effort.proof_s, window=window), claims, missed)
+
+
+def _judged_s(held_out: Smoothed, effort: Effort) -> float:
+    """Seconds of held-out recordings that effects are proven on.
+
+    Where these are all, they are those of the proof, with what is known of them by then.
+    """
+    lasting = sum(float(s.t[-1] - s.t[0]) for s in held_out.samples)
+    return effort.judge_s if lasting > effort.judge_s else effort.proof_s
 
 
 def _in_turns(
