@@ -70,6 +70,26 @@ def _swaps() -> list[Fault]:
     return found
 
 
+def _whole_joints() -> list[Fault]:
+    """Joints at each other's place with all that was logged of them: servos follow as ever."""
+    found = []
+    for name, *joints in (
+        ("planar", "hip", "knee"), ("arm4", "lift", "bend"), ("arm4", "yaw", "lift"),
+        ("arm4", "lift", "bend", "roll"), ("arm4", "yaw", "roll"),
+    ):  # fmt: skip
+        next_ = dict(zip(joints, [*joints[1:], joints[0]], strict=True))
+        moved = {
+            t.format(a): t.format(b)
+            for a, b in next_.items()
+            for t in ("qpos/{}", "qvel/{}", "ctrl/{}_m")
+        }
+        found.append(
+            Fault(f"joints-{name}-{'-'.join(joints)}", name, _moved(moved), ("joints_swapped",),
+                  frozenset(moved), seed=4)
+        )  # fmt: skip
+    return found
+
+
 def _cycles() -> list[Fault]:
     """Columns of which each stands in the next one's place."""
     found = []
@@ -342,7 +362,8 @@ def _clocks() -> list[Fault]:
 
 
 FAULTS = [
-    *_encoder_signs(), *_command_signs(), *_swaps(), *_cycles(), *_units(), *_units_of_many(),
+    *_encoder_signs(), *_command_signs(), *_swaps(), *_whole_joints(), *_cycles(), *_units(),
+    *_units_of_many(),
     *_velocities(), *_commands(), *_encoders(), *_clocks(),
 ]  # fmt: skip
 """Every fault of a recording."""

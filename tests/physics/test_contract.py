@@ -252,6 +252,18 @@ def test_a_ripple_is_seen_to_come_again(arm: Scene, recorded: Run) -> None:
     assert all(shape[0] * turns > 1.1 for shape in ripple.shapes(moved, at))
 
 
+def test_friction_along_the_way_is_a_wave_of_which_something_is_seen(
+    arm: Scene, recorded: Run
+) -> None:
+    """Of a longer one any mean will do: a calf was said to lose up to 31 N·m to friction."""
+    moved, at = motion(arm, recorded), Location("joint", "j1")
+    way = float(np.ptp(moved.q[:, arm.dof("j1")]))
+    friction = effects()["joint.friction_position"]
+    assert friction.plausible(moved, at, np.array([1.0, 0.8, 3.0 * way, 0.0]))
+    assert not friction.plausible(moved, at, np.array([15.8, 0.98, 15.0 * way, 0.0]))
+    assert all(shape[0] < 3.5 * way for shape in friction.shapes(moved, at))
+
+
 def test_a_stop_yields_to_what_presses_on_it(arm: Scene, recorded: Run) -> None:
     moved, stop = motion(arm, recorded), effects()["joint.stop"]
     dof, at = arm.dof("j1"), Location("joint", "j1")

@@ -164,12 +164,12 @@ def found(subject: Subject, suspects: Sequence[Suspect]) -> list[AuditFinding]:
     return [
         AuditFinding(
             suspect.kind,
-            tuple(_columns(balance, suspect.edits, recording)),
+            tuple(columns_of(balance, suspect.edits, recording)),
             suspect.elements,
             said[:1].upper() + said[1:],
             _fix(suspect, balance, recording),
             confidence,
-            change=_Undone(balance, suspect.edits),
+            change=Undone(balance, suspect.edits),
         )
         for suspect, said, confidence in search(balance, suspects)
     ]
@@ -197,13 +197,14 @@ def _fix(suspect: Suspect, balance: Balance, recording: Recording) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class _Undone:
+class Undone:
     """Edits on the columns of a recording."""
 
     balance: Balance
     edits: tuple[Edit, ...]
 
     def __call__(self, recording: Recording) -> Recording:
+        """The recording as it should have been."""
         columns = dict(recording.columns)
         for e in self.edits:
             for target, source, offset in _moves(self.balance, e, recording):
@@ -227,5 +228,6 @@ def _moves(balance: Balance, e: Edit, recording: Recording) -> list[tuple[str, s
     return moves
 
 
-def _columns(balance: Balance, edits: Sequence[Edit], recording: Recording) -> list[str]:
+def columns_of(balance: Balance, edits: Sequence[Edit], recording: Recording) -> list[str]:
+    """Columns of a recording that edits change."""
     return [target for e in edits for target, _, _ in _moves(balance, e, recording)]

@@ -292,6 +292,18 @@ class Scene:
         dofs = [drive.dof for drive in self.driven(at)]
         return dofs[0] if len(dofs) == 1 else -1
 
+    def dofs_at(self, at: Location) -> frozenset[int]:
+        """Degrees of freedom on which a force at a place acts: of a body, all that move it."""
+        if at.kind != "body" or at.name == "all":
+            alone = self.dof_at(at)
+            return frozenset(range(self.model.nv) if alone < 0 else [alone])
+        m, body, dofs = self.model, self.model.body(at.name).id, list[int]()
+        while body:
+            first = int(m.body_dofadr[body])
+            dofs += range(first, first + int(m.body_dofnum[body]))
+            body = int(m.body_parentid[body])
+        return frozenset(dofs)
+
     def place(self, joint: str) -> Location:
         """Place that people call a degree of freedom by: a joint, or the body that floats."""
         if joint in self.own_joints:

@@ -273,7 +273,13 @@ class Adaptable:
         self, error: Float[np.ndarray, "sample dof"], centre: Float[np.ndarray, " tolerance"]
     ) -> Float[np.ndarray, "sample dof"]:
         """The error that a replay with tolerances of such sizes would have without, projected."""
-        return np.asarray(self.project(error) - self.moved(centre))
+        usual = np.array_equal(centre, self.centre)
+        return np.asarray(self.project(error) - (self._usual if usual else self.moved(centre)))
+
+    @functools.cached_property
+    def _usual(self) -> Float[np.ndarray, "sample dof"]:
+        """What tolerances change of nearly all errors."""
+        return self.moved(self.centre)
 
     def squares(self, error: Float[np.ndarray, "sample dof"]) -> Squares:
         """Squares of an error that the tolerances change; part by part, joint by joint."""

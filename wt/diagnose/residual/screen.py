@@ -34,6 +34,7 @@ RELINEARISED = 12
 """… and steps that are taken where a signature is linear around its shape only."""
 _SHORTER, _CONVERGED = (1.0, 0.5, 0.25, 0.1), 0.1  # of a step; nats that it gains
 _PASSED_ON = 0.03  # of a signature's largest part: what is smaller is left out
+_ALIKE = 0.1  # of a residual: what has changed by less is read alike
 _EDGE = 3  # windows left out at either end of a segment, where a spline is loose
 
 
@@ -94,6 +95,9 @@ class Screen:
         small = forces(self.motion, self.tolerances)
         self.tolerance_forces = np.stack([self.weak_force(f) for f in small], axis=2)
         self._cache: dict[tuple[str, Location], list[Signature]] = {}
+        self._read: dict[
+            tuple[str, Location], tuple[Float[np.ndarray, "sample acted"], Sequence[Shape]]
+        ] = {}
 
     def weak_force(
         self, force: Float[np.ndarray, "sample dof *column"]
@@ -167,11 +171,24 @@ class Screen:
         """Signatures of an effect, those that read the residual from what is left of it."""
         key = (effect.id, at)
         if isinstance(effect, FromRecordings) and effect.reads_residual:
-            return [self._signature(effect, at, s, rest) for s in effect.shapes(rest, at)]
+            return [self._signature(effect, at, s, rest) for s in self._read_off(effect, at, rest)]
         if key not in self._cache:
             shapes = effect.shapes(self.motion, at)
             self._cache[key] = [self._signature(effect, at, s) for s in shapes]
         return self._cache[key]
+
+    def _read_off(self, effect: Effect, at: Location, rest: Motion) -> Sequence[Shape]:
+        """Shapes that an effect reads off what is left of the residual.
+
+        They are where its figures start from: what was read before will do, where what is left on
+        the joints that it acts on has hardly changed.
+        """
+        key, dofs = (effect.id, at), sorted(self.motion.scene.dofs_at(at))
+        left = rest.unexplained[:, dofs]
+        known = self._read.get(key)
+        if known is None or np.linalg.norm(left - known[0]) > _ALIKE * np.linalg.norm(known[0]):
+            known = self._read[key] = left, effect.shapes(rest, at)
+        return known[1]
 
     def _signature(
         self, effect: Effect, at: Location, shape: Shape, motion: Motion | None = None

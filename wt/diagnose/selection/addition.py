@@ -7,7 +7,7 @@ machine whose joints lack several things at once need not be screened anew for e
 from __future__ import annotations
 
 import functools
-from collections.abc import Container, Sequence
+from collections.abc import Callable, Container, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -21,6 +21,7 @@ from wt.diagnose.residual.screen import Scored, Screen
 from wt.diagnose.result import Stage
 from wt.diagnose.selection.candidates import candidates, dof_of
 from wt.diagnose.selection.decisions import DecisionLog
+from wt.diagnose.selection.memory import Memory, Start
 from wt.diagnose.selection.pairs import paired
 from wt.diagnose.stop import StoppedError
 from wt.diagnose.thresholds import THRESHOLDS
@@ -79,6 +80,7 @@ def addition(
     log: DecisionLog,
     most: int,
     banned: Container[Key] = frozenset(),
+    memory: Memory | None = None,
 ) -> list[Accepted]:
     """Effects to add to the present hypothesis, at most ``most``.
 
@@ -90,12 +92,21 @@ def addition(
         log: grows by every decision.
         most: at most so many additions.
         banned: what must not join.
+        memory: of earlier rounds.
     """
-    tried = _tried(screen, objective, now, accepted, log, banned)
+    memory = memory or Memory(objective)
+    same = memory.same(now)
+    narrowed = functools.partial(memory.narrowed, same=same)
+    tried = _tried(screen, objective, now, accepted, log, banned, narrowed=narrowed)
     fits = list(tried.fits)
     with suppress(StoppedError):  # the best so far will do
-        pairs = paired(screen, objective, now, _known(accepted), tried.ranked, fits)
+        fresh = [f for f in fits if dof_of(screen, f.hypothesis[-1].at) not in same]
+        pairs = [
+            *paired(screen, objective, now, _known(accepted), tried.ranked, fresh),
+            *memory.pairs(same),
+        ]
         fits += _refined(objective, [(*now.hypothesis, *p) for p in pairs], now, 3)
+        memory.note(now, tried.starts, fits, same)
         fits = _finished(objective, fits, now)
     best = _earning(objective, fits, now, log)
     if best is None:
@@ -153,6 +164,7 @@ class _Tried(NamedTuple):
     """
 
     ranked: list[Scored]
+    starts: list[Start]
     fits: list[Assessed]
     shapes: dict[Key, Shape | None]
 
@@ -165,18 +177,19 @@ def _tried(
     log: DecisionLog,
     banned: Container[Key],
     only: Container[Named] | None = None,
+    narrowed: Callable[[list[Start]], list[Start]] = list,
 ) -> _Tried:
     """Replay what the screen shows, and what only replays show; any effect, or ``only`` some."""
     asked = functools.partial(_asked, banned, only)
     ranked = [s for s in screen.rank(_known(accepted), only) if asked(s.planted)]
-    tried = [c for c in candidates(screen, ranked, objective, now) if asked(c[0])]
+    tried = narrowed([c for c in candidates(screen, ranked, objective, now) if asked(c[0])])
     _log_screened(log, ranked, tried)
     log.trying([p for p, _ in tried])
     fits = _replayed(screen, objective, now, [p for p, _ in tried])
     if fits:
         log.trying([p for p, _ in tried], _by_worth(objective, fits, now)[0].hypothesis[-1])
     shapes = {s.planted.key: s.shape for s in ranked} | {p.key: shape for p, shape in tried}
-    return _Tried(ranked, fits, shapes)
+    return _Tried(ranked, tried, fits, shapes)
 
 
 def _known(accepted: Sequence[Accepted]) -> list[tuple[Planted, Shape | None]]:
@@ -203,13 +216,14 @@ def _asked(banned: Container[Key], only: Container[Named] | None, planted: Plant
 
 def _alike(screen: Screen, planted: Planted) -> set[Named]:
     """Effects at places that might be in the place of another, that one among them."""
-    there = dof_of(screen, planted.at)
-    alternative = alternatives(planted.effect.id) if there < 0 else ()
+    scene, there = screen.motion.scene, dof_of(screen, planted.at)
+    alternative, acted_on = alternatives(planted.effect.id), scene.dofs_at(planted.at)
     return {
         (effect.id, at)
         for effect in effects().values()
-        for at in effect.places(screen.motion.scene)
-        if effect.id in alternative or dof_of(screen, at) in (there, -1)
+        for at in effect.places(scene)
+        if (there < 0 and effect.id in alternative)
+        or (dof_of(screen, at) in (there, -1) and acted_on & scene.dofs_at(at))
     }
 
 

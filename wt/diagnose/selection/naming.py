@@ -193,19 +193,35 @@ class Naming:
     ) -> tuple[tuple[Accepted, ...], Hypothesis]:
         """Effects without the weakest, and without those that are not proven without it either.
 
-        A fit says of all but the last whether they are: it costs a part of an estimate.
+        A fit says of all but the last whether they are: it costs a part of an estimate. Where
+        drives hold a machine, what one joint lacks is not what another does: the weakest of each
+        leave together.
         """
         reason = "held-out replays do not clearly gain by it"
         while True:
-            planted, p = now.hypothesis[weak[0]], each[weak[0]].p_value
-            self.log.add(planted, "holdout", False, p, limits[planted.key], reason)
-            accepted, fewer = _less(accepted, now.hypothesis, weak[0])
-            if len(weak) == 1:
+            leaving = self._weakest(now.hypothesis, weak)
+            for i in leaving:
+                planted, p = now.hypothesis[i], each[i].p_value
+                self.log.add(planted, "holdout", False, p, limits[planted.key], reason)
+            fewer = now.hypothesis
+            for i in sorted(leaving, reverse=True):
+                accepted, fewer = _less(accepted, fewer, i)
+            if len(leaving) == len(weak):
                 return accepted, fewer
             now = fitted(self.objective, fewer)
             each, weak = self._judged(now, limits)
             if not weak:
                 return accepted, now.hypothesis
+
+    def _weakest(self, hypothesis: Hypothesis, weak: Sequence[int]) -> list[int]:
+        """The first of some effects, and that of each other joint where drives hold a machine."""
+        scene, first = self.objective.scene, weak[0]
+        if not self.objective.forgets:
+            return [first]
+        of_joint: dict[int, int] = {}
+        for i in weak:
+            of_joint.setdefault(scene.dof_at(hypothesis[i].at), i)
+        return [i for dof, i in of_joint.items() if dof >= 0 or i == first]
 
     def claimed(self, proven: Claims) -> Claims:
         """Doubt names, learn what is left, and correct the model's tolerances."""

@@ -21,6 +21,7 @@ from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.addition import Accepted, Incumbent, addition, replacement
 from wt.diagnose.selection.candidates import dof_of
 from wt.diagnose.selection.decisions import DecisionLog
+from wt.diagnose.selection.memory import Memory
 from wt.diagnose.stop import StoppedError, stoppable, stopped
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.planted import Hypothesis, Key, without
@@ -55,6 +56,7 @@ def search(
     """
     most = THRESHOLDS.most_effects
     latest: list[Accepted] = []  # joined in the last round
+    memory = Memory(objective)
 
     def advance(state: _State, refused: Container[Key]) -> tuple[_State, set[Key]]:
         latest.clear()
@@ -64,7 +66,7 @@ def search(
             report(len(state.accepted) + 1, len(erring_joints(objective, state.now)))
         union = _Union(banned, refused)
         room = most - len(state.accepted)
-        latest[:] = addition(screen, objective, state.now, state.accepted, log, room, union)
+        latest[:] = addition(screen, objective, state.now, state.accepted, log, room, union, memory)
         after = _joined(screen, objective, state, latest, log, union) if latest else state
         return after, {a.planted.key for a in latest}
 

@@ -20,6 +20,9 @@ from wt.types import Location
 
 _WAVES = (0.125, 0.25, 0.5, 1.0, 2.0, 3.0)
 """Wavelengths to try, as shares of a joint's way: of a longer one too little is seen."""
+_LONGEST = 4.0
+"""Longest wavelength, as a share of a joint's way: of a longer one less than a quarter is seen, and
+its mean and its largest friction are any figures."""
 _LEAST = 0.1
 """Rise of friction along the way, as a share of its mean, that is more than an error."""
 _NOTHING = 0.01  # of the mean
@@ -98,9 +101,10 @@ class FrictionPosition(Nested, BristleFriction):
     def plausible(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> bool:
-        """Without a rise along the way it is plain dry friction."""
-        level = _shape(motion.q[:, motion.scene.dof(at.name)], theta)
-        return bool(np.ptp(level) > _LEAST * np.mean(level))
+        """Without a rise along the way it is plain dry friction; of a wave a part must be seen."""
+        q = motion.q[:, motion.scene.dof(at.name)]
+        level, seen = _shape(q, theta), theta[2] <= _LONGEST * np.ptp(q)
+        return bool(seen and np.ptp(level) > _LEAST * np.mean(level))
 
     def contradiction(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
