@@ -8,7 +8,7 @@ import numpy as np
 
 from tests.physics.arm import scene
 from wt.diagnose.likelihood.tolerances import tolerances
-from wt.diagnose.selection.naming import comments
+from wt.diagnose.selection.calibration import comments
 from wt.diagnose.thresholds import THRESHOLDS
 
 

@@ -8,9 +8,10 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from tests.diagnose.hidden_forces import STEP, world
+from tests.diagnose.hidden_forces import STEP, on_joint, world
 from wt.diagnose.selection import naming
 from wt.diagnose.selection.addition import Accepted
+from wt.diagnose.selection.alternatives import Lookalikes
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.naming import Naming
 from wt.physics.effect import effects
@@ -18,17 +19,22 @@ from wt.physics.planted import Planted
 from wt.types import Location
 
 
+def found_at(*laws: tuple[str, str, float]) -> tuple[Accepted, ...]:
+    """Effects at joints with figures, as a search finds them."""
+    return tuple(
+        Accepted(Planted(effects()[name], Location("joint", joint), np.array([size])), None, ())
+        for name, joint, size in laws
+    )
+
+
 def test_of_several_that_are_refused_only_the_last_takes_an_estimate(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     nothing, log = world(tmp_path, 2, None, 2.5), DecisionLog()
-    found = tuple(
-        Accepted(Planted(effects()[name], Location("joint", joint), np.array([size])), None, ())
-        for name, joint, size in (
-            ("joint.friction_viscous", "j1", 0.01),
-            ("joint.friction_viscous", "j2", 0.01),
-            ("joint.armature", "j2", 0.001),
-        )
+    found = found_at(
+        ("joint.friction_viscous", "j1", 0.01),
+        ("joint.friction_viscous", "j2", 0.01),
+        ("joint.armature", "j2", 0.001),
     )
     estimates, fits = Mock(wraps=naming.estimate), Mock(wraps=naming.fitted)
     monkeypatch.setattr(naming, "estimate", estimates)
@@ -39,6 +45,36 @@ def test_of_several_that_are_refused_only_the_last_takes_an_estimate(
     proofs = Naming(nothing.screen, replays, replays, lambda: replays, nothing.held, STEP, 0, log)
     claims = proofs.proven(found, known={a.planted.key for a in found})
     assert claims.accepted == claims.gains == ()
-    assert (estimates.call_count, fits.call_count) == (2, 2)
+    # one of each joint leaves, then the other of the second
+    assert (estimates.call_count, fits.call_count) == (2, 1)
     refused = [d for d in log if d.stage == "holdout"]
     assert len(refused) == 3 and not any(d.kept for d in refused)
+
+
+def test_of_many_only_what_held_out_data_show_is_compared_with_lookalikes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    law = on_joint(0, lambda q, v: -0.6 * float(np.tanh(v / 0.01)))
+    rubbing, log = world(tmp_path, 2, law, 4.0), DecisionLog()
+    found = found_at(
+        ("joint.friction_coulomb", "j1", 0.6),
+        ("joint.friction_viscous", "j2", 0.3),
+        ("joint.armature", "j2", 0.01),
+        ("joint.friction_coulomb", "j2", 0.2),
+    )
+    compared: list[set[str]] = []
+
+    def settled(_: Lookalikes, accepted: tuple[Accepted, ...], *rest: object) -> tuple[object, ...]:
+        compared.append({str(a.planted) for a in accepted})
+        return accepted, rest[0]
+
+    monkeypatch.setattr(Lookalikes, "settled", settled)
+    monkeypatch.setattr(naming, "fitted", lambda replays, parts: replays.reference(parts))
+    replays = rubbing.objective
+    proofs = Naming(rubbing.screen, replays, replays, lambda: replays, rubbing.held, STEP, 0, log)
+    claims = proofs.proven(found)
+    assert compared[0] == {"joint.friction_coulomb at joint j1"}
+    assert [str(a.planted) for a in claims.accepted] == ["joint.friction_coulomb at joint j1"]
+    # what was proven before is asked in its turn
+    proofs.proven(found, known={found[1].planted.key})
+    assert "joint.friction_viscous at joint j2" in compared[1]

@@ -65,10 +65,10 @@ class Assessed:
         return np.asarray(np.exp(np.log(self.variance).mean(axis=0)))
 
 
-_RELINEARISED, _LINEAR = 16, 0.3
-"""Most linearisations around a hypothesis; error of the linear part that is let be, in noise. One
-or two do where drives hold a machine; where its drives are torques, what a rig is off by moves it
-as far as what is looked for."""
+_RELINEARISED, _LINEAR, _LEFT = 16, 0.3, 0.1
+"""Most linearisations around a hypothesis; error of the linear part that is let be, in noise or in
+this share of what is left, whichever is more. One or two do where drives hold a machine; where its
+drives are torques, what a rig is off by moves it as far as what is looked for."""
 _NO_BETTER = 1.0  # nats: a step that gains less is the last
 _SHARES = (0.5, 0.25)
 """Of the way to where the linear part is at its best, that are tried where all of it is worse."""
@@ -210,7 +210,8 @@ class Objective:
             here, goal = assessed.centre, np.where(self._able, assessed.tolerances, 0.0)
             (actual,) = self._replayed(hypothesis, [goal])
             apart = actual - assessed.error - self._around.moved(goal)
-            if not (self.channels.rms(apart) > _LINEAR * self.noise).any():
+            let_be = _LINEAR * np.maximum(self.noise, _LEFT * np.sqrt(assessed.mse))
+            if not (self.channels.rms(apart) > let_be).any():
                 break
             # the linear part promises too much: as far that way as replays do get better
             between = [here + share * (goal - here) for share in _SHARES]

@@ -217,6 +217,14 @@ def like(one: Sequence[Planted], other: Sequence[Planted]) -> bool:
     return all(np.linalg.norm(b - a) <= _CLOSE * np.linalg.norm(a) for a, b in sizes)
 
 
+def _but_one(one: Sequence[Planted], other: Sequence[Planted]) -> bool:
+    """Whether two hypotheses are alike but for one effect that only one of them has."""
+    smaller, larger = sorted((one, other), key=len)
+    if len(larger) - len(smaller) != 1:
+        return False
+    return any(like(smaller, [*larger[:i], *larger[i + 1 :]]) for i in range(len(larger)))
+
+
 def _stiff_of(hypothesis: Sequence[Planted]) -> tuple[Planted, ...]:
     return tuple(p for p in hypothesis if p.effect.stiff)
 
@@ -316,9 +324,9 @@ class Nearby:
             of each initial state, of no width if it is forgotten).
         """
         here = (*hypothesis, *self.rig(centre))
-        taken = [known for known in self._known if self._close(known.hypothesis, hypothesis)]
+        taken = self._taken(hypothesis)
         if taken and not (anew and not self._once):
-            return self._replays.around(here, [])[0], *taken[-1][1:]
+            return self._replays.around(here, [])[0], *taken[1:]
         moved = [
             (*hypothesis, *self.rig(centre + one)) if t.effect.correctable else (*here, t.planted)
             for t, one in zip(self.tolerances, self._step * np.eye(len(centre)), strict=True)
@@ -331,6 +339,17 @@ class Nearby:
         kept = [k for k in self._known if not self._close(k.hypothesis, hypothesis)]
         self._known = [*kept[1 - _KEPT :], _Changes(tuple(hypothesis), changes, response)]
         return q, changes, response
+
+    def _taken(self, hypothesis: Sequence[Planted]) -> _Changes | None:
+        """What is known of one close by.
+
+        Or, where drives hold a machine, of one with an effect less or more: what that adds to a
+        motion hardly changes what the tolerances do.
+        """
+        close = [k for k in self._known if self._close(k.hypothesis, hypothesis)]
+        if not close and not self._remembers:
+            close = [k for k in self._known if _but_one(k.hypothesis, hypothesis)]
+        return close[-1] if close else None
 
     def _close(self, one: Sequence[Planted], other: Sequence[Planted]) -> bool:
         """Whether what one's tolerances change will do for the other's."""

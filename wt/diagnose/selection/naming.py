@@ -6,9 +6,8 @@ a regression of any shape on positions, velocities and time, which must predict 
 it has not seen, cannot beat it by much (:mod:`~wt.diagnose.selection.rivalry`). What then remains,
 and improves the held-out fit when it is learned, is reported as unknown.
 
-Every model is off by a few per cent, which is no finding. Where a finding changes the model anyway
-and the recordings show these tolerances, :func:`calibration` corrects them, so that the patched
-model fits down to the noise; that has to be proven on held-out data like everything else.
+Every model is off by a few per cent, which is no finding, and is corrected beside a finding
+(:mod:`~wt.diagnose.selection.calibration`).
 """
 
 from __future__ import annotations
@@ -30,6 +29,7 @@ from wt.diagnose.residual.screen import Screen
 from wt.diagnose.residual.signature import unsaid
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.alternatives import Lookalikes, simplified, united
+from wt.diagnose.selection.calibration import calibration, comments
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.events import Event
 from wt.diagnose.selection.forms import in_best_form
@@ -48,6 +48,11 @@ from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.force import Unknown, find
 from wt.physics.planted import Hypothesis, Key, Planted, without
 from wt.physics.scene import Scene
+
+_FEW = 3
+"""Of more effects than these, the hopeless leave before anything else is asked of them."""
+_HOPELESS = 0.5
+"""Probability, without an effect, of a gain such as held-out data have by it: a coin's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,15 +156,16 @@ class Naming:
         """
         objective, log = self.objective, self.log
         accepted = in_best_form(self.search_replays, objective, accepted, log)
-        estimated = estimate(objective, tuple(a.planted for a in accepted))
+        parts = tuple(a.planted for a in accepted)
+        if len(accepted) > _FEW:
+            limits = _limits(accepted, attempts, known)
+            accepted, parts = self._hopeful(accepted, fitted(objective, parts), limits, known)
+        estimated = estimate(objective, parts)
         lookalikes = Lookalikes(self.screen, self.search_replays, objective, self.all_replays, log)
         accepted, estimated = lookalikes.settled(accepted, estimated, known)
         accepted, estimated = simplified(objective, accepted, estimated, log)
         accepted, estimated = united(objective, accepted, estimated, log)
-        limits = {
-            a.planted.key: THRESHOLDS.significant / (1 if a.planted.key in known else attempts)
-            for a in accepted
-        }
+        limits = _limits(accepted, attempts, known)
         while accepted:
             weakest = self._uncertain(estimated)
             if weakest is not None:
@@ -175,6 +181,32 @@ class Naming:
                 )
             estimated = estimate(objective, fewer)
         return Claims((), estimated, (), ())
+
+    def _hopeful(
+        self,
+        accepted: tuple[Accepted, ...],
+        now: Assessed,
+        limits: Mapping[Key, float],
+        known: Container[Key],
+    ) -> tuple[tuple[Accepted, ...], Hypothesis]:
+        """Effects, those that are known and those of which held-out data show anything at all.
+
+        Of many that were found, only what may be proven is worth its comparison with lookalikes: a
+        search without the refused ones will come to these.
+        """
+        each, _ = self._judged(now, limits)
+        hypothesis = now.hypothesis
+        hopeless = [
+            i
+            for i, (p, g) in enumerate(zip(hypothesis, each, strict=True))
+            if p.key not in known and g.p_value > _HOPELESS
+        ]
+        for i in reversed(hopeless):
+            planted, p = hypothesis[i], each[i].p_value
+            reason = "held-out replays gain nothing by it"
+            self.log.add(planted, "holdout", False, p, limits[planted.key], reason)
+            accepted, hypothesis = _less(accepted, hypothesis, i)
+        return accepted, hypothesis
 
     def _judged(self, now: Assessed, limits: Mapping[Key, float]) -> tuple[list[Gain], list[int]]:
         """Gain of each effect, and those that are not proven, weakest first."""
@@ -386,6 +418,13 @@ class Naming:
         return True
 
 
+def _limits(accepted: Sequence[Accepted], attempts: int, known: Container[Key]) -> dict[Key, float]:
+    """Significance that each effect must reach: all that is asked of held-out data is paid."""
+    one = THRESHOLDS.significant
+    keys = [a.planted.key for a in accepted]
+    return {key: one if key in known else one / attempts for key in keys}
+
+
 def _less(
     accepted: tuple[Accepted, ...], hypothesis: Hypothesis, index: int
 ) -> tuple[tuple[Accepted, ...], Hypothesis]:
@@ -397,39 +436,3 @@ def _replaced(unnamed: Claims, named: Claims) -> list[Planted]:
     """Named effects in whose place unnamed laws would be."""
     kept = {a.planted.key for a in unnamed.accepted}
     return [p for p in named.estimated.hypothesis if p.key not in kept]
-
-
-def calibration(
-    objective: Objective,
-    holdout: Holdout,
-    hypothesis: Hypothesis,
-    step: float,
-    log: DecisionLog,
-) -> Hypothesis:
-    """Corrections within the model's tolerances; none unless all together are proven.
-
-    Args:
-        objective: replays of all fitted data.
-        holdout: held-out recordings.
-        hypothesis: the findings; without any, nothing is corrected.
-        step: physics step of replays [s].
-        log: grows by every decision.
-    """
-    if not hypothesis:
-        return ()
-    corrections = objective.calibration(objective.reference(hypothesis))
-    gained = gain(holdout, (*hypothesis, *corrections), hypothesis, step)
-    kept = gained.p_value <= THRESHOLDS.significant
-    reason = "within tolerance, no finding"
-    for planted in corrections:
-        log.add(planted, "calibrated", kept, gained.p_value, THRESHOLDS.significant, reason)
-    return corrections if kept else ()
-
-
-def comments(corrections: Hypothesis) -> list[str]:
-    """Comments beside the corrections in the patched model."""
-    return [
-        f"Within tolerance, no finding: {p.effect.id} of {p.at}, "
-        + ", ".join(f"{name} {value:.4g}" for name, value in p.effect.named(p.theta).items())
-        for p in corrections
-    ]
