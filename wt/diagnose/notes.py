@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from wt.diagnose.selection.holdout import Holdout
 from wt.diagnose.selection.naming import Claims
+from wt.diagnose.unvisited import Unvisited
 
 
-def notes(holdout: Holdout, claims: Claims, timestep: float | None) -> tuple[str, ...]:
+def notes(
+    holdout: Holdout, claims: Claims, timestep: float | None, beyond: Unvisited | None
+) -> tuple[str, ...]:
     """Sentences on how it was proven, on commands between samples and on time steps.
 
     Args:
         holdout: the held-out recordings.
         claims: what is claimed.
         timestep: a finer one than the model's own [s], if the files have one.
+        beyond: a part of a joint's range that most of what is left of it is from.
     """
     scene, commands = holdout.smoothed.motion.scene, holdout.smoothed.commands
     said = [
@@ -21,6 +25,8 @@ def notes(holdout: Holdout, claims: Claims, timestep: float | None) -> tuple[str
         for p, gain in zip(claims.estimated.hypothesis, claims.gains, strict=True)
         if gain.in_turn
     ]
+    if beyond:
+        said.append(beyond.sentence(scene))
     if claims.events:
         said.append(
             "When the machine was pushed, and how hard, is read off each recording itself, the "

@@ -45,6 +45,7 @@ from wt.diagnose.selection.verdict import (
     verdict,
 )
 from wt.diagnose.stop import stopped
+from wt.diagnose.unvisited import unvisited
 from wt.mjcf.edit import patched_xml
 from wt.physics.planted import Hypothesis, Key
 from wt.physics.quiet import quiet
@@ -297,8 +298,7 @@ def told(scene: Scene, outcome: Outcome) -> Diagnosis:
     diagnosis = _diagnosis(scene, outcome)
     if outcome.missed:
         diagnosis = shown_by_holdout(diagnosis, *outcome.missed)
-    log = outcome.naming.log
-    return replace(diagnosis, audit=outcome.prepared.audit, decisions=tuple(log))
+    return replace(diagnosis, audit=outcome.prepared.audit, decisions=tuple(outcome.naming.log))
 
 
 def _diagnosis(scene: Scene, outcome: Outcome) -> Diagnosis:
@@ -309,8 +309,7 @@ def _diagnosis(scene: Scene, outcome: Outcome) -> Diagnosis:
     units = {j: units_at(scene, Location("joint", j)) for j in scene.joints}
     quantized = coarse_steps(prepared.fit, prepared.held, units)
     where = claims.unexplained(naming.objective)
-    smoothed = (outcome.fitted, holdout.smoothed)
-    shown = traces(prepared, smoothed, claims.complete, naming.step)
+    shown = traces(prepared, (outcome.fitted, holdout.smoothed), claims.complete, naming.step)
     commanded = not any(f.voids_commands for f in prepared.audit)
     nameless = unforeseen(claims.estimated.assessed, naming.objective, where) if commanded else ()
     experiment = release(scene, shown) if passive(scene) else ""
@@ -323,6 +322,7 @@ def _diagnosis(scene: Scene, outcome: Outcome) -> Diagnosis:
     files = hand_over(holdout, claims.complete, written, prepared.names, timestep)
     given_xml = patched_xml(scene, (), ())
     replays = replayed_files(files.contents, given_xml)
+    beyond = unvisited(outcome.fitted, holdout, replays.physics)
     return Diagnosis(
         model_path=str(scene.path),
         model_sha256=hashlib.sha256(scene.path.read_bytes()).hexdigest(),
@@ -354,7 +354,7 @@ def _diagnosis(scene: Scene, outcome: Outcome) -> Diagnosis:
         traces=shown,
         suggestions=suggestions(all_findings),
         measured=further,
-        notes=(*notes(holdout, claims, timestep), *further.notes),
+        notes=(*notes(holdout, claims, timestep, beyond), *further.notes),
         residual_onnx=files.residual_onnx,
         physics_py=files.physics_py,
         holdout_npz=files.holdout_npz,

@@ -55,8 +55,7 @@ def search(
         The effects in the order in which they were added.
     """
     most = THRESHOLDS.most_effects
-    latest: list[Accepted] = []  # joined in the last round
-    memory = Memory(objective)
+    latest, memory = list[Accepted](), Memory(objective)  # what joined in the last round
 
     def advance(state: _State, refused: Container[Key]) -> tuple[_State, set[Key]]:
         latest.clear()
