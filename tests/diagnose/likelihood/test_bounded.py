@@ -41,3 +41,27 @@ def test_a_tolerance_explains_no_more_than_its_box() -> None:
     )
     assert abs(tolerance) <= 1.0
     assert hypothesis + tolerance == pytest.approx(5.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_where_it_begins_changes_nothing_but_the_number_of_pivots(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(seed)
+    design, target = rng.normal(size=(90, 24)), 6.0 * rng.normal(size=90)
+    high = rng.uniform(0.02, 0.6, 24)
+    high[:3], high[3:6] = np.inf, 0.0  # without bounds, and without room
+    normal = NormalEquations(design.T @ design, design.T @ target, RIDGE)
+    pivots, solve = [0], np.linalg.solve
+
+    def counted(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        pivots[0] += 1
+        return solve(a, b)
+
+    monkeypatch.setattr(np.linalg, "solve", counted)
+    plain = normal.pivoted(-high, high)
+    from_nothing, pivots[0] = pivots[0], 0
+    again = normal.pivoted(-high, high, (1.0 - 1e-5) * plain)  # as reflections leave bounds
+    np.testing.assert_allclose(again, plain, atol=1e-9)
+    assert not again[3:6].any()
+    assert pivots[0] <= 2 < from_nothing

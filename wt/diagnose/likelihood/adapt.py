@@ -72,16 +72,25 @@ class Squares:
         return normal.active_set(np.where(idle, 0.0, low), np.where(idle, 0.0, high))
 
     def inside(
-        self, weight: Float[np.ndarray, " channel"], box: Float[np.ndarray, " change"]
+        self,
+        weight: Float[np.ndarray, " channel"],
+        box: Float[np.ndarray, " change"],
+        near: Float[np.ndarray, " change"] | None = None,
     ) -> Float[np.ndarray, " change"]:
         """The x within ± box that makes the weighted squares of e + C x, and those of x, least.
 
         The squares of x keep the matrix far from singular.
+
+        Args:
+            weight: of each channel's squares.
+            box: largest size of each.
+            near: the x of other weights.
         """
         if not self.right.shape[1]:
             return np.zeros(0)
         x, free = np.zeros(len(box)), np.flatnonzero(box)
-        x[free] = self.only(free)._normal(weight, np.ones(len(free))).pivoted(-box[free], box[free])
+        normal = self.only(free)._normal(weight, np.ones(len(free)))
+        x[free] = normal.pivoted(-box[free], box[free], None if near is None else near[free])
         return x
 
     def _normal(

@@ -22,6 +22,7 @@ from scipy.optimize import lsq_linear
 
 _ATTEMPTS, _PATIENCE = 200, 3  # at finding which unknowns stand at their bounds
 _SLACK = 1e-9
+_CLOSE = 1e-4  # share of its range that an unknown is from a bound where it begins there
 _MARGIN = 1e-12  # scipy's active set wants room between the bounds
 
 
@@ -84,23 +85,37 @@ class NormalEquations:
         )
 
     def pivoted(
-        self, low: Float[np.ndarray, " unknown"], high: Float[np.ndarray, " unknown"]
+        self,
+        low: Float[np.ndarray, " unknown"],
+        high: Float[np.ndarray, " unknown"],
+        near: Float[np.ndarray, " unknown"] | None = None,
     ) -> Float[np.ndarray, " unknown"]:
         """Solve by block principal pivoting (L. Portugal, J. Júdice and L. Vicente, 1994).
 
         What would leave the box is held at its bound, what pulls inwards is let go again: all at a
         time while that makes fewer of them, else one at a time; by the active set if that goes in
-        circles.
+        circles. What has no room is never let go.
+
+        Args:
+            low: smallest values.
+            high: largest values.
+            near: a solution of a problem close by: what stands at its bounds there is held first.
         """
         gram, right, lower, upper = self.gram, self.right, low * self.scale, high * self.scale
-        x, free = np.zeros(len(gram)), np.ones(len(gram), bool)
+        loose = lower < upper
+        x, free = np.where(loose, 0.0, lower), loose.copy()
+        if near is not None:
+            x = np.clip(near * self.scale, lower, upper)
+            close = np.where(np.isfinite(upper - lower), _CLOSE * (upper - lower), 0.0)
+            x = np.where(x - lower <= close, lower, np.where(upper - x <= close, upper, x))
+            free &= (lower < x) & (x < upper)
         fewest, patience = len(gram) + 1, _PATIENCE
         for _ in range(_ATTEMPTS):
             at_bound = gram[np.ix_(free, ~free)] @ x[~free]
             x[free] = np.linalg.solve(gram[np.ix_(free, free)], right[free] - at_bound)
             pull = right - gram @ x
             outside = free & ((x < lower) | (x > upper))
-            inwards = ~free & np.where(x <= lower, pull > _SLACK, pull < -_SLACK)
+            inwards = loose & ~free & np.where(x <= lower, pull > _SLACK, pull < -_SLACK)
             wrong = np.flatnonzero(outside | inwards)
             if not len(wrong):
                 return np.asarray(x / self.scale)

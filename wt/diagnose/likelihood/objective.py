@@ -293,10 +293,10 @@ class Objective:
         if not np.isfinite(error).all():
             bad = np.full(self.channels.floors.shape, np.inf)
             return Assessed(hypothesis, -np.inf, bad, np.zeros(len(centre)), centre, error, raw)
-        squares, sizes = self._around.squares(error), np.zeros(len(centre))
-        variance = self.channels.variance(squares.total)
+        squares, sizes = self._around.squares(error), self._around.centre
+        variance, box = self.channels.variance(squares.total), boxes(self.tolerances, hypothesis)
         for _ in range(3):
-            sizes = self._adapt(squares, variance, boxes(self.tolerances, hypothesis))
+            sizes = self._adapt(squares, variance, box, sizes)
             variance = self.channels.variance(squares.left(sizes))
         loglik = self.channels.nats(variance) - 0.5 * float(sizes @ sizes)
         return Assessed(hypothesis, loglik, variance, sizes, centre, error, raw)
@@ -363,9 +363,10 @@ class Objective:
         squares: Squares,
         variance: Float[np.ndarray, "part dof"],
         box: Float[np.ndarray, " tolerance"],
+        near: Float[np.ndarray, " tolerance"] | None = None,
     ) -> Float[np.ndarray, " tolerance"]:
         """Tolerances inside their boxes [deviations]."""
-        return squares.inside(self.channels.weights(variance), box)
+        return squares.inside(self.channels.weights(variance), box, near)
 
     def solve(
         self,

@@ -190,7 +190,8 @@ class FreeFit:
         idle = np.flatnonzero(size < _IDLE * size.max())
         low[idle], high[idle] = 0.0, 0.0
         both = np.concatenate([weight @ right, self.right])
-        step = NormalEquations(gram, both, _RIDGE).pivoted(low, high)
+        # nothing, and what adapts as it does without: the answer is close to that
+        step = NormalEquations(gram, both, _RIDGE).pivoted(low, high, np.zeros(len(both)))
         x, rest = step[:k], step[k:]
         squares = self.squares - 2.0 * self.cross @ rest + self.grams @ rest @ rest
         for m, d in enumerate(dofs):

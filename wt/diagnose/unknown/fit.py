@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -109,19 +109,20 @@ class ForceData:
         # fine bumps in time would interpolate between blocks whatever drifts
         return np.linspace(low, high, 3 if name == "t" else self._bumps)
 
-    def feature(self, names: Sequence[str], term: Term) -> Float[np.ndarray, " row"]:
-        """A term in the weak form."""
-        value = np.ones(len(self.screen.motion))
-        for atom in term:
-            value = value * atom.value(self.column(names[atom.column]))
-        return np.asarray(self.screen.weak(value)[self.rows])
+    @lru_cache(maxsize=512)  # noqa: B019 – lives and dies with a diagnosis
+    def _value(self, name: str, atom: Atom) -> Float[np.ndarray, " sample"]:
+        """A function of a column along the motion; many terms have it as a factor."""
+        return np.asarray(atom.value(self.column(name)))
 
     def features(
         self, names: Sequence[str], terms: Sequence[Term]
     ) -> Float[np.ndarray, "row term"]:
         """Terms in the weak form."""
-        columns = [self.feature(names, t) for t in terms]
-        return np.stack(columns, axis=1) if columns else np.zeros((len(self.force), 0))
+        values = np.ones((len(self.screen.motion), len(terms)))
+        for k, term in enumerate(terms):
+            for atom in term:
+                values[:, k] *= self._value(names[atom.column], replace(atom, column=0))
+        return np.asarray(self.screen.weak(values)[self.rows])
 
     def law(
         self,
