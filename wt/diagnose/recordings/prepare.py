@@ -18,6 +18,7 @@ from wt.check.run import check
 from wt.data import recording as recordings
 from wt.diagnose.evidence import Role
 from wt.diagnose.recordings.odometry import located
+from wt.diagnose.recordings.repeated import refuse_repeated
 from wt.diagnose.recordings.samples import ESTIMATED, Part, stamps
 from wt.diagnose.result import Used
 from wt.errors import RecordingError
@@ -81,6 +82,7 @@ def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) ->
     audit: dict[tuple[object, ...], AuditFinding] = {}
     read = [_read(scene, source, i, audit) for i, source in enumerate([*given, *holdout])]
     named = _numbered(read)
+    refuse_repeated(named, len(given))
     parts = [Part(r, i) for i, (_, r) in enumerate(named)]
     fit, held_out = parts[: len(given)], parts[len(given) :]
     split = GIVEN
