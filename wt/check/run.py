@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from wt.check.audit import STAGES, Audit, ChannelAudit, Subject, audits
 from wt.check.channels import found
-from wt.check.finding import AuditFinding
+from wt.check.finding import AuditFinding, amendments
 from wt.physics.quiet import quiet
 from wt.physics.scene import Scene
 from wt.types import Recording
@@ -54,12 +55,15 @@ def check(scene: Scene | None, recording: Recording | None) -> Checked:
 
 
 def _mended(subject: Subject, findings: Sequence[AuditFinding]) -> Subject:
-    """The same with the recording corrected."""
-    recording = subject.recording
+    """The same with the recording and the model corrected."""
+    scene, recording = subject.scene, subject.recording
     hold = subject.commands_hold and not any(f.voids_commands for f in findings)
     changes = [f.change for f in findings if f.change and f.sure]
-    if recording is None or (hold == subject.commands_hold and not changes):
+    wanted = amendments(findings)
+    if hold == subject.commands_hold and not changes and not wanted:
         return subject
-    for change in changes:
-        recording = change(recording)
-    return Subject(subject.scene, recording, hold)
+    if recording is not None:
+        recording = functools.reduce(lambda mended, change: change(mended), changes, recording)
+    if scene is not None and wanted:
+        scene = Scene(scene.path, [*scene.amendments, *wanted])
+    return Subject(scene, recording, hold)

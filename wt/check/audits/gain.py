@@ -18,6 +18,7 @@ UNITS = {"degrees for radians": 180.0 / math.pi, "thousandths for wholes": 1000.
 _NEAR = 0.1  # of such a factor: what friction and a weight may make of it
 _DECISIVE = 5.0  # what is left of a servo's force without the factor, over with it
 _RIGHT = 0.3  # of a force, that may be left with it
+_ALONE = 0.1  # … of every force, where nothing else is wrong
 _LEAST = 2  # servos that show it: one drive's gain is physics
 
 
@@ -27,6 +28,8 @@ class GainUnit:
 
     kinds: ClassVar[tuple[str, ...]] = ("gain_unit",)
     stage: ClassVar[Stage] = "rest"
+    alone: ClassVar[bool] = False
+    """Whether nothing else may be wrong: what one joint lacks hides nothing of the others."""
 
     def findings(self, subject: Subject) -> Iterable[AuditFinding]:
         """At most one, of all servos."""
@@ -44,6 +47,8 @@ class GainUnit:
                 shown = (given > _DECISIVE * left) & (left < _RIGHT)
                 if shown.sum() < _LEAST or (left > given).any():
                     continue
+                if self.alone and not (left < _ALONE).all():
+                    continue
                 drives = [row.drive for row in balance.rows if row.drive.servo]
                 times = f"{factor:.4g}" if factor > 1.0 else f"1/{1.0 / factor:.4g}"
                 yield AuditFinding(
@@ -56,6 +61,14 @@ class GainUnit:
                     model_change=_times(1.0 / factor, {d.name for d in drives}),
                 )
                 return
+
+
+@register
+class GainUnitAlone(GainUnit):
+    """The same where it explains every servo: else columns get units that make up for it."""
+
+    stage: ClassVar[Stage] = "gain"
+    alone: ClassVar[bool] = True
 
 
 def _times(factor: float, names: set[str]) -> Amendment:
