@@ -112,7 +112,7 @@ def test_what_translation_leaves_is_what_the_model_lacks(scene: Scene) -> None:
     calm = recorded()
     quiet = calm.t > PUSHED[1] + 0.1
     after = Recording(calm.t[quiet], {n: c[quiet] for n, c in calm.columns.items()}, calm.meta)
-    assert translated(scene, prepare(scene, [after, after], []), translation(knows)).left < 0.01
+    assert translated(scene, prepare(scene, [after], []), translation(knows)).left < 0.01
 
 
 def test_nothing_is_said_of_gaps(scene: Scene) -> None:

@@ -64,7 +64,7 @@ def left(folder: Path, recording: Recording, planted: Planted | None) -> float:
     path = folder / "arm.xml"
     path.write_text(XML, encoding="utf-8")
     scene = Scene(path)
-    prepared = prepare(scene, [recording], [recording])
+    prepared = prepare(scene, [recording], [])
     smoothed = [smooth(scene, parts) for parts in (prepared.fit, prepared.held)]
     hypothesis = () if planted is None else (planted,)
     trace = traces(prepared, smoothed, hypothesis, 5e-4)[0]

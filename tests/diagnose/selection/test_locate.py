@@ -141,8 +141,8 @@ def test_intervals_say_which_recording_they_are_of(tmp_path: Path) -> None:
 def test_recordings_of_one_name_are_told_apart(tmp_path: Path) -> None:
     path = tmp_path / "chain.xml"
     path.write_text(chain(2), encoding="utf-8")
-    plain = record(chain(2), None, 4.0, 0)
-    same = Recording(plain.t, plain.columns, {"source": "bench"})
-    prepared = prepare(Scene(path), [same, plain, same], [same])
+    one, plain, two, three = (record(chain(2), None, 4.0, seed) for seed in range(4))
+    named = [Recording(r.t, r.columns, {"source": "bench"}) for r in (one, two, three)]
+    prepared = prepare(Scene(path), [named[0], plain, named[1]], [named[2]])
     assert prepared.names == ("bench", "recording 2", "bench (2)", "bench (3)")
     assert [u.path for u in prepared.used] == list(prepared.names)
