@@ -13,18 +13,13 @@ from wt.check.audit import Stage, Subject, register
 from wt.check.balance import Balance, Edit
 from wt.check.channels import Undone, columns_of
 from wt.check.finding import AuditFinding
+from wt.check.order import Order, by_exchanges
 
 _WRONG, _RIGHT = 0.2, 0.1
 """Shares of a drive's force that are left where joints are exchanged, and where they are not."""
 _DECISIVE = 8.0
 """By so much the exchange divides what is left of the worst, and of each in the geometric mean:
 what a model lacks it lacks in any order."""
-_STEP = 0.7  # of the logarithm of what is left, summed over drives
-_MOST = 8  # exchanges that are made one after another, to sort joints
-_ALIKE = 0.5  # … by which two orders cannot be told apart
-
-Order = dict[int, int]
-"""Row of the balance: that whose columns hold it; those at their own place are left out."""
 
 
 @register
@@ -76,33 +71,14 @@ class Joints:
 
 
 def _sorted(balance: Balance, given: Float[np.ndarray, " row"]) -> tuple[Order, bool]:
-    """The order that explains most, by exchanges as long as they help; whether only it does."""
-    order: Order = {}
+    """The order of rows that explains most of the forces; whether only it does."""
     kind = [balance.scene.model.joint(row.drive.joint).type[0] for row in balance.rows]
     pairs = [
         (i, j)
         for i, j in itertools.combinations(range(len(kind)), 2)
         if kind[i] == kind[j] and max(given[i], given[j]) > _RIGHT
     ]
-    least, unique = _total(given), True
-    for _ in range(_MOST):
-        trials = [_exchanged(order, *pair) for pair in pairs]
-        scores = [_total(balance.unexplained_forces(_edits(balance, t))) for t in trials]
-        if min(scores, default=least) > least - _STEP:
-            break
-        best = min(scores)
-        unique = sum(score < best + _ALIKE for score in scores) == 1
-        least, order = best, trials[scores.index(best)]
-    return order, unique
-
-
-def _total(left: Float[np.ndarray, " row"]) -> float:
-    return float(np.log(left + 1e-6).sum())
-
-
-def _exchanged(order: Order, i: int, j: int) -> Order:
-    changed = {**order, i: order.get(j, j), j: order.get(i, i)}
-    return {row: source for row, source in changed.items() if row != source}
+    return by_exchanges(pairs, lambda o: len(kind) * balance.misfit(_edits(balance, o)))
 
 
 def _edits(balance: Balance, order: Order) -> tuple[Edit, ...]:

@@ -8,12 +8,8 @@ from typing import ClassVar, Literal
 
 from wt.check.audit import Suspect, register
 from wt.check.balance import Balance, Edit
-from wt.check.channels import STEP, WRONG, total
-
-Order = dict[int, int]
-"""Channel: that whose column holds it; channels at their own place are left out."""
-_MOST = 8
-"""Exchanges that are made one after another, to sort columns."""
+from wt.check.channels import WRONG, total
+from wt.check.order import Order, by_exchanges
 
 
 @register
@@ -47,7 +43,6 @@ def _of(
 
 def _sorted(balance: Balance, group: Literal["q", "u"], pairs: Sequence[tuple[int, int]]) -> Order:
     """The order that explains most, by exchanging two columns as long as that helps."""
-    order: Order = {}
     left = balance.unexplained()
     right = {
         row.drive.dof if group == "q" else row.drive.index
@@ -55,20 +50,8 @@ def _sorted(balance: Balance, group: Literal["q", "u"], pairs: Sequence[tuple[in
         if share <= WRONG
     }
     pairs = [pair for pair in pairs if not right.issuperset(pair)]
-    least = total(left)
-    for _ in range(_MOST):
-        trials = [_exchanged(order, *pair) for pair in pairs]
-        scores = [total(balance.unexplained(_edits(group, trial))) for trial in trials]
-        if min(scores, default=least) > least - STEP:
-            break
-        least = min(scores)
-        order = trials[scores.index(least)]
+    order, _ = by_exchanges(pairs, lambda o: total(balance.unexplained(_edits(group, o))))
     return order
-
-
-def _exchanged(order: Order, i: int, j: int) -> Order:
-    changed = {**order, i: order.get(j, j), j: order.get(i, i)}
-    return {channel: column for channel, column in changed.items() if channel != column}
 
 
 def _edits(group: Literal["q", "u"], order: Order) -> tuple[Edit, ...]:

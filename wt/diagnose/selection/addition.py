@@ -19,9 +19,9 @@ from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import refine, slopes_at, slopes_of
 from wt.diagnose.residual.screen import Scored, Screen
 from wt.diagnose.result import Stage
-from wt.diagnose.selection.candidates import candidates, dof_of
+from wt.diagnose.selection.candidates import Start, candidates, dof_of
 from wt.diagnose.selection.decisions import DecisionLog
-from wt.diagnose.selection.memory import Memory, Start
+from wt.diagnose.selection.memory import Memory
 from wt.diagnose.selection.pairs import paired
 from wt.diagnose.stop import StoppedError
 from wt.diagnose.thresholds import THRESHOLDS

@@ -34,16 +34,13 @@ from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import Slopes, jacobian, refine, slopes_of
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.addition import HOPELESS, Accepted
-from wt.diagnose.selection.candidates import excluded, lookalikes
+from wt.diagnose.selection.candidates import Start, excluded, lookalikes
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Common, Shape, effects
 from wt.physics.hooks import Uniting, shaped
 from wt.physics.planted import Hypothesis, Key, Planted, without
 from wt.types import Location
-
-Start = tuple[Planted, Shape | None]
-"""Parameters to start from, and the shape of the signature if there is one."""
 
 
 class Option(NamedTuple):

@@ -17,6 +17,9 @@ from wt.physics.effect import Shape, alternatives, effects
 from wt.physics.planted import Planted
 from wt.types import Location
 
+Start = tuple[Planted, Shape | None]
+"""Parameters to start from, and the shape of the signature if there is one."""
+
 WORST = 2
 """At so many joints, those whose replays err most, every effect of theirs is replayed."""
 KEPT = 10
@@ -30,7 +33,7 @@ def candidates(
     ranked: Sequence[Scored],
     objective: Objective,
     now: Assessed,
-) -> list[tuple[Planted, Shape | None]]:
+) -> list[Start]:
     """Additions to the present hypothesis that a replay should judge.
 
     Args:
@@ -52,7 +55,7 @@ def candidates(
             often = [s for s in ranked if s.planted.effect.common == "often" and s not in strong]
             strong += often[:1]
     chosen = _chosen(screen, ranked, strong, worst, erring)
-    proposals: list[tuple[Planted, Shape | None]] = [(s.planted, s.shape) for s in chosen]
+    proposals: list[Start] = [(s.planted, s.shape) for s in chosen]
     for s in chosen:
         effect = s.planted.effect
         starts = effect.starts(screen.motion, s.planted.at)

@@ -15,12 +15,9 @@ from jaxtyping import Float
 
 from wt.diagnose.likelihood.bic import worth
 from wt.diagnose.likelihood.objective import Assessed, Objective
+from wt.diagnose.selection.candidates import Start
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.physics.effect import Shape
 from wt.physics.planted import Key, Planted
-
-Start = tuple[Planted, Shape | None]
-"""Parameters to start from, and the shape of the signature if there is one."""
 
 _SAME = 0.1
 """Change of what is left at a joint, as a share of it, that changes nothing there."""
