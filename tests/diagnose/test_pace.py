@@ -27,15 +27,13 @@ class Told:
     """What a pace says, on a clock that stands unless it is set."""
 
     now: float = 0.0
-    slower: float = 1.0
     shares: list[tuple[str, float]] = field(default_factory=list)
     expected: list[Expected] = field(default_factory=list)
 
     def pace(self) -> Pace:
         return Pace(
-            lambda *stage: self.shares.append(stage), self.expected.append,
-            lambda: self.now, lambda: self.now / self.slower,
-        )  # fmt: skip
+            lambda *stage: self.shares.append(stage), self.expected.append, lambda: self.now
+        )
 
 
 class Replays(Objective):
@@ -65,23 +63,29 @@ def arm(tmp_path: Path) -> Scene:
     return Scene(path)
 
 
-@pytest.mark.parametrize(("slower", "forgets"), [(1.0, True), (3.0, True), (1.0, False)])
-def test_a_round_costs_its_replays_and_its_screen(arm: Scene, slower: float, forgets: bool) -> None:
-    told = Told(slower=slower)
+def searching(told: Told, arm: Scene, replays: Replays, screen_s: float = 2.0) -> Pace:
+    """A pace that has timed a screen and replays."""
     pace_ = told.pace()
-    told.now = 2.0
     pace_.foretell(arm, 1e-3, 16.0, EIGHT)
-    pace_.time(Replays(told, 0.05, forgets))
+    pace_.stage("screening hypotheses")
+    told.now += screen_s
+    pace_.time(replays)
     assert not told.expected, "what errs is not known yet"
+    return pace_
+
+
+@pytest.mark.parametrize("forgets", [True, False])
+def test_a_search_costs_its_replays_and_its_screen(arm: Scene, forgets: bool) -> None:
+    told = Told()
+    pace_ = searching(told, arm, Replays(told, 0.05, forgets))
     pace_.search(1, 2)
-    replays, steps, samples = 95 + 2 * 100, 8.0 / 2e-3, 8.0 * 100.0
-    each = 0.05 + slower * steps * pace.LIVE_S
-    a_round = (
-        1.0 if forgets else pace.KEEPING
-    ) * replays * each + slower * 2 * samples * pace.SCREEN_S
+    a_search = (1.0 if forgets else pace.KEEPING) * (
+        2 * pace.OF_JOINT * 0.05 + pace.SCREENED * 2.0 + 1.0
+    )
     (expected,) = told.expected
-    assert expected.nothing == pytest.approx(told.now + pace.NOTHING * a_round)
-    assert expected.each == pytest.approx(pace.EACH * a_round)
+    assert expected.nothing == pytest.approx(told.now + a_search)
+    assert expected.each == pytest.approx(pace.EACH * a_search)
+    assert expected.of(3) == pytest.approx(told.now + (1.0 + 3 * pace.EACH) * a_search)
     pace_.search(2, 1)
     assert len(told.expected) == 1
 
@@ -95,9 +99,10 @@ def test_a_floating_machine_is_told_of_before_it_is_smoothed_and_again_where_it_
     pace_.foretell(stool.scene(tmp_path), 1e-3, 5.0, EIGHT)
     (first,) = told.expected
     assert not first.again
-    # the clock stood while steps were timed: only what laws add was counted, and the screen
-    a_round = first.each / pace.EACH_FLOATING
-    pace_.time(Replays(told, (times - 1.0) * a_round / pace.FLOATING))
+    # the clock stood while steps were timed: only the screen was counted
+    assert first.each is not None
+    a_search = first.each / pace.EACH_FLOATING
+    pace_.time(Replays(told, (times - 1.0) * a_search / pace.FLOATING, reference=0.0))
     pace_.search(1, 1)
     assert len(told.expected) == said
     assert told.expected[-1].again == (said == 2)
@@ -105,52 +110,49 @@ def test_a_floating_machine_is_told_of_before_it_is_smoothed_and_again_where_it_
 
 def test_many_joints_take_longer_to_linearise_than_to_search(arm: Scene) -> None:
     told = Told()
-    pace_ = told.pace()
-    pace_.foretell(arm, 1e-3, 16.0, EIGHT)
-    pace_.time(Replays(told, 0.0, reference=100.0))
-    pace_.search(1, 1)
+    searching(told, arm, Replays(told, 0.0, reference=100.0)).search(1, 1)
     (expected,) = told.expected
-    assert expected.nothing - told.now > pace.NOTHING * 100.0
+    assert expected.nothing - told.now > 100.0
 
 
 def test_what_takes_minutes_is_said_before_it_is_smoothed(
     arm: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pace, "step_seconds", lambda *_: 1e-4)
+    monkeypatch.setattr(pace, "step_seconds", lambda *_: 1e-3)
     told = Told()
     told.pace().foretell(arm, 1e-3, 16.0, EIGHT)
     (first,) = told.expected
-    assert first.nothing > pace.NOTHING * 95 * 1e-4 * 4000 > 45.0
+    assert first.nothing > pace.OF_JOINT * 1e-3 * 4000
 
 
-def test_a_round_that_took_longer_makes_the_rest_longer(arm: Scene) -> None:
+def test_what_is_left_goes_with_the_time_that_was_searched(arm: Scene) -> None:
     told = Told()
-    pace_ = told.pace()
-    pace_.foretell(arm, 1e-3, 16.0, EIGHT)
-    pace_.search(1, 2)
-    told.now = 100.0
-    pace_.search(2, 1)
+    pace_ = searching(told, arm, Replays(told, 0.01))
+    pace_.search(1, 1)
+    began = told.now
+    told.now += 7.0
+    pace_.stage("estimating and proving")
     what, share = told.shares[-1]
-    assert what == "looking for effect 2"
-    assert share == pytest.approx(100.0 / (100.0 + pace.NOTHING * 100.0))
+    assert what == "estimating and proving"
+    assert share == pytest.approx(told.now / (told.now + told.now - began))
 
 
-def test_a_search_that_goes_on_after_a_proof_is_said_once_more(arm: Scene) -> None:
+def test_a_proof_that_comes_late_is_said_once(arm: Scene) -> None:
     told = Told()
-    pace_ = told.pace()
-    pace_.foretell(arm, 1e-3, 16.0, EIGHT)
-    pace_.time(Replays(told, 0.01))
+    pace_ = searching(told, arm, Replays(told, 0.01))
     pace_.search(1, 1)
     (first,) = told.expected
-    told.now += 0.4 * first.nothing
+    began = told.now
+    told.now = 3.0 * first.of(1)
     pace_.search(2, 1)
-    told.now = 3.0 * first.nothing
+    assert len(told.expected) == 1, "of a search's length nothing is known before it ends"
     pace_.stage("estimating and proving")
-    assert len(told.expected) == 1
-    pace_.search(2, 1)
     later = told.expected[-1]
-    assert later.again and later.each == first.each
-    assert later.nothing > 3.0 * first.nothing - first.each
+    assert later.again and later.each is None
+    assert later.of(1) == pytest.approx(told.now + (told.now - began))
+    pace_.search(2, 1)
+    pace_.stage("estimating and proving")
+    assert len(told.expected) == 2
 
 
 def test_what_is_done_stays_done(arm: Scene) -> None:
@@ -180,6 +182,7 @@ def test_the_sentence_is_as_rough_as_what_it_says() -> None:
         "this takes about 15 s if nothing is missing, and 5 s more for each effect that is found"
     )
     assert str(Expected(13.2, 4.0, again=True)).startswith("it turns out that all of this takes")
+    assert str(Expected(130.0, None)) == "this takes about 2 min"
     assert str(Expected(130.0, 5e4)).startswith(
         "this takes about 2 min if nothing is missing, and 13.9 h more"
     )

@@ -206,7 +206,7 @@ def printed(diagnosis: Diagnosis, out: Path) -> Console:
 
 def _print_expected(expected: Expected) -> None:
     """Say how long it will take, unless it is quick even where an effect is found."""
-    if expected.nothing + expected.each > QUICK_S:
+    if expected.of(1) > QUICK_S:
         print(expected, file=sys.stderr, flush=True)
 
 

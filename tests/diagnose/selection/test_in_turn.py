@@ -137,3 +137,14 @@ def test_too_few_hits_cannot_say() -> None:
     assert hit(4).share > 0.9 and hit(4).p_value == pytest.approx(0.5**4)
     assert hit(4).undecided
     assert not hit(4, better=False).undecided, "what makes replays worse is refused"
+
+
+def test_what_costs_more_than_it_brings_is_no_gain() -> None:
+    """Most blocks gain a little, and one joint much; a few that get worse lose more than that."""
+    rng = np.random.default_rng(1)
+    raw, block = rng.standard_normal((400, 2)), np.arange(400) // 5
+    patched = raw * [0.9, 0.99]
+    assert gain_of(raw, patched, (block, block)).p_value < 1e-3
+    patched[:50] += [0.0, 3.0]
+    worse = gain_of(raw, patched, (block, block))
+    assert worse.share < 0.0 and worse.p_value == 1.0

@@ -169,7 +169,8 @@ class Gain:
 
     Attributes:
         share: share of the squared error that it removes.
-        p_value: of that being chance; 1 if no joint's error falls by ``thresholds.material``.
+        p_value: of that being chance; 1 if no joint's error falls by ``thresholds.material``, or
+            what falls at one joint, or most of the time, is more than made up for elsewhere.
             Held-out data had no part in the search, so what has to be paid for is the number of
             effects that are tested, not that of all hypotheses.
         potential: largest share that an effect which changes the replays so much could remove.
@@ -252,7 +253,8 @@ def gain_of(
     share, least_p = float(difference.sum() / one.sum()), float(0.5 ** tested.sum())
     before = np.nansum(less**2, axis=0)
     material = ((before - left) >= THRESHOLDS.material * before).any()
-    return Gain(share, float(test.pvalue) if material else 1.0, potential, least_p=least_p)
+    improves = share > 0.0 and material
+    return Gain(share, float(test.pvalue) if improves else 1.0, potential, least_p=least_p)
 
 
 def _tested(difference: Float[np.ndarray, " block"]) -> Bool[np.ndarray, " block"]:
