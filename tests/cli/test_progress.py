@@ -12,7 +12,7 @@ from wt.cli._progress import Lines, bar, bars, waiting
 
 def test_lines_say_the_step_its_share_and_the_time(capsys: pytest.CaptureFixture[str]) -> None:
     with Lines(every=0.05) as lines:
-        lines.say("naming", 0.8)
+        lines("naming", 0.8)
         time.sleep(0.5)
     out, err = capsys.readouterr()
     first, *_ = err.splitlines()
@@ -24,7 +24,7 @@ def test_lines_say_the_step_its_share_and_the_time(capsys: pytest.CaptureFixture
 def test_lines_of_timed_work_say_what_is_left(capsys: pytest.CaptureFixture[str]) -> None:
     with Lines(every=0.2, timed=True) as lines:
         time.sleep(0.1)
-        lines.say("naming", 0.001)
+        lines("naming", 0.001)
         time.sleep(0.3)
     (line, *_) = capsys.readouterr().err.splitlines()
     # a thousandth took a tenth of a second
@@ -39,9 +39,9 @@ def test_the_share_of_timed_work_grows_within_a_step(
     monkeypatch.setattr(_progress, "_AT_LEAST", 0.0)
     with Lines(every=0.2, timed=True) as lines:
         time.sleep(0.1)
-        lines.say("naming", 0.1)  # so that all takes a second
+        lines("naming", 0.1)  # so that all takes a second
         time.sleep(0.4)
-        lines.say("proving", 0.4)
+        lines("proving", 0.4)
         time.sleep(0.3)
     shares = [int(line.split()[1]) for line in capsys.readouterr().err.splitlines()]
     assert len(shares) >= 3 and shares == sorted(shares)
@@ -54,6 +54,33 @@ def test_quick_work_says_nothing_and_draws_no_bar(capsys: pytest.CaptureFixture[
     with bars() as listener:
         listener.progress("training", 1, 2)
     assert capsys.readouterr().err == ""
+
+
+def test_nothing_is_said_while_the_terminal_is_somebody_else_s(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with Lines(every=0.05) as lines:
+        lines("naming", 0.8)
+        with lines.aside():
+            time.sleep(0.3)
+            assert not capsys.readouterr().err
+        time.sleep(0.3)
+    assert capsys.readouterr().err.startswith("naming: 80 %")
+
+
+def test_a_bar_makes_room_on_a_terminal(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("TERM", "xterm")
+    with bar("reading") as drawn:
+        drawn("naming", 0.5)
+        with drawn.aside():
+            capsys.readouterr()
+            time.sleep(0.3)
+            assert not capsys.readouterr().err
+        time.sleep(0.3)
+        assert "naming" in capsys.readouterr().err
 
 
 def test_warnings_are_printed_in_a_log_too(capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -102,15 +103,21 @@ class Answer:
 class Experiments:
     """Experiments that were run, in order."""
 
-    def __init__(self, robot: Robot, keep: Callable[[str, Recording], None]) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        keep: Callable[[str, Recording], None],
+        aside: Callable[[], AbstractContextManager[None]] = nullcontext,
+    ) -> None:
         """Take over what the robot has carried out before.
 
         Args:
             robot: carries experiments out.
             keep: called with (name, recording) of commands before they are sent, and of what was
                 measured.
+            aside: entered while an experiment runs, when a person may have to read and press keys.
         """
-        self._robot, self._keep = robot, keep
+        self._robot, self._keep, self._aside = robot, keep, aside
         self.recorded: list[Recording] = []
         while (earlier := robot.performed(len(self.recorded) + 1)) is not None:
             self.recorded.append(earlier)
@@ -119,7 +126,8 @@ class Experiments:
         """Carry out one more."""
         number = len(self.recorded) + 1
         self._keep(f"experiment_{number}", commands)
-        measured = self._robot.perform(number, commands)
+        with self._aside():
+            measured = self._robot.perform(number, commands)
         if not self._robot.keeps:
             self._keep(f"recorded_{number}", measured)
         self.recorded.append(measured)

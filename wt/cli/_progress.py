@@ -6,8 +6,8 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from contextlib import AbstractContextManager, contextmanager
+from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -36,9 +36,19 @@ def bars() -> Iterator[Listener]:
         yield _Bars(progress)
 
 
+class Bar(Protocol):
+    """How far one piece of work is."""
+
+    def __call__(self, what: str, share: float) -> None:
+        """Say the present step and the share that is done, 0 … 1."""
+
+    def aside(self) -> AbstractContextManager[None]:
+        """Nothing is said while this lasts: the terminal is somebody else's."""
+
+
 @contextmanager
-def bar(beginning: str, timed: bool = False) -> Iterator[Callable[[str, float], None]]:
-    """One bar, drawn anew when called with the present step and the share that is done, 0 … 1.
+def bar(beginning: str, timed: bool = False) -> Iterator[Bar]:
+    """One bar, drawn anew when called.
 
     Args:
         beginning: the first step.
@@ -50,19 +60,12 @@ def bar(beginning: str, timed: bool = False) -> Iterator[Callable[[str, float], 
     console = Console(stderr=True)
     if not console.is_terminal:
         with Lines(beginning, timed=timed) as lines:
-            yield lines.say
+            yield lines
         return
     columns = TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn()
     left = [TextColumn("{task.fields[clock]}")] * timed
     with Progress(*columns, *left, console=console, transient=True) as progress:
-        clock = _Clock()
-        task = progress.add_task(beginning, total=1.0, clock=clock)
-
-        def say(what: str, share: float) -> None:
-            clock.say(share)
-            progress.update(task, description=what, completed=share)
-
-        yield say
+        yield _Drawn(progress, beginning)
 
 
 @contextmanager
@@ -103,13 +106,22 @@ class Lines:
         """
         self._now, self._every = (beginning, 0.0), every
         self._clock, self._timed = _Clock(), timed
-        self._began, self._ended = time.monotonic(), threading.Event()
+        self._began, self._ended, self._aside = time.monotonic(), threading.Event(), False
         self._thread = threading.Thread(target=self._print, daemon=True)
 
-    def say(self, what: str, share: float) -> None:
+    def __call__(self, what: str, share: float) -> None:
         """Take note of the step and the share that is done, 0 … 1."""
         self._now = (what, share)
         self._clock.say(share)
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """Print nothing while this lasts."""
+        self._aside = True
+        try:
+            yield
+        finally:
+            self._aside = False
 
     def __enter__(self) -> Lines:
         """Start to print."""
@@ -125,7 +137,7 @@ class Lines:
         said, when, furthest = None, self._began, 0.0
         while not self._ended.wait(self._every):
             now = time.monotonic()
-            if self._now == said and now - when < _AT_LEAST:
+            if self._aside or (self._now == said and now - when < _AT_LEAST):
                 continue
             said, when = self._now, now
             what, share = said
@@ -165,6 +177,26 @@ class _Clock:
         return f"about {duration(left)} to go" if left > 0.0 else ""
 
 
+class _Drawn:
+    """A bar on a terminal."""
+
+    def __init__(self, progress: Progress, beginning: str) -> None:
+        self._progress, self._clock = progress, _Clock()
+        self._task = progress.add_task(beginning, total=1.0, clock=self._clock)
+
+    def __call__(self, what: str, share: float) -> None:
+        self._clock.say(share)
+        self._progress.update(self._task, description=what, completed=share)
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        self._progress.stop()
+        try:
+            yield
+        finally:
+            self._progress.start()
+
+
 class _Bars:
     """Draws; metrics are not for the terminal."""
 
@@ -191,7 +223,7 @@ class _Log:
         self._lines, self._console = lines, console
 
     def progress(self, what: str, done: int, total: int) -> None:
-        self._lines.say(what, done / max(total, 1))
+        self._lines(what, done / max(total, 1))
 
     def metrics(self, what: str, values: Mapping[str, float], step: int) -> None:
         pass

@@ -129,8 +129,9 @@ def _asked(
 
     with kept(out), claimed(out / "diagnosis", inputs) as write:
         read = [recording.read(path) for path in inputs[1:]]
-        experiments = Experiments(performer(), lambda name, r: _keep(out, name, r, inputs))
         with bar("reading") as progress:
+            keep = functools.partial(_keep, out, inputs)
+            experiments = Experiments(performer(), keep, progress.aside)
             answer = ask(inputs[0], read, experiments, wish, follow=follow, progress=progress)
             progress("writing", 0.98)
             write(answer.diagnosis)
@@ -172,7 +173,7 @@ def _go2(out: Path, model: Path, interface: str, domain: int, limits: Sequence[s
     return Go2Robot(out, model, interface, domain, limits)
 
 
-def _keep(out: Path, name: str, kept: Recording, inputs: Sequence[Path]) -> None:
+def _keep(out: Path, inputs: Sequence[Path], name: str, kept: Recording) -> None:
     from wt.ask import SOURCE
     from wt.data import recording
 
