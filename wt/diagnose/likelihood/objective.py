@@ -173,7 +173,7 @@ class Objective:
         raw = self._raw(
             [(*h, *self._nearby.rig(c)) for h, c in zip(hypotheses, centres, strict=True)]
         )
-        return [self._assess(h, e, c) for h, c, e in zip(hypotheses, centres, raw, strict=True)]
+        return self._assessed(hypotheses, raw, np.reshape(centres, (len(raw), len(self._able))))
 
     def _raw(self, hypotheses: Sequence[Hypothesis]) -> Float[np.ndarray, "hypothesis sample dof"]:
         """Simulated minus measured positions."""
@@ -239,7 +239,7 @@ class Objective:
         """Likelihood of a projected error with the tolerances that it had, and no others."""
         if not np.isfinite(error).all():
             return -np.inf
-        variance = self.channels.variance(self._around.squares(error).total)
+        variance = self.channels.variance(self._around.squares(error[None])[0].total)
         return self.channels.nats(variance) - 0.5 * float(centre @ centre)
 
     def _linearised(self, hypothesis: Hypothesis, anew: bool = False) -> Assessed:
@@ -250,7 +250,7 @@ class Objective:
         parts = self.channels.parts
         if self.forgets:
             self._around = linear(columns, centre, parts, error)
-            return self._assess(hypothesis, error, centre)
+            return self._assessed([hypothesis], error[None], centre[None])[0]
         response = response * self.channels.valid[:, :, None]
         known = np.nan_to_num(error, nan=1.0) ** 2
         variance = self.channels.variance(self.channels.sums(known))
@@ -258,7 +258,7 @@ class Objective:
         for _ in range(REWEIGHTED):
             initial = initial_states(self._rows, response, variance, self._farthest)
             self._around = linear(columns, centre, parts, error, initial)
-            assessed = self._assess(hypothesis, error, centre)
+            (assessed,) = self._assessed([hypothesis], error[None], centre[None])
             variance = np.where(np.isfinite(assessed.variance), assessed.variance, variance)
         if not self._measured_rough:
             self._measured_rough = True
@@ -282,19 +282,29 @@ class Objective:
             differences.append(apart - self._around.moved(size))
         return differences
 
+    def _assessed(
+        self,
+        hypotheses: Sequence[Hypothesis],
+        raw: Float[np.ndarray, "hypothesis sample dof"],
+        centres: Float[np.ndarray, "hypothesis tolerance"],
+    ) -> list[Assessed]:
+        """Likelihoods of replays' errors, with the tolerances adapted inside their boxes."""
+        each = zip(hypotheses, raw, centres, self._around.read(raw, centres), strict=True)
+        return [self._assess(h, r, c, *read) for h, r, c, read in each]
+
     def _assess(
         self,
         hypothesis: Hypothesis,
         raw: Float[np.ndarray, "sample dof"],
         centre: Float[np.ndarray, " tolerance"],
+        error: Float[np.ndarray, "sample dof"],
+        squares: Squares | None,
     ) -> Assessed:
-        """Likelihood of a replay's error, with the tolerances adapted inside their box."""
-        error = self._around.at_origin(raw, centre)
-        if not np.isfinite(error).all():
+        if squares is None:  # the replay exploded
             bad = np.full(self.channels.floors.shape, np.inf)
             return Assessed(hypothesis, -np.inf, bad, np.zeros(len(centre)), centre, error, raw)
-        squares, sizes = self._around.squares(error), self._around.centre
-        variance, box = self.channels.variance(squares.total), boxes(self.tolerances, hypothesis)
+        sizes, box = self._around.centre, boxes(self.tolerances, hypothesis)
+        variance = self.channels.variance(squares.total)
         for _ in range(3):
             sizes = self._adapt(squares, variance, box, sizes)
             variance = self.channels.variance(squares.left(sizes))
@@ -352,7 +362,7 @@ class Objective:
         Nor those that are of the kind and place of an effect, which says it for both.
         """
         able = np.flatnonzero(self._able & ~alike(self.tolerances, assessed.hypothesis))
-        squares = self._around.squares(assessed.error).only(able)
+        squares = self._around.squares(assessed.error[None])[0].only(able)
         box = boxes(self.tolerances, assessed.hypothesis)[able]
         sizes = self._adapt(squares, assessed.variance, box)
         pairs = [(self.tolerances[i], float(x)) for i, x in zip(able, sizes, strict=True)]
