@@ -59,8 +59,8 @@ Stage = Literal[
     "auditing", "smoothing", "screening hypotheses", "estimating and proving",
     "looking for events", "naming", "recordings take turns", "preparing pictures",
 ]  # fmt: skip
-_FIRST = 1.0 + 0.5 * EACH
-"""What all takes, in searches that find nothing: an effect is as likely found as none."""
+_FIRST = 1.0 + EACH
+"""What all takes, in searches that find nothing, if one effect is found."""
 _SEARCHING = 1.5
 _LEFT = dict(zip(get_args(Stage), (0.0, 0.0, 0.0, 1.0, 0.3, 0.3, 1.0, 0.15), strict=True))
 """What is left as another effect is looked for, and as each stage begins, in times that have passed
