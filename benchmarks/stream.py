@@ -31,7 +31,7 @@ from jaxtyping import Float
 
 from wt.config import FitConfig, Method, load
 from wt.data.transitions import ROW_GROUP
-from wt.evaluate.results import OURS, PAPERS_OWN
+from wt.evaluate.results import PAPERS_OWN
 from wt.run.jobs import Job, train
 from wt.run.study import Study
 from wt.train import streamed
@@ -150,18 +150,13 @@ def configured(folder: Path, transitions: int, overrides: Sequence[str]) -> FitC
     """An R5 with so many transitions of either domain, trained for as many turns as there are."""
     config = load("conf/r5.yaml", [
         "world.name=noise", f"data.dir={folder / 'data'}", f"data.transitions={transitions}",
-        "plus.mean.steps=20", *overrides,
+        *overrides,
     ])  # fmt: skip
     steps = turn(config.paper)
-
-    def short(method: Method) -> Method:
-        whole = TURNS * steps
-        return replace(
-            method,
-            train=replace(method.train, steps=whole, validate_every=whole, log_every=steps),
-        )
-
-    return replace(config, paper=short(config.paper), plus=short(config.plus))
+    train = replace(
+        config.paper.train, steps=TURNS * steps, validate_every=TURNS * steps, log_every=steps
+    )
+    return replace(config, paper=replace(config.paper, train=train))
 
 
 def main(millions: str = "50", *overrides: str) -> None:
@@ -174,17 +169,14 @@ def main(millions: str = "50", *overrides: str) -> None:
             Study.open(config, folder, Turns(multiprocessing.Pipe()[0]))
         times = f"{'ms/step':>9}{'ratio':>7}{'of a core':>11}{'ratio':>7}{'to read':>9}"
         print(f"{'':<22}{'transitions':>12}{times}{'peak GB':>9}")
-        for method in (PAPERS_OWN, OURS):
-            results = race(method, configs, folder)
-            (memory, _), _ = results
-            for config, (side, held) in zip(configs, results, strict=True):
-                wall, core, reading = np.median(side, axis=0)
-                ratios = np.median(side[:, :2] / memory[:, :2], axis=0)
-                times = (
-                    f"{wall:>9.2f}{ratios[0]:>7.3f}{core:>11.2f}{ratios[1]:>7.3f}{reading:>9.2f}"
-                )
-                count = 2 * config.data.transitions
-                print(f"{method:<22}{count:>12}{times}{held:>9.2f}", flush=True)
+        results = race(PAPERS_OWN, configs, folder)
+        (memory, _), _ = results
+        for config, (side, held) in zip(configs, results, strict=True):
+            wall, core, reading = np.median(side, axis=0)
+            ratios = np.median(side[:, :2] / memory[:, :2], axis=0)
+            times = f"{wall:>9.2f}{ratios[0]:>7.3f}{core:>11.2f}{ratios[1]:>7.3f}{reading:>9.2f}"
+            count = 2 * config.data.transitions
+            print(f"{PAPERS_OWN:<22}{count:>12}{times}{held:>9.2f}", flush=True)
         print(f"{'goals':<22}{'':>12}{'':>9}{'≤ 1.05':>7}{'':>11}{'≤ 1.05':>7}{'':>9}{'< 2':>9}")
 
 

@@ -24,6 +24,7 @@ from registry.card import sha256
 REQUIREMENTS = ("mlflow", "numpy", "onnx", "onnxruntime", "pandas")
 _MODULE = "wt_served"  # of the copy: no name that somebody has
 _EXAMPLE = "input_example.json"
+_ENVIRONMENTS = {"python_env": "python_env.yaml", "conda_env": "conda.yaml"}
 
 
 @dataclass(frozen=True)
@@ -75,9 +76,18 @@ class Files:
         _json(folder / _EXAMPLE, {"columns": _flat(inputs), "data": rows.tolist()})
         packages = [f"{name}=={importlib.metadata.version(name)}" for name in REQUIREMENTS]
         (folder / "requirements.txt").write_text("\n".join(packages) + "\n")
+        # what `mlflow models predict` and `serve` make an environment of; JSON is YAML
+        python = platform.python_version()
         _json(
-            folder / "python_env.yaml",  # JSON is YAML
-            {"python": platform.python_version(), "dependencies": ["-r requirements.txt"]},
+            folder / _ENVIRONMENTS["python_env"],
+            {"python": python, "dependencies": ["-r requirements.txt"]},
+        )
+        _json(
+            folder / _ENVIRONMENTS["conda_env"],
+            {
+                "channels": ["conda-forge"],
+                "dependencies": [f"python={python}", "pip", {"pip": packages}],
+            },
         )
         self._describe(folder, model_id, _flat(inputs), _flat(outputs))
 
@@ -104,9 +114,7 @@ class Files:
                 "pandas_orient": "split",
             },
         )
-        mlflow.pyfunc.add_to_model(
-            model, loader_module=_MODULE, code="code", python_env="python_env.yaml"
-        )
+        mlflow.pyfunc.add_to_model(model, loader_module=_MODULE, code="code", **_ENVIRONMENTS)
         model.add_flavor(
             "onnx",
             onnx_version=importlib.metadata.version("onnx"),

@@ -15,7 +15,6 @@ from pathlib import Path
 
 from wt.baselines.base import find, longest_first
 from wt.config import FitConfig, load
-from wt.data.transitions import content_hash
 from wt.errors import ConfigError
 from wt.evaluate import paper
 from wt.evaluate.results import OURS, PAPERS_OWN
@@ -168,8 +167,8 @@ def _note(job: Job, task: str) -> str:
         what = (inspect.getdoc(find(job.method)) or "").split("\n\n")[0].rstrip(".")
     return (
         f"`{job.method}` on the task `{task}`, seed {job.seed}: {' '.join(what.split())}. "
-        "`test/mse` is its error on pairs that neither trained nor chose, `val/…` its error on "
-        "what is held out while it trained."
+        "`test/mse` is its error on pairs that neither trained nor chose, `val/…`, where Algorithm "
+        "1 or a regression ran, its error on what is held out meanwhile."
     )
 
 
@@ -195,7 +194,7 @@ def _datasets(study: Study) -> list[Dataset]:
         Dataset(
             f"{task}/{what}",
             use,
-            content_hash(getattr(collected, what)),
+            collected.digest(what),
             collected.folders[what],
             len(collected.whole(what)),
             columns,

@@ -298,6 +298,8 @@ def test_content_hash_sees_every_value() -> None:
     data = toy(SHARDS[0])
     assert content_hash(data) == content_hash(toy(SHARDS[0]))
     assert content_hash(Pairs(data, data.s_next)) == content_hash(data)
+    some, rest = data.select(np.arange(4)), data.select(np.arange(4, len(data)))
+    assert content_hash([some, rest]) == content_hash(data), "however it is divided"
     for name in ("o", "a", "s_next"):
         changed = {f: np.array(getattr(data, f)) for f in data.__dataclass_fields__}
         changed[name][3, 0] += 1e-3

@@ -100,7 +100,12 @@ def test_signature_requirements_and_the_words_on_it(
     assert (metric.dataset_name, metric.dataset_digest) == ("pairs/test", "heldout-1")
     assert run.data.metrics["heldout/mse"] == 0.5
     pinned = mlflow.pyfunc.get_model_dependencies("models:/wt-toy@champion")
-    assert all("==" in line for line in Path(pinned).read_text().splitlines() if line)
+    lines = [line for line in Path(pinned).read_text().splitlines() if line]
+    assert all("==" in line for line in lines)
+    # what `mlflow models serve` makes an environment of
+    conda = mlflow.pyfunc.get_model_dependencies("models:/wt-toy@champion", format="conda")
+    (pip,) = (d["pip"] for d in json.loads(Path(conda).read_text())["dependencies"][2:])
+    assert pip == lines
 
 
 def test_a_process_without_our_code_can_run_it(

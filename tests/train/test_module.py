@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import lightning
 import numpy as np
@@ -10,6 +11,7 @@ import torch
 
 from tests.train.conftest import Setup
 from wt.config import Method
+from wt.errors import ConfigError
 from wt.train import module
 from wt.train.score import PairTensors
 
@@ -38,6 +40,21 @@ def test_own_step_counts_batches_though_four_optimizers_step(set_up: SetUp, pape
     trainer = setup.run(5)
     assert trainer.global_step == 4 * 5
     assert batch_of_step == [(k + 1, k) for k in range(5)]
+
+
+def test_a_strategy_that_waits_for_all_gradients_is_refused(
+    set_up: SetUp, paper: Method, tmp_path: Path
+) -> None:
+    setup = set_up(paper)
+    trainer = lightning.Trainer(
+        accelerator="cpu", devices=1, strategy="ddp", default_root_dir=tmp_path, logger=False
+    )
+    try:
+        with pytest.raises(ConfigError, match="Unwrapped"):
+            trainer.fit(setup.module, setup.data)
+    finally:
+        if torch.distributed.is_initialized():
+            torch.distributed.destroy_process_group()
 
 
 def test_optimizers_hold_every_trained_parameter_once(set_up: SetUp, plus: Method) -> None:

@@ -6,7 +6,7 @@ they are, so that opening a collection reads none of its transitions.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -84,6 +84,10 @@ class Stored:
         path, number, rows = self.groups[group]
         data = transitions(read(path, self.spec, number))
         return data if len(data) == rows else data.select(np.arange(rows))
+
+    def parts(self) -> Iterator[Transitions]:
+        """All transitions, a row group at a time."""
+        return (self.read(group) for group in range(len(self.groups)))
 
     def sample(self, most: int) -> Transitions:
         """As many row groups, evenly spread, as have at most so many transitions together.

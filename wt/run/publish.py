@@ -15,7 +15,7 @@ from registry.push import push
 from registry.store import Version
 from wt.baselines.base import find
 from wt.config import FitConfig
-from wt.data.transitions import content_hash
+from wt.data.transitions import digest
 from wt.errors import ConfigError, RegistryError
 from wt.evaluate import figures
 from wt.evaluate.results import ASSUMPTION, OURS, PAPERS_OWN, MethodScore, Results
@@ -41,6 +41,8 @@ EXAMPLES = 512
 
 GOLDEN = 8
 """Input and output rows that travel with the model."""
+
+_UNTRAINED = "untrained: S's answer alone decides, and Algorithm 1 has no part in this model"
 
 
 @dataclass(frozen=True)
@@ -211,8 +213,10 @@ def _export(study: Study, seed: int, by_method: Mapping[str, Errors], chosen: fl
     known[:, : spec.n_action] = pairs.real.a  # the last action of o′ is this step's
     n = EXAMPLES
     example = pairs.real.o[:n], pairs.real.a[:n], np.hstack([pairs.sim_next, known])[:n]
-    data_hash, commit = content_hash(study.data.real), source().commit
-    facts = {"data_hash": data_hash, "commit": commit}
+    data_hash = digest([study.data.digest("sim"), study.data.digest("real")])
+    commit = source().commit
+    learned = "of Algorithm 1" if float(trained.strength) else _UNTRAINED
+    facts = {"data_hash": data_hash, "commit": commit, "features": learned}
     export(Exported(trained), spec, folder / MODEL, example=example, facts=facts)
     model = eager(module)
     difference = parity.check(folder / MODEL, model, example)

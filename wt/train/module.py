@@ -12,12 +12,14 @@ from typing import Any
 import lightning
 import torch
 from lightning.pytorch.core.optimizer import LightningOptimizer
+from lightning.pytorch.strategies import DDPStrategy
 from pydantic import TypeAdapter
 from torch import Tensor, nn
 from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LambdaLR, LRScheduler
 
 from wt.config import Method
+from wt.errors import ConfigError
 from wt.nets.world_model import WorldModel
 from wt.train import graphs, phases, replicas
 from wt.train.batches import StepBatch
@@ -89,6 +91,19 @@ class WorldTranslation(lightning.LightningModule):
             return _share(step, train.steps)
 
         return optimizers, [LambdaLR(optimizer, share) for optimizer in optimizers]
+
+    def setup(self, stage: str) -> None:
+        """Refuse a strategy that waits for gradients which an optimizer's turn does not give.
+
+        Raises:
+            ConfigError: Lightning's DDP wraps the module.
+        """
+        strategy = self.trainer.strategy
+        if isinstance(strategy, DDPStrategy) and not isinstance(strategy, replicas.Unwrapped):
+            raise ConfigError(
+                "Algorithm 1 averages its gradients itself, optimizer by optimizer; give "
+                "Trainer(strategy=wt.train.replicas.Unwrapped()) instead of Lightning's own DDP"
+            )
 
     def on_train_start(self) -> None:
         """Replay steps as graphs where a CUDA device can."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from wt.config import DataConfig
 from wt.data.stored import Stored, Streams, held_out, transitions
-from wt.data.transitions import digest, ensure, obtain, plan
+from wt.data.transitions import content_hash, digest, ensure, obtain, plan
 from wt.errors import DataError
 from wt.types import Pairs, Recording, Transitions
 from wt.worlds.base import World
@@ -40,12 +40,21 @@ class Collected:
     test: Pairs
     folders: Mapping[str, Path] = field(default_factory=dict)
     streams: Streams = field(default_factory=Streams)
+    _digests: dict[str, str] = field(default_factory=dict, init=False, repr=False)
 
     def whole(self, what: str) -> Transitions | Pairs | Stored:
         """A collection by its name here, where it is streamed not the sample but all of it."""
         stored = getattr(self.streams, what, None)
         data: Transitions | Pairs | Stored = getattr(self, what) if stored is None else stored
         return data
+
+    def digest(self, what: str) -> str:
+        """Hash of a whole collection's content, by its name here, however much memory holds."""
+        if what not in self._digests:
+            data = self.whole(what)
+            parts = data.parts() if isinstance(data, Stored) else data
+            self._digests[what] = content_hash(parts)
+        return self._digests[what]
 
 
 def collect(
