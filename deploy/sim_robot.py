@@ -29,6 +29,14 @@ STALE_COMMAND = 0.02
 """Age of the newest command beyond which the robot brakes by itself [s]."""
 
 JOINTS = go2_model.JOINTS
+
+_GEAR, _COUNTS = 6.33, 2**15
+ENCODER_STEP = (2.0 * np.pi / (_COUNTS * _GEAR)) * (
+    go2.drives(JOINTS).torque.min() / go2.drives(JOINTS).torque
+)
+"""Steps of the measured positions, (12,) [rad]: a rotor's turn has 2¹⁵, and a knee is geared by as
+much more as it is stronger. So they are in recordings of a real one: 30 and 16 µrad."""
+
 _TIMESTEP = 0.001
 _ACCELEROMETER = "accelerometer"
 _LYING = (0.47, 1.13, -2.72, -0.47, 1.13, -2.72) * 2  # rad: folded, the trunk on the floor
@@ -140,7 +148,7 @@ class SimRobot:
             math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
         )
         drives["mode"][self._motor] = 1
-        drives["q"][self._motor] = self.joints
+        drives["q"][self._motor] = ENCODER_STEP * np.round(self.joints / ENCODER_STEP)
         drives["dq"][self._motor] = self.speeds
         drives["tau_est"][self._motor] = data.actuator_force
         drives["temperature"][self._motor] = 30
