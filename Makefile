@@ -64,6 +64,7 @@ format: env ## lay the code out as lint wants it
 # stream, trials, toys, real and the public robots; each says how in its first lines.
 bench: env ## print the tables of speed
 	$(BIN)/python benchmarks/steps.py
+	$(BIN)/python benchmarks/bare.py
 	$(BIN)/python benchmarks/collect.py
 	$(BIN)/python benchmarks/train.py
 	$(BIN)/python benchmarks/runner.py

@@ -73,6 +73,8 @@ def test_of_more_than_memory_is_to_hold_a_sample_is_read(
     assert large.streams.in_memory == 150 and len(large.streams.sim) == 220
     np.testing.assert_array_equal(large.sim.o, collected.sim.o[:100])  # of 100, 100 and 20
     assert collected.streams == Streams(None, None, 500_000)
+    assert large.digest("sim") == collected.digest("sim"), "of all, however much memory holds"
+    assert large.digest("real") != collected.digest("real")
     # the last tenth may be held out, and is in no sample
     most = collect(world, replace(settings(folder), in_memory=219))
     np.testing.assert_array_equal(most.sim.o, collected.sim.o[:198])
