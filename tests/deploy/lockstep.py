@@ -32,6 +32,7 @@ from wt.worlds.robots import GO2, mjcf
 Edit = Callable[[mujoco.MjSpec], None]
 STAND_AT, RISE, MOVE_AT, END = 0.1, 1.5, 1.8, 7.8  # s
 LIMITS = Limits(stand_seconds=RISE, deadline=60.0)
+_PATIENCE_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,13 @@ Velocity = Callable[[float], np.ndarray]
 """Seconds since it began to move → command (3,): forward, left [m/s], turn [rad/s]."""
 
 
+class _Patient(Pilot):
+    """Waits for its policy however busy the machine is: the robot's clock stands meanwhile."""
+
+    def answer(self, wait: float) -> np.ndarray | None:
+        return super().answer(_PATIENCE_S)
+
+
 @dataclass(frozen=True)
 class Motion:
     """What the robot does after it stood up.
@@ -61,7 +69,7 @@ class Motion:
         velocity: the operator's command.
     """
 
-    pilot: Callable[[Policy], Pilot] = Pilot
+    pilot: Callable[[Policy], Pilot] = _Patient
     velocity: Velocity = lambda t: np.zeros(3)
 
 
@@ -145,7 +153,7 @@ class LockstepOperator:
         return False
 
 
-class _Swaying(Pilot):
+class _Swaying(_Patient):
     """Sways on its feet instead of walking: every joint goes to and fro about the pose."""
 
     def __init__(self, policy: Policy, rng: np.random.Generator) -> None:
