@@ -64,7 +64,8 @@ class NormalEquations:
 
         Reflections from bounds stop short in long valleys; this does not.
         """
-        return self._scipy(low * self.scale - _MARGIN, high * self.scale + _MARGIN, "bvls")
+        wide = self._scipy(low * self.scale - _MARGIN, high * self.scale + _MARGIN, "bvls")
+        return np.clip(wide, low, high)  # where a column is nothing, the margin is any number
 
     def reflected(
         self, low: Float[np.ndarray, " unknown"], high: Float[np.ndarray, " unknown"]
