@@ -1,7 +1,4 @@
-"""The examples are what their script makes, small, and of machines that differ as is said.
-
-The first is diagnosed in ``end_to_end/test_stranger.py``.
-"""
+"""The examples are what their script makes, small, and of machines that differ as is said."""
 
 from __future__ import annotations
 
@@ -17,8 +14,10 @@ import pytest
 from wt import shipped
 from wt.check.run import check
 from wt.data.recording import check_against, read
+from wt.diagnose.pipeline import diagnose
 from wt.physics.effect import effects
 from wt.physics.scene import Scene
+from wt.types import Location
 
 FOLDER = shipped.folder("examples")
 NAMES = ("arm", "cart", "go2")
@@ -93,3 +92,20 @@ def test_the_hidden_cart_needs_its_friction_to_move(script: ModuleType) -> None:
 def test_the_hidden_load_weighs_what_is_said(script: ModuleType) -> None:
     given = mujoco.MjModel.from_xml_path(str(FOLDER / "go2" / "model.xml"))
     assert script.hidden_go2().body_mass.sum() - given.body_mass.sum() == pytest.approx(script.LOAD)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_hidden_in_them_is_found(name: str) -> None:
+    """The first thing that anybody tries; on legs it takes two minutes."""
+    folder = FOLDER / name
+    said = diagnose(folder / "model.xml", [folder / f"{take}.parquet" for take in (1, 2)])
+    (hidden,) = json.loads((folder / "answer.json").read_text())["truth"]
+    (found,) = said.findings
+    assert said.verdict == "explained"
+    assert found.effect == hidden["effect"]
+    assert found.at == Location(hidden["at"]["kind"], hidden["at"]["name"])
+    for parameter, true in hidden["parameters"].items():
+        estimate = found.parameters[parameter]
+        ends = np.reshape(estimate.ci95, (2, -1)).T
+        for (low, high), value in zip(ends, np.atleast_1d(true), strict=True):
+            assert low <= value <= high

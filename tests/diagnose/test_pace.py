@@ -80,12 +80,13 @@ def test_a_search_costs_its_replays_and_its_screen(arm: Scene, forgets: bool) ->
     pace_ = searching(told, arm, Replays(told, 0.05, forgets))
     pace_.search(1, 2)
     a_search = (1.0 if forgets else pace.KEEPING) * (
-        2 * pace.OF_JOINT * 0.05 + pace.SCREENED * 2.0 + 1.0
+        2 * pace.OF_JOINT * 0.05 + pace.SCREENED * (2.0 - pace.LOADED_S) + 1.0
     )
     (expected,) = told.expected
-    assert expected.nothing == pytest.approx(told.now + a_search)
+    nothing = told.now + a_search + pace.PICTURES_S
+    assert expected.nothing == pytest.approx(nothing)
     assert expected.each == pytest.approx(pace.EACH * a_search)
-    assert expected.of(3) == pytest.approx(told.now + (1.0 + 3 * pace.EACH) * a_search)
+    assert expected.of(3) == pytest.approx(nothing + 3 * pace.EACH * a_search)
     pace_.search(2, 1)
     assert len(told.expected) == 1
 

@@ -5,9 +5,9 @@ has just been made of these recordings. A search takes so many of each, and more
 that it finds. Once it is over, what is left goes with the time that it took. Where the base floats,
 or joints are many, even the way to the search takes long: there a physics step is timed first.
 
-The constants are fits to the times of 42 trials of ``wt prove`` (one, two, three and six joints;
-nothing, one and several effects) and of 17 recordings of real machines, arms and legs; where the
-base floats, of two Go2.
+The constants are fits to the times of 163 trials of ``wt prove`` (one, two, three and six joints;
+nothing, one and several effects), of 17 recordings of real machines, arms and legs, and of the
+examples; where the base floats, of two Go2.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from wt.show.text import duration
 Say = Callable[[str, float], None]
 """Called with (what is being done, share of the whole 0…1)."""
 
-OF_JOINT, SCREENED = 40, 9.5
-"""Replays of a search for each joint that errs, and how many times longer than the screen it asks
-for hypotheses."""
+OF_JOINT, SCREENED, LOADED_S, PICTURES_S = 40, 11.0, 0.3, 1.0
+"""Replays of a search for each joint that errs; how many times longer than the screen, but for what
+is loaded with it [s], it asks for hypotheses; and what pictures take in the end [s]."""
 KEEPING = 2.0
 """How many times longer all takes where a machine keeps its initial state: it is fitted too,
 windows may grow, and a proof refuses more."""
@@ -152,7 +152,7 @@ class Pace:
         """Measure how long the search's replays take on this machine, at present."""
         began = self._clock()
         if self._screening is not None:
-            self._screen = SCREENED * (began - self._screening)
+            self._screen = SCREENED * max(began - self._screening - LOADED_S, 0.0)
         replays.reference(())  # where the search begins
         self._reference = self._clock() - began
         # as different as those of a search are: what is alike in several is replayed once
@@ -195,7 +195,7 @@ class Pace:
 
     def _announce(self, search_s: float) -> None:
         """What a search takes that finds nothing says what all will."""
-        nothing = self._passed() + search_s
+        nothing = self._passed() + search_s + PICTURES_S
         each = (EACH_FLOATING if self._floats else EACH) * search_s
         times = nothing / max(self._said.nothing, 1e-9) if self._said else np.inf
         if not 1.0 / _OTHERWISE < times < _OTHERWISE:

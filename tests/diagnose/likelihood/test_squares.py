@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from wt.diagnose.likelihood.adapt import Adaptable, Squares
+from wt.diagnose.likelihood.bounded import NormalEquations
 from wt.physics.effect import effects
 
 SAMPLES, JOINTS, TOLERANCES, FREE = 200, 3, 4, 2
@@ -82,3 +83,19 @@ def test_positions_of_loads_are_held(name: str) -> None:
     """Along a body's only axis nothing tells where a load sits."""
     (position,) = [p for p in effects()[name].parameters if p.name == "position"]
     assert position.prior_std < 1.0
+
+
+def test_a_column_that_is_nothing_and_has_no_room_stays_nothing() -> None:
+    """Whichever solver: a load's first moments, where only its mass is asked for."""
+    rng = np.random.default_rng(1)
+    columns = rng.standard_normal((50, 6)) * [1.0, 0.0, 3.0, 0.0, 2.0, 5.0]
+    columns[:, 4] += columns[:, 2]
+    target = rng.standard_normal(50)
+    normal = NormalEquations(columns.T @ columns, columns.T @ target, 1e-9)
+    low = np.array([0.0, 0.0, -np.inf, 0.0, -0.1, -0.1])
+    high = np.array([np.inf, 0.0, np.inf, 0.0, 0.1, 0.1])
+    seen = [0, 2, 4, 5]
+    best = lsq_linear(columns[:, seen], target, (low[seen], high[seen])).x
+    for x in (normal.pivoted(low, high), normal.active_set(low, high)):
+        assert x[1] == x[3] == 0.0
+        np.testing.assert_allclose(x[seen], best, rtol=1e-4, atol=1e-9)

@@ -313,7 +313,9 @@ def test_an_outlier_does_not_squeeze_the_law(diagnosis: Diagnosis) -> None:
 
 
 def test_a_law_that_only_replays_tell_shows_no_after(diagnosis: Diagnosis) -> None:
-    same = tuple(dataclasses.replace(t, force_after=t.force_before) for t in diagnosis.traces)
+    same = tuple(
+        dataclasses.replace(t, force_after=1.002 * t.force_before) for t in diagnosis.traces
+    )
     page = report(dataclasses.replace(diagnosis, traces=same))
     chart = page.split("missing force [N·m]")[1].partition("</figure>")[0]
     assert "beads before" in chart

@@ -27,6 +27,7 @@ _BINS, _LEAST = 36, 5
 _MOST_TRACES = 4
 _MOST_SHADED = 0.8  # of a trace, from which shading tells nothing
 _FADES = 1.5  # times as large as far ahead is an error of the start
+_CHANGED = 0.02  # of what a force varies by, from which a patch takes something of it
 _EXTREME = 0.005  # share of samples at either end that would squeeze all the rest
 BEFORE = '<span class="key before">model as given</span>'
 BEFORE_AFTER = f'{BEFORE} <span class="key after">patched model</span>'
@@ -156,7 +157,9 @@ def dependence(diagnosis: Diagnosis, finding: Finding, model: mujoco.MjModel | N
         np.concatenate([f[:, column] for f in parts])
         for parts in zip(*((t.force_before, t.force_after) for t in diagnosis.traces), strict=True)
     ]
-    changed = not np.allclose(forces[0], forces[1], equal_nan=True)
+    before, after = forces
+    # corrections within tolerance change it, too, by next to nothing
+    changed = np.nanstd(after - before) > _CHANGED * np.nanstd(before)
     for css, force in zip(("before", "after"), (_usual(f) for f in forces), strict=True):
         if css == "after" and not changed:
             continue
