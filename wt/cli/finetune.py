@@ -35,12 +35,12 @@ def command(
     """
     from datetime import datetime
 
+    from wt.cli._extras import need
     from wt.cli._progress import bar
     from wt.errors import ConfigError, WorkError
-    from wt.finetune.config import load
-    from wt.locomotion.job import find_rsl_rl
 
-    find_rsl_rl()
+    need("rsl_rl")  # its extra brings all else
+    from wt.finetune.config import load
     from wt.finetune.job import run
     from wt.finetune.results import table
     from wt.run.folder import CONFIG, claim

@@ -43,8 +43,11 @@ def command(
         wt-train-policy --config conf/policy_go2.yaml --out runs/go2 --seconds 480
         wt train-policy --config conf/policy_go2.yaml --out runs/go2 --resume
     """
+    from wt.cli._extras import need
     from wt.cli._progress import bar
     from wt.errors import ConfigError, WorkError
+
+    need("rsl_rl")  # its extra brings all else
     from wt.locomotion.config import load
 
     settings = load(config, overrides or [])

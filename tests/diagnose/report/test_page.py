@@ -21,6 +21,7 @@ from wt.diagnose.evidence import (
     SensorError,
     Translated,
 )
+from wt.diagnose.report import charts
 from wt.diagnose.report.drawing import draw, joint_of
 from wt.diagnose.report.page import report, text
 from wt.diagnose.report.report import Report
@@ -224,6 +225,20 @@ def test_places_lead_to_their_joint() -> None:
         ("world", "world", None), ("pair", "j1+j2", "j1"),
     ):  # fmt: skip
         assert joint_of(model, Location(kind, name)) == joint  # type: ignore[arg-type]
+
+
+def test_what_is_found_at_all_drives_shows_at_one_of_them(diagnosis: Diagnosis) -> None:
+    """What floats takes most of any force; no drive acts on it."""
+    model = mujoco.MjModel.from_xml_string(synthetic.ARM)
+    most = np.array([9.0, 1.0])
+    traces = tuple(
+        dataclasses.replace(t, force_before=most * np.ones_like(t.force_before),
+                            force_after=np.zeros_like(t.force_after))
+        for t in diagnosis.traces
+    )  # fmt: skip
+    floating = dataclasses.replace(diagnosis, joints=("base/x", "j2"), traces=traces)
+    assert charts._joint(floating, Location("actuator", "all"), model) == 1
+    assert charts._joint(floating, Location("body", "base"), model) == 0
 
 
 def test_a_marked_body_stands_out_and_stays_on_the_page() -> None:

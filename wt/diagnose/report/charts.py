@@ -238,11 +238,15 @@ def _joint(diagnosis: Diagnosis, at: Location, model: mujoco.MjModel | None) -> 
         return diagnosis.joints.index(str(name))
     if not diagnosis.traces:
         return None
-    taken = [
+    each = [
         np.nansum(t.force_before**2, axis=0) - np.nansum(t.force_after**2, axis=0)
         for t in diagnosis.traces
     ]
-    return int(np.sum(taken, axis=0).argmax())
+    taken = np.sum(each, axis=0)
+    if model is not None and at.kind == "actuator":  # of all drives, not of what floats
+        driven = {drive.joint for drive in drives(model)}
+        taken = np.where([joint in driven for joint in diagnosis.joints], taken, -np.inf)
+    return int(taken.argmax())
 
 
 def _variable(
