@@ -443,8 +443,8 @@ def _too_coarse(scene: Scene, holdout: Holdout, claims: Claims) -> bool:
     own = float(scene.model.opt.timestep)
     if own <= STEP_S:
         return False
-    coarse = errors(holdout, [claims.hypothesis], own)[0]
-    fine = errors(holdout, [claims.hypothesis], STEP_S)[0]
-    added = np.sqrt(np.nanmean((coarse - fine) ** 2, axis=0))
-    worse = np.nanmean(coarse**2, axis=0) > np.nanmean(fine**2, axis=0)
+    coarse, fine = (errors(holdout, [claims.hypothesis], h)[0] for h in (own, STEP_S))
+    count = np.maximum(np.isfinite(fine).sum(axis=0), 1)
+    added = np.sqrt(np.nansum((coarse - fine) ** 2, axis=0) / count)
+    worse = np.nansum(coarse**2, axis=0) > np.nansum(fine**2, axis=0)
     return bool((worse & (added > _ADDED * holdout.smoothed.noise)).any())

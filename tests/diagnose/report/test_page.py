@@ -227,6 +227,14 @@ def test_places_lead_to_their_joint() -> None:
         assert joint_of(model, Location(kind, name)) == joint  # type: ignore[arg-type]
 
 
+def test_a_share_says_what_it_is_of(diagnosis: Diagnosis, source: str) -> None:
+    """A joint that errs by little, and a base by much, count alike in it, not in the headline."""
+    said = "Shares of squared errors count every joint alike"
+    proof = dataclasses.replace(diagnosis.proof, joints=dict([*diagnosis.proof.joints.items()][:1]))
+    assert said in source and len(diagnosis.proof.joints) > 1
+    assert said not in report(dataclasses.replace(diagnosis, proof=proof))
+
+
 def test_what_is_found_at_all_drives_shows_at_one_of_them(diagnosis: Diagnosis) -> None:
     """What floats takes most of any force; no drive acts on it."""
     model = mujoco.MjModel.from_xml_string(synthetic.ARM)

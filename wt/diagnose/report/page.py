@@ -124,6 +124,8 @@ def _parameters(d: Diagnosis) -> str:
     values = table(head, rows) if rows else ""
     evidence = "".join(f"<li>{_evidence(d, f)}</li>" for f in d.findings)
     legend = "p is the chance of such a gain if the effect were not there."
+    if len(d.proof.joints) > 1:
+        legend += " Shares of squared errors count every joint alike; the error above is of all."
     body = f'{values}<ul class="next">{evidence}</ul><p class="soft">{legend}</p>'
     return section("How large, and how sure", "", body)
 

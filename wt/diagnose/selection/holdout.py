@@ -227,7 +227,9 @@ def scaled(
     So none drowns another: in units of noise alone, a quiet sensor behind a model that is not
     exact would.
     """
-    left = np.sqrt(np.nanmean(replay_errors[0] ** 2, axis=0))
+    first = replay_errors[0]
+    count = np.maximum(np.isfinite(first).sum(axis=0), 1)  # of a joint that is not measured, none
+    left = np.sqrt(np.nansum(first**2, axis=0) / count)
     return np.asarray(replay_errors / np.fmax(left, noise))
 
 
