@@ -54,10 +54,7 @@ def command(
     folder = out or Path("runs") / f"policy-{settings.name}"
     if resume and start_from is not None:
         raise ConfigError("--resume and --start-from exclude each other: name one of them")
-    words = ["wt-train-policy", "--config", str(config), *(overrides or [])]
-    words += ["--start-from", str(start_from)] if start_from else []
-    words += ["--seconds", f"{seconds:g}"] if seconds is not None else []
-
+    words = ["wt-train-policy", *_words(config, overrides or [], start_from, seconds)]
     from wt.locomotion.job import run
 
     try:
@@ -73,6 +70,15 @@ def command(
         ) from error
     print(table)
     print(f"policy, card and checkpoint in {folder}")
+
+
+def _words(
+    config: Path, overrides: Sequence[str], start_from: Path | None, seconds: float | None
+) -> list[str]:
+    """What was typed, as far as it decides what comes out."""
+    words = ["--config", str(config), *overrides]
+    words += ["--start-from", str(start_from)] if start_from else []
+    return words + (["--seconds", f"{seconds:g}"] if seconds is not None else [])
 
 
 def main(argv: Sequence[str] | None = None) -> int:
