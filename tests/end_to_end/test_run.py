@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import onnx
 import onnxruntime
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -236,6 +237,9 @@ def test_mlflow_holds_the_whole_run(
     assert set(used) == {f"r5_force/{what}" for what in ("sim", "real", "test")}
     both = [used["r5_force/sim"], used["r5_force/real"]]
     assert digest(both) == Card.load(finished).data_hash
+    # without pairs Algorithm 1 has no part in ours
+    said = {p.key: p.value for p in onnx.load(finished / "model.onnx").metadata_props}
+    assert said["features"].startswith("untrained")
     assert (held.data.tags["task"], held.data.tags["paper.row"]) == (
         "r5_force", "figure 3, r5_force"
     )  # fmt: skip

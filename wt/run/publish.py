@@ -26,6 +26,7 @@ from wt.nets.simulator_use import use_of
 from wt.run.study import Study
 from wt.run.track import Run, source
 from wt.show.files import write_whole
+from wt.train.fit import translates
 from wt.train.score import PairTensors, reconstructions, score
 from wt.translate import Exported, SimToReal
 
@@ -42,7 +43,7 @@ EXAMPLES = 512
 GOLDEN = 8
 """Input and output rows that travel with the model."""
 
-_UNTRAINED = "untrained: S's answer alone decides, and Algorithm 1 has no part in this model"
+_UNTRAINED = "untrained: Algorithm 1 has no part in this model"
 
 
 @dataclass(frozen=True)
@@ -215,7 +216,7 @@ def _export(study: Study, seed: int, by_method: Mapping[str, Errors], chosen: fl
     example = pairs.real.o[:n], pairs.real.a[:n], np.hstack([pairs.sim_next, known])[:n]
     data_hash = digest([study.data.digest("sim"), study.data.digest("real")])
     commit = source().commit
-    learned = "of Algorithm 1" if float(trained.strength) else _UNTRAINED
+    learned = "of Algorithm 1" if translates(config.plus, selection) else _UNTRAINED
     facts = {"data_hash": data_hash, "commit": commit, "features": learned}
     export(Exported(trained), spec, folder / MODEL, example=example, facts=facts)
     model = eager(module)

@@ -101,7 +101,7 @@ def fit_world_model(
     answers, steps = answers_of(model.frame, method.mean, seed, simulator), method.mean.steps
     first = answers.regressions * steps if answers else 0
     extra = first + regressions(method.mean) * steps
-    total = extra + _translates(method, selection) * method.train.steps
+    total = extra + translates(method, selection) * method.train.steps
     before, in_front = part_of(progress, 0, total), part_of(progress, first, total)
     if answers:
         real, selection = with_answers(answers, sim, real, selection, before)
@@ -109,7 +109,7 @@ def fit_world_model(
     sim, real = (within(model.frame, x, method.translation.reach) for x in (sim, real))
     _mean_field(model, sim, real, selection, seed, folder, in_front)
     _choose_transport(model, sim, real, selection)
-    if not _translates(method, selection):
+    if not translates(method, selection):
         model.strength.fill_(0.0)
         return model.eval()
     loaded = _loaded(model, sim, real, streams, selection, seed)
@@ -136,7 +136,7 @@ def _loaded(
     )
 
 
-def _translates(method: Method, selection: Selection) -> bool:
+def translates(method: Method, selection: Selection) -> bool:
     """Whether Algorithm 1 may have a say in the model."""
     whole = not method.translation.anchored
     return whole or isinstance(selection, Paired) or use_of(method.mean).translates_unpaired
