@@ -41,6 +41,7 @@ def shown(
         )
         squares, directions = np.linalg.eigh(own.T @ own)
         kept = directions[:, squares > THRESHOLDS.shown**2 * squares[-1]]
+        kept[~own.any(axis=0)] = 0.0  # an axis that changes nothing has no share in any, to the bit
         if kept.size:  # nothing of a spring without stiffness shows where it is tied to
             projector[rows, rows] = kept @ kept.T
     return projector
