@@ -30,10 +30,8 @@ STALE_COMMAND = 0.02
 
 JOINTS = go2_model.JOINTS
 
-_GEAR, _COUNTS = 6.33, 2**15
-ENCODER_STEP = (2.0 * np.pi / (_COUNTS * _GEAR)) * (
-    go2.drives(JOINTS).torque.min() / go2.drives(JOINTS).torque
-)
+_GEAR, _COUNTS, _TORQUE = 6.33, 2**15, go2.drives(JOINTS).torque
+ENCODER_STEP = 2.0 * np.pi / (_COUNTS * _GEAR) * (_TORQUE.min() / _TORQUE)
 """Steps of the measured positions, (12,) [rad]: a rotor's turn has 2¹⁵, and a knee is geared by as
 much more as it is stronger. So they are in recordings of a real one: 30 and 16 µrad."""
 

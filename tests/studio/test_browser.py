@@ -114,6 +114,7 @@ def test_from_drop_to_report_by_keyboard_in_the_dark(
     expect(watched).to_contain_text(
         re.compile(r"; now \w+\.\w+ at (joint|actuator) "), timeout=60_000
     )
+    expect(watched).to_contain_text("joint.friction_coulomb at joint rail", timeout=60_000)
     expect(page.locator("#report .verdict")).to_have_text("Explained", timeout=60_000)
     expect(page.locator("#status")).to_have_text("the diagnosis is done")
     report = page.frame_locator("#report iframe")

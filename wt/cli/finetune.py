@@ -41,6 +41,9 @@ def command(
 
     need("rsl_rl")  # its extra brings all else
     from wt.finetune.config import load
+    from wt.locomotion.job import find_rsl_rl
+
+    find_rsl_rl()
     from wt.finetune.job import run
     from wt.finetune.results import table
     from wt.run.folder import CONFIG, claim
