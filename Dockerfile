@@ -21,8 +21,8 @@ ARG TORCH_INDEX=https://download.pytorch.org/whl/cpu
 ENV PIP_NO_CACHE_DIR=1
 WORKDIR /src
 COPY . .
-RUN PIP_EXTRA_INDEX_URL=$TORCH_INDEX tests/wheel_smoke.sh install /env
-RUN tests/wheel_smoke.sh run /env /tmp/smoke && rm -rf /tmp/smoke
+RUN PIP_EXTRA_INDEX_URL=$TORCH_INDEX tests/wheel_smoke.sh install /env fit
+RUN tests/wheel_smoke.sh fit /env /tmp/smoke && rm -rf /tmp/smoke
 ENV HOME=/tmp
 WORKDIR /wt
 VOLUME /wt

@@ -77,7 +77,7 @@ docs: env ## build the documentation's site: leaves site/
 stranger: ## what a stranger does first, in a fresh clone: set up, make demo, open each product
 	tests/end_to_end/stranger.sh
 
-wheel-smoke: ## build the wheel, install it in a fresh environment, run the smoke test
+wheel-smoke: ## build the wheel, install it in fresh environments, run the smoke test
 	PYTHON=$(PYTHON) tests/wheel_smoke.sh
 
 docker: ## the same in a container, which stays as the image world-translation

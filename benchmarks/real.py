@@ -219,8 +219,9 @@ def errors_table(
             f"{name:<16}{before:>10.4f}{''.join(f'{x:>11.4f}' for x in theirs)}{after:>10.4f}"
             f"{noise:>10.5f}{after / theirs[0]:>8.2f}"
         )
-    for horizon, (before, after) in found.proof.horizons.items():
-        lines.append(f"  {horizon:>5.2f} s ahead: {before:.4f} → {after:.4f}")
+    for unit, ahead in found.proof.horizons.items():
+        for horizon, (before, after) in ahead.items():
+            lines.append(f"  {horizon:>5.2f} s ahead: {before:.4f} → {after:.4f} {unit}")
     return "\n".join(lines)
 
 

@@ -164,8 +164,7 @@ def diagnosis(model_path: str = "arm.xml") -> Diagnosis:
         proof=Proof(
             holdout=Error(*whole, 2e-4, share, (0.8 * share, 1.2 * share)),
             joints=joints,
-            horizons={0.1: (9e-4, 2.1e-4), 0.5: (3e-3, 2.6e-4), 2.0: (6e-3, 3e-4)},
-            one_step=(3e-4, 2e-4),
+            horizons={"rad": {0.1: (9e-4, 2.1e-4), 0.5: (3e-3, 2.6e-4), 2.0: (6e-3, 3e-4)}},
             split="recordings given with --holdout",
         ),
         given_xml=ARM,
@@ -187,7 +186,7 @@ def nothing(model_path: str = "arm.xml") -> Diagnosis:
     """A model that fits: replays of it, and no findings."""
     full = diagnosis(model_path)
     fine = Error(2.1e-4, 2.1e-4, 2e-4, 1.0, (1.0, 1.0))
-    proof = Proof(fine, {"j1": fine, "j2": fine}, {}, (2e-4, 2e-4))
+    proof = Proof(fine, {"j1": fine, "j2": fine}, {})
     traces = tuple(dataclasses.replace(t, before=t.after) for t in full.traces)
     return dataclasses.replace(
         full, verdict="no_mismatch", locations=(), findings=(), proof=proof, patched_xml=ARM,

@@ -55,7 +55,7 @@ def several(folder: Path) -> Diagnosis:
         locations=(dataclasses.replace(full.locations[0], at=at),),
         recordings=(Used(FAR, "fit", 10.0, 100.0),),
         traces=tuple(traces),
-        proof=dataclasses.replace(full.proof, joints=errors, horizons=ahead),
+        proof=dataclasses.replace(full.proof, joints=errors, horizons={"rad": ahead}),
     )
 
 

@@ -92,7 +92,7 @@ def table(path: str | Path) -> tuple[dict[str, Float[np.ndarray, " sample"]], di
                 "columns only"
             )
         # nulls become NaN, the format's missing sample
-        columns[field.name] = content[field.name].to_pandas().to_numpy(np.float64)
+        columns[field.name] = content[field.name].cast(pa.float64(), safe=False).to_numpy()
     try:
         meta = _meta(content.schema.metadata)
     except ValueError as error:

@@ -53,8 +53,8 @@ class Proof:
     Attributes:
         holdout: over all joints, open loop.
         joints: per joint, open loop.
-        horizons: seconds ahead → (before, after) RMSE of replays restarted that often.
-        one_step: RMSE one sample ahead, before and after.
+        horizons: unit → seconds ahead → (before, after) RMSE of replays restarted that often,
+            over the joints whose positions have that unit.
         left_over: tests on the patched model's residual, one sentence each; empty if clean.
         split: choice of the held-out data, in words.
         model_only: as ``holdout``, of ``model.xml`` alone; None if that is all there is.
@@ -62,8 +62,7 @@ class Proof:
 
     holdout: Error
     joints: Mapping[str, Error]
-    horizons: Mapping[float, tuple[float, float]]
-    one_step: tuple[float, float]
+    horizons: Mapping[str, Mapping[float, tuple[float, float]]]
     left_over: tuple[str, ...] = ()
     split: str = ""
     model_only: Error | None = None

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from jaxtyping import Float
+from scipy.optimize import least_squares
 
 from wt.physics.reach import points_near, reaching
 from wt.physics.scene import Scene
@@ -84,22 +85,33 @@ def _floor(
     if len(points) < _LEAST:
         return None
     level = np.array(scene.model.geom_pos[geom])
-    # it takes seconds to load, and few machines stand on a floor
-    from sklearn.linear_model import LinearRegression, RANSACRegressor
-
-    plane = RANSACRegressor(
-        LinearRegression(), min_samples=3, residual_threshold=_ON_IT, random_state=0
-    )
-    plane.fit(points[:, :2] - level[:2], points[:, 2] - level[2])
-    if plane.inlier_mask_.mean() < _MOST_OF_THEM:
+    slope, height, share = _plane(points - level)
+    if share < _MOST_OF_THEM:
         return None
-    slope, height = np.array(plane.estimator_.coef_), float(plane.estimator_.intercept_)
     angle = float(np.arctan(np.linalg.norm(slope)))
     if angle < _CLEAR:
         angle, slope = 0.0, np.zeros(2)
     if angle == 0.0 and abs(height) < _HIGH:
         return None
     return Floor(geom, angle, float(np.arctan2(-slope[1], -slope[0])), height)
+
+
+def _plane(points: Float[np.ndarray, "point 3"]) -> tuple[Float[np.ndarray, " 2"], float, float]:
+    """The plane through most points [m]: its slope along x and y, its height, the share on it."""
+    known = np.column_stack([points[:, :2], np.ones(len(points))])
+    # all but linear in the distance, so that a minority beside the plane does not turn it
+    robust = least_squares(
+        lambda plane: known @ plane - points[:, 2],
+        [0.0, 0.0, np.median(points[:, 2])],
+        jac=lambda _: known,
+        loss="soft_l1",
+        f_scale=0.1 * _ON_IT,
+    )
+    on_it = np.abs(robust.fun) < _ON_IT
+    if on_it.sum() < 3:
+        return np.zeros(2), 0.0, 0.0
+    plane = np.linalg.lstsq(known[on_it], points[on_it, 2])[0]
+    return plane[:2], float(plane[2]), float(on_it.mean())
 
 
 def _standing(

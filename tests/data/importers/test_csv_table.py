@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wt.data.importers import base
+from wt.data.importers import _csv, base
 from wt.errors import DataError
 
 MAP = """
@@ -66,3 +66,47 @@ def test_two_clocks_in_one_table(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="none has one"):
         base.read(tmp_path / "log.csv", {"time": "t", "columns": {"qpos/a": "q"},
                                          "join": {"qpos/a": "held"}})  # fmt: skip
+
+
+def read_text(folder: Path, text: str) -> dict[str, np.ndarray]:
+    (folder / "table.csv").write_text(text)
+    table = _csv.read(folder / "table.csv")
+    return {name: _csv.numbers(column) for name, column in table.items()}
+
+
+def test_figures_are_read_as_loggers_write_them(tmp_path: Path) -> None:
+    rows = "".join(f"{k}e-2, +{k}.5 ,{'True' if k % 2 else 'False'},{k}\n" for k in range(101))
+    table = read_text(tmp_path, "t, up ,contact,mixed\n" + rows + "1.01,1,True,lost\n")
+    np.testing.assert_allclose(table["t"], 0.01 * np.arange(102))
+    np.testing.assert_array_equal(table["up"][:3], [0.5, 1.5, 2.5])
+    np.testing.assert_array_equal(table["contact"][:3], [0.0, 1.0, 0.0])
+    assert table["mixed"][100] == 100.0 and np.isnan(table["mixed"][101])
+
+
+def test_dates_are_times(tmp_path: Path) -> None:
+    for form in ("2026-11-25 23:59:{:06.3f}", "2026-11-25T23:59:{:06.3f}Z"):
+        rows = "".join(f"{form.format(0.01 * k)},{k}\n" for k in range(120))
+        table = read_text(tmp_path, "t,q\n" + rows)
+        np.testing.assert_allclose(table["t"] - table["t"][0], 0.01 * np.arange(120), atol=1e-6)
+
+
+def test_what_later_rows_hold_is_not_guessed_from_the_first(tmp_path: Path) -> None:
+    count = 500_000  # several blocks of whole numbers, then a fraction
+    rows = "".join(f"{k},{k}\n" for k in range(count))
+    table = read_text(tmp_path, f"t,q\n{rows}{count}.5,1.25\n")
+    assert table["t"][-1] == count + 0.5 and table["q"][-1] == 1.25
+
+
+def test_a_last_line_that_is_cut_off_is_left_out_and_others_are_refused(tmp_path: Path) -> None:
+    rows = [f"{0.01 * k:.2f},{k},{k}" for k in range(120)]
+    whole = "t,q,v\n" + "\n".join(rows)
+    assert len(read_text(tmp_path, whole + "\n1.20,12")["t"]) == 120
+    with pytest.raises(DataError, match="line 122 has 2 values where the header has 3"):
+        read_text(tmp_path, whole + "\n1.20,12\n1.21,1,2\n")
+    with pytest.raises(DataError, match="line 122 has 4 values where the header has 3"):
+        read_text(tmp_path, whole + "\n1.20,12,1,2\n")
+
+
+def test_columns_of_one_name_are_told_apart(tmp_path: Path) -> None:
+    table = read_text(tmp_path, "t,q,q\n0,1,2\n1,3,4\n")
+    assert {n: list(x) for n, x in table.items()} == {"t": [0, 1], "q": [1, 3], "q.1": [2, 4]}

@@ -423,7 +423,7 @@ def test_cells_say_their_column_for_pages_too_narrow_for_a_table() -> None:
 def test_the_page_says_where_the_patched_model_looks_ahead_worse() -> None:
     diagnosis = synthetic.diagnosis()
     assert "worse than the one given" not in Page(report(diagnosis)).words
-    horizons = {**diagnosis.proof.horizons, 0.1: (1.8e-3, 5e-3)}
+    horizons = {"rad": {**diagnosis.proof.horizons["rad"], 0.1: (1.8e-3, 5e-3)}}
     proof = dataclasses.replace(diagnosis.proof, horizons=horizons)
     words = Page(report(dataclasses.replace(diagnosis, proof=proof))).words
     assert "worse than the one given: 5.00 against 1.80 mrad at 0.1 s." in words
@@ -432,9 +432,19 @@ def test_the_page_says_where_the_patched_model_looks_ahead_worse() -> None:
 def test_an_error_that_fades_is_one_of_the_start() -> None:
     diagnosis = synthetic.diagnosis()
     assert "that fades" not in Page(report(diagnosis)).words
-    horizons = {0.1: (9e-3, 1.6e-3), 2.0: (19e-3, 7e-4)}
+    horizons = {"rad": {0.1: (9e-3, 1.6e-3), 2.0: (19e-3, 7e-4)}}
     proof = dataclasses.replace(diagnosis.proof, horizons=horizons)
     assert "that fades" in Page(report(dataclasses.replace(diagnosis, proof=proof))).words
+
+
+def test_errors_of_slides_and_hinges_over_the_look_ahead_are_two_charts() -> None:
+    diagnosis = synthetic.diagnosis()
+    slides = {0.1: (9e-5, 2.1e-5), 2.0: (6e-4, 3e-5)}
+    horizons = {**diagnosis.proof.horizons, "m": slides}
+    proof = dataclasses.replace(diagnosis.proof, horizons=horizons)
+    words = Page(report(dataclasses.replace(diagnosis, proof=proof))).words
+    assert "look ahead, of positions in rad" in words
+    assert "look ahead, of positions in m" in words and "RMSE [mm]" in words
 
 
 def test_one_joint_is_not_told_twice() -> None:

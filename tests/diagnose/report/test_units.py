@@ -19,7 +19,10 @@ PLAIN = re.compile(r"<[^>]*>")
 def with_units(folder: Path, *units: str) -> Diagnosis:
     """The friction of the arm, as if its joints were of other kinds."""
     path = synthetic.write_model(folder)
-    return dataclasses.replace(synthetic.diagnosis(str(path)), units=units)
+    hinges = synthetic.diagnosis(str(path))
+    ahead = dict.fromkeys(units or ("rad",), hinges.proof.horizons["rad"])
+    proof = dataclasses.replace(hinges.proof, horizons=ahead)
+    return dataclasses.replace(hinges, units=units, proof=proof)
 
 
 def test_all_slides_are_in_metres(tmp_path: Path) -> None:

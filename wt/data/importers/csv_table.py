@@ -20,10 +20,9 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-import pandas as pd
 from jaxtyping import Float64
 
-from wt.data import recording as recordings
+from wt.data.importers import _csv
 from wt.data.importers._arrays import even
 from wt.data.importers._clock import joined, nanoseconds, timed
 from wt.data.importers._mapping import Map, refuse_unknown_keys
@@ -58,7 +57,7 @@ class CsvTable:
                 "{qpos/<joint>: <csv column>, …}'; give it with --map F.yaml; 'wt import "
                 f"{path.name} --guess' proposes one"
             )
-        table = read_table(path)
+        table = _csv.read(path)
         wanted = {n: entry for n, entry in mapping["columns"].items() if entry is not None}
         columns = {name: picked(path, table, entry) for name, entry in wanted.items()}
         clocks = {n: e["time"] for n, e in wanted.items() if isinstance(e, dict) and "time" in e}
@@ -69,7 +68,8 @@ class CsvTable:
         time = mapping["time"]
         if isinstance(time, dict) and "rate" in time:
             refuse_unknown_keys(time, {"rate"})
-            t = even(time["rate"], len(table), "map time: rate")
+            rows = len(next(iter(table.values()), ()))
+            t = even(time["rate"], rows, "map time: rate")
         else:
             t = picked(path, table, time)
         if mapping.get("join") is not None and not own:
@@ -83,34 +83,18 @@ class CsvTable:
         Raises:
             DataError: it cannot be read as a table.
         """
-        return Survey(list(quantities(read_table(path))))
+        return Survey(list(quantities(_csv.read(path))))
 
 
-def read_table(path: Path) -> pd.DataFrame:
-    """The table in a file, whatever separates its columns.
-
-    Raises:
-        DataError: it cannot be read as a table.
-    """
-    recordings.refuse_too_much(path, path.stat().st_size)
-    try:
-        with path.open("rb") as file:
-            header = file.readline(1 << 20)
-        between = max(b",;\t", key=lambda sign: header.count(bytes([sign])))
-        return pd.read_csv(path, sep=chr(between), skipinitialspace=True)
-    except (ValueError, OSError) as error:
-        raise DataError(f"'{path}' cannot be read as CSV: {error}") from error
-
-
-def quantities(table: pd.DataFrame) -> Iterable[Quantity]:
+def quantities(table: _csv.Table) -> Iterable[Quantity]:
     """The columns of a table that are numbers."""
-    for name in table.columns:
-        values = _numbers(table, name)
+    for name, column in table.items():
+        values = _csv.numbers(column)
         if np.isfinite(values).any():
-            yield Quantity(str(name), {"column": str(name)}, values)
+            yield Quantity(name, {"column": name}, values)
 
 
-def picked(path: Path, table: pd.DataFrame, wanted: object) -> Float64[np.ndarray, " row"]:
+def picked(path: Path, table: _csv.Table, wanted: object) -> Float64[np.ndarray, " row"]:
     """One column of a table by a map's entry, scaled.
 
     Raises:
@@ -120,8 +104,8 @@ def picked(path: Path, table: pd.DataFrame, wanted: object) -> Float64[np.ndarra
     refuse_unknown_keys(entry, {"column", "scale", "offset", "time"})
     name = str(entry.get("column"))
     if name not in table:
-        raise DataError(f"'{path}' has no column {name!r}: {suggest(name, map(str, table))}")
-    values = _numbers(table, name)
+        raise DataError(f"'{path}' has no column {name!r}: {suggest(name, table)}")
+    values = _csv.numbers(table[name])
     if not np.isfinite(values).any():
         raise DataError(f"'{path}': column {name!r} holds no numbers")
     try:
@@ -130,7 +114,3 @@ def picked(path: Path, table: pd.DataFrame, wanted: object) -> Float64[np.ndarra
         raise DataError(f"map: scale and offset of {name!r} must be numbers: {error}") from error
     # SI value = scale · raw + offset
     return scale * values + offset
-
-
-def _numbers(table: pd.DataFrame, name: str) -> Float64[np.ndarray, " row"]:
-    return pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64)

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-import pandas as pd
 
+from wt.data.importers import _csv
 from wt.data.importers.base import Map, register
 from wt.errors import DataError
 from wt.types import Recording
@@ -52,20 +52,18 @@ class DfkiDoublePendulum:
             DataError: a column is missing or holds something else than numbers.
         """
         source = path / _FILE if path.is_dir() else path
+        table = _csv.read(source)
         try:
-            table = pd.read_csv(source).astype(np.float64)
             columns = {
-                f"{kind}/{joint}": table[f"{foreign}{i + 1}"].to_numpy()
+                f"{kind}/{joint}": _csv.numbers(table[f"{foreign}{i + 1}"])
                 for i, joint in enumerate(JOINTS)
                 for kind, foreign in _KINDS.items()
             }
-            t = table["time"].to_numpy()
+            t = _csv.numbers(table["time"])
         except KeyError as error:
             raise DataError(f"'{source}' has no column {error}") from error
-        except (ValueError, OSError) as error:
-            raise DataError(
-                f"'{source}' is not a table of numbers (cut off or edited?): {error}"
-            ) from error
+        if not all(np.isfinite(values).all() for values in (t, *columns.values())):
+            raise DataError(f"'{source}' is not a table of numbers (cut off or edited?)")
         run = source.resolve().parent.name if source.name == _FILE else source.name
         meta = {"robot": "DFKI double pendulum C.1", "source": run, "format": self.name}
         return Recording(t, columns, meta)

@@ -21,10 +21,9 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-import pandas as pd
 from jaxtyping import Float64
 
-from wt.data.importers import csv_table
+from wt.data.importers import _csv, csv_table
 from wt.data.importers._clock import Stream, joined
 from wt.data.importers._mapping import Map
 from wt.data.importers._survey import Survey
@@ -64,7 +63,7 @@ class PlotJuggler:
         Raises:
             DataError: it is no whole table, or the map does not fit it.
         """
-        table = csv_table.read_table(path)
+        table = _csv.read(path)
         t = csv_table.picked(path, table, _TIME)
         columns = _joint_states(table) | _mapped(path, table, mapping.get("columns", {}))
         if not np.isfinite(t).all() or (np.diff(t) < 0.0).any() or np.abs(t).max() > 9e9:
@@ -91,7 +90,7 @@ class PlotJuggler:
         Raises:
             DataError: it cannot be read as a table.
         """
-        found = csv_table.quantities(csv_table.read_table(path))
+        found = csv_table.quantities(_csv.read(path))
         return Survey([q for q in found if q.name != _TIME], timed=True)
 
 
@@ -102,7 +101,7 @@ def _stream(stamps: np.ndarray, name: str, values: Column) -> Stream:
     return Stream(own, {name: values[known][::-1][first]})
 
 
-def _joint_states(table: pd.DataFrame) -> dict[str, Column]:
+def _joint_states(table: _csv.Table) -> dict[str, Column]:
     """The columns that a topic of JointStates became."""
     found = [(_JOINT_STATE.fullmatch(q.name), q) for q in csv_table.quantities(table)]
     columns: dict[str, Column] = {}
@@ -115,7 +114,7 @@ def _joint_states(table: pd.DataFrame) -> dict[str, Column]:
     return columns
 
 
-def _mapped(path: Path, table: pd.DataFrame, wanted: object) -> dict[str, Column]:
+def _mapped(path: Path, table: _csv.Table, wanted: object) -> dict[str, Column]:
     if not isinstance(wanted, Mapping):
         raise DataError("map columns must be '<recording column>: <csv column>' lines")
     entries = {str(name): entry for name, entry in wanted.items() if entry is not None}

@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-import pandas as pd
 from jaxtyping import Float64
 
+from wt.data.importers import _csv
 from wt.data.importers.base import Map, register
 from wt.errors import DataError, suggest
 from wt.types import Recording
@@ -103,11 +103,11 @@ def _joint_names(path: Path, renamed: dict[str, str]) -> list[str]:
 def _table(path: Path, lists: list[str], width: int) -> dict[str, Float64[np.ndarray, "row _"]]:
     """The time stamps [µs] as one column, and the bracketed lists of a file."""
     try:
-        table = pd.read_csv(path)
-        columns = {"timestamp": table["timestamp"].to_numpy(np.float64)[:, None]}
+        table = _csv.read(path)
+        columns = {"timestamp": _csv.numbers(table["timestamp"])[:, None]}
         for name in lists:
-            rows = table[name].str.strip("[] ").str.split(",").tolist()
-            columns[name] = np.array(rows, dtype=np.float64).reshape(len(table), width)
+            rows = [row.strip("[] ").split(",") for row in table[name].to_pylist()]
+            columns[name] = np.array(rows, dtype=np.float64).reshape(len(rows), width)
     except KeyError as error:
         raise DataError(f"'{path}' has no column {error}; it needs timestamp, {lists}") from error
     except (ValueError, TypeError, AttributeError) as error:

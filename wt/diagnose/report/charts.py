@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import html
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import mujoco
@@ -176,21 +176,30 @@ def dependence(diagnosis: Diagnosis, finding: Finding, model: mujoco.MjModel | N
     return _figure(chart(series, axes), caption)
 
 
-def horizon(diagnosis: Diagnosis) -> str:
-    """RMSE over how far ahead replays look; empty if that was not measured."""
-    h = diagnosis.proof.horizons
-    if len(h) < 2:
-        return ""
-    x = np.array(sorted(h))
-    both = np.array([h[s] for s in x.tolist()])
-    # over joints of both kinds it has none of the units alone
-    factor, unit = scaled(float(np.nanmax(both)), " and ".join(diagnosis.compared))
+def horizons(diagnosis: Diagnosis) -> str:
+    """RMSE over how far ahead replays look, a chart a unit; empty if that was not measured."""
+    measured = diagnosis.proof.horizons.items()
+    return "".join(_horizon(diagnosis, unit, ahead) for unit, ahead in measured if len(ahead) > 1)
+
+
+def _horizon(diagnosis: Diagnosis, unit: str, ahead: Mapping[float, tuple[float, float]]) -> str:
+    x = np.array(sorted(ahead))
+    both = np.array([ahead[s] for s in x.tolist()])
+    noise = [
+        error.noise_floor
+        for joint, error in diagnosis.proof.joints.items()
+        if diagnosis.unit_of(joint) == unit
+    ]
+    factor, shown = scaled(float(np.nanmax(both)), unit)
     series = [Series("before", x, both[:, 0] * factor, "beads")]
     if diagnosis.findings:
         series.append(Series("after", x, both[:, 1] * factor, "beads"))
     title = "Error of replays that are restarted from the recording, over how far they look ahead"
-    axes = Axes(x="how far ahead [s]", y=f"RMSE [{unit}]", alt=title, log=True)
-    said = _worse_ahead(diagnosis, factor, unit)
+    if len(diagnosis.proof.horizons) > 1:
+        title += f", of positions in {unit}"
+    axes = Axes(x="how far ahead [s]", y=f"RMSE [{shown}]", alt=title, log=True)
+    floor = float(np.sqrt(np.mean(np.square(noise)))) if noise else 0.0
+    said = _worse_ahead(ahead, 2.0 * floor, factor, shown) if diagnosis.findings else ""
     if diagnosis.findings and both[0, 1] > _FADES * both[-1, 1]:
         said += (
             " A restart does not know what no recording tells, such as the side on which play is; "
@@ -199,18 +208,15 @@ def horizon(diagnosis: Diagnosis) -> str:
     return _figure(chart(series, axes), f"{title}.{said}")
 
 
-def _worse_ahead(diagnosis: Diagnosis, factor: float, unit: str) -> str:
+def _worse_ahead(
+    ahead: Mapping[float, tuple[float, float]], noise: float, factor: float, unit: str
+) -> str:
     """A sentence where the patched model is worse at some horizon: the verdict is not all then.
 
-    Errors below twice the noise say nothing about either model.
+    Errors within noise say nothing about either model.
     """
-    noise = 2.0 * diagnosis.proof.holdout.noise_floor
-    worse = {
-        s: (before, after)
-        for s, (before, after) in sorted(diagnosis.proof.horizons.items())
-        if after > max(before, noise)
-    }
-    if not diagnosis.findings or not worse:
+    worse = {s: (b, a) for s, (b, a) in sorted(ahead.items()) if a > max(b, noise)}
+    if not worse:
         return ""
     said = ", ".join(
         f"{number(after * factor)} against {number(before * factor)} {unit} at {s:g} s"

@@ -321,7 +321,7 @@ def proof(d: Diagnosis) -> str:
     intro = (
         f"Root mean square errors of open-loop replays on data that nothing was fitted to.{split}"
     )
-    ahead = charts.horizon(d)
+    ahead = charts.horizons(d)
     parts = [
         f"<p>{charts.BEFORE_AFTER}</p>" if d.findings else "",
         table(head, rows),

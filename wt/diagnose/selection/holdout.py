@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -26,6 +27,8 @@ from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.planted import Hypothesis
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
+from wt.physics.units import units_at
+from wt.types import Location
 
 HORIZONS_S = (0.1, 0.25, 0.5, 1.0, 2.0)
 _BLOCK_S, _BLOCKS = (0.25, 1.0), 24
@@ -294,17 +297,23 @@ def prove(
     before, after = files[:2] if files else errors(holdout, [(), hypothesis], step)
     alone = files[2] if files else after
     noise = np.nan_to_num(holdout.smoothed.noise)
-    joints = holdout.smoothed.motion.scene.joints
-    used = [j for j in range(len(joints)) if np.isfinite(holdout.measured[:, j]).any()]
+    scene = holdout.smoothed.motion.scene
+    used = [j for j in range(len(scene.joints)) if np.isfinite(holdout.measured[:, j]).any()]
     overall = _error(before[:, used], after[:, used], noise[used], holdout.block, seed)
     per_joint = {
-        joints[j]: _error(before[:, [j]], after[:, [j]], noise[[j]], holdout.block, seed)
+        scene.joints[j]: _error(before[:, [j]], after[:, [j]], noise[[j]], holdout.block, seed)
         for j in used
     }
     model_only = _error(before[:, used], alone[:, used], noise[used], holdout.block, seed)
-    horizons = {h: _ahead(holdout, hypothesis, step, h) for h in HORIZONS_S}
-    at_once = _ahead(holdout, hypothesis, step, 0.0)
-    return Proof(overall, per_joint, horizons, at_once, split=split, model_only=model_only)
+    ahead = {h: _ahead(holdout, hypothesis, step, h) for h in HORIZONS_S}
+    of_unit = defaultdict[str, list[int]](list)
+    for j in used:
+        of_unit[units_at(scene, Location("joint", scene.joints[j])).position].append(j)
+    horizons = {
+        unit: {h: _before_after(errors[:, :, which]) for h, errors in ahead.items()}
+        for unit, which in of_unit.items()
+    }
+    return Proof(overall, per_joint, horizons, split=split, model_only=model_only)
 
 
 def _error(
@@ -345,8 +354,8 @@ def _block_sums(
 
 def _ahead(
     holdout: Holdout, hypothesis: Hypothesis, step: float, horizon: float
-) -> tuple[float, float]:
-    """RMSE of replays restarted every ``horizon`` seconds (0: every sample), before and after."""
+) -> Float[np.ndarray, "2 sample joint"]:
+    """Errors of replays restarted every ``horizon`` seconds, before and after."""
     stretches, measured = [], []
     for i, s in enumerate(holdout.smoothed.samples):
         for first, last in _windows(s, horizon):
@@ -358,8 +367,12 @@ def _ahead(
         .q
     )
     late = np.concatenate([np.arange(len(m)) > 0 for m in measured])
-    error = (q - np.concatenate(measured))[:, late]
-    before, after = np.sqrt(np.nanmean(error**2, axis=(1, 2)))
+    error: np.ndarray = (q - np.concatenate(measured))[:, late]
+    return error
+
+
+def _before_after(errors: Float[np.ndarray, "2 sample joint"]) -> tuple[float, float]:
+    before, after = np.sqrt(np.nanmean(errors**2, axis=(1, 2)))
     return float(before), float(after)
 
 
