@@ -15,10 +15,11 @@ from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.alternatives import simplified, united
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.physics.effect import effects
+from wt.physics.hooks import Nested
 from wt.physics.planted import Planted
 from wt.types import Location
 
-J2 = Location("joint", "j2")
+J2, A2 = Location("joint", "j2"), Location("actuator", "a2")
 LOAD = effects()["joint.friction_load"]
 STRIBECK = effects()["joint.friction_stribeck"]
 MOVING = effects()["body.payload_moving"]
@@ -175,3 +176,15 @@ def test_a_load_that_adds_next_to_nothing_is_none(rubbing: World) -> None:
     load = float(np.abs(motion.drive_forces[:, 1]).mean())
     assert not LOAD.plausible(motion, J2, np.array([1.0, 0.03 / load]))
     assert LOAD.plausible(motion, J2, np.array([1.0, 0.1 / load]))
+
+
+def test_a_limit_that_may_be_the_same_at_all_speeds_is_a_saturation(rubbing: World) -> None:
+    motion, limit = rubbing.screen.motion, effects()["actuator.speed_limit"]
+    fastest = float(np.abs(motion.v[:, 1]).max())
+    theta = np.array([0.8, 3.0 * fastest])
+    assert isinstance(limit, Nested)
+    falls = {"speed": (2.0 * fastest, 4.0 * fastest)}
+    assert limit.simpler(motion, A2, theta, falls) is None
+    found = limit.simpler(motion, A2, theta, {"speed": (2.0 * fastest, 1e6)})
+    assert found is not None and found[0] == "actuator.saturation"
+    assert found[1] == pytest.approx([0.8])

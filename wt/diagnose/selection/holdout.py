@@ -208,8 +208,9 @@ def gains_of(
     holdout: Holdout, replay_errors: Float[np.ndarray, "hypothesis sample dof"]
 ) -> list[Gain]:
     """As :func:`gains`, of the errors (H, N, nv) of a hypothesis and of some lesser ones."""
-    full, *lesser = scaled(replay_errors, holdout.smoothed.noise)
-    each = [gain_of(less, full, (holdout.block, holdout.fine)) for less in lesser]
+    full, *lesser = replay_errors
+    pairs = [scaled(np.stack([less, full]), holdout.smoothed.noise) for less in lesser]
+    each = [gain_of(less, full, (holdout.block, holdout.fine)) for less, full in pairs]
     n = len(each)
     return [
         replace(g, p_value=min(1.0, g.p_value * n), least_p=min(1.0, g.least_p * n)) for g in each
@@ -225,14 +226,14 @@ def gain(holdout: Holdout, hypothesis: Hypothesis, other: Hypothesis, step: floa
 def scaled(
     replay_errors: Float[np.ndarray, "hypothesis sample dof"], noise: Float[np.ndarray, " dof"]
 ) -> Float[np.ndarray, "hypothesis sample dof"]:
-    """Errors (H, N, nv), joints in units of what the first hypothesis leaves of them.
+    """Errors (H, N, nv), joints in units of the least that any hypothesis leaves of them.
 
     So none drowns another: in units of noise alone, a quiet sensor behind a model that is not
-    exact would.
+    exact would. And none is favoured: what one leaves at a joint counts as what another does.
     """
-    first = replay_errors[0]
-    count = np.maximum(np.isfinite(first).sum(axis=0), 1)  # of a joint that is not measured, none
-    left = np.sqrt(np.nansum(first**2, axis=0) / count)
+    # of a joint that is not measured, none
+    count = np.maximum(np.isfinite(replay_errors).sum(axis=1), 1)
+    left = np.sqrt(np.nansum(replay_errors**2, axis=1) / count).min(axis=0)
     return np.asarray(replay_errors / np.fmax(left, noise))
 
 

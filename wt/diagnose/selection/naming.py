@@ -347,10 +347,11 @@ class Naming:
         plain = [s.hypothesis for s in sides]
         corrected = [(*s.hypothesis, *self.objective.calibration(s)) for s in sides]
         both = errors(holdout, [*plain, *corrected], self.step)
-        left = np.nansum(scaled(both, holdout.smoothed.noise) ** 2, axis=(1, 2))
-        better = np.argmin(left.reshape(2, -1), axis=0)
+        pairs = both.reshape(2, len(sides), *both.shape[1:]).swapaxes(0, 1)
+        left = [np.nansum(scaled(p, holdout.smoothed.noise) ** 2, axis=(1, 2)) for p in pairs]
+        better = np.argmin(left, axis=1)
         full = (plain, corrected)[better[0]][0]
-        return full, gains_of(holdout, both[better * len(sides) + np.arange(len(sides))])
+        return full, gains_of(holdout, pairs[np.arange(len(sides)), better])
 
     def _with_unknown(self, claims: Claims) -> Claims:
         """Learn what is left, as long as that improves the held-out fit.

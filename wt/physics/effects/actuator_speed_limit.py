@@ -11,7 +11,7 @@ from jaxtyping import Float
 from wt.physics.driving import between, dofs_of, driven, force_of
 from wt.physics.effect import LEAST, Parameter, Shape, register
 from wt.physics.effects.actuator_saturation import narrow
-from wt.physics.hooks import OnSteps
+from wt.physics.hooks import Intervals, Nested, OnSteps
 from wt.physics.live import Figures, Law, Live, Values, in_laws
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
@@ -28,8 +28,12 @@ def _lacking(
     return _limited(force, v[dof], theta[0], theta[1]) - force
 
 
+_FLAT = 0.02
+"""A limit that falls by less than this share up to the fastest motion is the same at all speeds."""
+
+
 @register
-class ActuatorSpeedLimit(OnSteps):
+class ActuatorSpeedLimit(Nested, OnSteps):
     """force → clip(force, −stall · (1 + v/speed), stall · (1 − v/speed))."""
 
     id = "actuator.speed_limit"
@@ -65,6 +69,19 @@ class ActuatorSpeedLimit(OnSteps):
     ) -> Float[np.ndarray, " parameter"]:
         """Stall torque and no-load speed."""
         return np.array(shape)
+
+    def simpler(
+        self,
+        motion: Motion,
+        at: Location,
+        theta: Float[np.ndarray, " parameter"],
+        intervals: Intervals,
+    ) -> tuple[str, Float[np.ndarray, " smaller"]] | None:
+        """Saturation, where the limit may be the same at all speeds that were seen."""
+        fastest = float(np.abs(motion.v[:, motion.scene.drive(at.name).dof]).max())
+        if fastest > _FLAT * np.max(intervals["speed"][1]):
+            return None
+        return "actuator.saturation", theta[:1]
 
     def patch(
         self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
