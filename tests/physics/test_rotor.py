@@ -108,3 +108,19 @@ def test_where_losses_are_is_tried_where_there_are_any(
     for scene, shares in ((begun[0], {0.0, 1.0}), (Scene(path), {0.0})):
         starts = effects()["joint.elasticity"].starts(replace(moved, scene=scene), AT)
         assert {float(s[-1]) for s in starts} == shares
+
+
+@pytest.mark.parametrize("last", [0, 1])
+def test_what_changes_losses_and_inertia_finds_them_where_the_split_put_them(last: int) -> None:
+    spec = mujoco.MjSpec.from_string(chain(1))
+    spec.joint("j1").armature = 0.02
+    gear = Planted(effects()["joint.backlash"], AT, np.array([0.03, 0.9]))
+    damping = Planted(effects()["joint.friction_viscous"], AT, np.array([-0.06]))  # of .3
+    inertia = Planted(effects()["joint.armature"], AT, np.array([-0.005]))
+    parts = [damping, inertia]
+    parts.insert(2 * last, gear)
+    for planted in parts:
+        planted.effect.patch(spec, planted.at, planted.theta)
+    link, rotor = spec.joint("j1"), spec.joint("j1_rotor")
+    assert (link.armature, rotor.armature) == pytest.approx((0.0, 0.015))
+    assert (link.damping[0], rotor.damping[0]) == pytest.approx((0.1 * 0.24, 0.9 * 0.24))

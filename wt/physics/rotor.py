@@ -75,6 +75,20 @@ def rotor(joint: str) -> str:
     return f"{joint}_rotor"
 
 
+def motor(spec: mujoco.MjSpec, joint: str) -> mujoco.MjsJoint:
+    """The joint that a joint's drives turn: its rotor behind a gear that was split, or itself."""
+    return spec.joint(rotor(joint)) or spec.joint(joint)
+
+
+def braked(spec: mujoco.MjSpec, joint: str) -> list[tuple[mujoco.MjsJoint, float]]:
+    """The parts of a joint that its damping brakes, each with its share of it."""
+    link, turned = spec.joint(joint), motor(spec, joint)
+    whole = float(link.damping[0] + turned.damping[0])
+    if turned.name == joint or whole <= 0.0:
+        return [(link, 1.0)]
+    return [(part, float(part.damping[0]) / whole) for part in (link, turned)]
+
+
 class GearEffect(Stateful, ReplayOnly):
     """Base of effects between motor and link, which only a replay with a rotor can tell.
 

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.hooks import Tolerance, Tolerated
 from wt.physics.motion import Motion
+from wt.physics.rotor import motor
 from wt.physics.scene import Scene
 from wt.physics.units import HINGE, Units
 from wt.types import Location
@@ -46,8 +47,8 @@ class Armature(Tolerated):
     def patch(
         self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> None:
-        """Add to the joint's ``armature``."""
-        spec.joint(at.name).armature += theta[0]
+        """Add to the joint's ``armature``, which is its rotor's where that has a joint."""
+        motor(spec, at.name).armature += theta[0]
 
     def tolerances(self, scene: Scene) -> Mapping[Location, Tolerance]:
         """A share of the whole inertia, of which no more can be missing than the rotor's own."""

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.hooks import Tolerance, Tolerated
 from wt.physics.motion import Motion
+from wt.physics.rotor import braked
 from wt.physics.scene import Scene
 from wt.physics.units import HINGE, Units
 from wt.types import Location
@@ -47,8 +48,9 @@ class FrictionViscous(Tolerated):
     def patch(
         self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> None:
-        """Add to the joint's ``damping``, its linear part."""
-        spec.joint(at.name).damping[0] += theta[0]
+        """Add to the joint's ``damping``, its linear part, where the model has it."""
+        for part, share in braked(spec, at.name):
+            part.damping[0] += share * theta[0]
 
     def tolerances(self, scene: Scene) -> Mapping[Location, Tolerance]:
         """A share of the damping that the model has, where it has any."""
