@@ -13,6 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.linalg import cho_factor, cho_solve
 
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.unknown.law import Atom, Law, Term
@@ -20,6 +21,7 @@ from wt.diagnose.unknown.memory import along
 
 FOLDS, BLOCK_S, MOMENT_S = 6, 1.5, 0.5
 _RIDGES = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)  # relative to the number of rows
+_NEXT_TO_NONE = (1e-9,)
 _BUMPS = 14
 
 
@@ -194,19 +196,18 @@ def crossval(
     f, y = data.features(names, terms), data.force
     size = np.sqrt(np.mean(f**2, axis=0)) + 1e-12
     f = f / size
-    left = np.zeros((len(_RIDGES), len(y)))
-    ridges = np.array(_RIDGES if penalise else (1e-9,) * len(_RIDGES)) * len(y)
+    ridges = np.array(_RIDGES if penalise else _NEXT_TO_NONE) * len(y)
+    left = np.zeros((len(ridges), len(y)))
     folds = [data.fold == k for k in range(FOLDS)]
     # a fold's normal equations are those of all less its own
     grams = [f[test].T @ f[test] for test in folds]
     moments = [f[test].T @ y[test] for test in folds]
     gram, moment = np.sum(grams, axis=0), np.sum(moments, axis=0)
     for test, own_gram, own_moment in zip(folds, grams, moments, strict=True):
-        values, vectors = np.linalg.eigh(gram - own_gram)
-        seen = vectors.T @ (moment - own_moment)
-        here = f[test] @ vectors
-        for i, ridge in enumerate(ridges):
-            left[i, test] = y[test] - here @ (seen / (np.maximum(values, 0.0) + ridge))
+        others, seen = gram - own_gram, moment - own_moment
+        penalty = np.eye(len(others))
+        weights = [cho_solve(cho_factor(others + r * penalty), seen) for r in ridges]
+        left[:, test] = y[test] - np.stack(weights) @ f[test].T
     best = int(np.argmin((left**2).sum(axis=1)))
     error = np.bincount(data.block, left[best] ** 2)
     r2 = 1.0 - float(error.sum() / max((y**2).sum(), 1e-300))
