@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.physics import stool
-from wt.physics.effects._tools import within_reach
+from wt.physics.effects._tools import carried, within_reach
 from wt.physics.scene import Scene
 
 
@@ -33,6 +33,12 @@ def test_a_load_is_where_a_body_can_carry_it(
     machine: Scene, body: str, position: tuple[float, ...], within: bool
 ) -> None:
     assert within_reach(machine, body, np.array(position)) is within
+
+
+def test_no_load_outweighs_the_machine_by_far(machine: Scene) -> None:
+    whole = float(machine.model.body_mass.sum())
+    assert carried(machine, "trunk", 9.0 * whole, np.array([0.0, 0.0, 0.1]))
+    assert not carried(machine, "trunk", 11.0 * whole, np.array([0.0, 0.0, 0.1]))
 
 
 def test_a_body_without_a_shape_may_carry_anything(tmp_path: Path) -> None:

@@ -12,6 +12,9 @@ from wt.ask.separation import Expected
 if TYPE_CHECKING:
     from rich.console import Console
 
+_EVEN = math.log(1.5)
+"""Odds up to which nobody would say that something is told apart [nats]."""
+
 
 def print_round(here: Round, number: int, console: Console) -> None:
     """Print what some recordings leave open, and what is done about it.
@@ -36,13 +39,17 @@ def print_round(here: Round, number: int, console: Console) -> None:
 
 def expectations(expected: Expected, rivals: Sequence[str]) -> list[str]:
     """What an experiment is expected to tell, a line for each rival of what is claimed."""
+    told = [bool(expected.apart[0, i] > _EVEN) for i in range(1, len(rivals) + 1)]
     lines = [
         f"expected to tell {rival} from it by odds of {odds(expected.apart[0, i])}"
+        if told[i - 1]
+        else f"not expected to tell {rival} from it"
         for i, rival in enumerate(rivals, 1)
     ]
-    return lines or [
-        f"expected to make intervals narrower: {expected.information:.1f} nats of information"
-    ]
+    if not any(told):
+        information = f"{expected.information:.1f} nats of information"
+        lines.append(f"expected to make intervals narrower: {information}")
+    return lines
 
 
 def odds(nats: float) -> str:

@@ -188,3 +188,16 @@ def test_a_limit_that_may_be_the_same_at_all_speeds_is_a_saturation(rubbing: Wor
     found = limit.simpler(motion, A2, theta, {"speed": (2.0 * fastest, 1e6)})
     assert found is not None and found[0] == "actuator.saturation"
     assert found[1] == pytest.approx([0.8])
+
+
+def test_a_load_whose_weight_does_not_show_is_a_centre_of_mass(rubbing: World) -> None:
+    motion, load = rubbing.screen.motion, effects()["body.payload_fixed"]
+    theta, own = (
+        np.array([60.0, 0.002, 0.0, -0.004]),
+        float(motion.scene.model.body("link2").mass[0]),
+    )
+    assert isinstance(load, Nested)
+    assert load.simpler(motion, LINK2, theta, {"mass": (0.1, 120.0)}) is None
+    found = load.simpler(motion, LINK2, theta, {"mass": (0.0, 120.0)})
+    assert found is not None and found[0] == "body.com"
+    assert found[1] == pytest.approx(60.0 / own * theta[1:])

@@ -24,8 +24,9 @@ _LOAD_RADIUS = 0.01  # m, of the sphere that stands for a load
 _VARIES = 0.05  # least share of its farthest stretch that a spring's way makes up
 _NOTICED = 1e-4
 """Share of the largest that is next to nothing."""
-_BEYOND, _MOUNT = 2.0, 0.05
-"""A load sits within so many radii of what carries it, and so much for its mount [m]."""
+_HEAVIEST, _BEYOND, _MOUNT = 10.0, 2.0, 0.05
+"""A load is no heavier than so many machines, and sits within so many radii of what carries it, and
+so much for its mount [m]."""
 
 
 def free_of_limits(motion: Motion, drive: Drive) -> Float[np.ndarray, " sample"]:
@@ -141,8 +142,14 @@ def place_of_load(
     return np.array(centre) + coefficients[1:] / (size if mass >= 0.0 else -size)
 
 
+def carried(scene: Scene, body: str, mass: float, position: Float[np.ndarray, " 3"]) -> bool:
+    """Tell whether a body may carry a load [kg] at a position [m] in its frame."""
+    machine = float(scene.model.body_mass.sum())
+    return mass <= _HEAVIEST * machine and within_reach(scene, body, position)
+
+
 def within_reach(scene: Scene, body: str, position: Float[np.ndarray, " 3"]) -> bool:
-    """Tell whether a load at a position [m] in a body's frame may be fixed to that body.
+    """Tell whether a weight at a position [m] in a body's frame may be that body's.
 
     A load on a trunk moves, but for little, like one that sticks out far from a hip: it has to be
     inside the body, or close to it and, in radii of each, no closer to the bodies next to it.

@@ -10,8 +10,8 @@ from jaxtyping import Float
 
 from wt.physics import inertia
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._tools import place_of_load, point_load, within_reach
-from wt.physics.hooks import Linearised, Uniting
+from wt.physics.effects._tools import carried, place_of_load, point_load
+from wt.physics.hooks import Intervals, Linearised, Nested, Uniting
 from wt.physics.motion import Motion
 from wt.physics.units import HINGE, Units
 from wt.types import Location
@@ -20,7 +20,7 @@ _APART = 0.1  # m; the moments are quadratic in the position, so any central dif
 
 
 @register
-class BodyPayloadFixed(Linearised, Uniting):
+class BodyPayloadFixed(Linearised, Nested, Uniting):
     """A point mass at a position in the body's frame.
 
     Its force is m·(f₀ + f₁·p + pᵀ·f₂·p). The signature is linear in m and m·(p − shape): the
@@ -86,7 +86,22 @@ class BodyPayloadFixed(Linearised, Uniting):
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> bool:
         """Tell whether the body can carry it there."""
-        return within_reach(motion.scene, at.name, theta[1:])
+        return carried(motion.scene, at.name, float(theta[0]), theta[1:])
+
+    def simpler(
+        self,
+        motion: Motion,
+        at: Location,
+        theta: Float[np.ndarray, " parameter"],
+        intervals: Intervals,
+    ) -> tuple[str, Float[np.ndarray, " smaller"]] | None:
+        """A centre of mass that is elsewhere, where only that shows, and no weight."""
+        if np.min(intervals["mass"][0]) > 0.0:
+            return None
+        model, mass = motion.scene.model, inertia.own(motion.scene, at.name)[0]
+        first = int(model.body(at.name).jntadr[0])
+        pivot = model.jnt_pos[first] if first >= 0 else np.zeros(3)
+        return None if mass <= 0.0 else ("body.com", theta[0] / mass * (theta[1:] - pivot))
 
     def patch(
         self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]

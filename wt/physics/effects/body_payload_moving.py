@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._tools import place_of_load, point_load, within_reach
+from wt.physics.effects._tools import carried, place_of_load, point_load
 from wt.physics.hooks import Beyond, FromRecordings, Intervals, Nested, Stateful
 from wt.physics.loose import Centre, LooseLaw, columns, path_of
 from wt.physics.loose_search import laws_that_fit, likeliest_laws
@@ -174,7 +174,7 @@ class BodyPayloadMoving(FromRecordings, Nested, Stateful):
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> bool:
         """Tell whether the body can carry it there, and it moved at all."""
-        if not within_reach(motion.scene, at.name, theta[2:]):
+        if not carried(motion.scene, at.name, float(theta[0]), theta[2:]):
             return False
         path = path_of(motion, at.name, self._centre(theta), self._law(theta))
         return bool(np.std(path.s, axis=0).max() > _AT_REST)
