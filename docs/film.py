@@ -57,6 +57,7 @@ def film(given: Path, patched: Path, take: Path, out: Path) -> None:
         rods[name] = machine.plot([], [], "-o", color=COLORS[name], lw=3, ms=7, alpha=0.8)[0]
         if name != "recorded":
             lines[name] = errors.plot([], [], color=COLORS[name], lw=1.3, label=name)[0]
+    errors.plot([], [], color=COLORS["recorded"], lw=3, label="recorded")  # a rod alone
     most = 1.1e3 * np.abs(paths["model as given"] - truth).max()
     errors.set(xlim=recorded.t[[0, -1]], ylim=(-most, most), xlabel="time [s]",
                ylabel="error of replay [mrad]")  # fmt: skip

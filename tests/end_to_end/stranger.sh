@@ -19,7 +19,7 @@ else
     bin=.venv/bin
 fi
 set_up=$SECONDS
-$bin/wt demo --out demo
+make demo
 echo "set-up took $((set_up - began)) s, the demonstration $((SECONDS - set_up)) s"
 
 fail() { echo "error: $1" >&2; exit 1; }

@@ -36,7 +36,7 @@ def test_it_prints_what_readme_says(tried: Tried) -> None:
     printed, promised = (
         [float(x) for x in re.findall(_FIGURE, text)] for text in (tried.printed, tried.promised)
     )
-    assert printed == pytest.approx(promised, rel=0.1)
+    assert printed == pytest.approx(promised, rel=0.02)
 
 
 def test_it_finds_what_is_hidden(tried: Tried) -> None:

@@ -12,7 +12,10 @@ def command(
     reference: Annotated[
         str, typer.Argument(metavar="MODEL", help="NAME@ALIAS or NAME/VERSION, as wt-r5@champion.")
     ],
-    config: Annotated[Path, typer.Option(help="YAML file of its task, e.g. conf/r5.yaml.")],
+    config: Annotated[
+        Path,
+        typer.Option(help="YAML file of its task, or a shipped name, as r5."),
+    ],
     overrides: Annotated[
         list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Override what it says.")
     ] = None,
@@ -27,8 +30,8 @@ def command(
     wt reproduce trains, and evaluates, everything else that the paper reports.
 
     Example:
-        wt evaluate wt-r5@champion --config conf/r5.yaml
-        wt evaluate wt-go2-payload/2 --config conf/go2_payload.yaml --out runs/payload
+        wt evaluate wt-r5@champion --config r5
+        wt evaluate wt-go2-payload/2 --config go2_payload --out runs/payload
     """
     from rich.console import Console
 

@@ -11,7 +11,7 @@ import typer
 
 
 def command(
-    config: Annotated[Path, typer.Option(help="YAML file, e.g. conf/finetune_go2.yaml.")],
+    config: Annotated[Path, typer.Option(help="YAML file, or a shipped name, as finetune_go2.")],
     overrides: Annotated[
         list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Override what it says.")
     ] = None,
@@ -30,8 +30,8 @@ def command(
     policy.onnx, card.json, the checkpoint and a recording for Rerun.
 
     Example:
-        wt-finetune --config conf/finetune_go2.yaml seeds=[0]
-        wt finetune --config conf/finetune_go2.yaml --out runs/tuned --resume
+        wt-finetune --config finetune_go2 seeds=[0]
+        wt finetune --config finetune_go2 --out runs/tuned --resume
     """
     from datetime import datetime
 

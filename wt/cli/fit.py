@@ -21,7 +21,10 @@ NEEDED = ("omegaconf", "torch", "lightning", "mlflow", "rerun", "onnxscript", "m
 
 
 def command(
-    config: Annotated[Path, typer.Option(help="YAML file of the task, e.g. conf/r5.yaml.")],
+    config: Annotated[
+        Path,
+        typer.Option(help="YAML file of the task, or a shipped name, as r5."),
+    ],
     overrides: Annotated[
         list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Override what it says.")
     ] = None,
@@ -46,9 +49,9 @@ def command(
     recordings, does it all again on the patched simulator, and compares.
 
     Example:
-        wt fit --config conf/r5.yaml seeds=[0,1,2]
-        wt fit --config conf/go2_concealed.yaml
-        wt fit --config conf/go2_flat.yaml --model diagnosis/
+        wt fit --config r5 seeds=[0,1,2]
+        wt fit --config go2_concealed
+        wt fit --config go2_flat --model diagnosis/
     """
     from rich.console import Console
 

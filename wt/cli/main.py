@@ -100,7 +100,7 @@ def build() -> typer.Typer:
     """
     # Plain help: rich's panels would triple the start-up and read "[key=value]" as markup.
     app = typer.Typer(rich_markup_mode=None)
-    app.callback(help=_HELP, epilog="Example: wt fit --config conf/debug.yaml")(_root)
+    app.callback(help=_HELP, epilog="Example: wt fit --config debug")(_root)
     for file in pkgutil.iter_modules(wt.cli.__path__):
         if file.name == "main" or file.name.startswith("_"):
             continue

@@ -23,7 +23,7 @@ def command(
         list[str] | None,
         typer.Option(help="Only this table or figure, as table-1; may be repeated."),
     ] = None,
-    conf: Annotated[Path, typer.Option(help="Folder of the configurations.")] = Path("conf"),
+    conf: Annotated[Path | None, typer.Option(help="Folder of other configurations.")] = None,
     quick: Annotated[
         bool, typer.Option("--quick", help="Small models and little data: shows that it runs.")
     ] = False,
@@ -46,6 +46,7 @@ def command(
     from wt.errors import WorkError
     from wt.reproduce.report import Entry
     from wt.reproduce.run import reproduce
+    from wt.shipped import folder
     from wt.show.text import terminal_table
 
     console = Console()
@@ -58,8 +59,8 @@ def command(
 
     try:
         page = reproduce(
-            conf, out, only=only or [], tasks=task or [], overrides=overrides or [],
-            quick=quick, bars=bars, say=say,
+            conf or folder("conf"), out, only=only or [], tasks=task or [],
+            overrides=overrides or [], quick=quick, bars=bars, say=say,
         )  # fmt: skip
     except KeyboardInterrupt as error:
         raise WorkError(

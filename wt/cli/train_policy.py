@@ -11,7 +11,7 @@ import typer
 
 
 def command(
-    config: Annotated[Path, typer.Option(help="YAML file, e.g. conf/policy_go2.yaml.")],
+    config: Annotated[Path, typer.Option(help="YAML file, or a shipped name, as policy_go2.")],
     overrides: Annotated[
         list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Override what it says.")
     ] = None,
@@ -40,8 +40,8 @@ def command(
     card.json, the checkpoint to continue from, and a row of training.csv per iteration.
 
     Example:
-        wt-train-policy --config conf/policy_go2.yaml --out runs/go2 --seconds 480
-        wt train-policy --config conf/policy_go2.yaml --out runs/go2 --resume
+        wt-train-policy --config policy_go2 --out runs/go2 --seconds 480
+        wt train-policy --config policy_go2 --out runs/go2 --resume
     """
     from wt.cli._extras import need
     from wt.cli._progress import bar

@@ -218,6 +218,11 @@ class Finding:
     formula_gain: float | None = None
     reference: str = ""
 
+    @property
+    def lawless(self) -> bool:
+        """Whether it says only where something unknown acts."""
+        return self.effect == "unknown" and not self.depends_on
+
     def to_json(self) -> dict[str, Any]:
         """As in ``diagnosis.json``."""
         printed = {} if self.formula_gain is None else {"formula_gain": self.formula_gain}

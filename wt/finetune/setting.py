@@ -48,9 +48,7 @@ class Setting:
         """
         section = dict(load_task(config.task).world)
         if section.pop("name", None) != "walking":
-            raise ConfigError(
-                f"task {config.task}: nothing walks there; take conf/go2_payload.yaml"
-            )
+            raise ConfigError(f"task {config.task}: nothing walks there; take go2_payload")
         options = parse(WalkingOptions, section, "world.")
         if config.policy is not None:
             options = replace(options, policy=config.policy)

@@ -453,3 +453,16 @@ def test_one_joint_is_not_told_twice() -> None:
     alone = dataclasses.replace(diagnosis.proof, joints={"j2": diagnosis.proof.joints["j2"]})
     said = Page(report(dataclasses.replace(diagnosis, proof=alone))).words
     assert "all joints" not in said and "j2 " in said
+
+
+def test_what_has_no_law_is_not_said_to_remove_anything() -> None:
+    known = synthetic.diagnosis()
+    place = dataclasses.replace(
+        known.findings[0], effect="unknown", parameters={}, statement="Joint j2 is moved by x.",
+        holdout_gain=0.0, depends_on=(), formula=None, confusable_with=(),
+    )  # fmt: skip
+    unknown = dataclasses.replace(known, findings=(place,), verdict="unexplained")
+    said = Page(report(unknown)).words
+    assert "No law was found for it, and none is written." in said
+    assert "removes" not in said and "of such a gain" not in said
+    assert "this names where it acts." in said and "takes of it" not in said

@@ -171,7 +171,7 @@ def dependence(diagnosis: Diagnosis, finding: Finding, model: mujoco.MjModel | N
     title = f"The force at joint {name} that the model leaves out, over {variable}"
     axes = Axes(x=label, y=f"missing force [{unit}]", alt=title)
     caption = f"{title}: dots are samples of all recordings, beads their means."
-    if not changed:
+    if not (changed or finding.lawless):
         caption += " What the finding takes of it shows in replays alone."
     return _figure(chart(series, axes), caption)
 

@@ -123,7 +123,8 @@ def _parameters(d: Diagnosis) -> str:
     head = ("place", "effect", "parameter", "#value", "unit", "#95 % interval")
     values = table(head, rows) if rows else ""
     evidence = "".join(f"<li>{_evidence(d, f)}</li>" for f in d.findings)
-    legend = "p is the chance of such a gain if the effect were not there."
+    gains = not all(f.lawless for f in d.findings)
+    legend = "p is the chance of such a gain if the effect were not there." if gains else ""
     if len(d.proof.joints) > 1:
         legend += " Shares of squared errors count every joint alike; the error above is of all."
     body = f'{values}<ul class="next">{evidence}</ul><p class="soft">{legend}</p>'
@@ -132,17 +133,7 @@ def _parameters(d: Diagnosis) -> str:
 
 def _evidence(d: Diagnosis, f: Finding) -> str:
     """Evidence for a finding, and the law of an unknown one."""
-    p = text.p_value(f.p_value)
-    chance = f"p {p if p.startswith('<') else f'= {p}'}".replace(" ", text.NBSP)
-    name = text.name_of(f.effect)
-    parts = [
-        escaped(
-            f"{name[:1].upper()}{name[1:]} at {f.at} removes {text.percent(f.holdout_gain)} % of "
-            f"the squared error on held-out data ({chance})."
-        ),
-        escaped(text.borne_out(d, f)),
-    ]
-    words = " ".join(filter(None, parts))
+    words = " ".join(escaped(said) for said in (text.gained(f), text.borne_out(d, f)) if said)
     if f.depends_on:
         words += f"<br>Depends on {escaped(', '.join(f.depends_on))}."
     if f.formula:

@@ -51,7 +51,8 @@ def sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
             "effect explains it on data that it was not fitted to."
         )
     elif diagnosis.verdict == "unexplained":
-        words.append("The cause is not known: this names where it acts and what it depends on.")
+        depends = "" if all(f.lawless for f in diagnosis.findings) else " and what it depends on"
+        words.append(f"The cause is not known: this names where it acts{depends}.")
     elif diagnosis.verdict == "partly_explained":
         words.append("That is not all: a part of the mismatch is left over.")
     return (*audit, *words)
@@ -155,6 +156,22 @@ def times(diagnosis: Diagnosis, intervals: Sequence[Interval]) -> list[str]:
         name = f"{short_name(diagnosis, path)}: " if len(lengths) > 1 else ""
         lines.append(name + ", ".join(spans))
     return lines
+
+
+def gained(finding: Finding) -> str:
+    """A sentence on what a finding is worth on held-out data."""
+    p = p_value(finding.p_value)
+    chance = f"p {p if p.startswith('<') else f'= {p}'}".replace(" ", NBSP)
+    if finding.lawless:
+        return (
+            f"The {finding.at} errs by more than noise and what any model is off by ({chance}, if "
+            "these were all). No law was found for it, and none is written."
+        )
+    name = name_of(finding.effect)
+    return (
+        f"{name[:1].upper()}{name[1:]} at {finding.at} removes {percent(finding.holdout_gain)} % "
+        f"of the squared error on held-out data ({chance})."
+    )
 
 
 def borne_out(diagnosis: Diagnosis, finding: Finding) -> str:
