@@ -128,6 +128,7 @@ class Effect(abc.ABC):
             :func:`alternatives`.
         common: how often real machines have it although their models do not.
         plotted_over: the variable that its force is best seen over.
+        each_way: whether that force is another one on the way back.
         stiff: whether it moves faster than the machine, or takes damping away that long steps
             rely on, so that replays take the shortest ones.
         form: in words, of a law that MuJoCo has in several; "" for the usual one.
@@ -146,6 +147,7 @@ class Effect(abc.ABC):
     looks_like: ClassVar[tuple[str, ...]] = ()
     common: ClassVar[Common] = "seldom"
     plotted_over: ClassVar[Variable] = "position"
+    each_way: ClassVar[bool] = False
     stiff: ClassVar[bool] = False
     form: ClassVar[str] = ""
     forms: ClassVar[tuple[Effect, ...]] = ()

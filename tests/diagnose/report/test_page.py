@@ -466,3 +466,12 @@ def test_what_has_no_law_is_not_said_to_remove_anything() -> None:
     assert "No law was found for it, and none is written." in said
     assert "removes" not in said and "of such a gain" not in said
     assert "this names where it acts." in said and "takes of it" not in said
+
+
+def test_what_is_another_way_back_is_drawn_each_way() -> None:
+    known = synthetic.diagnosis()
+    way = dataclasses.replace(known.findings[0], effect="joint.hysteresis")
+    page = report(dataclasses.replace(known, findings=(way,)))
+    chart = page.split("missing force [N·m]")[1].partition("</figure>")[0]
+    assert chart.count("beads before") == 2
+    assert "beads their means, on the way there and on the way back." in Page(page).words

@@ -158,6 +158,9 @@ def dependence(diagnosis: Diagnosis, finding: Finding, model: mujoco.MjModel | N
         for parts in zip(*((t.force_before, t.force_after) for t in diagnosis.traces), strict=True)
     ]
     before, after = forces
+    known = effects().get(finding.effect)
+    v = np.concatenate([t.velocity[:, column] for t in diagnosis.traces])
+    ways = (v >= 0.0, v < 0.0) if known and known.each_way else (np.ones(len(v), bool),)
     # corrections within tolerance change it, too, by next to nothing
     changed = np.nanstd(after - before) > _CHANGED * np.nanstd(before)
     for css, force in zip(("before", "after"), (_usual(f) for f in forces), strict=True):
@@ -166,11 +169,13 @@ def dependence(diagnosis: Diagnosis, finding: Finding, model: mujoco.MjModel | N
         fine = np.isfinite(x) & np.isfinite(force)
         order = np.flatnonzero(fine)[np.random.default_rng(0).permutation(int(fine.sum()))]
         series.append(Series(css, x[order], force[order], "dots"))
-        series.append(Series(css, *_binned(x[fine], force[fine]), "beads"))
+        each = [fine & way for way in ways]
+        series += [Series(css, *_binned(x[rows], force[rows]), "beads") for rows in each]
     series.sort(key=lambda s: s.mark == "beads")  # means lie on the clouds
     title = f"The force at joint {name} that the model leaves out, over {variable}"
     axes = Axes(x=label, y=f"missing force [{unit}]", alt=title)
-    caption = f"{title}: dots are samples of all recordings, beads their means."
+    caption = f"{title}: dots are samples of all recordings, beads their means"
+    caption += ", on the way there and on the way back." if len(ways) > 1 else "."
     if not (changed or finding.lawless):
         caption += " What the finding takes of it shows in replays alone."
     return _figure(chart(series, axes), caption)

@@ -175,8 +175,9 @@ def _errors(d: Diagnosis) -> str:
     if not parts:
         return ""
     intro = (
-        "Simulated position minus the recorded one; the simulation runs open loop, from the "
-        "recorded commands alone. The grey band is twice the measurement noise."
+        "Simulated position minus the recorded one; the simulation runs open loop, once through "
+        "each recording, from its commands alone. The proof below begins anew in windows, so that "
+        "its figures are others. The grey band is twice the measurement noise."
     )
     title = "Error before and after" if d.findings else "Error over time"
     keys = f"<p>{charts.BEFORE_AFTER}</p>" if d.findings else ""

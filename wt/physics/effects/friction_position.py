@@ -57,6 +57,7 @@ class FrictionPosition(Nested, BristleFriction):
     odds_against = 4.0
     signed = (1, 0, 0)
     looks_like = ("dry friction",)
+    each_way = True
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Wavelengths from an eighth of the joint's way to three times that."""

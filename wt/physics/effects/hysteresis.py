@@ -32,6 +32,7 @@ class Hysteresis(Nested):
     reference = "L. Prandtl, Ein Gedankenmodell zur kinetischen Theorie der festen Körper, 1928"
     signed = (1,)
     looks_like = ("spring",)
+    each_way = True
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Deflections at which it yields, from a fraction of the range down."""
