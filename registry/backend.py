@@ -28,6 +28,8 @@ NOTE = "mlflow.note.content"
 """Tag with the description that a person reads."""
 ORIGIN = ("mlflow.source.git.commit", "mlflow.source.name", "mlflow.source.type", "mlflow.user")
 """Tags by which MLflow's pages show what code made a run or a model, and who started it."""
+KEPT = ("paper.row", *ORIGIN)
+"""Tags of a run that the model it made has, too."""
 
 _SQLITE = "sqlite:///"
 _BARS = "MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR"

@@ -16,7 +16,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from registry.backend import NOTE, ORIGIN, answering, connect, one_line, quiet, resolve_uri
+from registry.backend import KEPT, NOTE, answering, connect, one_line, quiet, resolve_uri
 from registry.card import HeldOut
 from wt.errors import RegistryError, suggest
 
@@ -198,7 +198,7 @@ class Store:
             run.info.experiment_id,
             name,
             run_id,
-            tags={**{k: v for k, v in run.data.tags.items() if k in ORIGIN}, **tags},
+            tags={**{k: v for k, v in run.data.tags.items() if k in KEPT}, **tags},
             params=run.data.params,
             model_type="onnx",
         )

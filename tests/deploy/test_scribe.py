@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pyarrow.parquet as pq
 import pytest
 
@@ -62,6 +63,10 @@ class Run:
         now = time.monotonic()
         self.runner.kill()
         self.runner.wait()
+        while both and psutil.pid_exists(self.scribe):  # until it has let go of its files
+            if psutil.Process(self.scribe).status() == psutil.STATUS_ZOMBIE:
+                break
+            time.sleep(0.01)
         return now
 
 

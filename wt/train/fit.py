@@ -19,6 +19,7 @@ from torch import Tensor
 
 from wt.config import Method, Train
 from wt.data.stored import Streams
+from wt.errors import ConfigError
 from wt.nets.mlp import Ensemble
 from wt.nets.simulator_use import UNTRIED, use_of
 from wt.nets.world_model import WorldModel
@@ -92,9 +93,10 @@ def fit_world_model(
         The chosen model, in evaluation mode.
 
     Raises:
-        ConfigError: the method steps the simulator, and was given none.
+        ConfigError: a simulator that the method steps, or a device that it trains on, is missing.
         WorkError: training diverged.
     """
+    _refuse_absent(method.train.devices)
     torch.manual_seed(seed)
     model = WorldModel(spec, method)
     fit_normalizers(model.frame, sim, real)
@@ -107,7 +109,7 @@ def fit_world_model(
         real, selection = with_answers(answers, sim, real, selection, before)
         streams = streams._replace(real=None)  # S has answered the sample alone
     sim, real = (within(model.frame, x, method.translation.reach) for x in (sim, real))
-    _mean_field(model, sim, real, selection, seed, folder, in_front)
+    _mean_field(model, sim, real, selection, seed, folder, in_front, sink)
     _choose_transport(model, sim, real, selection)
     if not translates(method, selection):
         model.strength.fill_(0.0)
@@ -115,8 +117,17 @@ def fit_world_model(
     loaded = _loaded(model, sim, real, streams, selection, seed)
     module = WorldTranslation(spec, method, model)
     best = _run(module, loaded, folder, sink, warn, part_of(progress, extra, total))
-    module.load_state_dict(torch.load(best, "cpu", weights_only=True)["state_dict"])
-    return _chosen(module.deployed().eval(), selection)
+    return _chosen(best, selection)
+
+
+def _refuse_absent(devices: int) -> None:
+    """Refuse to train on CUDA devices that are not there."""
+    there = torch.cuda.device_count() if torch.get_default_device().type == "cuda" else devices
+    if devices > there:
+        raise ConfigError(
+            f"train.devices is {devices}; this machine has {there} CUDA devices: give as many at "
+            "most, or device: cpu"
+        )
 
 
 def _loaded(
@@ -150,6 +161,7 @@ def _mean_field(
     seed: int,
     folder: Path,
     progress: Progress | None,
+    sink: MetricSink,
 ) -> None:
     """Fit the mean field once; an interrupted run finds it again."""
     kept = folder / "mean_field.pt"
@@ -157,8 +169,26 @@ def _mean_field(
         model.frame.load_state_dict(torch.load(kept, "cpu", weights_only=True))
         model.frame.requires_grad_(False)
         return
-    scores = _scores(model, selection)
-    fit_mean_field(model.frame, sim, real, model.method.mean, seed, progress, scores)
+    step = 0
+
+    def follow(done: int, total: int) -> None:
+        nonlocal step
+        step = done
+        if progress:
+            progress(done, total)
+
+    def drawn(name: str, score: Score | None) -> Score | None:
+        """The score, which is also a point of the curve ``val/<name>``."""
+
+        def told() -> float:
+            value = score() if score else math.inf
+            sink({f"val/{name}": value}, step)
+            return value
+
+        return told if score else None
+
+    scores = Scores(**{n: drawn(n, s) for n, s in _scores(model, selection)._asdict().items()})
+    fit_mean_field(model.frame, sim, real, model.method.mean, seed, follow, scores)
     folder.mkdir(parents=True, exist_ok=True)
     torch.save(model.frame.state_dict(), kept.with_suffix(".tmp"))
     kept.with_suffix(".tmp").replace(kept)
@@ -203,8 +233,8 @@ def _run(
     sink: MetricSink,
     warn: Callable[[str], None],
     progress: Progress | None,
-) -> Path:
-    """Algorithm 1's loop; returns the checkpoint with the lowest error on what is held out."""
+) -> WorldModel:
+    """Algorithm 1's loop; returns the model with the lowest error on what is held out."""
     train, device = module.model.method.train, torch.get_default_device()
     watchers: list[lightning.Callback] = [CollapseWatch(warn, train.log_every)]
     if progress:
@@ -218,7 +248,8 @@ def _run(
     with followers(train.devices, _follow, given) as place:
         best = _loop(module, data, folder, place, watchers, SinkLogger(sink))
     module.to(device)  # Lightning leaves what it trained on the CPU
-    return best
+    module.load_state_dict(torch.load(best, "cpu", weights_only=True)["state_dict"])
+    return module.deployed().eval()
 
 
 def _follow(

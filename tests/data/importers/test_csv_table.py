@@ -110,3 +110,10 @@ def test_a_last_line_that_is_cut_off_is_left_out_and_others_are_refused(tmp_path
 def test_columns_of_one_name_are_told_apart(tmp_path: Path) -> None:
     table = read_text(tmp_path, "t,q,q\n0,1,2\n1,3,4\n")
     assert {n: list(x) for n, x in table.items()} == {"t": [0, 1], "q": [1, 3], "q.1": [2, 4]}
+
+
+@pytest.mark.filterwarnings("error")
+def test_bytes_that_are_no_text_are_refused_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "table.csv").write_bytes(b"t,q\n0,1\n1\xb5\n2,3\n")
+    with pytest.raises(DataError, match="cannot be read as CSV: 'utf-8'"):
+        _csv.read(tmp_path / "table.csv")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -39,7 +40,9 @@ def read(path: Path) -> Table:
 
     try:
         with path.open("rb") as file:
-            header = file.readline(_HEADER)
+            header, decoder = file.readline(_HEADER), codecs.getincrementaldecoder("utf-8")()
+            for part in (header, *iter(lambda: file.read(_BLOCK), b"")):
+                decoder.decode(part)  # a line that is left out is not read as text before
         between = max(b",;\t", key=lambda sign: header.count(bytes([sign])))
         parsed = csv.ParseOptions(delimiter=chr(between), invalid_row_handler=left_out)
         # one thread, so that a row knows its number
