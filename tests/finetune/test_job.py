@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from mlflow import MlflowClient
 
+from registry.backend import NOTE
 from tests.finetune.conftest import TINY
 from wt.cli.finetune import main
 from wt.locomotion import evaluate
@@ -53,6 +54,8 @@ def test_the_whole_of_it(
     client = MlflowClient(tracking_uri=model[1].partition("=")[2])
     run = client.get_run((out / "mlflow_run_id").read_text())
     assert run.data.params["training.ppo.iterations"] == "2"
+    assert run.data.tags["task"] == "go2_payload" and "translation" in run.data.tags[NOTE]
+    assert "system/cpu_utilization_percentage" in run.data.metrics
     assert run.data.metrics["translation-seed0/reward"] == pytest.approx(
         float(rows[1]["reward"]), rel=1e-4
     )

@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from mlflow import MlflowClient
 
 from deploy.policies import load
 from registry.policies import pull, push
@@ -32,6 +33,8 @@ def test_what_is_pulled_is_what_was_pushed(store_uri: str, run_id: str, tmp_path
     folder = copied(tmp_path / "made")
     pushed = push(folder, run_id, uri=store_uri)
     assert (str(pushed), pushed.aliases) == ("go2/1", ("champion",))
+    tags = MlflowClient(store_uri, store_uri).get_model_version("go2", "1").tags
+    assert tags["robot"] == "go2" and tags["made_by"].startswith("wt-train-policy")
     errors = [
         trial["error"]
         for trial in json.loads((folder / CARD).read_text())["evaluation"]["tracking"]

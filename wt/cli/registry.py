@@ -144,6 +144,8 @@ def push(
     with _busy(f"registering {folder}"):
         policy = folder_of(folder)
         with track.run("policies", policy.name) as run:
+            said = f"The walking policy in `{policy}`, registered as it is; its card says the rest."
+            run.tags({track.NOTE: said})
             version = push_policy(policy, run.id)
     typer.echo(f"{version}: {version.decision}")
 

@@ -21,7 +21,7 @@ from wt.finetune.setting import Setting
 from wt.finetune.training import adapt
 from wt.registered import Registered
 from wt.run.folder import CONFIG, keep, tracked
-from wt.run.track import Run
+from wt.run.track import NOTE, Run, machine
 
 Show = Callable[[str, float], None]
 """Told what is being done and which share of it is behind."""
@@ -48,10 +48,12 @@ def run(config: Finetune, folder: Path, *, made_by: str, show: Show) -> tuple[di
     iterations = setting.training("none", config.seeds[0]).ppo.iterations
     models = _models(setting, folder)
     keep(config, folder)
-    with tracked(config, folder) as current:
+    task = setting.world().spec.task
+    with tracked(config, folder) as current, machine(current):
+        current.tags({"task": task, NOTE: _note(config, task)})
         by_variant = _figures(setting, folder, made_by, show, current)
         about = {
-            "task": setting.world().spec.task,
+            "task": task,
             "policy": setting.base.card.name,
             "models": {v: {"name": c.name, "sha256": c.sha256} for v, c in models.items()},
             "alignment": config.alignment,
@@ -63,6 +65,15 @@ def run(config: Finetune, folder: Path, *, made_by: str, show: Show) -> tuple[di
         for name in ("results.json", "results.md"):
             current.artifact(folder / name)
     return results, current
+
+
+def _note(config: Finetune, task: str) -> str:
+    """A description of the run, for people."""
+    variants = ", ".join(f"`{v}`" for v in config.variants)
+    return (
+        f"The walking policy of the task `{task}`, trained on {variants}, seeds "
+        f"{', '.join(map(str, config.seeds))}, and judged in the real domain."
+    )
 
 
 def _models(setting: Setting, folder: Path) -> dict[Variant, Card]:
