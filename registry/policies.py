@@ -57,8 +57,8 @@ def push(folder: Path, run_id: str, *, uri: str | None = None) -> Version:
     if same is not None:
         return same
     wins, decision = compare(heldout, next((v for v in versions if CHAMPION in v.aliases), None))
-    about = {k: str(card[k]) for k in ("robot", "made_by") if k in card}
-    tags = {**hashes, **about, "decision": decision}
+    about: dict[str, str] = {k: str(card[k]) for k in ("robot", "made_by") if k in card}
+    tags = hashes | about | {"decision": decision}
     files = mlmodel.Files(folder / POLICY_FILE, folder / CARD_FILE, _frames(card), run_id)
     number = store.add(card["name"], run_id, files.write, heldout, tags, _about(card, heldout))
     made = store.resolve(f"{card['name']}/{number}")
