@@ -3,7 +3,7 @@
 # and, step by step, by the Dockerfile:
 #   install DIR [EXTRA]   new environment DIR with the wheel of this checkout in it
 #   diagnose DIR OUT      without an extra: under a gigabyte, and finds what an example hides
-#   fit DIR OUT           with the extra fit: help, then the debug fit, its files in OUT
+#   fit DIR OUT           with the extra fit: the debug fit, its files in OUT
 # Without arguments: all of them in a temporary folder, the first two for Python 3.13 as well.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/.." && pwd)

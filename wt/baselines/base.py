@@ -27,7 +27,7 @@ from wt.errors import ConfigError, suggest
 from wt.nets.frame import Frame
 from wt.nets.mlp import Ensemble, mlp
 from wt.train.hidden import Simulator
-from wt.train.logger import MetricSink
+from wt.train.logger import Curves, MetricSink
 from wt.train.mean_field import fit_normalizers
 from wt.train.regression import (
     Progress,
@@ -80,8 +80,7 @@ class Baseline(ABC):
         self.frame = Frame(spec, Mean())
         self.nets = nn.ModuleDict({"frame": self.frame})
         self.selection: Selection | None = None
-        self._sink: MetricSink | None = None
-        self._done = 0
+        self._curves = Curves()
 
     def train(
         self,
@@ -104,14 +103,8 @@ class Baseline(ABC):
         torch.manual_seed(self.seed)
         fit_normalizers(self.frame, sim, real)
         self.nets.update(self.build())
-        self.selection, self._sink, self._done = selection, sink, 0
-
-        def follow(done: int, total: int) -> None:
-            self._done = done
-            if progress:
-                progress(done, total)
-
-        self.fit(sim, real, follow)
+        self.selection, self._curves = selection, Curves(sink, progress)
+        self.fit(sim, real, self._curves.follow)
 
     @classmethod
     def remark(cls, spec: TransitionSpec) -> str | None:
@@ -135,14 +128,7 @@ class Baseline(ABC):
 
     def drawn(self, metric: str, score: Score) -> Score:
         """A score that is also a point of the training's curve ``val/<metric>``."""
-
-        def told() -> float:
-            value = score()
-            if self._sink:
-                self._sink({f"val/{metric}": value}, self._done)
-            return value
-
-        return told
+        return self._curves.drawn(metric, score)
 
     def held_out(self, selection: Selection) -> Pairs:
         """R's transitions that score a prediction, with the answer of S that it may read."""

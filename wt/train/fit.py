@@ -30,7 +30,7 @@ from wt.train.checkpoints import WholeCheckpoints
 from wt.train.data import TranslationData
 from wt.train.device import beside, on
 from wt.train.hidden import Simulator
-from wt.train.logger import MetricSink, SinkLogger
+from wt.train.logger import Curves, MetricSink, SinkLogger
 from wt.train.mean_field import (
     Scores,
     fit_mean_field,
@@ -169,26 +169,9 @@ def _mean_field(
         model.frame.load_state_dict(torch.load(kept, "cpu", weights_only=True))
         model.frame.requires_grad_(False)
         return
-    step = 0
-
-    def follow(done: int, total: int) -> None:
-        nonlocal step
-        step = done
-        if progress:
-            progress(done, total)
-
-    def drawn(name: str, score: Score | None) -> Score | None:
-        """The score, which is also a point of the curve ``val/<name>``."""
-
-        def told() -> float:
-            value = score() if score else math.inf
-            sink({f"val/{name}": value}, step)
-            return value
-
-        return told if score else None
-
-    scores = Scores(**{n: drawn(n, s) for n, s in _scores(model, selection)._asdict().items()})
-    fit_mean_field(model.frame, sim, real, model.method.mean, seed, follow, scores)
+    curves, each = Curves(sink, progress), _scores(model, selection)._asdict()
+    scores = Scores(**{name: s and curves.drawn(name, s) for name, s in each.items()})
+    fit_mean_field(model.frame, sim, real, model.method.mean, seed, curves.follow, scores)
     folder.mkdir(parents=True, exist_ok=True)
     torch.save(model.frame.state_dict(), kept.with_suffix(".tmp"))
     kept.with_suffix(".tmp").replace(kept)

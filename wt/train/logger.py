@@ -1,4 +1,4 @@
-"""Lightning's logger interface on a function: where ``self.log`` of the module ends."""
+"""Where metrics go: a sink, from Lightning's ``self.log`` and from regressions without a loop of its."""
 
 from __future__ import annotations
 
@@ -8,8 +8,40 @@ from typing import Any
 from lightning.pytorch.loggers import Logger
 from lightning.pytorch.utilities import rank_zero_only
 
+from wt.train.regression import Progress, Score
+
 MetricSink = Callable[[Mapping[str, float], int], None]
 """Called with metrics by name and the step they belong to."""
+
+
+class Curves:
+    """Held-out errors of regressions as curves ``val/<name>``, by the steps that are done."""
+
+    def __init__(self, sink: MetricSink | None = None, progress: Progress | None = None) -> None:
+        """Begin before the first step.
+
+        Args:
+            sink: where the errors go.
+            progress: told of the steps, too.
+        """
+        self._sink, self._progress, self._done = sink, progress, 0
+
+    def follow(self, done: int, total: int) -> None:
+        """Take note of the steps that are done."""
+        self._done = done
+        if self._progress:
+            self._progress(done, total)
+
+    def drawn(self, name: str, score: Score) -> Score:
+        """A score that is also a point of the curve of that name."""
+
+        def told() -> float:
+            value = score()
+            if self._sink:
+                self._sink({f"val/{name}": value}, self._done)
+            return value
+
+        return told
 
 
 class SinkLogger(Logger):
