@@ -1,4 +1,4 @@
-"""Where metrics go: a sink, from Lightning's ``self.log`` and from regressions without a loop of its."""
+"""Where metrics go: from Lightning's ``self.log`` and from plain regressions, into one function."""
 
 from __future__ import annotations
 
