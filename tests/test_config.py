@@ -197,8 +197,9 @@ def test_bad_override(override: str, says: str) -> None:
         ("seeds=[]", "seeds []"),
         ("seeds=[1,1]", "seeds [1, 1]"),
         ("seeds=[-1]", "seeds [-1]"),
-        ("plus.train.devices=7", "plus.train.batch 512 is not a multiple of plus.train.devices 7"),
-        ("paper.train.nodes=2", "a model trains on one machine: raise paper.train.devices"),
+        ("plus.train.devices=7", "plus.train.batch 512 is not a multiple of 7, the processes"),
+        ("paper.train.nodes=3", "paper.train.batch 256 is not a multiple of 3, the processes"),
+        ("paper.train.strategy=ray", "paper.train.strategy is ray with paper.train.nodes 1: ddp"),
         ("paper.train.devices=0", "paper.train.devices is 0"),
         ("paper.train.steps=7", "paper.train.steps 7 is not a multiple of "
          "paper.train.validate_every 500; change either"),

@@ -1,8 +1,8 @@
 """A Ray cluster: the one that ``RAY_ADDRESS`` names, else one of this machine's cores.
 
 What runs on it stands where it belongs: replays in ``wt.physics.cluster``, collection in
-``wt.worlds.spread``. Nodes need this package in the same versions, but no folder in common with
-the caller.
+``wt.worlds.spread``, other machines of a training in ``wt.train.machines``. Nodes need this package
+in the same versions, but no folder in common with the caller.
 """
 
 from __future__ import annotations
@@ -117,12 +117,10 @@ def called_off(pending: Collection[ObjectRef]) -> Iterator[None]:
         raise
 
 
-def versions() -> dict[str, str]:
-    """Versions of all that numbers may depend on."""
-    return {
-        "wt": __version__,
-        **{name: version(name) for name in ("mujoco", "numpy", "onnxruntime")},
-    }
+def versions(*more: str) -> dict[str, str]:
+    """Versions of all that numbers may depend on, and of more packages."""
+    names = ("mujoco", "numpy", "onnxruntime", *more)
+    return {"wt": __version__, **{name: version(name) for name in names}}
 
 
 def same_versions(as_caller: Mapping[str, str]) -> None:
@@ -131,9 +129,10 @@ def same_versions(as_caller: Mapping[str, str]) -> None:
     Raises:
         UserError: it has other versions.
     """
-    if as_caller != versions():
+    here = versions(*(set(as_caller) - set(versions())))
+    if as_caller != here:
         raise UserError(
-            f"a node of the Ray cluster has {versions()}, this machine has {dict(as_caller)}; "
+            f"a node of the Ray cluster has {here}, this machine has {dict(as_caller)}; "
             "install the same"
         )
 

@@ -54,8 +54,12 @@ Device = Literal["auto", "cpu", "cuda"]
 Precision = Literal["32-true", "bf16-mixed"]
 """Lightning's name for the numbers that networks compute with."""
 
-Strategy = Literal["auto", "ddp"]
-"""How several devices train one model: replicas that average their gradients, either way."""
+Strategy = Literal["auto", "ddp", "ray"]
+"""What starts the processes that train one model, replicas that average their gradients.
+
+``ddp``: the one that leads, on this machine; ``ray``: a Ray cluster, on its other machines;
+``auto``: the latter where there is more than one machine. See ``wt.train.replicas``.
+"""
 
 Jobs = Literal["here", "ray"]
 """Where shards of collections are made; see ``wt.worlds.spread``."""
@@ -307,15 +311,16 @@ def _check_method(name: str, method: Method) -> None:
             f"{name}.train.steps {train.steps} is not a multiple of "
             f"{name}.train.validate_every {train.validate_every}; change either"
         )
-    if train.batch % train.devices:
+    processes = train.devices * train.nodes
+    if train.batch % processes:
         raise ConfigError(
-            f"{name}.train.batch {train.batch} is not a multiple of {name}.train.devices "
-            f"{train.devices}, which share it; change either"
+            f"{name}.train.batch {train.batch} is not a multiple of {processes}, the processes "
+            f"({name}.train.devices × {name}.train.nodes) that share it; change either"
         )
-    if train.nodes > 1:
+    if (train.nodes > 1, train.strategy) in ((True, "ddp"), (False, "ray")):
         raise ConfigError(
-            f"{name}.train.nodes is {train.nodes}; a model trains on one machine: raise "
-            f"{name}.train.devices, or spread seeds over machines with one run each"
+            f"{name}.train.strategy is {train.strategy} with {name}.train.nodes {train.nodes}: ddp "
+            "is for one machine, ray for more; auto for either"
         )
     if method.translation.transport and method.mean.kind == "none":
         raise ConfigError(

@@ -21,6 +21,16 @@ from wt.train.module import WorldTranslation
 HEALTHY = {"latent/active_std": 0.8, "gan/accuracy": 0.6, "gan/generator": 1.4, "vae/kl": 3.0}
 
 
+class At(lightning.Trainer):
+    """A trainer at a step of the test's choice."""
+
+    step = 0
+
+    @property
+    def global_step(self) -> int:
+        return self.step
+
+
 @dataclass
 class Watched:
     """A module whose metrics the test makes up, under a watch."""
@@ -29,17 +39,17 @@ class Watched:
     watch: CollapseWatch
     warned: list[str] = field(default_factory=list)
     sunk: list[tuple[dict[str, float], int]] = field(default_factory=list)
+    step: int = 0
 
     def sink(self, values: Mapping[str, float], step: int) -> None:
         self.sunk.append((dict(values), step))
 
     def see(self, times: int = 1, **changed: float) -> None:
         """Show the watch these metrics at the next looks."""
-        trainer = lightning.Trainer(
-            accelerator="cpu", logger=SinkLogger(self.sink), enable_checkpointing=False
-        )
+        trainer = At(accelerator="cpu", logger=SinkLogger(self.sink), enable_checkpointing=False)
         for _ in range(times):
-            self.module.own_step += 5
+            self.step += 5
+            trainer.step = self.step
             values = HEALTHY | {k.replace("_", "/", 1): v for k, v in changed.items()}
             self.module.metrics = {k: torch.tensor(v) for k, v in values.items()}
             self.watch.on_train_batch_end(trainer, self.module, None, None, 0)
@@ -88,7 +98,7 @@ def test_divergence_ends_the_run_with_one_line(watched: Watched, value: float) -
 
 
 def test_only_every_so_many_steps_are_looked_at(watched: Watched) -> None:
-    watched.module.own_step = 2
+    watched.step = 2
     watched.see(times=3, vae_kl=float("nan"))  # steps 7, 12, 17: no looks
     assert watched.warned == []
 

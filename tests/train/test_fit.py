@@ -14,7 +14,7 @@ from tests.train.conftest import World
 from wt.config import Mean, Method, TranslationConfig, Vae
 from wt.errors import ConfigError, WorkError
 from wt.nets.world_model import WorldModel
-from wt.train.fit import _refuse_absent, fit_world_model
+from wt.train.fit import fit_world_model
 from wt.train.score import PairTensors, errors, predictions, score
 from wt.train.selection import Unpaired
 from wt.types import Pairs, Transitions
@@ -379,11 +379,3 @@ def test_what_is_hidden_in_r_s_collection_does_not_reach_the_encoder(
 def test_no_simulator_no_encoder(world: World, paper: Method, folder: Path) -> None:
     with pytest.raises(ConfigError, match=r"mean\.simulator encoded steps the simulator"):
         fit(world, encoded(paper), folder, Sink())
-
-
-def test_more_devices_than_there_are_are_refused_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(torch, "get_default_device", lambda: torch.device("cuda", 0))
-    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
-    _refuse_absent(2)
-    with pytest.raises(ConfigError, match=r"train\.devices is 4; this machine has 2 CUDA devices"):
-        _refuse_absent(4)

@@ -41,18 +41,23 @@ TWO_CUDA = pytest.mark.skipif(
 
 
 @pytest.mark.parametrize(
-    ("segment", "device"),
+    ("which", "segment", "device"),
     [
-        pytest.param(1, "cpu", marks=pytest.mark.long),
-        (3, "cpu"),
-        pytest.param(1, "cuda", marks=TWO_CUDA),
-        pytest.param(3, "cuda", marks=TWO_CUDA),
+        pytest.param("plus", 1, "cpu", marks=pytest.mark.long),
+        ("plus", 3, "cpu"),
+        ("paper", 1, "cpu"),
+        *(
+            pytest.param(which, segment, "cuda", marks=TWO_CUDA)
+            for which, segment in (("plus", 1), ("plus", 3), ("paper", 1))
+        ),
     ],
 )
 def test_the_curve_is_the_same_on_one_and_two_processes(
-    segment: int, device: Device, world: World, plus: Method, tmp_path: Path
-) -> None:
-    method = replace(plus, train=replace(plus.train, segment=segment))
+    which: str, segment: int, device: Device, world: World, tmp_path: Path,
+    request: pytest.FixtureRequest,
+) -> None:  # fmt: skip
+    method: Method = request.getfixturevalue(which)
+    method = replace(method, train=replace(method.train, segment=segment))
     alone, one = curve(world, method, 1, tmp_path / "one", device)
     together, two = curve(world, method, 2, tmp_path / "two", device)
     assert sorted(alone) == sorted(together)

@@ -24,6 +24,7 @@ from wt.evaluate.single_step import ErrorScales
 from wt.nets.world_model import WorldModel
 from wt.show.files import write_whole
 from wt.train import device
+from wt.train.loop import refuse_absent
 from wt.train.selection import Paired, Selection, Unpaired, hold_out, hold_out_stored
 from wt.types import Transitions
 from wt.worlds.base import World, make
@@ -40,10 +41,13 @@ def check(config: FitConfig) -> None:
 
     Raises:
         ConfigError: a world, one of its options, or a baseline is not known; a world is to be
-            diagnosed that cannot be recorded; this machine has no such device.
+            diagnosed that cannot be recorded; this machine has no such device, or too few.
+        UserError: other machines are to train along, and there are none.
         WorkError: Ray is asked for and not installed.
     """
     device.check(config.device)
+    for method in (config.paper, config.plus):
+        refuse_absent(method.train, device.device_of(config.device))
     if config.collect.jobs == "ray":
         cluster.check(ASKED_BY)
     world = make(config.world)

@@ -39,9 +39,8 @@ class ShowProgress(lightning.Callback):
         batch_idx: int,
     ) -> None:
         """Tell it."""
-        module = _own(pl_module)
-        if module.own_step % self._every == 0:
-            self._progress(module.own_step, module.model.method.train.steps)
+        if trainer.global_step % self._every == 0:
+            self._progress(trainer.global_step, _own(pl_module).model.method.train.steps)
 
 
 class RerunCurves(lightning.Callback):
@@ -68,7 +67,7 @@ class RerunCurves(lightning.Callback):
 
         self._folder.mkdir(parents=True, exist_ok=True)
         self._recording = rerun.RecordingStream("World Translation: training")
-        self._recording.save(self._folder / f"training_{_own(pl_module).own_step}.rrd")
+        self._recording.save(self._folder / f"training_{trainer.global_step}.rrd")
 
     def on_train_batch_end(
         self,
@@ -79,16 +78,16 @@ class RerunCurves(lightning.Callback):
         batch_idx: int,
     ) -> None:
         """Draw the step's metrics."""
-        module = _own(pl_module)
-        if module.own_step % self._every == 0:
-            self._draw({k: float(v) for k, v in module.metrics.items()}, module.own_step)
+        if trainer.global_step % self._every == 0:
+            metrics = _own(pl_module).metrics
+            self._draw({k: float(v) for k, v in metrics.items()}, trainer.global_step)
 
     def on_validation_epoch_end(
         self, trainer: lightning.Trainer, pl_module: lightning.LightningModule
     ) -> None:
         """Draw what was measured on what is held out."""
         values = {k: float(v) for k, v in trainer.callback_metrics.items() if k.startswith("val/")}
-        self._draw(values, _own(pl_module).own_step)
+        self._draw(values, trainer.global_step)
 
     def on_train_end(
         self, trainer: lightning.Trainer, pl_module: lightning.LightningModule
@@ -156,18 +155,17 @@ class CollapseWatch(lightning.Callback):
         batch_idx: int,
     ) -> None:
         """Look at the step's metrics."""
-        module = _own(pl_module)
-        if module.own_step % self._every:
+        if trainer.global_step % self._every:
             return
-        values = {k: float(v) for k, v in module.metrics.items()}
-        self._refuse_divergence(values, module.own_step)
+        values = {k: float(v) for k, v in _own(pl_module).metrics.items()}
+        self._refuse_divergence(values, trainer.global_step)
         limits = self._limits
         silent = values["latent/active_std"] < limits.latent_std
-        self._count(trainer, "silent", silent, module.own_step,
+        self._count(trainer, "silent", silent,
                     "the latent went silent (posterior collapse): lower vae.beta")  # fmt: skip
         won = values["gan/accuracy"] > limits.accuracy
         won = won and values["gan/generator"] > limits.generator
-        self._count(trainer, "won", won, module.own_step,
+        self._count(trainer, "won", won,
                     "the discriminators won (no useful gradient left): lower "
                     "train.gan_learning_rate or condition the translation")  # fmt: skip
 
@@ -176,7 +174,7 @@ class CollapseWatch(lightning.Callback):
     ) -> None:
         """Look at the validation error before anything is kept as a checkpoint."""
         values = {k: float(v) for k, v in trainer.callback_metrics.items()}
-        self._refuse_divergence(values, _own(pl_module).own_step)
+        self._refuse_divergence(values, trainer.global_step)
 
     def _refuse_divergence(self, values: Mapping[str, float], step: int) -> None:
         bad = [k for k, v in values.items() if not math.isfinite(v)]
@@ -186,15 +184,13 @@ class CollapseWatch(lightning.Callback):
                 "train.learning_rate or train.gan_learning_rate; the best checkpoint so far is kept"
             )
 
-    def _count(
-        self, trainer: lightning.Trainer, what: str, now: bool, step: int, advice: str
-    ) -> None:
+    def _count(self, trainer: lightning.Trainer, what: str, now: bool, advice: str) -> None:
         self._in_a_row[what] = self._in_a_row[what] + 1 if now else 0
         if self._in_a_row[what] >= self._limits.patience and what not in self._said:
             self._said.add(what)
-            self._warn(f"training collapsed at step {step}: {advice}")
+            self._warn(f"training collapsed at step {trainer.global_step}: {advice}")
             for logger in trainer.loggers:
-                logger.log_metrics({"collapsed": 1.0}, step)
+                logger.log_metrics({"collapsed": 1.0}, trainer.global_step)
 
 
 def _own(module: lightning.LightningModule) -> WorldTranslation:

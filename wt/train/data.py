@@ -10,7 +10,6 @@ from torch import Tensor
 from torch.utils.data import DataLoader, IterableDataset, TensorDataset
 
 from wt.train.batches import Drawn, StepBatch, StepBatches
-from wt.train.module import WorldTranslation
 from wt.train.score import CHUNK
 from wt.train.segments import Segments
 from wt.train.selection import Selection
@@ -20,7 +19,7 @@ from wt.types import Pairs
 class TranslationData(lightning.LightningDataModule):
     """Unpaired transitions that are trained on, and held-out data that choose.
 
-    A batch of training is a pure function of the seed and the module's own step; where several
+    A batch of training is a pure function of the seed and the step; where several
     processes train together, each takes its share of the rows of every batch.
 
     Attributes:
@@ -57,12 +56,12 @@ class TranslationData(lightning.LightningDataModule):
         self.validation, self.test = validation, test
 
     def train_dataloader(self) -> DataLoader[StepBatch]:
-        """Endless batches, from the module's own step on."""
+        """Endless batches, from the step on that is next."""
         trainer = self.trainer
         if trainer is None:
             raise RuntimeError("a trainer says which step is next: give this to Trainer.fit")
         batches = StepBatches(*self._train, part=(trainer.global_rank, trainer.world_size))
-        return DataLoader(_FromOwnStep(batches, trainer), batch_size=None, collate_fn=_as_it_is)
+        return DataLoader(_FromStep(batches, trainer), batch_size=None, collate_fn=_as_it_is)
 
     def val_dataloader(self) -> DataLoader[Selection]:
         """What is held out, as one batch; every process sees all, and so chooses the same."""
@@ -91,8 +90,8 @@ class TranslationData(lightning.LightningDataModule):
         )
 
 
-class _FromOwnStep(IterableDataset[StepBatch]):
-    """Starts at the module's own step whenever it is asked anew, also after resume.
+class _FromStep(IterableDataset[StepBatch]):
+    """Starts at the trainer's step whenever it is asked anew, also after resume.
 
     Lightning fetches a batch past an epoch's end, and asks anew when the next begins.
     """
@@ -101,10 +100,7 @@ class _FromOwnStep(IterableDataset[StepBatch]):
         self._batches, self._trainer = batches, trainer
 
     def __iter__(self) -> Iterator[StepBatch]:
-        module = self._trainer.lightning_module
-        if not isinstance(module, WorldTranslation):
-            raise TypeError(f"these batches train WorldTranslation, not {type(module).__name__}")
-        self._batches.next_step = module.own_step
+        self._batches.next_step = self._trainer.global_step
         yield from self._batches
 
 

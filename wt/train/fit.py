@@ -3,34 +3,25 @@
 from __future__ import annotations
 
 import copy
-import logging
 import math
-import signal
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-import lightning
 import torch
-from lightning.pytorch.callbacks import ModelCheckpoint
 from torch import Tensor
 
-from wt.config import Method, Train
+from wt.config import Method
 from wt.data.stored import Streams
-from wt.errors import ConfigError
 from wt.nets.mlp import Ensemble
 from wt.nets.simulator_use import UNTRIED, use_of
 from wt.nets.world_model import WorldModel
 from wt.train.answers import answers_of, with_answers
 from wt.train.batches import in_frame, within
-from wt.train.callbacks import CollapseWatch, RerunCurves, ShowProgress
-from wt.train.checkpoints import WholeCheckpoints
 from wt.train.data import TranslationData
-from wt.train.device import beside, on
 from wt.train.hidden import Simulator
-from wt.train.logger import Curves, MetricSink, SinkLogger
+from wt.train.logger import Curves, MetricSink
+from wt.train.loop import run
 from wt.train.mean_field import (
     Scores,
     fit_mean_field,
@@ -41,7 +32,6 @@ from wt.train.mean_field import (
 )
 from wt.train.module import WorldTranslation
 from wt.train.regression import Progress, Score, part_of
-from wt.train.replicas import OneMachine, Place, Unwrapped, end_with_parent, followers
 from wt.train.score import PairTensors, predictions, score
 from wt.train.segments import Segments
 from wt.train.selection import Paired, Selection, Unpaired
@@ -93,10 +83,9 @@ def fit_world_model(
         The chosen model, in evaluation mode.
 
     Raises:
-        ConfigError: a simulator that the method steps, or a device that it trains on, is missing.
+        ConfigError: a simulator that the method steps is missing.
         WorkError: training diverged.
     """
-    _refuse_absent(method.train.devices)
     torch.manual_seed(seed)
     model = WorldModel(spec, method)
     fit_normalizers(model.frame, sim, real)
@@ -116,18 +105,8 @@ def fit_world_model(
         return model.eval()
     loaded = _loaded(model, sim, real, streams, selection, seed)
     module = WorldTranslation(spec, method, model)
-    best = _run(module, loaded, folder, sink, warn, part_of(progress, extra, total))
+    best = run(module, loaded, folder, sink, warn, part_of(progress, extra, total))
     return _chosen(best, selection)
-
-
-def _refuse_absent(devices: int) -> None:
-    """Refuse to train on CUDA devices that are not there."""
-    there = torch.cuda.device_count() if torch.get_default_device().type == "cuda" else devices
-    if devices > there:
-        raise ConfigError(
-            f"train.devices is {devices}; this machine has {there} CUDA devices: give as many at "
-            "most, or device: cpu"
-        )
 
 
 def _loaded(
@@ -207,122 +186,6 @@ def _mse(error: Callable[[], Tensor]) -> Score:
         return float((error() ** 2).mean())
 
     return mse
-
-
-def _run(
-    module: WorldTranslation,
-    data: TranslationData,
-    folder: Path,
-    sink: MetricSink,
-    warn: Callable[[str], None],
-    progress: Progress | None,
-) -> WorldModel:
-    """Algorithm 1's loop; returns the model with the lowest error on what is held out."""
-    train, device = module.model.method.train, torch.get_default_device()
-    watchers: list[lightning.Callback] = [CollapseWatch(warn, train.log_every)]
-    if progress:
-        watchers.append(ShowProgress(progress, train.log_every))
-    if train.rerun:
-        watchers.append(RerunCurves(folder, train.log_every))
-    given: tuple[Any, ...] = ()
-    if train.devices > 1:
-        # a copy: tensors that are given to another process are the same memory in both
-        given = copy.deepcopy(module).cpu(), data.to(torch.device("cpu")), folder, device
-    with followers(train.devices, _follow, given) as place:
-        best = _loop(module, data, folder, place, watchers, SinkLogger(sink))
-    module.to(device)  # Lightning leaves what it trained on the CPU
-    module.load_state_dict(torch.load(best, "cpu", weights_only=True)["state_dict"])
-    return module.deployed().eval()
-
-
-def _follow(
-    place: Place,
-    module: WorldTranslation,
-    data: TranslationData,
-    folder: Path,
-    leader: torch.device,
-) -> None:
-    """Train along with the process that leads, and leave everything else to it."""
-    end_with_parent()
-    torch.set_num_threads(1)
-    device = beside(leader, place.rank)
-    with on(device):
-        _loop(copy.deepcopy(module), data.to(device), folder, place, [], None)
-
-
-def _loop(
-    module: WorldTranslation,
-    data: TranslationData,
-    folder: Path,
-    place: Place | None,
-    watchers: Sequence[lightning.Callback],
-    logger: SinkLogger | None,
-) -> Path:
-    """Let Lightning train, from the newest checkpoint on; returns the best one."""
-    train, device = module.model.method.train, torch.get_default_device()
-    best = ModelCheckpoint(folder, "best", monitor=f"val/{data.validation.metric}")
-    # one of its own: save_last of the one above writes only when the error has fallen
-    newest = ModelCheckpoint(folder, "last", enable_version_counter=False)
-    last = folder / "last.ckpt"
-    if train.compile:
-        for net in module.model.children():
-            net.compile()
-    with _unadvised():
-        trainer = lightning.Trainer(
-            **_placed(place, device, train),
-            precision=train.precision,
-            max_epochs=train.steps // train.validate_every,
-            limit_train_batches=train.validate_every,
-            log_every_n_steps=1,  # the module says when
-            callbacks=[*watchers, best, newest],
-            logger=logger or False,
-            use_distributed_sampler=False,
-            enable_progress_bar=False,
-            enable_model_summary=False,
-            num_sanity_val_steps=0,
-            default_root_dir=folder,
-        )
-        on_interrupt = signal.getsignal(signal.SIGINT)
-        try:
-            trainer.fit(module, data, ckpt_path=str(last) if last.exists() else None)
-        except SystemExit as end:
-            # Lightning's answer to Ctrl-C, which also leaves the signal ignored
-            signal.signal(signal.SIGINT, on_interrupt)
-            raise KeyboardInterrupt from end
-    return Path(best.best_model_path)
-
-
-def _placed(place: Place | None, device: torch.device, train: Train) -> dict[str, Any]:
-    """The Trainer's arguments on where it trains."""
-    plugins: list[Any] = [WholeCheckpoints()]
-    if place is None:
-        alone: int | list[int] = 1 if device.index is None else [device.index]
-        return {"accelerator": device.type, "devices": alone, "plugins": plugins}
-    leader = beside(device, -place.rank)
-    each = [beside(leader, rank).index for rank in range(place.size)]
-    return {
-        "accelerator": device.type,
-        "devices": place.size if device.type == "cpu" else each,
-        "num_nodes": train.nodes,
-        "strategy": Unwrapped(),
-        "plugins": [*plugins, OneMachine(place)],
-    }
-
-
-@contextmanager
-def _unadvised() -> Iterator[None]:
-    """Hide Lightning's banner and its advice on data loaders, which are about other set-ups."""
-    loggers = [logging.getLogger(f"lightning.{part}") for part in ("pytorch", "fabric")]
-    levels = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.setLevel(logging.ERROR)
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", module="lightning")
-            yield
-    finally:
-        for logger, level in zip(loggers, levels, strict=True):
-            logger.setLevel(level)
 
 
 def _choose_transport(

@@ -39,7 +39,6 @@ class WorldTranslation(lightning.LightningModule):
 
     Attributes:
         model: the networks.
-        own_step: steps done. Lightning's ``global_step`` counts every optimizer and is not used.
         metrics: those of the last step, by name; callbacks read them.
     """
 
@@ -62,7 +61,6 @@ class WorldTranslation(lightning.LightningModule):
         self.save_hyperparameters({"spec": asdict(spec), "method": asdict(method)})
         self.automatic_optimization = False
         self.model = model = model or WorldModel(spec, method)
-        self.own_step = 0
         self.metrics: dict[str, Tensor] = {}
         self._graphs: graphs.Graphs | None = None
         self.average = copy.deepcopy(model.to_real).requires_grad_(False)
@@ -121,12 +119,11 @@ class WorldTranslation(lightning.LightningModule):
         optimizers, gradients = self._each_optimizer(), self._gradients(batch, metrics)
         for optimizer, _ in zip(optimizers, gradients, strict=True):
             replicas.average(optimizer.param_groups[0]["params"])
-            optimizer.step()
+            self._update(optimizer)
         self._follow_average()
         self._follow_schedule()
         self.metrics = {name: value.detach() for name, value in metrics.items()}
-        self.own_step += 1
-        if self.own_step % self.model.method.train.log_every == 0:
+        if self.global_step % self.trainer.log_every_n_steps == 0:  # type: ignore[attr-defined]
             together = self.trainer.world_size > 1
             self.log_dict(self.metrics | self.gradient_norms(), sync_dist=together)
             self._log_step()
@@ -175,14 +172,6 @@ class WorldTranslation(lightning.LightningModule):
             for name, modules in self._groups.items()
         }
 
-    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Keep the step, which decides batches, noise and learning rates."""
-        checkpoint["own_step"] = self.own_step
-
-    def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Continue where the checkpoint was written."""
-        self.own_step = checkpoint["own_step"]
-
     @property
     def _each(self) -> list[list[nn.Parameter]]:
         """Parameters of each optimizer."""
@@ -191,6 +180,18 @@ class WorldTranslation(lightning.LightningModule):
     def _each_optimizer(self) -> list[LightningOptimizer]:
         optimizers = self.optimizers()
         return optimizers if isinstance(optimizers, list) else [optimizers]
+
+    def _update(self, optimizer: LightningOptimizer) -> None:
+        """Step an optimizer, of which Lightning counts the last one's steps alone.
+
+        So its ``global_step`` is that of the algorithm, which decides batches, noise and learning
+        rates; else it would be four times as large.
+        """
+        plain = optimizer.optimizer
+        if plain is self.trainer.optimizers[-1]:
+            optimizer.step()
+        else:
+            self.trainer.strategy.optimizer_step(plain, _nothing)
 
     def _gradients(self, batch: StepBatch, metrics: phases.Metrics) -> Iterator[None]:
         """Compute the gradients of one update after the other, of the networks as they then are."""
@@ -205,8 +206,8 @@ class WorldTranslation(lightning.LightningModule):
             schedule.step()  # type: ignore[union-attr]
 
     def _log_step(self) -> None:
-        """Say where on the axis this is: Lightning's own step counts every optimizer."""
-        self.log("step", float(self.own_step), batch_size=1)
+        """Say where on the axis this is: of itself Lightning names the step that was begun last."""
+        self.log("step", float(self.global_step), batch_size=1)
 
     @torch.no_grad()
     def _follow_average(self) -> None:
@@ -235,6 +236,10 @@ def _with_generator(model: WorldModel, generator: nn.Module) -> WorldModel:
 def _share(step: int, steps: int) -> float:
     """Learning rates at a step, as a share of their peak."""
     return min(1.0, (step + 1) / WARM_UP) * 0.5 * (1 + math.cos(math.pi * step / steps))
+
+
+def _nothing() -> None:
+    """The closure of an optimizer whose gradients are there."""
 
 
 def _parameters(modules: Iterable[nn.Module]) -> list[nn.Parameter]:

@@ -30,25 +30,52 @@ class Place(NamedTuple):
     """Where a process stands among those that train together.
 
     Attributes:
-        rank: 0 for the one that leads, which alone reports and writes.
-        size: number of processes.
-        port: of the leader, on this machine.
+        node: its machine, 0 for the one of the process that leads.
+        local: its rank on that machine.
+        devices: processes on each machine.
+        nodes: machines.
+        host: address of the process that leads, as the others know it.
+        port: of the same.
     """
 
-    rank: int
-    size: int
+    node: int
+    local: int
+    devices: int
+    nodes: int
+    host: str
     port: int
 
+    @property
+    def rank(self) -> int:
+        """Rank among all: 0 leads, and alone reports and writes."""
+        return self.node * self.devices + self.local
 
-class OneMachine(ClusterEnvironment):
-    """Processes of this machine, started by :func:`followers`."""
+    @property
+    def size(self) -> int:
+        """Number of processes."""
+        return self.nodes * self.devices
+
+
+def leading(devices: int, nodes: int, host: str = "127.0.0.1") -> Place:
+    """The place of the process that leads, with a port that is free."""
+    with socket.socket() as free:
+        free.bind((host, 0))
+        return Place(0, 0, devices, nodes, host, free.getsockname()[1])
+
+
+class Placed(ClusterEnvironment):
+    """The processes that :func:`followers` and :func:`wt.train.machines.joined` started."""
 
     def __init__(self, place: Place) -> None:
         """Stand in a place."""
         self._place = place
 
     creates_processes_externally = True
-    main_address = "127.0.0.1"
+
+    @property
+    def main_address(self) -> str:
+        """Address of the leader."""
+        return self._place.host
 
     @property
     def main_port(self) -> int:
@@ -75,12 +102,12 @@ class OneMachine(ClusterEnvironment):
         """It is what it is."""
 
     def local_rank(self) -> int:
-        """Rank on this machine, which is the same."""
-        return self._place.rank
+        """Rank on this machine."""
+        return self._place.local
 
     def node_rank(self) -> int:
-        """The only machine."""
-        return 0
+        """The machine."""
+        return self._place.node
 
 
 class Unwrapped(DDPStrategy):
@@ -118,28 +145,19 @@ def end_with_parent() -> None:
 
 @contextmanager
 def followers(
-    size: int, follow: Callable[..., None], arguments: tuple[Any, ...]
-) -> Iterator[Place | None]:
-    """Start the other processes of a training; they end with it, however it ends.
+    place: Place, follow: Callable[..., None], arguments: tuple[Any, ...]
+) -> Iterator[None]:
+    """Start the other processes of this machine; they end with this one, however it ends.
 
     Args:
-        size: processes in all.
+        place: of this process, the first of its machine.
         follow: top-level function, called in each of the others with its place and ``arguments``.
         arguments: what it is given; tensors on the CPU are shared, not copied.
-
-    Yields:
-        The place of this process; None where it is alone.
     """
-    if size == 1:
-        yield None
-        return
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
     context = torch.multiprocessing.get_context("spawn")
     started = [
-        context.Process(target=follow, args=(Place(rank, size, port), *arguments), daemon=True)
-        for rank in range(1, size)
+        context.Process(target=follow, args=(place._replace(local=k), *arguments), daemon=True)
+        for k in range(1, place.devices)
     ]
     try:
         # Ctrl-C is for the leader, which ends them
@@ -149,7 +167,7 @@ def followers(
                 process.start()
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        yield Place(0, size, port)
+        yield
     finally:
         if torch.distributed.is_initialized():
             torch.distributed.destroy_process_group()
