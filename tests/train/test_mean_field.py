@@ -7,12 +7,15 @@ import torch
 from tests.baselines.toy import Toy
 from wt.config import Mean
 from wt.nets.frame import Frame
+from wt.nets.simulator_use import DomainSamples
+from wt.train.batches import Held
 from wt.train.mean_field import (
     Scores,
     fit_mean_field,
     fit_normalizers,
     gaussian_transport,
     regressions,
+    samples,
 )
 from wt.train.regression import Score
 from wt.types import Transitions
@@ -65,6 +68,11 @@ def test_directions_in_which_nothing_happens_stay_put() -> None:
     np.testing.assert_allclose(found[:, 1], [0, 1, 0], atol=1e-6)
 
 
+def held(frame: Frame, data: Transitions) -> Held[DomainSamples]:
+    """Transitions as a mean field learns from them."""
+    return Held(samples(frame, data))
+
+
 TRUE_SHIFT = np.array([[0.5, -0.3, 0.0, 0.2], [0.0, 0.4, -0.5, 0.1]])
 """What R does differently when nothing is hidden, per unit of (v1, v2)."""
 
@@ -90,7 +98,7 @@ def field_error(mean: Mean) -> tuple[np.ndarray, Frame]:
     torch.manual_seed(0)
     frame = Frame(Toy(0.0).spec, mean)
     fit_normalizers(frame, sim, real)
-    fit_mean_field(frame, sim, real, mean, seed=0)
+    fit_mean_field(frame, held(frame, sim), held(frame, real), mean, seed=0)
     o, a = torch.tensor(real.o), torch.tensor(real.a)
     x, nominal = frame.conditions(o, a), frame.changes(o, torch.tensor(real.nominal))
     with torch.no_grad():
@@ -166,7 +174,7 @@ def test_averages_are_those_that_were_best_on_pairs() -> None:
         return noting
 
     scores = Scores(noted("both", both), noted("n", n))
-    fit_mean_field(frame, data, data, mean, 0, scores=scores)
+    fit_mean_field(frame, *2 * [held(frame, data)], mean, 0, scores=scores)
     for now, name in ((n(), "n"), (both(), "both")):
         assert now == pytest.approx(min(seen[name]))
         assert min(seen[name]) < seen[name][-1], "nothing was over-trained"
@@ -185,5 +193,6 @@ def test_progress_runs_over_all_regressions() -> None:
     mean = Mean(kind="average", members=2, width=4, depth=1, steps=100, batch=8)
     frame = Frame(Toy(0.0).spec, mean)
     fit_normalizers(frame, data, data)
-    fit_mean_field(frame, data, data, mean, 0, lambda done, total: told.append((done, total)))
+    shown = held(frame, data)
+    fit_mean_field(frame, shown, shown, mean, 0, lambda done, total: told.append((done, total)))
     assert told == [(done, 300) for done in range(1, 301)]

@@ -14,7 +14,7 @@ import torch
 from tests.baselines.toy import Toy
 from tests.data.test_transitions import each
 from tests.train.conftest import World
-from wt.config import Mean, Method
+from wt.config import Mean, Method, SimulatorUseName, TranslationConfig
 from wt.data.stored import Stored, Streams
 from wt.data.transitions import Shard, ensure
 from wt.nets.world_model import WorldModel
@@ -22,7 +22,8 @@ from wt.train import fit as training
 from wt.train.batches import DomainData, Drawn, StepBatches, framed
 from wt.train.fit import fit_world_model
 from wt.train.mean_field import fit_normalizers
-from wt.train.streamed import DRAWS, Streamed
+from wt.train.selection import Unpaired
+from wt.train.streamed import DRAWS, StreamedInFrame, lessons
 from wt.types import Domain, Transitions
 
 PARTS, ROWS, BATCH = 10, 120, 60
@@ -58,10 +59,10 @@ def model(world: World, paper: Method) -> WorldModel:
 
 def streamed(
     on_disk: Streams, model: WorldModel, domain: Domain = "real", seed: int = 5
-) -> Streamed:
+) -> StreamedInFrame:
     data = on_disk.sim if domain == "sim" else on_disk.real
     assert data is not None
-    return Streamed(
+    return StreamedInFrame(
         data, model.frame, domain, in_memory=on_disk.in_memory, batch=BATCH, reach=0.0, seed=seed
     )
 
@@ -134,7 +135,7 @@ def test_where_the_buffer_holds_all_a_batch_is_of_all(
 
 def test_what_is_out_of_reach_is_not_streamed(on_disk: Streams, model: WorldModel) -> None:
     assert on_disk.real is not None
-    limited = Streamed(
+    limited = StreamedInFrame(
         on_disk.real, model.frame, "real", in_memory=3 * ROWS, batch=BATCH, reach=2.0, seed=5
     )
     for step in (0, 40, 48):
@@ -198,7 +199,54 @@ def test_one_domain_may_stream_alone(
     assert sorted(seen) == list(range(5, 45, 5))
 
 
-def test_where_s_answers_once_more_r_is_not_streamed(
+@pytest.mark.parametrize("simulator", ["encoded", "blend"])
+def test_a_mean_field_learns_from_the_stream(
+    simulator: SimulatorUseName, world: World, paper: Method, on_disk: Streams, tmp_path: Path
+) -> None:
+    mean = Mean(kind="average", simulator=simulator, width=8, depth=1, steps=40, batch=BATCH)
+    translation = TranslationConfig(anchored=True)
+    method = replace(paper, mean=mean, translation=translation)
+    held = world.sim.select(np.arange(ROWS)), world.real.select(np.arange(ROWS))
+
+    def learned(streams: Streams, folder: str) -> list[torch.Tensor]:
+        few = np.arange(2 * ROWS)
+        sample = world.sim.select(few), world.real.select(few)
+        made = fit_world_model(
+            world.spec, method, *sample, Unpaired(*held), 0, tmp_path / folder,
+            simulator=Toy(0.0), streams=streams,
+        )  # fmt: skip
+        return [p for p in made.frame.parameters() if p.ndim]
+
+    streamed, again = learned(on_disk, "a"), learned(on_disk, "b")
+    assert all(torch.equal(x, y) for x, y in zip(streamed, again, strict=True))
+    sampled = learned(Streams(), "c")
+    assert not any(torch.equal(x, y) for x, y in zip(streamed, sampled, strict=True))
+    whole = learned(on_disk._replace(in_memory=PARTS * ROWS), "d")
+    assert not any(torch.equal(x, y) for x, y in zip(streamed, whole, strict=True))
+
+
+def test_regressions_go_on_along_the_stream_and_s_answers_what_comes(
+    world: World, paper: Method, on_disk: Streams
+) -> None:
+    mean = Mean(kind="average", simulator="encoded", batch=BATCH)
+    model = WorldModel(world.spec, replace(paper, mean=mean))
+    fit_normalizers(model.frame, world.sim, world.real)
+    answered: list[int] = []
+
+    def answers(group: Transitions) -> Transitions:
+        answered.append(len(group))
+        return replace(group, nominal=group.s_next)
+
+    _, source = lessons(model, world.sim, world.real, on_disk, 5, answers)
+    every = DRAWS * ROWS // BATCH
+    buffers = [source.at(step) for step in range(0, 5 * every, every)]
+    assert answered == [ROWS] * (3 + 4)  # no group twice
+    for buffer in buffers:
+        torch.testing.assert_close(buffer.nominal, buffer.change)
+    assert all(torch.equal(before.x[ROWS:], after.x[:-ROWS]) for before, after in pairwise(buffers))
+
+
+def test_algorithm_1_has_the_sample_of_r_where_s_answers_once_more(
     world: World,
     paper: Method,
     on_disk: Streams,

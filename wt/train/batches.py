@@ -8,7 +8,7 @@ save.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 import torch
@@ -47,13 +47,34 @@ class DomainData(NamedTuple):
         return DomainData(*(tensor.to(device) for tensor in self))
 
 
-@runtime_checkable
-class Drawn(Protocol):
-    """One domain's transitions, of which each step draws some: in memory, or streamed."""
+Rows = TypeVar("Rows", bound=tuple[Tensor, ...], covariant=True)
+"""A named tuple of tensors that have one row for each transition."""
 
-    def at(self, step: int) -> DomainData:
+
+@runtime_checkable
+class Source(Protocol[Rows]):
+    """Transitions of which each step draws some: in memory, or streamed."""
+
+    def at(self, step: int) -> Rows:
         """Those that a step draws from, a pure function of the step."""
         ...
+
+
+class Held(Generic[Rows]):
+    """Transitions in memory: every step draws from all of them."""
+
+    def __init__(self, rows: Rows) -> None:
+        """Keep the reference."""
+        self._rows = rows
+
+    def at(self, step: int) -> Rows:
+        """All of them, whatever the step."""
+        return self._rows
+
+
+@runtime_checkable
+class Drawn(Source[DomainData], Protocol):
+    """One domain's transitions as Algorithm 1 draws them."""
 
     def to(self, device: torch.device) -> Drawn:
         """The same on another device."""

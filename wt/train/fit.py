@@ -14,10 +14,10 @@ from torch import Tensor
 from wt.config import Method
 from wt.data.stored import Streams
 from wt.nets.mlp import Ensemble
-from wt.nets.simulator_use import UNTRIED, use_of
+from wt.nets.simulator_use import UNTRIED, DomainSamples, use_of
 from wt.nets.world_model import WorldModel
 from wt.train.answers import answers_of, with_answers
-from wt.train.batches import in_frame, within
+from wt.train.batches import Source, in_frame, within
 from wt.train.data import TranslationData
 from wt.train.hidden import Simulator
 from wt.train.logger import Curves, MetricSink
@@ -35,7 +35,7 @@ from wt.train.regression import Progress, Score, part_of
 from wt.train.score import PairTensors, predictions, score
 from wt.train.segments import Segments
 from wt.train.selection import Paired, Selection, Unpaired
-from wt.train.streamed import drawn
+from wt.train.streamed import drawn, lessons
 from wt.types import Transitions, TransitionSpec
 
 IN_MEMORY = Streams()
@@ -74,7 +74,7 @@ def fit_world_model(
         seed: same seed, same model on the same machine.
         folder: checkpoints are kept here and continued from.
         simulator: S, which ``mean.simulator: encoded`` steps again.
-        streams: whole collections of which ``sim`` or ``real`` is a sample, for Algorithm 1.
+        streams: whole collections of which ``sim`` or ``real`` is a sample.
         sink: where metrics go.
         warn: called with one line when training collapses.
         progress: called with (done, total) steps of mean field and loop together.
@@ -96,9 +96,11 @@ def fit_world_model(
     before, in_front = part_of(progress, 0, total), part_of(progress, first, total)
     if answers:
         real, selection = with_answers(answers, sim, real, selection, before)
-        streams = streams._replace(real=None)  # S has answered the sample alone
     sim, real = (within(model.frame, x, method.translation.reach) for x in (sim, real))
-    _mean_field(model, sim, real, selection, seed, folder, in_front, sink)
+    sources = lessons(model, sim, real, streams, seed, answers.of if answers else None)
+    _mean_field(model, *sources, selection, seed, folder, in_front, sink)
+    if answers:
+        streams = streams._replace(real=None)  # Algorithm 1 has R's sample, with S's answers
     _choose_transport(model, sim, real, selection)
     if not translates(method, selection):
         model.strength.fill_(0.0)
@@ -134,8 +136,8 @@ def translates(method: Method, selection: Selection) -> bool:
 
 def _mean_field(
     model: WorldModel,
-    sim: Transitions,
-    real: Transitions,
+    sim: Source[DomainSamples],
+    real: Source[DomainSamples],
     selection: Selection,
     seed: int,
     folder: Path,

@@ -20,8 +20,9 @@ from torch import Tensor, nn
 from wt.config import Mean
 from wt.losses.robust import cauchy
 from wt.nets.frame import Frame
-from wt.nets.mlp import Ensemble, in_chunks
+from wt.nets.mlp import in_chunks
 from wt.nets.simulator_use import DomainSamples, Examples, use_of
+from wt.train.batches import Source
 from wt.train.device import seeded
 from wt.train.regression import (
     Loss,
@@ -66,8 +67,8 @@ class Scores(NamedTuple):
 
 def fit_mean_field(
     frame: Frame,
-    sim: Transitions,
-    real: Transitions,
+    sim: Source[DomainSamples],
+    real: Source[DomainSamples],
     settings: Mean,
     seed: int,
     progress: Progress | None = None,
@@ -86,25 +87,28 @@ def fit_mean_field(
     """
     if frame.shift is None:
         return
-    use, of_real = use_of(settings), samples(frame, real)
-    parts, scores = _parts(progress, settings), scores or Scores()
-    nominal = frame.nominal
-    if nominal is not None:
-        x, n = use.nominal_examples(samples(frame, sim), of_real)
-        regress(
-            nominal,
-            lambda rows: nominal(x[rows]) - n[rows],
-            len(x),
-            _budget(settings, seed),
-            progress=next(parts),
-            score=scores.nominal,
-        )
-    reference = use.reference(lambda x: in_chunks(frame.nominal_change, x), of_real)
-    shift = use.shift_examples(of_real, reference)
-    _fit_ensemble(frame.shift, shift, settings, seed, parts, scores.shift)
-    if frame.reader is not None:
-        reader = use.reader_examples(of_real)
-        _fit_ensemble(frame.reader, reader, settings, seed, parts, scores.reader)
+    use, scores = use_of(settings), scores or Scores()
+    turns = _turns(progress, settings)
+    if frame.nominal is not None:
+        turn = next(turns)
+        examples = Lessons(use.nominal_examples, turn.first, sim, real)
+        _fit(frame.nominal, examples, settings, seed, turn, mean_square, scores.nominal)
+
+    def of_shift(of_real: DomainSamples) -> Examples:
+        reference = use.reference(lambda x: in_chunks(frame.nominal_change, x), of_real)
+        return use.shift_examples(of_real, reference)
+
+    ensembles = (frame.shift, of_shift, scores.shift), (
+        frame.reader, use.reader_examples, scores.reader
+    )  # fmt: skip
+    for ensemble, made, score in ensembles:
+        for k, member in one_by_one(ensemble) if ensemble is not None else ():
+            turn = next(turns)
+            examples = Lessons(made, turn.first, real)
+            of_member = member_seed(seed, k)
+            _fit(
+                member, examples, settings, of_member, turn, shift_loss(settings), score, noisy=True
+            )
     frame.requires_grad_(False)
 
 
@@ -159,50 +163,72 @@ def samples(frame: Frame, data: Transitions) -> DomainSamples:
     return DomainSamples(x, nominal, frame.changes(o, torch.tensor(data.s_next)))
 
 
-def _fit_ensemble(
-    ensemble: Ensemble,
-    examples: Examples,
-    settings: Mean,
-    seed: int,
-    parts: Iterator[Progress | None],
-    score: Score | None,
-) -> None:
-    """Train all members on the same examples, each with a seed of its own."""
-    for k, member in one_by_one(ensemble):
-        _fit_member(member, examples, settings, member_seed(seed, k), next(parts), score)
+class Lessons:
+    """Inputs of a regressor and the answers to them, of the transitions that a step draws from."""
+
+    def __init__(
+        self, made: Callable[..., Examples], first: int, *sources: Source[DomainSamples]
+    ) -> None:
+        """Make none yet.
+
+        Args:
+            made: examples, of what each source has.
+            first: step of the sources that the regression begins at.
+            sources: of transitions.
+        """
+        self._made, self._first, self._sources = made, first, sources
+        self._of: list[DomainSamples] = []
+
+    def bring(self, step: int) -> int:
+        """Have those of a step at hand; their number."""
+        there = [source.at(self._first + step) for source in self._sources]
+        if not self._of or any(x is not y for x, y in zip(there, self._of, strict=True)):
+            self._of, self.now = there, self._made(*there)
+        return len(self.now.inputs)
 
 
-def _fit_member(
-    member: nn.Module,
-    examples: Examples,
+class Turn(NamedTuple):
+    """One of the regressions that follow each other.
+
+    Attributes:
+        first: steps of all that are before it.
+        progress: called with its own.
+    """
+
+    first: int
+    progress: Progress | None
+
+
+def _turns(progress: Progress | None, settings: Mean) -> Iterator[Turn]:
+    """One regression after the other, as parts of all of them."""
+    total = regressions(settings) * settings.steps
+    for first in range(0, total, settings.steps):
+        yield Turn(first, part_of(progress, first, total))
+
+
+def _fit(
+    net: nn.Module,
+    lessons: Lessons,
     settings: Mean,
     seed: int,
-    progress: Progress | None,
+    turn: Turn,
+    loss: Loss,
     score: Score | None,
+    *,
+    noisy: bool = False,
 ) -> None:
-    """Train one regressor of an ensemble."""
+    """Train one regressor, of δ and of readers on noisy inputs."""
     noise = seeded(seed)
-    inputs, target = examples
 
     def error(rows: Tensor) -> Tensor:
-        x = inputs[rows]
-        if settings.input_noise:
+        x = lessons.now.inputs[rows]
+        if noisy and settings.input_noise:
             x = x + settings.input_noise * torch.randn(x.shape, generator=noise)
-        return member(x) - target[rows]
+        out: Tensor = net(x) - lessons.now.target[rows]
+        return out
 
-    budget = _budget(settings, seed)
-    regress(member, error, len(inputs), budget, shift_loss(settings), progress, score)
-
-
-def _budget(settings: Mean, seed: int) -> Regression:
-    return Regression(settings.steps, settings.batch, settings.learning_rate, seed)
-
-
-def _parts(progress: Progress | None, settings: Mean) -> Iterator[Progress | None]:
-    """Progress of one regression after the other, as parts of all of them."""
-    total = regressions(settings) * settings.steps
-    for done in range(0, total, settings.steps):
-        yield part_of(progress, done, total)
+    budget = Regression(settings.steps, settings.batch, settings.learning_rate, seed)
+    regress(net, error, lessons.bring, budget, loss, turn.progress, score)
 
 
 def gaussian_transport(source: Tensor, target: Tensor) -> Tensor:

@@ -1,4 +1,4 @@
-"""Supervised regression on tensors in memory: the mean field's and the baselines' one loop."""
+"""Supervised regression: the mean field's and the baselines' one loop."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def mean_square(error: Tensor, progress: float) -> Tensor:
 def regress(
     net: nn.Module,
     batch_error: Callable[[Tensor], Tensor],
-    rows: int,
+    rows: int | Callable[[int], int],
     settings: Regression,
     loss: Loss = mean_square,
     progress: Progress | None = None,
@@ -69,7 +69,8 @@ def regress(
     Args:
         net: whatever ``batch_error`` calls.
         batch_error: row indices (batch,) → prediction error (batch, channels).
-        rows: number of rows to draw from.
+        rows: number of rows to draw from; where they are streamed, a function that brings those of
+            a step and says how many they are.
         settings: the budget.
         loss: of an error and the progress.
         progress: called with (done, total) steps.
@@ -84,7 +85,8 @@ def regress(
     best = BestWeights(net, score, settings.steps)
     net.train()
     for step in range(settings.steps):
-        index = torch.randint(rows, (settings.batch,), generator=generator)
+        count = rows if isinstance(rows, int) else rows(step)
+        index = torch.randint(count, (settings.batch,), generator=generator)
         value = loss(batch_error(index), step / settings.steps)
         optimizer.zero_grad()
         value.backward()
