@@ -179,7 +179,7 @@ def _announce_streams(study: Study, listener: Listener) -> None:
         if stored is not None:
             listener.warn(
                 f"{len(stored)} transitions of {domain} are more than data.in_memory "
-                f"{streams.in_memory}: Algorithm 1 streams them, and normalisers, mean field and "
+                f"{streams.in_memory}: Algorithm 1 and mean fields stream them; normalisers and "
                 f"baselines are fitted to {streams.in_memory} at most, evenly spread over them"
             )
 

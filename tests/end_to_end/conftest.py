@@ -91,19 +91,6 @@ def finished(place: Place) -> Path:
     return place.home / "finished"
 
 
-class Silent:
-    """A listener that hears nothing."""
-
-    def progress(self, what: str, done: int, total: int) -> None:
-        """Ignore it."""
-
-    def metrics(self, what: str, values: Mapping[str, float], step: int) -> None:
-        """Ignore it."""
-
-    def warn(self, line: str) -> None:
-        """Ignore it."""
-
-
 class Started:
     """``wt fit`` in a process and process group of its own."""
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.end_to_end.conftest import Place, Silent, Wt
+from tests.end_to_end.conftest import Place, Wt
 from wt.config import load
 from wt.run.jobs import Job, run_jobs
 from wt.run.study import Study
@@ -163,7 +163,7 @@ def test_a_full_disk_then_room_again(
     folder = small_disk / "run"
     assert wt("fit", *place.words, "workers=1", "--out", folder)[0] == 1
     subprocess.run(["mount", "-o", "remount,size=64m", str(small_disk)], check=True)
-    study = Study.open(load(folder / "config.yaml"), folder, Silent())
+    study = Study.open(load(folder / "config.yaml"), folder)
     run_jobs(study, [Job(0, "WorldTranslationPlus")])
     expected = np.load(finished / "work" / "seed0" / "WorldTranslationPlus.npy")
     np.testing.assert_array_equal(study.prediction(0, "WorldTranslationPlus"), expected)

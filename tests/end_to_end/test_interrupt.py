@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 import torch
 
-from tests.end_to_end.conftest import METHODS, Place, Silent, Started, Wt
+from tests.end_to_end.conftest import METHODS, Place, Started, Wt
 from wt.config import load
 from wt.errors import WorkError
 from wt.run.jobs import Job, run_jobs
@@ -164,7 +164,7 @@ def killer() -> Iterator[None]:
 
 def test_a_worker_that_is_killed_ends_the_run(place: Place, finished: Path, tmp_path: Path) -> None:
     config = load(place.words[1], [*place.words[2:], "workers=2"])
-    study = Study.open(config, tmp_path, Silent())
+    study = Study.open(config, tmp_path)
     with pytest.raises(WorkError, match=r"was killed .* --resume"), killer():
         run_jobs(study, [Job(0, method) for method in TRAINED])
     assert multiprocessing.active_children() == []
@@ -185,7 +185,7 @@ def test_a_worker_that_is_killed_while_the_next_one_starts_ends_the_run(
 
     monkeypatch.setattr(ProcessPoolExecutor, "_spawn_process", start_late)
     config = load(place.words[1], [*place.words[2:], "workers=2"])
-    study = Study.open(config, tmp_path, Silent())
+    study = Study.open(config, tmp_path)
     with pytest.raises(WorkError, match=r"was killed .* --resume"):
         run_jobs(study, [Job(0, method) for method in TRAINED])
     assert multiprocessing.active_children() == []

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from tests.end_to_end.conftest import METHODS, Place, Silent
+from tests.end_to_end.conftest import METHODS, Place
 from wt.config import load
 from wt.evaluate.results import OURS
 from wt.evaluate.single_step import Errors
@@ -41,7 +41,7 @@ class Sealed(Pairs):
 def sealed(place: Place, folder: Path, *words: str) -> Study:
     """A study of the shared run's configuration, with test pairs that raise."""
     config = load(place.words[1], [*place.words[2:], *words])
-    study = Study.open(config, folder, Silent())
+    study = Study.open(config, folder)
     return replace(study, data=replace(study.data, test=object.__new__(Sealed)))
 
 

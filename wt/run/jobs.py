@@ -30,8 +30,10 @@ from wt.errors import WorkError
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.run.study import Study
 from wt.schema import flat
+from wt.train import fit
+from wt.train.data import TranslationData
 from wt.train.device import device_of, on
-from wt.train.fit import fit_world_model
+from wt.train.module import WorldTranslation
 from wt.train.replicas import end_with_parent
 from wt.train.score import PairTensors, predictions
 
@@ -118,8 +120,8 @@ def _submit(pool: ProcessPoolExecutor, job: Job) -> Future[None]:
 def train(study: Study, job: Job, index: int = 0) -> None:
     """Train one method and keep its prediction, in the process of an index among its like."""
     seed, method, _ = job
-    (sim, real, selection, streams), config = study.split, study.config
-    listener = study.listener
+    sim, real, selection, _ = study.split
+    config, listener = study.config, study.listener
     if method not in (OURS, PAPERS_OWN):
         with on(device_of(config.device, index, replayed=False)):
             baseline = find(method)(study.world.spec, config.baselines, seed, study.world)
@@ -135,16 +137,8 @@ def train(study: Study, job: Job, index: int = 0) -> None:
         study.keep(seed, method, baseline.predict(study.data.test))
         return
     with on(device_of(config.device, index)):
-        model = fit_world_model(
-            study.world.spec,
-            job.settings(config),
-            sim,
-            real,
-            selection,
-            seed,
-            study.home(seed, job.key),
-            simulator=study.world,
-            streams=streams,
+        model = fit.fit_world_model(
+            **_given(study, job),
             sink=lambda values, step: listener.metrics(str(job), values, step),
             warn=lambda line: listener.warn(f"{job}: {line}"),
             progress=lambda k, n: listener.progress(str(job), k, n),
@@ -152,6 +146,33 @@ def train(study: Study, job: Job, index: int = 0) -> None:
     study.keep_model(seed, job.key, model)
     tensors = PairTensors.of(study.data.test, model.frame.state.std, model.frame.change.std)
     study.keep(seed, job.key, predictions(model, tensors).numpy())
+
+
+def module_and_data(study: Study, job: Job) -> tuple[WorldTranslation, TranslationData]:
+    """What trains a World Translation, for a ``lightning.Trainer`` of the caller's own.
+
+    Args:
+        study: of a configuration; its folder gets the fitted mean field.
+        job: the paper's method, ours or a variant.
+    """
+    return fit.module_and_data(**_given(study, job))
+
+
+def _given(study: Study, job: Job) -> dict[str, Any]:
+    """What :func:`wt.train.fit.fit_world_model` is given, but for what listens."""
+    sim, real, selection, streams = study.split
+    return {
+        "spec": study.world.spec,
+        "method": job.settings(study.config),
+        "sim": sim,
+        "real": real,
+        "selection": selection,
+        "seed": job.seed,
+        "folder": study.home(job.seed, job.key),
+        "simulator": study.world,
+        "streams": streams,
+        "test": study.data.test,
+    }
 
 
 class _Sender:

@@ -74,6 +74,19 @@ class Listener(Protocol):
         """A training collapsed or something else needs to be said."""
 
 
+class Silent:
+    """A listener that says nothing to anybody."""
+
+    def progress(self, what: str, done: int, total: int) -> None:
+        """Ignore it."""
+
+    def metrics(self, what: str, values: Mapping[str, float], step: int) -> None:
+        """Ignore it."""
+
+    def warn(self, line: str) -> None:
+        """Ignore it."""
+
+
 class Split(NamedTuple):
     """The unpaired transitions of a study that are trained on, and what selects models.
 
@@ -111,15 +124,15 @@ class Study:
     listener: Listener
 
     @classmethod
-    def open(cls, config: FitConfig, folder: Path, listener: Listener) -> Study:
+    def open(cls, config: FitConfig, folder: Path, listener: Listener | None = None) -> Study:
         """Build the world and collect, or reuse, its transitions.
 
         Args:
             config: the resolved configuration.
             folder: the run's folder.
-            listener: told of progress.
+            listener: told of progress; None for nobody.
         """
-        world = make(config.world)
+        world, listener = make(config.world), listener or Silent()
         pairs = config.model_selection == "pairs"
         with spread(config.collect.jobs, config.world, world) as maker:
             data = collect(world, config.data, listener.progress, validation=pairs, maker=maker)

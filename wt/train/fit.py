@@ -7,6 +7,7 @@ import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -36,7 +37,7 @@ from wt.train.score import PairTensors, predictions, score
 from wt.train.segments import Segments
 from wt.train.selection import Paired, Selection, Unpaired
 from wt.train.streamed import drawn, lessons
-from wt.types import Transitions, TransitionSpec
+from wt.types import Pairs, Transitions, TransitionSpec
 
 IN_MEMORY = Streams()
 """Nothing is streamed."""
@@ -59,6 +60,7 @@ def fit_world_model(
     *,
     simulator: Simulator | None = None,
     streams: Streams = IN_MEMORY,
+    test: Pairs | None = None,
     sink: MetricSink = _ignore,
     warn: Callable[[str], None] = warnings.warn,
     progress: Progress | None = None,
@@ -75,6 +77,7 @@ def fit_world_model(
         folder: checkpoints are kept here and continued from.
         simulator: S, which ``mean.simulator: encoded`` steps again.
         streams: whole collections of which ``sim`` or ``real`` is a sample.
+        test: pairs that the data module has for ``Trainer.test``; nothing here looks at them.
         sink: where metrics go.
         warn: called with one line when training collapses.
         progress: called with (done, total) steps of mean field and loop together.
@@ -86,45 +89,109 @@ def fit_world_model(
         ConfigError: a simulator that the method steps is missing.
         WorkError: training diverged.
     """
+    given = spec, method, sim, real, selection, seed, folder, simulator, streams
+    fitted = _fitted(*given, sink=sink, progress=progress)
+    if not translates(method, selection):
+        fitted.model.strength.fill_(0.0)
+        return fitted.model.eval()
+    module, data = WorldTranslation(spec, method, fitted.model), _loaded(fitted, seed, test)
+    along = part_of(progress, fitted.steps, fitted.steps + method.train.steps)
+    best = run(module, data, folder, sink, warn, along)
+    return _chosen(best, fitted.selection)
+
+
+def module_and_data(
+    spec: TransitionSpec,
+    method: Method,
+    sim: Transitions,
+    real: Transitions,
+    selection: Selection,
+    seed: int,
+    folder: Path,
+    *,
+    simulator: Simulator | None = None,
+    streams: Streams = IN_MEMORY,
+    test: Pairs | None = None,
+) -> tuple[WorldTranslation, TranslationData]:
+    """Algorithm 1 and its data for a ``lightning.Trainer`` of the caller's own.
+
+    The mean field, where the method has one, is fitted first. Arguments are those of
+    :func:`fit_world_model`, which trains these two with the Trainer of ``train:``.
+    """
+    fitted = _fitted(spec, method, sim, real, selection, seed, folder, simulator, streams)
+    return WorldTranslation(spec, method, fitted.model), _loaded(fitted, seed, test)
+
+
+class _Fitted(NamedTuple):
+    """What Algorithm 1 begins with.
+
+    Attributes:
+        model: with a fitted mean field and the chosen transport.
+        sim: transitions of S within reach.
+        real: of R, likewise, with S's answers where the mean field asks for them.
+        streams: collections of which these are samples.
+        selection: held-out data, with S's answers likewise.
+        steps: of the regressions that were taken.
+    """
+
+    model: WorldModel
+    sim: Transitions
+    real: Transitions
+    streams: Streams
+    selection: Selection
+    steps: int
+
+
+def _fitted(
+    spec: TransitionSpec,
+    method: Method,
+    sim: Transitions,
+    real: Transitions,
+    selection: Selection,
+    seed: int,
+    folder: Path,
+    simulator: Simulator | None,
+    streams: Streams,
+    *,
+    sink: MetricSink = _ignore,
+    progress: Progress | None = None,
+) -> _Fitted:
+    """Fit normalisers and mean field, and choose the transport.
+
+    Progress is of the total, with the steps of Algorithm 1 that follow.
+    """
     torch.manual_seed(seed)
     model = WorldModel(spec, method)
     fit_normalizers(model.frame, sim, real)
-    answers, steps = answers_of(model.frame, method.mean, seed, simulator), method.mean.steps
-    first = answers.regressions * steps if answers else 0
-    extra = first + regressions(method.mean) * steps
-    total = extra + translates(method, selection) * method.train.steps
-    before, in_front = part_of(progress, 0, total), part_of(progress, first, total)
+    answers = answers_of(model.frame, method.mean, seed, simulator)
+    first = answers.regressions * method.mean.steps if answers else 0
+    steps = first + regressions(method.mean) * method.mean.steps
+    total = steps + translates(method, selection) * method.train.steps
     if answers:
+        before = part_of(progress, 0, total)
         real, selection = with_answers(answers, sim, real, selection, before)
     sim, real = (within(model.frame, x, method.translation.reach) for x in (sim, real))
     sources = lessons(model, sim, real, streams, seed, answers.of if answers else None)
-    _mean_field(model, *sources, selection, seed, folder, in_front, sink)
+    _mean_field(model, *sources, selection, seed, folder, part_of(progress, first, total), sink)
     if answers:
         streams = streams._replace(real=None)  # Algorithm 1 has R's sample, with S's answers
     _choose_transport(model, sim, real, selection)
-    if not translates(method, selection):
-        model.strength.fill_(0.0)
-        return model.eval()
-    loaded = _loaded(model, sim, real, streams, selection, seed)
-    module = WorldTranslation(spec, method, model)
-    best = run(module, loaded, folder, sink, warn, part_of(progress, extra, total))
-    return _chosen(best, selection)
+    return _Fitted(model, sim, real, streams, selection, steps)
 
 
-def _loaded(
-    model: WorldModel,
-    sim: Transitions,
-    real: Transitions,
-    streams: Streams,
-    selection: Selection,
-    seed: int,
-) -> TranslationData:
+def _loaded(fitted: _Fitted, seed: int, test: Pairs | None) -> TranslationData:
     """Batches of Algorithm 1, in the frame of a model with a fitted mean field."""
+    model, sim, real, streams, selection, _ = fitted
     train, latent = model.method.train, model.method.nets.latent
     segments = Segments(real, train.segment, train.batch) if train.segment > 1 else None
-    data = drawn(model, sim, real, streams, seed)
     return TranslationData(
-        *data, selection, batch=train.batch, latent=latent, seed=seed, segments=segments
+        *drawn(model, sim, real, streams, seed),
+        selection,
+        batch=train.batch,
+        latent=latent,
+        seed=seed,
+        segments=segments,
+        test=test,
     )
 
 
