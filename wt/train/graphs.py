@@ -85,11 +85,7 @@ class Graphs:
         self._metrics = {name: value.detach() for name, value in self._metrics.items()}
 
 
-def gradients(
-    losses: Iterator[Tensor],
-    each: Sequence[Sequence[nn.Parameter]],
-    backward: Callable[..., None] = Tensor.backward,
-) -> Iterator[None]:
+def gradients(losses: Iterator[Tensor], each: Sequence[Sequence[nn.Parameter]]) -> Iterator[None]:
     """Compute the gradients of one update after the other.
 
     Losses reach through networks of other updates (D in the generators' loss, D_ψ in L_VAE): only
@@ -98,11 +94,10 @@ def gradients(
     Args:
         losses: one an update.
         each: parameters of each update.
-        backward: called with a loss and, as ``inputs``, the parameters.
     """
     for loss, parameters in zip(losses, each, strict=True):
         _forget(parameters)
-        backward(loss, inputs=parameters)
+        loss.backward(inputs=list(parameters))
         yield
 
 
