@@ -35,6 +35,14 @@ if TYPE_CHECKING:
     from mlflow import MlflowClient
 
 JOINTS = [f"joint{i}" for i in range(1, 7)]
+R_USED = {"r5_force/real": "training"}
+ALL_USED = {"r5_force/sim": "training", **R_USED}
+USED = {
+    "RawSim": {},
+    "PairedCeiling": {"r5_force/real": "training, as pairs"},
+    **dict.fromkeys(("DirectPred", "ResDyn", "ResDynSim", "RSSM"), R_USED),
+}
+"""Data of those that do not train on both domains, beside the test pairs."""
 STATE = [f"{kind}/{joint}" for kind in ("qpos", "qvel") for joint in JOINTS]
 
 
@@ -200,9 +208,10 @@ def test_mlflow_holds_the_whole_run(
         one = children[f"{method}, seed 0"]
         words = one.data.tags["mlflow.note.content"]
         assert words.startswith(f"`{method}` on the task `r5_force`, seed 0: ") and len(words) > 150
-        assert {d.dataset.name for d in one.inputs.dataset_inputs} == {
-            f"r5_force/{what}" for what in ("sim", "real", "test")
-        }
+        assert {
+            d.dataset.name: {tag.key: tag.value for tag in d.tags}["mlflow.data.context"]
+            for d in one.inputs.dataset_inputs
+        } == {"r5_force/test": "test", **USED.get(method, ALL_USED)}
         assert "names" not in one.data.params  # of all baselines
         assert one.data.tags["paper.row"] == "figure 3, r5_force"
         assert one.info.end_time < held.info.end_time
