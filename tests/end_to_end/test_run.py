@@ -258,7 +258,17 @@ def test_the_model_is_registered_as_champion(
     client: MlflowClient, run_id: str, finished: Path, wt: Wt, tmp_path: Path
 ) -> None:
     champion = client.get_model_version_by_alias("wt-debug", "champion")
-    assert (int(champion.version), champion.run_id) == (1, run_id)
+    made_by = client.get_run(champion.run_id)
+    assert (int(champion.version), made_by.info.run_name) == (1, "WorldTranslationPlus, seed 0")
+    assert made_by.data.tags["mlflow.parentRunId"] == run_id
+    (output,) = made_by.outputs.model_outputs
+    model = client.get_logged_model(output.model_id)
+    assert champion.source == f"models:/{model.model_id}"
+    assert (model.source_run_id, model.params) == (champion.run_id, made_by.data.params)
+    card = Card.load(finished)
+    assert made_by.data.metrics["heldout/energy_distance"] == card.heldout.value
+    assert made_by.data.metrics["test/mse"] == card.metrics["WorldTranslationPlus/mse"]
+    assert "`WorldTranslationPlus, seed 0`" in client.get_run(run_id).data.tags["model"]
     code, _, err = wt("registry", "pull", "wt-debug@champion", "--to", tmp_path / "pulled")
     assert (code, err) == (0, "")
     for name in ("model.onnx", "card.json"):
@@ -276,7 +286,8 @@ def test_a_finished_run_that_is_resumed_registers_nothing_new(
     assert "wt-debug/1: champion: the first one" in out
     assert {name: (finished / name).read_bytes() for name in names} == before
     versions = client.search_model_versions("name='wt-debug'")
-    assert [int(v.version) for v in versions if v.run_id == run_id] == [1]
+    of_run = {v.run_id: client.get_run(v.run_id).data.tags["mlflow.parentRunId"] for v in versions}
+    assert [int(v.version) for v in versions if of_run[v.run_id] == run_id] == [1]
 
 
 def test_a_diagnosis_reads_the_registered_model(
