@@ -3,8 +3,9 @@
 Adding a baseline is one new file in this package (and its test): subclass :class:`Baseline`, set
 ``name`` as it shall appear in tables, write ``build`` (unless nothing is learned), ``fit`` and
 ``predict``, decorate with ``@register``. ``trains_on`` says what ``fit`` reads, which its run in
-MLflow lists; ``remark`` what a reader of a table must know of its row. It is found by itself; add its name to ``baselines.names`` to run it. All baselines share the
-data, the size of networks and the budget of :class:`wt.config.Baselines`.
+MLflow lists; ``remark`` what a reader of a table must know of its row. It is found by itself; add
+its name to ``baselines.names`` to run it. All baselines share the data, the size of networks and
+the budget of :class:`wt.config.Baselines`.
 """
 
 from __future__ import annotations

@@ -82,6 +82,7 @@ def show(reference: Reference) -> None:
         "decision": version.decision,
         "parity": f"{parity} (ONNX against eager)",
         "golden": f"{len(card.golden.o)} rows",
+        "features": card.features or "not said",
         "sha256": card.sha256,
         "data": card.data_hash,
         "config": card.config_hash,
