@@ -60,8 +60,8 @@ format: env ## lay the code out as lint wants it
 	$(BIN)/ruff check --fix --quiet .
 	$(BIN)/ruff format --quiet .
 
-# Those that take an hour or more, or a part of the machine for themselves, are run by hand: envs, diagnose,
-# stream, trials, toys, real and the public robots; each says how in its first lines.
+# Those that take an hour or more, or a part of the machine for themselves, are run by hand: trials, toys, real and the public
+# robots, and the long forms of envs, diagnose and stream; each says how in its first lines.
 bench: env ## print the tables of speed
 	$(BIN)/python benchmarks/steps.py
 	$(BIN)/python benchmarks/bare.py
@@ -69,6 +69,9 @@ bench: env ## print the tables of speed
 	$(BIN)/python benchmarks/train.py
 	$(BIN)/python benchmarks/runner.py
 	$(BIN)/python benchmarks/finetune.py
+	$(BIN)/python benchmarks/envs.py --short
+	$(BIN)/python benchmarks/diagnose.py --seconds 10
+	$(BIN)/python benchmarks/stream.py --short
 
 docs: env ## build the documentation's site: leaves site/
 	$(BIN)/pip install -qq --disable-pip-version-check -c constraints.txt -e '.[docs]'

@@ -1,6 +1,7 @@
 """How long a diagnosis takes, beside ``mujoco.sysid``, which is told what to fit.
 
-Usage: python benchmarks/diagnose.py [--case PART] [--seconds 30 60] [--seed S]
+Usage: python benchmarks/diagnose.py [--case PART] [--seconds 30 60] [--seed S]    the long form
+       python benchmarks/diagnose.py --seconds 10    the short one: half a minute
 
 Six joints at 200 Hz with one hidden effect. First a whole diagnosis: it is told nothing, searches
 every effect everywhere, and pictures count in its time. Then ``mujoco.sysid`` on the same two

@@ -10,7 +10,8 @@ time that passed, of the time that the worker had a core, and of the part of thi
 row groups and brought them into the frame. Memory is the peak of the resident set of the whole
 process, with all that it imports.
 
-Usage: python benchmarks/stream.py [MILLIONS] [key=value …]
+Usage: python benchmarks/stream.py [MILLIONS] [key=value …]    the long form: 50 million, 7 turns
+       python benchmarks/stream.py --short    two minutes: a million, 100,000 in memory, 3 turns
 """
 
 from __future__ import annotations
@@ -42,6 +43,8 @@ from wt.worlds.base import Progress, register
 from wt.worlds.r5 import R5World
 
 TURNS = 7
+SHORT = ("1", "data.in_memory=100000")
+SHORT_TURNS = 3
 
 Time = Float[np.ndarray, "*turn clock=3"]
 
@@ -119,7 +122,9 @@ def work(config: FitConfig, folder: Path, method: str, other: Connection) -> Non
     other.send(int(status.split("VmHWM:")[1].split()[0]) / 1e6)
 
 
-def race(method: str, configs: Sequence[FitConfig], folder: Path) -> list[tuple[Time, float]]:
+def race(
+    method: str, configs: Sequence[FitConfig], folder: Path, turns: int
+) -> list[tuple[Time, float]]:
     """Milliseconds per step in each turn of either worker, and gigabytes that it held."""
     context = multiprocessing.get_context("spawn")
     ours, steps = [], turn(configs[0].paper)
@@ -130,7 +135,7 @@ def race(method: str, configs: Sequence[FitConfig], folder: Path) -> list[tuple[
         mine.recv()  # warm
         ours.append(mine)
     times: list[list[Time]] = [[] for _ in configs]
-    for _ in range(TURNS - 1):
+    for _ in range(turns - 1):
         for side, worker in zip(times, ours, strict=True):
             worker.send(None)
             began = worker.recv()
@@ -146,7 +151,7 @@ def turn(method: Method) -> int:
     return DRAWS * ROW_GROUP // (2 * method.train.batch)
 
 
-def configured(folder: Path, transitions: int, overrides: Sequence[str]) -> FitConfig:
+def configured(folder: Path, transitions: int, turns: int, overrides: Sequence[str]) -> FitConfig:
     """An R5 with so many transitions of either domain, trained for as many turns as there are."""
     config = load("conf/r5.yaml", [
         "world.name=noise", f"data.dir={folder / 'data'}", f"data.transitions={transitions}",
@@ -154,22 +159,26 @@ def configured(folder: Path, transitions: int, overrides: Sequence[str]) -> FitC
     ])  # fmt: skip
     steps = turn(config.paper)
     train = replace(
-        config.paper.train, steps=TURNS * steps, validate_every=TURNS * steps, log_every=steps
+        config.paper.train, steps=turns * steps, validate_every=turns * steps, log_every=steps
     )
     return replace(config, paper=replace(config.paper, train=train))
 
 
 def main(millions: str = "50", *overrides: str) -> None:
     """Print the table."""
+    turns = TURNS
+    if millions == "--short":
+        (millions, *few), turns = SHORT, SHORT_TURNS
+        overrides = (*few, *overrides)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        large = configured(folder, int(float(millions) * 500_000), overrides)
-        configs = [configured(folder, large.data.in_memory, overrides), large]
+        large = configured(folder, int(float(millions) * 500_000), turns, overrides)
+        configs = [configured(folder, large.data.in_memory, turns, overrides), large]
         for config in configs:
             Study.open(config, folder, Turns(multiprocessing.Pipe()[0]))
         times = f"{'ms/step':>9}{'ratio':>7}{'of a core':>11}{'ratio':>7}{'to read':>9}"
         print(f"{'':<22}{'transitions':>12}{times}{'peak GB':>9}")
-        results = race(PAPERS_OWN, configs, folder)
+        results = race(PAPERS_OWN, configs, folder, turns)
         (memory, _), _ = results
         for config, (side, held) in zip(configs, results, strict=True):
             wall, core, reading = np.median(side, axis=0)

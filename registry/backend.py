@@ -100,6 +100,22 @@ def answering(uri: str) -> Iterator[None]:
 
 
 @contextmanager
+def chosen(uri: str) -> Iterator[None]:
+    """Let ``uri`` be the store of MLflow's own code where that takes no argument for it."""
+    from mlflow.tracking._tracking_service.utils import _use_tracking_uri
+
+    said = os.environ.get(URI_VARIABLE)
+    try:
+        with _use_tracking_uri(uri):
+            yield
+    finally:
+        # MLflow sets the variable too, and in the end removes it, whoever had set it before
+        os.environ.pop(URI_VARIABLE, None)
+        if said is not None:
+            os.environ[URI_VARIABLE] = said
+
+
+@contextmanager
 def quiet() -> Iterator[None]:
     """Hide MLflow's notes about database tables and its bars, one for every small file."""
     logger, level = logging.getLogger("mlflow"), logging.getLogger("mlflow").level

@@ -126,6 +126,9 @@ class Card:
         created: UTC, ISO 8601.
         packages: versions of Python and of the libraries that made the model.
         opset: version of ONNX's operator set that the graph needs; None on older cards.
+        normalizer: where it is, as the graph says; None where it says nothing.
+        features: whose the outputs behind o_next_real are, as the graph says; None where it says
+            nothing.
     """
 
     schema: Literal[1] = 1
@@ -146,6 +149,8 @@ class Card:
     created: Annotated[str, StringConstraints(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\+00:00$")]
     packages: dict[str, str]
     opset: int | None = None
+    normalizer: str | None = None
+    features: str | None = None
 
     def __post_init__(self) -> None:
         """Refuse golden rows that do not fit the ports."""
@@ -216,7 +221,7 @@ def describe(
         parity: what ``registry.parity.check`` returned; None if it was not called.
         golden: o, a, o′ of S and the eager model's o′ of R, a few rows each.
     """
-    opset, features = _of_graph(onnx_path)
+    opset, outputs, said = _of_graph(onnx_path)
     o, a, o_next_sim, o_next_real = (
         tuple(tuple(float(v) for v in row) for row in np.asarray(x, np.float32)) for x in golden
     )
@@ -230,7 +235,7 @@ def describe(
             _port("a", spec.action),
             _port("o_next_sim", spec.observation),
         ),
-        outputs=(_port("o_next_real", spec.observation), *features),
+        outputs=(_port("o_next_real", spec.observation), *outputs),
         data_hash=data_hash,
         config_hash=config_hash,
         commit=commit,
@@ -243,6 +248,8 @@ def describe(
         packages={"python": platform.python_version()}
         | {package: importlib.metadata.version(package) for package in PACKAGES},
         opset=opset,
+        normalizer=said.get("normalizer"),
+        features=said.get("features"),
     )
 
 
@@ -250,20 +257,22 @@ def _port(name: str, channels: tuple[Channel, ...]) -> Port:
     return Port(name, ("batch", len(channels)), channels)
 
 
-def _of_graph(path: Path) -> tuple[int, list[Port]]:
-    """Operator set of a graph, and its outputs behind o_next_real."""
+def _of_graph(path: Path) -> tuple[int, list[Port], dict[str, str]]:
+    """Operator set of a graph, its outputs behind o_next_real, and what it says of itself."""
     import onnx
 
     graph = onnx.load(path)
+    said = {entry.key: entry.value for entry in graph.metadata_props}
     opset = next(x.version for x in graph.opset_import if not x.domain)
     widths = {
         info.name: info.type.tensor_type.shape.dim[1].dim_value for info in graph.graph.output
     }
-    return opset, [
+    outputs = [
         _port(name, tuple(Channel(str(k), "1") for k in range(width)))
         for name, width in widths.items()
         if name != "o_next_real"
     ]
+    return opset, outputs, said
 
 
 def sha256(path: Path) -> str:

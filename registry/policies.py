@@ -23,7 +23,7 @@ from registry.store import TRACKING_ERROR, About, Store, Version
 from wt.errors import RegistryError
 
 POLICY_FILE = "policy.onnx"
-_NEEDED = {"name", "robot", "sha256", "observation", "joints", "rate_hz"}
+_NEEDED = {"name", "robot", "task", "commit", "sha256", "observation", "joints", "rate_hz"}
 
 
 def push(folder: Path, run_id: str, *, uri: str | None = None) -> Version:
@@ -57,7 +57,9 @@ def push(folder: Path, run_id: str, *, uri: str | None = None) -> Version:
     if same is not None:
         return same
     wins, decision = compare(heldout, next((v for v in versions if CHAMPION in v.aliases), None))
-    about: dict[str, str] = {k: str(card[k]) for k in ("robot", "made_by") if k in card}
+    about: dict[str, str] = {
+        k: str(card[k]) for k in ("robot", "task", "commit", "made_by") if k in card
+    }
     tags = hashes | about | {"decision": decision}
     files = mlmodel.Files(folder / POLICY_FILE, folder / CARD_FILE, _frames(card), run_id)
     number = store.add(card["name"], run_id, files.write, heldout, tags, _about(card, heldout))
@@ -148,5 +150,6 @@ def _about(card: dict[str, Any], heldout: HeldOut) -> About:
         "observation to the offsets of its joints' targets, in units of the action scale on its "
         "card.",
         f"Error in following commands {heldout.value:.4g} (mean over the trials on its card). "
+        f"Trained for `{card['task']}` by commit {card['commit'][:12]}. "
         "`wt-run --policy` runs it on the robot.",
     )

@@ -108,12 +108,15 @@ def _about(card: Card) -> About:
     measured = f"{card.heldout.metric} {card.heldout.value:.4g} on {card.heldout.set}"
     rows = [f"| {name} | {value:.4g} |" for name, value in card.metrics.items()]
     table = ["| on the test pairs | error |", "| --- | ---: |", *rows] if rows else []
+    behind = ", ".join(f"`{port.name}`" for port in card.outputs[1:])
+    features = f"Features ({behind}): {card.features}.\n\n" if card.features else ""
     return About(
         f"World Translation for the task `{card.task}`: from an observation, an action and the "
         "simulator's next observation to the real robot's next observation, in physical units "
         f"at {card.rate_hz:g} Hz. Joints: {', '.join(card.joints)}.",
         # no bold here: lists of versions show the beginning as it stands
         f"{measured} is what versions are compared by; MSE is of the normalised next state.\n\n"
+        f"{features}"
         f"Trained from data {card.data_hash} by commit {card.commit[:12]}; `card.json` beside the "
         "graph has the rest. `mlflow.pyfunc.load_model` takes a frame with one column a channel, "
         "as in the example.\n\n" + "\n".join(table),

@@ -16,7 +16,16 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from registry.backend import KEPT, NOTE, answering, connect, one_line, quiet, resolve_uri
+from registry.backend import (
+    KEPT,
+    NOTE,
+    answering,
+    chosen,
+    connect,
+    one_line,
+    quiet,
+    resolve_uri,
+)
 from registry.card import HeldOut
 from wt.errors import RegistryError, suggest
 
@@ -41,7 +50,6 @@ class Version:
         version: 1, 2, …
         aliases: e.g. ``("champion",)``.
         run_id: run that made it.
-        source: URI of the folder with its files.
         created: UTC, ISO 8601.
         sha256: of ``model.onnx``.
         card_sha256: of ``card.json``.
@@ -54,7 +62,6 @@ class Version:
     version: int
     aliases: tuple[str, ...]
     run_id: str
-    source: str
     created: str
     sha256: str
     card_sha256: str
@@ -174,14 +181,15 @@ class Store:
             self._measured(logged, run_id, heldout)
             if name not in self.models():
                 self._client.create_registered_model(name, description=about.model)
-            made = self._client.create_model_version(
-                name,
-                logged.artifact_location,
-                run_id,
-                tags={**tags, **compared},
-                description=about.version,
-                model_id=logged.model_id,
-            )
+            with chosen(self.uri):  # where a sqlite store looks for the logged model
+                made = self._client.create_model_version(
+                    name,
+                    f"models:/{logged.model_id}",  # of files alone a version's page names no model
+                    run_id,
+                    tags={**tags, **compared},
+                    description=about.version,
+                    model_id=logged.model_id,
+                )
             # a server does so itself: else the model's page says that it is not registered
             link = json.dumps([{"name": name, "version": int(made.version)}])
             self._client.set_logged_model_tags(logged.model_id, {"mlflow.modelVersions": link})
@@ -253,16 +261,18 @@ class Store:
         from mlflow.artifacts import download_artifacts
         from mlflow.exceptions import MlflowException
 
+        with answering(self.uri):
+            source = self._client.get_model_version_download_uri(version.name, str(version.version))
         try:
             with quiet():
                 path = download_artifacts(
-                    f"{version.source}/{file}", dst_path=str(folder), tracking_uri=self.uri
+                    f"{source}/{file}", dst_path=str(folder), tracking_uri=self.uri
                 )
             return Path(path)
         except (MlflowException, OSError) as error:
             raise RegistryError(
                 f"{version} cannot give its {file} ({one_line(error)}); "
-                f"restore it in {version.source}, or register the model again"
+                f"restore it in {source}, or register the model again"
             ) from error
 
 
@@ -286,7 +296,6 @@ def _version(registered: ModelVersion, aliases: Mapping[str, int]) -> Version:
         version=number,
         aliases=tuple(sorted(a for a, v in aliases.items() if v == number)),
         run_id=registered.run_id or "",
-        source=registered.source or "",
         created=datetime.fromtimestamp(registered.creation_timestamp / 1e3, UTC).isoformat(
             timespec="seconds"
         ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import functools
 import itertools
 import json
@@ -82,6 +83,21 @@ def test_a_command_of_a_page_exists_with_its_options(words: tuple[str, ...]) -> 
     configs = [v for o, v in itertools.pairwise(rest) if o == "--config"]
     for name in (Path(c).stem for c in configs if c.startswith("conf/") or "/" not in c):
         assert (folder("conf") / f"{name}.yaml").is_file() or not name.isidentifier()
+
+
+BY_HAND = {"trials", "toys", "real", "public_models", "public_robots"}
+"""Benchmarks that take hours, or need what is not here."""
+
+
+def test_make_bench_runs_every_other_benchmark_as_its_first_lines_say() -> None:
+    recipe = re.search(r"^bench:.*\n((?:\t.*\n)+)", (ROOT / "Makefile").read_text(), re.M)
+    assert recipe is not None
+    run = dict(re.findall(r"(?<=/)python benchmarks/(\w+)\.py(.*)", recipe[1]))
+    files = {file.stem: file for file in (ROOT / "benchmarks").glob("*.py")}
+    assert set(run) == set(files) - BY_HAND
+    for name, words in run.items():
+        first_lines = ast.get_docstring(ast.parse(files[name].read_text(encoding="utf-8")))
+        assert f"python benchmarks/{name}.py{words}" in str(first_lines)
 
 
 def test_the_readme_is_short() -> None:

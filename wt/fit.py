@@ -84,8 +84,8 @@ def fit(config: FitConfig, folder: Path, listener: Listener) -> tuple[Published,
         logged = _Logged(listener, current, config, jobs, stack)
         study = Study.open(config, folder, logged)
         _announce_streams(study, listener)
-        logged.used = _datasets(study)
-        current.inputs(logged.used)
+        logged.collections = _datasets(study)
+        current.inputs(list(logged.collections.values()))
         run_jobs(study, jobs)
         by_seed = {seed: _evaluate(study, seed, logged) for seed in config.seeds}
         return publish(study, by_seed, current), current
@@ -97,7 +97,7 @@ class _Logged:
     Such a run lasts as long as its job makes progress, and has the machine's load meanwhile.
 
     Attributes:
-        used: data that the jobs use.
+        collections: the data of the run; each job's run lists what that job uses of them.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class _Logged:
         self.warn, self._progress, self.tracked = listener.warn, listener.progress, tracked
         self._config, self._jobs = config, {str(job): job for job in jobs}
         self._stack, self._watched = stack, dict[str, ExitStack]()
-        self.used: list[Dataset] = []
+        self.collections: dict[str, Dataset] = {}
 
     def child(self, what: str) -> Run:
         """The run of a job, begun when it is first asked for."""
@@ -120,7 +120,8 @@ class _Logged:
         if not begun:
             job = self._jobs[what]
             child.params(job.parameters(self._config))
-            child.inputs(self.used)
+            uses = job.uses(self._config).items()
+            child.inputs([replace(self.collections[of], context=use) for of, use in uses])
             child.tags({NOTE: _note(job, self._config.task)})
         return child
 
@@ -184,14 +185,14 @@ def _announce_streams(study: Study, listener: Listener) -> None:
             )
 
 
-def _datasets(study: Study) -> list[Dataset]:
-    """The collections, as MLflow lists them."""
+def _datasets(study: Study) -> dict[str, Dataset]:
+    """The collections by their names there, as MLflow lists them."""
     collected, task, spec = study.data, study.config.task, study.world.spec
     channels = {"o": spec.observation, "a": spec.action, "s_next": spec.state}
     columns = tuple(f"{of}/{c.name}" for of, each in channels.items() for c in each)
     uses = {"sim": "training", "real": "training", "validation": "validation", "test": "test"}
-    return [
-        Dataset(
+    return {
+        what: Dataset(
             f"{task}/{what}",
             use,
             collected.digest(what),
@@ -201,7 +202,7 @@ def _datasets(study: Study) -> list[Dataset]:
         )
         for what, use in uses.items()
         if what in collected.folders
-    ]
+    }
 
 
 def _evaluate(study: Study, seed: int, logged: _Logged) -> dict[str, Errors]:

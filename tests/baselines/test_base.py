@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from tests.baselines.toy import REAL, SIM, Toy
+from wt.baselines import base
 from wt.baselines.base import find, longest_first, register
 from wt.config import Baselines
 from wt.errors import ConfigError
@@ -53,6 +54,39 @@ def test_a_name_used_twice_is_refused_with_both_files() -> None:
 def scaled(data: Transitions, scale: float) -> Transitions:
     """The same with other hidden variables."""
     return replace(data, hidden=scale * data.hidden)
+
+
+def shuffled(data: Transitions) -> Transitions:
+    """The same with other outcomes."""
+    rows = np.random.default_rng(0).permutation(len(data))
+    return replace(data, s_next=data.s_next[rows], nominal=data.nominal[rows])
+
+
+@each_baseline
+def test_what_it_says_that_it_trains_on_is_what_changes_it(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    toy = Toy(0.5)
+    test, sim, real = toy.pairs(2, 3), toy.collect(SIM, 3, 1), toy.collect(REAL, 3, 2)
+    # scales are of both domains, whatever a method is trained on
+    fit = base.fit_normalizers
+    monkeypatch.setattr(base, "fit_normalizers", lambda frame, *_: fit(frame, sim, real))
+
+    def predicted(sim: Transitions, real: Transitions) -> np.ndarray:
+        baseline = find(name)(toy.spec, TINY, 0, toy)
+        baseline.train(sim, real)
+        return baseline.predict(test)
+
+    as_it_is = predicted(sim, real)
+    reads = {
+        "sim": predicted(shuffled(sim), real),
+        "real": predicted(sim, shuffled(real)),
+        "pairs": predicted(sim, scaled(real, 7.0)),
+    }
+    found = {what for what, other in reads.items() if not np.array_equal(as_it_is, other)}
+    if "pairs" in found:  # which are R's transitions, too
+        found.remove("real")
+    assert set(find(name).trains_on) == found
 
 
 @each_baseline

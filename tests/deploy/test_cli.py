@@ -89,6 +89,11 @@ def test_bad_input_is_one_line_and_exit_code_2(
         ({"rate_hz": 100.0}, "rate_hz differs"),
         ({"observation": ["gyro/x"] * 45}, "observation differs"),
         ({"sha256": "0" * 64}, "their sha256 differ"),
+        ({"observation_units": ["deg"] * 45}, "observation_units differs"),
+        ({"commit": "0" * 40}, "metadata and its card differ in commit (number 0 is 'unknown'"),
+        ({"config": {}}, "its graph's metadata and its card differ in config_hash"),
+        ({"task": "swimming"}, "differ in task (number 0 is 'go2' instead of 'swimming')"),
+        ({"sources": {"model": "0" * 64}}, "its graph's metadata lack model_sha256"),
     ],
 )
 def test_a_policy_whose_card_is_not_the_robot_s_is_refused(

@@ -116,9 +116,7 @@ def test_the_run_says_what_it_is_from_which_data_and_where_its_model_is(
         see(about.get_by_role("link", name=f"{method}, seed 0", exact=True))
     for words in ("Finished", "paper.row", "figure 3, r5_force", "task", "commit"):
         see(about.get_by_text(words))
-    see(about.get_by_role("link", name="wt-debug"))
-    see(about.get_by_role("link", name="heldout/energy_distance"))
-    see(about.get_by_role("grid").get_by_text("Ready"))
+    see(about.get_by_text("wt-debug/1, of the run `WorldTranslationPlus, seed 0`"))
 
     about.get_by_text("r5_force/sim").first.click()
     data = page.get_by_role("dialog")
@@ -162,14 +160,24 @@ def test_the_registered_model_is_described_and_leads_to_its_run(page: Page, serv
     see(page.get_by_role("row", name="WorldTranslationPlus/mse"))
     page.get_by_text("Inputs (42)").click()
     see(page.get_by_text("o_next_sim/qpos/joint1"))
-    follow(page.get_by_role("link", name="finished"))
-    follow(page.locator("a[href*='/models/m-']"))
+    see(page.get_by_text("Source Run"))
+    version = page.url
+    follow(page.get_by_role("link", name="WorldTranslationPlus, seed 0"))
+    made_by = page.locator("main")
+    for words in ("World Translation, ours", "Finished", "test/mse", "heldout/energy_distance"):
+        see(made_by.get_by_text(words))
+    see(made_by.get_by_role("link", name="finished"))  # the run above it
+    see(made_by.get_by_role("grid").get_by_text("Ready"))
+    see(made_by.get_by_text("r5_force/sim"))
 
+    page.goto(version)
+    see(page.get_by_text("Source Model"))
+    follow(page.locator("a[href*='/models/m-']"))
     see(page.get_by_text("About this logged model"))
     see(page.locator("a[href*='/models/wt-debug/versions/1']"))
     assert page.get_by_text("Not registered").count() == 0
     see(page.get_by_text("held-out transitions (#"))
-    see(page.get_by_text("plus.train.steps"))
+    see(page.get_by_text("train.steps"))
 
 
 def test_three_runs_are_compared(page: Page, runs: str, finished: Path) -> None:

@@ -35,6 +35,14 @@ if TYPE_CHECKING:
     from mlflow import MlflowClient
 
 JOINTS = [f"joint{i}" for i in range(1, 7)]
+R_USED = {"r5_force/real": "training"}
+ALL_USED = {"r5_force/sim": "training", **R_USED}
+USED = {
+    "RawSim": {},
+    "PairedCeiling": {"r5_force/real": "training, as pairs"},
+    **dict.fromkeys(("DirectPred", "ResDyn", "ResDynSim", "RSSM"), R_USED),
+}
+"""Data of those that do not train on both domains, beside the test pairs."""
 STATE = [f"{kind}/{joint}" for kind in ("qpos", "qvel") for joint in JOINTS]
 
 
@@ -165,12 +173,31 @@ def test_the_card_tells_the_same(results: dict[str, Any], finished: Path, place:
     assert results["model_selection"] == "unpaired"
     assert not list(place.data.glob("*-validation-*"))  # no pairs but those that judge
     assert [port.name for port in card.outputs] == ["o_next_real", "z", "z_translated"]
-    said = session.get_modelmeta().custom_metadata_map
-    assert (said["task"], said["data_hash"]) == ("r5_force", card.data_hash)
-    assert said["joint_names"] == ",".join(JOINTS) and card.opset == 18
+    assert card.joints == tuple(JOINTS) and card.opset == 18
     assert card.parity is not None and card.parity <= 1e-5
     for method in METHODS:
         assert card.metrics[f"{method}/mse"] == results["single_step"][method]["mse"]
+
+
+def test_graph_and_card_agree_in_all_that_the_graph_says(finished: Path) -> None:
+    graph = onnx.load(finished / "model.onnx")
+    said = {entry.key: entry.value for entry in graph.metadata_props}
+    card = json.loads((finished / "card.json").read_text())
+    ports = {port["name"]: port["channels"] for port in (*card["inputs"], *card["outputs"])}
+    on_card = {
+        "joint_names": ",".join(card["joints"]),
+        "rate_hz": f"{card['rate_hz']:g}",
+        **{
+            f"{name}_{key}s": ",".join(channel[key] for channel in ports[name])
+            for name in ("o", "a", "o_next_sim", "o_next_real")
+            for key in ("name", "unit")
+        },
+    }
+    for key in ("task", "normalizer", "features", "data_hash", "commit"):
+        on_card[key] = card[key]
+    assert said == on_card  # none is missing on either side
+    # without pairs Algorithm 1 has no part in ours
+    assert said["features"].startswith("untrained")
 
 
 def test_the_recording_is_whole(finished: Path) -> None:
@@ -200,9 +227,10 @@ def test_mlflow_holds_the_whole_run(
         one = children[f"{method}, seed 0"]
         words = one.data.tags["mlflow.note.content"]
         assert words.startswith(f"`{method}` on the task `r5_force`, seed 0: ") and len(words) > 150
-        assert {d.dataset.name for d in one.inputs.dataset_inputs} == {
-            f"r5_force/{what}" for what in ("sim", "real", "test")
-        }
+        assert {
+            d.dataset.name: {tag.key: tag.value for tag in d.tags}["mlflow.data.context"]
+            for d in one.inputs.dataset_inputs
+        } == {"r5_force/test": "test", **USED.get(method, ALL_USED)}
         assert "names" not in one.data.params  # of all baselines
         assert one.data.tags["paper.row"] == "figure 3, r5_force"
         assert one.info.end_time < held.info.end_time
@@ -236,9 +264,6 @@ def test_mlflow_holds_the_whole_run(
     assert set(used) == {f"r5_force/{what}" for what in ("sim", "real", "test")}
     both = [used["r5_force/sim"], used["r5_force/real"]]
     assert digest(both) == Card.load(finished).data_hash
-    # without pairs Algorithm 1 has no part in ours
-    said = {p.key: p.value for p in onnx.load(finished / "model.onnx").metadata_props}
-    assert said["features"].startswith("untrained")
     assert (held.data.tags["task"], held.data.tags["paper.row"]) == (
         "r5_force", "figure 3, r5_force"
     )  # fmt: skip
@@ -249,7 +274,18 @@ def test_the_model_is_registered_as_champion(
     client: MlflowClient, run_id: str, finished: Path, wt: Wt, tmp_path: Path
 ) -> None:
     champion = client.get_model_version_by_alias("wt-debug", "champion")
-    assert (int(champion.version), champion.run_id) == (1, run_id)
+    made_by = client.get_run(champion.run_id)
+    assert (int(champion.version), made_by.info.run_name) == (1, "WorldTranslationPlus, seed 0")
+    assert made_by.data.tags["mlflow.parentRunId"] == run_id
+    (output,) = made_by.outputs.model_outputs
+    model = client.get_logged_model(output.model_id)
+    assert champion.source == f"models:/{model.model_id}"
+    assert "Features (`z`, `z_translated`): untrained" in champion.description
+    assert (model.source_run_id, model.params) == (champion.run_id, made_by.data.params)
+    card = Card.load(finished)
+    assert made_by.data.metrics["heldout/energy_distance"] == card.heldout.value
+    assert made_by.data.metrics["test/mse"] == card.metrics["WorldTranslationPlus/mse"]
+    assert "`WorldTranslationPlus, seed 0`" in client.get_run(run_id).data.tags["model"]
     code, _, err = wt("registry", "pull", "wt-debug@champion", "--to", tmp_path / "pulled")
     assert (code, err) == (0, "")
     for name in ("model.onnx", "card.json"):
@@ -267,7 +303,8 @@ def test_a_finished_run_that_is_resumed_registers_nothing_new(
     assert "wt-debug/1: champion: the first one" in out
     assert {name: (finished / name).read_bytes() for name in names} == before
     versions = client.search_model_versions("name='wt-debug'")
-    assert [int(v.version) for v in versions if v.run_id == run_id] == [1]
+    of_run = {v.run_id: client.get_run(v.run_id).data.tags["mlflow.parentRunId"] for v in versions}
+    assert [int(v.version) for v in versions if of_run[v.run_id] == run_id] == [1]
 
 
 def test_a_diagnosis_reads_the_registered_model(

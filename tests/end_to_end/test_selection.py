@@ -87,6 +87,17 @@ def test_pairs_select_where_they_are_asked_for(place: Place, tmp_path: Path) -> 
     assert selection.translated is study.data.validation
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_validation_pairs_are_used_where_they_select_and_something_is_learnt(
+    method: str, place: Place
+) -> None:
+    for selection in ("pairs", "unpaired"):
+        config = load(place.words[1], [*place.words[2:], f"model_selection={selection}"])
+        used = Job(0, method).uses(config)
+        assert ("validation" in used) == (selection == "pairs" and method != "RawSim")
+        assert used["test"] == "test"
+
+
 def test_what_memory_is_not_to_hold_is_streamed_and_what_selects_is_not(
     place: Place, finished: Path, tmp_path: Path
 ) -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
 from collections.abc import Callable
 from pathlib import Path
 
+import onnx
 import pytest
 from mlflow import MlflowClient
 
@@ -14,6 +16,7 @@ from registry.backend import NOTE
 from tests.finetune.conftest import TINY
 from wt.cli.finetune import main
 from wt.locomotion import evaluate
+from wt.run.track import source
 from wt.worlds.policy import Policy
 from wt.worlds.robots import GO2
 
@@ -46,6 +49,15 @@ def test_the_whole_of_it(
     assert (card.name, card.training["iterations"]) == ("go2_payload_translation", 2)
     assert len(card.evaluation["tracking"]) == 6
     assert card.made_by.startswith("wt-finetune --config")
+    base = Policy.load("go2_payload", GO2).card
+    translated = hashlib.sha256((out / "model-translation" / "model.onnx").read_bytes())
+    assert card.task == "go2_payload"
+    assert card.sources == {"start_policy": base.sha256, "model": translated.hexdigest()}
+    run_id = (out / "mlflow_run_id").read_text()
+    said = {p.key: p.value for p in onnx.load(home / "policy.onnx").metadata_props}
+    assert said["run_path"] == f"fine-tuning/{run_id}"
+    assert said["model_sha256"] == card.sources["model"]
+    assert said["commit"] == source().commit
     assert (home / "rollout.rrd").stat().st_size > 10_000
     with (home / "training.csv").open() as file:
         rows = list(csv.DictReader(file))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-import json
+import hashlib
 import sys
 from pathlib import Path
 
@@ -17,9 +17,11 @@ from wt.locomotion import evaluate, export
 from wt.locomotion.config import PolicyConfig, load
 from wt.locomotion.env import Walking
 from wt.locomotion.train import CHECKPOINT, LOG, Trained, make_runner, train
-from wt.worlds.policy import CARD, GRAPH, Policy
+from wt.run.track import source
+from wt.worlds.policy import GRAPH, Policy
 from wt.worlds.robots import G1, GO2
 
+ORIGIN = export.Origin("a test", "walking")
 TINY = ["robots=8", "threads=1", "device=cpu", "ppo.iterations=2", "ppo.hidden=[16,8]"]
 
 
@@ -49,6 +51,9 @@ def test_the_command_trains_exports_and_resumes(
     assert policy.card.training["iterations"] == 2
     assert policy.card.training["samples"] == 2 * 24 * 8
     assert policy.card.made_by.startswith("wt-train-policy --config")
+    assert (policy.card.task, policy.card.run_path, policy.card.sources) == ("go2", "local", {})
+    assert policy.card.commit == source().commit
+    checkpoint = hashlib.sha256((out / CHECKPOINT).read_bytes()).hexdigest()
     assert len(policy.card.evaluation["tracking"]) == 6
     assert policy.act(np.zeros((3, 42)), np.zeros((3, 3)), np.zeros((3, 0))).shape == (3, 12)
 
@@ -57,7 +62,9 @@ def test_the_command_trains_exports_and_resumes(
     assert main([*words, "ppo.iterations=3", "--resume"]) == 0
     with (out / LOG).open() as file:
         assert [int(row["iteration"]) for row in csv.DictReader(file)] == [1, 2, 3]
-    assert json.loads((out / CARD).read_text())["training"]["iterations"] == 3
+    resumed = Policy.load(out, GO2).card
+    assert (resumed.training["iterations"], resumed.sources) == (3, {"checkpoint": checkpoint})
+    assert resumed.config_hash() != policy.card.config_hash()
     assert main([*words, "ppo.hidden=[16,16]", "--resume"]) == 2
     assert "nets of other sizes" in capsys.readouterr().err
 
@@ -111,7 +118,7 @@ def test_the_graph_computes_what_rsl_rl_s_actor_does(tiny: PolicyConfig, tmp_pat
     for _ in range(3):  # so that the normaliser is no identity
         runner.learn(1)
     actor = runner.get_inference_policy("cpu")
-    export.write(Trained(actor, 3, 1.0, 576), tiny, tmp_path, "a test")
+    export.write(Trained(actor, 3, 1.0, 576), tiny, tmp_path, ORIGIN)
     policy = Policy.load(tmp_path, GO2)
     obs = env.get_observations()
     both = obs["policy"].numpy()
@@ -131,7 +138,7 @@ def test_a_policy_of_some_joints_and_a_clock_is_exported_whole(root: Path, tmp_p
     runner = make_runner(env, config.ppo, "cpu")
     runner.learn(1)
     actor = runner.get_inference_policy("cpu")
-    card = export.write(Trained(actor, 1, 1.0, 192), config, tmp_path, "a test")
+    card = export.write(Trained(actor, 1, 1.0, 192), config, tmp_path, ORIGIN)
     assert card.clock_period == 0.8 and card.observation[-2:] == ["clock/sin", "clock/cos"]
     policy, obs = Policy.load(tmp_path, G1), env.get_observations()
     assert env.herd.time.min() > 0 and env.num_actions == 12

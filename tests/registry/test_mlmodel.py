@@ -86,7 +86,9 @@ def test_signature_requirements_and_the_words_on_it(
     assert "task `toy`" in client.get_registered_model("wt-toy").description
     (output,) = client.get_run(run_id).outputs.model_outputs
     logged = client.get_logged_model(output.model_id)
-    assert version.source == logged.artifact_location
+    assert version.source == f"models:/{logged.model_id}"  # its page links to that model's
+    files = client.get_model_version_download_uri("wt-toy", version.version)
+    assert files == logged.artifact_location
     assert json.loads(logged.tags["mlflow.modelVersions"]) == [{"name": "wt-toy", "version": 1}]
     assert logged.tags["mlflow.note.content"] == version.description
     run = client.get_run(run_id)

@@ -34,6 +34,7 @@ def test_what_is_pulled_is_what_was_pushed(store_uri: str, run_id: str, tmp_path
     pushed = push(folder, run_id, uri=store_uri)
     assert (str(pushed), pushed.aliases) == ("go2/1", ("champion",))
     tags = MlflowClient(store_uri, store_uri).get_model_version("go2", "1").tags
+    assert (tags["task"], tags["commit"]) == ("go2", "unknown")
     assert tags["robot"] == "go2" and tags["made_by"].startswith("wt-train-policy")
     errors = [
         trial["error"]

@@ -131,6 +131,21 @@ def test_a_push_that_was_killed_is_brought_to_its_end(
     assert [v.version for v in Store(store_uri).versions("wt-toy")] == [1, 2, 3]
 
 
+@pytest.mark.parametrize("said", [None, "sqlite:///elsewhere.db"])
+def test_a_push_leaves_the_store_of_the_process_as_it_was(
+    make_folder: MakeFolder, store_uri: str, run_id: str, monkeypatch: pytest.MonkeyPatch,
+    said: str | None,
+) -> None:  # fmt: skip
+    import mlflow
+
+    if said:
+        monkeypatch.setenv("MLFLOW_TRACKING_URI", said)
+    before = mlflow.get_tracking_uri()
+    push("wt-toy", make_folder(0.5), 0.5, run_id, uri=store_uri)
+    assert os.environ.get("MLFLOW_TRACKING_URI") == said
+    assert mlflow.get_tracking_uri() == before != store_uri
+
+
 def test_another_metric_does_not_compare(
     make_folder: MakeFolder, store_uri: str, run_id: str
 ) -> None:

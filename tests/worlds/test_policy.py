@@ -14,9 +14,11 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from wt.errors import ModelError
-from wt.worlds.policy import CARD, GRAPH, Policy, PolicyCard, gains, metadata, observation_names
+from wt.worlds.policy import CARD, GRAPH, Policy, PolicyCard, gains, metadata, observed
 from wt.worlds.robots import G1, GO2
 
+# of digits: as numbers they would be equal, or none
+COMMIT, MODEL = "0e12345678", "1e99999999"
 WEIGHT = np.random.default_rng(0).normal(size=(45, 12)).astype(np.float32)
 
 
@@ -33,12 +35,14 @@ def write(folder: Path, weight: np.ndarray, clock_period: float | None = None) -
     model = helper.make_model(graph, opset_imports=opset, ir_version=8)
     onnx.checker.check_model(model)
     stiffness, velocity_gain = gains(GO2, GO2.physics)
+    channels = observed(GO2, clock_period is not None)
     card = PolicyCard(
-        name="test", robot="go2", rate_hz=50.0, joints=list(GO2.joints),
+        name="test", robot="go2", task="walking", rate_hz=50.0, joints=list(GO2.joints),
         default=list(GO2.default), action_scale=list(GO2.action_scale), stiffness=stiffness,
-        velocity_gain=velocity_gain, observation=observation_names(GO2, clock_period is not None),
-        command_limits=[1.0, 0.5, 1.0], sha256="",
-        made_by="a test", training={}, config={}, clock_period=clock_period,
+        velocity_gain=velocity_gain, observation=[c.name for c in channels],
+        observation_units=[c.unit for c in channels], command_limits=[1.0, 0.5, 1.0], sha256="",
+        made_by="a test", commit=COMMIT, run_path="toys/1", sources={"model": MODEL}, training={},
+        config={"seed": 3, "ppo": {"gamma": 0.5}}, clock_period=clock_period,
     )  # fmt: skip
     (folder / CARD).write_text(card.text())
     onnx.save(model, folder / GRAPH)
@@ -101,8 +105,9 @@ def test_joints_in_another_order_are_refused(folder: Path) -> None:
         ({"action_scale": [0.3] * 12}, "action_scale differs"),
         ({"observation": ["gyro/x"]}, "observation differs.*1 values instead of 45"),
         ({"sha256": "0" * 64}, "sha256 differ"),
-        ({"schema": 2}, "no card of schema 1"),
-        ({"colour": "red"}, "no card of schema 1"),
+        ({"observation_units": ["1"] * 45}, "observation_units differs"),
+        ({"schema": 1}, "no card of schema 2"),
+        ({"colour": "red"}, "no card of schema 2"),
     ],
 )
 def test_what_does_not_fit_is_refused(
@@ -114,8 +119,7 @@ def test_what_does_not_fit_is_refused(
 
 
 def test_a_policy_with_a_clock_sees_it_last(tmp_path: Path) -> None:
-    names = observation_names(GO2, True)
-    weight = np.zeros((len(names), 12), np.float32)
+    weight = np.zeros((len(observed(GO2, True)), 12), np.float32)
     weight[-2, 0] = weight[-1, 1] = 1.0  # actions 0 and 1 are the clock
     write(tmp_path, weight, clock_period=0.5)
     policy = Policy.load(tmp_path, GO2)
@@ -170,6 +174,21 @@ def test_the_graph_speaks_as_mjlab_s_do(folder: Path) -> None:
     assert Policy.load(folder, GO2).card.name == "test"
 
 
+def test_the_graph_says_its_units_and_what_made_it(folder: Path) -> None:
+    said = {p.key: p.value for p in onnx.load(folder / GRAPH).metadata_props}
+    units = dict(
+        zip(said["observation_names"].split(","), said["observation_units"].split(","), strict=True)
+    )
+    assert (units["gyro/z"], units["gravity/z"], units["command/turn"]) == ("rad/s", "1", "rad/s")
+    assert {units[f"qpos/{j}"] for j in GO2.joints} == {"rad"}
+    assert said["command_units"] == "m/s,m/s,rad/s"
+    assert said["action_units"] == ",".join(["1"] * 12)
+    made = {key: said[key] for key in ("task", "commit", "run_path", "model_sha256")}
+    assert list(made.values()) == ["walking", COMMIT, "toys/1", MODEL]
+    config = hashlib.sha256(b'{"ppo": {"gamma": 0.5}, "seed": 3}').hexdigest()
+    assert said["config_hash"] == config
+
+
 @pytest.mark.parametrize(
     ("key", "change"),
     [
@@ -180,6 +199,14 @@ def test_the_graph_speaks_as_mjlab_s_do(folder: Path) -> None:
         ("action_scale", lambda v: ["nan", *v[1:]]),
         ("observation_history_lengths", lambda v: ["5", *v[1:]]),
         ("robot", lambda v: ["g1"]),
+        ("task", lambda v: ["running"]),
+        ("observation_units", lambda v: [*v[:-1], "deg/s"]),
+        ("action_units", lambda v: ["rad"] * 12),
+        ("command_units", lambda v: ["km/h", *v[1:]]),
+        ("config_hash", lambda v: ["0" * 64]),
+        ("commit", lambda v: ["0e00000000"]),
+        ("model_sha256", lambda v: ["1e88888888"]),
+        ("run_path", lambda v: ["local"]),
     ],
 )
 def test_a_graph_that_contradicts_its_card_is_refused(
@@ -192,7 +219,7 @@ def test_a_graph_that_contradicts_its_card_is_refused(
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("key", ["joint_names", "action_scale", "rate_hz"])
+@pytest.mark.parametrize("key", ["joint_names", "action_scale", "rate_hz", "commit", "run_path"])
 def test_a_graph_that_does_not_say_what_its_card_does_is_refused(folder: Path, key: str) -> None:
     said = metadata(PolicyCard.read(folder / CARD))
     del said[key]

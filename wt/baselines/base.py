@@ -2,10 +2,10 @@
 
 Adding a baseline is one new file in this package (and its test): subclass :class:`Baseline`, set
 ``name`` as it shall appear in tables, write ``build`` (unless nothing is learned), ``fit`` and
-``predict``, decorate with ``@register``. What a reader of a table must know of its row, ``remark``
-says.
-It is found by itself; add its name to ``baselines.names`` to run it. All baselines share the
-data, the size of networks and the budget of :class:`wt.config.Baselines`.
+``predict``, decorate with ``@register``. ``trains_on`` says what ``fit`` reads, which its run in
+MLflow lists; ``remark`` what a reader of a table must know of its row. It is found by itself; add
+its name to ``baselines.names`` to run it. All baselines share the data, the size of networks and
+the budget of :class:`wt.config.Baselines`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 import torch
@@ -41,12 +41,20 @@ from wt.train.regression import (
 from wt.train.selection import Selection
 from wt.types import Pairs, Transitions, TransitionSpec
 
+Source = Literal["sim", "real", "pairs"]
+"""What may be trained on: unpaired transitions of S, those of R, or pairs.
+
+Pairs are R's transitions, each with S's answer under what was hidden then.
+"""
+
 
 class Baseline(ABC):
     """Predicts R's next state from pairs; learns from unpaired transitions, unless it says so.
 
     Attributes:
         name: as in tables and ``results.json``.
+        trains_on: what ``fit`` reads; R alone unless it says otherwise. The scales of channels, the
+            same for all methods, are of both domains.
         translates: whether it moves S's outcome, whatever that is, to R, and nothing else; without
             pairs it is then scored by distributions, as World Translation is.
         cost: time that its training takes beside DirectPred's, roughly.
@@ -57,6 +65,7 @@ class Baseline(ABC):
     """
 
     name: ClassVar[str]
+    trains_on: ClassVar[tuple[Source, ...]] = ("real",)
     translates: ClassVar[bool] = False
     cost: ClassVar[float] = 2.0
 

@@ -68,6 +68,7 @@ class FlowTranslation(Baseline):
     """o′ = D(o, a, flow of E(o, a, o′_S)); networks as large as the paper's method's."""
 
     name = "FlowTranslation"
+    trains_on = ("sim", "real")
     translates = True
 
     def build(self) -> dict[str, nn.Module]:

@@ -26,6 +26,7 @@ class MeanShiftOT(Baseline):
     """
 
     name = "MeanShiftOT"
+    trains_on = ("sim", "real")
     translates = True
 
     def build(self) -> dict[str, nn.Module]:

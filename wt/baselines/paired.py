@@ -18,6 +18,7 @@ class PairedCeiling(CorrectedAnswer):
     """o′ = o′_S + f(o, a, o′_S), least squares on pairs."""
 
     name = "PairedCeiling"
+    trains_on = ("pairs",)
 
     @classmethod
     def remark(cls, spec: TransitionSpec) -> str | None:

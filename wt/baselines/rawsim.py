@@ -14,6 +14,7 @@ class RawSim(Baseline):
     """o′ = o′_S, with S given the true hidden variable."""
 
     name = "RawSim"
+    trains_on = ()
     cost = 0.0
 
     def fit(self, sim: Transitions, real: Transitions, progress: Progress | None) -> None:

@@ -27,6 +27,7 @@ class SimulatorEncoder(CorrectedAnswer):
     """o′ = o′_S + f(o, a, o′_S); S's answers in training are made from R's recording alone."""
 
     name = "SimulatorEncoder"
+    trains_on = ("sim", "real")
     cost = 4.0
 
     @classmethod

@@ -82,6 +82,7 @@ def show(reference: Reference) -> None:
         "decision": version.decision,
         "parity": f"{parity} (ONNX against eager)",
         "golden": f"{len(card.golden.o)} rows",
+        "features": card.features or "not said",
         "sha256": card.sha256,
         "data": card.data_hash,
         "config": card.config_hash,
@@ -113,6 +114,7 @@ def _show_policy(folder: Path) -> None:
     facts = Table("", "", box=None, show_header=False)
     for key, value in {
         "policy": f"{card.name}, of the package",
+        "task": card.task,
         "robot": f"{card.robot}, {card.rate_hz:g} Hz",
         "MJCF": f"wt model {card.robot} > {card.robot}.xml",
         "joints": ", ".join(card.joints),
@@ -120,6 +122,7 @@ def _show_policy(folder: Path) -> None:
         "graph": str(folder / GRAPH),
         "sha256": card.sha256,
         "made by": card.made_by,
+        "commit": card.commit,
         "created": card.created,
     }.items():
         facts.add_row(key, value)

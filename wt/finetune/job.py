@@ -19,6 +19,7 @@ from wt.finetune.evaluate import Downstream, evaluate
 from wt.finetune.results import plain, save
 from wt.finetune.setting import Setting
 from wt.finetune.training import adapt
+from wt.locomotion.export import Origin
 from wt.registered import Registered
 from wt.run.folder import CONFIG, keep, tracked
 from wt.run.track import NOTE, Run, machine
@@ -107,6 +108,9 @@ def _figures(
         for variant in config.variants
         for seed in (config.seeds if variant != "none" else config.seeds[:1])
     ]
+    run_path = f"{config.tracking.experiment}/{current.id}"
+    sources = {"start_policy": setting.base.card.sha256}
+    origin = Origin(made_by, setting.world().spec.task, run_path, sources)
     by_variant: dict[str, dict[int, Downstream]] = {}
     for k, (variant, seed) in enumerate(jobs):
         name = f"{variant}-seed{seed}"
@@ -125,7 +129,7 @@ def _figures(
             model = _model_home(folder, variant)
             policy = adapt(
                 setting, variant, seed, folder / name, model if model.exists() else None,
-                made_by, progress,
+                origin, progress,
             )  # fmt: skip
             current.artifact(folder / name / "rollout.rrd", name)
         show(f"evaluating {name}", (k + 1) / len(jobs))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 from pathlib import Path
 
+from registry.card import MODEL_FILE, sha256
 from wt.errors import ModelError
 from wt.finetune.config import Variant
 from wt.finetune.randomized import Randomized
@@ -58,7 +60,7 @@ def adapt(
     seed: int,
     home: Path,
     model: Path | None,
-    made_by: str,
+    origin: export.Origin,
     progress: Progress,
 ) -> Policy:
     """Fine-tune the base policy, or continue, or find it finished.
@@ -69,7 +71,7 @@ def adapt(
         seed: of the training.
         home: its folder.
         model: as in :func:`environment`.
-        made_by: the command line, for the card.
+        origin: what makes it, for the card, but for the model.
         progress: told about every iteration.
     """
     training = setting.training(variant, seed)
@@ -87,7 +89,10 @@ def adapt(
                 warm_up=training.ppo.warm_up,
             ),
         )
-        export.write(trained, training, home, made_by)
+        if model is not None:
+            sources = {**origin.sources, "model": sha256(model / MODEL_FILE)}
+            origin = replace(origin, sources=sources)
+        export.write(trained, training, home, origin)
         policy = Policy.load(home, setting.robot, setting.options.sim)
         record(setting.shown(), policy.act, home / "rollout.rrd")
         figures = evaluate(training, policy.act, threads=training.threads * training.processes)

@@ -10,7 +10,8 @@ import copy
 import hashlib
 import importlib.metadata
 import platform
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -24,12 +25,30 @@ from wt.export.graph import graph
 from wt.locomotion.config import PolicyConfig
 from wt.locomotion.evaluate import PolicyEvaluation
 from wt.locomotion.train import Trained
+from wt.run.track import source
 from wt.show.files import write_together, write_whole
 from wt.worlds.legged import RATE_HZ
-from wt.worlds.policy import CARD, GRAPH, PolicyCard, gains, metadata, observation_names
+from wt.worlds.policy import CARD, GRAPH, LOCAL, PolicyCard, gains, metadata, observed
 
 PACKAGES = ("mujoco", "numpy", "onnx", "rsl-rl-lib", "torch")
 _PARITY = 1e-4  # largest difference of an action that rounding explains, in units of the scale
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What made a policy.
+
+    Attributes:
+        made_by: the command line.
+        task: what it is for.
+        run_path: its run in MLflow, as on the card.
+        sources: sha256 of what it was made from, as on the card.
+    """
+
+    made_by: str
+    task: str
+    run_path: str = LOCAL
+    sources: Mapping[str, str] = field(default_factory=dict)
 
 
 class Actor(torch.nn.Module):
@@ -50,9 +69,10 @@ class Actor(torch.nn.Module):
         self.normalizer = copy.deepcopy(model.obs_normalizer)
         self.mlp = copy.deepcopy(model.mlp)
         joints, moved = config.body().joints, config.moved()
-        names = observation_names(config.body(), config.gait is not None)
+        channels = observed(config.body(), config.gait is not None)
         unmoved = {f"last_action/{joint}" for joint in joints if joint not in moved}
-        self.register_buffer("seen", torch.tensor([float(name not in unmoved) for name in names]))
+        seen = [float(channel.name not in unmoved) for channel in channels]
+        self.register_buffer("seen", torch.tensor(seen))
         rows = [[float(joint == name) for joint in joints] for name in moved]
         self.register_buffer("spread", torch.tensor(rows))
         self.eval()
@@ -67,7 +87,7 @@ def write(
     trained: Trained,
     config: PolicyConfig,
     folder: Path,
-    made_by: str,
+    origin: Origin,
 ) -> PolicyCard:
     """Write ``policy.onnx`` and ``card.json`` into a folder, both or neither.
 
@@ -77,28 +97,33 @@ def write(
         trained: result of the training.
         config: its configuration.
         folder: of the policy; it is made.
-        made_by: the command line.
+        origin: what made it.
 
     Raises:
         WorkError: the graph computes something else than the net.
     """
     robot = config.body()
-    names = observation_names(robot, config.gait is not None)
+    channels = observed(robot, config.gait is not None)
     actor = Actor(trained.actor, config)
     stiffness, velocity_gain = gains(robot, config.physics or robot.physics)
     card = PolicyCard(
         name=config.name,
         robot=robot.name,
+        task=origin.task,
         rate_hz=RATE_HZ,
         joints=list(robot.joints),
         default=list(robot.default),
         action_scale=list(robot.action_scale),
         stiffness=stiffness,
         velocity_gain=velocity_gain,
-        observation=names,
+        observation=[channel.name for channel in channels],
+        observation_units=[channel.unit for channel in channels],
         command_limits=list(config.commands.largest),
         sha256="",
-        made_by=made_by,
+        made_by=origin.made_by,
+        commit=source().commit,
+        run_path=origin.run_path,
+        sources=dict(origin.sources),
         training={
             "iterations": trained.iterations,
             "seconds": round(trained.seconds, 1),
@@ -111,9 +136,9 @@ def write(
         packages={"python": platform.python_version()}
         | {package: importlib.metadata.version(package) for package in PACKAGES},
     )
-    example = (torch.zeros(2, len(names)),)
+    example = (torch.zeros(2, len(channels)),)
     content = graph(actor, example, ("observation",), "action", metadata=metadata(card))
-    _compare(actor, content, len(names))
+    _compare(actor, content, len(channels))
     card = replace(card, sha256=hashlib.sha256(content).hexdigest())
     folder.mkdir(parents=True, exist_ok=True)
     write_together(folder, {GRAPH: content, CARD: card.text()})

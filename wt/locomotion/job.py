@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 import importlib
 import os
 import sys
@@ -13,11 +14,14 @@ from typing import TYPE_CHECKING
 from wt.errors import WorkError, lacking
 from wt.locomotion.config import PolicyConfig
 from wt.show.files import write_together
-from wt.worlds.policy import CARD, GRAPH, SHIPPED, Policy
+from wt.worlds.policy import CARD, GRAPH, SHIPPED, Policy, folder_of
 
 if TYPE_CHECKING:
     from wt.locomotion.evaluate import PolicyEvaluation
     from wt.locomotion.train import Begin
+
+Show = Callable[[str, float], None]
+"""Told what is being done and which share of it is behind."""
 
 
 def run(
@@ -25,7 +29,7 @@ def run(
     folder: Path,
     *,
     made_by: str,
-    show: Callable[[str, float], None] | None = None,
+    show: Show | None = None,
     resume: bool = False,
     start_from: Path | None = None,
     seconds: float | None = None,
@@ -56,19 +60,16 @@ def run(
     find_rsl_rl()
     from wt.locomotion import export
     from wt.locomotion.evaluate import table
-    from wt.locomotion.train import line, train
-
-    def progress(done: int, total: int, row: Mapping[str, float]) -> None:
-        if show:
-            show(f"reward {row['reward']:.2f} falls {row['falls']:.1f}", done / total)
-        if not sys.stderr.isatty():
-            print(line(done, total, row), flush=True)
+    from wt.locomotion.train import CHECKPOINT, train
 
     begin = _beginning(config, start_from)
+    sources = _sources(folder / CHECKPOINT if resume else start_from)
+    origin = export.Origin(made_by, config.name, sources=sources)
+    progress = functools.partial(_tell, show)
     trained = train(
         config, folder, resume=resume, start_from=begin, seconds=seconds, progress=progress
     )
-    export.write(trained, config, folder, made_by)
+    export.write(trained, config, folder, origin)
     if show:
         show("evaluating", 1.0)
     policy, figures = _calibrated(config, folder)
@@ -80,6 +81,16 @@ def run(
 
         record(config, policy.act, folder / "rollout.rrd")
     return table(figures)
+
+
+def _tell(show: Show | None, done: int, total: int, row: Mapping[str, float]) -> None:
+    """Say how a training goes on: beside a bar, and in lines where nobody sees one."""
+    from wt.locomotion.train import line
+
+    if show:
+        show(f"reward {row['reward']:.2f} falls {row['falls']:.1f}", done / total)
+    if not sys.stderr.isatty():
+        print(line(done, total, row), flush=True)
 
 
 def _install(folder: Path, name: str) -> None:
@@ -96,6 +107,23 @@ def _beginning(config: PolicyConfig, path: Path | None) -> Path | Begin | None:
         return path
     policy = of_other_drives(path, config.body())
     return functools.partial(take_over, policy=policy, path=str(path), warm_up=config.ppo.warm_up)
+
+
+def _sources(began_with: Path | None) -> dict[str, str]:
+    """The hash of what a training begins with, if with anything, as on the card.
+
+    Of what is not there nothing is said: the training itself refuses it.
+    """
+    if began_with is None:
+        return {}
+    if began_with.suffix == ".pt":
+        return {"checkpoint": _sha256(began_with)} if began_with.is_file() else {}
+    return {"start_policy": _sha256(folder_of(began_with) / GRAPH)}
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _calibrated(config: PolicyConfig, folder: Path) -> tuple[Policy, PolicyEvaluation]:

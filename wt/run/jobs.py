@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import torch
 import yaml
 
-from wt.baselines.base import find
+from wt.baselines.base import Source, find
 from wt.config import FitConfig, Method, parse, to_yaml, vary
 from wt.data.transitions import digest
 from wt.errors import WorkError
@@ -38,6 +38,14 @@ from wt.train.replicas import end_with_parent
 from wt.train.score import PairTensors, predictions
 
 POLL_SECONDS = 0.2
+_TRAINING = {
+    "sim": ("sim", "training"),
+    "real": ("real", "training"),
+    "pairs": ("real", "training, as pairs"),
+}
+"""Collection of a source, and what a run in MLflow says that it is for."""
+BOTH: tuple[Source, ...] = ("sim", "real")
+"""What World Translation is trained on: neither Algorithm 1 nor a mean field reads pairs."""
 
 
 class Job(NamedTuple):
@@ -68,6 +76,18 @@ class Job(NamedTuple):
         settings = flat(self.settings(config) if trained else config.baselines)
         settings.pop("names", None)  # of all baselines
         return {"method": self.method, "seed": self.seed, **settings}
+
+    def uses(self, config: FitConfig) -> dict[str, str]:
+        """Collections that it uses, by their names in :class:`Collected`, each with what for.
+
+        What is held out without pairs is of the collections that are trained on.
+        """
+        own = self.method in (OURS, PAPERS_OWN)
+        trained_on = BOTH if own else find(self.method).trains_on
+        used = dict(_TRAINING[source] for source in trained_on)
+        if used and config.model_selection == "pairs":  # who learns nothing, chooses nothing
+            used["validation"] = "validation"
+        return {**used, "test": "test"}
 
     def settings(self, config: FitConfig) -> Method:
         """Settings of a World Translation model, the paper's, ours or a variant."""

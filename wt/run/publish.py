@@ -23,6 +23,7 @@ from wt.evaluate.rollout_view import write_rollout
 from wt.evaluate.single_step import Errors, errors, first_episode, poses
 from wt.export.onnx import eager, export
 from wt.nets.simulator_use import use_of
+from wt.run.jobs import Job
 from wt.run.study import Study
 from wt.run.track import Run, source
 from wt.show.files import write_whole
@@ -79,15 +80,18 @@ def publish(study: Study, by_seed: Mapping[int, Mapping[str, Errors]], tracked: 
     Args:
         study: the run.
         by_seed: errors of every method for each seed.
-        tracked: the MLflow run.
+        tracked: the MLflow run; the model belongs to the one below it that trained it.
     """
     config = study.config
     chosen = chosen_by(study, by_seed)
     seed = min(chosen, key=lambda s: chosen[s])
     _export(study, seed, by_seed[seed], chosen[seed])
+    # the run of the very training: it has the model's own parameters, curves and data
+    made_by = tracked.child(str(Job(seed, OURS)))
     version = push(
-        config.registry_name, study.folder, chosen[seed], tracked.id, uri=config.tracking.uri
+        config.registry_name, study.folder, chosen[seed], made_by.id, uri=config.tracking.uri
     )
+    tracked.tags({"model": f"{version}, of the run `{Job(seed, OURS)}`"})
     # from here on it is registered: the test pairs only tell how good it is
     _record(study, seed)
     results = tabulate(study, by_seed, version)

@@ -28,6 +28,7 @@ from wt.worlds.terrain import Blocks, GroundHeights
 RATE_HZ = 50.0
 TIMESTEP = 0.005
 COMMAND = ("forward", "sideways", "turn")
+COMMAND_UNITS = ("m/s", "m/s", "rad/s")
 """Channels of a command: velocities in the heading frame [m/s, m/s] and turning rate [rad/s]."""
 
 

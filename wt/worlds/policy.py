@@ -4,14 +4,15 @@ The folder of a policy holds ``policy.onnx`` and ``card.json``. The graph has on
 ``observation``, (batch, n_in): :meth:`wt.worlds.legged.LeggedRobot.channels` in order, then the
 command, then the clock of :mod:`wt.worlds.gait` if the policy walks to one; and one output
 ``action``, (batch, n), in units of the robot's ``action_scale``. The observation normaliser is part
-of it. The graph says of itself, in its ``metadata_props``, what mjlab and Isaac Lab write there:
-see :func:`metadata`.
+of it. The graph says of itself, in its ``metadata_props``, what mjlab and Isaac Lab write there,
+units, and what made it: see :func:`metadata`.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
@@ -21,14 +22,19 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from wt.errors import ModelError
+from wt.types import Channel
 from wt.worlds.gait import CLOCK, GaitClock
-from wt.worlds.legged import COMMAND, RATE_HZ, LeggedRobot
+from wt.worlds.legged import COMMAND, COMMAND_UNITS, RATE_HZ, LeggedRobot
 from wt.worlds.legged_model import LeggedPhysics
 
 GRAPH = "policy.onnx"
 CARD = "card.json"
-SCHEMA = 1
+SCHEMA = 2
+LOCAL = "local"
+"""``run_path`` of what no store of runs has, as mjlab writes it."""
 _ROUNDED = 6e-4
+_NUMBERS = ("joint_stiffness", "joint_damping", "default_joint_pos", "action_scale", "rate_hz")
+"""Keys of metadata whose values are compared as numbers."""
 SHIPPED = Path(__file__).with_name("policies")
 """Folder of the package's policies, one folder each."""
 
@@ -40,6 +46,7 @@ class PolicyCard:
     Attributes:
         name: of the policy.
         robot: name of the robot.
+        task: what it was trained for: its configuration's name, or the task of a fine-tuning.
         rate_hz: control rate [Hz].
         joints: names in the order of positions, velocities and actions.
         default: pose that the action 0 asks for [rad].
@@ -48,9 +55,14 @@ class PolicyCard:
         velocity_gain: their velocity gains [N·m·s/rad].
         observation: channels of the graph's input, in order: the robot's, the command's, and those
             of a clock if it has one.
+        observation_units: of these channels.
         command_limits: largest command that it was trained for, either way.
         sha256: of the graph.
         made_by: the command that made it.
+        commit: of the code that ran then; ``"unknown"`` outside git.
+        run_path: its run in MLflow, as EXPERIMENT/RUN_ID; :data:`LOCAL` without one.
+        sources: sha256 of what it was made from, by name: the ``start_policy`` or ``checkpoint``
+            that the training began with, the ``model`` that translated.
         training: iterations, seconds, samples.
         config: the resolved configuration.
         clock_period: T of the clock's channels [s], as :class:`wt.worlds.gait.GaitClock` reads it;
@@ -64,6 +76,7 @@ class PolicyCard:
 
     name: str
     robot: str
+    task: str
     rate_hz: float
     joints: list[str]
     default: list[float]
@@ -71,9 +84,13 @@ class PolicyCard:
     stiffness: list[float]
     velocity_gain: list[float]
     observation: list[str]
+    observation_units: list[str]
     command_limits: list[float]
     sha256: str
     made_by: str
+    commit: str
+    run_path: str
+    sources: dict[str, str]
     training: dict[str, int | float]
     config: dict[str, Any]
     clock_period: float | None = None
@@ -82,6 +99,10 @@ class PolicyCard:
     created: str = ""
     packages: dict[str, str] = field(default_factory=dict)
     schema: int = SCHEMA
+
+    def config_hash(self) -> str:
+        """The sha256 of the resolved configuration, as JSON with its keys in order."""
+        return hashlib.sha256(json.dumps(self.config, sort_keys=True).encode()).hexdigest()
 
     def text(self) -> str:
         """The card as JSON."""
@@ -121,19 +142,25 @@ def gains(robot: LeggedRobot, physics: LeggedPhysics) -> tuple[list[float], list
     return list(stiffness), list(speed)
 
 
-def observation_names(robot: LeggedRobot, has_clock: bool) -> list[str]:
+def observed(robot: LeggedRobot, has_clock: bool) -> tuple[Channel, ...]:
     """Channels of a policy's input, in order."""
-    names = [channel.name for channel in robot.channels()] + [f"command/{c}" for c in COMMAND]
-    return names + [f"clock/{c}" for c in CLOCK] if has_clock else names
+    commands = zip(COMMAND, COMMAND_UNITS, strict=True)
+    return (
+        *robot.channels(),
+        *(Channel(f"command/{name}", unit) for name, unit in commands),
+        *(Channel(f"clock/{name}", "1") for name in CLOCK if has_clock),
+    )
 
 
 def metadata(card: PolicyCard) -> dict[str, str]:
     """What a policy's graph says of itself, in keys and form as mjlab and Isaac Lab write it.
 
     Lists are joined by commas. Each channel of the observation is a term of its own, without
-    history. ``rate_hz`` and ``robot`` are ours.
+    history. Theirs are the first nine keys; an action has no unit, it is in units of
+    ``action_scale`` [rad]. ``<source>_sha256`` are the card's ``sources``.
     """
     said: dict[str, Sequence[object]] = {
+        "run_path": [card.run_path],
         "joint_names": card.joints,
         "joint_stiffness": card.stiffness,
         "joint_damping": card.velocity_gain,
@@ -142,8 +169,15 @@ def metadata(card: PolicyCard) -> dict[str, str]:
         "observation_names": card.observation,
         "observation_history_lengths": [1] * len(card.observation),
         "command_names": COMMAND,
+        "observation_units": card.observation_units,
+        "action_units": ["1"] * len(card.joints),
+        "command_units": COMMAND_UNITS,
         "rate_hz": [card.rate_hz],
         "robot": [card.robot],
+        "task": [card.task],
+        "config_hash": [card.config_hash()],
+        "commit": [card.commit],
+        **{f"{name}_sha256": [digest] for name, digest in card.sources.items()},
     }
     return {key: ",".join(str(value) for value in values) for key, values in said.items()}
 
@@ -258,11 +292,13 @@ def folder_of(path: Path) -> Path:
 def _check(card: PolicyCard, robot: LeggedRobot, physics: LeggedPhysics, folder: Path) -> None:
     """Compare a card with what is to be walked, the plainest first."""
     stiffness, velocity_gain = gains(robot, physics)
+    channels = observed(robot, card.clock_period is not None)
     expected: Mapping[str, object] = {
         "robot": robot.name,
         "rate_hz": RATE_HZ,
         "joints": list(robot.joints),
-        "observation": observation_names(robot, card.clock_period is not None),
+        "observation": [channel.name for channel in channels],
+        "observation_units": [channel.unit for channel in channels],
         "default": list(robot.default),
         "action_scale": list(robot.action_scale),
         "stiffness": stiffness,
@@ -287,7 +323,8 @@ def _check_metadata(said: Mapping[str, str], card: PolicyCard, folder: Path) -> 
                 f"has ({wanted[:40]}…); export the policy again"
             )
         given, known = said[key].split(","), wanted.split(",")
-        if len(given) != len(known) or not all(map(_same, given, known)):
+        same = _close if key in _NUMBERS else operator.eq
+        if len(given) != len(known) or not all(map(same, given, known)):
             where = _first_difference(given, known)
             raise ModelError(
                 f"policy {folder} does not fit: its graph's metadata and its card differ in "
@@ -295,12 +332,12 @@ def _check_metadata(said: Mapping[str, str], card: PolicyCard, folder: Path) -> 
             )
 
 
-def _same(given: str, wanted: str) -> bool:
-    """Whether two values of metadata agree; numbers to the three decimals that mjlab writes."""
+def _close(given: str, wanted: str) -> bool:
+    """Whether two numbers of metadata agree, to the three decimals that mjlab writes."""
     try:
         return abs(float(given) - float(wanted)) <= _ROUNDED
     except ValueError:
-        return given == wanted
+        return False
 
 
 def _differ(given: object, wanted: object) -> bool:
