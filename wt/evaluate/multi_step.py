@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
-import torch
 from jaxtyping import Float
 
 from wt.baselines.base import Baseline
@@ -21,7 +21,7 @@ from wt.config import Alignment, FitConfig
 from wt.evaluate.alignment import align
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.nets.world_model import WorldModel
-from wt.translate import translate_state
+from wt.train.hidden_shift import carried, translated
 from wt.types import Pairs, Transitions
 from wt.worlds.closed_loop import ClosedLoop, ReferenceRollouts
 
@@ -43,6 +43,26 @@ class Now:
 
 Step = Callable[[Now], np.ndarray]
 """A method: the next state, (N, n_state)."""
+
+
+@runtime_checkable
+class Carrying(Protocol):
+    """A method that also says what is hidden after the step; of others, S's own goes on."""
+
+    def hidden(
+        self,
+        now: Now,
+        before: Float[np.ndarray, "robot hidden"],
+        after: Float[np.ndarray, "robot hidden"],
+    ) -> Float[np.ndarray, "robot hidden"]:
+        """Hidden variables after the step.
+
+        Args:
+            now: what the step's prediction was made of.
+            before: hidden variables before the step.
+            after: S's after it.
+        """
+        ...
 
 
 @dataclass(frozen=True)
@@ -89,8 +109,11 @@ def roll_out(
         a = np.concatenate([a, action[:, None]], axis=1)
         before = truth.hidden[:, past + k] if true_hidden else hidden
         taken = _WorldStep(world, o[:, -1], action, before)
+        now = Now(o, a, taken.state)
         with np.errstate(over="ignore", invalid="ignore"):
-            target = step(Now(o, a, taken.state))
+            target = step(now)
+            if isinstance(step, Carrying):
+                taken.hidden = step.hidden(now, before, taken.hidden)
         align(taken, target, alignment, scale)
         state, hidden = taken.state, taken.hidden
         gone |= world.astray(state, hidden)
@@ -156,14 +179,26 @@ def simulator(now: Now) -> Float[np.ndarray, "robot state"]:
 
 
 def of_model(model: WorldModel) -> Step:
-    """World Translation: the simulator's answer translated."""
+    """World Translation: the simulator's answer translated, and what is hidden carried on."""
+    return _Translated(model)
 
-    @torch.no_grad()
-    def step(now: Now) -> Float[np.ndarray, "robot state"]:
-        o, a = torch.tensor(now.o[:, -1]), torch.tensor(now.a[:, -1])
-        return translate_state(model, o, a, torch.tensor(now.sim_next)).numpy()
 
-    return step
+class _Translated:
+    def __init__(self, model: WorldModel) -> None:
+        self._model = model
+
+    def __call__(self, now: Now) -> Float[np.ndarray, "robot state"]:
+        """See :data:`Step`."""
+        return translated(self._model, now.o[:, -1], now.a[:, -1], now.sim_next)
+
+    def hidden(
+        self,
+        now: Now,
+        before: Float[np.ndarray, "robot hidden"],
+        after: Float[np.ndarray, "robot hidden"],
+    ) -> Float[np.ndarray, "robot hidden"]:
+        """See :class:`Carrying`."""
+        return carried(self._model, now.o[:, -1], now.a[:, -1], now.sim_next, before, after)
 
 
 def of_baseline(baseline: Baseline, world: ClosedLoop) -> Step:

@@ -21,6 +21,7 @@ from torch import Tensor, nn
 
 from wt.config import Mean
 from wt.data.normalize import Normalizer
+from wt.nets.hidden_shift import HiddenShift, goes_on
 from wt.nets.mlp import Ensemble, mlp
 from wt.nets.simulator_use import use_of
 from wt.types import TransitionSpec
@@ -39,6 +40,7 @@ class Frame(nn.Module):
         nominal: regressor of the nominal simulator's change n(o, a), or None.
         shift: regressors of the domains' difference δ, or None.
         reader: regressors of what R does differently from S's answer, which they read, or None.
+        hidden: difference of what is hidden after a step, where S encodes what is hidden, or None.
         imitates_nominal: n imitates the answer with nothing hidden, and not S's average one.
         trusted: share of the reader's answer in each channel of the prediction, (n_state,).
     """
@@ -77,6 +79,7 @@ class Frame(nn.Module):
         self.nominal: nn.Module | None = None
         self.shift: Ensemble | None = None
         self.reader: Ensemble | None = None
+        self.hidden: HiddenShift | None = None
         if not use.has_shift:
             return
 
@@ -90,6 +93,8 @@ class Frame(nn.Module):
             self.reader = regressors(True)
         if use.has_nominal:
             self.nominal = mlp(self.n_condition, spec.n_state, mean.width, mean.depth)
+        if use.asks_simulator and goes_on(spec):
+            self.hidden = HiddenShift(self.n_condition, spec, mean.width, mean.depth)
         if not use.keeps_outcome:
             self.transport.zero_()
 

@@ -25,7 +25,9 @@ from wt.errors import ConfigError
 from wt.nets.frame import Frame
 from wt.nets.mlp import in_chunks, mlp
 from wt.nets.simulator_use import DomainSamples, use_of
+from wt.nets.world_model import WorldModel
 from wt.train.hidden import HiddenEstimator, Network, Simulator
+from wt.train.hidden_shift import Advancing, fit_hidden_shift
 from wt.train.mean_field import samples
 from wt.train.regression import Progress, Regression, part_of, regress
 from wt.train.selection import Selection, Unpaired
@@ -92,6 +94,26 @@ class Answers:
         if not self.regressions:
             return self._estimator.answered(real, self._simulator)
         return self._would(real, self._at_estimates(real, "real"))
+
+    def carry(
+        self,
+        model: WorldModel,
+        real: Transitions,
+        held: Transitions,
+        progress: Progress | None = None,
+    ) -> None:
+        """Learn how R's hidden variables go on beyond S's, where S says how its own do.
+
+        Args:
+            model: with a fitted mean field; its difference of hidden variables is fitted in place.
+            real: transitions of R, as :meth:`fit` had them.
+            held: transitions of R that nothing is learned from.
+            progress: called with (done, total) steps.
+        """
+        shift, simulator = model.frame.hidden, self._simulator
+        if shift is not None and isinstance(simulator, Advancing):
+            given = self._estimator, simulator, real, held, self._budget
+            fit_hidden_shift(model, shift, *given, progress)
 
     @torch.no_grad()
     def _would(self, real: Transitions, at: DomainSamples) -> Transitions:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import copy
 import math
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -165,14 +166,22 @@ def _fitted(
     fit_normalizers(model.frame, sim, real)
     answers = answers_of(model.frame, method.mean, seed, simulator)
     first = answers.regressions * method.mean.steps if answers else 0
-    steps = first + regressions(method.mean) * method.mean.steps
+    before = first + regressions(method.mean) * method.mean.steps
+    steps = before + (model.frame.hidden is not None) * method.mean.steps
     total = steps + translates(method, selection) * method.train.steps
     if answers:
-        before = part_of(progress, 0, total)
-        real, selection = with_answers(answers, sim, real, selection, before)
+        of_answers = part_of(progress, 0, total)
+        real, selection = with_answers(answers, sim, real, selection, of_answers)
+    whole = real
     sim, real = (within(model.frame, x, method.translation.reach) for x in (sim, real))
     sources = lessons(model, sim, real, streams, seed, answers.of if answers else None)
-    _mean_field(model, *sources, selection, seed, folder, part_of(progress, first, total), sink)
+    with _kept_mean_field(model, folder) as missing:
+        if missing:
+            along = part_of(progress, first, total)
+            _mean_field(model, *sources, selection, seed, along, sink)
+            if answers:
+                held = selection.predicted.real
+                answers.carry(model, whole, held, part_of(progress, before, total))
     if answers:
         streams = streams._replace(real=None)  # Algorithm 1 has R's sample, with S's answers
     _choose_transport(model, sim, real, selection)
@@ -201,28 +210,34 @@ def translates(method: Method, selection: Selection) -> bool:
     return whole or isinstance(selection, Paired) or use_of(method.mean).translates_unpaired
 
 
+@contextmanager
+def _kept_mean_field(model: WorldModel, folder: Path) -> Iterator[bool]:
+    """Whether a mean field is still to be fitted: an interrupted run finds it again."""
+    kept = folder / "mean_field.pt"
+    missing = not kept.exists()
+    if not missing:
+        model.frame.load_state_dict(torch.load(kept, "cpu", weights_only=True))
+    yield missing
+    model.frame.requires_grad_(False)
+    if missing:
+        folder.mkdir(parents=True, exist_ok=True)
+        torch.save(model.frame.state_dict(), kept.with_suffix(".tmp"))
+        kept.with_suffix(".tmp").replace(kept)
+
+
 def _mean_field(
     model: WorldModel,
     sim: Source[DomainSamples],
     real: Source[DomainSamples],
     selection: Selection,
     seed: int,
-    folder: Path,
     progress: Progress | None,
     sink: MetricSink,
 ) -> None:
-    """Fit the mean field once; an interrupted run finds it again."""
-    kept = folder / "mean_field.pt"
-    if kept.exists():
-        model.frame.load_state_dict(torch.load(kept, "cpu", weights_only=True))
-        model.frame.requires_grad_(False)
-        return
+    """Fit the mean field, scored on what is held out."""
     curves, each = Curves(sink, progress), _scores(model, selection)._asdict()
     scores = Scores(**{name: s and curves.drawn(name, s) for name, s in each.items()})
     fit_mean_field(model.frame, sim, real, model.method.mean, seed, curves.follow, scores)
-    folder.mkdir(parents=True, exist_ok=True)
-    torch.save(model.frame.state_dict(), kept.with_suffix(".tmp"))
-    kept.with_suffix(".tmp").replace(kept)
 
 
 def _scores(model: WorldModel, selection: Selection) -> Scores:

@@ -28,11 +28,12 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float32, Int
+from jaxtyping import Bool, Float, Float32, Int
 from torch import Tensor, nn
 
 from wt.losses.robust import cauchy
 from wt.nets.frame import Frame
+from wt.nets.hidden_shift import FORCES
 from wt.nets.mlp import CHUNK, in_chunks
 from wt.train.mean_field import gaussian_transport, samples
 from wt.train.regression import Progress, Regression, member_seed, part_of, regress
@@ -40,8 +41,6 @@ from wt.types import Domain, Transitions
 
 AROUND = 6
 """Control steps before and after a transition in which the motion of what is hidden shows."""
-FORCES = ("N", "N·m")
-"""Units of hidden variables that may be others at every step."""
 TOLD = 0.05
 """Share of a motion's variance that a recording has to tell, linearly, for it to be estimated."""
 MODE_WIDTH = 0.05
@@ -99,6 +98,14 @@ class HiddenEstimator:
         """Number of regressions that :meth:`fit` takes."""
         return sum(part.regressions for part in self._parts)
 
+    @property
+    def told(self) -> Bool[np.ndarray, " hidden"]:
+        """Variables that go on, and of which a recording tells something."""
+        out = np.zeros(self._width, bool)
+        for part in self._parts:
+            out[part.channels] = part.told
+        return out
+
     def fit(self, sim: Transitions, real: Transitions, progress: Progress | None = None) -> None:
         """Learn from S, and from R's observable transitions.
 
@@ -149,6 +156,7 @@ class _Estimator(ABC):
 
     Attributes:
         channels: their indices.
+        told: those of them that go on, and of which a recording tells something.
         budget: of each regression.
         regressions: number of these.
     """
@@ -163,6 +171,7 @@ class _Estimator(ABC):
         budget: Regression,
     ) -> None:
         self.channels, self.budget = channels, budget
+        self.told = np.zeros(len(channels), bool)
         self._frame, self._network = frame, network
 
     @abstractmethod
@@ -195,6 +204,7 @@ class _Motion(_Estimator):
         window = _Window(*self._shown(sim), _around(sim))
         hidden = self._lessons(sim)
         told = _told(window, hidden)
+        self.told = told.cpu().numpy() > 0
         self._spread = self._spread * told
         target = hidden * told
         self._net = self._network(window.size, len(self.channels))

@@ -1,0 +1,191 @@
+"""Fit how R's hidden variables go on beyond S's: from R's own recording, and nothing else.
+
+R's recording before and after a step tells of its hidden variables what S has taught
+(:mod:`wt.train.hidden`). S is set to them at one step, takes it, and is off at the next: that is
+the difference to learn. Estimates at both steps err, so that all of it is too much. The share that
+is applied is the one with which S and the translation, left to themselves for :data:`HORIZON` steps
+under the actions that R was given, stay nearest to what R's held-out recording says: no pairs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+import torch
+from jaxtyping import Float, Float32, Int
+from torch import Tensor
+
+from wt.nets.hidden_shift import HiddenShift
+from wt.nets.world_model import WorldModel
+from wt.train.hidden import HiddenEstimator
+from wt.train.regression import Progress, Regression, member_seed, regress
+from wt.translate import translate_state
+from wt.types import Domain, Transitions
+
+HORIZON, STARTS = 25, 256
+"""Steps of the rollouts that choose the share, and their number at most."""
+GAINS = tuple(k / 8 for k in range(9))
+"""Shares that are tried."""
+
+
+@runtime_checkable
+class Advancing(Protocol):
+    """S, where it says what is hidden after a step; see ``wt.worlds.closed_loop.ClosedLoop``."""
+
+    def advance(
+        self,
+        domain: Domain,
+        o: Float[np.ndarray, "robot obs"],
+        a: Float[np.ndarray, "robot action"],
+        hidden: Float[np.ndarray, "robot hidden"],
+    ) -> tuple[Float32[np.ndarray, "robot state"], Float[np.ndarray, "robot hidden_after"]]:
+        """State channels and hidden variables one control step later."""
+        ...
+
+
+def fit_hidden_shift(
+    model: WorldModel,
+    shift: HiddenShift,
+    estimator: HiddenEstimator,
+    simulator: Advancing,
+    real: Transitions,
+    held: Transitions,
+    budget: Regression,
+    progress: Progress | None = None,
+) -> None:
+    """Learn the difference on R's transitions, and choose its share on others.
+
+    Args:
+        model: translates, with a fitted mean field.
+        shift: is fitted in place.
+        estimator: of what was hidden, fitted.
+        simulator: S.
+        real: transitions of R, ordered by episode and step; their hidden variables are not read.
+        held: likewise, of which nothing is learned.
+        budget: of the regression.
+        progress: called with (done, total) steps.
+    """
+    hidden = estimator.estimate(real)
+    if hidden is None or not estimator.told.any():
+        return
+    rows = _followed(real, 1)
+    answer, after = simulator.advance("sim", real.o[rows], real.a[rows], hidden[rows])
+    told, difference = estimator.told, hidden[rows + 1] - after
+    whole = np.isfinite(difference).all(axis=1) & np.isfinite(answer).all(axis=1)
+    rows, answer, difference = rows[whole], answer[whole], difference[whole]
+    if not len(rows):
+        return
+    for name, values in {
+        "center": hidden.mean(axis=0),
+        "spread": np.where(told, hidden.std(axis=0), 1.0),
+        "unit": np.where(told, difference.std(axis=0), 0.0),
+    }.items():
+        getattr(shift, name).copy_(torch.tensor(values, dtype=torch.float32))
+    o, a = torch.tensor(real.o[rows]), torch.tensor(real.a[rows])
+    with torch.no_grad():
+        changes = model.frame.changes(o, torch.tensor(answer))
+        inputs = shift.inputs(model.frame.conditions(o, a), changes, torch.tensor(hidden[rows]))
+    target = torch.tensor(difference, dtype=torch.float32) / shift.unit.clamp_min(1e-9)
+    target = target * (shift.unit > 0)
+
+    def error(index: Tensor) -> Tensor:
+        out: Tensor = (shift.net(inputs[index]) - target[index]) * (shift.unit > 0)
+        return out
+
+    budget = replace(budget, seed=member_seed(budget.seed, 3))
+    shift.requires_grad_(True)
+    regress(shift.net, error, len(rows), budget, progress=progress)
+    shift.requires_grad_(False)
+    _choose_gain(model, shift, estimator, simulator, held)
+
+
+@torch.no_grad()
+def _choose_gain(
+    model: WorldModel,
+    shift: HiddenShift,
+    estimator: HiddenEstimator,
+    simulator: Advancing,
+    held: Transitions,
+) -> None:
+    """Set the share of the difference that keeps rollouts nearest to a recording of R."""
+    starts, hidden = _followed(held, HORIZON), estimator.estimate(held)
+    if not len(starts) or hidden is None:
+        return
+    spread = np.linspace(0, len(starts) - 1, min(STARTS, len(starts))).round().astype(int)
+    errors = []
+    for gain in GAINS:
+        shift.gain.fill_(gain)
+        errors.append(_error(model, simulator, held, starts[spread], hidden))
+    shift.gain.fill_(GAINS[errors.index(min(errors))])
+
+
+def _error(
+    model: WorldModel,
+    simulator: Advancing,
+    held: Transitions,
+    starts: Int[np.ndarray, " robot"],
+    estimates: Float[np.ndarray, "row hidden"],
+) -> float:
+    """Mean squared error of the normalised state along rollouts; infinite where one explodes."""
+    n, scale = model.spec.n_state, model.frame.state.std.cpu().numpy()
+    o, hidden, total = held.o[starts], estimates[starts], 0.0
+    for k in range(HORIZON):
+        a = held.a[starts + k]
+        answer, after = simulator.advance("sim", o, a, hidden)
+        state = translated(model, o, a, answer)
+        hidden = carried(model, o, a, answer, hidden, after)
+        off = (state - held.s_next[starts + k]) / scale
+        total += float(np.minimum(off**2, 1e3).mean()) if np.isfinite(off).all() else np.inf
+        if k + 1 < HORIZON:
+            o = np.hstack([state, held.o[starts + k + 1][:, n:]])
+    return total / HORIZON
+
+
+@torch.no_grad()
+def translated(
+    model: WorldModel,
+    o: Float[np.ndarray, "row obs"],
+    a: Float[np.ndarray, "row action"],
+    answer: Float[np.ndarray, "row state"],
+) -> Float32[np.ndarray, "row state"]:
+    """S's answer translated, on arrays."""
+    given = (torch.tensor(np.asarray(x, np.float32)) for x in (o, a, answer))
+    out: np.ndarray = translate_state(model, *given).cpu().numpy()
+    return out
+
+
+@torch.no_grad()
+def carried(
+    model: WorldModel,
+    o: Float[np.ndarray, "row obs"],
+    a: Float[np.ndarray, "row action"],
+    answer: Float[np.ndarray, "row state"],
+    before: Float[np.ndarray, "row hidden"],
+    after: Float[np.ndarray, "row hidden"],
+) -> Float[np.ndarray, "row hidden"]:
+    """Hidden variables after a step as R would have them, from S's.
+
+    Args:
+        model: a trained model.
+        o: observations, physical units.
+        a: actions.
+        answer: S's state channels after the step.
+        before: hidden variables before it.
+        after: S's after it.
+    """
+    frame, shift = model.frame, model.frame.hidden
+    if shift is None or not float(shift.gain):
+        return after
+    given = (torch.tensor(np.asarray(x, np.float32)) for x in (o, a, answer, before))
+    observed, action, state, hidden = given
+    x, change = frame.conditions(observed, action), frame.changes(observed, state)
+    return after + shift(x, change, hidden).cpu().numpy()
+
+
+def _followed(data: Transitions, steps: int) -> Int[np.ndarray, " row"]:
+    """Rows after which so many more of the same episode come, one after the other."""
+    row = np.arange(len(data) - steps)
+    same = data.episode[row + steps] == data.episode[row]
+    return row[same & (data.step[row + steps] == data.step[row] + steps)]
