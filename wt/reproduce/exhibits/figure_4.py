@@ -95,8 +95,8 @@ class MultiStep(Exhibit):
         return Section(
             "Each method runs on its own predictions for 50 control steps (1 s) from states of R: "
             "the policy acts on the prediction, the simulator answers from it, and its observable "
-            "state is overwritten with what the method makes of the answer (ours also moves the "
-            "trunk with the feet that stand: `translation.alignment`). A rollout has "
+            "state is overwritten with what the method makes of the answer (where S encodes what "
+            "is hidden, ours also says how that goes on, as R's recording tells). A rollout has "
             "diverged once the trunk's height, tilt, velocity or turning rate is out of bounds; "
             "the error is the mean over those that have not. RawSim starts from R's true hidden "
             "state, as all do.",
