@@ -23,7 +23,7 @@ from wt.train.batches import DomainData, Drawn, StepBatches, framed
 from wt.train.fit import fit_world_model
 from wt.train.mean_field import fit_normalizers
 from wt.train.selection import Unpaired
-from wt.train.streamed import DRAWS, StreamedInFrame, lessons
+from wt.train.streamed import ANSWERED, DRAWS, StreamedInFrame, lessons
 from wt.types import Domain, Transitions
 
 PARTS, ROWS, BATCH = 10, 120, 60
@@ -203,7 +203,7 @@ def test_one_domain_may_stream_alone(
 def test_a_mean_field_learns_from_the_stream(
     simulator: SimulatorUseName, world: World, paper: Method, on_disk: Streams, tmp_path: Path
 ) -> None:
-    mean = Mean(kind="average", simulator=simulator, width=8, depth=1, steps=40, batch=BATCH)
+    mean = Mean(kind="average", simulator=simulator, width=8, depth=1, steps=160, batch=BATCH)
     translation = TranslationConfig(anchored=True)
     method = replace(paper, mean=mean, translation=translation)
     held = world.sim.select(np.arange(ROWS)), world.real.select(np.arange(ROWS))
@@ -238,7 +238,7 @@ def test_regressions_go_on_along_the_stream_and_s_answers_what_comes(
         return replace(group, nominal=group.s_next)
 
     _, source = lessons(model, world.sim, world.real, on_disk, 5, answers)
-    every = DRAWS * ROWS // BATCH
+    every = ANSWERED * ROWS // BATCH
     buffers = [source.at(step) for step in range(0, 5 * every, every)]
     assert answered == [ROWS] * (3 + 4)  # no group twice
     for buffer in buffers:

@@ -29,6 +29,9 @@ DRAWS = 8
 Once would show the most of a collection. But where a mean field has to be evaluated, to read a
 transition and bring it into the frame then takes a seventh of the time to train on it.
 """
+ANSWERED = 64
+"""The same where S has to answer what comes, which takes it as long as some 500 steps of training
+a row group of 32 768 transitions."""
 NOWHERE = -2
 """The turn of a buffer that holds nothing, which none follows."""
 
@@ -44,6 +47,7 @@ class Streamed(Generic[Rows]):
         in_memory: int,
         a_step: int,
         seed: tuple[int, ...],
+        draws: int = DRAWS,
     ) -> None:
         """Read nothing yet.
 
@@ -53,10 +57,11 @@ class Streamed(Generic[Rows]):
             in_memory: transitions that are held at most; at least a row group is.
             a_step: transitions that a step draws.
             seed: same seed, same order.
+            draws: times that a transition is drawn, on average, while it is held.
         """
         self._stored, self._made, self._seed = stored, made, seed
         self._width = min(len(stored.groups), max(1, in_memory // stored.largest))
-        self._steps = max(1, DRAWS * stored.largest // a_step)
+        self._steps = max(1, draws * stored.largest // a_step)
         self._turn, self._sizes = NOWHERE, list[int]()
         self._buffer: Rows | None = None
 
@@ -188,7 +193,14 @@ def lessons(
 
         if stored is None:
             return Held(samples(frame, data))
-        held, order = streams.in_memory, (seed, 2 + (domain == "real"))
-        return Streamed(stored, made, in_memory=held, a_step=method.mean.batch, seed=order)
+        asked = answered is not None and domain == "real"
+        return Streamed(
+            stored,
+            made,
+            in_memory=streams.in_memory,
+            a_step=method.mean.batch,
+            seed=(seed, 2 + (domain == "real")),
+            draws=ANSWERED if asked else DRAWS,
+        )
 
     return one(sim, "sim", streams.sim), one(real, "real", streams.real)
