@@ -97,7 +97,7 @@ def met(sled: Sled) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def drift(model: WorldModel, sled: Sled, gain: float) -> float:
     """RMS error of the place after 20 steps that S takes alone, translated, from R's states."""
-    fitted = float(model.frame.hidden.gain)
+    fitted = model.frame.hidden.gain.clone()
     model.frame.hidden.gain.fill_(gain)
     real = sled.collect("real", 30, 7)
     rows = np.arange(30) * LENGTH + 10
@@ -107,7 +107,7 @@ def drift(model: WorldModel, sled: Sled, gain: float) -> float:
         answer, after = sled.advance("sim", o, a, v)
         v = carried(model, o, a, answer, v, after)
         o = np.hstack([translated(model, o, a, answer), a])
-    model.frame.hidden.gain.fill_(fitted)
+    model.frame.hidden.gain.copy_(fitted)
     return float(np.sqrt(((o[:, :1] - real.s_next[rows + 19]) ** 2).mean()))
 
 

@@ -24,7 +24,8 @@ class HiddenShift(nn.Module):
         center: mean of each hidden variable, (n_hidden,), physical units.
         spread: its standard deviation.
         unit: standard deviation of the difference; 0 where nothing is told of the variable.
-        gain: share of the difference that is applied, as held-out recordings of R chose it.
+        gain: share of the difference that is applied, as held-out recordings of R chose it,
+            (n_hidden,).
     """
 
     center: Tensor
@@ -44,9 +45,8 @@ class HiddenShift(nn.Module):
         super().__init__()
         n = len(spec.hidden)
         self.net = mlp(n_condition + spec.n_state + n, n, width, depth)
-        for name, value in {"center": 0.0, "spread": 1.0, "unit": 0.0}.items():
+        for name, value in {"center": 0.0, "spread": 1.0, "unit": 0.0, "gain": 0.0}.items():
             self.register_buffer(name, torch.full((n,), value))
-        self.register_buffer("gain", torch.tensor(0.0))
 
     def inputs(
         self,

@@ -26,8 +26,8 @@ from wt.types import Domain, Transitions
 
 HORIZON, STARTS = 25, 256
 """Steps of the rollouts that choose the share, and their number at most."""
-GAINS = tuple(k / 8 for k in range(9))
-"""Shares that are tried."""
+GAINS, OF_ONE = tuple(k / 8 for k in range(9)), (0.0, 0.5, 1.0)
+"""Shares that are tried for all variables together, and then for one after the other."""
 
 
 @runtime_checkable
@@ -55,7 +55,7 @@ def fit_hidden_shift(
     budget: Regression,
     progress: Progress | None = None,
 ) -> None:
-    """Learn the difference on R's transitions, and choose its share on others.
+    """Learn the difference on R's transitions, and choose its shares on others.
 
     Args:
         model: translates, with a fitted mean field.
@@ -109,16 +109,31 @@ def _choose_gain(
     simulator: Advancing,
     held: Transitions,
 ) -> None:
-    """Set the share of the difference that keeps rollouts nearest to a recording of R."""
+    """Set the shares of the difference that keep rollouts nearest to a recording of R."""
     starts, hidden = _followed(held, HORIZON), estimator.estimate(held)
     if not len(starts) or hidden is None:
         return
     spread = np.linspace(0, len(starts) - 1, min(STARTS, len(starts))).round().astype(int)
-    errors = []
-    for gain in GAINS:
-        shift.gain.fill_(gain)
-        errors.append(_error(model, simulator, held, starts[spread], hidden))
-    shift.gain.fill_(GAINS[errors.index(min(errors))])
+    best = np.inf
+
+    def tried(gain: Tensor) -> None:
+        nonlocal best
+        before = shift.gain.clone()
+        shift.gain.copy_(gain)
+        error = _error(model, simulator, held, starts[spread], hidden)
+        if error < best:
+            best = error
+        else:
+            shift.gain.copy_(before)
+
+    for share in GAINS:
+        tried(torch.full_like(shift.gain, share))
+    for variable in np.flatnonzero(estimator.told):
+        for share in OF_ONE:
+            other = shift.gain.clone()
+            other[variable] = share
+            if not torch.equal(other, shift.gain):
+                tried(other)
 
 
 def _error(
@@ -176,7 +191,7 @@ def carried(
         after: S's after it.
     """
     frame, shift = model.frame, model.frame.hidden
-    if shift is None or not float(shift.gain):
+    if shift is None or not bool(shift.gain.any()):
         return after
     given = (torch.tensor(np.asarray(x, np.float32)) for x in (o, a, answer, before))
     observed, action, state, hidden = given
