@@ -64,7 +64,7 @@ if __name__ == "__main__":
     try:
         refuse_absent(replace(train, nodes=3), torch.device("cpu"))
     except UserError as error:
-        assert "train.nodes is 3; the Ray cluster has 1 machines with 1 cores" in str(error), error
+        assert "and 2 of the Ray cluster with enough cores (1), which has 1;" in str(error), error
     else:
         raise AssertionError("there are no three machines")
     curve, alone = trained("alone")

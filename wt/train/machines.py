@@ -125,10 +125,10 @@ def _others(train: Train, cuda: bool) -> list[str]:
         and all(node["Resources"].get(what, 0) >= count for what, count in want.items())
     ]
     if len(able) < train.nodes - 1:
-        each = f"{train.devices} {'CUDA devices' if cuda else 'cores'}"
+        each = f"{'CUDA devices' if cuda else 'cores'} ({train.devices})"
         raise UserError(
-            f"train.nodes is {train.nodes}; the Ray cluster has {len(able)} machines with {each} "
-            "beside this one: start more, or ask for fewer"
+            f"train.nodes is {train.nodes}: this machine and {train.nodes - 1} of the Ray cluster "
+            f"with enough {each}, which has {len(able)}; start more, or ask for fewer"
         )
     # trainings that run side by side are not all to ask for the same ones
     return random.Random(os.getpid()).sample(able, train.nodes - 1)
