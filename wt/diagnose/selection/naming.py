@@ -42,6 +42,7 @@ from wt.diagnose.selection.holdout import (
     scaled,
 )
 from wt.diagnose.selection.in_turn import where_mute
+from wt.diagnose.selection.plain import NO_CURVES, Curves, curves_in_disguise
 from wt.diagnose.selection.rivalry import joint_of, rivals_nonparametric
 from wt.diagnose.stop import stopped
 from wt.diagnose.thresholds import THRESHOLDS
@@ -288,13 +289,19 @@ class Naming:
     def _doubted(self, proven: Claims) -> Claims:
         """The named effects, or what is left of them without those that are given up."""
         named = self._with_unknown(proven)
-        doubtful = [i for i in range(len(proven.accepted)) if self._doubtful(proven, i)]
+        hypothesis = proven.estimated.hypothesis
+        curves = curves_in_disguise(self.objective, self.holdout, hypothesis, self.step, self.log)
+        doubtful = [
+            i
+            for i in range(len(proven.accepted))
+            if i in curves.replaced or self._doubtful(proven, i)
+        ]
         if not doubtful:
             return named
         rest = tuple(a for i, a in enumerate(proven.accepted) if i not in doubtful)
         others = self.proven(rest, known={a.planted.key for a in rest})
-        unnamed = self._with_unknown(replace(others, events=proven.events))
-        return unnamed if self._better(unnamed, named) else named
+        unnamed = self._with_unknown(replace(others, events=proven.events), curves)
+        return unnamed if self._better(unnamed, named, bool(curves)) else named
 
     def _uncertain(self, estimated: Estimated) -> int | None:
         """Index of an effect that some recording contradicts, or else that may as well be nothing.
@@ -353,15 +360,18 @@ class Naming:
         full = (plain, corrected)[better[0]][0]
         return full, gains_of(holdout, pairs[np.arange(len(sides)), better])
 
-    def _with_unknown(self, claims: Claims) -> Claims:
-        """Learn what is left, as long as that improves the held-out fit.
+    def _with_unknown(self, claims: Claims, curves: Curves = NO_CURVES) -> Claims:
+        """Learn what is left beside some joints' curves, as long as the held-out fit improves.
 
         Where the search was ended before its time, nobody knows that it has no name.
         """
         if stopped() or self.clean(claims):
             return claims
-        laws: list[Unknown] = []
         assessed = claims.assessed(self.objective)
+        rest = assessed.hypothesis
+        laws = curves.learned(self.screen, rest, self.holdout, self.step, self.seed)
+        if laws:
+            assessed = self.objective.reference((*rest, *(u.planted for u in laws)))
         while len(laws) < THRESHOLDS.most_unknown:
             unknown = find(
                 self.screen, self.objective, assessed, self.holdout, step=self.step, seed=self.seed
@@ -385,16 +395,16 @@ class Naming:
         self.log.add(planted, "doubted", not doubtful, rivalry.ratio, THRESHOLDS.doubtful, reason)
         return doubtful
 
-    def _better(self, unnamed: Claims, named: Claims) -> bool:
+    def _better(self, unnamed: Claims, named: Claims, curves: bool = False) -> bool:
         """True if an unnamed law predicts held-out data better, significantly and materially.
 
         Times that were read off the held-out data, too, predict nothing: in place of what only
-        they tell the law has to be no worse.
+        they tell the law has to be no worse. So it has in place of curves in disguise.
         """
-        if not unnamed.unknown or self._theirs(unnamed, named):
+        if not unnamed.unknown or (not curves and self._theirs(unnamed, named)):
             return False
         replaced = _replaced(unnamed, named)
-        read_off = bool(replaced) and all(p.observed() for p in replaced)
+        read_off = curves or (bool(replaced) and all(p.observed() for p in replaced))
         one, other = (named, unnamed) if read_off else (unnamed, named)
         lead = gain(self.holdout, one.hypothesis, other.hypothesis, self.step)
         significant = lead.p_value <= THRESHOLDS.significant
