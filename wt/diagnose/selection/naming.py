@@ -36,10 +36,8 @@ from wt.diagnose.selection.forms import in_best_form
 from wt.diagnose.selection.holdout import (
     Gain,
     Holdout,
-    errors,
-    gain,
-    gains_of,
-    scaled,
+    gains_with_tolerances,
+    lead_with_tolerances,
 )
 from wt.diagnose.selection.in_turn import where_mute
 from wt.diagnose.selection.plain import NO_CURVES, Curves, curves_in_disguise
@@ -332,33 +330,16 @@ class Naming:
         objective = self.objective
         all_but_one = [without(assessed.hypothesis, i) for i in range(len(assessed.hypothesis))]
         sides = [assessed, *objective.evaluate(all_but_one)]
-        full, each = self._with_tolerances(self.holdout, sides)
+        full, each = gains_with_tolerances(objective, self.holdout, sides, self.step)
         each = where_mute(objective, self.holdout, assessed.hypothesis, full, each, self.step)
         if self.shorter and any(g.p_value > THRESHOLDS.significant for g in each):
-            _, once_more = self._with_tolerances(self.shorter(), sides)
+            _, once_more = gains_with_tolerances(objective, self.shorter(), sides, self.step)
             paid = [replace(g, p_value=min(1.0, 2.0 * g.p_value)) for g in once_more]
             each = [min(pair, key=lambda g: g.p_value) for pair in zip(each, paid, strict=True)]
         return [
             replace(g, p_value=1.0) if p.momentary() and g.share < THRESHOLDS.momentary_share else g
             for p, g in zip(assessed.hypothesis, each, strict=True)
         ]
-
-    def _with_tolerances(
-        self, holdout: Holdout, sides: Sequence[Assessed]
-    ) -> tuple[Hypothesis, list[Gain]]:
-        """The first with its tolerances, and its gains over the others with theirs.
-
-        They are those of the fitted recordings, which know them well only where they leave nothing
-        else to explain: each side has them where it errs less by them in the held-out ones.
-        """
-        plain = [s.hypothesis for s in sides]
-        corrected = [(*s.hypothesis, *self.objective.calibration(s)) for s in sides]
-        both = errors(holdout, [*plain, *corrected], self.step)
-        pairs = both.reshape(2, len(sides), *both.shape[1:]).swapaxes(0, 1)
-        left = [np.nansum(scaled(p, holdout.smoothed.noise) ** 2, axis=(1, 2)) for p in pairs]
-        better = np.argmin(left, axis=1)
-        full = (plain, corrected)[better[0]][0]
-        return full, gains_of(holdout, pairs[np.arange(len(sides)), better])
 
     def _with_unknown(self, claims: Claims, curves: Curves = NO_CURVES) -> Claims:
         """Learn what is left beside some joints' curves, as long as the held-out fit improves.
@@ -406,7 +387,8 @@ class Naming:
         replaced = _replaced(unnamed, named)
         read_off = curves or (bool(replaced) and all(p.observed() for p in replaced))
         one, other = (named, unnamed) if read_off else (unnamed, named)
-        lead = gain(self.holdout, one.hypothesis, other.hypothesis, self.step)
+        sides = one.hypothesis, other.hypothesis
+        lead = lead_with_tolerances(self.objective, self.holdout, *sides, self.step)
         significant = lead.p_value <= THRESHOLDS.significant
         better = (significant and lead.share >= THRESHOLDS.unknown_share) != read_off
         reason = "the named effects are given up for it" if better else "no better than the names"

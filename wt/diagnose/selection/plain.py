@@ -21,7 +21,7 @@ from wt.diagnose.likelihood.refine import refine
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.residual.signature import force
 from wt.diagnose.selection.decisions import DecisionLog
-from wt.diagnose.selection.holdout import Holdout, gain
+from wt.diagnose.selection.holdout import Holdout, lead_with_tolerances
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.force import Unknown, of_law
 from wt.diagnose.unknown.law import Law
@@ -85,11 +85,11 @@ def curves_in_disguise(
         if not far_fetched and len(mine) < 2:
             continue
         curve = _instead(objective, hypothesis, mine, joint)
+        pair = (hypothesis, curve) if far_fetched else (curve, hypothesis)
+        lead = lead_with_tolerances(objective, holdout, *pair, step)
         if far_fetched:
-            lead = gain(holdout, hypothesis, curve, step)
             stays = lead.p_value <= THRESHOLDS.significant
         else:
-            lead = gain(holdout, curve, hypothesis, step)
             better = lead.p_value <= THRESHOLDS.significant
             stays = not (better and lead.share >= THRESHOLDS.unknown_share)
         reason = f"a curve of qpos/{joint} with as many figures predicts "
