@@ -243,13 +243,13 @@ def test_a_recording_rules_out_what_it_shows_to_be_otherwise(
 
 
 def test_a_ripple_is_seen_to_come_again(arm: Scene, recorded: Run) -> None:
-    """Of less than a wave nobody can tell that it is one: springs that bend were called so."""
+    """Of less than a wave nobody can tell that it is one; of little more, held-out data do."""
     moved, at = motion(arm, recorded), Location("actuator", "m1")
     turns = float(np.ptp(moved.q[:, arm.drive("m1").dof])) / (2.0 * np.pi)
     ripple = effects()["actuator.ripple"]
-    assert not ripple.plausible(moved, at, np.array([0.5, 1.1 / turns, 0.0]))
+    assert not ripple.plausible(moved, at, np.array([0.5, 0.9 / turns, 0.0]))
     assert ripple.plausible(moved, at, np.array([0.5, max(1.5 / turns, 3.0), 0.0]))
-    assert all(shape[0] * turns > 1.1 for shape in ripple.shapes(moved, at))
+    assert all(shape[0] * turns >= 1.0 for shape in ripple.shapes(moved, at))
 
 
 def test_friction_along_the_way_is_a_wave_of_which_something_is_seen(

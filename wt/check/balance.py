@@ -136,7 +136,7 @@ class Balance:
         return self.scene.joints[dof]
 
     def unexplained(
-        self, edits: Sequence[Edit] = (), lenient: bool = False
+        self, edits: Sequence[Edit] = (), lenient: bool = False, sprung: bool = False
     ) -> Float[np.ndarray, " row"]:
         """Share of each row's command that the model cannot explain; 0 … above 1.
 
@@ -144,8 +144,9 @@ class Balance:
             edits: mix-ups of channels that are undone.
             lenient: whether a force that goes with the joint's position (a spring, another weight)
                 may adapt too, and the joint have less damping than in the model.
+            sprung: whether a spring in the joint of a torque drive may adapt too.
         """
-        return np.array([fit.left / fit.sent for fit in self._fits(edits, lenient)])
+        return np.array([fit.left / fit.sent for fit in self._fits(edits, lenient, sprung)])
 
     def unexplained_forces(
         self, edits: Sequence[Edit] = (), gains: tuple[float, float] = GAINS
@@ -219,6 +220,7 @@ class Balance:
         self,
         edits: Sequence[Edit],
         lenient: bool = False,
+        sprung: bool = False,
         gains: tuple[float, float] = GAINS,
     ) -> list[_Fit]:
         moved = tuple(e for e in edits if e.group == "q")
@@ -228,7 +230,7 @@ class Balance:
             # another finger's motion is nothing to a drive, nor is another drive's command
             own = {"q": row.drive.dof, "u": row.drive.index}
             mine = (e for e in edits if e.index == own[e.group])
-            return (row, demands[row.drive.dof], *mine, lenient, gains)
+            return (row, demands[row.drive.dof], *mine, lenient, sprung, gains)
 
         missing = [row for row in self.rows if key(row) not in self._known]
         if missing:
@@ -240,7 +242,7 @@ class Balance:
                     du[:, e.index] = e.factor * s.du[:, e.source]
             (q, v, a), demand = self._moved(edits), self._demand(edits)
             for row in missing:
-                fit = self._fit(row, q, v, a, u, du, demand, lenient, gains)
+                fit = self._fit(row, q, v, a, u, du, demand, lenient, sprung, gains)
                 self._known[key(row)] = fit
         return [self._known[key(row)] for row in self.rows]
 
@@ -304,6 +306,7 @@ class Balance:
         du: Float[np.ndarray, "row actuator"],
         demand: Float[np.ndarray, "row dof"],
         lenient: bool,
+        sprung: bool,
         gains: tuple[float, float],
     ) -> _Fit:
         drive, i = row.drive, row.drive.dof
@@ -326,6 +329,9 @@ class Balance:
         )
         low = np.array([gains[0] if self.dynamic else 0.0, 0.0, 0.0, 0.0, 0.0])
         high = np.array([gains[1], np.inf, np.inf, _ROTOR * self._felt[i], _LATEST])
+        if sprung and not drive.servo:  # it pulls to where it rests: a part of the free constant
+            columns = np.column_stack([columns, q[:, i] / row.scale])
+            low, high = np.append(low, 0.0), np.append(high, np.inf)
         free = _of_position(q[:, i]) if lenient else None
         left, best = _adapted(columns, command - spring, low, high, free)
         sent, forced = float(command.var()), float((command - spring).var())

@@ -62,6 +62,9 @@ def search(balance: Balance, suspects: Sequence[Suspect]) -> list[tuple[Suspect,
         Each with the evidence for it, and a confidence.
     """
     state = _State((), balance.unexplained())
+    if (state.left > WRONG).any():
+        sprung = balance.unexplained(sprung=True)
+        suspects = [s for s in suspects if not _looks_sprung(balance, s, sprung)]
     while len(state.suspects) < _MOST and (state.left > WRONG).any():
         trials = [_with(balance, state, s) for s in suspects if _apart(state, s)]
         best = _named(trials, min(trials, key=lambda trial: trial.total, default=state))
@@ -87,6 +90,22 @@ def _with(balance: Balance, state: _State, suspect: Suspect) -> _State:
     chosen = (*state.suspects, suspect)
     edits = tuple(e for s in chosen for e in s.edits)
     return _State(chosen, balance.unexplained(edits))
+
+
+def _looks_sprung(balance: Balance, suspect: Suspect, sprung: Float[np.ndarray, " row"]) -> bool:
+    """Tell whether a spring in its joints explains the commands about as well as a suspect.
+
+    Over the part of a turn that a joint goes, one may pull as the weight at another angle does, or
+    in another unit.
+
+    Args:
+        balance: of the recording.
+        suspect: what may be mixed up.
+        sprung: what is left of each row where springs may adapt and nothing is mixed up.
+    """
+    own = _own(balance, suspect)
+    left = balance.unexplained(suspect.edits)
+    return bool((sprung < np.minimum(WRONG, DECISIVE * left))[own].all())
 
 
 def _apart(state: _State, suspect: Suspect) -> bool:

@@ -106,6 +106,10 @@ class Thresholds:
     """[ratio of mean squares] A name is given up if a nonparametric force leaves less than this
     share of what it leaves. ``tests/diagnose/unknown/test_force.py`` holds right names above
     it and wrong ones below half of it."""
+    cancelled: float = 1.0 / 3.0
+    """[share of the largest] What laws of one joint's position leave of themselves together, below
+    which none of them is believed where a curve does as well. Set by the cubic of a rubber buffer,
+    of which a spring and a force make one of a tenth of either."""
     bearing_share: float = 0.8
     """[share of the error] Borne by the joints that are named where nothing explains a machine on
     legs, all of whose joints err together. Set by a foot in glue, which was named twelve times."""

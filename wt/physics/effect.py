@@ -131,6 +131,7 @@ class Effect(abc.ABC):
         each_way: whether that force is another one on the way back.
         stiff: whether it moves faster than the machine, or takes damping away that long steps
             rely on, so that replays take the shortest ones.
+        comes_again: whether its force is periodic in the joint's position.
         form: in words, of a law that MuJoCo has in several; "" for the usual one.
         forms: the others.
     """
@@ -149,6 +150,7 @@ class Effect(abc.ABC):
     plotted_over: ClassVar[Variable] = "position"
     each_way: ClassVar[bool] = False
     stiff: ClassVar[bool] = False
+    comes_again: ClassVar[bool] = False
     form: ClassVar[str] = ""
     forms: ClassVar[tuple[Effect, ...]] = ()
 

@@ -25,6 +25,7 @@ from wt.types import Location, Recording
 JOINT, DRIVE = Location("joint", "j1"), Location("actuator", "a1")
 SENSORS, DRIVES = Location("sensor", "all"), Location("actuator", "all")
 PUSH, LATE = 0.5, 0.02
+ASTRAY = (0.02, 6.0, 0.02)  # Stribeck's friction from where replays lead nowhere
 
 
 @pytest.fixture(scope="module")
@@ -162,3 +163,14 @@ def test_places_close_to_one_another_are_near(tmp_path: Path) -> None:
     assert joint in near(screen, link)
     assert near(screen, anywhere) == [anywhere, SENSORS, DRIVES]
     assert dof_of(screen, drive) == 1 and dof_of(screen, DRIVES) == -1
+
+
+def test_a_larger_law_that_was_led_astray_is_begun_anew(sticky: World) -> None:
+    """A joint's Stribeck friction was refused, 300 nats ahead of Coulomb's, for where it began."""
+    found = Planted(effects()["joint.friction_coulomb"], JOINT, np.array([0.35]))
+    present = estimate(sticky.objective, (found,)).assessed
+    astray = replace(found, effect=effects()["joint.friction_stribeck"], theta=np.array(ASTRAY))
+    other = lookalikes(sticky)._instead(present, 0, Option(astray, 10.0, 10.0))
+    assert other is not None
+    assert other.hypothesis[0].theta[:2] == pytest.approx([0.3, 0.6], abs=0.06)
+    assert other.loglik > present.loglik

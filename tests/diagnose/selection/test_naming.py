@@ -8,12 +8,16 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from tests.diagnose.hidden_forces import STEP, on_joint, world
+from tests.diagnose.hidden_forces import STEP, chain, on_joint, world
+from wt.diagnose.likelihood.estimate import estimate
 from wt.diagnose.selection import naming
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.alternatives import Lookalikes
 from wt.diagnose.selection.decisions import DecisionLog
-from wt.diagnose.selection.naming import Naming
+from wt.diagnose.selection.holdout import Gain
+from wt.diagnose.selection.naming import Claims, Naming
+from wt.diagnose.unknown.force import Unknown, UnknownForce
+from wt.diagnose.unknown.law import Atom, Law
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
 from wt.types import Location
@@ -78,3 +82,26 @@ def test_of_many_only_what_held_out_data_show_is_compared_with_lookalikes(
     # what was proven before is asked in its turn
     proofs.proven(found, known={found[1].planted.key})
     assert "joint.friction_viscous at joint j2" in compared[1]
+
+
+def test_a_name_is_compared_with_a_law_beside_the_tolerances_that_each_was_found_beside(
+    tmp_path: Path,
+) -> None:
+    """A stage's friction by direction gave way to a law that had an error of the damping in it."""
+    model = chain(1).replace('damping=".3"', 'damping="6"')
+    machine = chain(1).replace('damping=".3"', 'damping="6.9"')
+    rub = on_joint(0, lambda q, v: -0.6 * float(np.tanh(v / 0.01)))
+    rubbing = world(tmp_path, 1, rub, 8.0, model=model, machine=machine)
+    replays = rubbing.objective
+    found = found_at(("joint.friction_coulomb", "j1", 0.6))
+    named = Claims(found, estimate(replays, (found[0].planted,)), (), ())
+    terms = ((Atom(0, "sign", 0.0, 0.01),), (Atom(0, "linear"),))
+    law = Law(("qvel/j1",), np.array([-9.0]), np.array([9.0]), terms, np.array([-0.5, -1.0]))
+    planted = Planted(UnknownForce(law, "unknown"), Location("joint", "j1"), np.ones(1))
+    unknown = Unknown(planted, law.columns, law.text(), b"", 1.0, "", Gain(0.9, 0.0), 0.9)
+    unnamed = Claims((), estimate(replays, ()), (), (unknown,))
+    log = DecisionLog()
+    proofs = Naming(rubbing.screen, replays, replays, lambda: replays, rubbing.held, STEP, 0, log)
+    assert not proofs._better(unnamed, named)
+    (said,) = [d for d in log if d.stage == "doubted"]
+    assert said.reason == "no better than the names"

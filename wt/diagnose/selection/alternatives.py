@@ -122,13 +122,30 @@ class Lookalikes:
     def _instead(self, present: Assessed, index: int, best: Option) -> Assessed | None:
         """Another law in the place of one, as replays around itself say; None if they refuse it.
 
-        Options are compared with tolerances that are linear around the law that was found.
+        Options are compared with tolerances that are linear around the law that was found. That may
+        lead a larger one astray: one that contains what was found cannot explain less, and is begun
+        anew from there before it is refused.
         """
-        parts = (*present.hypothesis[:index], best.law, *present.hypothesis[index + 1 :])
+        found, law = present.hypothesis[index], best.law
+        larger = found.beyond(effects()[law.effect.id], self.screen.motion)
+        for starts in ([law.theta], [theta for _, theta in larger]):
+            begun = [self._around(present, index, replace(law, theta=theta)) for theta in starts]
+            other = max(begun, key=lambda fit: fit.loglik, default=None)
+            if other is None:
+                break
+            if len(begun) > 1:
+                other = self._around(present, index, other.hypothesis[index])
+            due = _due(other.hypothesis, present.hypothesis)
+            if worth(self.objective, other, present) - due > -THRESHOLDS.min_nats:
+                return other
+        return None
+
+    def _around(self, present: Assessed, index: int, law: Planted) -> Assessed:
+        """Effects with a law in the place of one, refined as replays around them say."""
+        parts = (*present.hypothesis[:index], law, *present.hypothesis[index + 1 :])
         around = self.objective.reference(parts)
         (other,) = refine(self.objective, [around.hypothesis], [range(len(parts))], _STEPS)
-        lead = worth(self.objective, other, present) - _due(parts, present.hypothesis)
-        return other if lead > -THRESHOLDS.min_nats else None
+        return other
 
     def _log(self, planted: Planted, options: Sequence[Option], best: Option) -> None:
         """Log the lookalikes of an effect; ``options`` as in :meth:`_compared`, itself first."""

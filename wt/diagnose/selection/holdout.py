@@ -18,6 +18,7 @@ from wt.diagnose.likelihood.adapt import (
     project,
     responses,
 )
+from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.recordings.samples import Samples
 from wt.diagnose.recordings.smooth import Smoothed
 from wt.diagnose.recordings.stretches import BURN_IN_S, cut, stretches_of
@@ -221,6 +222,43 @@ def gain(holdout: Holdout, hypothesis: Hypothesis, other: Hypothesis, step: floa
     """Held-out gain of one hypothesis over another."""
     (only,) = gains(holdout, hypothesis, [other], step)
     return only
+
+
+def gains_with_tolerances(
+    objective: Objective, holdout: Holdout, sides: Sequence[Assessed], step: float
+) -> tuple[Hypothesis, list[Gain]]:
+    """The first with its tolerances, and its gains over the others with theirs.
+
+    They are those of the fitted recordings, beside which each was estimated. These know them well
+    only where they leave nothing else to explain: each side has them where it errs less by them in
+    the held-out ones.
+    """
+    each = [(s.hypothesis, (*s.hypothesis, *objective.calibration(s))) for s in sides]
+    return _best_gains(holdout, each, step)
+
+
+def lead_with_tolerances(
+    objective: Objective, holdout: Holdout, one: Hypothesis, other: Hypothesis, step: float
+) -> Gain:
+    """Held-out gain of one hypothesis over another, each with tolerances as around itself."""
+    each = []
+    for hypothesis in (one, other):
+        now = objective.reference(hypothesis)
+        each.append((hypothesis, (*hypothesis, *objective.calibration(now))))
+    _, (lead,) = _best_gains(holdout, each, step)
+    return lead
+
+
+def _best_gains(
+    holdout: Holdout, each: Sequence[tuple[Hypothesis, Hypothesis]], step: float
+) -> tuple[Hypothesis, list[Gain]]:
+    """The first, and its gains over the others: of each the form that errs less."""
+    plain, corrected = zip(*each, strict=True)
+    both = errors(holdout, [*plain, *corrected], step)
+    pairs = both.reshape(2, len(each), *both.shape[1:]).swapaxes(0, 1)
+    left = [np.nansum(scaled(p, holdout.smoothed.noise) ** 2, axis=(1, 2)) for p in pairs]
+    better = np.argmin(left, axis=1)
+    return each[0][better[0]], gains_of(holdout, pairs[np.arange(len(each)), better])
 
 
 def scaled(

@@ -36,12 +36,11 @@ from wt.diagnose.selection.forms import in_best_form
 from wt.diagnose.selection.holdout import (
     Gain,
     Holdout,
-    errors,
-    gain,
-    gains_of,
-    scaled,
+    gains_with_tolerances,
+    lead_with_tolerances,
 )
 from wt.diagnose.selection.in_turn import where_mute
+from wt.diagnose.selection.plain import NO_CURVES, Curves, curves_in_disguise
 from wt.diagnose.selection.rivalry import joint_of, rivals_nonparametric
 from wt.diagnose.stop import stopped
 from wt.diagnose.thresholds import THRESHOLDS
@@ -288,13 +287,19 @@ class Naming:
     def _doubted(self, proven: Claims) -> Claims:
         """The named effects, or what is left of them without those that are given up."""
         named = self._with_unknown(proven)
-        doubtful = [i for i in range(len(proven.accepted)) if self._doubtful(proven, i)]
+        hypothesis = proven.estimated.hypothesis
+        curves = curves_in_disguise(self.objective, self.holdout, hypothesis, self.step, self.log)
+        doubtful = [
+            i
+            for i in range(len(proven.accepted))
+            if i in curves.replaced or self._doubtful(proven, i)
+        ]
         if not doubtful:
             return named
         rest = tuple(a for i, a in enumerate(proven.accepted) if i not in doubtful)
         others = self.proven(rest, known={a.planted.key for a in rest})
-        unnamed = self._with_unknown(replace(others, events=proven.events))
-        return unnamed if self._better(unnamed, named) else named
+        unnamed = self._with_unknown(replace(others, events=proven.events), curves)
+        return unnamed if self._better(unnamed, named, bool(curves)) else named
 
     def _uncertain(self, estimated: Estimated) -> int | None:
         """Index of an effect that some recording contradicts, or else that may as well be nothing.
@@ -325,10 +330,10 @@ class Naming:
         objective = self.objective
         all_but_one = [without(assessed.hypothesis, i) for i in range(len(assessed.hypothesis))]
         sides = [assessed, *objective.evaluate(all_but_one)]
-        full, each = self._with_tolerances(self.holdout, sides)
+        full, each = gains_with_tolerances(objective, self.holdout, sides, self.step)
         each = where_mute(objective, self.holdout, assessed.hypothesis, full, each, self.step)
         if self.shorter and any(g.p_value > THRESHOLDS.significant for g in each):
-            _, once_more = self._with_tolerances(self.shorter(), sides)
+            _, once_more = gains_with_tolerances(objective, self.shorter(), sides, self.step)
             paid = [replace(g, p_value=min(1.0, 2.0 * g.p_value)) for g in once_more]
             each = [min(pair, key=lambda g: g.p_value) for pair in zip(each, paid, strict=True)]
         return [
@@ -336,32 +341,18 @@ class Naming:
             for p, g in zip(assessed.hypothesis, each, strict=True)
         ]
 
-    def _with_tolerances(
-        self, holdout: Holdout, sides: Sequence[Assessed]
-    ) -> tuple[Hypothesis, list[Gain]]:
-        """The first with its tolerances, and its gains over the others with theirs.
-
-        They are those of the fitted recordings, which know them well only where they leave nothing
-        else to explain: each side has them where it errs less by them in the held-out ones.
-        """
-        plain = [s.hypothesis for s in sides]
-        corrected = [(*s.hypothesis, *self.objective.calibration(s)) for s in sides]
-        both = errors(holdout, [*plain, *corrected], self.step)
-        pairs = both.reshape(2, len(sides), *both.shape[1:]).swapaxes(0, 1)
-        left = [np.nansum(scaled(p, holdout.smoothed.noise) ** 2, axis=(1, 2)) for p in pairs]
-        better = np.argmin(left, axis=1)
-        full = (plain, corrected)[better[0]][0]
-        return full, gains_of(holdout, pairs[np.arange(len(sides)), better])
-
-    def _with_unknown(self, claims: Claims) -> Claims:
-        """Learn what is left, as long as that improves the held-out fit.
+    def _with_unknown(self, claims: Claims, curves: Curves = NO_CURVES) -> Claims:
+        """Learn what is left beside some joints' curves, as long as the held-out fit improves.
 
         Where the search was ended before its time, nobody knows that it has no name.
         """
         if stopped() or self.clean(claims):
             return claims
-        laws: list[Unknown] = []
         assessed = claims.assessed(self.objective)
+        rest = assessed.hypothesis
+        laws = curves.learned(self.screen, rest, self.holdout, self.step, self.seed)
+        if laws:
+            assessed = self.objective.reference((*rest, *(u.planted for u in laws)))
         while len(laws) < THRESHOLDS.most_unknown:
             unknown = find(
                 self.screen, self.objective, assessed, self.holdout, step=self.step, seed=self.seed
@@ -385,18 +376,19 @@ class Naming:
         self.log.add(planted, "doubted", not doubtful, rivalry.ratio, THRESHOLDS.doubtful, reason)
         return doubtful
 
-    def _better(self, unnamed: Claims, named: Claims) -> bool:
+    def _better(self, unnamed: Claims, named: Claims, curves: bool = False) -> bool:
         """True if an unnamed law predicts held-out data better, significantly and materially.
 
         Times that were read off the held-out data, too, predict nothing: in place of what only
-        they tell the law has to be no worse.
+        they tell the law has to be no worse. So it has in place of curves in disguise.
         """
-        if not unnamed.unknown or self._theirs(unnamed, named):
+        if not unnamed.unknown or (not curves and self._theirs(unnamed, named)):
             return False
         replaced = _replaced(unnamed, named)
-        read_off = bool(replaced) and all(p.observed() for p in replaced)
+        read_off = curves or (bool(replaced) and all(p.observed() for p in replaced))
         one, other = (named, unnamed) if read_off else (unnamed, named)
-        lead = gain(self.holdout, one.hypothesis, other.hypothesis, self.step)
+        sides = one.hypothesis, other.hypothesis
+        lead = lead_with_tolerances(self.objective, self.holdout, *sides, self.step)
         significant = lead.p_value <= THRESHOLDS.significant
         better = (significant and lead.share >= THRESHOLDS.unknown_share) != read_off
         reason = "the named effects are given up for it" if better else "no better than the names"

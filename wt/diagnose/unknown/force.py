@@ -18,10 +18,10 @@ from scipy.stats import combine_pvalues, ttest_1samp, wilcoxon
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.steps import COARSE
 from wt.diagnose.residual.screen import Screen, leftover
-from wt.diagnose.selection.holdout import Gain, Holdout, errors
+from wt.diagnose.selection.holdout import Gain, Holdout, errors, gain
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.choice import choose, remembers
-from wt.diagnose.unknown.fit import ForceData, LawFit, solve
+from wt.diagnose.unknown.fit import ForceData, LawFit, crossval, solve
 from wt.diagnose.unknown.formula import reduced, sparse
 from wt.diagnose.unknown.law import Law
 from wt.diagnose.unknown.lines import column_lines
@@ -185,6 +185,39 @@ def find(
         ):
             unknowns.append(unknown)
     return max(unknowns, key=lambda u: u.gain.share, default=None)
+
+
+def of_law(
+    screen: Screen,
+    law: Law,
+    joint: str,
+    rest: Hypothesis,
+    holdout: Holdout,
+    *,
+    step: float,
+    seed: int = 0,
+) -> Unknown:
+    """A law of recorded columns that is known already, as something unknown beside other effects.
+
+    Args:
+        screen: the fitted recordings.
+        law: the force.
+        joint: where it acts.
+        rest: the other effects.
+        holdout: recordings that nothing is fitted to.
+        step: physics step of replays [s].
+        seed: of the folds.
+    """
+    dof = screen.motion.scene.dof(joint)
+    rows = np.ones(len(screen.rows), bool)
+    left = leftover(screen, rest).left[:, dof]
+    data = ForceData(screen, joint, left, rows, seed, COARSE * step)
+    r2 = crossval(data, law.columns, law.terms, penalise=False).r2
+    said = statement(data, law)
+    planted = Planted(UnknownForce(law, said), Location("joint", joint), np.ones(1))
+    worth = gain(holdout, (*rest, planted), rest, step)
+    graph = to_onnx({"force": law})
+    return Unknown(planted, law.columns, law.text(), graph, r2, said, worth, worth.share)
 
 
 def graphed(hypothesis: Hypothesis) -> tuple[Hypothesis, bytes | None]:

@@ -16,7 +16,7 @@ from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _FEWEST = 3.0  # cycles a turn
-_REPEATED = 1.25  # cycles that the motion covers: of fewer, nothing is seen to come again
+_WHOLE = 1.0  # cycles that the motion covers: of less than one, nothing can come again
 
 
 @register
@@ -32,6 +32,7 @@ class ActuatorRipple(Effect):
     )
     reference = "MuJoCo XML reference, actuator/dcmotor/cogging"
     signed = (0, 0)
+    comes_again = True
 
     def places(self, scene: Scene) -> Sequence[Location]:
         """Drives of hinges."""
@@ -45,7 +46,7 @@ class ActuatorRipple(Effect):
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Up to 60 cycles a turn, as far as they come again."""
         covered = _turns(motion, at)
-        return [(float(n),) for n in range(3, 61) if n * covered >= _REPEATED]
+        return [(float(n),) for n in range(3, 61) if n * covered >= _WHOLE]
 
     def columns(
         self, motion: Motion, at: Location, shape: Shape
@@ -76,7 +77,7 @@ class ActuatorRipple(Effect):
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> bool:
         """Refuse one or two waves a turn, a weight, and one bend in all of a motion, a spring."""
-        return bool(theta[1] >= _FEWEST and theta[1] * _turns(motion, at) >= _REPEATED)
+        return bool(theta[1] >= _FEWEST and theta[1] * _turns(motion, at) >= _WHOLE)
 
     def statement(
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
