@@ -143,7 +143,8 @@ def _estimated(
     fresh = sorted({s.labels for s in new.values()})
     read: dict[Labels, Recorded] = {k: again.recorded(model, grouped[k]) for k in fresh}
     asked = fresh if every_group else _first_of_each_unit(fresh, passport.units)
-    found = [passport.hypothesis]
+    # what is estimated already speaks for all groups that it is estimated in
+    found = [passport.hypothesis] * len(passport.groups)
     for i, labels in enumerate(asked):
 
         def told(what: str, share: float, i: int = i, labels: Labels = labels) -> None:
