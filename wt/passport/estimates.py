@@ -97,8 +97,8 @@ def common(found: Sequence[Hypothesis]) -> tuple[Hypothesis, tuple[str, ...]]:
             continue
         notes.append(
             f"{mine} was found {_times(counts[key])} and {rival.effect.id} there "
-            f"{_times(counts[rival.key])}: beside each other neither would be known, and the latter "
-            "is estimated."
+            f"{_times(counts[rival.key])}: beside each other neither would be known, and the "
+            "latter is estimated."
         )
     return tuple(sorted(kept, key=lambda p: p.key)), tuple(notes)
 
@@ -108,9 +108,7 @@ def _excluded(one: Planted, other: Planted) -> bool:
     return one.at == other.at and (ids[0] in other.effect.excludes or ids[1] in one.effect.excludes)
 
 
-def _same(
-    one: Planted, other: Planted, beside: Set[frozenset[tuple[str, str, str]]]
-) -> bool:
+def _same(one: Planted, other: Planted, beside: Set[frozenset[tuple[str, str, str]]]) -> bool:
     """Whether two are names of one thing: alike, at one place, and no group has both."""
     alike = one.at == other.at and other.effect.id in alternatives(one.effect.id)
     return alike and frozenset((one.key, other.key)) not in beside
