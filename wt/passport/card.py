@@ -33,6 +33,7 @@ class State:
             the slope is not certain, the sessions lie on no line, or it leads elsewhere.
         limit: that was given.
         scatter_known: whether it is known how much sessions differ although nothing changed.
+        varies: whether sessions differ anyway.
     """
 
     value: Known
@@ -45,6 +46,7 @@ class State:
     reached: Known | None = None
     limit: float | None = None
     scatter_known: bool = True
+    varies: bool = False
 
     @property
     def alarm(self) -> bool:
@@ -197,7 +199,8 @@ def _own(placed: Placed, state: State) -> tuple[float, float]:
 def _state(placed: Placed, unit: str, found: Judged, limit: float | None) -> State:
     step, line = found.step, found.line
     moving = found.changed or found.drifts
-    latest = step and (moving or placed.level in ("session", "unexplained"))
+    varies = placed.level in ("session", "unexplained")
+    latest = step and (moving or varies)
     certain = found.drifts and line is not None and line.straight
     return State(
         value=step.after if step and latest else placed.units[unit],
@@ -210,6 +213,7 @@ def _state(placed: Placed, unit: str, found: Judged, limit: float | None) -> Sta
         reached=line.days_until(limit) if line and certain and limit is not None else None,
         limit=limit,
         scatter_known=found.scatter_known,
+        varies=varies,
     )
 
 
