@@ -32,7 +32,7 @@ def robot(tmp_path: Path) -> Path:
 def test_each_quantity_is_put_where_it_belongs() -> None:
     of = card(estimates())
     assert level(of, DRIVE) == "the unit"
-    assert level(of, ZERO) == "nothing anywhere"
+    assert level(of, ZERO) == "nothing that shows"
     assert level(of, ELBOW) == "the model"  # one unit's last session is that unit's matter
     value = of.states["B04"][DRIVE].value
     assert value.low <= 1.0 <= value.high

@@ -130,7 +130,7 @@ def untouched(of: Card, unit: str, parts: Sequence[Part]) -> str:
 def level(of: Card, quantity: Quantity) -> str:
     """Whose a quantity is, in words."""
     if of.nothing(quantity):
-        return "nothing anywhere"
+        return "nothing that shows"
     placed = of.levels[quantity]
     by_load = (
         " and the load" if placed.loads and placed.level not in ("load", "unexplained") else ""
