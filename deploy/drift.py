@@ -13,6 +13,7 @@ import json
 import sys
 import threading
 from collections.abc import Mapping
+from dataclasses import asdict
 from io import BufferedReader
 from pathlib import Path
 
@@ -33,7 +34,9 @@ SECONDS = 10.0
 _POLL_S, _KEPT_S = 0.5, 60.0  # between two looks at what has come; of which so much is kept
 
 
-def watch(folder: Path, passport: Path, unit: str, model: Path, recorder: Recorder) -> Follower:
+def watch(
+    folder: Path, passport: Path, unit: str, model: Path, recorder: Recorder, load: str = ""
+) -> Follower:
     """Start the process.
 
     Args:
@@ -42,14 +45,15 @@ def watch(folder: Path, passport: Path, unit: str, model: Path, recorder: Record
         unit: which of its units this is; "" for the only one.
         model: the MJCF of the run.
         recorder: whose rows it judges.
+        load: what the unit carries; "" for nothing, or the only load that it ever carried.
 
     Raises:
-        UserError: the passport is of another model, or lacks the unit or its recordings.
+        UserError: the passport is of another model, or lacks the unit, the load or its recordings.
     """
     known = passports.read(passport)
     _refuse(known, passport, model)
-    labels, _ = reference(known, unit)
-    words = [str(folder), str(passport), labels.unit, str(model)]
+    labels, _ = reference(known, unit, load)
+    words = [str(folder), str(passport), labels.unit, str(model), labels.load]
     return Follower("deploy.drift", words, recorder, {}, idle=True)
 
 
@@ -107,7 +111,9 @@ class Incoming:
                 return None
 
 
-def main(stream: BufferedReader, folder: Path, passport: Path, unit: str, model: Path) -> None:
+def main(
+    stream: BufferedReader, folder: Path, passport: Path, unit: str, model: Path, load: str = ""
+) -> None:
     """Judge until the pipe closes.
 
     Args:
@@ -116,6 +122,7 @@ def main(stream: BufferedReader, folder: Path, passport: Path, unit: str, model:
         passport: folder of the passport.
         unit: name of the unit.
         model: the MJCF.
+        load: what the unit carries.
     """
     columns = follower.header(stream)["columns"]
     incoming = Incoming(columns)
@@ -127,7 +134,7 @@ def main(stream: BufferedReader, folder: Path, passport: Path, unit: str, model:
 
     threading.Thread(target=read, daemon=True).start()
     try:
-        live = Live(passports.read(passport), model, unit)
+        live = Live(passports.read(passport), model, unit, load)
     except UserError as error:
         print(f"no drift is watched: {error}", file=sys.stderr, flush=True)
         return
@@ -137,7 +144,7 @@ def main(stream: BufferedReader, folder: Path, passport: Path, unit: str, model:
         t = recorder.ticks()["t"]
         judgement = _judged(live, recorder)
         judgements.append({"from": float(t[0]), "to": float(t[-1]), **judgement.to_json()})
-        about = {"passport": str(passport), "unit": unit, "session": live.labels.session}
+        about = {"passport": str(passport), **asdict(live.labels)}
         text = json.dumps({**about, "judgements": judgements}, indent=1) + "\n"
         write_together(folder, {DRIFT: text})
         if judgement.changed and judgement.changed != said:
@@ -153,5 +160,5 @@ def _judged(live: Live, recorder: Recorder) -> Judgement:
 
 
 if __name__ == "__main__":
-    out, its_passport, its_unit, its_model = sys.argv[1:]
-    main(follower.told(), Path(out), Path(its_passport), its_unit, Path(its_model))
+    out, its_passport, its_unit, its_model, its_load = sys.argv[1:]
+    main(follower.told(), Path(out), Path(its_passport), its_unit, Path(its_model), its_load)

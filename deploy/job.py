@@ -39,6 +39,7 @@ class RunOptions:
         realtime: run before all other processes.
         passport: of the robot, to say when it is no longer the one in it; None for none.
         unit: which unit of it; "" for the only one.
+        load: what it carries; "" for nothing, or the only load that it ever carried.
     """
 
     interface: str = "lo"
@@ -50,6 +51,7 @@ class RunOptions:
     realtime: bool = False
     passport: Path | None = None
     unit: str = ""
+    load: str = ""
 
 
 @dataclass(frozen=True)
@@ -165,7 +167,7 @@ def _run(prepare: Callable[[], _Job], options: RunOptions) -> None:
     }  # fmt: skip
     followers: list[Follower] = []
     try:
-        followers += _followers(folder, runner.recorder, meta, options.passport, options.unit)
+        followers += _followers(folder, runner.recorder, meta, options)
         with operator.attending():
             seconds = math.inf if options.seconds is None else options.seconds
             outcome = runner.run(seconds, stay=job.stay)
@@ -190,16 +192,17 @@ def _go2(interface: str, domain: int, joints: Sequence[str]) -> Go2:
 
 
 def _followers(
-    folder: Path, recorder: Recorder, meta: Mapping[str, object], passport: Path | None, unit: str
+    folder: Path, recorder: Recorder, meta: Mapping[str, object], options: RunOptions
 ) -> list[Follower]:
     """Start the processes beside the run: one keeps it, one compares it with the passport."""
     from deploy.scribe import scribe
 
     watching = []
-    if passport is not None:
+    if options.passport is not None:
         from deploy.drift import watch
 
-        watching.append(watch(folder, passport, unit, folder / MODEL, recorder))
+        of = options.passport, options.unit
+        watching.append(watch(folder, *of, folder / MODEL, recorder, options.load))
     return [*watching, scribe(folder, recorder, meta)]
 
 

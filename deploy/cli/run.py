@@ -54,6 +54,9 @@ def command(
         typer.Option(help="The robot's: a line says when it is no longer the one in it."),
     ] = None,
     unit: Annotated[str, typer.Option(help="Which unit of it [default: the only one].")] = "",
+    load: Annotated[
+        str, typer.Option(help="What it carries [default: none, or the only load it ever carried].")
+    ] = "",
     recover: RecoverOption = None,
 ) -> None:
     """Run a policy on a robot: passive, stand up, policy, damping, as the operator says.
@@ -83,7 +86,16 @@ def command(
     if (play is None) != (model is None):
         raise UserError("--play COMMANDS.parquet and --model MODEL.xml go together")
     options = RunOptions(
-        interface, domain, limits or [], seconds, out, dry_run, realtime, passport, unit
+        interface,
+        domain,
+        limits or [],
+        seconds,
+        out,
+        dry_run,
+        realtime,
+        passport,
+        unit,
+        load,
     )
     if play is not None and model is not None:
         play_commands(play, model, options)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from wt.ask.alive import Alive
+from wt.ask.limits import Limits
 from wt.diagnose.experiment.reach import Reach, Shown, reach_of
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
@@ -49,3 +50,9 @@ def reach(arm: Scene) -> Reach:
     v[-1] = 0.0
     q[-1] = 0.0
     return reach_of(arm, [Shown("all", False, q, v, q)])
+
+
+def limits(arm: Scene) -> Limits:
+    """None at all."""
+    ends = np.array([[-np.inf], [np.inf]])
+    return Limits(arm, ends, ends[1], None)

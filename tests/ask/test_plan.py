@@ -12,24 +12,29 @@ from wt.ask.plan import Apart, Plan, plan
 from wt.ask.plan_page import page, sentences
 from wt.cli.main import main
 
+TRAILS = XML.replace(
+    "</body></worldbody>",
+    '<body pos=".3 0 0"><joint name="free" axis="0 1 0" damping=".01"/>'
+    '<geom type="capsule" fromto="0 0 0 .2 0 0" size=".02" mass=".3"/></body></body></worldbody>',
+)
 UPRIGHT = XML.replace('axis="0 1 0"', 'axis="0 0 1"')
 
 
 @pytest.fixture(scope="module")
 def plans(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Plan]:
-    """Of an arm that swings up and down, and of one that turns about a vertical axis."""
+    """Of an arm that swings up and down, one about a vertical axis, and one with a passive link."""
     folder = tmp_path_factory.mktemp("plans")
     found = {}
-    for name, xml in (("swings", XML), ("turns", UPRIGHT)):
+    for name, xml in (("swings", XML), ("turns", UPRIGHT), ("trails", TRAILS)):
         path = folder / f"{name}.xml"
         path.write_text(xml)
         found[name] = plan(path)
     return found
 
 
-def pair(found: Plan, *effects: str) -> Apart:
-    """The pair of two effects."""
-    (one,) = [p for p in found.joints["j"] if {c.effect for c in p.causes} == set(effects)]
+def pair(found: Plan, *effects: str, joint: str = "j") -> Apart:
+    """The pair of two effects at a joint."""
+    (one,) = [p for p in found.joints[joint] if {c.effect for c in p.causes} == set(effects)]
     return one
 
 
@@ -45,7 +50,7 @@ def test_what_one_number_says_by_two_names_is_never_told_apart(plans: dict[str, 
 
 
 def test_dry_and_viscous_friction_are_told_apart_at_once(plans: dict[str, Plan]) -> None:
-    for found in plans.values():
+    for found in (plans["swings"], plans["turns"]):
         friction = pair(found, "joint.friction_coulomb", "joint.friction_viscous")
         assert friction.times < 2.0 and friction.motion
 
@@ -53,6 +58,15 @@ def test_dry_and_viscous_friction_are_told_apart_at_once(plans: dict[str, Plan])
 def test_late_commands_and_a_lag_need_what_is_sudden(plans: dict[str, Plan]) -> None:
     late = pair(plans["swings"], "actuator.delay", "actuator.lag")
     assert late.times > 3.0 and late.motion in ("steps", "swings at many frequencies")
+
+
+def test_a_joint_that_nothing_drives_is_compared_too(plans: dict[str, Plan]) -> None:
+    found = plans["trails"]
+    assert list(found.joints) == ["j", "free"]
+    friction = pair(found, "joint.friction_coulomb", "joint.friction_viscous", joint="free")
+    assert friction.times < 3.0
+    # no drive loads it: friction by its load is dry friction
+    assert pair(found, "joint.friction_coulomb", "joint.friction_load", joint="free").never
 
 
 def test_people_are_told_what_is_hard(plans: dict[str, Plan]) -> None:

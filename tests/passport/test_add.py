@@ -85,6 +85,9 @@ def test_each_group_is_estimated_and_later_ones_are_appended(bench: Path) -> Non
     assert second.known == (bench / "A17-1.parquet",)
     assert {name: (out / name).read_bytes() for name in before} == before
     assert len(list(out.iterdir())) == 4
+    assert list(map(str, second.passport.parts)) == [
+        "joint hinge", "actuator servo", "encoder of hinge",
+    ]  # fmt: skip
     rows = second.passport.rows
     assert len(rows) == 4
     for row in rows:

@@ -7,13 +7,16 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.passport.passports import DRIVE, ELBOW, ZERO, addition, estimates
 from wt.cli.main import main
 from wt.passport.card import card, differences
 from wt.passport.folder import append, locked
-from wt.passport.text import changed, level
+from wt.passport.parts import parts_of
+from wt.passport.text import changed, history, level
+from wt.physics.scene import Scene
 
 SENTENCE = "Joint elbow's Coulomb friction rose from 0.2"
 
@@ -29,7 +32,7 @@ def robot(tmp_path: Path) -> Path:
 def test_each_quantity_is_put_where_it_belongs() -> None:
     of = card(estimates())
     assert level(of, DRIVE) == "the unit"
-    assert level(of, ZERO) == "nothing anywhere"
+    assert level(of, ZERO) == "nothing that shows"
     assert level(of, ELBOW) == "the model"  # one unit's last session is that unit's matter
     value = of.states["B04"][DRIVE].value
     assert value.low <= 1.0 <= value.high
@@ -87,6 +90,53 @@ def test_show_prints_the_cards_and_writes_the_page(
     # an earlier page is ours to replace
     assert main(["passport", "show", str(robot), "--unit", "B04"]) == 0
     assert (robot / "passport.html").read_text().count("<figure>") == 3
+
+
+def test_the_state_of_every_joint_drive_and_sensor_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = tmp_path / "arm.xml"
+    model.write_text(
+        "<mujoco><worldbody><body><joint name='elbow'/><geom size='.1' mass='1'/><site name='s'/>"
+        "<body><joint name='wrist'/><geom size='.1' mass='1'/></body></body></worldbody>"
+        "<actuator><motor name='a1' joint='elbow'/><motor name='a2' joint='wrist'/></actuator>"
+        "<sensor><gyro name='imu' site='s'/></sensor></mujoco>"
+    )
+    folder = tmp_path / "robot"
+    with locked(folder):
+        append(folder, replace(addition(estimates()), parts=parts_of(Scene(model))))
+    assert main(["passport", "show", str(folder), "--unit", "B04"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    # the elbow, the first drive and the wrist's encoder have rows of their own
+    others = ("joint wrist", "actuator a2", "encoder of elbow", "sensor imu")
+    assert f"As in the model, as far as recordings show: {', '.join(others)}." in out
+    page = html.unescape((folder / "passport.html").read_text())
+    page = page.replace("\N{NO-BREAK SPACE}", " ")
+    assert page.count("as in the model</td>") == 4
+    assert all(f">{name}</td>" in page for name in others)
+
+
+def test_what_varies_is_not_called_unchanged() -> None:
+    rng = np.random.default_rng(3)
+    rows = [
+        replace(r, value=float(rng.normal())) if r.quantity == ZERO else r
+        for r in estimates(range(4))
+    ]
+    of = card(rows)
+    assert of.levels[ZERO].level == "session"
+    told = history(ZERO, of.states["B04"][ZERO])
+    assert told == "Joint wrist's offset: varies as usual."
+    assert history(ELBOW, of.states["B04"][ELBOW]).endswith(": unchanged.")
+
+
+def test_of_first_sessions_nothing_is_said_to_be_unchanged(tmp_path: Path) -> None:
+    folder = tmp_path / "robot"
+    with locked(folder):
+        append(folder, addition(estimates(range(1))))
+    assert main(["passport", "show", str(folder)]) == 0
+    page = (folder / "passport.html").read_text().replace("\N{NO-BREAK SPACE}", " ")
+    assert "What changes shows from the second session on." in page
+    assert "Nothing changed" not in page
 
 
 def test_a_page_of_somebody_else_is_not_replaced(
@@ -168,4 +218,6 @@ def test_a_limit_is_foretold_where_the_trend_is_certain() -> None:
     assert state.reached is not None
     assert state.reached.value == pytest.approx((1.0 - last) / 0.01, rel=1e-3)
     assert "; it reaches 1.00 N·m in " in changed(ELBOW, state)
+    # 0.2 N·m on 2026-10-31, and 0.01 more on each of 80 days
+    assert ", on 2027-01-19 " in changed(ELBOW, state)
     assert of.states["A17"][DRIVE].reached is None

@@ -35,7 +35,18 @@ def test_of_two_that_exclude_each_other_the_more_frequent_stays() -> None:
     elsewhere = planted("joint.elasticity", Location("joint", "wrist"), 50.0, 0.1)
     hypothesis, (note,) = common([(play, elsewhere), (soft,), (play,)])
     assert {p.key for p in hypothesis} == {play.key, elsewhere.key}
-    assert "joint.elasticity at joint elbow was found 1 times" in note
+    assert "joint.elasticity at joint elbow was found once and joint.backlash there 2 times" in note
+
+
+def test_two_names_of_one_thing_are_not_estimated_beside_each_other() -> None:
+    """Found in different units, both together left Coulomb's error 40 times as large."""
+    dry = planted("joint.friction_coulomb", ELBOW, 0.02)
+    along = planted("joint.friction_position", ELBOW, 0.03, 0.15, 0.5, 3.4)
+    hypothesis, (note,) = common([(dry,), (along,), (dry,)])
+    assert [p.key for p in hypothesis] == [dry.key]
+    assert "joint.friction_position at joint elbow was found once" in note
+    hypothesis, notes = common([(dry,), (dry, along)])
+    assert {p.key for p in hypothesis} == {dry.key, along.key} and notes == ()
 
 
 def test_vectors_become_a_row_a_component() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +11,12 @@ import pytest
 
 from tests.passport.test_add import RIG, record
 from wt.data import recording as recordings
+from wt.data.labels import Labels
 from wt.diagnose import again
 from wt.errors import UserError
 from wt.passport.add import add
-from wt.passport.folder import Passport
-from wt.passport.live import FALSE_ALARMS, Judgement, Live
+from wt.passport.folder import Addition, Passport, Source
+from wt.passport.live import FALSE_ALARMS, Judgement, Live, reference
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
 from wt.types import Location, Recording
@@ -69,6 +72,26 @@ def test_what_the_reference_has_nothing_like_is_not_judged(live: Live, tmp_path:
 def test_what_cannot_be_replayed_is_not_judged(live: Live) -> None:
     still = Recording(np.arange(300) / 100.0, {"qpos/hinge": np.zeros(300)}, {})
     assert "ctrl/servo" in live.judge(still).why_not
+
+
+def test_a_unit_is_compared_with_itself_under_the_same_load() -> None:
+    """A box comes before none in the alphabet, and weighs more."""
+    groups = [("2026-11-01", "none"), ("2026-11-09", "none"), ("2026-11-09", "box")]
+    labels = [Labels("A17", *group) for group in groups]
+    passport = of_sources(labels)
+    for load, group in (("", 1), ("none", 1), ("box", 2)):
+        with pytest.raises(UserError, match=f"of {re.escape(str(labels[group]))} are not where"):
+            reference(passport, "A17", load)
+    with pytest.raises(UserError, match="--load 'boxx' was never carried by A17; did you mean"):
+        reference(passport, "A17", "boxx")
+    with pytest.raises(UserError, match="A17 on 2026-11-09 with box are not where"):
+        reference(of_sources(labels[2:]), "A17", "")  # that is all it ever carried
+
+
+def of_sources(labels: Sequence[Labels]) -> Passport:
+    """A passport of recordings that are gone."""
+    sources = tuple(Source(f"/gone/{i}", f"{i}", of) for i, of in enumerate(labels))
+    return Passport((Addition("arm.xml", "", "", sources, (), ()),))
 
 
 def test_wrong_units_and_lost_recordings_are_one_line(bench: tuple[Path, Passport]) -> None:

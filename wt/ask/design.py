@@ -17,6 +17,7 @@ from jaxtyping import Float
 
 from wt.ask import SOURCE
 from wt.ask.alive import Alive
+from wt.ask.limits import Limits, forces
 from wt.ask.separation import Expected, Separation
 from wt.diagnose.experiment.motions import singles, sweeps, telling_joints, together
 from wt.diagnose.experiment.reach import Reach, roomy, too_far
@@ -85,6 +86,7 @@ class Designer:
         rate: of commands [Hz].
         separation: judges what they tell.
         alive: the hypotheses.
+        limits: what its drives may give, and where it may be.
     """
 
     scene: Scene
@@ -92,6 +94,7 @@ class Designer:
     rate: float
     separation: Separation
     alive: Sequence[Alive]
+    limits: Limits
 
     def design(self, seconds: float, seed: int, sharpen: bool) -> Design | None:
         """The experiment to run next.
@@ -163,7 +166,11 @@ class Designer:
 
     def _is_safe(self, parts: Sequence[_Part]) -> list[bool]:
         """Whether no hypothesis, nor the model as given, leaves what is allowed."""
-        given = [not too_far(self.scene, self.reach, p.tried, self.rate).any() for p in parts]
+        given = [
+            not too_far(self.scene, self.reach, p.tried, self.rate).any()
+            and not self.limits.broken(p.tried.force, p.tried.q)
+            for p in parts
+        ]
         asked = [p for p, ok in zip(parts, given, strict=True) if ok]
         motions = iter(self.separation.motions([self._stretch(p)[0] for p in asked]))
         return [ok and self._all_stay(p, next(motions)) for p, ok in zip(parts, given, strict=True)]
@@ -179,6 +186,10 @@ class Designer:
             if too_far(self.scene, reach, replace(part.tried, q=q), self.rate).any():
                 return False
             if len(touching_along(self.scene, q[::each])):
+                return False
+            # what its drives would have to give, were it this machine
+            force = forces(self.scene, part.tried.ctrl, q, np.gradient(q, 1.0 / self.rate, axis=0))
+            if self.limits.broken(force, q):
                 return False
         return True
 

@@ -14,6 +14,7 @@ import numpy as np
 from wt.ask import SOURCE
 from wt.ask.alive import Alive, alive
 from wt.ask.design import Design, Designer
+from wt.ask.limits import limits_of
 from wt.ask.robot import Robot
 from wt.ask.separation import Separation
 from wt.diagnose.experiment.excite import excite
@@ -248,8 +249,10 @@ def _designer(scene: Scene, outcome: Outcome, left: Sequence[Alive], whole_range
         for held_out, smoothed in sets
         for samples, (q, v, _) in zip(smoothed.samples, smoothed.at_samples, strict=True)
     ]
+    acted = [samples.activation for _, smoothed in sets for samples in smoothed.samples]
+    limits = limits_of(scene, shown, acted, whole_range)
     measured = np.isfinite(outcome.fitted.noise)
     noise = np.where(measured, naming.objective.floor, np.nan)
     separation = Separation(scene, left, noise, effort_of(scene).search_step)
     rate = float(np.median([r.rate_hz for r in prepared.used]))
-    return Designer(scene, reach_of(scene, shown, whole_range), rate, separation, left)
+    return Designer(scene, reach_of(scene, shown, whole_range), rate, separation, left, limits)

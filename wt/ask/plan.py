@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -98,7 +98,7 @@ class Plan:
     """What could be told apart at the joints of a machine.
 
     Attributes:
-        joints: for each driven joint, every two causes near it.
+        joints: for each joint, the driven ones first, every two causes near it.
         replayed: effects that have no signature; only replays of recordings tell these.
     """
 
@@ -113,7 +113,7 @@ class Plan:
 
 @quiet()
 def plan(model: Path, progress: Say | None = None) -> Plan:
-    """Compare all causes at all driven joints of a model.
+    """Compare all causes at all joints of a model.
 
     Args:
         model: the MJCF.
@@ -135,7 +135,8 @@ def plan(model: Path, progress: Say | None = None) -> Plan:
         compared.append((words, _Compared(Screen(smooth(scene, [Part(recording, 0)])))))
     screen = compared[0][1].screen
     joints = {}
-    for joint in dict.fromkeys(d.joint for d in scene.drives):
+    driven = dict.fromkeys(d.joint for d in scene.drives)
+    for joint in dict.fromkeys((*driven, *scene.own_joints)):  # those that nothing drives move too
         places = near(screen, Location("joint", joint))
         causes = [c for c in _causes(scene) if c.at in places and c.at.name != "all"]
         pairs = (_apart(pair, compared) for pair in itertools.combinations(causes, 2))
@@ -215,7 +216,7 @@ def _apart(pair: tuple[Cause, Cause], compared: Sequence[tuple[str, _Compared]])
 
 def _motions(scene: Scene) -> Iterator[tuple[str, Recording]]:
     """Every kind of motion, of all driven joints one after another, as it would be recorded."""
-    reach, rng = reach_of(scene, (), free=True), np.random.default_rng(0)
+    reach, rng = _anywhere(scene), np.random.default_rng(0)
     n, dt = round(PART_S * RATE_HZ), 1.0 / RATE_HZ
     kinds: dict[str, list[Float[np.ndarray, "sample dof"]]] = {}
     for joint in dict.fromkeys(d.joint for d in scene.drives):
@@ -234,6 +235,18 @@ def _motions(scene: Scene) -> Iterator[tuple[str, Recording]]:
                 for name, values in recording.columns.items()
             }
             yield words, Recording(recording.t, noise, recording.meta)
+
+
+def _anywhere(scene: Scene) -> Reach:
+    """The model's ranges; a joint that nothing drives swings as far and as fast as it likes."""
+    reach = reach_of(scene, (), free=True)
+    passive = np.ones(len(scene.joints), bool)
+    passive[[drive.dof for drive in scene.drives]] = False
+    return replace(
+        reach,
+        slack=np.where(passive, np.inf, reach.slack),
+        speed=np.where(passive, np.inf, reach.speed),
+    )
 
 
 def _safe(scene: Scene, reach: Reach, wanted: Float[np.ndarray, "sample dof"]) -> Trial | None:

@@ -134,7 +134,7 @@ def show(
     with kept(folder, "ROBOT/"):
         write_whole(path, page(passport, of, units, folder.resolve().name))
     console = Console()
-    print_card(of, units, console)
+    print_card(of, units, console, passport.parts)
     console.print(f"\n{path}", highlight=False, soft_wrap=True)
     if track:
         _track(of, folder, (path,), console)

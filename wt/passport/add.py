@@ -17,6 +17,7 @@ from wt.passport import folder as folders
 from wt.passport.card import card
 from wt.passport.estimates import GroupEstimate, common, rows
 from wt.passport.folder import Addition, Passport, Source
+from wt.passport.parts import Part, parts_of
 from wt.physics.planted import Hypothesis
 
 Say = Callable[[str, float], None]
@@ -114,6 +115,7 @@ def _appended(
             hypothesis=found.hypothesis,
             rows=found.rows,
             notes=found.notes,
+            parts=found.parts,
         )
         whole = Passport((*passport.additions, addition))
         addition = replace(addition, decided=card(whole.rows, groups=whole.groups).to_json())
@@ -127,6 +129,7 @@ class _Found:
     hypothesis: Hypothesis
     rows: tuple[GroupEstimate, ...]
     notes: tuple[str, ...]
+    parts: tuple[Part, ...]
 
 
 def _estimated(
@@ -143,7 +146,8 @@ def _estimated(
     fresh = sorted({s.labels for s in new.values()})
     read: dict[Labels, Recorded] = {k: again.recorded(model, grouped[k]) for k in fresh}
     asked = fresh if every_group else _first_of_each_unit(fresh, passport.units)
-    found = [passport.hypothesis]
+    # what is estimated already speaks for all groups that it is estimated in
+    found = [passport.hypothesis] * len(passport.groups)
     for i, labels in enumerate(asked):
 
         def told(what: str, share: float, i: int = i, labels: Labels = labels) -> None:
@@ -175,7 +179,7 @@ def _estimated(
     )
     if gone and any(k in fresh for k in gone):
         notes += ("Earlier recordings of these groups are not where they were, and do not count.",)
-    return _Found(hypothesis, tuple(estimates), notes)
+    return _Found(hypothesis, tuple(estimates), notes, parts_of(read[fresh[0]].scene))
 
 
 def _silent(what: str, share: float) -> None:

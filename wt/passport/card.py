@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from wt.data.labels import Labels
-from wt.passport.drift import Change, Trend, alarms, change, scatter, trend
+from wt.passport.changes import Judged, judged
+from wt.passport.drift import Change, Trend, alarms
 from wt.passport.estimates import GroupEstimate, Quantity
 from wt.passport.levels import CHANCE, Placed, Sessions, place
 from wt.passport.scatter import Known, interval, pooled, two_sided
@@ -23,17 +24,21 @@ class State:
         value: with its interval: the latest session's where it changed or sessions differ anyway,
             else the unit's, which is the model's where units do not differ.
         history: the unit's sessions, loads taken off.
-        change: the last session against the earlier ones; None if there is one only.
-        trend: the line through all sessions; None if there are fewer than three.
-        changed, drifts: whether the one, or the other, raises the alarm.
+        since: index of the first of them that the last one is compared with: nothing was told to
+            have changed since.
+        change: the last session against these; None if there is one only.
+        trend: the line through these and the last; None if there are fewer than three.
+        changed, drifts: whether the one, or the other, raises the alarm; never both.
         reached: days from the last session until the limit is reached; None if there is no limit,
-            the slope is not certain, or it leads elsewhere.
+            the slope is not certain, the sessions lie on no line, or it leads elsewhere.
         limit: that was given.
         scatter_known: whether it is known how much sessions differ although nothing changed.
+        varies: whether sessions differ anyway.
     """
 
     value: Known
     history: Sessions
+    since: int
     change: Change | None
     trend: Trend | None
     changed: bool = False
@@ -41,6 +46,7 @@ class State:
     reached: Known | None = None
     limit: float | None = None
     scatter_known: bool = True
+    varies: bool = False
 
     @property
     def alarm(self) -> bool:
@@ -53,8 +59,8 @@ class Card:
     """What a passport says.
 
     Attributes:
-        levels: every quantity at its level, by sessions that did not change: of one that did, the
-            last is left out.
+        levels: every quantity at its level, by what units have been since they last changed: of
+            one that did so in its last session, by what it was before.
         states: by unit and quantity.
         neutral: value at which a quantity is nothing, where it has one.
         labels: every group.
@@ -107,13 +113,14 @@ def card(
         if not row.warning:
             by_quantity.setdefault(row.quantity, []).append(row)
     whole = {quantity: _placed(mine) for quantity, mine in sorted(by_quantity.items())}
-    judged = {unit: _judged(whole, unit) for unit in sorted({k.unit for k in labels})}
-    levels = {
-        quantity: _placed(_unmoved(by_quantity[quantity], quantity, judged)) for quantity in whole
-    }
+    found = judged({quantity: placed.sessions for quantity, placed in whole.items()})
+    levels = {q: _placed(_alike(by_quantity[q], q, found)) for q in whole}
     states = {
-        unit: {q: _state(levels[q], unit, j, (limits or {}).get(str(q))) for q, j in mine.items()}
-        for unit, mine in judged.items()
+        unit: {
+            q: _state(levels[q], unit, j, (limits or {}).get(str(q)))
+            for q, j in found.get(unit, {}).items()
+        }
+        for unit in sorted({k.unit for k in labels})
     }
     return Card(
         levels,
@@ -131,60 +138,14 @@ def _placed(rows: Sequence[GroupEstimate]) -> Placed:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Judged:
-    """The last session of a unit, in one quantity.
-
-    Attributes:
-        table: the unit's sessions.
-        step, line: what changed, and how it goes.
-        changed, drifts: whether either raises the alarm.
-        scatter_known: whether it is known how much sessions differ anyway.
-    """
-
-    table: Sessions
-    step: Change | None
-    line: Trend | None
-    changed: bool
-    drifts: bool
-    scatter_known: bool
-
-
-def _judged(levels: Mapping[Quantity, Placed], unit: str) -> dict[Quantity, _Judged]:
-    """All quantities of a unit's last session, judged together."""
-    mine = {q: _of_unit(p, unit) for q, p in levels.items() if unit in p.sessions.units}
-    usual = {q: scatter(levels[q].sessions, unit) for q in mine}
-    steps = {q: change(table, usual[q]) for q, table in mine.items()}
-    lines = {q: trend(table, usual[q]) for q, table in mine.items()}
-    raised = alarms(
-        {(q, "step"): c.p for q, c in steps.items() if c}
-        | {(q, "line"): t.p for q, t in lines.items() if t}
-    )
-    return {
-        q: _Judged(
-            table,
-            steps[q],
-            lines[q],
-            (q, "step") in raised,
-            (q, "line") in raised,
-            usual[q].freedom > 0,
-        )
-        for q, table in mine.items()
-    }
-
-
-def _unmoved(
+def _alike(
     rows: Sequence[GroupEstimate],
     quantity: Quantity,
-    judged: Mapping[str, Mapping[Quantity, _Judged]],
+    found: Mapping[str, Mapping[Quantity, Judged]],
 ) -> list[GroupEstimate]:
-    """Estimates without the last sessions that changed: one that did says nothing of the others."""
-    moved = {
-        mine[quantity].table.keys[-1]
-        for mine in judged.values()
-        if quantity in mine and mine[quantity].changed
-    }
-    return [r for r in rows if (r.labels.unit, r.labels.session) not in moved]
+    """Estimates of every unit since it last changed; of one that changed now, those before."""
+    keys = {key for mine in found.values() if quantity in mine for key in mine[quantity].alike.keys}
+    return [r for r in rows if (r.labels.unit, r.labels.session) in keys]
 
 
 @dataclass(frozen=True)
@@ -226,34 +187,33 @@ def differences(of: Card, one: str, other: str) -> list[Difference]:
 
 
 def _own(placed: Placed, state: State) -> tuple[float, float]:
-    """A unit's own value and its variance, whatever the others' are; as of late, if it changed."""
-    table = state.history
-    if state.changed:
+    """A unit's own value and its variance, whatever the others' are; as of late, if it changes."""
+    table = state.history.where(np.arange(len(state.history.keys)) >= state.since)
+    if state.alarm:
         return float(table.value[-1]), float(table.error[-1] ** 2)
     spread = placed.session_spread
     scatter = spread.value**2 if spread and placed.level == "session" else 0.0
     return pooled(table.value, table.error**2 + scatter)
 
 
-def _of_unit(placed: Placed, unit: str) -> Sessions:
-    table = placed.sessions
-    return table.where(np.array([key[0] == unit for key in table.keys], bool))
-
-
-def _state(placed: Placed, unit: str, judged: _Judged, limit: float | None) -> State:
-    step, line, table = judged.step, judged.line, judged.table
-    moving = judged.changed or judged.drifts
-    latest = step and (moving or placed.level in ("session", "unexplained"))
+def _state(placed: Placed, unit: str, found: Judged, limit: float | None) -> State:
+    step, line = found.step, found.line
+    moving = found.changed or found.drifts
+    varies = placed.level in ("session", "unexplained")
+    latest = step and (moving or varies)
+    certain = found.drifts and line is not None and line.straight
     return State(
         value=step.after if step and latest else placed.units[unit],
-        history=table,
+        history=found.table,
+        since=found.since,
         change=step,
         trend=line,
-        changed=judged.changed,
-        drifts=judged.drifts,
-        reached=line.days_until(limit) if line and judged.drifts and limit is not None else None,
+        changed=found.changed,
+        drifts=found.drifts,
+        reached=line.days_until(limit) if line and certain and limit is not None else None,
         limit=limit,
-        scatter_known=judged.scatter_known,
+        scatter_known=found.scatter_known,
+        varies=varies,
     )
 
 

@@ -11,12 +11,13 @@ Fieller's theorem (1954), and is foretold only where the slope itself is signifi
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
+from scipy.stats import chi2
 from scipy.stats import t as student
 
 from wt.data.labels import day
@@ -26,6 +27,8 @@ from wt.passport.scatter import TAIL, Known, fit, interval, two_sided
 FALSE_ALARM = 0.01
 """Probability that a session in which nothing changed raises any alarm."""
 _LINES = 8  # degrees of freedom from which scatter is taken about lines, not about means
+_CROOKED = 0.05
+"""Probability of sessions as far from a line, below which it foretells nothing."""
 _MANY = 1e6  # degrees of freedom, of which t is the normal distribution
 
 K = TypeVar("K", bound=Hashable)
@@ -61,12 +64,14 @@ class Change:
         before, after: their pooled value, and the last one's.
         days: between the session before the last and the last.
         p: probability of such a difference if nothing changed.
+        left: weighted sum of squares that a step leaves.
     """
 
     before: Known
     after: Known
     days: float
     p: float
+    left: float
 
 
 @dataclass(frozen=True)
@@ -80,6 +85,8 @@ class Trend:
         covariance: of (value there, slope).
         freedom: degrees of freedom of intervals.
         p: probability of such a slope if nothing changed.
+        left: weighted sum of squares that the line leaves.
+        spare: sessions beyond the two that make a line.
     """
 
     slope: Known
@@ -88,6 +95,13 @@ class Trend:
     covariance: Float[np.ndarray, "2 2"]
     freedom: float
     p: float
+    left: float
+    spare: int
+
+    @property
+    def straight(self) -> bool:
+        """Whether the sessions lie about it as they may; a step that is long over does not."""
+        return float(chi2.sf(self.left, self.spare)) >= _CROOKED
 
     def days_until(self, limit: float) -> Known | None:
         """Days from the last session until the line has reached a limit; None if it never does.
@@ -110,27 +124,31 @@ class Trend:
         return Known(float(crossing), max(float(low), 0.0), float(high))
 
 
-def scatter(table: Sessions, unit: str) -> Scatter:
+def scatter(
+    table: Sessions, unit: str, begun: Mapping[str, Sequence[str]] | None = None
+) -> Scatter:
     """Scatter between sessions of any unit, by all of them but the last one of this unit.
 
     It is taken about each unit's line, so that a slow change is not mistaken for it; about means
-    where there are too few sessions for lines. What so few sessions may have hidden, one standard
-    deviation of its estimate, is added: an alarm that is too many costs more than one that is late.
+    where there are too few sessions for lines; and anew after each change that was told. What so
+    few sessions may have hidden, one standard deviation of its estimate, is added: an alarm that is
+    too many costs more than one that is late.
 
     Args:
         table: all units' sessions, in order.
         unit: whose last session is to be judged.
+        begun: unit → sessions with which something new began.
     """
     last = max((key for key in table.keys if key[0] == unit), default=None)
-    earlier = table.where(np.array([key != last for key in table.keys], bool))
-    if not earlier.keys:
-        return Scatter()
-    means = np.eye(len(earlier.units))[earlier.unit]
-    days = _days(earlier)
-    lines = np.concatenate([means, means * (days - days.mean())[:, None]], axis=1)
-    variance, uncertain, freedom = _moments(earlier, lines)
+    parts = []
+    for name in table.units:
+        own = table.where(np.array([k[0] == name and k != last for k in table.keys], bool))
+        if own.keys:
+            parts.append((own, _states(own, (begun or {}).get(name, ()))))
+    lines = [(own, np.column_stack([means, _days(own) - _days(own)[0]])) for own, means in parts]
+    variance, uncertain, freedom = _moments(lines)
     if freedom < _LINES:
-        variance, uncertain, freedom = _moments(earlier, means)
+        variance, uncertain, freedom = _moments(parts)
     return Scatter(variance + uncertain, freedom)
 
 
@@ -156,6 +174,7 @@ def change(mine: Sessions, usual: Scatter) -> Change | None:
         after=interval(after, float(mine.error[-1] ** 2), _MANY),
         days=float(days[-1] - days[-2]),
         p=two_sided(abs(after - pooled) / np.sqrt(total), freedom),
+        left=float((weight * (mine.value[:-1] - pooled) ** 2).sum()),
     )
 
 
@@ -181,6 +200,8 @@ def trend(mine: Sessions, usual: Scatter) -> Trend | None:
         covariance=covariance,
         freedom=freedom,
         p=two_sided(abs(float(slope)) / np.sqrt(covariance[1, 1]), freedom),
+        left=float(((mine.value - design @ [value, slope]) ** 2 / variance).sum()),
+        spare=len(days) - 2,
     )
 
 
@@ -203,17 +224,26 @@ def _days(table: Sessions) -> Float[np.ndarray, " session"]:
     return np.array([day(session) for _, session in table.keys])
 
 
+def _states(own: Sessions, begun: Sequence[str]) -> Float[np.ndarray, "session state"]:
+    """A column for each time between changes."""
+    index = np.array([sum(first <= session for first in begun) for _, session in own.keys])
+    return np.eye(int(index.max()) + 1)[index][:, np.unique(index)]
+
+
 def _moments(
-    table: Sessions, design: Float[np.ndarray, "session column"]
+    parts: Sequence[tuple[Sessions, Float[np.ndarray, "_ _"]]],
 ) -> tuple[float, float, int]:
-    """Variance of sessions about a design, beyond their errors.
+    """Variance of sessions about designs, each unit about its own, beyond their errors.
 
     Returns:
         (variance; standard deviation that its estimate has where there is none; degrees of
         freedom), all 0 where there are none.
     """
-    left = fit(table.value, np.diag(table.error**2), design)
-    if not left.freedom:
+    q, trace, freedom = 0.0, 0.0, 0
+    for own, design in parts:
+        left = fit(own.value, np.diag(own.error**2), design)
+        q, freedom = q + left.q, freedom + left.freedom
+        trace += float(np.trace(left.projector)) if left.freedom else 0.0
+    if not freedom or trace <= 0.0:
         return 0.0, 0.0, 0
-    uncertain = np.sqrt(2.0 * left.freedom) / float(np.trace(left.projector))
-    return left.variance(np.eye(len(table.value))), float(uncertain), left.freedom
+    return max(0.0, (q - freedom) / trace), float(np.sqrt(2.0 * freedom)) / trace, freedom

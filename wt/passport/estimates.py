@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from scipy.stats import norm
 
 from wt.data.labels import Labels
 from wt.diagnose.result import Estimate
-from wt.physics.effect import Parameter
+from wt.physics.effect import Parameter, alternatives
 from wt.physics.planted import Hypothesis, Planted
 from wt.types import Kind, Location
 
@@ -71,8 +71,10 @@ class GroupEstimate:
 def common(found: Sequence[Hypothesis]) -> tuple[Hypothesis, tuple[str, ...]]:
     """One hypothesis for all groups: each effect that was found in any of them.
 
-    Of two that cannot stand beside each other, the one stays that was found more often. Parameters
-    to start from are medians over the groups that found it.
+    Of two that cannot stand beside each other, the one stays that was found more often. So it is
+    with two at one place that are easily taken for each other, unless a group found both: they are
+    two names of one thing, and together neither would be known. Parameters to start from are
+    medians over the groups that found it.
 
     Args:
         found: what was found in each group.
@@ -84,18 +86,19 @@ def common(found: Sequence[Hypothesis]) -> tuple[Hypothesis, tuple[str, ...]]:
     for planted in (p for hypothesis in found for p in hypothesis):
         each.setdefault(planted.key, []).append(planted)
     counts = Counter({key: len(same) for key, same in each.items()})
+    beside = {frozenset((a.key, b.key)) for h in found for a in h for b in h if a.key != b.key}
     kept: list[Planted] = []
     notes: list[str] = []
     for key, _ in sorted(counts.items(), key=lambda item: (-item[1], item[0])):
         mine = _middle(each[key])
-        rival = next((k for k in kept if _excluded(k, mine)), None)
+        rival = next((k for k in kept if _excluded(k, mine) or _same(k, mine, beside)), None)
         if rival is None:
             kept.append(mine)
             continue
         notes.append(
-            f"{mine} was found {counts[key]} times and {rival.effect.id} there "
-            f"{counts[rival.key]} times: they cannot stand beside each other, and the latter is "
-            "estimated."
+            f"{mine} was found {_times(counts[key])} and {rival.effect.id} there "
+            f"{_times(counts[rival.key])}: beside each other neither would be known, and the "
+            "latter is estimated."
         )
     return tuple(sorted(kept, key=lambda p: p.key)), tuple(notes)
 
@@ -103,6 +106,16 @@ def common(found: Sequence[Hypothesis]) -> tuple[Hypothesis, tuple[str, ...]]:
 def _excluded(one: Planted, other: Planted) -> bool:
     ids = one.effect.id, other.effect.id
     return one.at == other.at and (ids[0] in other.effect.excludes or ids[1] in one.effect.excludes)
+
+
+def _same(one: Planted, other: Planted, beside: Set[frozenset[tuple[str, str, str]]]) -> bool:
+    """Whether two are names of one thing: alike, at one place, and no group has both."""
+    alike = one.at == other.at and other.effect.id in alternatives(one.effect.id)
+    return alike and frozenset((one.key, other.key)) not in beside
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
 
 
 def _middle(same: Sequence[Planted]) -> Planted:

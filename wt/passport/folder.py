@@ -26,6 +26,7 @@ import pyarrow.parquet as pq
 from wt.data.labels import Labels
 from wt.errors import DataError
 from wt.passport.estimates import GroupEstimate, Quantity
+from wt.passport.parts import Part
 from wt.physics.effect import effects
 from wt.physics.planted import Hypothesis, Planted
 from wt.show.files import kept, write_together
@@ -64,6 +65,7 @@ class Addition:
         rows: estimates.
         decided: what was decided with all rows so far, as JSON.
         notes: what was left out, and why.
+        parts: of the machine; none in what older versions wrote.
     """
 
     model: str
@@ -74,6 +76,7 @@ class Addition:
     rows: tuple[GroupEstimate, ...]
     decided: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    parts: tuple[Part, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +100,11 @@ class Passport:
     def hypothesis(self) -> Hypothesis:
         """Effects that are estimated, as of the latest addition."""
         return self.additions[-1].hypothesis if self.additions else ()
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """Every joint, drive and sensor, as of the latest addition."""
+        return self.additions[-1].parts if self.additions else ()
 
     @property
     def groups(self) -> tuple[Labels, ...]:
@@ -163,7 +171,8 @@ def append(folder: Path, addition: Addition) -> tuple[Path, Path]:
         "schema": SCHEMA,
         "made": addition.made,
         "before": before,
-        "model": {"path": addition.model, "sha256": addition.model_sha256},
+        "model": {"path": addition.model, "sha256": addition.model_sha256,
+                  "parts": [asdict(p) for p in addition.parts]},
         "estimates_sha256": hashlib.sha256(table).hexdigest(),
         "recordings": [{"path": s.path, "sha256": s.sha256, **asdict(s.labels)}
                        for s in addition.sources],
@@ -209,6 +218,7 @@ def _addition(folder: Path, said: Mapping[str, Any]) -> Addition:
     return Addition(
         said["model"]["path"], said["model"]["sha256"], said["made"], sources, hypothesis,
         _rows(folder, said["estimates_sha256"]), said["decided"], tuple(said["notes"]),
+        tuple(Part(p["sort"], p["name"]) for p in said["model"].get("parts", [])),
     )  # fmt: skip
 
 

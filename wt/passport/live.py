@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.stats import mannwhitneyu
 
-from wt.data.labels import Labels
+from wt.data.labels import UNLOADED, Labels
 from wt.diagnose import again
 from wt.diagnose.again import Left
 from wt.errors import UserError, suggest
@@ -73,18 +73,19 @@ class Live:
         labels: the session that is the reference.
     """
 
-    def __init__(self, passport: Passport, model: Path, unit: str) -> None:
+    def __init__(self, passport: Passport, model: Path, unit: str, load: str = "") -> None:
         """Replay the reference.
 
         Args:
             passport: with the unit in it.
             model: the MJCF that it is of.
             unit: name; "" for the only one.
+            load: what it carries; "" for nothing, or the only load that it ever carried.
 
         Raises:
             UserError: as :func:`reference`; or its recordings are too short.
         """
-        self.labels, paths = reference(passport, unit)
+        self.labels, paths = reference(passport, unit, load)
         self._model, self._hypothesis = model, as_in(passport, self.labels)
         self._reference = self._left(*paths)
         if len(self._reference.error) < _LEAST:
@@ -128,22 +129,29 @@ def _larger(now: Float[np.ndarray, " block"], then: Float[np.ndarray, " earlier"
     return float(mannwhitneyu(now, then, alternative="greater").pvalue)
 
 
-def reference(passport: Passport, unit: str) -> tuple[Labels, list[Path]]:
-    """The last session of a unit, and its recordings.
+def reference(passport: Passport, unit: str, load: str = "") -> tuple[Labels, list[Path]]:
+    """The last session of a unit under a load, and its recordings.
 
     Args:
         passport: with the unit in it.
         unit: name; "" for the only one.
+        load: name; "" for none, or the only one.
 
     Raises:
-        UserError: there is no such unit, or its recordings are not where they were.
+        UserError: there is no such unit, it carried no such load, or its recordings are not where
+            they were.
     """
     units = passport.units
     if not unit and len(units) == 1:
         (unit,) = units
     if unit not in units:
         raise UserError(f"--unit '{unit}' is not in the passport; {suggest(unit, units)}")
-    labels = max((g for g in passport.groups if g.unit == unit), key=lambda g: g.session)
+    loads = sorted({g.load for g in passport.groups if g.unit == unit})
+    load = load or (loads[0] if len(loads) == 1 else UNLOADED)
+    if load not in loads:
+        raise UserError(f"--load '{load}' was never carried by {unit}; {suggest(load, loads)}")
+    same = [g for g in passport.groups if (g.unit, g.load) == (unit, load)]
+    labels = max(same, key=lambda g: g.session)
     there, _ = still_there(passport.sources)
     paths = [path for path, source in there.items() if source.labels == labels]
     if not paths:

@@ -13,6 +13,7 @@ from wt.passport.card import Card, State
 from wt.passport.estimates import Quantity
 from wt.passport.folder import Passport
 from wt.passport.levels import Placed
+from wt.passport.parts import Part, spotless
 from wt.show.charts import Axes, Series, chart
 from wt.show.page import escaped, items, section, table, template
 
@@ -31,7 +32,11 @@ def page(passport: Passport, of: Card, units: Sequence[str], name: str) -> str:
         units: whose report cards are shown.
         name: of the passport.
     """
-    parts = [_opening(of, units, name), *(_unit(of, unit) for unit in units), _levels(of)]
+    parts = [
+        _opening(of, units, name),
+        *(_unit(of, unit, passport.parts) for unit in units),
+        _levels(of),
+    ]
     return template().substitute(
         title=html.escape(f"Passport {name}"),
         shades="",
@@ -42,8 +47,14 @@ def page(passport: Passport, of: Card, units: Sequence[str], name: str) -> str:
 def _opening(of: Card, units: Sequence[str], name: str) -> str:
     found = [(unit, text.changed(q, s)) for unit, q, s in of.alarms if unit in units]
     lead = [f"{unit}: {sentence}" for unit, sentence in found]
-    lead = lead or ["Nothing changed significantly since the sessions before."]
+    first = all(len({k.session for k in of.labels if k.unit == u}) < 2 for u in units)
+    lead = lead or [
+        "What changes shows from the second session on."
+        if first
+        else "Nothing changed significantly since the sessions before."
+    ]
     css, word = ("part", f"{len(found)} changed") if found else ("good", "unchanged")
+    word = "first session" if first else word
     lines = "".join(
         f"<li{' class=more' if i else ''}>{escaped(s)}</li>" for i, s in enumerate(lead)
     )
@@ -60,9 +71,13 @@ def _counted(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
-def _unit(of: Card, unit: str) -> str:
+def _unit(of: Card, unit: str, parts: Sequence[Part]) -> str:
     states = of.states[unit]
     rows = [_row(of, q, s) for q, s in states.items()]
+    rows += [
+        f"<tr><td>{escaped(str(part))}</td><td>as in the model</td>{'<td></td>' * 4}</tr>"
+        for part in spotless(parts, states)
+    ]
     head = ("place", "what", "#value", "#95 % interval", "belongs to", "since the last")
     cards = table(head, rows) if rows else "<p>No effect was found in its recordings.</p>"
     drawn = "".join(_history(q, s) for q, s in states.items() if len(s.history.value) > 1)
@@ -100,7 +115,7 @@ def _history(quantity: Quantity, state: State) -> str:
     name = text.said(quantity)
     first = state.history.keys[0][1]
     axes = Axes(f"days since {first}", label, f"{name} over sessions")
-    said = text.changed(quantity, state) or f"{name[:1].upper()}{name[1:]}: unchanged."
+    said = text.history(quantity, state)
     return f"<figure>{chart(series, axes)}<figcaption>{escaped(said)}</figcaption></figure>"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,6 +18,7 @@ from wt.passport.card import Card, Difference, State
 from wt.passport.drift import FALSE_ALARM
 from wt.passport.estimates import Quantity
 from wt.passport.levels import Placed
+from wt.passport.parts import Part, spotless
 from wt.passport.scatter import Known
 from wt.physics.effect import effects
 
@@ -73,10 +75,20 @@ def foretold(quantity: Quantity, state: State) -> str:
     low, high = state.reached.low, state.reached.high
     ends = f"{low:.0f} to {high:.0f}" if np.isfinite(high) else f"{low:.0f} or more"
     unit = "" if quantity.measured_in == "-" else f" {quantity.measured_in}"
+    when = _date(state.history.keys[-1][1], state.reached.value)
     return (
-        f"; it reaches {number(state.limit)}{unit} in {days(state.reached.value)} "
+        f"; it reaches {number(state.limit)}{unit} in {days(state.reached.value)}{when} "
         f"(95 % interval {ends})"
     )
+
+
+def _date(session: str, later: float) -> str:
+    """The day so many days after a session; "" if that is beyond all calendars."""
+    try:
+        when = datetime.datetime.fromisoformat(session) + datetime.timedelta(days=later)
+    except OverflowError:
+        return ""
+    return f", on {when.date().isoformat()}"
 
 
 def days(count: float) -> str:
@@ -95,13 +107,30 @@ def since(state: State) -> str:
         return "rose" if state.change.after.value > state.change.before.value else "fell"
     if state.drifts and state.trend:
         return "rises" if state.trend.slope.value > 0.0 else "falls"
-    return "unchanged"
+    return "varies as usual" if state.varies else "unchanged"
+
+
+def history(quantity: Quantity, state: State) -> str:
+    """What became of a quantity over the sessions, in a sentence."""
+    if state.alarm:
+        return changed(quantity, state)
+    name = said(quantity)
+    sentence = f"{name[:1].upper()}{name[1:]}: {since(state)}"
+    if state.since:
+        sentence += f", since it changed on {state.history.keys[state.since][1]}"
+    return f"{sentence}."
+
+
+def untouched(of: Card, unit: str, parts: Sequence[Part]) -> str:
+    """Parts of a unit that are as in the model, in a sentence; "" if there are none."""
+    names = ", ".join(map(str, spotless(parts, of.states[unit])))
+    return f"As in the model, as far as recordings show: {names}." if names else ""
 
 
 def level(of: Card, quantity: Quantity) -> str:
     """Whose a quantity is, in words."""
     if of.nothing(quantity):
-        return "nothing anywhere"
+        return "nothing that shows"
     placed = of.levels[quantity]
     by_load = (
         " and the load" if placed.loads and placed.level not in ("load", "unexplained") else ""
@@ -134,8 +163,8 @@ def rule() -> str:
     )
 
 
-def print_card(of: Card, units: Sequence[str], console: Console) -> None:
-    """The report cards of some units."""
+def print_card(of: Card, units: Sequence[str], console: Console, parts: Sequence[Part]) -> None:
+    """The report cards of some units, which consist of these parts."""
     for unit in units:
         console.print(Text(f"\n{unit}", "bold"))
         for sentence in sentences(of, unit):
@@ -148,6 +177,8 @@ def print_card(of: Card, units: Sequence[str], console: Console) -> None:
             table.add_row(*(Text(c, "bold" if state.alarm else "") for c in cells))
         if of.states[unit]:
             console.print(table)
+        if said_of_others := untouched(of, unit, parts):
+            console.print(said_of_others, highlight=False)
     console.print(rule(), highlight=False, style="dim")
 
 

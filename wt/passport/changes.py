@@ -1,0 +1,109 @@
+"""What changed on each unit, session after session, and since when it is as it is.
+
+A change that was told is told once: what a unit is compared with afterwards begins with the session
+that changed. Past sessions are judged by what was known on their day, each unit's last one by
+everything. Where a step and a slow change both raise the alarm, the one is meant that leaves less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from wt.passport.drift import Change, Scatter, Trend, alarms, change, scatter, trend
+from wt.passport.estimates import Quantity
+from wt.passport.levels import Sessions
+
+Tables = Mapping[Quantity, Sessions]
+Begun = dict[Quantity, dict[str, list[str]]]
+"""By quantity and unit, sessions with which something new began, in order."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """The last session of a unit, in one quantity.
+
+    Attributes:
+        table: the unit's sessions.
+        since: index of the first session that the last one is compared with.
+        step, line: what changed, and how it goes.
+        changed, drifts: whether the one, or the other, raises the alarm; never both.
+        scatter_known: whether it is known how much sessions differ anyway.
+    """
+
+    table: Sessions
+    since: int
+    step: Change | None
+    line: Trend | None
+    changed: bool
+    drifts: bool
+    scatter_known: bool
+
+    @property
+    def alike(self) -> Sessions:
+        """Sessions since the last change before, without the last one if it is another."""
+        index = np.arange(len(self.table.keys))
+        return self.table.where((index >= self.since) & (index < len(index) - self.changed))
+
+
+def judged(tables: Tables) -> dict[str, dict[Quantity, Judged]]:
+    """Every unit's last session, all its quantities together.
+
+    Args:
+        tables: of each quantity, all units' sessions.
+    """
+    keys = sorted({key[::-1] for table in tables.values() for key in table.keys})
+    last = {q: dict(table.keys) for q, table in tables.items()}  # of a unit the last one stays
+    begun: Begun = {quantity: {} for quantity in tables}
+    for session, unit in keys:
+        then = {q: _until(table, session) for q, table in tables.items()}
+        for quantity, one in _of_unit(then, unit, begun, session).items():
+            if one.changed and one.scatter_known and session != last[quantity][unit]:
+                begun[quantity].setdefault(unit, []).append(session)
+    return {unit: _of_unit(tables, unit, begun) for unit in sorted({unit for _, unit in keys})}
+
+
+def _until(table: Sessions, session: str) -> Sessions:
+    return table.where(np.array([key[1] <= session for key in table.keys], bool))
+
+
+def _of_unit(
+    tables: Tables, unit: str, begun: Begun, session: str | None = None
+) -> dict[Quantity, Judged]:
+    """A unit's last session; nothing of a quantity that has no estimate in ``session``."""
+    mine: dict[Quantity, Sessions] = {}
+    for quantity, table in tables.items():
+        own = table.where(np.array([key[0] == unit for key in table.keys], bool))
+        if own.keys and session in (None, own.keys[-1][1]):
+            mine[quantity] = own
+    since = {q: _since(own, begun[q].get(unit, [])) for q, own in mine.items()}
+    base = {q: own.where(np.arange(len(own.keys)) >= since[q]) for q, own in mine.items()}
+    usual = {q: scatter(tables[q], unit, begun[q]) for q in mine}
+    steps = {q: change(own, usual[q]) for q, own in base.items()}
+    lines = {q: trend(own, usual[q]) for q, own in base.items()}
+    raised = alarms(
+        {(q, "step"): c.p for q, c in steps.items() if c}
+        | {(q, "line"): t.p for q, t in lines.items() if t}
+    )
+    return {
+        q: _judged(mine[q], since[q], steps[q], lines[q], usual[q],
+                   ((q, "step") in raised, (q, "line") in raised))
+        for q in mine
+    }  # fmt: skip
+
+
+def _since(own: Sessions, begun: list[str]) -> int:
+    """Index of the first session that is as the last ones were."""
+    return sum(session < begun[-1] for _, session in own.keys) if begun else 0
+
+
+def _judged(
+    own: Sessions, since: int, step: Change | None, line: Trend | None, usual: Scatter,
+    raised: tuple[bool, bool],
+) -> Judged:  # fmt: skip
+    changed, drifts = raised
+    if changed and drifts and step and line:
+        changed, drifts = step.left <= line.left, step.left > line.left
+    return Judged(own, since, step, line, changed, drifts, usual.freedom > 0)
