@@ -269,6 +269,10 @@ def _encoders() -> list[Fault]:
             r, {n: c[held] for n, c in r.columns.items() if n.startswith(("qpos", "qvel"))}
         )
 
+    def frozen_velocity(r: Recording) -> Recording:
+        # 400 times this number: their deviation is 6e-17, and not 0
+        return with_columns(r, {"qvel/lift": np.full(len(r), 0.3)})
+
     def clipped(r: Recording) -> Recording:
         x = r.columns["qpos/yaw"]
         return with_columns(r, {"qpos/yaw": np.minimum(x, np.quantile(x, 0.8))})
@@ -309,6 +313,8 @@ def _encoders() -> list[Fault]:
     return [
         *found,
         Fault("frozen-arm4-lift", "arm4", frozen, ("frozen",), frozenset({"qpos/lift"})),
+        Fault("frozen-velocity-arm4-lift", "arm4", frozen_velocity, ("frozen",),
+              frozenset({"qvel/lift"})),
         Fault("repeated", "planar", repeated, ("samples_repeated",), everything),
         Fault("repeated-arm4-bend", "arm4", repeated_joint, ("samples_repeated",),
               frozenset({"qpos/bend", "qvel/bend"})),
