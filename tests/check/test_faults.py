@@ -79,6 +79,32 @@ def test_two_faults_are_said(pair: tuple[str, str], scenes: dict[str, Scene]) ->
     assert found == {(f.kinds[0], f.columns) for f in (one, other)}
 
 
+def test_a_factor_is_fitted_behind_a_sign(scenes: dict[str, Scene]) -> None:
+    """Beside a sign a factor of 7.3 fits no better than one of 163: the sign is undone first."""
+    r = record("arm4_torque", 0)
+    back, scaled = (
+        {f"{kind}/{joint}": factor * r.columns[f"{kind}/{joint}"] for kind in ("qpos", "qvel")}
+        for joint, factor in (("lift", -1.0), ("bend", 7.3))
+    )
+    checked = check(scenes["arm4_torque"], with_columns(r, back | scaled))
+    assert said(checked) == {
+        ("encoder_sign", frozenset(back)),
+        ("position_scale", frozenset(scaled)),
+    }
+    assert checked.recording is not None
+    for name in (*back, *scaled):
+        np.testing.assert_allclose(
+            checked.recording.columns[name], r.columns[name], rtol=0.02, atol=0.02
+        )
+
+
+def test_a_leap_of_about_one_is_no_turn() -> None:
+    """What goes on after a leap as it went on before went round; this did not."""
+    t = np.arange(400) / 100
+    column = np.where(t < 2.0, -0.45 + 0.02 * np.sin(t), 0.45 + 0.02 * np.sin(t))
+    assert not check(None, Recording(t, {"ctrl/a": column, "qpos/a": 0.2 * np.sin(t)})).findings
+
+
 def test_the_rate_of_a_controller_is_not_guessed(checked: Callable[[Fault], Checked]) -> None:
     """Half a sample of lead tells that it is another one, and hardly which."""
     slow = next(f for f in FAULTS if f.id == "slow-log-arm4")

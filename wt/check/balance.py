@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import mujoco
@@ -131,6 +131,13 @@ class Balance:
         other.signals, other._known = signals, {}
         return other
 
+    def undone(self, edits: Sequence[Edit]) -> Balance:
+        """The same recording after edits."""
+        (u, du), (q, v, a) = self._sent(edits), self._moved(edits)
+        other = self.on(replace(self.signals, q=q, v=v, a=a, u=u, du=du))
+        other._demands, other._keys = {}, {}
+        return other
+
     def joint(self, dof: int) -> str:
         """Name of the joint of a degree of freedom."""
         return self.scene.joints[dof]
@@ -167,6 +174,23 @@ class Balance:
     def gains(self, edits: Sequence[Edit] = ()) -> Float[np.ndarray, " row"]:
         """Gain of the model's over that of each drive which fits best, however far from one."""
         return np.array([fit.gain for fit in self._fits(edits, gains=(0.0, np.inf))])
+
+    def plain(self) -> Float[np.ndarray, "row 2"]:
+        """Each drive's gain, and the damping that it lacks, where nothing else may adapt.
+
+        Gains as in :meth:`gains`, but nearer to what all drives share: dry friction, rotors and
+        delays take a part of a gain that little else tells. Damping is at the model's gain
+        [N·m·s/rad or N·s/m].
+        """
+        s, found = self.signals, []
+        demand = self._demand(())
+        for row in self.rows:
+            i, drive = row.drive.dof, row.drive
+            force = row.scale * np.clip(s.u[:, drive.index], *drive.commands)
+            force += drive.gear**2 * (drive.bias[1] * s.q[:, i] + drive.bias[2] * s.v[:, i])
+            columns = np.stack([demand[:, i], s.v[:, i], np.ones(len(force))], axis=1)
+            found.append(np.linalg.lstsq(columns, force)[0][:2])
+        return np.array(found).reshape(-1, 2)
 
     def upset(self, edits: Sequence[Edit], before: Sequence[Edit]) -> bool:
         """Tell whether edits put what no drive moves out of balance, compared with others."""
@@ -232,17 +256,22 @@ class Balance:
 
         missing = [row for row in self.rows if key(row) not in self._known]
         if missing:
-            s = self.signals
-            u, du = s.u.copy(), s.du.copy()
-            for e in edits:
-                if e.group == "u":
-                    u[:, e.index] = e.factor * s.u[:, e.source] + e.offset
-                    du[:, e.index] = e.factor * s.du[:, e.source]
-            (q, v, a), demand = self._moved(edits), self._demand(edits)
+            (u, du), (q, v, a) = self._sent(edits), self._moved(edits)
+            demand = self._demand(edits)
             for row in missing:
                 fit = self._fit(row, q, v, a, u, du, demand, lenient, gains)
                 self._known[key(row)] = fit
         return [self._known[key(row)] for row in self.rows]
+
+    def _sent(self, edits: Sequence[Edit]) -> tuple[Float[np.ndarray, "row actuator"], ...]:
+        """Commands and their slopes after edits."""
+        s = self.signals
+        u, du = s.u.copy(), s.du.copy()
+        for e in edits:
+            if e.group == "u":
+                u[:, e.index] = e.factor * s.u[:, e.source] + e.offset
+                du[:, e.index] = e.factor * s.du[:, e.source]
+        return u, du
 
     def _moved(self, edits: Sequence[Edit]) -> tuple[Float[np.ndarray, "row dof"], ...]:
         """Positions, velocities and accelerations after edits."""

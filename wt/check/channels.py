@@ -4,12 +4,14 @@ A suspect is kept if the model explains at least one command with it that it can
 without, and by a wide margin. Each step takes the suspect after which least is left; at the end
 each has to be missed when it is taken back alone, and to leave in balance what no drive moves: a
 cart whose pole carries an unknown load has no encoder in other units. So two faults are found where
-each alone would leave the other one's error, and none where the model merely lacks physics.
+each alone would leave the other one's error, and none where the model merely lacks physics. A
+factor that was fitted beside the other one's error is wrong: what is suspected is listed anew
+behind what was found, and takes the place of a suspect of the same channels that explains less.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,6 +34,7 @@ STEP = 0.7
 AMBIGUOUS = 0.7
 """Confidence where something else would explain as much."""
 _ALIKE = 0.5  # … by which two suspects cannot be told apart
+_REFITTED = 0.05  # of a factor, by which two fits of it may differ
 _FLOOR = 1e-5
 _MOST = 6
 
@@ -55,20 +58,72 @@ def total(left: Float[np.ndarray, " row"]) -> float:
     return float(np.log(left + _FLOOR).sum())
 
 
-def search(balance: Balance, suspects: Sequence[Suspect]) -> list[tuple[Suspect, str, float]]:
+Listing = Callable[[Balance], Sequence[Suspect]]
+"""Lists what is suspected of a recording."""
+
+
+def search(balance: Balance, suspected: Listing) -> list[tuple[Suspect, str, float]]:
     """The suspects without which the model cannot explain the commands.
+
+    Args:
+        balance: of the recording.
+        suspected: lists what is suspected, of it and of the same with something undone.
 
     Returns:
         Each with the evidence for it, and a confidence.
     """
-    state = _State((), balance.unexplained())
+    state, suspects = _State((), balance.unexplained()), suspected(balance)
+    known = list(suspects)
     while len(state.suspects) < _MOST and (state.left > WRONG).any():
+        if state.suspects:
+            suspects = _listed(balance, state, suspected)
+            known += suspects
         trials = [_with(balance, state, s) for s in suspects if _apart(state, s)]
         best = _named(trials, min(trials, key=lambda trial: trial.total, default=state))
         if best.total > state.total - STEP:
             break
         state = best
-    return _needed(balance, state, suspects)
+    state, others = _reconsidered(balance, state, suspected)
+    while True:
+        needed = _needed(balance, state, [*known, *others])
+        if len(needed) == len(state.suspects):
+            return needed
+        # what was found beside one that is none has to be needed without it
+        state = _State(tuple(suspect for suspect, _, _ in needed), state.left)
+        state = replace(state, left=balance.unexplained(state.edits))
+
+
+def _reconsidered(
+    balance: Balance, state: _State, suspected: Listing
+) -> tuple[_State, list[Suspect]]:
+    """Each suspect, or what explains more of the same channels beside the others; and those."""
+    known: list[Suspect] = []
+    for i in range(len(state.suspects) if len(state.suspects) > 1 else 0):
+        own, rest = state.suspects[i], _without(balance, state, i)
+        channels = _channels(own)
+        listed = [s for s in _listed(balance, rest, suspected) if _channels(s) == channels]
+        trials = [_with(balance, rest, s) for s in listed]
+        best = _named(trials, min(trials, key=lambda trial: trial.total, default=state))
+        known += listed
+        if best.total < state.total - STEP:
+            *others, new = best.suspects
+            state = replace(best, suspects=(*others[:i], new, *others[i:]))
+    return state, known
+
+
+def _listed(balance: Balance, state: _State, suspected: Listing) -> list[Suspect]:
+    """What is suspected beside a state."""
+    return [s for s in suspected(balance.undone(state.edits)) if _apart(state, s)]
+
+
+def _without(balance: Balance, state: _State, i: int) -> _State:
+    """A state without one of its suspects."""
+    rest = replace(state, suspects=state.suspects[:i] + state.suspects[i + 1 :])
+    return replace(rest, left=balance.unexplained(rest.edits))
+
+
+def _channels(suspect: Suspect) -> frozenset[tuple[str, int]]:
+    return frozenset((e.group, e.index) for e in suspect.edits)
 
 
 def _named(trials: Sequence[_State], best: _State) -> _State:
@@ -101,8 +156,8 @@ def _needed(
     """Those of a state that are missed when each alone is taken back."""
     removable: list[tuple[Suspect, str, float]] = []
     for i, suspect in enumerate(state.suspects):
-        rest = replace(state, suspects=state.suspects[:i] + state.suspects[i + 1 :])
-        without = balance.unexplained(rest.edits)
+        rest = _without(balance, state, i)
+        without = rest.left
         ratio = without / np.maximum(state.left, 1e-9)
         proven = (
             _own(balance, suspect) & (ratio > DECISIVE) & (without > WRONG) & (state.left < RIGHT)
@@ -134,13 +189,23 @@ def _others(
     """What would explain as much as a suspect: of each set of channels that which does most."""
     best: dict[frozenset[tuple[str, int]], tuple[float, str]] = {}
     for other in suspects:
-        if other is suspect or not _apart(rest, other):
+        if _same(other, suspect) or not _apart(rest, other):
             continue
         total = _with(balance, rest, other).total
-        channels = frozenset((e.group, e.index) for e in other.edits)
+        channels = _channels(other)
         if total < min(state.total + _ALIKE, best.get(channels, (np.inf, ""))[0]):
             best[channels] = total, other.evidence
     return [evidence for _, evidence in best.values()]
+
+
+def _same(one: Suspect, other: Suspect) -> bool:
+    """Tell whether two suspects are one, listed twice: a factor is then fitted anew."""
+    return (one.kind, len(one.edits)) == (other.kind, len(other.edits)) and all(
+        (a.group, a.index, a.source) == (b.group, b.index, b.source)
+        and abs(a.factor / b.factor - 1.0) < _REFITTED
+        and abs(a.offset - b.offset) <= _REFITTED * abs(a.offset)
+        for a, b in zip(one.edits, other.edits, strict=True)
+    )
 
 
 def _own(balance: Balance, suspect: Suspect) -> Bool[np.ndarray, " row"]:
@@ -156,7 +221,7 @@ def _percent(share: float) -> str:
     return f"{100 * share:.0f} %" if share > 0.005 else "nothing"
 
 
-def found(subject: Subject, suspects: Sequence[Suspect]) -> list[AuditFinding]:
+def found(subject: Subject, suspected: Listing) -> list[AuditFinding]:
     """The findings of a search on a recording."""
     balance, recording = subject.balance, subject.recording
     if balance is None or recording is None:
@@ -171,7 +236,7 @@ def found(subject: Subject, suspects: Sequence[Suspect]) -> list[AuditFinding]:
             confidence,
             change=Undone(balance, suspect.edits),
         )
-        for suspect, said, confidence in search(balance, suspects)
+        for suspect, said, confidence in search(balance, suspected)
     ]
 
 
