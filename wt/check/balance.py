@@ -198,6 +198,11 @@ class Balance:
             self._idle_left(i, edits) > _UPSET * self._idle_left(i, before) for i in self.idle
         )
 
+    def unheld(self, i: int, edits: Sequence[Edit] = ()) -> float:
+        """Share of the force of a joint's inertia that comes from nowhere, where none drives it."""
+        force = self._felt[i] * self._moved(edits)[2][:, i]
+        return self._idle_left(i, edits) / max(float(np.mean(force**2)), _STILL**4)
+
     def _idle_left(self, i: int, edits: Sequence[Edit]) -> float:
         """Mean square force that friction and a rotor leave to nobody."""
         _, v, a = self._moved(edits)
