@@ -18,6 +18,7 @@ from wt.types import Recording
 
 _SWEPT = 0.3  # rad or m that a command sweeps while its joint's column stands still
 _LONG_S = 1.0
+_PUSHED = 3.0  # times all that a motion takes: no load is so large
 _LEAP = 2.0  # times the largest of a command's other steps
 _RESTING = 0.2  # of a command's samples, that may repeat the one before
 _TRAVEL = 0.2  # rad or m that a velocity integrates to
@@ -47,6 +48,7 @@ class Frozen:
         for drive in subject.scene.drives if subject.scene else ():
             if drive.servo:
                 yield from _command(recording, drive)
+                yield from _never(subject, recording, drive)
         yield from _repeats(recording)
 
 
@@ -133,6 +135,34 @@ def _command(recording: Recording, drive: Drive) -> Iterable[AuditFinding]:
         f"its joint moves by {swept:.3g} meanwhile, and then the command leaps by {step[end]:.3g}",
         f"record '{name}' again, or leave that time out",
         change=_cut(float(t[start]), float(t[end])),
+    )
+
+
+def _never(subject: Subject, recording: Recording, drive: Drive) -> Iterable[AuditFinding]:
+    """A servo's command that never changes, while its joint goes where that servo would not let it.
+
+    It would push back by more than the motion takes: the command was not logged, or the drive off.
+    """
+    name, s = f"ctrl/{drive.name}", subject.signals
+    command = recording.columns.get(name)
+    if command is None or s is None or subject.balance is None or not subject.balance.dynamic:
+        return
+    known = command[np.isfinite(command)]
+    if not len(known) or np.ptp(known) > 0.0 or not s.measured[drive.dof]:
+        return
+    swept = float(np.ptp(s.q[:, drive.dof]))
+    stiffness = abs(drive.bias[1]) * drive.gear**2
+    takes = float(np.ptp(subject.balance.inverse(s.q, s.v, s.a)[:, drive.dof]))
+    if swept < _SWEPT or stiffness * swept < _PUSHED * takes:
+        return
+    yield AuditFinding(
+        "frozen",
+        (name,),
+        (f"actuator {drive.name}",),
+        f"'{name}' never changes, and its joint moves by {swept:.3g}: held there its servo would "
+        f"change its force by {stiffness * swept:.3g}, and that motion takes {takes:.3g}",
+        f"log what was sent to '{drive.name}', or leave it out of the model if it was off",
+        0.9,
     )
 
 
