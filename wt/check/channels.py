@@ -25,6 +25,11 @@ from wt.types import Recording
 
 WRONG = 0.08
 """Share of a command left unexplained above which something may be mixed up."""
+FAINT = 0.004
+"""… above which something is mixed up if two drives say so :data:`OVERWHELMING`."""
+OVERWHELMING = 25.0
+"""Where less than :data:`WRONG` is left of a suspect's own command, it has to divide that and what
+is left of another drive's by so much: no physics is missed so exactly."""
 DECISIVE = 5.0
 """A suspect has to divide what is left of some command by so much."""
 RIGHT = 0.3
@@ -74,7 +79,7 @@ def search(balance: Balance, suspected: Listing) -> list[tuple[Suspect, str, flo
     """
     state, suspects = _State((), balance.unexplained()), suspected(balance)
     known = list(suspects)
-    while len(state.suspects) < _MOST and (state.left > WRONG).any():
+    while len(state.suspects) < _MOST and (state.left > FAINT).any():
         if state.suspects:
             suspects = _listed(balance, state, suspected)
             known += suspects
@@ -159,9 +164,11 @@ def _needed(
         rest = _without(balance, state, i)
         without = rest.left
         ratio = without / np.maximum(state.left, 1e-9)
-        proven = (
-            _own(balance, suspect) & (ratio > DECISIVE) & (without > WRONG) & (state.left < RIGHT)
-        )
+        own = _own(balance, suspect)
+        proven = own & (ratio > DECISIVE) & (without > WRONG) & (state.left < RIGHT)
+        if not proven.any():
+            clear = (ratio > OVERWHELMING) & (without > FAINT)
+            proven = clear & bool((clear & own).any() and clear.sum() > 1)
         if not proven.any() or balance.upset(state.edits, rest.edits):
             continue
         row = int(np.argmax(np.where(proven, ratio, 0.0)))
