@@ -13,6 +13,7 @@ import pytest
 
 from tests.check.faults import FAULTS, both
 from tests.check.machines import MACHINES, Fault, record, with_columns, write_model
+from tests.physics import stool
 from wt.check.run import Checked, check
 from wt.physics.scene import Scene
 from wt.types import Recording
@@ -149,3 +150,17 @@ def turned(xml: str) -> Recording:
         d.ctrl[:] = u[k]
         mujoco.mj_step(m, d, 10)
     return Recording(t, {"qpos/hinge": q, "ctrl/hinge_m": u})
+
+
+def test_limits_tell_an_encoder_from_a_command(tmp_path: Path) -> None:
+    """A base that floats leaves a servo's law alone, in which the command may be wrong as well."""
+    path, given = stool.scene(tmp_path).path, stool.recording(1, seconds=5.0)
+    names = ("qpos/rear_knee", "qvel/rear_knee")
+    q = given.columns[names[0]]
+    spec = mujoco.MjSpec.from_file(str(path))
+    joint = spec.joint("rear_knee")
+    joint.limited, joint.range = True, [q.min() - 0.1, q.max() + 0.1]
+    path.write_text(spec.to_xml())
+    scaled = {name: 7.3 * given.columns[name] for name in names}
+    (found,) = check(Scene(path), with_columns(given, scaled)).findings
+    assert (found.kind, found.columns) == ("position_scale", names)

@@ -30,6 +30,7 @@ _ROTOR = 30.0  # of the inertia that a joint feels
 _SLOW = 0.03  # of the usual speed: where friction changes its sign
 _UPSET = 2.0  # of a mean square force
 _STILL = 1e-6
+_BEYOND, _ENDS = 0.15, (0.02, 0.98)  # of a joint's range past its limits; of the time
 _AT_STOP, _RESTS = 0.02, 0.5  # of a joint's range, from its end; share of the time spent there
 _DIRECT = (int(mujoco.mjtDyn.mjDYN_NONE), int(mujoco.mjtDyn.mjDYN_FILTER),
            int(mujoco.mjtDyn.mjDYN_FILTEREXACT))  # fmt: skip
@@ -123,6 +124,7 @@ class Balance:
         self._keys: dict[tuple[Edit, ...], tuple[int, ...]] = {}
         self._known: dict[tuple[object, ...], _Fit] = {}
         self._felt = self._inertia()
+        self._swept = np.quantile(signals.q, _ENDS, axis=0)
         self.idle = self._undriven(held) if self.dynamic else ()
 
     def on(self, signals: Signals) -> Balance:
@@ -135,7 +137,7 @@ class Balance:
         """The same recording after edits."""
         (u, du), (q, v, a) = self._sent(edits), self._moved(edits)
         other = self.on(replace(self.signals, q=q, v=v, a=a, u=u, du=du))
-        other._demands, other._keys = {}, {}
+        other._demands, other._keys, other._swept = {}, {}, np.quantile(q, _ENDS, axis=0)
         return other
 
     def joint(self, dof: int) -> str:
@@ -166,6 +168,16 @@ class Balance:
             gains: of the model's over the drive's, between which each may adapt.
         """
         return np.array([f.left / max(f.forced, 1e-18) for f in self._fits(edits, gains=gains)])
+
+    def beyond(self, edits: Sequence[Edit] = ()) -> int:
+        """How many joints are far beyond the limits that the model gives them, after edits."""
+        places = {e.index: e for e in edits if e.group == "q"}
+        m, count = self.scene.model, 0
+        for i in map(int, np.flatnonzero(m.jnt_limited[m.dof_jntid] & self.signals.measured)):
+            (low, high), e = m.jnt_range[m.dof_jntid[i]], places.get(i, Edit("q", i, i))
+            ends = e.factor * self._swept[:, e.source] + e.offset
+            count += max(low - ends.min(), ends.max() - high) > _BEYOND * (high - low)
+        return int(count)
 
     def misfit(self, edits: Sequence[Edit] = ()) -> float:
         """The same of all drives, as a mean logarithm."""

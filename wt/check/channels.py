@@ -39,6 +39,7 @@ STEP = 0.7
 AMBIGUOUS = 0.7
 """Confidence where something else would explain as much."""
 _ALIKE = 0.5  # … by which two suspects cannot be told apart
+_BEYOND = 1.0  # of the logarithm of what is left: what a joint beyond its limits counts
 _REFITTED = 0.05  # of a factor, by which two fits of it may differ
 _FLOOR = 1e-5
 _MOST = 6
@@ -48,6 +49,7 @@ _MOST = 6
 class _State:
     suspects: tuple[Suspect, ...]
     left: Float[np.ndarray, " row"]
+    beyond: int
 
     @property
     def edits(self) -> tuple[Edit, ...]:
@@ -55,7 +57,8 @@ class _State:
 
     @property
     def total(self) -> float:
-        return total(self.left)
+        """What is left, and where the joints are not: of two that explain it one may be there."""
+        return total(self.left) + _BEYOND * self.beyond
 
 
 def total(left: Float[np.ndarray, " row"]) -> float:
@@ -77,7 +80,7 @@ def search(balance: Balance, suspected: Listing) -> list[tuple[Suspect, str, flo
     Returns:
         Each with the evidence for it, and a confidence.
     """
-    state, suspects = _State((), balance.unexplained()), suspected(balance)
+    state, suspects = _with_all(balance, ()), suspected(balance)
     known = list(suspects)
     while len(state.suspects) < _MOST and (state.left > FAINT).any():
         if state.suspects:
@@ -94,8 +97,7 @@ def search(balance: Balance, suspected: Listing) -> list[tuple[Suspect, str, flo
         if len(needed) == len(state.suspects):
             return needed
         # what was found beside one that is none has to be needed without it
-        state = _State(tuple(suspect for suspect, _, _ in needed), state.left)
-        state = replace(state, left=balance.unexplained(state.edits))
+        state = _with_all(balance, tuple(suspect for suspect, _, _ in needed))
 
 
 def _reconsidered(
@@ -123,8 +125,7 @@ def _listed(balance: Balance, state: _State, suspected: Listing) -> list[Suspect
 
 def _without(balance: Balance, state: _State, i: int) -> _State:
     """A state without one of its suspects."""
-    rest = replace(state, suspects=state.suspects[:i] + state.suspects[i + 1 :])
-    return replace(rest, left=balance.unexplained(rest.edits))
+    return _with_all(balance, state.suspects[:i] + state.suspects[i + 1 :])
 
 
 def _channels(suspect: Suspect) -> frozenset[tuple[str, int]]:
@@ -144,9 +145,12 @@ def _named(trials: Sequence[_State], best: _State) -> _State:
 
 
 def _with(balance: Balance, state: _State, suspect: Suspect) -> _State:
-    chosen = (*state.suspects, suspect)
-    edits = tuple(e for s in chosen for e in s.edits)
-    return _State(chosen, balance.unexplained(edits))
+    return _with_all(balance, (*state.suspects, suspect))
+
+
+def _with_all(balance: Balance, suspects: tuple[Suspect, ...]) -> _State:
+    edits = tuple(e for s in suspects for e in s.edits)
+    return _State(suspects, balance.unexplained(edits), balance.beyond(edits))
 
 
 def _apart(state: _State, suspect: Suspect) -> bool:
