@@ -271,6 +271,11 @@ def _encoders() -> list[Fault]:
         x[100:300] = x[100]
         return with_columns(r, {"qpos/lift": x})
 
+    def silent(r: Recording) -> Recording:
+        row = np.arange(len(r))
+        held = np.where((row >= 100) & (row < 270), 100, row)
+        return with_columns(r, {n: r.columns[n][held] for n in ("qpos/bend", "qvel/bend")})
+
     def repeated(r: Recording) -> Recording:
         held = np.arange(len(r)) // 4 * 4
         return with_columns(
@@ -330,6 +335,7 @@ def _encoders() -> list[Fault]:
         Fault("frozen-arm4-lift", "arm4", frozen, ("frozen",), frozenset({"qpos/lift"})),
         Fault("frozen-velocity-arm4-lift", "arm4", frozen_velocity, ("frozen",),
               frozenset({"qvel/lift"})),
+        Fault("silent-arm4-bend", "arm4_torque", silent, ("frozen",), frozenset({"qpos/bend"})),
         Fault("repeated", "planar", repeated, ("samples_repeated",), everything),
         Fault("repeated-arm4-bend", "arm4", repeated_joint, ("samples_repeated",),
               frozenset({"qpos/bend", "qvel/bend"})),

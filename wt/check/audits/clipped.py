@@ -127,6 +127,8 @@ def _moves(recording: Recording, joint: str, group: str, at: Bool[np.ndarray, " 
         return False
     if group == "qpos":
         v = recording.columns[f"qvel/{joint}"]
+        if not np.isfinite(v[at]).any():
+            return False
         travel = _travel(v / relation.factor, recording.t, at)
         return bool(
             np.nanmean(np.abs(v[at])) > _FAST * np.nanstd(v)
@@ -134,7 +136,8 @@ def _moves(recording: Recording, joint: str, group: str, at: Bool[np.ndarray, " 
         )
     slope = relation.factor * np.gradient(recording.columns[f"qpos/{joint}"], recording.t)
     end = np.maximum(np.abs(recording.columns[name]), _FAST * np.nanstd(slope))
-    return bool(np.nanmedian(np.abs(slope[at]) / end[at]) > _BEYOND)
+    past = np.abs(slope[at]) / end[at]
+    return bool(np.isfinite(past).any() and np.nanmedian(past) > _BEYOND)
 
 
 def _travel(

@@ -20,6 +20,7 @@ _SWEPT = 0.3  # rad or m that a command sweeps while its joint's column stands s
 _LONG_S = 1.0
 _PUSHED = 3.0  # times all that a motion takes: no load is so large
 _LEAP = 2.0  # times the largest of a command's other steps
+_LEAPT = 0.05  # rad or m
 _RESTING = 0.2  # of a command's samples, that may repeat the one before
 _TRAVEL = 0.2  # rad or m that a velocity integrates to
 _REPEATED, _QUANTA = 0.3, 4.0
@@ -65,6 +66,9 @@ def _position(subject: Subject, recording: Recording, name: str) -> Iterable[Aud
         travel = float(np.ptp(np.cumsum(run[:-1] * np.diff(t[start : end + 1]))))
         if travel > _TRAVEL and np.std(run) > 0.0:
             evidence = f"'qvel/{joint}' integrates to {travel:.3g} meanwhile"
+    leap = _leap(recording.columns[name], start, end)
+    if leap > _LEAPT:
+        evidence = f"then leaps by {leap:.3g}"
     for drive in subject.scene.drives if subject.scene else ():
         command = recording.columns.get(f"ctrl/{drive.name}")
         throughout = end - start > 0.98 * len(t)
@@ -115,27 +119,31 @@ def _command(recording: Recording, drive: Drive) -> Iterable[AuditFinding]:
     if command is None or position is None:
         return
     start, end = _longest(command)
-    if end - start < 12 or t[end] - t[start] < _LONG_S or end + 1 >= len(command):
+    if end - start < 12 or t[end] - t[start] < _LONG_S:
         return
-    step = np.abs(np.diff(command))
-    others = np.delete(step, slice(start, end + 1))
     swept = float(np.ptp(np.nan_to_num(position[start : end + 1], nan=position[start])))
-    if (
-        not np.isfinite(others).all()
-        or np.mean(others == 0.0) > _RESTING
-        or step[end] < _LEAP * others.max()
-        or not swept > _SWEPT
-    ):
+    leap = _leap(command, start, end)
+    if not leap or not swept > _SWEPT:
         return
     yield AuditFinding(
         "frozen",
         (name,),
         (f"actuator {drive.name}",),
         f"'{name}' does not change for {t[end] - t[start]:.3g} s from {t[start] - t[0]:.4g} s on, "
-        f"its joint moves by {swept:.3g} meanwhile, and then the command leaps by {step[end]:.3g}",
+        f"its joint moves by {swept:.3g} meanwhile, and then the command leaps by {leap:.3g}",
         f"record '{name}' again, or leave that time out",
         change=_cut(float(t[start]), float(t[end])),
     )
+
+
+def _leap(column: Float[np.ndarray, " sample"], start: int, end: int) -> float:
+    """How far a column leaps after a stretch of standing still; 0 if it goes on from there."""
+    if end + 1 >= len(column):
+        return 0.0
+    step = np.abs(np.diff(column))
+    others = np.delete(step, slice(start, end + 1))
+    moves = np.isfinite(others).all() and np.mean(others == 0.0) <= _RESTING
+    return float(step[end]) if moves and step[end] >= _LEAP * others.max() else 0.0
 
 
 def _never(subject: Subject, recording: Recording, drive: Drive) -> Iterable[AuditFinding]:
