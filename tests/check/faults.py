@@ -163,6 +163,10 @@ def _units() -> list[Fault]:
                                     ("gantry", "rail", 0.1), ("arm4", "lift", -36.0))
     ]  # fmt: skip
     found.append(
+        Fault("half-arm4_torque-lift", "arm4_torque", times(0.5, *both("lift")),
+              ("position_scale",), frozenset(both("lift")), seed=7)
+    )  # fmt: skip
+    found.append(
         Fault("mm-gantry-hoist", "gantry", times(1e3, *both("hoist")), ("position_unit",),
               frozenset(both("hoist")), seed=7)
     )  # fmt: skip
@@ -201,7 +205,11 @@ def _velocities() -> list[Fault]:
         v = np.cumsum(np.random.default_rng(0).standard_normal(len(r))) * 0.1
         return with_columns(r, {"qvel/bend": v})
 
+    def slope(r: Recording) -> Recording:
+        return with_columns(r, {"qvel/bend": np.gradient(r.columns["qvel/bend"], r.t)})
+
     return [
+        Fault("acceleration-arm4", "arm4", slope, ("velocity_other",), frozenset({"qvel/bend"})),
         Fault("velocity-sign-planar", "planar", times(-1.0, "qvel/hip"), ("velocity_sign",),
               frozenset({"qvel/hip"})),
         Fault("velocity-sign-torque", "arm4_torque", times(-1.0, "qvel/bend"), ("velocity_sign",),
@@ -263,11 +271,20 @@ def _encoders() -> list[Fault]:
         x[100:300] = x[100]
         return with_columns(r, {"qpos/lift": x})
 
+    def silent(r: Recording) -> Recording:
+        row = np.arange(len(r))
+        held = np.where((row >= 100) & (row < 270), 100, row)
+        return with_columns(r, {n: r.columns[n][held] for n in ("qpos/bend", "qvel/bend")})
+
     def repeated(r: Recording) -> Recording:
         held = np.arange(len(r)) // 4 * 4
         return with_columns(
             r, {n: c[held] for n, c in r.columns.items() if n.startswith(("qpos", "qvel"))}
         )
+
+    def frozen_velocity(r: Recording) -> Recording:
+        # 400 times this number: their deviation is 6e-17, and not 0
+        return with_columns(r, {"qvel/lift": np.full(len(r), 0.3)})
 
     def clipped(r: Recording) -> Recording:
         x = r.columns["qpos/yaw"]
@@ -281,6 +298,13 @@ def _encoders() -> list[Fault]:
         u = r.columns["ctrl/bend_m"].copy()
         u[150:290] = u[150]
         return with_columns(r, {"ctrl/bend_m": u})
+
+    def never(r: Recording) -> Recording:
+        return with_columns(r, {"ctrl/bend_m": np.full(len(r), r.columns["ctrl/bend_m"][0])})
+
+    def clipped_command(r: Recording) -> Recording:
+        u = r.columns["ctrl/bend_m"]
+        return with_columns(r, {"ctrl/bend_m": np.clip(u, *np.quantile(u, [0.15, 0.85]))})
 
     def rounded(r: Recording) -> Recording:
         return with_columns(r, {"qpos/lift": np.round(r.columns["qpos/lift"] / 0.05) * 0.05})
@@ -301,7 +325,7 @@ def _encoders() -> list[Fault]:
     found += [
         Fault(f"zero-{name}-{joint}", name, _shifted(f"qpos/{joint}", by), ("encoder_zero",),
               frozenset({f"qpos/{joint}"}), seed=12)
-        for name, joint, by in (("planar_torque", "hip", math.pi),
+        for name, joint, by in (("planar_torque", "hip", math.pi), ("arm4_torque", "bend", 1.5708),
                                 ("arm4_torque", "lift", -math.pi / 2),
                                 ("arm4", "yaw", 0.8), ("planar", "knee", math.pi / 2),
                                 ("planar", "hip", math.pi), ("arm4", "lift", math.pi))
@@ -309,6 +333,9 @@ def _encoders() -> list[Fault]:
     return [
         *found,
         Fault("frozen-arm4-lift", "arm4", frozen, ("frozen",), frozenset({"qpos/lift"})),
+        Fault("frozen-velocity-arm4-lift", "arm4", frozen_velocity, ("frozen",),
+              frozenset({"qvel/lift"})),
+        Fault("silent-arm4-bend", "arm4_torque", silent, ("frozen",), frozenset({"qpos/bend"})),
         Fault("repeated", "planar", repeated, ("samples_repeated",), everything),
         Fault("repeated-arm4-bend", "arm4", repeated_joint, ("samples_repeated",),
               frozenset({"qpos/bend", "qvel/bend"})),
@@ -316,6 +343,9 @@ def _encoders() -> list[Fault]:
         Fault("clipped-arm4-yaw", "arm4", clipped, ("clipped",), frozenset({"qpos/yaw"})),
         Fault("clipped-velocity-arm4-lift", "arm4", clipped_velocity, ("clipped",),
               frozenset({"qvel/lift"})),
+        Fault("never-arm4-bend", "arm4", never, ("frozen",), frozenset({"ctrl/bend_m"})),
+        Fault("clipped-command-arm4-bend", "arm4", clipped_command, ("clipped",),
+              frozenset({"ctrl/bend_m"})),
         Fault("rounded-arm4-lift", "arm4", rounded, ("quantization",), frozenset({"qpos/lift"})),
     ]  # fmt: skip
 

@@ -13,6 +13,7 @@ import pytest
 
 from tests.check.faults import FAULTS, both
 from tests.check.machines import MACHINES, Fault, record, with_columns, write_model
+from tests.physics import stool
 from wt.check.run import Checked, check
 from wt.physics.scene import Scene
 from wt.types import Recording
@@ -79,6 +80,32 @@ def test_two_faults_are_said(pair: tuple[str, str], scenes: dict[str, Scene]) ->
     assert found == {(f.kinds[0], f.columns) for f in (one, other)}
 
 
+def test_a_factor_is_fitted_behind_a_sign(scenes: dict[str, Scene]) -> None:
+    """Beside a sign a factor of 7.3 fits no better than one of 163: the sign is undone first."""
+    r = record("arm4_torque", 0)
+    back, scaled = (
+        {f"{kind}/{joint}": factor * r.columns[f"{kind}/{joint}"] for kind in ("qpos", "qvel")}
+        for joint, factor in (("lift", -1.0), ("bend", 7.3))
+    )
+    checked = check(scenes["arm4_torque"], with_columns(r, back | scaled))
+    assert said(checked) == {
+        ("encoder_sign", frozenset(back)),
+        ("position_scale", frozenset(scaled)),
+    }
+    assert checked.recording is not None
+    for name in (*back, *scaled):
+        np.testing.assert_allclose(
+            checked.recording.columns[name], r.columns[name], rtol=0.02, atol=0.02
+        )
+
+
+def test_a_leap_of_about_one_is_no_turn() -> None:
+    """What goes on after a leap as it went on before went round; this did not."""
+    t = np.arange(400) / 100
+    column = np.where(t < 2.0, -0.45 + 0.02 * np.sin(t), 0.45 + 0.02 * np.sin(t))
+    assert not check(None, Recording(t, {"ctrl/a": column, "qpos/a": 0.2 * np.sin(t)})).findings
+
+
 def test_the_rate_of_a_controller_is_not_guessed(checked: Callable[[Fault], Checked]) -> None:
     """Half a sample of lead tells that it is another one, and hardly which."""
     slow = next(f for f in FAULTS if f.id == "slow-log-arm4")
@@ -123,3 +150,17 @@ def turned(xml: str) -> Recording:
         d.ctrl[:] = u[k]
         mujoco.mj_step(m, d, 10)
     return Recording(t, {"qpos/hinge": q, "ctrl/hinge_m": u})
+
+
+def test_limits_tell_an_encoder_from_a_command(tmp_path: Path) -> None:
+    """A base that floats leaves a servo's law alone, in which the command may be wrong as well."""
+    path, given = stool.scene(tmp_path).path, stool.recording(1, seconds=5.0)
+    names = ("qpos/rear_knee", "qvel/rear_knee")
+    q = given.columns[names[0]]
+    spec = mujoco.MjSpec.from_file(str(path))
+    joint = spec.joint("rear_knee")
+    joint.limited, joint.range = True, [q.min() - 0.1, q.max() + 0.1]
+    path.write_text(spec.to_xml())
+    scaled = {name: 7.3 * given.columns[name] for name in names}
+    (found,) = check(Scene(path), with_columns(given, scaled)).findings
+    assert (found.kind, found.columns) == ("position_scale", names)

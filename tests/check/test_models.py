@@ -91,13 +91,14 @@ def test_limits_in_degrees_are_no_unit_of_the_log(tmp_path: Path) -> None:
     assert kinds(xml, tmp_path, record("arm4", 44)) == ["joint_limit"]
 
 
-def stiffer(factor: float, *joints: str) -> str:
-    """The arm with other gains of some servos, or of all."""
+def stiffer(factor: float, *joints: str, damping: bool = True) -> str:
+    """The arm with other gains of some servos, or of all; ``damping`` too, or kp alone."""
 
     def scaled(found: re.Match[str]) -> str:
         if joints and found[1] not in joints:
             return found[0]
         kp, kv = (factor * float(x) for x in found.groups()[1:])
+        kv = kv if damping else float(found[3])
         return f'joint="{found[1]}" kp="{kp:.8g}" kv="{kv:.8g}"'
 
     return re.sub(r'joint="(\w+)" kp="([.0-9]+)" kv="([.0-9]+)"', scaled, MACHINES["arm4"].xml)
@@ -120,7 +121,25 @@ def test_gains_in_another_unit(factor: float, tmp_path: Path) -> None:
     np.testing.assert_allclose(mended.actuator_biasprm, right.actuator_biasprm, rtol=1e-4)
 
 
-@pytest.mark.parametrize(("factor", "joints"), [(2.0, ()), (5.0, ()), (57.29578, ("bend",))])
+@pytest.mark.parametrize(
+    ("factor", "damping"),
+    [(5.0, True), (0.2, True), (16.0, True), (90.0, True), (5.0, False), (90.0, False)],
+)
+def test_gains_of_no_unit(factor: float, damping: bool, tmp_path: Path) -> None:
+    """Any factor that all servos share; where kp alone has it, kv stays."""
+    path = tmp_path / "m.xml"
+    path.write_text(stiffer(factor, damping=damping))
+    (found,) = [f for f in check(Scene(path), record("arm4", 48)).findings if f.kind[:5] != "model"]
+    assert (found.kind, found.sure) == ("gain_unit", True)
+    assert found.model_change is not None
+    spec = mujoco.MjSpec.from_file(str(path))
+    found.model_change(spec)
+    right, mended = mujoco.MjModel.from_xml_string(MACHINES["arm4"].xml), spec.compile()
+    np.testing.assert_allclose(mended.actuator_gainprm, right.actuator_gainprm, rtol=0.08)
+    np.testing.assert_allclose(mended.actuator_biasprm, right.actuator_biasprm, rtol=0.08)
+
+
+@pytest.mark.parametrize(("factor", "joints"), [(2.0, ()), (5.0, ("bend",)), (57.3, ("bend",))])
 def test_other_gains_are_physics(factor: float, joints: tuple[str, ...], tmp_path: Path) -> None:
     found = kinds(stiffer(factor, *joints), tmp_path, record("arm4", 48))
     assert set(found) <= {"model_explodes"}

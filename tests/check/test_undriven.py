@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
@@ -19,6 +20,7 @@ damping="1e-4"/><geom type="capsule" fromto="0 0 0 0 0 -.8" size=".02" mass=".15
 <geom type="sphere" size=".03" pos="0 0 -{at}" mass="{load}"/></body></body></worldbody>
 <actuator><motor name="push" joint="rail" gear="5"/></actuator></mujoco>"""
 RATE, NOISE = 100, 1e-4
+Change = Callable[[np.ndarray], np.ndarray]
 
 
 def model(cart: float = 0.8, load: float = 1e-6, at: float = 0.7) -> str:
@@ -62,3 +64,58 @@ def test_a_unit_of_the_cart_is_one(scene: Scene, seed: int) -> None:
     (found,) = check(scene, Recording(recording.t, columns)).findings
     assert found.kind == "position_unit"
     assert "mm" in found.evidence
+
+
+@pytest.mark.parametrize(
+    ("kind", "change"),
+    [
+        ("encoder_sign", lambda q: -q),
+        ("position_unit", np.degrees),
+        ("encoder_zero", lambda q: q + np.pi),
+        ("encoder_zero", lambda q: q - np.pi / 2.0),
+    ],
+)
+def test_a_pole_that_nothing_drives(scene: Scene, kind: str, change: Change) -> None:
+    recording = recorded(model(), 0)
+    columns = recording.columns | {"qpos/swing": change(recording.columns["qpos/swing"])}
+    checked = check(scene, Recording(recording.t, columns))
+    (found,) = checked.findings
+    assert (found.kind, found.columns, found.sure) == (kind, ("qpos/swing",), True)
+    assert checked.recording is not None
+    right = recording.columns["qpos/swing"]
+    np.testing.assert_allclose(checked.recording.columns["qpos/swing"], right, atol=1e-4)
+
+
+PENDULUM = """<mujoco><option timestep=".001"/><worldbody><body><joint name="swing" axis="0 1 0"/>
+<geom type="capsule" fromto="0 0 0 0 0 -.6" size=".02" mass=".8"/></body></worldbody></mujoco>"""
+
+
+def swing(xml: str) -> Recording:
+    """A pendulum that is let go."""
+    m = mujoco.MjModel.from_xml_string(xml)
+    d, q = mujoco.MjData(m), np.empty(800)
+    d.qpos[0] = 1.3
+    for k in range(len(q)):
+        q[k] = d.qpos[0]
+        mujoco.mj_step(m, d, 10)
+    q += NOISE * np.random.default_rng(0).standard_normal(len(q))
+    return Recording(np.arange(len(q)) / RATE, {"qpos/swing": q})
+
+
+def test_a_free_pendulum_in_degrees(tmp_path: Path) -> None:
+    (tmp_path / "m.xml").write_text(PENDULUM)
+    given = swing(PENDULUM)
+    degrees = Recording(given.t, {"qpos/swing": np.degrees(given.columns["qpos/swing"])})
+    (found,) = check(Scene(tmp_path / "m.xml"), degrees).findings
+    assert (found.kind, found.columns) == ("position_unit", ("qpos/swing",))
+    assert "degrees" in found.evidence
+
+
+@pytest.mark.parametrize(
+    "joint",
+    ['damping=".3"', 'frictionloss=".3"', 'stiffness="3"', 'armature=".2"', 'stiffness="-1.5"'],
+)
+def test_what_a_free_pendulum_lacks_is_no_fault(joint: str, tmp_path: Path) -> None:
+    (tmp_path / "m.xml").write_text(PENDULUM)
+    robot = PENDULUM.replace('axis="0 1 0"', f'axis="0 1 0" {joint}')
+    assert not check(Scene(tmp_path / "m.xml"), swing(robot)).findings

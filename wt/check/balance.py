@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import mujoco
@@ -30,6 +30,7 @@ _ROTOR = 30.0  # of the inertia that a joint feels
 _SLOW = 0.03  # of the usual speed: where friction changes its sign
 _UPSET = 2.0  # of a mean square force
 _STILL = 1e-6
+_BEYOND, _ENDS = 0.15, (0.02, 0.98)  # of a joint's range past its limits; of the time
 _AT_STOP, _RESTS = 0.02, 0.5  # of a joint's range, from its end; share of the time spent there
 _DIRECT = (int(mujoco.mjtDyn.mjDYN_NONE), int(mujoco.mjtDyn.mjDYN_FILTER),
            int(mujoco.mjtDyn.mjDYN_FILTEREXACT))  # fmt: skip
@@ -123,12 +124,20 @@ class Balance:
         self._keys: dict[tuple[Edit, ...], tuple[int, ...]] = {}
         self._known: dict[tuple[object, ...], _Fit] = {}
         self._felt = self._inertia()
+        self._swept = np.quantile(signals.q, _ENDS, axis=0)
         self.idle = self._undriven(held) if self.dynamic else ()
 
     def on(self, signals: Signals) -> Balance:
         """The same motion under other commands."""
         other = copy.copy(self)
         other.signals, other._known = signals, {}
+        return other
+
+    def undone(self, edits: Sequence[Edit]) -> Balance:
+        """The same recording after edits."""
+        (u, du), (q, v, a) = self._sent(edits), self._moved(edits)
+        other = self.on(replace(self.signals, q=q, v=v, a=a, u=u, du=du))
+        other._demands, other._keys, other._swept = {}, {}, np.quantile(q, _ENDS, axis=0)
         return other
 
     def joint(self, dof: int) -> str:
@@ -161,6 +170,16 @@ class Balance:
         """
         return np.array([f.left / max(f.forced, 1e-18) for f in self._fits(edits, gains=gains)])
 
+    def beyond(self, edits: Sequence[Edit] = ()) -> int:
+        """How many joints are far beyond the limits that the model gives them, after edits."""
+        places = {e.index: e for e in edits if e.group == "q"}
+        m, count = self.scene.model, 0
+        for i in map(int, np.flatnonzero(m.jnt_limited[m.dof_jntid] & self.signals.measured)):
+            (low, high), e = m.jnt_range[m.dof_jntid[i]], places.get(i, Edit("q", i, i))
+            ends = e.factor * self._swept[:, e.source] + e.offset
+            count += max(low - ends.min(), ends.max() - high) > _BEYOND * (high - low)
+        return int(count)
+
     def misfit(self, edits: Sequence[Edit] = ()) -> float:
         """The same of all drives, as a mean logarithm."""
         return float(np.log(self.unexplained_forces(edits) + 1e-6).mean()) if self.rows else 0.0
@@ -169,11 +188,33 @@ class Balance:
         """Gain of the model's over that of each drive which fits best, however far from one."""
         return np.array([fit.gain for fit in self._fits(edits, gains=(0.0, np.inf))])
 
+    def plain(self) -> Float[np.ndarray, "row 2"]:
+        """Each drive's gain, and the damping that it lacks, where nothing else may adapt.
+
+        Gains as in :meth:`gains`, but nearer to what all drives share: dry friction, rotors and
+        delays take a part of a gain that little else tells. Damping is at the model's gain
+        [N·m·s/rad or N·s/m].
+        """
+        s, found = self.signals, []
+        demand = self._demand(())
+        for row in self.rows:
+            i, drive = row.drive.dof, row.drive
+            force = row.scale * np.clip(s.u[:, drive.index], *drive.commands)
+            force += drive.gear**2 * (drive.bias[1] * s.q[:, i] + drive.bias[2] * s.v[:, i])
+            columns = np.stack([demand[:, i], s.v[:, i], np.ones(len(force))], axis=1)
+            found.append(np.linalg.lstsq(columns, force)[0][:2])
+        return np.array(found).reshape(-1, 2)
+
     def upset(self, edits: Sequence[Edit], before: Sequence[Edit]) -> bool:
         """Tell whether edits put what no drive moves out of balance, compared with others."""
         return any(
             self._idle_left(i, edits) > _UPSET * self._idle_left(i, before) for i in self.idle
         )
+
+    def unheld(self, i: int, edits: Sequence[Edit] = ()) -> float:
+        """Share of the force of a joint's inertia that comes from nowhere, where none drives it."""
+        force = self._felt[i] * self._moved(edits)[2][:, i]
+        return self._idle_left(i, edits) / max(float(np.mean(force**2)), _STILL**4)
 
     def _idle_left(self, i: int, edits: Sequence[Edit]) -> float:
         """Mean square force that friction and a rotor leave to nobody."""
@@ -234,17 +275,22 @@ class Balance:
 
         missing = [row for row in self.rows if key(row) not in self._known]
         if missing:
-            s = self.signals
-            u, du = s.u.copy(), s.du.copy()
-            for e in edits:
-                if e.group == "u":
-                    u[:, e.index] = e.factor * s.u[:, e.source] + e.offset
-                    du[:, e.index] = e.factor * s.du[:, e.source]
-            (q, v, a), demand = self._moved(edits), self._demand(edits)
+            (u, du), (q, v, a) = self._sent(edits), self._moved(edits)
+            demand = self._demand(edits)
             for row in missing:
                 fit = self._fit(row, q, v, a, u, du, demand, lenient, sprung, gains)
                 self._known[key(row)] = fit
         return [self._known[key(row)] for row in self.rows]
+
+    def _sent(self, edits: Sequence[Edit]) -> tuple[Float[np.ndarray, "row actuator"], ...]:
+        """Commands and their slopes after edits."""
+        s = self.signals
+        u, du = s.u.copy(), s.du.copy()
+        for e in edits:
+            if e.group == "u":
+                u[:, e.index] = e.factor * s.u[:, e.source] + e.offset
+                du[:, e.index] = e.factor * s.du[:, e.source]
+        return u, du
 
     def _moved(self, edits: Sequence[Edit]) -> tuple[Float[np.ndarray, "row dof"], ...]:
         """Positions, velocities and accelerations after edits."""

@@ -4,12 +4,14 @@ A suspect is kept if the model explains at least one command with it that it can
 without, and by a wide margin. Each step takes the suspect after which least is left; at the end
 each has to be missed when it is taken back alone, and to leave in balance what no drive moves: a
 cart whose pole carries an unknown load has no encoder in other units. So two faults are found where
-each alone would leave the other one's error, and none where the model merely lacks physics.
+each alone would leave the other one's error, and none where the model merely lacks physics. A
+factor that was fitted beside the other one's error is wrong: what is suspected is listed anew
+behind what was found, and takes the place of a suspect of the same channels that explains less.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +25,11 @@ from wt.types import Recording
 
 WRONG = 0.08
 """Share of a command left unexplained above which something may be mixed up."""
+FAINT = 0.004
+"""… above which something is mixed up if two drives say so :data:`OVERWHELMING`."""
+OVERWHELMING = 25.0
+"""Where less than :data:`WRONG` is left of a suspect's own command, it has to divide that and what
+is left of another drive's by so much: no physics is missed so exactly."""
 DECISIVE = 5.0
 """A suspect has to divide what is left of some command by so much."""
 RIGHT = 0.3
@@ -32,6 +39,8 @@ STEP = 0.7
 AMBIGUOUS = 0.7
 """Confidence where something else would explain as much."""
 _ALIKE = 0.5  # … by which two suspects cannot be told apart
+_BEYOND = 1.0  # of the logarithm of what is left: what a joint beyond its limits counts
+_REFITTED = 0.05  # of a factor, by which two fits of it may differ
 _FLOOR = 1e-5
 _MOST = 6
 
@@ -40,6 +49,7 @@ _MOST = 6
 class _State:
     suspects: tuple[Suspect, ...]
     left: Float[np.ndarray, " row"]
+    beyond: int
 
     @property
     def edits(self) -> tuple[Edit, ...]:
@@ -47,7 +57,8 @@ class _State:
 
     @property
     def total(self) -> float:
-        return total(self.left)
+        """What is left, and where the joints are not: of two that explain it one may be there."""
+        return total(self.left) + _BEYOND * self.beyond
 
 
 def total(left: Float[np.ndarray, " row"]) -> float:
@@ -55,23 +66,71 @@ def total(left: Float[np.ndarray, " row"]) -> float:
     return float(np.log(left + _FLOOR).sum())
 
 
-def search(balance: Balance, suspects: Sequence[Suspect]) -> list[tuple[Suspect, str, float]]:
+Listing = Callable[[Balance], Sequence[Suspect]]
+"""Lists what is suspected of a recording."""
+
+
+def search(balance: Balance, suspected: Listing) -> list[tuple[Suspect, str, float]]:
     """The suspects without which the model cannot explain the commands.
+
+    Args:
+        balance: of the recording.
+        suspected: lists what is suspected, of it and of the same with something undone.
 
     Returns:
         Each with the evidence for it, and a confidence.
     """
-    state = _State((), balance.unexplained())
-    if (state.left > WRONG).any():
-        sprung = balance.unexplained(sprung=True)
-        suspects = [s for s in suspects if not _looks_sprung(balance, s, sprung)]
-    while len(state.suspects) < _MOST and (state.left > WRONG).any():
+    state, suspected = _with_all(balance, ()), _unsprung(suspected)
+    suspects = suspected(balance)
+    known = list(suspects)
+    while len(state.suspects) < _MOST and (state.left > FAINT).any():
+        if state.suspects:
+            suspects = _listed(balance, state, suspected)
+            known += suspects
         trials = [_with(balance, state, s) for s in suspects if _apart(state, s)]
         best = _named(trials, min(trials, key=lambda trial: trial.total, default=state))
         if best.total > state.total - STEP:
             break
         state = best
-    return _needed(balance, state, suspects)
+    state, others = _reconsidered(balance, state, suspected)
+    while True:
+        needed = _needed(balance, state, [*known, *others])
+        if len(needed) == len(state.suspects):
+            return needed
+        # what was found beside one that is none has to be needed without it
+        state = _with_all(balance, tuple(suspect for suspect, _, _ in needed))
+
+
+def _reconsidered(
+    balance: Balance, state: _State, suspected: Listing
+) -> tuple[_State, list[Suspect]]:
+    """Each suspect, or what explains more of the same channels beside the others; and those."""
+    known: list[Suspect] = []
+    for i in range(len(state.suspects) if len(state.suspects) > 1 else 0):
+        own, rest = state.suspects[i], _without(balance, state, i)
+        channels = _channels(own)
+        listed = [s for s in _listed(balance, rest, suspected) if _channels(s) == channels]
+        trials = [_with(balance, rest, s) for s in listed]
+        best = _named(trials, min(trials, key=lambda trial: trial.total, default=state))
+        known += listed
+        if best.total < state.total - STEP:
+            *others, new = best.suspects
+            state = replace(best, suspects=(*others[:i], new, *others[i:]))
+    return state, known
+
+
+def _listed(balance: Balance, state: _State, suspected: Listing) -> list[Suspect]:
+    """What is suspected beside a state."""
+    return [s for s in suspected(balance.undone(state.edits)) if _apart(state, s)]
+
+
+def _without(balance: Balance, state: _State, i: int) -> _State:
+    """A state without one of its suspects."""
+    return _with_all(balance, state.suspects[:i] + state.suspects[i + 1 :])
+
+
+def _channels(suspect: Suspect) -> frozenset[tuple[str, int]]:
+    return frozenset((e.group, e.index) for e in suspect.edits)
 
 
 def _named(trials: Sequence[_State], best: _State) -> _State:
@@ -87,9 +146,25 @@ def _named(trials: Sequence[_State], best: _State) -> _State:
 
 
 def _with(balance: Balance, state: _State, suspect: Suspect) -> _State:
-    chosen = (*state.suspects, suspect)
-    edits = tuple(e for s in chosen for e in s.edits)
-    return _State(chosen, balance.unexplained(edits))
+    return _with_all(balance, (*state.suspects, suspect))
+
+
+def _with_all(balance: Balance, suspects: tuple[Suspect, ...]) -> _State:
+    edits = tuple(e for s in suspects for e in s.edits)
+    return _State(suspects, balance.unexplained(edits), balance.beyond(edits))
+
+
+def _unsprung(suspected: Listing) -> Listing:
+    """A listing without what a spring explains about as well."""
+
+    def listed(balance: Balance) -> list[Suspect]:
+        suspects = list(suspected(balance))
+        if not suspects or not (balance.unexplained() > WRONG).any():
+            return suspects
+        sprung = balance.unexplained(sprung=True)
+        return [s for s in suspects if not _looks_sprung(balance, s, sprung)]
+
+    return listed
 
 
 def _looks_sprung(balance: Balance, suspect: Suspect, sprung: Float[np.ndarray, " row"]) -> bool:
@@ -120,12 +195,14 @@ def _needed(
     """Those of a state that are missed when each alone is taken back."""
     removable: list[tuple[Suspect, str, float]] = []
     for i, suspect in enumerate(state.suspects):
-        rest = replace(state, suspects=state.suspects[:i] + state.suspects[i + 1 :])
-        without = balance.unexplained(rest.edits)
+        rest = _without(balance, state, i)
+        without = rest.left
         ratio = without / np.maximum(state.left, 1e-9)
-        proven = (
-            _own(balance, suspect) & (ratio > DECISIVE) & (without > WRONG) & (state.left < RIGHT)
-        )
+        own = _own(balance, suspect)
+        proven = own & (ratio > DECISIVE) & (without > WRONG) & (state.left < RIGHT)
+        if not proven.any():
+            clear = (ratio > OVERWHELMING) & (without > FAINT)
+            proven = clear & bool((clear & own).any() and clear.sum() > 1)
         if not proven.any() or balance.upset(state.edits, rest.edits):
             continue
         row = int(np.argmax(np.where(proven, ratio, 0.0)))
@@ -153,13 +230,23 @@ def _others(
     """What would explain as much as a suspect: of each set of channels that which does most."""
     best: dict[frozenset[tuple[str, int]], tuple[float, str]] = {}
     for other in suspects:
-        if other is suspect or not _apart(rest, other):
+        if _same(other, suspect) or not _apart(rest, other):
             continue
         total = _with(balance, rest, other).total
-        channels = frozenset((e.group, e.index) for e in other.edits)
+        channels = _channels(other)
         if total < min(state.total + _ALIKE, best.get(channels, (np.inf, ""))[0]):
             best[channels] = total, other.evidence
     return [evidence for _, evidence in best.values()]
+
+
+def _same(one: Suspect, other: Suspect) -> bool:
+    """Tell whether two suspects are one, listed twice: a factor is then fitted anew."""
+    return (one.kind, len(one.edits)) == (other.kind, len(other.edits)) and all(
+        (a.group, a.index, a.source) == (b.group, b.index, b.source)
+        and abs(a.factor / b.factor - 1.0) < _REFITTED
+        and abs(a.offset - b.offset) <= _REFITTED * abs(a.offset)
+        for a, b in zip(one.edits, other.edits, strict=True)
+    )
 
 
 def _own(balance: Balance, suspect: Suspect) -> Bool[np.ndarray, " row"]:
@@ -175,7 +262,7 @@ def _percent(share: float) -> str:
     return f"{100 * share:.0f} %" if share > 0.005 else "nothing"
 
 
-def found(subject: Subject, suspects: Sequence[Suspect]) -> list[AuditFinding]:
+def found(subject: Subject, suspected: Listing) -> list[AuditFinding]:
     """The findings of a search on a recording."""
     balance, recording = subject.balance, subject.recording
     if balance is None or recording is None:
@@ -190,7 +277,7 @@ def found(subject: Subject, suspects: Sequence[Suspect]) -> list[AuditFinding]:
             confidence,
             change=Undone(balance, suspect.edits),
         )
-        for suspect, said, confidence in search(balance, suspects)
+        for suspect, said, confidence in search(balance, suspected)
     ]
 
 

@@ -6,7 +6,8 @@ import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from wt.check.audit import STAGES, Audit, ChannelAudit, Subject, audits
+from wt.check.audit import STAGES, Audit, ChannelAudit, Subject, Suspect, audits
+from wt.check.balance import Balance
 from wt.check.channels import found
 from wt.check.finding import AuditFinding, amendments
 from wt.physics.quiet import quiet
@@ -40,18 +41,19 @@ def check(scene: Scene | None, recording: Recording | None) -> Checked:
     known = audits()
     for stage in STAGES:
         new: list[AuditFinding] = []
-        if stage == "channel" and subject.balance is not None:
-            balance = subject.balance
-            suspects = [
-                s for a in known if isinstance(a, ChannelAudit) for s in a.suspects(balance)
-            ]
-            new = found(subject, suspects)
+        if stage == "channel":
+            new = found(subject, _suspected)
         for audit in known:
             if isinstance(audit, Audit) and audit.stage == stage:
                 new += audit.findings(subject)
         subject = _mended(subject, new)
         findings += new
     return Checked(tuple(findings), subject.recording)
+
+
+def _suspected(balance: Balance) -> list[Suspect]:
+    """Every mix-up of columns that may have happened."""
+    return [s for a in audits() if isinstance(a, ChannelAudit) for s in a.suspects(balance)]
 
 
 def _mended(subject: Subject, findings: Sequence[AuditFinding]) -> Subject:

@@ -104,6 +104,31 @@ def test_an_array_of_numbers_alone(tmp_path: Path, arm: mujoco.MjModel) -> None:
     assert "told by the motion alone" in said
 
 
+COUNTED = """<mujoco><worldbody><body><joint name="my_joint1"/><geom size=".1"/>
+<body><joint name="my_joint2"/><geom size=".1"/><body><joint name="my_joint3"/><geom size=".1"/>
+<body><joint name="my_finger_joint1"/><geom size=".1"/></body></body></body></body></worldbody>
+<actuator><position name="a1" joint="my_joint1"/><position name="a2" joint="my_joint2"/>
+<position name="a3" joint="my_joint3"/></actuator></mujoco>"""
+
+
+def test_a_log_that_counts_from_zero(tmp_path: Path) -> None:
+    """Numbers of a log are places in an array; those of a model are names."""
+    t = np.arange(300) / 100.0
+    names = [f"{kind}_{i}" for i in range(3) for kind in ("actual_q", "actual_qd", "target_q")]
+    columns = {}
+    for i in range(3):
+        q = np.sin((1.0 + i) * t)
+        columns |= dict(zip(names[3 * i :], (q, np.gradient(q, t), q + 0.01), strict=False))
+    path = tmp_path / "log.csv"
+    pd.DataFrame({"timestamp": t} | columns).to_csv(path, index=False)
+    proposal = propose(path, mujoco.MjModel.from_xml_string(COUNTED))
+    said = {column: entry["column"] for column, entry in proposal.mapping["columns"].items()}
+    for i in range(3):
+        assert said[f"qpos/my_joint{i + 1}"] == f"actual_q_{i}"
+        assert said[f"ctrl/a{i + 1}"] == f"target_q_{i}"
+    assert any("counts from 0" in doubt for doubt in proposal.doubts)
+
+
 def test_a_servo_without_speeds_is_told_by_what_it_follows(tmp_path: Path) -> None:
     volts = np.cos(40.0 * T)  # neither follows nor leads
     table = np.stack([T, volts, U[:, 0], Q[:, 0]], axis=1)

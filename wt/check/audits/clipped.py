@@ -1,4 +1,4 @@
-"""Measurements cut off at the end of a range, while the joint goes on."""
+"""Measurements, or a servo's commands, cut off at the end of a range, while the joint goes on."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from wt.check.audit import Stage, Subject, register
+from wt.check.balance import Balance
+from wt.check.channels import DECISIVE, WRONG
 from wt.check.finding import AuditFinding
-from wt.check.signals import has, step_of
+from wt.check.signals import Signals, has, step_of
 from wt.check.velocity import related
 from wt.data.recording import coordinate
 from wt.types import Recording
@@ -21,13 +23,15 @@ _RUN = 5
 _FAST = 0.3  # of the usual slope: what the other quantity says meanwhile
 _BEYOND = 1.1  # of a velocity's end: what the position's slope is then
 _TURNING = 2.0  # steps of an encoder, within which a motion may turn round
+_MOST = 0.5  # of a command's samples, that may be cut off for the rest to say something
+_PAST = 0.1  # of a position's deviation, that it goes beyond a command that was cut off
 _ALIKE = 0.9  # correlation of both, apart from what is clipped
 _OTHER = {"qpos": "qvel", "qvel": "qpos"}
 
 
 @register
 class Clipped:
-    """A position or velocity that stays at exactly its largest value while the joint moves on."""
+    """A column that stays at exactly its largest value while the joint moves on."""
 
     kinds: ClassVar[tuple[str, ...]] = ("clipped",)
     stage: ClassVar[Stage] = "range"
@@ -55,6 +59,50 @@ class Clipped:
                 "widen the range of the sensor or of the log; clipped samples are missing ones",
                 change=_Missing(name, ends),
             )
+        balance = subject.balance
+        if balance is not None and (balance.unexplained() > WRONG).any():
+            yield from _commands(balance, recording)
+
+
+def _commands(balance: Balance, recording: Recording) -> Iterable[AuditFinding]:
+    """Commands of servos that were cut off by the log: their joints go further than they say.
+
+    A stop, or a drive at its limit, holds a joint back instead.
+    """
+    for row, given in zip(balance.rows, balance.unexplained(), strict=True):
+        drive, name = row.drive, f"ctrl/{row.drive.name}"
+        command, position = recording.columns[name], recording.columns[f"qpos/{drive.joint}"]
+        ends = _ends(command) if drive.servo and given > WRONG else []
+        if np.isin(command, ends).mean() > _MOST:
+            continue
+        told = drive.gear * drive.gain * command / (abs(drive.bias[1]) * drive.gear**2 or np.inf)
+        beyond = np.zeros(0)
+        for end in ends:
+            past = np.sign(end - np.nanmedian(command)) * (position - told)[command == end]
+            beyond = np.append(beyond, past)
+        if not ends or not np.nanquantile(beyond, 0.9) > _PAST * np.nanstd(position):
+            continue
+        cut = _Without(name, ends)
+        signals = Signals.of(balance.scene, cut(recording))
+        if signals is None:
+            continue
+        other = Balance(balance.scene, signals)
+        left = dict(zip((r.drive for r in other.rows), other.unexplained(), strict=True))
+        if left.get(drive, np.inf) * DECISIVE > given:
+            continue
+        said = " and ".join(f"{end:.4g}" for end in ends)
+        yield AuditFinding(
+            "clipped",
+            (name,),
+            (f"actuator {drive.name}",),
+            f"'{name}' stays at exactly {said} for {np.isin(command, ends).sum()} samples, and "
+            f"'qpos/{drive.joint}' goes on: apart from them the motion explains "
+            f"{100.0 * (1.0 - left[drive]):.0f} % of it, and with them "
+            f"{100.0 * max(0.0, 1.0 - given):.0f} %",
+            "widen the range of the log; what was sent then is not known",
+            0.9,
+            change=cut,
+        )
 
 
 def _ends(column: Float[np.ndarray, " sample"]) -> list[float]:
@@ -79,6 +127,8 @@ def _moves(recording: Recording, joint: str, group: str, at: Bool[np.ndarray, " 
         return False
     if group == "qpos":
         v = recording.columns[f"qvel/{joint}"]
+        if not np.isfinite(v[at]).any():
+            return False
         travel = _travel(v / relation.factor, recording.t, at)
         return bool(
             np.nanmean(np.abs(v[at])) > _FAST * np.nanstd(v)
@@ -86,7 +136,8 @@ def _moves(recording: Recording, joint: str, group: str, at: Bool[np.ndarray, " 
         )
     slope = relation.factor * np.gradient(recording.columns[f"qpos/{joint}"], recording.t)
     end = np.maximum(np.abs(recording.columns[name]), _FAST * np.nanstd(slope))
-    return bool(np.nanmedian(np.abs(slope[at]) / end[at]) > _BEYOND)
+    past = np.abs(slope[at]) / end[at]
+    return bool(np.isfinite(past).any() and np.nanmedian(past) > _BEYOND)
 
 
 def _travel(
@@ -98,6 +149,19 @@ def _travel(
     way = np.cumsum(np.nan_to_num(v) * np.gradient(t))
     runs = np.split(way, np.flatnonzero(np.diff(at.astype(int))) + 1)
     return max(float(np.ptp(run)) for run in runs[0 if at[0] else 1 :: 2])
+
+
+@dataclass(frozen=True, eq=False)
+class _Without:
+    """Leaves out the samples at which a column has some values."""
+
+    name: str
+    values: Sequence[float]
+
+    def __call__(self, recording: Recording) -> Recording:
+        keep = ~np.isin(recording.columns[self.name], self.values)
+        columns = {n: c[keep] for n, c in recording.columns.items()}
+        return replace(recording, t=recording.t[keep], columns=columns)
 
 
 @dataclass(frozen=True, eq=False)

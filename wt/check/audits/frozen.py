@@ -18,7 +18,9 @@ from wt.types import Recording
 
 _SWEPT = 0.3  # rad or m that a command sweeps while its joint's column stands still
 _LONG_S = 1.0
+_PUSHED = 3.0  # times all that a motion takes: no load is so large
 _LEAP = 2.0  # times the largest of a command's other steps
+_LEAPT = 0.05  # rad or m
 _RESTING = 0.2  # of a command's samples, that may repeat the one before
 _TRAVEL = 0.2  # rad or m that a velocity integrates to
 _REPEATED, _QUANTA = 0.3, 4.0
@@ -47,6 +49,7 @@ class Frozen:
         for drive in subject.scene.drives if subject.scene else ():
             if drive.servo:
                 yield from _command(recording, drive)
+                yield from _never(subject, recording, drive)
         yield from _repeats(recording)
 
 
@@ -63,6 +66,9 @@ def _position(subject: Subject, recording: Recording, name: str) -> Iterable[Aud
         travel = float(np.ptp(np.cumsum(run[:-1] * np.diff(t[start : end + 1]))))
         if travel > _TRAVEL and np.std(run) > 0.0:
             evidence = f"'qvel/{joint}' integrates to {travel:.3g} meanwhile"
+    leap = _leap(recording.columns[name], start, end)
+    if leap > _LEAPT:
+        evidence = f"then leaps by {leap:.3g}"
     for drive in subject.scene.drives if subject.scene else ():
         command = recording.columns.get(f"ctrl/{drive.name}")
         throughout = end - start > 0.98 * len(t)
@@ -86,7 +92,9 @@ def _velocity(recording: Recording, name: str) -> Iterable[AuditFinding]:
     """A velocity that is constant although the position moves."""
     position = recording.columns.get(name.replace("qvel/", "qpos/"))
     velocity = recording.columns[name]
-    if position is None or not np.isfinite(position).any() or np.nanstd(velocity) > 0.0:
+    if position is None or not np.isfinite(position).any() or not np.isfinite(velocity).any():
+        return
+    if np.nanmax(velocity) > np.nanmin(velocity):  # a deviation of equal numbers may round to > 0
         return
     travel = float(np.nanmax(position) - np.nanmin(position))
     if travel < _TRAVEL:
@@ -111,26 +119,58 @@ def _command(recording: Recording, drive: Drive) -> Iterable[AuditFinding]:
     if command is None or position is None:
         return
     start, end = _longest(command)
-    if end - start < 12 or t[end] - t[start] < _LONG_S or end + 1 >= len(command):
+    if end - start < 12 or t[end] - t[start] < _LONG_S:
         return
-    step = np.abs(np.diff(command))
-    others = np.delete(step, slice(start, end + 1))
     swept = float(np.ptp(np.nan_to_num(position[start : end + 1], nan=position[start])))
-    if (
-        not np.isfinite(others).all()
-        or np.mean(others == 0.0) > _RESTING
-        or step[end] < _LEAP * others.max()
-        or not swept > _SWEPT
-    ):
+    leap = _leap(command, start, end)
+    if not leap or not swept > _SWEPT:
         return
     yield AuditFinding(
         "frozen",
         (name,),
         (f"actuator {drive.name}",),
         f"'{name}' does not change for {t[end] - t[start]:.3g} s from {t[start] - t[0]:.4g} s on, "
-        f"its joint moves by {swept:.3g} meanwhile, and then the command leaps by {step[end]:.3g}",
+        f"its joint moves by {swept:.3g} meanwhile, and then the command leaps by {leap:.3g}",
         f"record '{name}' again, or leave that time out",
         change=_cut(float(t[start]), float(t[end])),
+    )
+
+
+def _leap(column: Float[np.ndarray, " sample"], start: int, end: int) -> float:
+    """How far a column leaps after a stretch of standing still; 0 if it goes on from there."""
+    if end + 1 >= len(column):
+        return 0.0
+    step = np.abs(np.diff(column))
+    others = np.delete(step, slice(start, end + 1))
+    moves = np.isfinite(others).all() and np.mean(others == 0.0) <= _RESTING
+    return float(step[end]) if moves and step[end] >= _LEAP * others.max() else 0.0
+
+
+def _never(subject: Subject, recording: Recording, drive: Drive) -> Iterable[AuditFinding]:
+    """A servo's command that never changes, while its joint goes where that servo would not let it.
+
+    It would push back by more than the motion takes: the command was not logged, or the drive off.
+    """
+    name, s = f"ctrl/{drive.name}", subject.signals
+    command = recording.columns.get(name)
+    if command is None or s is None or subject.balance is None or not subject.balance.dynamic:
+        return
+    known = command[np.isfinite(command)]
+    if not len(known) or np.ptp(known) > 0.0 or not s.measured[drive.dof]:
+        return
+    swept = float(np.ptp(s.q[:, drive.dof]))
+    stiffness = abs(drive.bias[1]) * drive.gear**2
+    takes = float(np.ptp(subject.balance.inverse(s.q, s.v, s.a)[:, drive.dof]))
+    if swept < _SWEPT or stiffness * swept < _PUSHED * takes:
+        return
+    yield AuditFinding(
+        "frozen",
+        (name,),
+        (f"actuator {drive.name}",),
+        f"'{name}' never changes, and its joint moves by {swept:.3g}: held there its servo would "
+        f"change its force by {stiffness * swept:.3g}, and that motion takes {takes:.3g}",
+        f"log what was sent to '{drive.name}', or leave it out of the model if it was off",
+        0.9,
     )
 
 
@@ -191,7 +231,7 @@ def _repeated(recording: Recording, measured: list[str]) -> AuditFinding | None:
     if not measured:
         return None
     table = np.stack([recording.columns[n] for n in measured], axis=1)
-    table = table[:, np.nanstd(table, axis=0) > 0.0]
+    table = table[:, np.nanmax(table, axis=0) > np.nanmin(table, axis=0)]
     if not table.size:
         return None
     change = np.abs(np.diff(table, axis=0))

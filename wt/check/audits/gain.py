@@ -1,25 +1,37 @@
-"""Gains of all servos in another unit: force per degree, or per thousandth of a radian."""
+"""Gains of all servos in another unit: force per degree, a firmware's counts, five times too much.
+
+One drive's gain is physics, and so is a weak supply's. That all servos of a machine are alike so
+many times stiffer than the model's is no property of any of them.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
 import mujoco
 import numpy as np
+from jaxtyping import Bool, Float
 
 from wt.check.audit import Stage, Subject, register
+from wt.check.balance import Balance, Row
 from wt.check.finding import AuditFinding
-from wt.physics.scene import Amendment
+from wt.physics.scene import Amendment, Drive
 
 UNITS = {"degrees for radians": 180.0 / math.pi, "thousandths for wholes": 1000.0}
 """Factors that gains of another unit are off by, either way."""
 _NEAR = 0.1  # of such a factor: what friction and a weight may make of it
+_NAMED = 0.04  # … where every servo alone arrives at about the same
+_EXACT = 1e-3  # … where the best one is looked for
+_USUAL = 3.0  # of a common factor, either way: less is a supply's, or wear
+_MOST = 3000.0  # … of any that is looked for
 _DECISIVE = 5.0  # what is left of a servo's force without the factor, over with it
+_WRONG = 0.05  # of the forces of servos, that usual gains leave where others are looked for
 _RIGHT = 0.3  # of a force, that may be left with it
 _ALONE = 0.1  # … of every force, where nothing else is wrong
 _LEAST = 2  # servos that show it: one drive's gain is physics
+_STAYS = 0.3  # of the damping that the factor takes, by which what is missing may differ from it
 
 
 @register
@@ -39,28 +51,46 @@ class GainUnit:
         servos = np.array([row.drive.servo for row in balance.rows], bool)
         if servos.sum() < _LEAST:
             return
-        given = balance.unexplained_forces()[servos]
-        for unit, size in UNITS.items():
-            for factor in (size, 1.0 / size):
-                near = factor * (1.0 - _NEAR), factor * (1.0 + _NEAR)
-                left = balance.unexplained_forces(gains=near)[servos]
-                shown = (given > _DECISIVE * left) & (left < _RIGHT)
-                if shown.sum() < _LEAST or (left > given).any():
-                    continue
-                if self.alone and not (left < _ALONE).all():
-                    continue
-                drives = [row.drive for row in balance.rows if row.drive.servo]
-                times = f"{factor:.4g}" if factor > 1.0 else f"1/{1.0 / factor:.4g}"
-                yield AuditFinding(
-                    "gain_unit",
-                    (),
-                    tuple(f"actuator {d.name}" for d in drives),
-                    f"The model's servos are all {times} times as stiff as the drives: their gains "
-                    f"are in another unit, {unit}",
-                    f"kp and kv of every servo times {1.0 / factor:.5g} in the MJCF",
-                    model_change=_times(1.0 / factor, {d.name for d in drives}),
-                )
-                return
+        usual = balance.unexplained_forces(gains=(1.0 / _USUAL, _USUAL))[servos]
+        common = _common(balance, servos)
+        if common is None and (usual > _WRONG).sum() < _LEAST:
+            return
+        units = {**{f: unit for unit, f in UNITS.items()}, **{1 / f: u for u, f in UNITS.items()}}
+        named = [f for f in units if common is None or abs(common / f - 1.0) < _NAMED]
+        for factor in (*named, common or _fitted(balance, servos)):
+            if not self._shown(balance, servos, usual, factor):
+                continue
+            rows = [row for row in balance.rows if row.drive.servo]
+            damped = _damped(balance, rows, factor)
+            times = f"{factor:.4g}" if factor > 1.0 else f"1/{1.0 / factor:.4g}"
+            unit = f"in another unit, {units[factor]}" if factor in units else "not the drives'"
+            yield AuditFinding(
+                "gain_unit",
+                (),
+                tuple(f"actuator {row.drive.name}" for row in rows),
+                f"The model's servos are all {times} times as stiff as the drives: their gains "
+                f"are {unit}",
+                f"{'kp' if damped else 'kp and kv'} of every servo times {1.0 / factor:.5g} in "
+                "the MJCF",
+                model_change=_times(1.0 / factor, [row.drive for row in rows], damped),
+            )
+            return
+
+    def _shown(
+        self,
+        balance: Balance,
+        servos: Bool[np.ndarray, " row"],
+        given: Float[np.ndarray, " servo"],
+        factor: float,
+    ) -> bool:
+        """Tell whether the forces are explained with a factor, and as ``given`` are not."""
+        if 1.0 / _USUAL < factor < _USUAL:
+            return False
+        left = balance.unexplained_forces(gains=_about(factor))[servos]
+        shown = (given > _DECISIVE * left) & (left < _RIGHT)
+        if shown.sum() < _LEAST or (left > given).any():
+            return False
+        return bool((left < _ALONE).all()) or not self.alone
 
 
 @register
@@ -71,11 +101,57 @@ class GainUnitAlone(GainUnit):
     alone: ClassVar[bool] = True
 
 
-def _times(factor: float, names: set[str]) -> Amendment:
+def _about(factor: float, near: float = _NEAR) -> tuple[float, float]:
+    return factor * (1.0 - near), factor * (1.0 + near)
+
+
+def _common(balance: Balance, servos: Bool[np.ndarray, " row"]) -> float | None:
+    """The factor at which each servo alone arrives, if they agree."""
+    each = balance.plain()[servos, 0]
+    factor = float(np.median(each))
+    agree = factor > 0.0 and np.abs(each / factor - 1.0).max() < _NEAR
+    return factor if agree and not 1.0 / _USUAL < factor < _USUAL else None
+
+
+def _fitted(balance: Balance, servos: Bool[np.ndarray, " row"]) -> float:
+    """The factor that leaves the least of the forces of all servos."""
+    factor = 1.0
+    grids: tuple[Float[np.ndarray, " trial"], ...] = (
+        np.geomspace(1.0 / _MOST, _MOST, 41),
+        np.geomspace(0.7, 1.4, 9),
+        np.geomspace(0.95, 1.05, 5),
+    )
+    for grid in grids:
+        left = [
+            float(np.log(balance.unexplained_forces(gains=_about(f, _EXACT))[servos] + 1e-6).mean())
+            for f in factor * grid
+        ]
+        factor *= float(grid[int(np.argmin(left))])
+    return factor
+
+
+def _damped(balance: Balance, rows: Sequence[Row], factor: float) -> bool:
+    """Tell whether the servos' damping is right as it stands, and their stiffness alone is not.
+
+    Then at each joint as much damping is missing as the factor takes from its servo.
+    """
+    taken = [abs(row.drive.bias[2]) * row.drive.gear**2 * (factor - 1.0) for row in rows]
+    missing = [m for row, m in zip(balance.rows, balance.plain()[:, 1], strict=True) if row in rows]
+    return all(taken) and all(
+        abs(m / t - 1.0) < _STAYS for m, t in zip(missing, taken, strict=True)
+    )
+
+
+def _times(factor: float, drives: Sequence[Drive], damped: bool) -> Amendment:
+    names = {drive.name for drive in drives}
+
     def change(spec: mujoco.MjSpec) -> None:
         for actuator in spec.actuators:
             if actuator.name in names:
+                bias = factor * np.array(actuator.biasprm)
+                if damped:
+                    bias[2] = actuator.biasprm[2]
                 actuator.gainprm = factor * np.array(actuator.gainprm)
-                actuator.biasprm = factor * np.array(actuator.biasprm)
+                actuator.biasprm = bias
 
     return change

@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from wt.check.audit import Suspect, register
 from wt.check.balance import GAINS, Balance, Edit, Row
+from wt.check.channels import FAINT
 
 Group = Literal["q", "u"]
 _GROUPS: tuple[Group, ...] = get_args(Group)
@@ -29,8 +30,6 @@ _NEAR = 0.04  # of a factor, for its unit to be named
 _ORDINARY = (0.6, 1.7)  # factors that physics may explain: a gain, a scale
 _BORNE = 0.99
 """Share of a recording in which a force must be one that can be borne."""
-_SUSPECT = 0.05
-"""Share of a command left unexplained above which its channels' units are tried."""
 _GRID = np.geomspace(1e-4, 1e4, 33)
 
 
@@ -49,7 +48,7 @@ class Unit:
         wrong = [
             row
             for row, share in zip(balance.rows, balance.unexplained(), strict=True)
-            if share > _SUSPECT
+            if share > FAINT
         ]
         if not wrong:
             return []

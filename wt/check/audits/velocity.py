@@ -24,6 +24,7 @@ _ALIKE, _STRANGE = 0.9, 0.4
 _NEAR = 0.08
 _SCALED = (0.7, 1.4)  # what filters and noise may make of a factor
 _LATE_S, _LATE_SAMPLES = 0.03, 2.5
+_FAR = 4.0  # times that: no filter is so slow
 
 
 @register
@@ -47,11 +48,22 @@ class Velocity:
             relation = related(recording, joint, joint)
             if relation is None:
                 continue
-            if abs(relation.correlation) < _STRANGE:
+            if abs(relation.correlation) < _STRANGE or _another(recording, relation):
                 strange.append(joint)
             elif abs(relation.correlation) > _ALIKE:
                 yield from _scaled(recording, joint, relation)
         yield from _strangers(recording, strange)
+
+
+def _another(recording: Recording, relation: Relation) -> bool:
+    """Tell whether a velocity is like its slope at another time only, and not as large.
+
+    An acceleration goes ahead of it, or far behind with the other sign; filters and slow logs come
+    a little behind, and what they leave is as large.
+    """
+    usual = max(_LATE_S, _LATE_SAMPLES * _interval(recording))
+    like = abs(relation.correlation) > _ALIKE and _SCALED[0] < relation.factor < _SCALED[1]
+    return not like and not -usual <= relation.late <= _FAR * usual
 
 
 def _scaled(recording: Recording, joint: str, relation: Relation) -> Iterable[AuditFinding]:

@@ -18,6 +18,7 @@ from wt.types import Recording
 _TURNS = {2.0 * math.pi: "rad", 360.0: "degrees", 1.0: "turns", 4096.0: "ticks"}
 _JUMP = 0.25  # of a turn, by which a jump may miss it
 _ENDS = 0.3  # of a turn: how near to the ends of the range a wrap happens
+_ON = 2.0  # times the largest of the other steps, that the way on across a wrap may be
 
 
 @register
@@ -65,8 +66,11 @@ def _turn(column: Float[np.ndarray, " sample"]) -> float | None:
         rest = np.delete(np.abs(step), jumps)
         low, high = x.min() + _ENDS * turn, x.max() - _ENDS * turn
         ends = np.stack([x[jumps], x[jumps + 1]])
-        if ((ends.min(axis=0) < low) & (ends.max(axis=0) > high)).all() and (
-            rest.max(initial=0.0) < _JUMP * turn
+        across = np.abs(np.abs(step[jumps]) - turn)
+        if (
+            ((ends.min(axis=0) < low) & (ends.max(axis=0) > high)).all()
+            and rest.max(initial=0.0) < _JUMP * turn
+            and across.max() <= _ON * rest.max(initial=0.0)
         ):
             return turn
     return None

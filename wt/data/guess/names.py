@@ -73,7 +73,13 @@ def _drivers(model: mujoco.MjModel) -> dict[str, str]:
 
 def _matched(names: list[str], known: list[str], what: str, doubts: list[str]) -> dict[str, str]:
     """Names → known ones: equal words, then one's words at the other's end, likeness, order."""
-    matched: dict[str, str] = {}
+    matched = _counted_from_zero(names, known)
+    if matched:
+        first, to = next(iter(matched.items()))
+        doubts.append(
+            f"the log counts from 0 and the model's {what}s from 1: {first} is taken for {to}, and "
+            "so on"
+        )
     for rule in (_equal, _ending, _alike):
         for name in names:
             left = [k for k in known if k not in matched.values()]
@@ -93,6 +99,18 @@ def _matched(names: list[str], known: list[str], what: str, doubts: list[str]) -
     elif rest:
         doubts.append(f"{_some(rest)}: no {what} of the model is called so; it has {_some(left)}")
     return matched
+
+
+def _counted_from_zero(names: list[str], known: list[str]) -> dict[str, str]:
+    """Bare numbers from 0 on → known ones with numbers from 1 on; {} where both begin alike."""
+    count = {number: name for name in names if (number := _number(name)) is not None}
+    series: dict[tuple[str, ...], dict[int, str]] = {}
+    for name in known:
+        if len(digits := _digits(name)) == 1:
+            words = tuple(word for word in core(name) if not word.isdigit())
+            series.setdefault(words, {})[int(digits[0])] = name
+    fit = [s for s in series.values() if 0 not in s and {n + 1 for n in count} <= set(s)]
+    return {count[n]: fit[0][n + 1] for n in sorted(count)} if 0 in count and len(fit) == 1 else {}
 
 
 def _some(names: list[str]) -> str:
