@@ -27,6 +27,13 @@ RecoverOption = Annotated[
         metavar="DIR", help="Run nothing: write the files of a run that was killed with all of it."
     ),
 ]
+PassportOption = Annotated[
+    Path | None, typer.Option(help="The robot's: a line says when it is no longer the one in it.")
+]
+UnitOption = Annotated[str, typer.Option(help="Which unit of it [default: the only one].")]
+LoadOption = Annotated[
+    str, typer.Option(help="What it carries [default: none, or the only load it ever carried].")
+]
 
 
 def command(
@@ -49,14 +56,9 @@ def command(
     realtime: Annotated[
         bool, typer.Option("--realtime", help="Run before all else (root, or ulimit -r 20).")
     ] = False,
-    passport: Annotated[
-        Path | None,
-        typer.Option(help="The robot's: a line says when it is no longer the one in it."),
-    ] = None,
-    unit: Annotated[str, typer.Option(help="Which unit of it [default: the only one].")] = "",
-    load: Annotated[
-        str, typer.Option(help="What it carries [default: none, or the only load it ever carried].")
-    ] = "",
+    passport: PassportOption = None,
+    unit: UnitOption = "",
+    load: LoadOption = "",
     recover: RecoverOption = None,
 ) -> None:
     """Run a policy on a robot: passive, stand up, policy, damping, as the operator says.
@@ -86,16 +88,7 @@ def command(
     if (play is None) != (model is None):
         raise UserError("--play COMMANDS.parquet and --model MODEL.xml go together")
     options = RunOptions(
-        interface,
-        domain,
-        limits or [],
-        seconds,
-        out,
-        dry_run,
-        realtime,
-        passport,
-        unit,
-        load,
+        interface, domain, limits or [], seconds, out, dry_run, realtime, passport, unit, load
     )
     if play is not None and model is not None:
         play_commands(play, model, options)

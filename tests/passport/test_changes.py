@@ -19,19 +19,24 @@ WET = Quantity("joint.friction_viscous", "joint", "elbow", "coefficient", "N·m�
 USUAL, WORN, LIMIT = 0.21, 0.34, {str(ELBOW): 0.5}  # N·m
 
 
-def carded(told: Mapping[str, Sequence[float]], units: Sequence[str] = UNITS) -> Card:
-    """Cards of units of which some are told what they were at, three days apart [N·m]."""
+def carded(told: Mapping[str, Sequence[float]], noise: float = 1.0) -> Card:
+    """Cards of units of which some are told what they were at, three days apart [N·m].
+
+    Args:
+        told: by unit.
+        noise: errors, as a share of what they are said to be.
+    """
     rng = np.random.default_rng(1)
     count = len(next(iter(told.values())))
     rows = [
         GroupEstimate(
             Labels(unit, f"2026-11-{1 + 3 * i:02d}"),
             ELBOW,
-            value + ERROR[ELBOW] * float(rng.normal()),
+            value + noise * ERROR[ELBOW] * float(rng.normal()),
             ERROR[ELBOW],
             0.0,
         )
-        for unit in units
+        for unit in UNITS
         for i, value in enumerate(told.get(unit, [USUAL] * count))
     ]
     return card(rows, LIMIT)
@@ -45,6 +50,22 @@ def test_a_change_is_told_in_its_session_and_never_again(after: int) -> None:
     of = carded({"A17": [*before, WORN, *[WORN] * after]})
     assert of.alarms == []
     assert of.states["A17"][ELBOW].since == 4
+
+
+def test_what_one_session_did_not_show_for_certain_two_do() -> None:
+    """A step of 3.6 errors: two sessions in which it is there are enough."""
+    small = USUAL + 3.6 * ERROR[ELBOW]
+    assert carded({"A17": [USUAL] * 4 + [small]}, 0.0).alarms == []
+    of = carded({"A17": [USUAL] * 4 + [small] * 2}, 0.0)
+    state = of.states["A17"][ELBOW]
+    assert state.changed and state.change is not None and state.change.last == 2
+    assert "rose from 0.21" in changed(ELBOW, state) and "0.246 N·m in 6 days" in changed(
+        ELBOW, state
+    )
+    (apart,) = differences(of, "A17", "B04")
+    assert apart.one.value == pytest.approx(state.value.value)
+    later = carded({"A17": [USUAL] * 4 + [small] * 3}, 0.0)
+    assert later.alarms == [] and later.states["A17"][ELBOW].since == 4
 
 
 def test_a_worn_unit_is_another_unit_and_not_another_session() -> None:

@@ -13,7 +13,7 @@ from wt.passport.changes import Judged, judged
 from wt.passport.drift import Change, Trend, alarms
 from wt.passport.estimates import GroupEstimate, Quantity
 from wt.passport.levels import CHANCE, Placed, Sessions, place
-from wt.passport.scatter import Known, interval, pooled, two_sided
+from wt.passport.scatter import Known, interval, pooled, quantile, two_sided
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class State:
         history: the unit's sessions, loads taken off.
         since: index of the first of them that the last one is compared with: nothing was told to
             have changed since.
-        change: the last session against these; None if there is one only.
+        change: the last session, or the last two, against these; None if there is one only.
         trend: the line through these and the last; None if there are fewer than three.
         changed, drifts: whether the one, or the other, raises the alarm; never both.
         reached: days from the last session until the limit is reached; None if there is no limit,
@@ -189,8 +189,9 @@ def differences(of: Card, one: str, other: str) -> list[Difference]:
 def _own(placed: Placed, state: State) -> tuple[float, float]:
     """A unit's own value and its variance, whatever the others' are; as of late, if it changes."""
     table = state.history.where(np.arange(len(state.history.keys)) >= state.since)
-    if state.alarm:
-        return float(table.value[-1]), float(table.error[-1] ** 2)
+    if state.alarm and state.change:
+        after = state.change.after
+        return after.value, ((after.high - after.low) / 2.0 / quantile(None)) ** 2
     spread = placed.session_spread
     scatter = spread.value**2 if spread and placed.level == "session" else 0.0
     return pooled(table.value, table.error**2 + scatter)

@@ -2,7 +2,8 @@
 
 A change that was told is told once: what a unit is compared with afterwards begins with the session
 that changed. Past sessions are judged by what was known on their day, each unit's last one by
-everything. Where a step and a slow change both raise the alarm, the one is meant that leaves less.
+everything. Where steps and a slow change raise the alarm together, the one is meant that leaves
+least.
 """
 
 from __future__ import annotations
@@ -43,9 +44,10 @@ class Judged:
 
     @property
     def alike(self) -> Sessions:
-        """Sessions since the last change before, without the last one if it is another."""
+        """Sessions since the last change before, without those that are others now."""
         index = np.arange(len(self.table.keys))
-        return self.table.where((index >= self.since) & (index < len(index) - self.changed))
+        last = self.step.last if self.step and self.changed else 0
+        return self.table.where((index >= self.since) & (index < len(index) - last))
 
 
 def judged(tables: Tables) -> dict[str, dict[Quantity, Judged]]:
@@ -60,8 +62,8 @@ def judged(tables: Tables) -> dict[str, dict[Quantity, Judged]]:
     for session, unit in keys:
         then = {q: _until(table, session) for q, table in tables.items()}
         for quantity, one in _of_unit(then, unit, begun, session).items():
-            if one.changed and one.scatter_known and session != last[quantity][unit]:
-                begun[quantity].setdefault(unit, []).append(session)
+            if one.changed and one.scatter_known and one.step and session != last[quantity][unit]:
+                begun[quantity].setdefault(unit, []).append(one.table.keys[-one.step.last][1])
     return {unit: _of_unit(tables, unit, begun) for unit in sorted({unit for _, unit in keys})}
 
 
@@ -81,17 +83,19 @@ def _of_unit(
     since = {q: _since(own, begun[q].get(unit, [])) for q, own in mine.items()}
     base = {q: own.where(np.arange(len(own.keys)) >= since[q]) for q, own in mine.items()}
     usual = {q: scatter(tables[q], unit, begun[q]) for q in mine}
-    steps = {q: change(own, usual[q]) for q, own in base.items()}
-    lines = {q: trend(own, usual[q]) for q, own in base.items()}
-    raised = alarms(
-        {(q, "step"): c.p for q, c in steps.items() if c}
-        | {(q, "line"): t.p for q, t in lines.items() if t}
-    )
+    found: dict[Quantity, dict[str, Change | Trend]] = {}
+    for q, own in base.items():
+        tests = {
+            "step": change(own, usual[q]),
+            "late": change(own, usual[q], 2),
+            "line": trend(own, usual[q]),
+        }
+        found[q] = {name: test for name, test in tests.items() if test}
+    raised = alarms({(q, name): t.p for q, tests in found.items() for name, t in tests.items()})
     return {
-        q: _judged(mine[q], since[q], steps[q], lines[q], usual[q],
-                   ((q, "step") in raised, (q, "line") in raised))
-        for q in mine
-    }  # fmt: skip
+        q: _judged(mine[q], since[q], tests, usual[q], {name for of, name in raised if of == q})
+        for q, tests in found.items()
+    }
 
 
 def _since(own: Sessions, begun: list[str]) -> int:
@@ -100,10 +104,11 @@ def _since(own: Sessions, begun: list[str]) -> int:
 
 
 def _judged(
-    own: Sessions, since: int, step: Change | None, line: Trend | None, usual: Scatter,
-    raised: tuple[bool, bool],
-) -> Judged:  # fmt: skip
-    changed, drifts = raised
-    if changed and drifts and step and line:
-        changed, drifts = step.left <= line.left, step.left > line.left
-    return Judged(own, since, step, line, changed, drifts, usual.freedom > 0)
+    own: Sessions, since: int, tests: Mapping[str, Change | Trend], usual: Scatter, raised: set[str]
+) -> Judged:
+    meant = min(raised, key=lambda name: tests[name].left, default="")
+    step, line = tests.get("late" if meant == "late" else "step"), tests.get("line")
+    assert not isinstance(step, Trend) and not isinstance(line, Change)
+    return Judged(
+        own, since, step, line, meant in ("step", "late"), meant == "line", usual.freedom > 0
+    )

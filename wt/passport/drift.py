@@ -1,12 +1,13 @@
 """Whether a unit is no longer what it was, and when it will have reached a limit.
 
-At each new session of a unit every parameter is tested twice: its value against the pooled
-earlier ones, for a step, and the slope over all sessions, for a slow change. Beyond the estimates'
-errors sessions may differ by a scatter of their own (temperature, supply), which is estimated on
-all sessions but that one. The probabilities of one unit's session are judged together by S. Holm's
-procedure (1979), so that a session in which nothing changed raises an alarm with a probability of
-at most :data:`FALSE_ALARM`. A limit's day is the crossing of the line, with its interval by E. C.
-Fieller's theorem (1954), and is foretold only where the slope itself is significant.
+At each new session of a unit every parameter is tested thrice: its value, and that of the last two,
+against the pooled earlier ones, for a step, and the slope over all sessions, for a slow change.
+Beyond the estimates' errors sessions may differ by a scatter of their own (temperature, supply),
+which is estimated on all sessions but that one. The probabilities of one unit's session are judged
+together by S. Holm's procedure (1979), so that a session in which nothing changed raises an alarm
+with a probability of at most :data:`FALSE_ALARM`. A limit's day is the crossing of the line, with
+its interval by E. C. Fieller's theorem (1954), and is foretold only where the slope itself is
+significant and sessions lie on a line.
 """
 
 from __future__ import annotations
@@ -58,13 +59,14 @@ class Scatter:
 
 @dataclass(frozen=True)
 class Change:
-    """The last session of a unit, beside its earlier ones.
+    """The last sessions of a unit, beside its earlier ones.
 
     Attributes:
-        before, after: their pooled value, and the last one's.
-        days: between the session before the last and the last.
+        before, after: their pooled value, and the last ones'.
+        days: between the last of the earlier ones and the last.
         p: probability of such a difference if nothing changed.
         left: weighted sum of squares that a step leaves.
+        last: how many sessions it is since.
     """
 
     before: Known
@@ -72,6 +74,7 @@ class Change:
     days: float
     p: float
     left: float
+    last: int = 1
 
 
 @dataclass(frozen=True)
@@ -152,29 +155,35 @@ def scatter(
     return Scatter(variance + uncertain, freedom)
 
 
-def change(mine: Sessions, usual: Scatter) -> Change | None:
-    """The last session of a unit against its earlier ones; None if there is one session only.
+def change(mine: Sessions, usual: Scatter, last: int = 1) -> Change | None:
+    """The last sessions of a unit against its earlier ones; None if there are no earlier ones.
 
     Args:
         mine: sessions of one unit, in order.
         usual: scatter between sessions.
+        last: how many are the last: two show a change that one did not show for certain.
     """
-    if len(mine.value) < 2:
+    if len(mine.value) <= last:
         return None
     variance = mine.error**2 + usual.variance
-    weight = 1.0 / variance[:-1]
-    pooled = float((weight * mine.value[:-1]).sum() / weight.sum())
-    total = float(variance[-1] + 1.0 / weight.sum())
-    known = float(mine.error[-1] ** 2 + 1.0 / (1.0 / mine.error[:-1] ** 2).sum())
-    freedom = usual.freedom_of(total, known)
-    after = float(mine.value[-1])
+    parts = slice(None, -last), slice(-last, None)
+    means, known, total = np.zeros(2), np.zeros(2), np.zeros(2)
+    left = 0.0
+    for i, part in enumerate(parts):
+        weight = 1.0 / variance[part]
+        means[i], total[i] = (weight * mine.value[part]).sum() / weight.sum(), 1.0 / weight.sum()
+        known[i] = 1.0 / (1.0 / mine.error[part] ** 2).sum()
+        left += float((weight * (mine.value[part] - means[i]) ** 2).sum())
+    freedom = usual.freedom_of(float(total.sum()), float(known.sum()))
+    before, after = map(float, means)
     days = _days(mine)
     return Change(
-        before=interval(pooled, 1.0 / float(weight.sum()), freedom),
-        after=interval(after, float(mine.error[-1] ** 2), _MANY),
-        days=float(days[-1] - days[-2]),
-        p=two_sided(abs(after - pooled) / np.sqrt(total), freedom),
-        left=float((weight * (mine.value[:-1] - pooled) ** 2).sum()),
+        before=interval(before, float(total[0]), freedom),
+        after=interval(after, float(known[1]), _MANY),
+        days=float(days[-1] - days[-1 - last]),
+        p=two_sided(abs(after - before) / np.sqrt(total.sum()), freedom),
+        left=left,
+        last=last,
     )
 
 
