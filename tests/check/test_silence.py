@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -55,6 +56,34 @@ def test_late_commands_are_no_fault(name: str, tmp_path: Path) -> None:
     r = record(name, 31)
     early = {n: np.append(c[2:], c[-1:].repeat(2)) for n, c in r.columns.items() if "ctrl" in n}
     assert not lines(name, with_columns(r, early), tmp_path)
+
+
+SPRUNG = """<mujoco><option timestep="0.001"/><worldbody><body pos="0 0 1">
+<joint name="hinge" axis="0 1 0" damping="0.02"{}/>
+<geom type="capsule" fromto="0 0 0 0 0 -.6" size=".02" mass=".8"/></body></worldbody>
+<actuator><motor name="hinge_m" joint="hinge"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(("seed", "lacking"), [(801, 'stiffness="3.9143"'), (801, 'stiffness="5"')])
+def test_a_spring_stronger_than_the_weight_is_no_sign(
+    seed: int, lacking: str, tmp_path: Path
+) -> None:
+    """It turns over the torque that holds a link, and explains that better than a sign does."""
+    path = tmp_path / "m.xml"
+    path.write_text(SPRUNG.format(""))
+    m = mujoco.MjModel.from_xml_string(SPRUNG.format(f" {lacking}"))
+    d, rng, t = mujoco.MjData(m), np.random.default_rng([seed, 7, 5]), np.arange(700) / 100
+    rates = rng.uniform(0.15, 1.4, 5)
+    wave = sum(np.sin(2 * np.pi * f * t + rng.uniform(0, 6.3)) / (0.7 + f) for f in rates)
+    wanted = 0.3 + 1.4 * wave / np.abs(wave).max()
+    q, u = np.empty(len(t)), np.empty(len(t))
+    d.qpos[0] = wanted[0]
+    for k in range(len(t)):
+        q[k], u[k] = d.qpos[0], 12.0 * (wanted[k] - d.qpos[0]) - 1.2 * d.qvel[0]
+        d.ctrl[:] = u[max(k - 1, 0)]
+        mujoco.mj_step(m, d, 10)
+    q += 1e-4 * rng.standard_normal(len(q))
+    assert not check(Scene(path), Recording(t, {"qpos/hinge": q, "ctrl/hinge_m": u})).findings
 
 
 def test_small_offsets_and_scales_are_no_fault(tmp_path: Path) -> None:

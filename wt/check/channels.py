@@ -40,6 +40,7 @@ AMBIGUOUS = 0.7
 """Confidence where something else would explain as much."""
 _ALIKE = 0.5  # … by which two suspects cannot be told apart
 _BEYOND = 1.0  # of the logarithm of what is left: what a joint beyond its limits counts
+_STARTS = 3  # suspects that are begun with, where what seemed best leaves something
 _REFITTED = 0.05  # of a factor, by which two fits of it may differ
 _FLOOR = 1e-5
 _MOST = 6
@@ -80,18 +81,16 @@ def search(balance: Balance, suspected: Listing) -> list[tuple[Suspect, str, flo
     Returns:
         Each with the evidence for it, and a confidence.
     """
-    state, suspected = _with_all(balance, ()), _unsprung(suspected)
-    suspects = suspected(balance)
-    known = list(suspects)
-    while len(state.suspects) < _MOST and (state.left > FAINT).any():
-        if state.suspects:
-            suspects = _listed(balance, state, suspected)
-            known += suspects
-        trials = [_with(balance, state, s) for s in suspects if _apart(state, s)]
-        best = _named(trials, min(trials, key=lambda trial: trial.total, default=state))
-        if best.total > state.total - STEP:
-            break
-        state = best
+    none, suspects = _with_all(balance, ()), suspected(balance)
+    state, known = _greedy(balance, none, suspects, suspected)
+    if (state.left > WRONG).any():
+        # beside another fault a wrong suspect may look best, or none better than nothing
+        trials = sorted((_with(balance, none, s) for s in suspects), key=lambda trial: trial.total)
+        for start in [t for t in trials if t.suspects != state.suspects[:1]][:_STARTS]:
+            other, more = _greedy(balance, start, _listed(balance, start, suspected), suspected)
+            known += more
+            if other.total < state.total - STEP and _simple(balance, other):
+                state = other
     state, others = _reconsidered(balance, state, suspected)
     while True:
         needed = _needed(balance, state, [*known, *others])
@@ -99,6 +98,40 @@ def search(balance: Balance, suspected: Listing) -> list[tuple[Suspect, str, flo
             return needed
         # what was found beside one that is none has to be needed without it
         state = _with_all(balance, tuple(suspect for suspect, _, _ in needed))
+
+
+def _simple(balance: Balance, state: _State) -> bool:
+    """Tell whether a state explains every command, and blames no drive for both of its columns.
+
+    Of many pairs that are tried, one on a joint that something holds fits its noise.
+    """
+    edited = {(e.group, e.index) for e in state.edits}
+    both = any({("q", r.drive.dof), ("u", r.drive.index)} <= edited for r in balance.rows)
+    return not both and bool((state.left < WRONG).all())
+
+
+def _greedy(
+    balance: Balance, state: _State, suspects: Sequence[Suspect], suspected: Listing
+) -> tuple[_State, list[Suspect]]:
+    """A state with what explains most, one suspect after another; and all that was listed.
+
+    Args:
+        balance: of the recording.
+        state: to begin with.
+        suspects: beside it.
+        suspected: lists what is suspected further on.
+    """
+    known = list(suspects)
+    while len(state.suspects) < _MOST and (state.left > FAINT).any():
+        trials = [_with(balance, state, s) for s in suspects if _apart(state, s)]
+        best = _named(trials, min(trials, key=lambda trial: trial.total, default=state))
+        if best.total > state.total - STEP:
+            break
+        state = best
+        if (state.left > FAINT).any():
+            suspects = _listed(balance, state, suspected)
+            known += suspects
+    return state, known
 
 
 def _reconsidered(
@@ -154,35 +187,6 @@ def _with_all(balance: Balance, suspects: tuple[Suspect, ...]) -> _State:
     return _State(suspects, balance.unexplained(edits), balance.beyond(edits))
 
 
-def _unsprung(suspected: Listing) -> Listing:
-    """A listing without what a spring explains about as well."""
-
-    def listed(balance: Balance) -> list[Suspect]:
-        suspects = list(suspected(balance))
-        if not suspects or not (balance.unexplained() > WRONG).any():
-            return suspects
-        sprung = balance.unexplained(sprung=True)
-        return [s for s in suspects if not _looks_sprung(balance, s, sprung)]
-
-    return listed
-
-
-def _looks_sprung(balance: Balance, suspect: Suspect, sprung: Float[np.ndarray, " row"]) -> bool:
-    """Tell whether a spring in its joints explains the commands about as well as a suspect.
-
-    Over the part of a turn that a joint goes, one may pull as the weight at another angle does, or
-    in another unit.
-
-    Args:
-        balance: of the recording.
-        suspect: what may be mixed up.
-        sprung: what is left of each row where springs may adapt and nothing is mixed up.
-    """
-    own = _own(balance, suspect)
-    left = balance.unexplained(suspect.edits)
-    return bool((sprung < np.minimum(WRONG, DECISIVE * left))[own].all())
-
-
 def _apart(state: _State, suspect: Suspect) -> bool:
     """Tell whether no channel of a suspect was edited before."""
     taken = {(e.group, e.index) for e in state.edits}
@@ -203,6 +207,10 @@ def _needed(
         if not proven.any():
             clear = (ratio > OVERWHELMING) & (without > FAINT)
             proven = clear & bool((clear & own).any() and clear.sum() > 1)
+        # a spring that explains more than the mix-up is the better guess; to a servo its own
+        # stiffness is such a spring
+        servo = np.array([row.drive.servo for row in balance.rows])
+        proven &= servo | (balance.unexplained(rest.edits, sprung=True) >= state.left)
         if not proven.any() or balance.upset(state.edits, rest.edits):
             continue
         row = int(np.argmax(np.where(proven, ratio, 0.0)))
