@@ -207,10 +207,12 @@ def _needed(
         if not proven.any():
             clear = (ratio > OVERWHELMING) & (without > FAINT)
             proven = clear & bool((clear & own).any() and clear.sum() > 1)
-        # a spring that explains more than the mix-up is the better guess; to a servo its own
-        # stiffness is such a spring
+        # a spring that explains about as much as the mix-up is the better guess: over the part of a
+        # turn that a joint goes, one may pull as the weight at another angle does, or in another
+        # unit; to a servo its own stiffness is such a spring
         servo = np.array([row.drive.servo for row in balance.rows])
-        proven &= servo | (balance.unexplained(rest.edits, sprung=True) >= state.left)
+        sprung = balance.unexplained(rest.edits, sprung=True)
+        proven &= servo | (sprung >= np.minimum(WRONG, DECISIVE * state.left))
         if not proven.any() or balance.upset(state.edits, rest.edits):
             continue
         row = int(np.argmax(np.where(proven, ratio, 0.0)))
