@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -105,3 +106,25 @@ def test_a_name_is_compared_with_a_law_beside_the_tolerances_that_each_was_found
     assert not proofs._better(unnamed, named)
     (said,) = [d for d in log if d.stage == "doubted"]
     assert said.reason == "no better than the names"
+
+
+def test_names_with_times_among_them_have_to_be_better_than_the_law(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A push and a bias, no better than the law, were kept in the place of a rubber buffer."""
+    nothing = world(tmp_path, 1, None, 2.5)
+    replays, log = nothing.objective, DecisionLog()
+    monkeypatch.setattr(naming, "lead_with_tolerances", lambda *_: Gain(0.5, 0.2))
+    rub = found_at(("joint.friction_coulomb", "j1", 0.6))
+    (push,) = found_at(("joint.force_intermittent", "j1", 0.5))
+    terms = ((Atom(0, "linear"),),)
+    law = Law(("qpos/j1",), np.array([-1.0]), np.array([1.0]), terms, np.array([-1.0]))
+    planted = Planted(UnknownForce(law, "unknown"), Location("joint", "j1"), np.ones(1))
+    unknown = Unknown(planted, law.columns, law.text(), b"", 1.0, "", Gain(0.9, 0.0), 0.9)
+    unnamed = Claims((), estimate(replays, ()), (), (unknown,))
+    proofs = Naming(nothing.screen, replays, replays, lambda: replays, nothing.held, STEP, 0, log)
+    monkeypatch.setattr(Naming, "_theirs", lambda *_: False)
+    for found, given_up in ((rub, False), ((*rub, push), True)):
+        assessed = replays.reference(tuple(a.planted for a in found))
+        named = Claims(found, replace(unnamed.estimated, assessed=assessed), (), ())
+        assert proofs._better(unnamed, named) is given_up

@@ -379,13 +379,15 @@ class Naming:
     def _better(self, unnamed: Claims, named: Claims, curves: bool = False) -> bool:
         """True if an unnamed law predicts held-out data better, significantly and materially.
 
-        Times that were read off the held-out data, too, predict nothing: in place of what only
-        they tell the law has to be no worse. So it has in place of curves in disguise.
+        Times that were read off the held-out data, too, predict nothing, and names with such among
+        them predict less than they seem to: in their place the law has to be no worse. So it has
+        in place of curves in disguise.
         """
         if not unnamed.unknown or (not curves and self._theirs(unnamed, named)):
             return False
         replaced = _replaced(unnamed, named)
-        read_off = curves or (bool(replaced) and all(p.observed() for p in replaced))
+        read_off = bool(replaced) and all(p.observed() for p in replaced)
+        read_off = read_off or curves or any(p.momentary() for p in replaced)
         one, other = (named, unnamed) if read_off else (unnamed, named)
         sides = one.hypothesis, other.hypothesis
         lead = lead_with_tolerances(self.objective, self.holdout, *sides, self.step)
