@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Float32
 from torch import Tensor, nn
 
 from wt.nets.world_model import WorldModel
@@ -55,6 +56,19 @@ def translate_state(
     if reach:
         change = torch.where(frame.within(x, reach)[:, None], change, sim_change)
     return frame.next_states(o, change)
+
+
+@torch.no_grad()
+def translated(
+    model: WorldModel,
+    o: Float[np.ndarray, "batch obs"],
+    a: Float[np.ndarray, "batch action"],
+    sim_next: Float[np.ndarray, "batch state"],
+) -> Float32[np.ndarray, "batch state"]:
+    """:func:`translate_state` on arrays."""
+    given = (torch.tensor(np.asarray(x, np.float32)) for x in (o, a, sim_next))
+    out: np.ndarray = translate_state(model, *given).cpu().numpy()
+    return out
 
 
 def reconstruct_state(

@@ -21,7 +21,8 @@ from wt.config import Alignment, FitConfig
 from wt.evaluate.alignment import align
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.nets.world_model import WorldModel
-from wt.train.hidden_shift import carried, translated
+from wt.train.hidden_shift import carried
+from wt.translate import translated
 from wt.types import Pairs, Transitions
 from wt.worlds.closed_loop import ClosedLoop, ReferenceRollouts
 

@@ -52,7 +52,7 @@ Rows = TypeVar("Rows", bound=tuple[Tensor, ...], covariant=True)
 
 
 @runtime_checkable
-class Source(Protocol[Rows]):
+class Feed(Protocol[Rows]):
     """Transitions of which each step draws some: in memory, or streamed."""
 
     def at(self, step: int) -> Rows:
@@ -73,7 +73,7 @@ class Held(Generic[Rows]):
 
 
 @runtime_checkable
-class Drawn(Source[DomainData], Protocol):
+class Drawn(Feed[DomainData], Protocol):
     """One domain's transitions as Algorithm 1 draws them."""
 
     def to(self, device: torch.device) -> Drawn:

@@ -19,7 +19,7 @@ from wt.nets.mlp import Ensemble
 from wt.nets.simulator_use import UNTRIED, DomainSamples, use_of
 from wt.nets.world_model import WorldModel
 from wt.train.answers import answers_of, with_answers
-from wt.train.batches import Source, in_frame, within
+from wt.train.batches import Feed, in_frame, within
 from wt.train.data import TranslationData
 from wt.train.hidden import Simulator
 from wt.train.logger import Curves, MetricSink
@@ -227,8 +227,8 @@ def _kept_mean_field(model: WorldModel, folder: Path) -> Iterator[bool]:
 
 def _mean_field(
     model: WorldModel,
-    sim: Source[DomainSamples],
-    real: Source[DomainSamples],
+    sim: Feed[DomainSamples],
+    real: Feed[DomainSamples],
     selection: Selection,
     seed: int,
     progress: Progress | None,

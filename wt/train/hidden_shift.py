@@ -2,8 +2,8 @@
 
 R's recording before and after a step tells of its hidden variables what S has taught
 (:mod:`wt.train.hidden`). S is set to them at one step, takes it, and is off at the next: that is
-the difference to learn. Estimates at both steps err, so that all of it is too much. The share that
-is applied is the one with which S and the translation, left to themselves for :data:`HORIZON` steps
+the difference to learn. Estimates at both steps err, so that all of it is too much. The shares that
+are applied are those with which S and the translation, left to themselves for :data:`HORIZON` steps
 under the actions that R was given, stay nearest to what R's held-out recording says: no pairs.
 """
 
@@ -21,11 +21,11 @@ from wt.nets.hidden_shift import HiddenShift
 from wt.nets.world_model import WorldModel
 from wt.train.hidden import HiddenEstimator
 from wt.train.regression import Progress, Regression, member_seed, regress
-from wt.translate import translate_state
+from wt.translate import translated
 from wt.types import Domain, Transitions
 
 HORIZON, STARTS = 25, 256
-"""Steps of the rollouts that choose the share, and their number at most."""
+"""Steps of the rollouts that choose the shares, and their number at most."""
 GAINS, OF_ONE = tuple(k / 8 for k in range(9)), (0.0, 0.5, 1.0)
 """Shares that are tried for all variables together, and then for one after the other."""
 
@@ -156,19 +156,6 @@ def _error(
         if k + 1 < HORIZON:
             o = np.hstack([state, held.o[starts + k + 1][:, n:]])
     return total / HORIZON
-
-
-@torch.no_grad()
-def translated(
-    model: WorldModel,
-    o: Float[np.ndarray, "row obs"],
-    a: Float[np.ndarray, "row action"],
-    answer: Float[np.ndarray, "row state"],
-) -> Float32[np.ndarray, "row state"]:
-    """S's answer translated, on arrays."""
-    given = (torch.tensor(np.asarray(x, np.float32)) for x in (o, a, answer))
-    out: np.ndarray = translate_state(model, *given).cpu().numpy()
-    return out
 
 
 @torch.no_grad()

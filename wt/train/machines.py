@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from wt.cluster import called_off, check, connected, same_versions, versions
+from wt.cluster import called_off, connected, same_versions, versions
 from wt.config import Train
 from wt.errors import UserError
 from wt.train.replicas import Place, leading
@@ -101,7 +101,6 @@ def _on(node: str) -> NodeAffinitySchedulingStrategy:
 @contextmanager
 def _cluster() -> Iterator[None]:
     """The cluster that ``RAY_ADDRESS`` names."""
-    check(_ASKED_BY)
     if not os.environ.get("RAY_ADDRESS"):
         raise UserError(
             "train.nodes asks for other machines, which a Ray cluster has: set RAY_ADDRESS to its "

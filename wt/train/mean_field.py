@@ -22,7 +22,7 @@ from wt.losses.robust import cauchy
 from wt.nets.frame import Frame
 from wt.nets.mlp import in_chunks
 from wt.nets.simulator_use import DomainSamples, Examples, use_of
-from wt.train.batches import Source
+from wt.train.batches import Feed
 from wt.train.device import seeded
 from wt.train.regression import (
     Loss,
@@ -67,8 +67,8 @@ class Scores(NamedTuple):
 
 def fit_mean_field(
     frame: Frame,
-    sim: Source[DomainSamples],
-    real: Source[DomainSamples],
+    sim: Feed[DomainSamples],
+    real: Feed[DomainSamples],
     settings: Mean,
     seed: int,
     progress: Progress | None = None,
@@ -167,7 +167,7 @@ class Lessons:
     """Inputs of a regressor and the answers to them, of the transitions that a step draws from."""
 
     def __init__(
-        self, made: Callable[..., Examples], first: int, *sources: Source[DomainSamples]
+        self, made: Callable[..., Examples], first: int, *sources: Feed[DomainSamples]
     ) -> None:
         """Make none yet.
 

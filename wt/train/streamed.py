@@ -19,7 +19,7 @@ from wt.data.stored import Stored, Streams
 from wt.nets.frame import Frame
 from wt.nets.simulator_use import DomainSamples
 from wt.nets.world_model import WorldModel
-from wt.train.batches import DomainData, Drawn, Held, Rows, Source, framed, within
+from wt.train.batches import DomainData, Drawn, Feed, Held, Rows, framed, within
 from wt.train.mean_field import samples
 from wt.types import Domain, Transitions
 
@@ -172,7 +172,7 @@ def lessons(
     streams: Streams,
     seed: int,
     answered: Callable[[Transitions], Transitions] | None = None,
-) -> tuple[Source[DomainSamples], Source[DomainSamples]]:
+) -> tuple[Feed[DomainSamples], Feed[DomainSamples]]:
     """Both domains as the steps of a mean field's regressions draw from them.
 
     Args:
@@ -185,7 +185,7 @@ def lessons(
     """
     frame, method = model.frame, model.method
 
-    def one(data: Transitions, domain: Domain, stored: Stored | None) -> Source[DomainSamples]:
+    def one(data: Transitions, domain: Domain, stored: Stored | None) -> Feed[DomainSamples]:
         def made(group: Transitions) -> DomainSamples:
             if answered and domain == "real":
                 group = answered(group)
