@@ -159,6 +159,7 @@ def train(study: Study, job: Job, index: int = 0) -> None:
     with on(device_of(config.device, index)):
         model = fit.fit_world_model(
             **_given(study, job),
+            test=study.data.test,
             sink=lambda values, step: listener.metrics(str(job), values, step),
             warn=lambda line: listener.warn(f"{job}: {line}"),
             progress=lambda k, n: listener.progress(str(job), k, n),
@@ -175,11 +176,11 @@ def module_and_data(study: Study, job: Job) -> tuple[WorldTranslation, Translati
         study: of a configuration; its folder gets the fitted mean field.
         job: the paper's method, ours or a variant.
     """
-    return fit.module_and_data(**_given(study, job))
+    return fit.fitted(**_given(study, job)).module_and_data(job.seed, study.data.test)
 
 
 def _given(study: Study, job: Job) -> dict[str, Any]:
-    """What :func:`wt.train.fit.fit_world_model` is given, but for what listens."""
+    """What :func:`wt.train.fit.fitted` is given, but for what listens."""
     sim, real, selection, streams = study.split
     return {
         "spec": study.world.spec,
@@ -191,7 +192,6 @@ def _given(study: Study, job: Job) -> dict[str, Any]:
         "folder": study.home(job.seed, job.key),
         "simulator": study.world,
         "streams": streams,
-        "test": study.data.test,
     }
 
 

@@ -6,7 +6,7 @@ fits the regressors in front of translation; ``module`` reads like Algorithm 1 a
 ``hidden_shift`` is how that goes on; ``logger`` is where metrics end; ``callbacks`` watches for
 collapse; ``loop`` runs it under Lightning, with ``replicas``, processes that train together, and
 ``machines``, those of a Ray cluster; ``fit.fit_world_model`` is the whole of it,
-``fit.module_and_data`` what a Trainer of one's own takes. ``segments`` adds training on stretches
+``fit.fitted`` what comes before a Trainer. ``segments`` adds training on stretches
 of trajectories, ``online`` goes on while a model is in use, ``translation_only`` translates what is
 given.
 """

@@ -90,40 +90,17 @@ def fit_world_model(
         ConfigError: a simulator that the method steps is missing.
         WorkError: training diverged.
     """
-    given = spec, method, sim, real, selection, seed, folder, simulator, streams
-    fitted = _fitted(*given, sink=sink, progress=progress)
+    given = spec, method, sim, real, selection, seed, folder
+    begun = fitted(*given, simulator=simulator, streams=streams, sink=sink, progress=progress)
     if not translates(method, selection):
-        fitted.model.strength.fill_(0.0)
-        return fitted.model.eval()
-    module, data = WorldTranslation(spec, method, fitted.model), _loaded(fitted, seed, test)
-    along = part_of(progress, fitted.steps, fitted.steps + method.train.steps)
-    best = run(module, data, folder, sink, warn, along)
-    return _chosen(best, fitted.selection)
+        begun.model.strength.fill_(0.0)
+        return begun.model.eval()
+    along = part_of(progress, begun.steps, begun.steps + method.train.steps)
+    best = run(*begun.module_and_data(seed, test), folder, sink, warn, along)
+    return _chosen(best, begun.selection)
 
 
-def module_and_data(
-    spec: TransitionSpec,
-    method: Method,
-    sim: Transitions,
-    real: Transitions,
-    selection: Selection,
-    seed: int,
-    folder: Path,
-    *,
-    simulator: Simulator | None = None,
-    streams: Streams = IN_MEMORY,
-    test: Pairs | None = None,
-) -> tuple[WorldTranslation, TranslationData]:
-    """Algorithm 1 and its data for a ``lightning.Trainer`` of the caller's own.
-
-    The mean field, where the method has one, is fitted first. Arguments are those of
-    :func:`fit_world_model`, which trains these two with the Trainer of ``train:``.
-    """
-    fitted = _fitted(spec, method, sim, real, selection, seed, folder, simulator, streams)
-    return WorldTranslation(spec, method, fitted.model), _loaded(fitted, seed, test)
-
-
-class _Fitted(NamedTuple):
+class Fitted(NamedTuple):
     """What Algorithm 1 begins with.
 
     Attributes:
@@ -142,8 +119,30 @@ class _Fitted(NamedTuple):
     selection: Selection
     steps: int
 
+    def module_and_data(
+        self, seed: int, test: Pairs | None = None
+    ) -> tuple[WorldTranslation, TranslationData]:
+        """Algorithm 1 and its batches, for a ``lightning.Trainer``.
 
-def _fitted(
+        Args:
+            seed: same seed, same batches.
+            test: pairs for ``Trainer.test``.
+        """
+        model, train = self.model, self.model.method.train
+        segments = Segments(self.real, train.segment, train.batch) if train.segment > 1 else None
+        data = TranslationData(
+            *drawn(model, self.sim, self.real, self.streams, seed),
+            self.selection,
+            batch=train.batch,
+            latent=model.method.nets.latent,
+            seed=seed,
+            segments=segments,
+            test=test,
+        )
+        return WorldTranslation(model.spec, model.method, model), data
+
+
+def fitted(
     spec: TransitionSpec,
     method: Method,
     sim: Transitions,
@@ -151,15 +150,16 @@ def _fitted(
     selection: Selection,
     seed: int,
     folder: Path,
-    simulator: Simulator | None,
-    streams: Streams,
     *,
+    simulator: Simulator | None = None,
+    streams: Streams = IN_MEMORY,
     sink: MetricSink = _ignore,
     progress: Progress | None = None,
-) -> _Fitted:
+) -> Fitted:
     """Fit normalisers and mean field, and choose the transport.
 
-    Progress is of the total, with the steps of Algorithm 1 that follow.
+    Arguments are those of :func:`fit_world_model`; progress is of the total, with the steps of
+    Algorithm 1 that follow.
     """
     torch.manual_seed(seed)
     model = WorldModel(spec, method)
@@ -185,23 +185,7 @@ def _fitted(
     if answers:
         streams = streams._replace(real=None)  # Algorithm 1 has R's sample, with S's answers
     _choose_transport(model, sim, real, selection)
-    return _Fitted(model, sim, real, streams, selection, steps)
-
-
-def _loaded(fitted: _Fitted, seed: int, test: Pairs | None) -> TranslationData:
-    """Batches of Algorithm 1, in the frame of a model with a fitted mean field."""
-    model, sim, real, streams, selection, _ = fitted
-    train, latent = model.method.train, model.method.nets.latent
-    segments = Segments(real, train.segment, train.batch) if train.segment > 1 else None
-    return TranslationData(
-        *drawn(model, sim, real, streams, seed),
-        selection,
-        batch=train.batch,
-        latent=latent,
-        seed=seed,
-        segments=segments,
-        test=test,
-    )
+    return Fitted(model, sim, real, streams, selection, steps)
 
 
 def translates(method: Method, selection: Selection) -> bool:
