@@ -39,9 +39,9 @@ from wt.diagnose.selection.naming import Claims, Naming
 from wt.diagnose.selection.search import search
 from wt.diagnose.selection.verdict import (
     findings,
+    left_over,
     shown_by_holdout,
     suggestions,
-    unforeseen,
     verdict,
 )
 from wt.diagnose.stop import stopped
@@ -311,7 +311,7 @@ def _diagnosis(scene: Scene, outcome: Outcome) -> Diagnosis:
     where = claims.unexplained(naming.objective)
     shown = traces(prepared, (outcome.fitted, holdout.smoothed), claims.complete, naming.step)
     commanded = not any(f.voids_commands for f in prepared.audit)
-    nameless = unforeseen(claims.estimated.assessed, naming.objective, where) if commanded else ()
+    nameless = left_over(claims, naming.objective) if commanded else ()
     experiment = release(scene, shown) if passive(scene) else ""
     all_findings = (*findings(claims, scene, experiment), *nameless, *quantized)
     said = verdict(claims, naming.objective, quantized)

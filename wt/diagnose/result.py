@@ -220,8 +220,8 @@ class Finding:
 
     @property
     def lawless(self) -> bool:
-        """Whether it says only where something unknown acts."""
-        return self.effect == "unknown" and not self.depends_on
+        """Whether something unknown acts of which no law is proven."""
+        return self.effect == "unknown" and not self.holdout_gain
 
     def to_json(self) -> dict[str, Any]:
         """As in ``diagnosis.json``."""

@@ -59,8 +59,9 @@ class Thresholds:
     error beyond it that is let be falls with their number. Right names leave 1.04; a sum of wrong
     ones gets as near to the noise as it likes, by one effect more."""
     mismatch: float = 0.01
-    """[share of a joint's motion] Error below which a replay is not called unexplained: a very
-    quiet sensor sees tolerances."""
+    """[share of a joint's motion] Error below which a replay is not called unexplained, unless the
+    force behind it is predicted at times that were not seen: a very quiet sensor sees tolerances.
+    """
     min_nats: float = 12.0
     """[nats] Log-likelihood that an effect must gain beyond the price of its parameters. First
     trials asked for 60; tolerances that adapt inside their box made less do."""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.diagnose.hidden_forces import STEP, chain, record
-from wt.diagnose.likelihood.replays import Extrapolated, Replays
+from wt.diagnose.likelihood.replays import Extrapolated, Replays, like
 from wt.diagnose.likelihood.steps import COARSE, Accuracy, Steps, longest_steps
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import smooth
@@ -197,3 +197,10 @@ def swings(path: Path) -> Recording:
         mujoco.mj_step(model, data, 50)
     noisy = np.array(q) + np.random.default_rng(0).normal(0.0, 2e-4, len(q))
     return Recording(np.arange(800) * 0.005, {"qpos/j": noisy}, {})
+
+
+def test_laws_of_one_place_with_more_terms_are_not_alike() -> None:
+    """What was learned twice, with other terms, ended a diagnosis by an error of shapes."""
+    viscous, at = effects()["joint.friction_viscous"], Location("joint", "j1")
+    two, four = ((Planted(viscous, at, np.ones(n)),) for n in (2, 4))
+    assert like(two, two) and not like(two, four)

@@ -463,7 +463,7 @@ def test_what_has_no_law_is_not_said_to_remove_anything() -> None:
     )  # fmt: skip
     unknown = dataclasses.replace(known, findings=(place,), verdict="unexplained")
     said = Page(report(unknown)).words
-    assert "No law was found for it, and none is written." in said
+    assert "No law of it is proven, and none is written." in said
     assert "removes" not in said and "of such a gain" not in said
     assert "this names where it acts." in said and "takes of it" not in said
 

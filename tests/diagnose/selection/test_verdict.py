@@ -16,7 +16,8 @@ from wt.diagnose.likelihood.objective import Assessed
 from wt.diagnose.result import Verdict
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.naming import Claims
-from wt.diagnose.selection.verdict import bearing, shown_by_holdout, verdict
+from wt.diagnose.selection.verdict import bearing, left_over, shown_by_holdout, verdict
+from wt.diagnose.unknown.force import Unknown
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
 from wt.types import Location
@@ -76,3 +77,30 @@ def test_the_more_effects_share_a_joint_the_nearer_to_the_noise_they_must_get(
     accepted = (Accepted(rubs, None, ()),) * effects_at_j2
     claims = Claims(accepted, Estimated(assessed, ()), (), ())
     assert verdict(claims, objective) == said
+
+
+@pytest.mark.parametrize(
+    ("left", "suspected", "said"),
+    [
+        (2.0, True, "no_mismatch"),
+        (8.0, False, "no_mismatch"),
+        (8.0, True, "unexplained"),
+    ],
+)
+def test_what_is_beyond_noise_and_no_noise_is_a_mismatch_however_small(
+    tmp_path: Path, left: float, suspected: bool, said: str
+) -> None:
+    """Below a hundredth of the motion tolerances may do it, unless a law predicts the force."""
+    objective = world(tmp_path, 2, None, 3.0).objective
+    mse = (np.array([1.0, left]) * objective.floor) ** 2
+    assert np.sqrt(mse[1]) < 0.01 * np.nanstd(objective.measured[:, 1])
+    law = Mock(spec=Unknown, statement="Joint j2 is held back.", depends_on=("qvel/j2",))
+    law.planted = Mock(spec=Planted, at=Location("joint", "j2"))
+    estimated = Estimated(Mock(spec=Assessed, hypothesis=(), mse=mse), ())
+    claims = Claims((), estimated, (), (), suspected=(law,) if suspected else ())
+    assert verdict(claims, objective) == said
+    found = left_over(claims, objective)
+    assert [(f.at.name, f.depends_on) for f in found] == [("j2", ("qvel/j2",))] * (
+        said == "unexplained"
+    )
+    assert all(f.lawless and "prove no law" in f.statement for f in found)

@@ -60,7 +60,8 @@ def learned(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[World, 
     found = {}
     for name, law in hidden.items():
         w = world(Path(tmp_path_factory.mktemp(name)), 2, law, fitted=2 if law is beat else 1)
-        found[name] = (w, find(w.screen, w.objective, w.objective.reference(()), w.held, step=STEP))
+        each = find(w.screen, w.objective, w.objective.reference(()), w.held, step=STEP)
+        found[name] = (w, next((u for u in each if u.proven), None))
     return found
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -19,13 +19,22 @@ def erring_joints(objective: Objective, assessed: Assessed) -> list[int]:
     ]
 
 
-def erring(assessed: Assessed, objective: Objective) -> dict[str, float]:
-    """Joints whose replays err by much, with their shares of it."""
+def erring(
+    assessed: Assessed, objective: Objective, surely: Container[str] = ()
+) -> dict[str, float]:
+    """Joints whose replays err by much, with their shares of it.
+
+    Args:
+        assessed: a hypothesis.
+        objective: replays.
+        surely: joints of which any error beyond noise counts, however small beside their motion.
+    """
     # a very quiet sensor sees the model's tolerances: these alone are no mismatch
     left, moved = np.sqrt(assessed.mse), np.nanstd(objective.measured, axis=0)
-    large = (left > THRESHOLDS.clean * objective.floor) & (left > THRESHOLDS.mismatch * moved)
-    size = np.where(large, (left / objective.noise) ** 2, 0.0)
     names = objective.scene.joints
+    share = np.array([0.0 if name in surely else THRESHOLDS.mismatch for name in names])
+    large = (left > THRESHOLDS.clean * objective.floor) & (left > share * moved)
+    size = np.where(large, (left / objective.noise) ** 2, 0.0)
     return {names[j]: float(size[j] / size.sum()) for j in np.flatnonzero(large)}
 
 

@@ -51,7 +51,7 @@ def sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
             "effect explains it on data that it was not fitted to."
         )
     elif diagnosis.verdict == "unexplained":
-        depends = "" if all(f.lawless for f in diagnosis.findings) else " and what it depends on"
+        depends = " and what it depends on" if any(f.depends_on for f in diagnosis.findings) else ""
         words.append(f"The cause is not known: this names where it acts{depends}.")
     elif diagnosis.verdict == "partly_explained":
         words.append("That is not all: a part of the mismatch is left over.")
@@ -165,7 +165,7 @@ def gained(finding: Finding) -> str:
     if finding.lawless:
         return (
             f"The {finding.at} errs by more than noise and what any model is off by ({chance}, if "
-            "these were all). No law was found for it, and none is written."
+            "these were all). No law of it is proven, and none is written."
         )
     name = name_of(finding.effect)
     return (

@@ -65,6 +65,7 @@ class Claims:
         unknown: forces that no known effect explains.
         corrections: of the model's tolerances, beside the findings.
         events: what happened at moments of its own in each recording.
+        suspected: forces that are no noise, of which held-out replays prove no law.
     """
 
     accepted: tuple[Accepted, ...]
@@ -73,6 +74,7 @@ class Claims:
     unknown: tuple[Unknown, ...]
     corrections: Hypothesis = ()
     events: tuple[Event, ...] = ()
+    suspected: tuple[Unknown, ...] = ()
 
     def assessed(self, objective: Objective) -> Assessed:
         """The named effects, with all events, on the fitted recordings."""
@@ -82,10 +84,14 @@ class Claims:
         return objective.reference(parts)
 
     def unexplained(self, objective: Objective) -> dict[str, float]:
-        """Joints whose replays err by much although nothing was found, with their shares of it."""
+        """Joints whose replays err by much although nothing was found, with their shares of it.
+
+        Or by little, if what moves them is no noise.
+        """
         if self.accepted or self.unknown or self.events:
             return {}
-        return erring(self.estimated.assessed, objective)
+        surely = [u.planted.at.name for u in self.suspected]
+        return erring(self.estimated.assessed, objective, surely)
 
     @property
     def patch(self) -> Hypothesis:
@@ -353,17 +359,28 @@ class Naming:
         laws = curves.learned(self.screen, rest, self.holdout, self.step, self.seed)
         if laws:
             assessed = self.objective.reference((*rest, *(u.planted for u in laws)))
+        found: Sequence[Unknown] = ()
         while len(laws) < THRESHOLDS.most_unknown:
-            unknown = find(
+            found = find(
                 self.screen, self.objective, assessed, self.holdout, step=self.step, seed=self.seed
             )
+            unknown = next((u for u in found if u.proven), None)
             if unknown is None or any(unknown.planted.at == u.planted.at for u in laws):
                 break
             laws.append(unknown)
             p, limit = unknown.gain.p_value, THRESHOLDS.significant
             self.log.add(unknown.planted, "unknown", True, p, limit, "a learned law predicts it")
             assessed = self.objective.reference((*assessed.hypothesis, unknown.planted))
-        return replace(claims, unknown=tuple(laws))
+        return replace(claims, unknown=tuple(laws), suspected=self._suspected(found))
+
+    def _suspected(self, found: Sequence[Unknown]) -> tuple[Unknown, ...]:
+        """Of forces whose laws are not proven, those that are no noise."""
+        suspected = tuple(u for u in found if u.suspected and not u.proven)
+        for u in suspected:
+            p, limit = u.gain.p_value, THRESHOLDS.significant
+            reason = "a law predicts times that it has not seen; held-out replays do not prove it"
+            self.log.add(u.planted, "unknown", False, p, limit, reason)
+        return suspected
 
     def _doubtful(self, claims: Claims, index: int) -> bool:
         rivalry = rivals_nonparametric(self.screen, claims.hypothesis, index, seed=self.seed)

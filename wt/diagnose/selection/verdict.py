@@ -17,11 +17,19 @@ from wt.diagnose.result import Confusable, Diagnosis, Finding, Located, Verdict
 from wt.diagnose.selection.naming import Claims
 from wt.diagnose.stop import stopped
 from wt.diagnose.thresholds import THRESHOLDS
+from wt.diagnose.unknown.force import Unknown
 from wt.physics.scene import Scene
 from wt.types import Location
 
 _UNPREDICTED = "nothing recorded predicts."
+_UNPROVEN = "Held-out replays prove no law of it."
 _NOT_LOOKED_FOR = "the search had not named when it was ended."
+
+
+def left_over(claims: Claims, objective: Objective) -> tuple[Finding, ...]:
+    """What is left at joints that err although nothing was found: where, and on what it depends."""
+    left, where = claims.estimated.assessed, claims.unexplained(objective)
+    return unforeseen(left, objective, where, suspected=claims.suspected)
 
 
 def unforeseen(
@@ -29,6 +37,7 @@ def unforeseen(
     objective: Objective,
     where: Mapping[str, float],
     that: str = "",
+    suspected: Sequence[Unknown] = (),
 ) -> tuple[Finding, ...]:
     """At joints that err: something unknown, without a law.
 
@@ -38,22 +47,18 @@ def unforeseen(
         where: joint → share of the error. What one foot meets shows on all joints of a machine
             that nothing holds: there, the fewest are named that bear most of it.
         that: what is said of it; that nothing predicts it, or was yet found to, if left out.
+        suspected: laws that predict it, none of them proven.
     """
+    by_law = {u.planted.at.name: u for u in suspected}
     that = that or (_NOT_LOOKED_FOR if stopped() else _UNPREDICTED)
     by_place: dict[Location, Finding] = {}
     for joint in bearing(where, THRESHOLDS.bearing_share) if objective.scene.free else where:
         dof, at = objective.scene.dof(joint), objective.scene.place(joint)
         excess = float(assessed.mse[dof] / objective.noise[dof] ** 2)
         count = float(objective.count[dof])
-        by_place.setdefault(
-            at,
-            _nameless(
-                at,
-                that,
-                # of noise alone being as large
-                float(chi2.sf(excess * count, count)),
-            ),
-        )
+        # of noise alone being as large
+        chance = float(chi2.sf(excess * count, count))
+        by_place.setdefault(at, _nameless(at, that, chance, by_law.get(joint)))
     return tuple(by_place.values())
 
 
@@ -84,15 +89,17 @@ def shown_by_holdout(diagnosis: Diagnosis, assessed: Assessed, replays: Objectiv
     )
 
 
-def _nameless(at: Location, that: str, p_value: float) -> Finding:
-    """Something unknown at a place, without a law; ``that`` says more of it."""
+def _nameless(at: Location, that: str, p_value: float, law: Unknown | None) -> Finding:
+    """Something unknown at a place, without a proven law; ``that`` says more of it, or one does."""
+    statement = f"{at.kind.capitalize()} {at.name} is moved by something unknown that {that}"
     return Finding(
         effect="unknown",
         at=at,
         parameters={},
-        statement=f"{at.kind.capitalize()} {at.name} is moved by something unknown that {that}",
+        statement=f"{law.statement} {_UNPROVEN}" if law else statement,
         holdout_gain=0.0,
         p_value=p_value,
+        depends_on=law.depends_on if law else (),
     )
 
 

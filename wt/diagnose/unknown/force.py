@@ -130,6 +130,8 @@ class Unknown:
         gain: its worth on held-out recordings.
         formula_gain: share of the held-out squared error that the printed formula removes; the
             same as the law's where it is what acts.
+        blank: p-value of predicting blocks of time not seen no better than by no force at all; all
+            columns that were tried are paid for.
     """
 
     planted: Planted
@@ -140,6 +142,18 @@ class Unknown:
     statement: str
     gain: Gain
     formula_gain: float
+    blank: float = 1.0
+
+    @property
+    def proven(self) -> bool:
+        """True if held-out replays improve by it, significantly and materially."""
+        significant = self.gain.p_value <= THRESHOLDS.significant
+        return significant and self.gain.share >= THRESHOLDS.unknown_share
+
+    @property
+    def suspected(self) -> bool:
+        """True if what moves the joint is surely no noise, whether or not this law is proven."""
+        return self.blank <= THRESHOLDS.significant
 
 
 def find(
@@ -150,8 +164,8 @@ def find(
     *,
     step: float,
     seed: int = 0,
-) -> Unknown | None:
-    """Look for an unknown force where the accepted effects leave more than noise.
+) -> list[Unknown]:
+    """Look for unknown forces where the accepted effects leave more than noise.
 
     Args:
         screen: the fitted recordings.
@@ -162,7 +176,7 @@ def find(
         seed: of the folds.
 
     Returns:
-        The most useful unknown force, or None if none improves held-out replays.
+        The best law of each joint, proven or not, the most useful first.
     """
     excess = np.sqrt(assessed.mse) / objective.floor
     rest = leftover(screen, assessed.hypothesis)
@@ -178,13 +192,9 @@ def find(
         rows = np.ones(len(screen.rows), bool)
         data = ForceData(screen, joint, rest.left[:, dof], rows, seed, COARSE * step)
         unknown = _learn(data, assessed, holdout, step)
-        if (
-            unknown
-            and unknown.gain.p_value <= THRESHOLDS.significant
-            and unknown.gain.share >= THRESHOLDS.unknown_share
-        ):
+        if unknown:
             unknowns.append(unknown)
-    return max(unknowns, key=lambda u: u.gain.share, default=None)
+    return sorted(unknowns, key=lambda u: -u.gain.share)
 
 
 def of_law(
@@ -266,6 +276,7 @@ def _learn(data: ForceData, assessed: Assessed, holdout: Holdout, step: float) -
         planted.statement(data.screen.motion.scene),
         Gain(share, p_value),
         said,
+        blank,
     )
 
 
