@@ -21,11 +21,11 @@ from wt.errors import ConfigError
 from wt.nets.world_model import WorldModel
 from wt.train import machines
 from wt.train.callbacks import CollapseWatch, RerunCurves, ShowProgress
-from wt.train.checkpoints import WholeCheckpoints
+from wt.train.checkpoints import LatestOfTheBest, WholeCheckpoints
 from wt.train.data import TranslationData
 from wt.train.device import beside, on
 from wt.train.logger import MetricSink, SinkLogger
-from wt.train.module import WorldTranslation
+from wt.train.module import STANDARD_ERROR, WorldTranslation
 from wt.train.regression import Progress
 from wt.train.replicas import Place, Placed, Unwrapped, end_with_parent, followers, leading
 
@@ -72,7 +72,7 @@ def run(
         progress: called with (done, total) steps.
 
     Returns:
-        The model with the lowest error on what is held out, in evaluation mode.
+        The latest model of the lowest error on what is held out, in evaluation mode.
     """
     train, device = module.model.method.train, torch.get_default_device()
     watchers: list[lightning.Callback] = [CollapseWatch(warn, train.log_every)]
@@ -170,7 +170,8 @@ def _loop(
 ) -> Path:
     """Let Lightning train, from the newest checkpoint on; returns the best one."""
     train, device = module.model.method.train, torch.get_default_device()
-    best = ModelCheckpoint(folder, "best", monitor=f"val/{data.validation.metric}")
+    metric = data.validation.metric
+    best = LatestOfTheBest(folder, f"val/{metric}", f"val/{STANDARD_ERROR}")
     # one of its own: save_last of the one above writes only when the error has fallen
     newest = ModelCheckpoint(folder, Path(LAST).stem, enable_version_counter=False)
     last = folder / LAST

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from wt.nets.world_model import WorldModel
-from wt.train.selection import Selection
+from wt.train.selection import Measured, Selection
 from wt.translate import reconstruct_state, translate_state
 from wt.types import Pairs
 
@@ -64,9 +64,14 @@ def reconstructions(model: WorldModel, pairs: PairTensors) -> Tensor:
 
 def score(model: WorldModel, selection: Selection) -> float:
     """Error of a model's translation on the data that choose."""
+    return measured(model, selection).error
+
+
+def measured(model: WorldModel, selection: Selection) -> Measured:
+    """As :func:`score`, and how sure that is."""
     std, change_std = model.frame.state.std, model.frame.change.std
     tensors = PairTensors.of(selection.translated, std, change_std)
-    return selection.error(predictions(model, tensors))
+    return selection.measure(predictions(model, tensors))
 
 
 def errors(model: WorldModel, pairs: PairTensors) -> tuple[float, float]:

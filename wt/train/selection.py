@@ -25,9 +25,10 @@ hidden then is known. Only an experiment with two simulators has these.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import torch
@@ -51,8 +52,24 @@ CONSTANT = 1e-6
 """A channel that varies less than this, in its own unit, has no scale."""
 
 
+class Measured(NamedTuple):
+    """Error of a translation on what chooses.
+
+    Attributes:
+        error: the lower, the better.
+        standard_error: of it, by the sample that chooses; 0 where models answer to the same pairs.
+    """
+
+    error: float
+    standard_error: float
+
+
 class Selection(ABC):
     """Held-out data that choose between models; of two errors the lower one is chosen.
+
+    Of the checkpoints of one training the latest is, whose error is the lowest but for its standard
+    error (L. Breiman et al., Classification and Regression Trees, 1984): learning rates fall, so
+    that of what cannot be told apart the later one is better trained.
 
     Attributes:
         name: as in a configuration.
@@ -71,12 +88,16 @@ class Selection(ABC):
     hash: str
 
     @abstractmethod
-    def error(self, states: Float[Tensor, "row state"]) -> float:
-        """Error of a translation.
+    def measure(self, states: Float[Tensor, "row state"]) -> Measured:
+        """Error of a translation, and how sure it is.
 
         Args:
             states: what it makes of :attr:`translated`, physical units.
         """
+
+    def error(self, states: Float[Tensor, "row state"]) -> float:
+        """Error alone, see :meth:`measure`."""
+        return self.measure(states).error
 
 
 class Paired(Selection):
@@ -97,10 +118,10 @@ class Paired(Selection):
         self.hash = content_hash(pairs)
         self._scale = scale
 
-    def error(self, states: Float[Tensor, "row state"]) -> float:
+    def measure(self, states: Float[Tensor, "row state"]) -> Measured:
         """Mean squared error of the normalised next state."""
         error = states - torch.tensor(self.translated.real.s_next)
-        return float(((error / torch.tensor(self._scale)) ** 2).mean())
+        return Measured(float(((error / torch.tensor(self._scale)) ** 2).mean()), 0.0)
 
 
 class Unpaired(Selection):
@@ -128,7 +149,7 @@ class Unpaired(Selection):
         self.predicted = Pairs(real, real.nominal)
         self.hash = digest([content_hash(sim), content_hash(real)])
 
-    def error(self, states: Float[Tensor, "row state"]) -> float:
+    def measure(self, states: Float[Tensor, "row state"]) -> Measured:
         """Energy distance of what (o, a) do not tell, in units of R's spread of it."""
         of_sim = self._told.left(self.translated.real, states.detach().cpu().numpy())
         return energy_distance(
@@ -210,10 +231,17 @@ def _waves(
     return direction, rng.uniform(0.0, 2.0 * np.pi, count)
 
 
-def energy_distance(x: Float[Tensor, "n channel"], y: Float[Tensor, "m channel"]) -> float:
-    """2 E‖X − Y‖ − E‖X − X′‖ − E‖Y − Y′‖ of two samples (Székely and Rizzo 2013)."""
-    between = 2.0 * torch.cdist(x, y).mean()
-    return float(between - torch.cdist(x, x).mean() - torch.cdist(y, y).mean())
+def energy_distance(x: Float[Tensor, "n channel"], y: Float[Tensor, "m channel"]) -> Measured:
+    """2 E‖X − Y‖ − E‖X − X′‖ − E‖Y − Y′‖ of two samples (Székely and Rizzo 2013).
+
+    Its standard error is that of the sums' linear part, of what each row adds (Hoeffding 1948).
+    """
+    between = torch.cdist(x, y)
+    of_x, of_y = torch.cdist(x, x).mean(dim=1), torch.cdist(y, y).mean(dim=1)
+    error = 2.0 * between.mean() - of_x.mean() - of_y.mean()
+    each = 2.0 * (between.mean(dim=1) - of_x), 2.0 * (between.mean(dim=0) - of_y)
+    variance = sum(float(part.var()) / len(part) for part in each)
+    return Measured(float(error), math.sqrt(variance))
 
 
 def hold_out(data: Transitions, share: float) -> tuple[Transitions, Transitions]:
