@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -70,6 +71,11 @@ class Holdout:
         default_factory=dict
     )
 
+    @functools.lru_cache(maxsize=4)  # noqa: B019 – lives and dies with a diagnosis
+    def replayer(self, step: float) -> Replayer:
+        """Its replays at steps of so long [s], which are asked for one effect after another."""
+        return Replayer(self.smoothed.motion.scene, self.stretches, step)
+
     def response(
         self, hypothesis: Hypothesis, replayer: Replayer
     ) -> Float[np.ndarray, "sample dof change"]:
@@ -133,7 +139,7 @@ def errors(
     not measured, adapts within its uncertainty.
     """
     here = [holdout.here(h) for h in hypotheses]
-    replayer = Replayer(holdout.smoothed.motion.scene, holdout.stretches, step)
+    replayer = holdout.replayer(step)
     q = replayer.run(here).q
     replay_errors = np.where(np.isfinite(q), q, holdout.measured + RAN_AWAY) - holdout.measured
     if holdout.forgets:
