@@ -32,7 +32,7 @@ import sys
 from pathlib import Path
 import numpy as np
 from tests.physics.arm import commands, scene
-from tests.physics.test_spread import hypotheses, on_the_arm, same
+from tests.physics.test_spread import anew, hypotheses, on_the_arm, same
 from wt import cluster
 from wt.errors import UserError
 from wt.physics.cluster import Cluster
@@ -48,8 +48,8 @@ whole = replayer.run(hypotheses())
 cluster._connect("local")
 with over("ray"):
     assert isinstance(chosen(), Cluster)
-    assert same(replayer.run(hypotheses()), whole)
-    one = replayer.run(hypotheses()[5:6])
+    assert same(anew(replayer).run(hypotheses()), whole)
+    one = anew(replayer).run(hypotheses()[5:6])
     assert same(one, Replays(whole.q[5:6], whole.v[5:6]))
     assert replayer.run([]).q.shape == (0, *whole.q.shape[1:])
 import ray
@@ -71,7 +71,7 @@ with over("ray"):
     replayer.run([()])
     print("runs", flush=True)
     while True:
-        replayer.run(8 * [()])
+        anew(replayer).run([()])
 """
 
 

@@ -29,6 +29,7 @@ from wt.physics.acting import is_live
 from wt.physics.effect import effects
 from wt.physics.packed import PackedScene
 from wt.physics.planted import Planted
+from wt.physics.remembered import Remembered
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer, Replays
 from wt.physics.runner import Threads, chosen, split
@@ -94,6 +95,12 @@ def whole(replayer: Replayer) -> Replays:
     return replayer.run(hypotheses())
 
 
+def anew(replayer: Replayer) -> Replayer:
+    """The same one, which has forgotten what it said."""
+    replayer._known = Remembered()
+    return replayer
+
+
 def live() -> Hypothesis:
     return (planted("joint.friction_stribeck", "joint", "j1", 0.3, 0.5, 0.1),)
 
@@ -119,7 +126,7 @@ def test_threads_say_the_same(replayer: Replayer, whole: Replays, jobs: int | st
         runner = chosen()
         assert isinstance(runner, Threads if jobs == 1 else Workers)
         assert runner.count == int(jobs)
-        assert same(replayer.run(hypotheses()), whole)
+        assert same(anew(replayer).run(hypotheses()), whole)
     assert chosen() == Threads()
 
 
@@ -137,24 +144,24 @@ def processes(monkeypatch: pytest.MonkeyPatch) -> Iterator[Workers]:
 def test_processes_say_the_same(
     processes: Workers, replayer: Replayer, whole: Replays, tmp_path: Path
 ) -> None:
-    assert same(replayer.run(hypotheses()), whole)
+    assert same(anew(replayer).run(hypotheses()), whole)
     one = next(i for i, h in enumerate(hypotheses()) if any(is_live(p.effect) for p in h))
-    alone = replayer.run(hypotheses()[one : one + 1])  # its stretches are divided
+    alone = anew(replayer).run(hypotheses()[one : one + 1])  # its stretches are divided
     assert same(alone, Replays(whole.q[[one]], whole.v[[one]]))
     others = [on_the_arm(tmp_path) for _ in range(workers._KEPT + 1)]
     for other in (*others, replayer):  # more than they keep
-        assert same(other.run(hypotheses()[one : one + 1]), alone)
+        assert same(anew(other).run(hypotheses()[one : one + 1]), alone)
     assert processes._processes and len(processes._processes) == 2
 
 
 def test_a_process_that_is_gone_is_done_without(
     processes: Workers, replayer: Replayer, whole: Replays
 ) -> None:
-    replayer.run([live()])
+    anew(replayer).run([live()])
     assert processes._processes
     for process in processes._processes:
         process._process.kill()
-    assert same(replayer.run(hypotheses()), whole)
+    assert same(anew(replayer).run(hypotheses()), whole)
     assert processes._processes is None
 
 
@@ -170,7 +177,7 @@ def test_without_a_second_process_it_is_done_here(
         return started[0]
 
     monkeypatch.setattr(workers, "_Process", once)
-    assert same(replayer.run(hypotheses()), whole)
+    assert same(anew(replayer).run(hypotheses()), whole)
     assert processes._processes is None
     assert started[0]._process.poll() is not None
 
@@ -182,7 +189,7 @@ def test_what_cannot_be_told_is_done_here(processes: Workers, replayer: Replayer
         held = lock
 
     law = Planted(Local(), Location("joint", "j1"), np.array([0.3, 0.5, 0.1]))
-    assert same(replayer.run([(law,)]), replayer.run([live()]))
+    assert same(anew(replayer).run([(law,)]), anew(replayer).run([live()]))
     assert processes._processes is None
 
 
@@ -198,7 +205,7 @@ def test_what_is_unknown_there_is_done_here(
     monkeypatch.setattr(here, "Law", law, raising=False)
     monkeypatch.setitem(sys.modules, "only_here", here)
     own = Planted(law(), Location("joint", "j1"), np.array([0.3, 0.5, 0.1]))
-    assert same(replayer.run([(own,)]), replayer.run([live()]))
+    assert same(anew(replayer).run([(own,)]), anew(replayer).run([live()]))
     assert processes._processes is None
     assert capfd.readouterr().err == ""
 
@@ -207,7 +214,7 @@ def test_what_a_process_raises_is_raised(processes: Workers, replayer: Replayer)
     nowhere = replace(live()[0], at=Location("joint", "none"))
     with pytest.raises(KeyError):
         replayer.run([(nowhere,)])
-    assert np.isfinite(replayer.run([live()]).q).all()
+    assert np.isfinite(anew(replayer).run([live()]).q).all()
 
 
 def test_processes_end_with_their_parent(tmp_path: Path) -> None:

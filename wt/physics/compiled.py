@@ -1,6 +1,7 @@
-"""Machine code of laws that act at every physics step, and of what is done between two steps.
+"""Machine code of laws that act at every physics step, and of the steps themselves.
 
-In Python a law at a few places takes ten times as long as MuJoCo's step.
+In Python a law at a few places takes ten times as long as MuJoCo's step, and a call of that from
+Python as long as the step of a small machine: a replay is stepped from beginning to end in one go.
 """
 
 from __future__ import annotations
@@ -124,57 +125,84 @@ def _calling(
 _call: Any = intrinsic(_calling)
 
 
-def _turn(
-    k: int,
+def _mj_stepping(
+    context: Context, function: types.Type, model: types.Type, data: types.Type
+) -> tuple[Signature, Callable[..., ir.Value]]:
+    """Call ``mj_step`` by its address; model and data are given by theirs."""
+
+    def generate(
+        context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]
+    ) -> ir.Value:
+        something = ir.IntType(8).as_pointer()
+        code = ir.FunctionType(ir.VoidType(), [something] * 2).as_pointer()
+        parts = [builder.inttoptr(value, something) for value in given[1:]]
+        builder.call(builder.inttoptr(given[0], code), parts)
+        return context.get_dummy_value()
+
+    return types.void(function, model, data), generate
+
+
+_mj_step: Any = intrinsic(_mj_stepping)
+
+
+def _advance(
     t: np.ndarray,
     h: float,
     u: np.ndarray,
     extra: np.ndarray,
+    wrenches: np.ndarray,
+    laws: np.ndarray,
+    dofs: np.ndarray,
+    figures: np.ndarray,
     own: np.ndarray,
     controls: np.ndarray,
-    laws: np.ndarray,
-    places: np.ndarray,
-    figures: np.ndarray,
-    qpos: np.ndarray,
-    qvel: np.ndarray,
+    machine: tuple[int, int, int],
+    state: tuple[np.ndarray, ...],
     path: np.ndarray,
-    ctrl: np.ndarray,
-    applied: np.ndarray,
 ) -> None:
-    """Before a physics step: note where n replays are, and set what acts on them.
+    """Step one replay with what acts on it, until MuJoCo warns of it.
 
     Args:
-        k: the step.
-        t: time of each step, (steps, n) [s].
+        t: time of each step, (steps,) [s].
         h: length of a step [s].
-        u: commands, (steps, n, nu).
-        extra: forces beside those of laws, (steps, n, nv) [N·m or N].
-        own: addresses of the machine's joints in qpos and qvel, (nv,).
-        controls: the command that each control of the patched models takes.
+        u: commands, (steps, nu).
+        extra: forces beside those of laws, (steps, nv) [N·m or N].
+        wrenches: forces and torques on all bodies, (steps, 6 nbody) [N, N·m]; of no width if there
+            are none.
         laws: address of the law of each place, (places,).
-        places: replay and degree of freedom of each, (places, 2).
+        dofs: degree of freedom that each acts on, (places,).
         figures: address of the parameters, and of what else is its own, of each, (places, 2).
-        qpos: positions now, (n, ·), of the patched models.
-        qvel: velocities.
-        path: where each replay is before each step, (steps, n, 2 nv): row k is written.
-        ctrl: written, (n, controls).
-        applied: generalised forces, written for the machine's joints, (n, ·).
+        own: addresses of the machine's joints in qpos and qvel of the patched model, (nv,).
+        controls: the command that each of its controls takes.
+        machine: addresses of ``mj_step``, of the patched model and of its data.
+        state: of that data positions, velocities, controls, generalised forces, forces and torques
+            on bodies, flat, and how often MuJoCo has warned of what.
+        path: where it is before each step, and behind the last, (steps + 1, 2 nv): written; NaN
+            behind where it has exploded.
     """
-    n, nv = qpos.shape[0], len(own)
-    for r in range(n):
+    nv, steps = len(own), len(t)
+    step, model, data = machine
+    qpos, qvel, ctrl, applied, xfrc, warned = state
+    for k in range(steps):
         for j in range(nv):
-            path[k, r, j], path[k, r, nv + j] = qpos[r, own[j]], qvel[r, own[j]]
-            applied[r, own[j]] = extra[k, r, j]
+            path[k, j], path[k, nv + j] = qpos[own[j]], qvel[own[j]]
+            applied[own[j]] = extra[k, j]
         for c in range(len(controls)):
-            ctrl[r, c] = u[k, r, controls[c]]
-    states, commands = path[k].ctypes.data, u[k].ctypes.data
-    for i in range(len(laws)):
-        r, dof = places[i]
-        q, command = states + r * path.strides[1], commands + r * u.strides[1]
-        v = q + nv * path.strides[2]
-        applied[r, own[dof]] += _call(
-            laws[i], dof, q, v, command, t[k, r], h, figures[i, 0], figures[i, 1]
-        )
+            ctrl[c] = u[k, controls[c]]
+        for w in range(wrenches.shape[1]):
+            xfrc[w] = wrenches[k, w]
+        q_now, u_now = path[k].ctypes.data, u[k].ctypes.data
+        v_now = q_now + nv * path.strides[1]
+        for i in range(len(laws)):
+            theta, rest = figures[i]
+            force = _call(laws[i], dofs[i], q_now, v_now, u_now, t[k], h, theta, rest)
+            applied[own[dofs[i]]] += force
+        _mj_step(step, model, data)
+        if warned.any():  # it has been set back, and steps from there say nothing
+            path[k + 1 :] = np.nan
+            return
+    for j in range(nv):
+        path[steps, j], path[steps, nv + j] = qpos[own[j]], qvel[own[j]]
 
 
-turn = fast(_turn)
+advance = fast(_advance)

@@ -48,6 +48,7 @@ import importlib
 import pkgutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar, Literal
 
 import mujoco
@@ -281,13 +282,16 @@ def register(effect: type[Effect]) -> type[Effect]:
         both = f"{type(_EFFECTS[effect.id]).__module__} and {effect.__module__}"
         raise ValueError(f"effect {effect.id!r} is defined by both {both}; rename one")
     _EFFECTS[effect.id] = effect()
+    ordered = dict(sorted(_EFFECTS.items()))
+    _EFFECTS.clear()
+    _EFFECTS.update(ordered)
     return effect
 
 
 def effects() -> Mapping[str, Effect]:
     """Every effect by id, in alphabetical order."""
     _imported()
-    return dict(sorted(_EFFECTS.items()))
+    return MappingProxyType(_EFFECTS)
 
 
 @functools.cache

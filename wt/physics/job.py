@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from wt.physics.acting import is_live
 from wt.physics.activation import activated, dynamic
@@ -88,6 +88,38 @@ class Job:
         self.live, steps = any(is_live(p.effect) for p in hypothesis), len(self.inputs.t)
         pushed = bool(self.inputs.force), bool(self.inputs.torque)
         self.layout = (*sizes, steps, *pushed, self.live)
+
+    @functools.cached_property
+    def own(self) -> Int[np.ndarray, " dof"]:
+        """Addresses of the machine's joints in qpos and qvel of the patched model."""
+        return np.array([self.model.joint(name).dofadr[0] for name in self.scene.joints])
+
+    @functools.cached_property
+    def controls(self) -> Int[np.ndarray, " control"]:
+        """For each control of the patched model the index of the user's actuator it belongs to."""
+        m, given = self.model, self.scene.model
+        names = [
+            m.actuator(i).name
+            for i in range(m.actuator_trnid.shape[0])
+            for _ in range(m.actuator_ctrlnum[i])
+        ]
+        return np.array([given.actuator(name).id for name in names], dtype=int)
+
+    def wrenches(self, piece: slice) -> Float[np.ndarray, "step wrench"]:
+        """World-frame forces and torques on all bodies in some steps, (steps, 6 · nbody)."""
+        wrenches = np.zeros((piece.stop - piece.start, self.model.nbody, 6))
+        for body, force in self.inputs.force.items():
+            name = self.scene.model.body(body).name
+            wrenches[:, self.model.body(name).id, :3] = force[piece]
+        return wrenches.reshape(len(wrenches), -1)
+
+    def torques(self, piece: slice) -> Float[np.ndarray, "step dof"]:
+        """Generalised forces on all degrees of freedom of the patched model, (steps, nv)."""
+        torques = np.zeros((piece.stop - piece.start, self.model.nv))
+        for dof, torque in self.inputs.torque.items():
+            name = self.scene.model.joint(int(self.scene.model.dof_jntid[dof])).name
+            torques[:, self.model.joint(name).dofadr[0]] = torque[piece]
+        return torques
 
     def initial(self) -> tuple[Float[np.ndarray, " joint"], Float[np.ndarray, " joint"]]:
         """Positions and velocities to start from, in the order of the patched model's joints."""

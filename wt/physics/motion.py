@@ -236,11 +236,13 @@ class Motion:
         flags = model.opt.disableflags
         model.opt.disableflags |= NOT_DEMANDED
         data = mujoco.MjData(model)
+        # to ask the data for its arrays takes as long as what is asked of them
+        q, v, a, force = data.qpos, data.qvel, data.qacc, data.qfrc_inverse
         result = np.empty_like(self.q)
         for k in range(len(self.t)):
-            data.qpos[:], data.qvel[:], data.qacc[:] = self.q[k], self.v[k], self.a[k]
+            q[:], v[:], a[:] = self.q[k], self.v[k], self.a[k]
             mujoco.mj_inverse(model, data)
-            result[k] = data.qfrc_inverse
+            result[k] = force
         model.opt.disableflags = flags
         return result
 

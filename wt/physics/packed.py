@@ -13,6 +13,7 @@ from typing import Any
 import cloudpickle
 import mujoco
 
+from wt.physics.effect import effects
 from wt.physics.rollout import Replayer
 from wt.physics.runner import Divisible, Hypotheses
 from wt.physics.scene import Amendment, Scene
@@ -63,14 +64,19 @@ def unpacked(scene: Scene, rest: bytes) -> Replayer:
 
 
 def told(replays: Divisible, hypotheses: Hypotheses) -> bytes:
-    """Hypotheses, without the scene and recordings that they refer to; for :func:`heard`."""
-    return _dumped(hypotheses, replays.scene, replays.stretches[0].motion)
+    """Hypotheses, without scene, recordings and effects that they refer to; for :func:`heard`."""
+    return _dumped(hypotheses, *_known(replays))
 
 
 def heard(replays: Divisible, hypotheses: bytes) -> Hypotheses:
     """What :func:`told` was given, of the scene and recordings as they are here."""
-    loaded: Hypotheses = _loaded(hypotheses, replays.scene, replays.stretches[0].motion)
+    loaded: Hypotheses = _loaded(hypotheses, *_known(replays))
     return loaded
+
+
+def _known(replays: Divisible) -> list[object]:
+    """What is here and there alike: an effect stays the same one, by which replays are known."""
+    return [replays.scene, replays.stretches[0].motion, *effects().values()]
 
 
 def _dumped(thing: object, *known: object) -> bytes:

@@ -17,11 +17,11 @@ from wt.physics.lean import rest_idle
 from wt.physics.limbs import Limb, Limbs, limbs
 from wt.physics.planted import Planted
 from wt.physics.quiet import quiet
+from wt.physics.remembered import Remembered
 from wt.physics.replay import Inputs, Stretch
 from wt.physics.runner import chosen
 from wt.physics.scene import Scene
 from wt.physics.stepping import simulate
-from wt.types import Location
 
 _ALIKE, _ALIKE_LIVE = 0.75, 0.5
 """Replays that need this share of the steps of the longest take as many: more calls cost more, and
@@ -66,10 +66,13 @@ class Replayer:
             for live, alike in ((False, _ALIKE), (True, _ALIKE_LIVE))
         }
         self._inputs: dict[tuple[Stretch, int], Inputs] = {}
+        self._known = Remembered()
 
     def run(self, hypotheses: Sequence[Sequence[Planted]]) -> Replays:
-        """Replay every stretch on every hypothesis."""
-        return Replays(*chosen().replay(self, hypotheses))
+        """Replay every stretch on every hypothesis, unless that has been done lately."""
+        if not hypotheses:
+            return Replays(*chosen().replay(self, []))
+        return Replays(*self._known.paths(hypotheses, lambda new: chosen().replay(self, new)))
 
     @quiet()  # replays of bad hypotheses explode, and NaN says it
     def part(
@@ -78,7 +81,8 @@ class Replayer:
         """Replay some stretches on some hypotheses in this process.
 
         What one replay says does not depend, to the bit, on which others run beside it. Limbs that
-        are independent are replayed apart, each as often as hypotheses differ in it.
+        are independent are replayed apart, each as often as hypotheses differ in it, and from what
+        was replayed of it lately.
 
         Args:
             hypotheses: H of them.
@@ -97,12 +101,10 @@ class Replayer:
         if whole:
             path[:, whole] = self._whole([hypotheses[h] for h in whole], stretches, threads)
         for k, (limb, own) in enumerate(self._own if apart else ()):
-            contents = [_contents(part[k]) for _, part in apart]
-            different = dict(zip(contents, (part[k] for _, part in apart), strict=True))
-            said = own.part(list(different.values()), stretches, threads)
-            of = dict(zip(different, said.swapaxes(0, 1), strict=True))
-            for (h, _), content in zip(apart, contents, strict=True):
-                path[:, h][..., limb.dofs] = of[content]
+            replay = functools.partial(own.part, stretches=stretches, threads=threads)
+            said = own._known.paths([part[k] for _, part in apart], replay, tuple(stretches))
+            for (h, _), one in zip(apart, said.swapaxes(0, 1), strict=True):
+                path[:, h][..., limb.dofs] = one
         return path
 
     @functools.cached_property
@@ -180,8 +182,3 @@ def _shared(lengths: Sequence[float], alike: float) -> list[int]:
             most = needed[i]
         taken[i] = most
     return taken
-
-
-def _contents(hypothesis: Sequence[Planted]) -> tuple[tuple[int, Location, bytes], ...]:
-    """What two hypotheses have in common that say the same."""
-    return tuple((id(p.effect), p.at, p.theta.tobytes()) for p in hypothesis)

@@ -107,12 +107,11 @@ def test_processes_say_the_same_of_what_was_recorded(
     law = Planted(
         effects()["joint.friction_stribeck"], Location("joint", "j2"), np.array([0.1, 0.2, 0.1])
     )
-    replayer = Replayer(scene, stretches, 4 * STEP)
-    here = replayer.run([(law,)])
+    here = Replayer(scene, stretches, 4 * STEP).run([(law,)])
     monkeypatch.setattr(workers, "_WORTH_S", 0.0)
     monkeypatch.setattr(workers, "_WORTH_STEPS", 1)
     with over(2):
-        there, runner = replayer.run([(law,)]), chosen()
+        there, runner = Replayer(scene, stretches, 4 * STEP).run([(law,)]), chosen()
         assert isinstance(runner, workers.Workers) and runner._processes
     assert there.q.tobytes() == here.q.tobytes()
 

@@ -9,6 +9,7 @@ import pytest
 
 from tests.diagnose.hidden_forces import NOISE, STEP, chain, record
 from wt.diagnose.likelihood.objective import Objective
+from wt.diagnose.likelihood.refine import slopes_at, slopes_of
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import stretches_of
@@ -40,7 +41,8 @@ def objective(folder: Path, recordings: int) -> Objective:
 def test_what_is_there_passes_and_what_is_not_does_not(tmp_path: Path, recordings: int) -> None:
     some = objective(tmp_path, recordings)
     now = some.reference((ROTOR, RUBS))
-    real, imagined = (left_in_turn(some, now.hypothesis, i) for i in range(2))
+    slopes = slopes_of(now.hypothesis, slopes_at(some, now))
+    real, imagined = (left_in_turn(some, now.hypothesis, i, slopes) for i in range(2))
     assert real.p_value < 1e-3
     assert real.share > 3 * THRESHOLDS.in_turn_share
     assert imagined.share < 0.3 * THRESHOLDS.in_turn_share
@@ -57,7 +59,8 @@ def test_too_few_blocks_to_be_sure_decide_nothing() -> None:
 def test_a_single_effect_is_compared_with_none(tmp_path: Path) -> None:
     some = objective(tmp_path, 2)
     now = some.reference((ROTOR,))
-    assert left_in_turn(some, now.hypothesis, 0).p_value < 1e-3
+    slopes = slopes_of(now.hypothesis, slopes_at(some, now))
+    assert left_in_turn(some, now.hypothesis, 0, slopes).p_value < 1e-3
 
 
 def held_out(some: Objective, swing: float) -> Holdout:
@@ -77,7 +80,7 @@ def test_corrections_that_differ_do_not_speak_for_mute_data(tmp_path: Path, swin
     (found,) = gains(held, now.hypothesis, [(load,)], STEP)
     found = Gain(-0.01, 0.5, found.potential)
     assert not found.undecided
-    (settled,) = where_mute(some, held, now.hypothesis, now.hypothesis, [found], STEP)
+    (settled,) = where_mute(some, held, now, now.hypothesis, [found], STEP)
     assert settled.in_turn == (swing == 0.0)
     assert (settled.p_value < 1e-3) == (swing == 0.0)
 

@@ -177,18 +177,31 @@ def responses(
     Returns:
         The change per deviation of each position and velocity, those of added joints last.
     """
+    stretches = replayer.stretches
+    shifted = _shifted(replayer, tuple(hidden(hypothesis, stretches[0]).items()))
+    q = shifted.run([hypothesis]).q[0]
+    base, *moved = np.split(q, len(shifted.stretches) // len(stretches))
+    return np.nan_to_num(np.stack([m - base for m in moved], axis=2))
+
+
+@functools.lru_cache(maxsize=4)  # a proof comes back to those of its recordings
+def _shifted(replayer: Replayer, added: tuple[tuple[str, tuple[float, float]], ...]) -> Replayer:
+    """Replays from the initial states that are taken, and from each of the others.
+
+    Args:
+        replayer: of the stretches.
+        added: deviations of the initial states of joints that a hypothesis adds, by name.
+    """
     nv, stretches = replayer.scene.model.nv, replayer.stretches
     shifted = [
         replace(s, q0=s.q0 + (one * s.unsure)[:nv], v0=s.v0 + (one * s.unsure)[nv:])
         for one in (np.zeros(2 * nv), *np.eye(2 * nv))
         for s in stretches
     ]
-    for name, (dq, dv) in hidden(hypothesis, stretches[0]).items():
+    for name, (dq, dv) in added:
         shifted += [replace(s, shifts={name: (dq, 0.0)}) for s in stretches]
         shifted += [replace(s, shifts={name: (0.0, dv)}) for s in stretches]
-    q = Replayer(replayer.scene, shifted, replayer.step).run([hypothesis]).q[0]
-    base, *moved = np.split(q, len(shifted) // len(stretches))
-    return np.nan_to_num(np.stack([m - base for m in moved], axis=2))
+    return Replayer(replayer.scene, shifted, replayer.step)
 
 
 def hidden(hypothesis: Sequence[Planted], stretch: Stretch) -> dict[str, tuple[float, float]]:

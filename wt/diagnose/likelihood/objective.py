@@ -27,7 +27,7 @@ from wt.diagnose.likelihood.adapt import (
 )
 from wt.diagnose.likelihood.replays import Nearby, Replays
 from wt.diagnose.likelihood.steps import Steps
-from wt.diagnose.likelihood.tolerances import ModelTolerance, alike, boxes, tolerances
+from wt.diagnose.likelihood.tolerances import ModelTolerance, alike, boxes, rounded, tolerances
 from wt.diagnose.likelihood.weights import Channels
 from wt.diagnose.recordings.smooth import Smoothed
 from wt.diagnose.recordings.stretches import BURN_IN_S, stretches_of
@@ -406,7 +406,7 @@ class Objective:
         prior = np.concatenate([np.full(p, 1.0) / np.square(prior_std), np.ones(len(size))])
         damped = np.concatenate([np.full(p, damping), np.zeros(len(size))])
         x = squares.step(self.channels.weights(now.variance), low, high, prior, damped)
-        return x[p:], x[:p]
+        return rounded(x[p:], size), x[:p]
 
     @property
     def nudge(self) -> float:

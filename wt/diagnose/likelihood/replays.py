@@ -64,6 +64,7 @@ class Extrapolated:
         self.slopes = self.coarse
         if self.coarse.step < _SLOPE_STEP_S:
             self.slopes = bounded(_SLOPE_STEP_S, self.coarse)
+        self._half = Replayer(scene, stretches, 0.5 * steps.fine)
         self.correction = np.zeros_like(short)
         self.reference: Sequence[Planted] | None = None
 
@@ -92,8 +93,7 @@ class Extrapolated:
 
     def unsettled(self, reference: Sequence[Planted]) -> Float[np.ndarray, "sample dof"]:
         """What steps half as long still change at a reference, which :meth:`around` was of."""
-        half = Replayer(self._fine.scene, self._fine.stretches, 0.5 * self._fine.step)
-        (finer,), (fine,) = half.run([reference]).q, self._fine.run([reference]).q
+        (finer,), (fine,) = self._half.run([reference]).q, self._fine.run([reference]).q
         if self.coarse is self._fine:  # nothing is extrapolated: as much again is left
             return np.nan_to_num(2.0 * (finer - fine))
         return np.nan_to_num(2.0 * finer - fine - self.run([reference])[0])

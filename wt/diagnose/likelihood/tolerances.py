@@ -22,6 +22,8 @@ from wt.physics.planted import Hypothesis, Planted
 from wt.physics.scene import Scene
 from wt.types import Location
 
+_DIGITS = 5  # of deviations
+
 
 @dataclass(frozen=True, eq=False)
 class ModelTolerance:
@@ -78,6 +80,17 @@ def boxes(
     settled = {(name, p.at) for p in hypothesis for name in p.effect.settles}
     free = [(t.planted.effect.id, t.planted.at) not in settled for t in tolerances]
     return THRESHOLDS.tolerance_box * np.array(free, dtype=float)
+
+
+def rounded(
+    sizes: Float[np.ndarray, " tolerance"], box: Float[np.ndarray, " tolerance"]
+) -> Float[np.ndarray, " tolerance"]:
+    """Sizes inside their boxes, as finely as any replay tells them [deviations].
+
+    Those of a limb that a step leaves alone are then the same, to the bit, as after other steps,
+    and it is replayed once for all of them.
+    """
+    return np.clip(np.round(sizes, _DIGITS), -box, box)
 
 
 def alike(

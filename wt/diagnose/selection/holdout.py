@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.stats import bootstrap, wilcoxon
+from scipy.stats import bootstrap
 
 from wt.diagnose.likelihood.adapt import (
     FARTHEST,
@@ -24,6 +25,7 @@ from wt.diagnose.recordings.smooth import Smoothed
 from wt.diagnose.recordings.stretches import BURN_IN_S, cut, stretches_of
 from wt.diagnose.residual.signature import elsewhere
 from wt.diagnose.result import Error, Proof
+from wt.diagnose.selection.ranks import signed_rank
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.planted import Hypothesis
 from wt.physics.replay import Stretch
@@ -69,6 +71,11 @@ class Holdout:
     known: dict[frozenset[str], Float[np.ndarray, "sample dof change"]] = field(
         default_factory=dict
     )
+
+    @functools.lru_cache(maxsize=4)  # noqa: B019 – lives and dies with a diagnosis
+    def replayer(self, step: float) -> Replayer:
+        """Its replays at steps of so long [s], which are asked for one effect after another."""
+        return Replayer(self.smoothed.motion.scene, self.stretches, step)
 
     def response(
         self, hypothesis: Hypothesis, replayer: Replayer
@@ -133,7 +140,7 @@ def errors(
     not measured, adapts within its uncertainty.
     """
     here = [holdout.here(h) for h in hypotheses]
-    replayer = Replayer(holdout.smoothed.motion.scene, holdout.stretches, step)
+    replayer = holdout.replayer(step)
     q = replayer.run(here).q
     replay_errors = np.where(np.isfinite(q), q, holdout.measured + RAN_AWAY) - holdout.measured
     if holdout.forgets:
@@ -291,14 +298,14 @@ def gain_of(
             break
     tested = _tested(difference)
     # ranks: a block in which an error ran away counts no more than any other
-    test = wilcoxon(difference[tested], alternative="greater")
+    p_value = signed_rank(difference[tested])
     change, left = (np.nansum(x**2, axis=0) for x in (less - full, full))
     potential = float(np.max(change / np.maximum(change + left, 1e-30)))
     share, least_p = float(difference.sum() / one.sum()), float(0.5 ** tested.sum())
     before = np.nansum(less**2, axis=0)
     material = ((before - left) >= THRESHOLDS.material * before).any()
     improves = share > 0.0 and material
-    return Gain(share, float(test.pvalue) if improves else 1.0, potential, least_p=least_p)
+    return Gain(share, p_value if improves else 1.0, potential, least_p=least_p)
 
 
 def _tested(difference: Float[np.ndarray, " block"]) -> Bool[np.ndarray, " block"]:

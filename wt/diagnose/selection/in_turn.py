@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool
 
-from wt.diagnose.likelihood.objective import Objective
-from wt.diagnose.likelihood.refine import refine
+from wt.diagnose.likelihood.objective import Assessed, Objective
+from wt.diagnose.likelihood.refine import Slopes, refine, slopes_at, slopes_of
 from wt.diagnose.selection.holdout import (
     RAN_AWAY,
     Gain,
@@ -34,7 +34,7 @@ PARTS = 4
 def where_mute(
     objective: Objective,
     holdout: Holdout,
-    hypothesis: Hypothesis,
+    now: Assessed,
     full: Hypothesis,
     given: Sequence[Gain],
     step: float,
@@ -44,7 +44,7 @@ def where_mute(
     Args:
         objective: replays of all fitted data, linear around the hypothesis.
         holdout: held-out recordings.
-        hypothesis: the effects.
+        now: the effects.
         full: the same, and after them corrections of what any rig is off by.
         given: gain of each effect over all others, with corrections of their own.
         step: physics step of replays [s].
@@ -58,8 +58,9 @@ def where_mute(
     asked = [
         i for i in unproven if given[i].undecided or given[i].potential < THRESHOLDS.seldom_excited
     ]
+    slopes = slopes_of(now.hypothesis, slopes_at(objective, now)) if asked else {}
     for i in asked:
-        fitted, here = left_in_turn(objective, hypothesis, i), given[i]
+        fitted, here = left_in_turn(objective, now.hypothesis, i, slopes), given[i]
         if here.undecided or here.potential < THRESHOLDS.seldom_excited * fitted.potential:
             p_value = (
                 min(1.0, fitted.p_value * len(asked))
@@ -70,19 +71,20 @@ def where_mute(
     return given
 
 
-def left_in_turn(objective: Objective, hypothesis: Hypothesis, index: int) -> Gain:
+def left_in_turn(objective: Objective, hypothesis: Hypothesis, index: int, slopes: Slopes) -> Gain:
     """Gain of one effect on fitted data that had no part in the fit of its parameters.
 
     Args:
         objective: replays of all fitted data, linear around the hypothesis.
         hypothesis: the effects.
         index: of the effect in question.
+        slopes: of the hypothesis, by which it is fitted to each part.
     """
     pair = [hypothesis, without(hypothesis, index)]
     free = [range(len(h)) for h in pair]
     errors = np.full((2, *objective.measured.shape), np.nan)
     for part in _parts(objective):
-        fits = refine(objective.only(~part), pair, free, iterations=2)
+        fits = refine(objective.only(~part), pair, free, iterations=2, known=slopes)
         # what the rig is off by is said by the other data too
         again = objective.evaluate([f.hypothesis for f in fits], [f.tolerances for f in fits])
         for error, refit, fit in zip(errors, again, fits, strict=True):

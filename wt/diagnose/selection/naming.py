@@ -337,7 +337,7 @@ class Naming:
         all_but_one = [without(assessed.hypothesis, i) for i in range(len(assessed.hypothesis))]
         sides = [assessed, *objective.evaluate(all_but_one)]
         full, each = gains_with_tolerances(objective, self.holdout, sides, self.step)
-        each = where_mute(objective, self.holdout, assessed.hypothesis, full, each, self.step)
+        each = where_mute(objective, self.holdout, assessed, full, each, self.step)
         if self.shorter and any(g.p_value > THRESHOLDS.significant for g in each):
             _, once_more = gains_with_tolerances(objective, self.shorter(), sides, self.step)
             paid = [replace(g, p_value=min(1.0, 2.0 * g.p_value)) for g in once_more]
