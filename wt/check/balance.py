@@ -115,6 +115,16 @@ class Balance:
         other.signals, other._known = signals, {}
         return other
 
+    def damped(self, factor: float) -> Balance:
+        """The same by servos whose damping is so many times the model's."""
+        other, rows = copy.copy(self), list[Row]()
+        for row in self.rows:
+            constant, stiffness, damping = row.drive.bias
+            drive = replace(row.drive, bias=(constant, stiffness, factor * damping))
+            rows.append(replace(row, drive=drive if row.drive.servo else row.drive))
+        other.rows, other._known = tuple(rows), {}
+        return other
+
     def undone(self, edits: Sequence[Edit]) -> Balance:
         """The same recording after edits."""
         (u, du), (q, v, a) = self._sent(edits), self._moved(edits)
