@@ -123,7 +123,15 @@ def test_gains_in_another_unit(factor: float, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("factor", "damping"),
-    [(5.0, True), (0.2, True), (16.0, True), (90.0, True), (5.0, False), (90.0, False)],
+    [
+        (5.0, True),
+        (0.2, True),
+        (16.0, True),
+        (90.0, True),
+        (5.0, False),
+        (90.0, False),
+        (0.2, False),
+    ],
 )
 def test_gains_of_no_unit(factor: float, damping: bool, tmp_path: Path) -> None:
     """Any factor that all servos share; where kp alone has it, kv stays."""
@@ -137,6 +145,23 @@ def test_gains_of_no_unit(factor: float, damping: bool, tmp_path: Path) -> None:
     right, mended = mujoco.MjModel.from_xml_string(MACHINES["arm4"].xml), spec.compile()
     np.testing.assert_allclose(mended.actuator_gainprm, right.actuator_gainprm, rtol=0.08)
     np.testing.assert_allclose(mended.actuator_biasprm, right.actuator_biasprm, rtol=0.08)
+
+
+@pytest.mark.parametrize(("factor", "damping"), [(57.29578, True), (20.0, False)])
+def test_gains_in_another_unit_of_drives_that_differ(
+    factor: float, damping: bool, tmp_path: Path
+) -> None:
+    """No physics makes every servo ten times as soft, by the same factor or not."""
+    robot, own = MACHINES["arm4"].xml, iter((0.75, 1.3, 1.15, 0.9))
+
+    def worn(found: re.Match[str]) -> str:
+        gain = next(own)
+        return f'kp="{gain * float(found[1]):.8g}" kv="{gain * float(found[2]):.8g}"'
+
+    robot = re.sub(r'kp="([.0-9]+)" kv="([.0-9]+)"', worn, robot)
+    recording = record("arm4", 48, robot=robot)
+    found = kinds(stiffer(factor, damping=damping), tmp_path, recording)
+    assert [kind for kind in found if kind != "model_explodes"] == ["gain_unit"]
 
 
 @pytest.mark.parametrize(("factor", "joints"), [(2.0, ()), (5.0, ("bend",)), (57.3, ("bend",))])

@@ -112,6 +112,47 @@ def test_nothing_of_the_users_is_replaced(
     assert name in capsys.readouterr().err
 
 
+def test_recordings_of_one_name_are_both_written(
+    model: Path, flipped: Path, tmp_path: Path
+) -> None:
+    other, out = tmp_path / "other", tmp_path / "out"
+    other.mkdir()
+    backwards = times(-1.0, "qpos/hip", "qvel/hip")(record("planar", 51))
+    recordings.write(backwards, other / flipped.name)
+    given = [str(model), str(flipped), str(other / flipped.name)]
+    assert main(["check", *given, "--fix", "--out", str(out)]) == 1
+    for name, seed in (("log.fixed.parquet", 50), ("log-2.fixed.parquet", 51)):
+        fixed, clean = recordings.read(out / name), record("planar", seed)
+        for column in ("qpos/hip", "qpos/knee"):
+            np.testing.assert_allclose(fixed.columns[column], clean.columns[column], atol=1e-12)
+
+
+def test_an_input_is_never_an_output(
+    model: Path, flipped: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What was corrected once is an input like any other."""
+    assert main(["check", str(model), str(flipped), "--fix", "--out", str(tmp_path)]) == 1
+    fixed = tmp_path / "log.fixed.parquet"
+    before = fixed.read_bytes()
+    given = [str(model), str(flipped), str(fixed)]
+    assert main(["check", *given, "--fix", "--out", str(tmp_path)]) == 2
+    assert "is an input" in capsys.readouterr().err
+    assert fixed.read_bytes() == before
+
+
+def test_a_folder_that_cannot_be_used_is_refused_before_the_audit(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Even before a recording is missed."""
+    (tmp_path / "taken").write_text("mine")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "check.html").symlink_to(tmp_path / "nowhere")
+    for out in ("taken", "out"):
+        assert main(["check", str(model), "no.parquet", "--out", str(tmp_path / out)]) == 2
+        assert "no.parquet" not in capsys.readouterr().err
+    assert not (tmp_path / "nowhere").exists()
+
+
 def test_stamps_that_repeat_and_go_back(
     model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

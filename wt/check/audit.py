@@ -27,9 +27,9 @@ from wt.check.signals import Signals
 from wt.physics.scene import Scene
 from wt.types import Recording
 
-Stage = Literal["clock", "column", "gain", "channel", "joint", "range", "velocity", "rest"]
-"""Order of the audits: time; columns by themselves; gains of all drives; which is which; whole
-joints; where they begin and end; velocities; everything else."""
+Stage = Literal["clock", "pace", "column", "gain", "channel", "joint", "range", "velocity", "rest"]
+"""Order of the audits: time; its pace; columns by themselves; gains of all drives; which is which;
+whole joints; where they begin and end; velocities; everything else."""
 STAGES: tuple[Stage, ...] = get_args(Stage)
 
 

@@ -17,8 +17,8 @@ from typing import Literal
 import mujoco
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.optimize import lsq_linear, nnls
 
+from wt.check.fitting import Fit, adapted, of_position, soft_sign
 from wt.check.signals import Signals
 from wt.physics.motion import NOT_DEMANDED
 from wt.physics.scene import Drive, Scene
@@ -27,7 +27,6 @@ GAINS = (0.12, 8.0)
 """Of the model's, over the drive's: a factor between is physics."""
 _LATEST = 0.08  # s
 _ROTOR = 30.0  # of the inertia that a joint feels
-_SLOW = 0.03  # of the usual speed: where friction changes its sign
 _UPSET = 2.0  # of a mean square force
 _STILL = 1e-6
 _BEYOND, _ENDS = 0.15, (0.02, 0.98)  # of a joint's range past its limits; of the time
@@ -68,23 +67,6 @@ class Row:
     scale: float
 
 
-@dataclass(frozen=True)
-class _Fit:
-    """How a row's command is explained.
-
-    Attributes:
-        left: mean square that is not.
-        sent: variance of the command.
-        forced: variance of what it adds to the position that the drive holds.
-        gain: of the model's, over the drive's.
-    """
-
-    left: float
-    sent: float
-    forced: float
-    gain: float
-
-
 class Balance:
     """Commands against inverse dynamics.
 
@@ -122,7 +104,7 @@ class Balance:
         self._data = mujoco.MjData(self._model)
         self._demands: dict[tuple[Edit, ...], Float[np.ndarray, "row dof"]] = {}
         self._keys: dict[tuple[Edit, ...], tuple[int, ...]] = {}
-        self._known: dict[tuple[object, ...], _Fit] = {}
+        self._known: dict[tuple[object, ...], Fit] = {}
         self._felt = self._inertia()
         self._swept = np.quantile(signals.q, _ENDS, axis=0)
         self.idle = self._undriven(held) if self.dynamic else ()
@@ -131,6 +113,16 @@ class Balance:
         """The same motion under other commands."""
         other = copy.copy(self)
         other.signals, other._known = signals, {}
+        return other
+
+    def damped(self, factor: float) -> Balance:
+        """The same by servos whose damping is so many times the model's."""
+        other, rows = copy.copy(self), list[Row]()
+        for row in self.rows:
+            constant, stiffness, damping = row.drive.bias
+            drive = replace(row.drive, bias=(constant, stiffness, factor * damping))
+            rows.append(replace(row, drive=drive if row.drive.servo else row.drive))
+        other.rows, other._known = tuple(rows), {}
         return other
 
     def undone(self, edits: Sequence[Edit]) -> Balance:
@@ -156,6 +148,11 @@ class Balance:
             sprung: whether a spring in the joint of a torque drive may adapt too.
         """
         return np.array([fit.left / fit.sent for fit in self._fits(edits, lenient, sprung)])
+
+    def unexplained_of(self, row: Row, edits: Sequence[Edit]) -> float:
+        """The same of one row alone."""
+        (fit,) = self._fits(edits, rows=(row,))
+        return fit.left / fit.sent
 
     def unexplained_forces(
         self, edits: Sequence[Edit] = (), gains: tuple[float, float] = GAINS
@@ -221,7 +218,7 @@ class Balance:
         _, v, a = self._moved(edits)
         columns = np.stack([soft_sign(v[:, i]), v[:, i], a[:, i]], axis=1)
         high = np.array([np.inf, np.inf, _ROTOR * self._felt[i]])
-        return _adapted(columns, -self._demand(edits)[:, i], np.zeros(3), high)[0]
+        return adapted(columns, -self._demand(edits)[:, i], np.zeros(3), high)[0]
 
     def _held(self) -> Bool[np.ndarray, " dof"]:
         """Degrees of freedom that an equality acts on, with forces that nobody recorded."""
@@ -263,7 +260,9 @@ class Balance:
         lenient: bool = False,
         sprung: bool = False,
         gains: tuple[float, float] = GAINS,
-    ) -> list[_Fit]:
+        rows: Sequence[Row] | None = None,
+    ) -> list[Fit]:
+        rows = self.rows if rows is None else rows
         moved = tuple(e for e in edits if e.group == "q")
         demands = self._demand_keys(moved)
 
@@ -273,14 +272,14 @@ class Balance:
             mine = (e for e in edits if e.index == own[e.group])
             return (row, demands[row.drive.dof], *mine, lenient, sprung, gains)
 
-        missing = [row for row in self.rows if key(row) not in self._known]
+        missing = [row for row in rows if key(row) not in self._known]
         if missing:
             (u, du), (q, v, a) = self._sent(edits), self._moved(edits)
             demand = self._demand(edits)
             for row in missing:
                 fit = self._fit(row, q, v, a, u, du, demand, lenient, sprung, gains)
                 self._known[key(row)] = fit
-        return [self._known[key(row)] for row in self.rows]
+        return [self._known[key(row)] for row in rows]
 
     def _sent(self, edits: Sequence[Edit]) -> tuple[Float[np.ndarray, "row actuator"], ...]:
         """Commands and their slopes after edits."""
@@ -354,7 +353,7 @@ class Balance:
         lenient: bool,
         sprung: bool,
         gains: tuple[float, float],
-    ) -> _Fit:
+    ) -> Fit:
         drive, i = row.drive, row.drive.dof
         command = np.clip(u[:, drive.index], *drive.commands)
         _, stiffness, damping = drive.bias
@@ -378,10 +377,10 @@ class Balance:
         if sprung and not drive.servo:  # it pulls to where it rests: a part of the free constant
             columns = np.column_stack([columns, q[:, i] / row.scale])
             low, high = np.append(low, 0.0), np.append(high, np.inf)
-        free = _of_position(q[:, i]) if lenient else None
-        left, best = _adapted(columns, command - spring, low, high, free)
+        free = of_position(q[:, i]) if lenient else None
+        left, best = adapted(columns, command - spring, low, high, free)
         sent, forced = float(command.var()), float((command - spring).var())
-        return _Fit(left, max(sent, _STILL**2), forced, float(best[0]))
+        return Fit(left, max(sent, _STILL**2), forced, float(best[0]))
 
 
 def free_of_forces(model: mujoco.MjModel) -> mujoco.MjModel:
@@ -394,54 +393,3 @@ def free_of_forces(model: mujoco.MjModel) -> mujoco.MjModel:
     copied.opt.disableflags |= NOT_DEMANDED
     copied.jnt_actgravcomp[:] = 0
     return copied
-
-
-def soft_sign(speed: Float[np.ndarray, " row"]) -> Float[np.ndarray, " row"]:
-    """Direction of a motion, −1…1, that turns over softly: dry friction is along it."""
-    return np.asarray(np.tanh(speed / (_SLOW * max(float(speed.std()), 1e-9))))
-
-
-def without(
-    signal: Float[np.ndarray, " row *axis"], columns: Float[np.ndarray, "row column"]
-) -> Float[np.ndarray, " row *axis"]:
-    """A signal less all that some columns explain of it."""
-    ortho, _ = np.linalg.qr(columns)
-    return np.asarray(signal - ortho @ (ortho.T @ signal))
-
-
-def _of_position(q: Float[np.ndarray, " row"]) -> Float[np.ndarray, "row column"]:
-    """Forces that go with a joint's position: a spring, a weight."""
-    return np.stack([q, np.cos(q), np.sin(q)], axis=1)
-
-
-def _adapted(
-    columns: Float[np.ndarray, "row column"],
-    target: Float[np.ndarray, " row"],
-    low: Float[np.ndarray, " column"],
-    high: Float[np.ndarray, " column"],
-    free: Float[np.ndarray, "row _"] | None = None,
-) -> tuple[float, Float[np.ndarray, " column"]]:
-    """Mean square that the columns leave of the target, and how much of each is taken.
-
-    A constant is free, and what else is.
-    """
-    x = columns - columns.mean(axis=0)
-    y = target - target.mean()
-    if free is not None:
-        free = free - free.mean(axis=0)
-        x, y = without(x, free), without(y, free)
-    y = y - x @ low
-    scale = np.maximum(np.sqrt((x**2).mean(axis=0)), 1e-12)
-    r, z = _triangle(x / scale, y)
-    best, _ = nnls(r, z)
-    if (best / scale > high - low).any():
-        best = lsq_linear(r, z, (np.zeros(len(high)), (high - low) * scale), method="bvls").x
-    return float(np.mean((y - (x / scale) @ best) ** 2)), low + best / scale
-
-
-def _triangle(
-    x: Float[np.ndarray, "row column"], y: Float[np.ndarray, " row"]
-) -> tuple[Float[np.ndarray, "column column"], Float[np.ndarray, " column"]]:
-    """The same least squares on as many rows as there are columns."""
-    ortho, r = np.linalg.qr(x)
-    return r, ortho.T @ y

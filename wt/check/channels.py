@@ -92,6 +92,7 @@ def search(balance: Balance, suspected: Listing) -> list[tuple[Suspect, str, flo
             if other.total < state.total - STEP and _simple(balance, other):
                 state = other
     state, others = _reconsidered(balance, state, suspected)
+    state = _mirrored(balance, state, [*suspects, *known])
     while True:
         needed = _needed(balance, state, [*known, *others])
         if len(needed) == len(state.suspects):
@@ -150,6 +151,43 @@ def _reconsidered(
             *others, new = best.suspects
             state = replace(best, suspects=(*others[:i], new, *others[i:]))
     return state, known
+
+
+def _mirrored(balance: Balance, state: _State, known: Sequence[Suspect]) -> _State:
+    """A state, or what explains more of the forces: an encoder's sign for a command's, or back.
+
+    A stiff servo's command is explained by either, all of it, and its force by one. All encoders
+    that count backwards are a motion in a mirror, which no step from one to the next arrives at.
+    """
+    other: dict[tuple[str, int], Suspect] = {}
+    for row in balance.rows:
+        pair = ("q", row.drive.dof), ("u", row.drive.index)
+        for suspect in known:
+            for own, counterpart in (pair, pair[::-1]):
+                if suspect.kind.endswith("_sign") and _channels(suspect) == {counterpart}:
+                    other[own] = suspect
+    signs = [
+        i
+        for i, suspect in enumerate(state.suspects)
+        if suspect.kind.endswith("_sign") and set(_channels(suspect)) <= set(other)
+    ]
+    count, best = len(balance.rows), state
+    least = count * balance.misfit(state.edits)
+    kinds = {state.suspects[i].kind for i in signs}
+    for turned in [*([i] for i in signs), *(_of_kind(state, signs, kind) for kind in kinds), signs]:
+        suspects = list(state.suspects)
+        for i in turned:
+            (channel,) = _channels(suspects[i])
+            suspects[i] = other[channel]
+        trial = _with_all(balance, tuple(suspects))
+        left = count * balance.misfit(trial.edits)
+        if left < least - STEP and (trial.left <= np.maximum(state.left, FAINT)).all():
+            best, least = trial, left
+    return best
+
+
+def _of_kind(state: _State, indices: Sequence[int], kind: str) -> list[int]:
+    return [i for i in indices if state.suspects[i].kind == kind]
 
 
 def _listed(balance: Balance, state: _State, suspected: Listing) -> list[Suspect]:

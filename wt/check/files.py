@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from wt.types import Recording
 
 MARK = "written by wt check"
 """Stands in everything that is written, so that nothing else is ever replaced."""
+PAGE = "check.html"
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +39,21 @@ class Audited:
     findings: tuple[AuditFinding, ...]
 
 
-def audit(model: Path | None, sources: Sequence[Path]) -> list[Audited]:
+def _silent(what: str, share: float) -> None:
+    """Say nothing."""
+
+
+def audit(
+    model: Path | None,
+    sources: Sequence[Path],
+    say: Callable[[str, float], None] = _silent,
+) -> list[Audited]:
     """Audit recordings, with their model if there is one; without any, the model alone.
+
+    Args:
+        model: the model; None without.
+        sources: the recordings.
+        say: called with the present step and the share that is done.
 
     Raises:
         ModelError: the model cannot be read.
@@ -49,7 +63,8 @@ def audit(model: Path | None, sources: Sequence[Path]) -> list[Audited]:
     if not sources:
         return [Audited(None, None, None, check(scene, None).findings)]
     audited = []
-    for path in sources:
+    for i, path in enumerate(sources):
+        say(f"checking {path.name}", i / len(sources))
         recording, doubts = read(path)
         if scene is not None:
             try:
@@ -76,6 +91,17 @@ def merged(audited: Sequence[Audited]) -> list[AuditFinding]:
     return sorted(united, key=lambda f: not f.sure)
 
 
+def refuse(out: Path) -> None:
+    """Refuse a folder that no page can be written into, before anything is audited.
+
+    Raises:
+        UserError: something else is there, or the folder cannot be written into.
+        WorkError: another process writes into it.
+    """
+    with kept(out):
+        _refuse_foreign(out / PAGE)
+
+
 def write_page(page: str, out: Path) -> Path:
     """Write ``check.html`` into a folder; an earlier one of ours is replaced.
 
@@ -83,7 +109,7 @@ def write_page(page: str, out: Path) -> Path:
         UserError: something else is there, or the folder cannot be written into.
         WorkError: another process writes into it.
     """
-    path = out / "check.html"
+    path = out / PAGE
     with kept(out):
         _refuse_foreign(path)
         write_whole(path, f"{page}\n<!-- {MARK} -->\n")
@@ -93,42 +119,51 @@ def write_page(page: str, out: Path) -> Path:
 def write_fixed(model: Path | None, audited: Sequence[Audited], out: Path) -> list[Path]:
     """Write corrected recordings, and the model if it is to blame, into a folder.
 
+    Recordings of one name are numbered, in the order in which they were given.
+
     Raises:
-        UserError: something else is there under such a name, or the folder cannot be written into.
+        UserError: something else is there under such a name, one of them is an input, or the
+            folder cannot be written into.
         WorkError: another process writes into it.
     """
+    inputs = [p for p in (model, *(each.path for each in audited)) if p is not None]
+    recorded: dict[Path, Audited] = {}
+    for each in audited:
+        if each.path is not None and each.corrected is not None and _changed(each):
+            stem = each.path.stem
+            same = sum(
+                other.path is not None and other.path.stem == stem for other in recorded.values()
+            )
+            number = f"-{same + 1}" if same else ""
+            recorded[out / f"{stem}{number}.fixed.parquet"] = each
+    changes = [f for f in merged(audited) if f.sure and f.model_change]
+    amended = {out / f"{model.stem}.fixed.xml": model} if model is not None and changes else {}
     with kept(out):
-        written = [_write_recording(each, out) for each in audited]
-        if model is not None:
-            written.append(_write_model(model, merged(audited), out))
-    return [path for path in written if path is not None]
+        for path in (*recorded, *amended):
+            _refuse_input(path, inputs)
+            _refuse_foreign(path)
+        for path, each in recorded.items():
+            _write_recording(each, path)
+        for path, source in amended.items():
+            _write_model(source, changes, path)
+    return [*recorded, *amended]
 
 
-def _write_recording(each: Audited, out: Path) -> Path | None:
-    """Write a corrected recording; None if nothing of it was changed."""
-    changed = [f.kind for f in each.findings if f.sure and (f.change or _dropped(f))]
-    if each.path is None or each.corrected is None or not changed:
-        return None
-    path = out / f"{each.path.stem}.fixed.parquet"
-    _refuse_input(path, each.path)
-    _refuse_foreign(path)
-    meta = {**each.corrected.meta, "audited": changed, "notes_of_audit": MARK}
+def _changed(each: Audited) -> list[str]:
+    """Kinds of what was corrected in a recording."""
+    return [f.kind for f in each.findings if f.sure and (f.change or _dropped(f))]
+
+
+def _write_recording(each: Audited, path: Path) -> None:
+    assert each.corrected is not None
+    meta = {**each.corrected.meta, "audited": _changed(each), "notes_of_audit": MARK}
     recordings.write(replace(each.corrected, meta=meta), path)
-    return path
 
 
-def _write_model(model: Path, findings: Sequence[AuditFinding], out: Path) -> Path | None:
-    """Write a corrected model; None if it is not to blame."""
-    changes = [f for f in findings if f.sure and f.model_change]
-    if not changes:
-        return None
-    path = out / f"{model.stem}.fixed.xml"
-    _refuse_input(path, model)
-    _refuse_foreign(path)
+def _write_model(model: Path, changes: Sequence[AuditFinding], path: Path) -> None:
     amended = Scene(model, amendments(changes))
     said = "; ".join(f"{f.kind}: {f.evidence}" for f in changes)
     write_whole(path, f"{patched_xml(amended, (), ())}\n{comment(f'{MARK}: {said}')}\n")
-    return path
 
 
 def _dropped(finding: AuditFinding) -> bool:
@@ -136,13 +171,13 @@ def _dropped(finding: AuditFinding) -> bool:
     return finding.kind in ("stamps_repeated", "clock_backwards")
 
 
-def _refuse_input(path: Path, source: Path) -> None:
-    if path.resolve() == source.resolve():
+def _refuse_input(path: Path, inputs: Sequence[Path]) -> None:
+    if path.resolve() in [source.resolve() for source in inputs]:
         raise UserError(f"'{path}' is an input; give another folder with --out")
 
 
 def _refuse_foreign(path: Path) -> None:
-    if path.exists() and MARK.encode() not in path.read_bytes():
+    if path.is_symlink() or (path.exists() and MARK.encode() not in path.read_bytes()):
         raise UserError(
             f"'{path}' is there and was not written by wt check; nothing of yours is replaced: "
             "move it, or give another folder with --out"

@@ -44,8 +44,9 @@ def command(
     """
     import json
 
-    from wt.check.files import audit, merged, write_fixed, write_page
+    from wt.check.files import audit, merged, refuse, write_fixed, write_page
     from wt.check.page import page
+    from wt.cli._progress import bar
 
     models = [f for f in files if f.suffix.lower() in _MODELS]
     if len(models) > 1:
@@ -53,7 +54,10 @@ def command(
     if fix and out is None:
         raise UserError("--fix needs --out DIR: corrected files never replace what was given")
     model, sources = (models[0] if models else None), [f for f in files if f not in models]
-    audited = audit(model, sources)
+    if out is not None:
+        refuse(out)
+    with bar("reading") as progress:
+        audited = audit(model, sources, progress)
     findings = merged(audited)
     if as_json:
         typer.echo(json.dumps([f.to_json() for f in findings], indent=2, ensure_ascii=False))

@@ -113,7 +113,8 @@ def _ends(column: Float[np.ndarray, " sample"]) -> list[float]:
         if at.mean() < _LEAST:
             continue
         runs = np.diff(np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]))))[::2]
-        if np.median(runs) >= _RUN:
+        # of samples, not of runs: where noise crosses the end many runs are short
+        if np.median(np.repeat(runs, runs)) >= _RUN:
             held.append(float(end))
     return held
 

@@ -1,4 +1,4 @@
-"""Time stamps: their unit, gaps, jitter."""
+"""Time stamps: their unit, gaps."""
 
 from __future__ import annotations
 
@@ -20,14 +20,13 @@ _GAP_S, _GAP_SAMPLES = 0.05, 10.0
 """A gap is longer than both: than what the smoothing of the motion bridges, and than hiccups."""
 _LOST = 0.05  # of all samples, that may be missing one by one
 _EVEN, _MOSTLY = 0.2, 0.9  # of a period, by which so many intervals may miss a whole number of them
-_UNEVEN = 0.8  # of an interval: spread of the middle nine tenths of all intervals
 
 
 @register
 class Clock:
-    """Time is in seconds, and runs evenly."""
+    """Time is in seconds, and no sample is missing."""
 
-    kinds: ClassVar[tuple[str, ...]] = ("time_unit", "clock_gaps", "clock_jitter")
+    kinds: ClassVar[tuple[str, ...]] = ("time_unit", "clock_gaps")
     stage: ClassVar[Stage] = "clock"
 
     def findings(self, subject: Subject) -> Iterable[AuditFinding]:
@@ -41,14 +40,13 @@ class Clock:
             assert wrong_unit.change is not None
             recording = wrong_unit.change(recording)
         yield from _gaps(recording)
-        yield from _jitter(recording)
 
 
 def _gaps(recording: Recording) -> Iterable[AuditFinding]:
     """Samples that are missing: many in a row, or one here and there all along."""
     dt = np.diff(recording.t)
     usual = float(np.median(dt))
-    absent = np.maximum(_periods(recording.t) - 1.0, 0.0)
+    absent = np.maximum(periods(recording.t) - 1.0, 0.0)
     gaps = np.flatnonzero(dt > max(_GAP_S, _GAP_SAMPLES * usual))
     share = float(absent.sum() / (len(dt) + absent.sum()))
     if len(gaps):
@@ -67,23 +65,7 @@ def _gaps(recording: Recording) -> Iterable[AuditFinding]:
     yield AuditFinding("clock_gaps", ("t",), (), said, "record again, or cut the recording there")
 
 
-def _jitter(recording: Recording) -> Iterable[AuditFinding]:
-    """Intervals of all lengths, beside those in which samples are missing."""
-    dt = np.diff(recording.t) / np.maximum(_periods(recording.t), 1.0)
-    usual = float(np.median(dt))
-    low, high = np.quantile(dt, [0.05, 0.95])
-    if high - low > _UNEVEN * usual:
-        yield AuditFinding(
-            "clock_jitter",
-            ("t",),
-            (),
-            f"Nine tenths of the intervals are {1e3 * low:.3g} to {1e3 * high:.3g} ms long, where "
-            f"the usual one is {1e3 * usual:.3g} ms",
-            "stamp samples where they are taken, not where they are written",
-        )
-
-
-def _periods(t: Float[np.ndarray, " sample"]) -> Float[np.ndarray, " interval"]:
+def periods(t: Float[np.ndarray, " sample"]) -> Float[np.ndarray, " interval"]:
     """Periods in each interval, where most intervals are whole numbers of them; else 1."""
     ratio = np.diff(t) / float(np.median(np.diff(t)))
     whole = np.round(ratio)

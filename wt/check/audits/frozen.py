@@ -72,8 +72,8 @@ def _position(subject: Subject, recording: Recording, name: str) -> Iterable[Aud
     for drive in subject.scene.drives if subject.scene else ():
         command = recording.columns.get(f"ctrl/{drive.name}")
         throughout = end - start > 0.98 * len(t)
-        if drive.joint == joint and drive.servo and command is not None and throughout:
-            swept = float(np.ptp(command[start : end + 1]))
+        if drive.joint == joint and command is not None and throughout:
+            swept = _commanded(drive, t[start : end + 1], command[start : end + 1])
             if swept > _SWEPT:
                 evidence = f"its command sweeps {swept:.3g} meanwhile"
     if evidence:
@@ -86,6 +86,18 @@ def _position(subject: Subject, recording: Recording, name: str) -> Iterable[Aud
             f"record '{joint}' again, or leave that time out",
             change=_missing(name, start, end),
         )
+
+
+def _commanded(
+    drive: Drive, t: Float[np.ndarray, " sample"], command: Float[np.ndarray, " sample"]
+) -> float:
+    """How far a command sends a joint that follows it, in position or in speed [rad or m]."""
+    if drive.servo:
+        return float(np.ptp(command))
+    if drive.bias[2] == 0.0:
+        return 0.0
+    speed = np.nan_to_num(command) * drive.gain / abs(drive.bias[2] * drive.gear)
+    return float(np.ptp(np.cumsum(speed[:-1] * np.diff(t))))
 
 
 def _velocity(recording: Recording, name: str) -> Iterable[AuditFinding]:

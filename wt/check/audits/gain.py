@@ -25,9 +25,11 @@ _NEAR = 0.1  # of such a factor: what friction and a weight may make of it
 _NAMED = 0.04  # … where every servo alone arrives at about the same
 _EXACT = 1e-3  # … where the best one is looked for
 _USUAL = 3.0  # of a common factor, either way: less is a supply's, or wear
+_FAR = 10.0  # … beyond which one servo that shows it does, and others may differ by their wear
+_WIDE = 0.35  # of such a factor, by which drives' own gains may differ
 _MOST = 3000.0  # … of any that is looked for
 _DECISIVE = 5.0  # what is left of a servo's force without the factor, over with it
-_WRONG = 0.05  # of the forces of servos, that usual gains leave where others are looked for
+_FAINT, _NOTHING = 2e-3, 1e-5  # of a force, below which it tells nothing; that counts as none
 _RIGHT = 0.3  # of a force, that may be left with it
 _ALONE = 0.1  # … of every force, where nothing else is wrong
 _LEAST = 2  # servos that show it: one drive's gain is physics
@@ -53,12 +55,12 @@ class GainUnit:
             return
         usual = balance.unexplained_forces(gains=(1.0 / _USUAL, _USUAL))[servos]
         common = _common(balance, servos)
-        if common is None and (usual > _WRONG).sum() < _LEAST:
+        if common is None and (usual > _FAINT).sum() < _LEAST:
             return
         units = {**{f: unit for unit, f in UNITS.items()}, **{1 / f: u for u, f in UNITS.items()}}
         named = [f for f in units if common is None or abs(common / f - 1.0) < _NAMED]
         for factor in (*named, common or _fitted(balance, servos)):
-            if not self._shown(balance, servos, usual, factor):
+            if not self._shown(balance, servos, usual, factor, common is not None):
                 continue
             rows = [row for row in balance.rows if row.drive.servo]
             damped = _damped(balance, rows, factor)
@@ -82,13 +84,23 @@ class GainUnit:
         servos: Bool[np.ndarray, " row"],
         given: Float[np.ndarray, " servo"],
         factor: float,
+        agreed: bool,
     ) -> bool:
-        """Tell whether the forces are explained with a factor, and as ``given`` are not."""
+        """Tell whether the forces are explained with a factor, and as ``given`` are not.
+
+        Where servos agree about the factor, each by itself, the least difference will do.
+        """
         if 1.0 / _USUAL < factor < _USUAL:
             return False
-        left = balance.unexplained_forces(gains=_about(factor))[servos]
-        shown = (given > _DECISIVE * left) & (left < _RIGHT)
-        if shown.sum() < _LEAST or (left > given).any():
+        left = _left(balance, factor, agreed)[servos]
+        ratio = given / np.maximum(left, _NOTHING)
+        telling = given > (_NOTHING if agreed else _FAINT)
+        if (left > np.maximum(given, _FAINT)).any() or (left[telling] > _RIGHT).any():
+            return False
+        shown = telling & (ratio > _DECISIVE)
+        together = telling.any() and np.log(ratio[telling]).mean() > math.log(_DECISIVE)
+        least = 1 if _impossible(factor) else _LEAST
+        if max(int(shown.sum()), int(telling.sum()) if together else 0) < least:
             return False
         return bool((left < _ALONE).all()) or not self.alone
 
@@ -105,11 +117,26 @@ def _about(factor: float, near: float = _NEAR) -> tuple[float, float]:
     return factor * (1.0 - near), factor * (1.0 + near)
 
 
+def _left(balance: Balance, factor: float, agreed: bool) -> Float[np.ndarray, " row"]:
+    """What is left of the forces with a factor of all gains, or of kp alone if servos agree."""
+    gains = _about(factor, _WIDE)
+    whole = balance.unexplained_forces(gains=gains)
+    if not agreed:
+        return whole
+    return np.minimum(whole, balance.damped(factor).unexplained_forces(gains=gains))
+
+
+def _impossible(factor: float) -> bool:
+    """Tell whether no physics makes a servo look so soft, or so stiff."""
+    return not 1.0 / _FAR < factor < _FAR
+
+
 def _common(balance: Balance, servos: Bool[np.ndarray, " row"]) -> float | None:
     """The factor at which each servo alone arrives, if they agree."""
     each = balance.plain()[servos, 0]
     factor = float(np.median(each))
-    agree = factor > 0.0 and np.abs(each / factor - 1.0).max() < _NEAR
+    near = _WIDE if _impossible(factor) else _NEAR
+    agree = factor > 0.0 and np.abs(each / factor - 1.0).max() < near
     return factor if agree and not 1.0 / _USUAL < factor < _USUAL else None
 
 

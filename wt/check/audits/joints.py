@@ -17,6 +17,8 @@ from wt.check.order import Order, by_exchanges
 
 _WRONG, _RIGHT = 0.2, 0.1
 """Shares of a drive's force that are left where joints are exchanged, and where they are not."""
+_FAINT, _OVERWHELMING = 0.05, 40.0
+"""Less than that is wrong, too, if the exchange divides it by so much at each of the joints."""
 _DECISIVE = 8.0
 """By so much the exchange divides what is left of the worst, and of each in the geometric mean:
 what a model lacks it lacks in any order."""
@@ -39,13 +41,15 @@ class Joints:
         if balance is None or not balance.dynamic or subject.recording is None:
             return
         given = balance.unexplained_forces()
-        if not (given > _WRONG).any():
+        if not (given > _FAINT).any():
             return
         order, unique = _sorted(balance, given)
         edits, moved = _edits(balance, order), sorted(order)
         left = balance.unexplained_forces(edits)
         ratio = given[moved] / np.maximum(left[moved], 1e-6)
         shown = ratio[given[moved] > _WRONG]
+        if moved and not len(shown) and ratio.min() > _OVERWHELMING:
+            shown = ratio
         if not len(shown) or shown.min() < _DECISIVE or np.log(ratio).mean() < np.log(_DECISIVE):
             return
         if not unique or (left > np.maximum(given, _RIGHT)).any() or (left[moved] > _RIGHT).any():

@@ -41,29 +41,53 @@ class Model:
 def _runs(scene: Scene) -> Iterable[AuditFinding]:
     """Hold the model's own pose for a while."""
     m = scene.given
+    after = explodes(scene)
+    if after is not None:
+        pose = "its first keyframe" if m.nkey > 0 else "its zero pose"
+        yield AuditFinding(
+            "model_explodes",
+            (),
+            ("world",),
+            f"Held in {pose}, the model becomes unstable after {after:.3g} s at a time step "
+            f"of {1e3 * m.opt.timestep:.3g} ms",
+            'a smaller <option timestep="…"/>, softer gains, or bodies that do not overlap',
+        )
+        return
+    d = _held(m)
+    start = d.qpos.copy()
+    mujoco.mj_step(m, d, _steps(m))
+    yield from _fell(scene, m, d, start, m.nkey > 0)
+
+
+def explodes(scene: Scene) -> float | None:
+    """Time after which a model explodes that is held in its own pose [s]; None if it does not."""
+    m = scene.given
+    d = _held(m)
+    for _ in range(_steps(m)):
+        mujoco.mj_step(m, d)
+        if unstable(d):
+            return float(d.time)
+    return None
+
+
+def unstable(d: mujoco.MjData) -> bool:
+    """Tell whether a simulation has exploded."""
+    warned = any(d.warning[int(w)].number for w in _UNSTABLE)
+    return bool(warned or not np.isfinite(d.qpos).all() or np.abs(d.qvel).max(initial=0.0) > _FAST)
+
+
+def _steps(m: mujoco.MjModel) -> int:
+    return min(int(_STEPS_S / m.opt.timestep), _MOST_STEPS)
+
+
+def _held(m: mujoco.MjModel) -> mujoco.MjData:
+    """The model in its first keyframe, or its zero pose."""
     d = mujoco.MjData(m)
-    home = m.nkey > 0
-    if home:
+    if m.nkey > 0:
         mujoco.mj_resetDataKeyframe(m, d, 0)
     else:
         _hold(m, d)
-    start = d.qpos.copy()
-    steps = min(int(_STEPS_S / m.opt.timestep), _MOST_STEPS)
-    for _ in range(steps):
-        mujoco.mj_step(m, d)
-        unstable = any(d.warning[int(w)].number for w in _UNSTABLE)
-        if unstable or not np.isfinite(d.qpos).all() or np.abs(d.qvel).max(initial=0.0) > _FAST:
-            pose = "its first keyframe" if home else "its zero pose"
-            yield AuditFinding(
-                "model_explodes",
-                (),
-                ("world",),
-                f"Held in {pose}, the model becomes unstable after {d.time:.3g} s at a time step "
-                f"of {1e3 * m.opt.timestep:.3g} ms",
-                'a smaller <option timestep="…"/>, softer gains, or bodies that do not overlap',
-            )
-            return
-    yield from _fell(scene, m, d, start, home)
+    return d
 
 
 def _hold(m: mujoco.MjModel, d: mujoco.MjData) -> None:

@@ -191,7 +191,6 @@ def _gains(balance: Balance, row: Row) -> list[float]:
 def _refined(
     balance: Balance, row: Row, group: Group, factors: Float[np.ndarray, " trial"]
 ) -> float:
-    at = balance.rows.index(row)
     trials = [_suspect(balance, group, [row], [float(f)], "scale", "") for f in factors]
-    left = [balance.unexplained(trial.edits)[at] for trial in trials]
+    left = [balance.unexplained_of(row, trial.edits) for trial in trials]
     return float(factors[int(np.argmin(left))])

@@ -39,7 +39,8 @@ class QuarterTurn:
             Suspect(
                 "encoder_zero",
                 (Edit("q", row.drive.dof, row.drive.dof, 1.0, turn),),
-                f"{row.drive.joint}'s zero is {math.degrees(turn):.0f}° off",
+                f"{row.drive.joint}'s zero is {math.degrees(turn):.0f}° off"
+                + (", or the base turned about its axle" if _first(balance, row.drive.dof) else ""),
                 "",
                 (f"joint {row.drive.joint}",),
             )
@@ -47,6 +48,14 @@ class QuarterTurn:
             if not row.drive.servo and balance.scene.model.jnt_type[row.drive.dof] == hinge
             for turn in _QUARTERS
         ]
+
+
+def _first(balance: Balance, dof: int) -> bool:
+    """Tell whether a joint carries all that moves: its zero and the base's are then one."""
+    m = balance.scene.model
+    body = int(m.dof_bodyid[dof])
+    moving = [m.body(name).id for name in balance.scene.moving]
+    return m.body_dofnum[body] == 1 and all(m.body_rootid[b] == body for b in moving)
 
 
 @register
