@@ -41,6 +41,7 @@ def command(
         wt reproduce --task go2_flat --task go2_payload --out runs/go2
     """
     from rich.console import Console
+    from rich.markup import escape
 
     from wt.cli._progress import bars
     from wt.errors import WorkError
@@ -53,7 +54,9 @@ def command(
 
     def say(entry: Entry) -> None:
         for grid in entry.section.grids if entry.section else ():
-            console.print(terminal_table(grid.head, grid.rows, entry.exhibit.title))
+            head = [escape(name) for name in grid.head]
+            table = terminal_table(head, grid.rows, entry.exhibit.title)
+            console.print(table, crop=False)  # into a file, too, with every column
         for line in entry.section.differences if entry.section else ():
             console.print(f"- {line}", highlight=False, markup=False)
 

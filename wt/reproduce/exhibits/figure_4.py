@@ -1,4 +1,7 @@
-"""Figure 4: multi-step rollouts on Go2 with payload, the policy acting on predicted states."""
+"""Figure 4: multi-step rollouts on Go2 with payload, the policy acting on predicted states.
+
+What other exhibits need of rollouts, of any walking robot, is here too.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +21,7 @@ from wt.evaluate.multi_step import (
 )
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.evaluate.single_step import by_kind
+from wt.nets.world_model import WorldModel
 from wt.reproduce.bench import FULL, PLUS, Bench
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
 from wt.reproduce.words import gain, mean, spread
@@ -29,6 +33,14 @@ HORIZON = 50
 ROLLOUTS, ROLLOUTS_QUICK = 512, 64
 SHOWN = (1, 5, 10, 20, 30, 40, 50)
 BASELINES = ("DirectPred", "ResDyn", "ResDynSim", "RSSM")
+ABOUT = (
+    "Each method runs on its own predictions for 50 control steps (1 s) from states of R: the "
+    "policy acts on the prediction, the simulator answers from it, and its observable state is "
+    "overwritten with what the method makes of the answer (where S encodes what is hidden, ours "
+    "also says how that goes on, as R's recording tells). A rollout has diverged once the trunk's "
+    "height, tilt, velocity or turning rate is out of bounds; the error is the mean over those "
+    "that have not. RawSim starts from R's true hidden state, as all do."
+)
 GAINS_AT = (10, 50)
 """Horizons at which extensions are compared with the plain method."""
 START_SEED = 1000
@@ -53,6 +65,8 @@ def keep(numbers: Numbers, label: str, rolled: Rolled, study: Study) -> None:
         "mse": rolled.mse,
         "mse_change": of_change,
         "diverged": rolled.diverged,
+        "amplitude": rolled.amplitude,
+        "correlation": rolled.correlation,
         **{f"{kind.name} [{kind.unit}]": rmse for kind, rmse in physical.items()},
     }
     values = numbers.setdefault(label, {})
@@ -72,38 +86,62 @@ class MultiStep(Exhibit):
 
     def measure(self, bench: Bench) -> Numbers:
         """Roll out every method with every seed from the same starts."""
-        study = bench.study(TASK)
-        bench.train(study, [PLUS, FULL], BASELINES)
-        numbers: Numbers = {}
-        for seed in study.config.seeds:
-            world, truth = truth_of(study, bench.quick, seed)
-            steps: dict[str, Step] = {
-                "RawSim": simulator,
-                **{b: of_baseline(bench.baseline(study, b, seed), world) for b in BASELINES},
-                PAPERS_OWN: of_model(bench.model(study, FULL, seed)),
-                OURS: of_model(bench.model(study, PLUS, seed)),
-            }
-            for i, (method, step) in enumerate(steps.items()):
-                bench.listener.progress(f"rollouts, seed {seed}", i, len(steps))
-                alignment = alignment_of(study.config, method)
-                rolled = roll_out(world, truth, step, study.scales.state, alignment)
-                keep(numbers, method, rolled, study)
-        return numbers
+        return roll_out_all(bench, TASK)
 
     def present(self, numbers: Numbers) -> Section:
-        """Curves, and a table at some horizons."""
+        """Curves, a table at some horizons, and how ours says what is hidden goes on."""
+        rolled = numbers["rolled"]
         return Section(
-            "Each method runs on its own predictions for 50 control steps (1 s) from states of R: "
-            "the policy acts on the prediction, the simulator answers from it, and its observable "
-            "state is overwritten with what the method makes of the answer (where S encodes what "
-            "is hidden, ours also says how that goes on, as R's recording tells). A rollout has "
-            "diverged once the trunk's height, tilt, velocity or turning rate is out of bounds; "
-            "the error is the mean over those that have not. RawSim starts from R's true hidden "
-            "state, as all do.",
-            [Grid(*table) for table in horizon_tables(numbers)],
-            {"multi_step": draw(numbers), "multi_step_units": draw_units(numbers)},
-            _differences(numbers),
+            ABOUT,
+            [*(Grid(*table) for table in horizon_tables(rolled)), *shares(numbers)],
+            {"multi_step": draw(rolled), "multi_step_units": draw_units(rolled)},
+            _differences(rolled),
         )
+
+
+def roll_out_all(bench: Bench, task: str) -> Numbers:
+    """Every method with every seed of a task, from the same starts: errors, and ours' shares."""
+    study = bench.study(task)
+    baselines = [name for name in BASELINES if name in study.config.baselines.names]
+    bench.train(study, [PLUS, FULL], baselines)
+    rolled: Numbers = {}
+    shares_of: Numbers = {}
+    for seed in study.config.seeds:
+        world, truth = truth_of(study, bench.quick, seed)
+        plus = bench.model(study, PLUS, seed)
+        steps: dict[str, Step] = {
+            "RawSim": simulator,
+            **{b: of_baseline(bench.baseline(study, b, seed), world) for b in baselines},
+            PAPERS_OWN: of_model(bench.model(study, FULL, seed)),
+            OURS: of_model(plus),
+        }
+        for i, (method, step) in enumerate(steps.items()):
+            bench.listener.progress(f"rollouts, seed {seed}", i, len(steps))
+            alignment = alignment_of(study.config, method)
+            keep(rolled, method, roll_out(world, truth, step, study.scales.state, alignment), study)
+        for name, share in of_hidden(plus).items():
+            shares_of.setdefault(name, []).append(share)
+    return {"rolled": rolled, "shares": shares_of}
+
+
+def of_hidden(model: WorldModel) -> dict[str, float]:
+    """Of what a model knows to be hidden: share of R's difference from S that is applied."""
+    shift = model.frame.hidden
+    if shift is None:
+        return {}
+    known = (shift.unit > 0).tolist()
+    found = zip(model.spec.hidden, shift.gain.tolist(), known, strict=True)
+    return {channel.name: gain for channel, gain, told in found if told}
+
+
+def shares(numbers: Numbers) -> list[Grid]:
+    """A table of :func:`of_hidden`, mean and spread over seeds; none where nothing goes on."""
+    rows = [[name, spread(values)] for name, values in numbers["shares"].items()]
+    caption = (
+        "Of how R's differs from S's after a step, as R's recording tells, this share is applied "
+        "in WorldTranslationPlus: that with which held-out recordings of R are followed best."
+    )
+    return [Grid(["what is hidden", "share"], rows, caption)] if rows else []
 
 
 def draw(numbers: Numbers) -> Figure:
