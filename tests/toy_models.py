@@ -90,6 +90,7 @@ def carrying(spec: TransitionSpec) -> WorldModel:
     model = WorldModel(spec, method).eval()
     assert model.frame.hidden is not None
     with torch.no_grad():
+        model.strength.zero_()  # nothing beyond the mean field
         model.frame.change.std.fill_(0.05)
         model.frame.hidden.unit.fill_(0.05)
         model.frame.hidden.gain.copy_(torch.linspace(0, 1, len(spec.hidden)))

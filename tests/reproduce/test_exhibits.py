@@ -140,7 +140,7 @@ def test_variants_are_different_models(out: Path) -> None:
 
 @pytest.mark.long
 def test_rollouts_have_every_method_and_horizon(out: Path) -> None:
-    report = found(out, "figure-4")
+    report = found(out, "figure-4")["go2_payload"]
     methods, shares = report["rolled"], report["shares"]
     assert set(methods) > {"RawSim", "DirectPred", "ResDyn", "RSSM", "WorldTranslation"}
     for values in methods.values():

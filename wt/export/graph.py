@@ -49,26 +49,7 @@ def graph(
     """
     import onnx
 
-    batch = torch.export.Dim("batch")
-    try:
-        with torch.no_grad(), _quiet():
-            program = torch.onnx.export(
-                model,
-                inputs,
-                input_names=names,
-                output_names=outputs,
-                opset_version=OPSET,
-                dynamic_shapes=({0: batch},) * len(inputs),
-                dynamo=True,
-                verbose=False,
-            )
-    except torch.onnx.errors.OnnxExporterError as error:
-        raise ModelError(
-            f"export: {type(model).__name__} cannot be written as an ONNX graph "
-            f"({str(error).strip().splitlines()[0]}); WT_DEBUG=1 shows where"
-        ) from error
-    assert program is not None  # None only from the exporter that dynamo replaces
-    proto = program.model_proto
+    proto = _exported(model, inputs, names, outputs)
     _strip(proto)
     closed = [i.name for i in proto.graph.input if not i.type.tensor_type.shape.dim[0].dim_param]
     if closed:
@@ -88,6 +69,35 @@ def graph(
         ) from error
     content: bytes = proto.SerializeToString(deterministic=True)
     return content
+
+
+def _exported(
+    model: torch.nn.Module,
+    inputs: tuple[torch.Tensor, ...],
+    names: Sequence[str],
+    outputs: Sequence[str],
+) -> ModelProto:
+    """What torch's exporter makes of it."""
+    batch = torch.export.Dim("batch")
+    try:
+        with torch.no_grad(), _quiet():
+            program = torch.onnx.export(
+                model,
+                inputs,
+                input_names=names,
+                output_names=outputs,
+                opset_version=OPSET,
+                dynamic_shapes=({0: batch},) * len(inputs),
+                dynamo=True,
+                verbose=False,
+            )
+    except torch.onnx.errors.OnnxExporterError as error:
+        raise ModelError(
+            f"export: {type(model).__name__} cannot be written as an ONNX graph "
+            f"({str(error).strip().splitlines()[0]}); WT_DEBUG=1 shows where"
+        ) from error
+    assert program is not None  # None only from the exporter that dynamo replaces
+    return program.model_proto
 
 
 def listed(values: Sequence[object]) -> str:

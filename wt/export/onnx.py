@@ -63,13 +63,7 @@ def export(
         ModelError: the example or the model's output has another shape than ``spec`` says, or
             the model uses something that ONNX cannot express.
     """
-    expected = (spec.n_obs, spec.n_action, spec.n_obs)
-    for name, array, width in zip(INPUTS, example, expected, strict=True):
-        if array.ndim != 2 or array.shape[1] != width or not len(array):
-            raise ModelError(
-                f"export: example {name!r} has shape {array.shape}, task {spec.task!r} needs "
-                f"(batch, {width}) with at least one row"
-            )
+    _check(example, spec)
     device = next((p.device for p in model.parameters()), torch.device("cpu"))
     # Two rows: torch.export takes an axis of length 1 for a constant.
     inputs = tuple(
@@ -100,6 +94,17 @@ def export(
             defaults=None if hidden is None else {HIDDEN: hidden},
         )
     write_whole(Path(path), content)
+
+
+def _check(example: tuple[Example, Example, Example], spec: TransitionSpec) -> None:
+    """Refuse examples that a task's transitions cannot be."""
+    expected = (spec.n_obs, spec.n_action, spec.n_obs)
+    for name, array, width in zip(INPUTS, example, expected, strict=True):
+        if array.ndim != 2 or array.shape[1] != width or not len(array):
+            raise ModelError(
+                f"export: example {name!r} has shape {array.shape}, task {spec.task!r} needs "
+                f"(batch, {width}) with at least one row"
+            )
 
 
 def metadata(spec: TransitionSpec, carries: bool = False) -> dict[str, str]:

@@ -23,8 +23,7 @@ from wt.evaluate.multi_step import (
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.reproduce.bench import FULL, PLUS, Bench
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
-from wt.reproduce.exhibits.figure_4 import HORIZON, SHOWN, TASK, draw, keep, over, truth_of
-from wt.reproduce.words import spread
+from wt.reproduce.exhibits.figure_4 import TASK, draw, horizon_table, keep, over, truth_of
 from wt.run.study import Study
 from wt.types import Domain
 from wt.worlds.closed_loop import ClosedLoop, ReferenceRollouts
@@ -75,7 +74,7 @@ class Sampled(Exhibit):
         study = bench.study(TASK)
         bench.train(study, [PLUS, FULL], BASELINES)
         several = SEVERAL_QUICK if bench.quick else SEVERAL
-        numbers: Numbers = {}
+        rolled: Numbers = {}
         scale = study.scales.state
         for seed in study.config.seeds:
             world, truth = truth_of(study, bench.quick, seed)
@@ -88,27 +87,31 @@ class Sampled(Exhibit):
                 plain = run.follow(*where)
                 found = {label: plain, label + OWN: paths[0], label + MEAN: middle(paths)}
                 for name, one in found.items():
-                    keep(numbers, name, score(one, truth, scale), study)
-        return numbers
+                    keep(rolled, name, score(one, truth, scale), study)
+        return {"several": several, "rolled": rolled}
 
     def present(self, numbers: Numbers) -> Section:
         """Errors, liveliness and correlation at some horizons."""
+        rolled = numbers["rolled"]
         return Section(
             f"Rollouts as in figure 4. {OWN[2:]}: every predicted state is off by an error that "
             "is drawn, for each robot and step, from the method's own errors on the test pairs. "
-            f"{MEAN[2:]}: the mean of {SEVERAL} such rollouts, which is the better guess once "
-            "a single one is unsure, whatever the method. R itself, disturbed by ours' errors: "
-            "where a method would be that errs by as much in single steps, at random, and knows "
-            "all that is hidden. Amplitude is the variance of predictions over rollouts in units "
-            "of R's; of predictions that keep to what they are sure of, the square of the "
-            "correlation.",
+            f"{MEAN[2:]}: the mean of {numbers['several']} such rollouts, which is the better "
+            "guess once a single one is unsure, whatever the method. R itself, disturbed by ours' "
+            "errors: where a method would be that errs by as much in single steps, at random, and "
+            "knows all that is hidden. Amplitude is the variance of predictions over rollouts in "
+            "units of R's; of predictions that keep to what they are sure of, it is the square of "
+            "the correlation.",
             [
-                _table(numbers, "mse", "MSE at horizon"),
-                _table(numbers, "amplitude", "amplitude at horizon"),
-                _table(numbers, "correlation", "correlation at horizon"),
+                Grid(*horizon_table(rolled, column, f"{title} at horizon"))
+                for column, title in (
+                    ("mse", "MSE"),
+                    ("amplitude", "amplitude"),
+                    ("correlation", "correlation"),
+                )
             ],
-            {"sampled": draw(numbers)},
-            _differences(numbers),
+            {"sampled": draw(rolled)},
+            _differences(rolled),
         )
 
 
@@ -135,23 +138,15 @@ def _single_step_errors(study: Study, seed: int, key: str | None) -> np.ndarray:
     return np.asarray(predicted - pairs.real.s_next)
 
 
-def _table(numbers: Numbers, column: str, title: str) -> Grid:
-    rows = [
-        [m, *(spread([row[h - 1] for row in v[column] if row[h - 1] is not None]) for h in SHOWN)]
-        for m, v in numbers.items()
-    ]
-    return Grid([title, *map(str, SHOWN)], rows)
-
-
 def _differences(numbers: Numbers) -> list[str]:
     mse = {name: over(values["mse"])[-1] for name, values in numbers.items()}
     lines = [
-        f"{name}: {mse[name]:.3g} at {HORIZON}, {mse[name + MEAN]:.3g} as the mean of several."
+        f"{name}: {mse[name]:.3g} at the end, {mse[name + MEAN]:.3g} as the mean of several."
         for name in ("RawSim", *BASELINES, PAPERS_OWN, OURS)
     ]
     return [
         *lines,
-        f"R itself, restarted: {mse[REALITY]:.2g} at {HORIZON}; disturbed by ours' errors of "
-        f"single steps {mse[REALITY + OWN]:.3g}. The rest of ours' {mse[OURS]:.3g} is what is "
+        f"R itself, restarted: {mse[REALITY]:.2g} there; disturbed by ours' errors of single steps "
+        f"{mse[REALITY + OWN]:.3g}. The rest of ours' {mse[OURS]:.3g} is what is "
         "hidden, and errors that are not at random.",
     ]
