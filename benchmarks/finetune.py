@@ -25,7 +25,7 @@ from wt.finetune.translated import TranslatedWalking
 from wt.locomotion.env import Walking
 from wt.nets.world_model import WorldModel
 from wt.registered import Registered
-from wt.translate import SimToReal
+from wt.translate import Exported
 
 Array = np.ndarray
 
@@ -47,11 +47,14 @@ def main(robots: str = "256", threads: str = "0") -> None:
         model.predict(o, a, sim_next)
         return sim_next  # what an untrained model says would not be written
 
+    def shift(o: Array, a: Array, sim_next: Array, hidden: Array) -> Array:
+        return 0.0 * model.shift(o, a, sim_next, hidden)
+
     raw = _pace(Walking(training, "cpu"), setting)
     print(f"{robots} robots, {threads} threads (0: one per core)")
     print(f"{'raw':<20}{raw:>10.0f} steps/s")
     for alignment in ("state", "stance", "action"):
-        env = TranslatedWalking(training, "cpu", translate, alignment, scale)
+        env = TranslatedWalking(training, "cpu", translate, alignment, scale, shift=shift)
         pace = _pace(env, setting)
         goal = f"   goal {GOAL}" if alignment == "state" else ""
         print(
@@ -61,12 +64,13 @@ def main(robots: str = "256", threads: str = "0") -> None:
 
 def _model(setting: Setting, path: Path, threads: int) -> Registered:
     spec = setting.world().spec
-    model = SimToReal(WorldModel(spec, load_task(setting.config.task).plus)).eval()
-    o, a = (np.zeros((2, n), np.float32) for n in (spec.n_obs, spec.n_action))
-    export(model, spec, path, example=(o, a, o))
+    model = Exported(WorldModel(spec, load_task(setting.config.task).plus)).eval()
+    o, a, h = (np.zeros((2, n), np.float32) for n in (spec.n_obs, spec.n_action, len(spec.hidden)))
+    export(model, spec, path, example=(o, a, o), hidden=h[0])
     card = describe(
         path, spec, name="untrained", data_hash="", config_hash="", commit="", metrics={},
         heldout=HeldOut("", "", "mse", 0.0), parity=None, golden=(o, a, o, o),
+        carried=(h, h),
     )  # fmt: skip
     return Registered(path, card, spec, threads)
 

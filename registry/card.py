@@ -103,6 +103,36 @@ class Golden:
         return o, a, o_next_sim, o_next_real
 
 
+@dataclass(frozen=True, config=_STRICT)
+class Carried:
+    """What a graph says of how hidden variables go on, beside its translation.
+
+    Attributes:
+        hidden: an input that may be left out: hidden variables of S before the step. The output
+            ``hidden_shift``, which a simulator that is to go on as R adds to them after the step,
+            has the same channels.
+        golden_hidden: rows of it beside the golden o, a and o′ of S, physical units.
+        golden_shift: the eager model's ``hidden_shift``.
+    """
+
+    hidden: Port
+    golden_hidden: Rows
+    golden_shift: Rows
+
+    def __post_init__(self) -> None:
+        """Refuse golden rows that do not fit the channels."""
+        width = self.hidden.shape[1]
+        if any(len(row) != width for row in (*self.golden_hidden, *self.golden_shift)):
+            raise ValueError(f"golden rows of {self.hidden.name!r} are not {width} wide")
+
+    def arrays(
+        self,
+    ) -> tuple[Float32[np.ndarray, "row hidden"], Float32[np.ndarray, "row hidden"]]:
+        """Hidden variables, and what is added to them."""
+        hidden, shift = (np.array(x, np.float32) for x in (self.golden_hidden, self.golden_shift))
+        return hidden, shift
+
+
 @dataclass(frozen=True, config=_STRICT, kw_only=True)
 class Card:
     """All that travels beside a model.
@@ -129,6 +159,7 @@ class Card:
         normalizer: where it is, as the graph says; None where it says nothing.
         features: whose the outputs behind o_next_real are, as the graph says; None where it says
             nothing.
+        carried: how what is hidden goes on, of a model that says so.
     """
 
     schema: Literal[1] = 1
@@ -151,6 +182,7 @@ class Card:
     opset: int | None = None
     normalizer: str | None = None
     features: str | None = None
+    carried: Carried | None = None
 
     def __post_init__(self) -> None:
         """Refuse golden rows that do not fit the ports."""
@@ -162,6 +194,9 @@ class Card:
                 raise ValueError(f"golden {port.name!r} has {len(rows)} rows")
             if any(len(row) != port.shape[1] for row in rows):
                 raise ValueError(f"golden {port.name!r} has rows of another width than the port")
+        rows_of = self.carried and (self.carried.golden_hidden, self.carried.golden_shift)
+        if rows_of and any(len(rows) != len(self.golden.o) for rows in rows_of):
+            raise ValueError(f"golden rows of what is hidden are not {len(self.golden.o)}")
 
     def save(self, folder: Path) -> None:
         """Write ``card.json`` into ``folder``, whole or not at all."""
@@ -206,6 +241,7 @@ def describe(
     heldout: HeldOut,
     parity: float | None,
     golden: tuple[_Given, _Given, _Given, _Given],
+    carried: tuple[_Given, _Given] | None = None,
 ) -> Card:
     """The card of an exported model.
 
@@ -220,11 +256,12 @@ def describe(
         heldout: the metric that decides about ``champion``.
         parity: what ``registry.parity.check`` returned; None if it was not called.
         golden: o, a, o′ of S and the eager model's o′ of R, a few rows each.
+        carried: hidden variables beside them and the eager model's ``hidden_shift``; None for a
+            model that does not say how they go on.
     """
     opset, outputs, said = _of_graph(onnx_path)
-    o, a, o_next_sim, o_next_real = (
-        tuple(tuple(float(v) for v in row) for row in np.asarray(x, np.float32)) for x in golden
-    )
+    o, a, o_next_sim, o_next_real = map(_rows, golden)
+    hidden = _port("hidden", spec.hidden)
     return Card(
         name=name,
         task=spec.task,
@@ -250,7 +287,12 @@ def describe(
         opset=opset,
         normalizer=said.get("normalizer"),
         features=said.get("features"),
+        carried=Carried(hidden, *map(_rows, carried)) if carried else None,
     )
+
+
+def _rows(values: _Given) -> Rows:
+    return tuple(tuple(float(v) for v in row) for row in np.asarray(values, np.float32))
 
 
 def _port(name: str, channels: tuple[Channel, ...]) -> Port:
@@ -258,7 +300,7 @@ def _port(name: str, channels: tuple[Channel, ...]) -> Port:
 
 
 def _of_graph(path: Path) -> tuple[int, list[Port], dict[str, str]]:
-    """Operator set of a graph, its outputs behind o_next_real, and what it says of itself."""
+    """Operator set of a graph, its features behind o_next_real, and what it says of itself."""
     import onnx
 
     graph = onnx.load(path)
@@ -270,7 +312,7 @@ def _of_graph(path: Path) -> tuple[int, list[Port], dict[str, str]]:
     outputs = [
         _port(name, tuple(Channel(str(k), "1") for k in range(width)))
         for name, width in widths.items()
-        if name != "o_next_real"
+        if name not in ("o_next_real", "hidden_shift")
     ]
     return opset, outputs, said
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import onnxruntime
@@ -19,8 +20,26 @@ from wt.errors import ModelError, RegistryError
 TOLERANCE = 1e-5
 BATCHES = (1, 7, 256)
 
-Model = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-"""o (N, n_obs), a (N, n_action), o′ of S (N, n_obs) → o′ of R (N, n_obs), float32."""
+Model = Callable[..., np.ndarray]
+"""Arrays of a question's inputs, one row a sample → its output, float32."""
+
+
+class Question(NamedTuple):
+    """One thing that a graph is asked.
+
+    Attributes:
+        inputs: their names.
+        output: its name.
+    """
+
+    inputs: tuple[str, ...]
+    output: str
+
+
+TRANSLATION = Question(("o", "a", "o_next_sim"), "o_next_real")
+"""o (N, n_obs), a (N, n_action), o′ of S (N, n_obs) → o′ of R (N, n_obs)."""
+SHIFT = Question((*TRANSLATION.inputs, "hidden"), "hidden_shift")
+"""The same and what is hidden in S before the step (N, n_hidden) → what is added to it after."""
 
 
 def session(path: Path, threads: int = 0) -> onnxruntime.InferenceSession:
@@ -35,6 +54,7 @@ def session(path: Path, threads: int = 0) -> onnxruntime.InferenceSession:
     """
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
+    options.log_severity_level = 3  # an input that may be left out is not worth a warning
     try:
         # From bytes, so that a graph cannot pull in other files as external data.
         return onnxruntime.InferenceSession(
@@ -48,26 +68,26 @@ def session(path: Path, threads: int = 0) -> onnxruntime.InferenceSession:
         ) from error
 
 
-def load(path: Path) -> Model:
+def load(path: Path, question: Question = TRANSLATION) -> Model:
     """The ONNX graph as a function of arrays, run by onnxruntime on the CPU.
+
+    Args:
+        path: the graph.
+        question: what it is asked.
 
     Raises:
         ModelError: as :func:`session`.
     """
     graph = session(path)
 
-    def call(
-        o: Float[np.ndarray, "row obs"],
-        a: Float[np.ndarray, "row action"],
-        o_next_sim: Float[np.ndarray, "row obs"],
-    ) -> Float[np.ndarray, " ..."]:
-        arrays = {"o": o, "a": a, "o_next_sim": o_next_sim}
-        feed = {name: np.asarray(x, np.float32) for name, x in arrays.items()}
+    def call(*arrays: Float[np.ndarray, "row _"]) -> Float[np.ndarray, " ..."]:
+        pairs = zip(question.inputs, arrays, strict=True)
+        feed = {name: np.asarray(x, np.float32) for name, x in pairs}
         try:
-            return np.asarray(graph.run(["o_next_real"], feed)[0])
+            return np.asarray(graph.run([question.output], feed)[0])
         except Exception as error:  # as above
             raise ModelError(
-                f"{path} does not map o, a, o_next_sim to o_next_real "
+                f"{path} does not map {', '.join(question.inputs)} to {question.output} "
                 f"({str(error).splitlines()[0]}); export it with wt.export.onnx"
             ) from error
 
@@ -77,10 +97,9 @@ def load(path: Path) -> Model:
 def check(
     onnx_path: Path,
     model: Model,
-    inputs: tuple[
-        Float[np.ndarray, "_ obs"], Float[np.ndarray, "_ action"], Float[np.ndarray, "_ obs"]
-    ],
+    inputs: Sequence[Float[np.ndarray, "_ _"]],
     *,
+    question: Question = TRANSLATION,
     tolerance: float = TOLERANCE,
     batches: Sequence[int] = BATCHES,
 ) -> float:
@@ -89,7 +108,8 @@ def check(
     Args:
         onnx_path: the exported graph.
         model: the eager model as a function of arrays (``wt.export.onnx.eager``).
-        inputs: example o, a and o′ of S, at least one row each; repeated to fill a batch.
+        inputs: examples of the question's inputs, at least one row each; repeated to fill a batch.
+        question: what both are asked.
         tolerance: largest difference that passes.
         batches: batch sizes to try.
 
@@ -99,12 +119,11 @@ def check(
     Raises:
         ModelError: a difference is above tolerance or not finite, or the file cannot be run.
     """
-    graph = load(onnx_path)
+    graph = load(onnx_path, question)
     worst = 0.0
     for batch in batches:
-        o, a, o_next_sim = (np.resize(x, (batch, x.shape[1])).astype(np.float32) for x in inputs)
-        got = graph(o, a, o_next_sim)
-        worst = max(worst, _difference(got, model(o, a, o_next_sim), onnx_path, tolerance))
+        rows = [np.resize(x, (batch, x.shape[1])).astype(np.float32) for x in inputs]
+        worst = max(worst, _difference(graph(*rows), model(*rows), onnx_path, tolerance))
     return worst
 
 
@@ -124,9 +143,12 @@ def verify(folder: Path) -> Card:
             f"{path} has sha256 {actual[:12]}…, its card says {card.sha256[:12]}…: the bytes were "
             "changed; do not run it, pull the model again or export it anew"
         )
-    o, a, o_next_sim, o_next_real = card.golden.arrays()
+    *inputs, o_next_real = card.golden.arrays()
     try:
-        _difference(load(path)(o, a, o_next_sim), o_next_real, path, TOLERANCE)
+        _difference(load(path)(*inputs), o_next_real, path, TOLERANCE)
+        if card.carried is not None:
+            hidden, shift = card.carried.arrays()
+            _difference(load(path, SHIFT)(*inputs, hidden), shift, path, TOLERANCE)
     except ModelError as error:
         raise RegistryError(f"the golden pairs of {card.name} do not replay: {error}") from error
     return card

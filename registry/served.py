@@ -41,7 +41,11 @@ class OnnxFrames:
             )
         self._inputs: dict[str, list[str]] = said["inputs"]
         self._outputs: dict[str, list[str]] = said["outputs"]
-        self._session = onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
+        quiet = onnxruntime.SessionOptions()
+        quiet.log_severity_level = 3  # an input that may be left out is not worth a warning
+        self._session = onnxruntime.InferenceSession(
+            content, quiet, providers=["CPUExecutionProvider"]
+        )
 
     def predict(self, frame: pd.DataFrame, params: dict[str, Any] | None = None) -> pd.DataFrame:
         """Answers, a row for each of the frame's, physical units; ``params`` has no meaning."""

@@ -7,9 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import onnx
+import torch
 from onnx import TensorProto, helper, numpy_helper
 
 from registry.card import HeldOut, describe
+from wt.config import Mean, Method, Nets, TranslationConfig
+from wt.export.onnx import eager, export
+from wt.nets.world_model import WorldModel
+from wt.translate import Exported
 from wt.types import TransitionSpec
 
 HELD_OUT = HeldOut("test pairs", "data", "mse", 0.5)
@@ -72,3 +77,40 @@ def shifted(folder: Path, spec: TransitionSpec, shift: float, name: str = "wt-to
     o, a, s = (rng.normal(size=(2, width)).astype(np.float32) for width in widths)
     node = helper.make_node("Add", ["o_next_sim", "shift"], ["o_next_real"])
     return save(folder, spec, [node], {"shift": by}, (o, a, s, s + by), name=name)
+
+
+def carrying(spec: TransitionSpec) -> WorldModel:
+    """An untrained model that moves states, and what is hidden, by some hundredths."""
+    torch.manual_seed(0)
+    method = Method(
+        mean=Mean(kind="average", simulator="encoded", width=16, depth=1),
+        nets=Nets(latent=2, width=8, depth=1),
+        translation=TranslationConfig(anchored=True, reach=1e6),
+    )
+    model = WorldModel(spec, method).eval()
+    assert model.frame.hidden is not None
+    with torch.no_grad():
+        model.strength.zero_()  # nothing beyond the mean field
+        model.frame.change.std.fill_(0.05)
+        model.frame.hidden.unit.fill_(0.05)
+        model.frame.hidden.gain.copy_(torch.linspace(0, 1, len(spec.hidden)))
+    return model
+
+
+def exported(folder: Path, model: WorldModel, name: str = "wt-toy") -> Path:
+    """Write a model that carries what is hidden on, with its card; returns the folder."""
+    spec, rng, shift = model.spec, np.random.default_rng(0), model.frame.hidden
+    assert shift is not None
+    widths = (spec.n_obs, spec.n_action, spec.n_obs, len(spec.hidden))
+    *inputs, hidden = (rng.normal(size=(3, width)).astype(np.float32) for width in widths)
+    folder.mkdir()
+    whole, usual = Exported(model), shift.center.numpy()
+    export(whole, spec, folder / "model.onnx", example=tuple(inputs), hidden=usual)
+    card = describe(
+        folder / "model.onnx", spec, name=name, data_hash="data-1", config_hash="config-1",
+        commit="0" * 40, metrics={}, heldout=HELD_OUT, parity=0.0,
+        golden=(*inputs, eager(whole)(*inputs)),
+        carried=(hidden, eager(whole, which=-1)(*inputs, hidden)),
+    )  # fmt: skip
+    card.save(folder)
+    return folder

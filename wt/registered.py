@@ -8,11 +8,13 @@ reproduce`` trains.
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Mapping
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
+import onnxruntime
 from jaxtyping import Float, Float32
 from matplotlib.figure import Figure
 
@@ -27,7 +29,7 @@ from wt.evaluate import figures
 from wt.evaluate.multi_step import Now, Step, alignment_of, roll_out, simulator
 from wt.evaluate.results import OURS, Results
 from wt.evaluate.single_step import by_kind, errors
-from wt.export.onnx import FEATURES, OUTPUT
+from wt.export.onnx import FEATURES, HIDDEN, HIDDEN_SHIFT, OUTPUT
 from wt.run.publish import tabulate
 from wt.run.study import Listener, Study
 from wt.show.files import write_together
@@ -59,13 +61,16 @@ class Registered:
             ModelError: the model is of another task, rate or layout, or its file is no graph.
         """
         self.card, self._spec = card, spec
-        expected = {
+        expected: dict[str, tuple[object, object]] = {
             "task": (card.task, spec.task),
             "rate_hz": (card.rate_hz, spec.rate_hz),
             "joint order": (list(card.joints), list(spec.joints)),
             "o": (_names(card, "o"), [c.name for c in spec.observation]),
             "a": (_names(card, "a"), [c.name for c in spec.action]),
         }
+        if card.carried is not None:
+            carried = [c.name for c in card.carried.hidden.channels]
+            expected["hidden"] = (carried, [c.name for c in spec.hidden])
         for what, (given, wanted) in expected.items():
             if given != wanted:
                 given, wanted = _first_difference(given, wanted)
@@ -74,6 +79,8 @@ class Registered:
                     f"configuration's {wanted}; name the configuration that it was trained with"
                 )
         self._session = parity.session(graph, threads)
+        self._asked_alone = onnxruntime.RunOptions()
+        self._asked_alone.only_execute_path_to_fetches = True
 
     def predict(
         self,
@@ -82,12 +89,45 @@ class Registered:
         sim_next: Float[np.ndarray, "row state"],
     ) -> Float[np.ndarray, "row state"]:
         """R's state after the step for S's, physical units."""
-        n = self._spec.n_state
+        return self._answer(OUTPUT, o, a, sim_next)[:, : self._spec.n_state]
+
+    @property
+    def carries(self) -> bool:
+        """Whether it says how R's hidden variables go on beyond S's."""
+        return self.card.carried is not None
+
+    def shift(
+        self,
+        o: Float[np.ndarray, "row obs"],
+        a: Float[np.ndarray, "row action"],
+        sim_next: Float[np.ndarray, "row state"],
+        hidden: Float[np.ndarray, "row hidden"],
+    ) -> Float32[np.ndarray, "row hidden"]:
+        """What is added to S's hidden variables after the step, physical units; see ``carries``.
+
+        Args:
+            o: observations.
+            a: actions.
+            sim_next: S's state channels after the step.
+            hidden: hidden variables before it.
+        """
+        return self._answer(HIDDEN_SHIFT, o, a, sim_next, {HIDDEN: hidden.astype(np.float32)})
+
+    def _answer(
+        self,
+        output: str,
+        o: Float[np.ndarray, "row obs"],
+        a: Float[np.ndarray, "row action"],
+        sim_next: Float[np.ndarray, "row state"],
+        further: Mapping[str, Float32[np.ndarray, "row _"]] | None = None,
+    ) -> Float32[np.ndarray, "row _"]:
         # channels behind the state are handed through: what stands there does not matter
-        o_next = np.hstack([sim_next, o[:, n:]]).astype(np.float32)
+        o_next = np.hstack([sim_next, o[:, self._spec.n_state :]]).astype(np.float32)
         inputs = {"o": o.astype(np.float32), "a": a.astype(np.float32), "o_next_sim": o_next}
-        outcome: np.ndarray = self._session.run(None, inputs)[0]
-        return outcome[:, :n]
+        outcome: np.ndarray = self._session.run(
+            [output], inputs | dict(further or {}), self._asked_alone
+        )[0]
+        return outcome
 
     def on(self, pairs: Pairs) -> Float[np.ndarray, "pair state"]:
         """Predictions for pairs."""
@@ -95,11 +135,30 @@ class Registered:
 
     def step(self) -> Step:
         """The model as a method of multi-step rollouts."""
+        return _Step(self)
 
-        def step(now: Now) -> Float[np.ndarray, "robot state"]:
-            return self.predict(now.o[:, -1], now.a[:, -1], now.sim_next)
 
-        return step
+class _Step:
+    """A registered model as a method of rollouts, which carries what is hidden on if it can."""
+
+    def __init__(self, model: Registered) -> None:
+        """Take the model."""
+        self._model = model
+
+    def __call__(self, now: Now) -> Float[np.ndarray, "robot state"]:
+        """See :data:`wt.evaluate.multi_step.Step`."""
+        return self._model.predict(now.o[:, -1], now.a[:, -1], now.sim_next)
+
+    def hidden(
+        self,
+        now: Now,
+        before: Float[np.ndarray, "robot hidden"],
+        after: Float[np.ndarray, "robot hidden"],
+    ) -> Float[np.ndarray, "robot hidden"]:
+        """See :class:`wt.evaluate.multi_step.Carrying`."""
+        if not self._model.carries:
+            return after
+        return after + self._model.shift(now.o[:, -1], now.a[:, -1], now.sim_next, before)
 
 
 def champion(config: FitConfig) -> tuple[str, str]:
@@ -144,7 +203,7 @@ def translation(reference: str, uri: str | None = None) -> TrainedTranslation:
         version, card = pull(reference, Path(name) / "model", uri=uri)
         session = parity.session(Path(name) / "model" / MODEL_FILE)
     outputs = [OUTPUT, *FEATURES]
-    if [output.name for output in session.get_outputs()] != outputs:
+    if not {output.name for output in session.get_outputs()}.issuperset(outputs):
         raise ModelError(
             f"{version} was exported without its features; train it again: wt fit --config …"
         )

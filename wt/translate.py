@@ -71,6 +71,58 @@ def translated(
     return out
 
 
+def hidden_shift(
+    model: WorldModel,
+    o: Float[Tensor, "batch obs"],
+    a: Float[Tensor, "batch action"],
+    sim_next: Float[Tensor, "batch state"],
+    hidden: Float[Tensor, "batch hidden"],
+) -> Float[Tensor, "batch hidden"]:
+    """What R's hidden variables are beyond S's after a step that both began with the same.
+
+    Zero beyond ``translation.reach``, as where the simulator's answer stands, and for a model that
+    says nothing of what is hidden.
+
+    Args:
+        model: a trained model.
+        o: observations, physical units.
+        a: actions, physical units.
+        sim_next: S's state channels after the step, physical units.
+        hidden: hidden variables before the step, physical units.
+    """
+    frame, reach = model.frame, model.method.translation.reach
+    if frame.hidden is None:
+        return torch.zeros_like(hidden)
+    x = frame.conditions(o, a)
+    shift: Tensor = frame.hidden(x, frame.changes(o, sim_next), hidden)
+    return torch.where(frame.within(x, reach)[:, None], shift, 0.0) if reach else shift
+
+
+@torch.no_grad()
+def carried(
+    model: WorldModel,
+    o: Float[np.ndarray, "row obs"],
+    a: Float[np.ndarray, "row action"],
+    sim_next: Float[np.ndarray, "row state"],
+    before: Float[np.ndarray, "row hidden"],
+    after: Float[np.ndarray, "row hidden"],
+) -> Float[np.ndarray, "row hidden"]:
+    """Hidden variables after a step as R would have them, from S's: :func:`hidden_shift` on arrays.
+
+    Args:
+        model: a trained model.
+        o: observations, physical units.
+        a: actions.
+        sim_next: S's state channels after the step.
+        before: hidden variables before it.
+        after: S's after it.
+    """
+    if not model.frame.carries:
+        return after
+    given = (torch.tensor(np.asarray(x, np.float32)) for x in (o, a, sim_next, before))
+    return after + hidden_shift(model, *given).cpu().numpy()
+
+
 def reconstruct_state(
     model: WorldModel,
     o: Float[Tensor, "batch obs"],
@@ -180,20 +232,28 @@ class SimToReal(nn.Module):
 
 
 class Exported(SimToReal):
-    """The same with the features behind it, as further outputs of the exported graph."""
+    """The same with the features behind it, as further outputs of the exported graph.
+
+    Given what is hidden before the step, it also says by how much R's is beyond S's after it.
+    """
 
     def forward(  # type: ignore[override]
         self,
         o: Float[Tensor, "batch obs"],
         a: Float[Tensor, "batch action"],
         o_next_sim: Float[Tensor, "batch obs"],
-    ) -> tuple[
-        Float[Tensor, "batch obs"], Float[Tensor, "batch latent"], Float[Tensor, "batch latent"]
-    ]:
-        """o′ of R; z of the transition, where it is one of R; ẑ, where it is one of S."""
+        hidden: Float[Tensor, "batch hidden"] | None = None,
+    ) -> tuple[Tensor, ...]:
+        """o′ of R; z of the transition, where it is one of R; ẑ, where it is one of S.
+
+        With ``hidden`` a fourth, :func:`hidden_shift`.
+        """
         state = o_next_sim[:, : self.model.spec.n_state]
-        return (
+        answers = (
             super().forward(o, a, o_next_sim),
             feature_of_real(self.model, o, a, state),
             translated_feature(self.model, o, a, state),
         )
+        if hidden is None:
+            return answers
+        return *answers, hidden_shift(self.model, o, a, state, hidden)

@@ -7,9 +7,22 @@ import pytest
 
 from tests.baselines.toy import DT, REAL, SIM, Toy
 from wt.baselines.base import find
-from wt.config import Baselines
+from wt.config import Baselines, Mean, Method, Nets
 from wt.evaluate.alignment import corrected_action
-from wt.evaluate.multi_step import Now, of_baseline, roll_out, simulator
+from wt.evaluate.multi_step import (
+    Carrying,
+    Now,
+    Paths,
+    disturbed,
+    follow,
+    middle,
+    of_baseline,
+    of_model,
+    roll_out,
+    score,
+    simulator,
+)
+from wt.nets.world_model import WorldModel
 from wt.types import Domain
 from wt.worlds.closed_loop import ClosedLoop, ReferenceRollouts
 
@@ -174,3 +187,80 @@ def test_hidden_state_is_r_s_own_at_every_step_where_asked_for(true_hidden: bool
     roll_out(LOOP, TRUTH, step, ONES, "stance", true_hidden)
     assert asked[0]
     assert all(asked[1:]) if true_hidden else not any(asked[1:])
+
+
+def test_r_itself_is_followed_where_r_answers() -> None:
+    rolled = score(follow(LOOP, TRUTH, simulator, ONES, domain="real"), TRUTH, ONES)
+    assert np.max(rolled.mse) < 1e-8
+    np.testing.assert_allclose(rolled.amplitude, 1.0, rtol=1e-3)
+    np.testing.assert_allclose(rolled.correlation, 1.0, rtol=1e-3)
+
+
+def test_amplitude_and_correlation_are_those_of_predictions_and_r() -> None:
+    """Predictions that keep to half of what R does: their square error is that of the rest."""
+    real = TRUTH.o[:, PAST + 1 :, :4].astype(float)
+    middling = real.mean(axis=0)
+    nobody = np.zeros(real.shape[:2], bool)
+    half = score(Paths(middling + 0.5 * (real - middling), nobody), TRUTH, ONES)
+    np.testing.assert_allclose(half.amplitude, 0.25, rtol=1e-4)
+    np.testing.assert_allclose(half.correlation, 1.0, rtol=1e-4)
+    np.testing.assert_allclose(half.mse, 0.25 * real.var(axis=0).mean(axis=1), rtol=1e-4)
+    other = score(Paths(middling - (real - middling), nobody), TRUTH, ONES)
+    np.testing.assert_allclose(other.correlation, -1.0, rtol=1e-4)
+    # who always says the same is not correlated with anything
+    still = score(Paths(np.broadcast_to(middling, real.shape), nobody), TRUTH, ONES)
+    assert np.isnan(still.correlation).all()
+
+
+def test_the_mean_of_rollouts_is_of_those_that_all_stay() -> None:
+    one, two = (
+        Paths(np.full((N, HORIZON, 4), value), np.zeros((N, HORIZON), bool)) for value in (1.0, 4.0)
+    )
+    two.gone[1, 3:] = True
+    mean = middle([one, two])
+    assert (mean.states == 2.5).all()
+    assert mean.gone.sum() == HORIZON - 3 and mean.gone[1, 3]
+
+
+def test_a_disturbed_method_is_off_by_errors_that_are_drawn() -> None:
+    errors = np.array([[0.5, 0, 0, 0], [0, 0, 0, -2.0]])
+    drawn = []
+
+    def watched(now: Now) -> Array:
+        state = disturbed_step(now)
+        drawn.append(state - of_real(now))
+        return state
+
+    disturbed_step = disturbed(of_real, errors, 0)
+    roll_out(LOOP, TRUTH, watched, ONES)
+    found = np.concatenate(drawn)
+    known = np.abs(found[:, None] - errors).max(axis=2).min(axis=1)
+    assert known.max() < 1e-5  # each one is one of them
+    share = float((found[:, 0] > 0.25).mean())
+    assert 0.25 < share < 0.75  # and both are
+    again = disturbed(of_real, errors, 0)
+    now = Now(TRUTH.o[:, : PAST + 1], TRUTH.a[:, : PAST + 1], TRUTH.o[:, PAST, :4])
+    np.testing.assert_allclose(again(now) - of_real(now), drawn[0], atol=1e-5)
+
+
+def test_a_disturbed_method_carries_on_what_it_carried_on() -> None:
+    class Sure:
+        def __call__(self, now: Now) -> Array:
+            return of_real(now)
+
+        def hidden(self, now: Now, before: Array, after: Array) -> Array:
+            return after + 1.0
+
+    nothing, now = np.zeros((1, 4)), Now(TRUTH.o[:, :1], TRUTH.a[:, :1], TRUTH.o[:, 0, :4])
+    zero = np.zeros((N, 2))
+    step = disturbed(Sure(), nothing, 0)
+    assert isinstance(step, Carrying) and (step.hidden(now, zero, zero) == 1.0).all()
+    plain = disturbed(of_real, nothing, 0)
+    assert isinstance(plain, Carrying) and (plain.hidden(now, zero, zero) == 0.0).all()
+
+
+def test_what_is_hidden_is_left_to_s_where_that_is_asked_for() -> None:
+    small = Method(mean=Mean(width=4, depth=1), nets=Nets(latent=2, width=4, depth=1))
+    model = WorldModel(LOOP.spec, small)
+    assert isinstance(of_model(model), Carrying)
+    assert not isinstance(of_model(model, carry=False), Carrying)

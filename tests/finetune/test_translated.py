@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -10,7 +11,10 @@ import pytest
 import torch
 
 from tests.finetune.conftest import MakeModel
+from tests.toy_models import carrying, exported
+from wt.config import Alignment
 from wt.errors import ModelError
+from wt.evaluate.multi_step import Now, of_model, roll_out
 from wt.finetune.setting import Setting
 from wt.finetune.training import environment
 from wt.finetune.translated import Translate, TranslatedWalking, translated
@@ -189,6 +193,74 @@ def test_a_pulled_model_is_what_runs(setting: Setting, make_model: MakeModel) ->
     env.step(ACTIONS)
     moved = np.array([[0.02], [0.02], [0.02], [0.0]])  # the last quarter of the robots stays in S
     np.testing.assert_allclose(env.herd.joint_pos, raw.herd.joint_pos + moved, atol=2e-5)
+
+
+class Watched:
+    """A method of rollouts whose answers are kept."""
+
+    def __init__(self, step: object) -> None:
+        self._step, self.states, self.hidden_after, self.moved = step, [], [], 0.0
+
+    def __call__(self, now: Now) -> Array:
+        self.states.append(self._step(now))
+        return self.states[-1].copy()
+
+    def hidden(self, now: Now, before: Array, after: Array) -> Array:
+        self.hidden_after.append(self._step.hidden(now, before, after))
+        self.moved = max(self.moved, np.abs(self.hidden_after[-1] - after).max())
+        return self.hidden_after[-1].copy()
+
+
+@pytest.mark.parametrize("alignment", ["state", "stance"])
+def test_the_environment_steps_as_the_rollouts_that_judge_a_model(
+    setting: Setting, tmp_path: Path, alignment: Alignment
+) -> None:
+    """Three steps of both, from the same robots of R and under the same actions."""
+    world, steps = setting.world(), 3
+    model = carrying(world.spec)
+    with torch.no_grad():  # a direction of gravity is one in S: what it moves to must be one, too
+        for net in model.frame.shift.members:
+            net[-1].weight[3:6], net[-1].bias[3:6] = 0.0, 0.0
+    truth = world.truth(4, 0, steps, 0)
+    rolled = Watched(of_model(model))
+    roll_out(world, truth, rolled, np.ones(N), alignment)
+    assert rolled.moved > 0.02
+    env = translated(
+        setting.training("translation", 0), "cpu", folder=exported(tmp_path / "model", model),
+        spec=world.spec, alignment=alignment, scale=None,
+    )  # fmt: skip
+    herd, state = env.herd, WalkingState(env.herd.robot, env.herd.model)
+    state.restore(herd, truth.o[:, 0], truth.hidden[:, 0])
+    herd.action[:] = herd.robot.actions(truth.o[:, 0, N:])
+    o = truth.o[:, 0]
+    for k in range(steps):
+        a = world.act(o, truth.context[:, k])
+        env._move(herd.robot.actions(a))
+        o = np.hstack([rolled.states[k], a]).astype(np.float32)
+        np.testing.assert_allclose(herd.observe()[:, :N], rolled.states[k], atol=2e-3)
+        if alignment == "state":  # stance moves what the rollout carried on, after it
+            np.testing.assert_allclose(hidden(env), rolled.hidden_after[k], atol=2e-3)
+
+
+def test_where_the_simulators_answer_stands_what_is_hidden_is_its_own(setting: Setting) -> None:
+    def translate(o: Array, a: Array, s: Array) -> Array:
+        out = s.copy()
+        out[0] = np.nan
+        return out
+
+    def sunk(o: Array, a: Array, s: Array, before: Array) -> Array:
+        out = np.zeros_like(before)
+        out[:, 4] = 0.1  # forward velocity
+        out[1, 2] = -1.0  # below the ground
+        return out
+
+    raw, moved = environments(setting, translate, shift=sunk, share=0.75)
+    raw.herd.step(ACTIONS.numpy())
+    moved.step(ACTIONS)
+    change = hidden(moved) - hidden(raw)
+    np.testing.assert_allclose(change[:, 4], [0.0, 0.0, 0.1, 0.0], atol=1e-6)
+    np.testing.assert_allclose(change[:, 2], 0.0, atol=1e-6)
+    assert moved.report()["astray"] == pytest.approx(2 / 3)
 
 
 def test_a_model_of_another_joint_order_is_refused(setting: Setting, make_model: MakeModel) -> None:

@@ -140,10 +140,13 @@ def test_variants_are_different_models(out: Path) -> None:
 
 @pytest.mark.long
 def test_rollouts_have_every_method_and_horizon(out: Path) -> None:
-    methods = found(out, "figure-4")
+    report = found(out, "figure-4")["go2_payload"]
+    methods, shares = report["rolled"], report["shares"]
     assert set(methods) > {"RawSim", "DirectPred", "ResDyn", "RSSM", "WorldTranslation"}
     for values in methods.values():
         assert [len(row) for row in values["mse"]] == [6]  # type: ignore[index]
+    # what a recording tells of where trunk and ball are, one seed
+    assert shares and all(0 <= share <= 1 for (share,) in shares.values())  # type: ignore[attr-defined]
 
 
 @pytest.mark.long

@@ -12,9 +12,8 @@ import torch
 from wt.config import Mean, Method, Nets, Train, TranslationConfig
 from wt.nets.world_model import WorldModel
 from wt.train.fit import fit_world_model
-from wt.train.hidden_shift import carried
 from wt.train.selection import Unpaired
-from wt.translate import translated
+from wt.translate import carried, translated
 from wt.types import Channel, Domain, Transitions, TransitionSpec
 
 KEPT: dict[Domain, float] = {"sim": 0.95, "real": 0.7}

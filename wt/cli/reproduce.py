@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 from typing import Annotated
 
@@ -44,23 +45,17 @@ def command(
 
     from wt.cli._progress import bars
     from wt.errors import WorkError
-    from wt.reproduce.report import Entry
+    from wt.reproduce.report import tell
     from wt.reproduce.run import reproduce
     from wt.shipped import folder
-    from wt.show.text import terminal_table
 
     console = Console()
-
-    def say(entry: Entry) -> None:
-        for grid in entry.section.grids if entry.section else ():
-            console.print(terminal_table(grid.head, grid.rows, entry.exhibit.title))
-        for line in entry.section.differences if entry.section else ():
-            console.print(f"- {line}", highlight=False, markup=False)
 
     try:
         page = reproduce(
             conf or folder("conf"), out, only=only or [], tasks=task or [],
-            overrides=overrides or [], quick=quick, bars=bars, say=say,
+            overrides=overrides or [], quick=quick, bars=bars,
+            say=functools.partial(tell, console=console),
         )  # fmt: skip
     except KeyboardInterrupt as error:
         raise WorkError(

@@ -9,21 +9,20 @@ of their own are given the same one as a body, so that it can be seen where they
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from wt.baselines.base import Baseline
 from wt.config import Alignment, FitConfig
 from wt.evaluate.alignment import align
 from wt.evaluate.results import OURS, PAPERS_OWN
 from wt.nets.world_model import WorldModel
-from wt.train.hidden_shift import carried
-from wt.translate import translated
-from wt.types import Pairs, Transitions
+from wt.translate import carried, translated
+from wt.types import Domain, Pairs, Transitions
 from wt.worlds.closed_loop import ClosedLoop, ReferenceRollouts
 
 
@@ -67,19 +66,38 @@ class Carrying(Protocol):
 
 
 @dataclass(frozen=True)
+class Paths:
+    """Where rollouts of one method went.
+
+    Attributes:
+        states: state channels after each step, physical units; of a rollout that has diverged,
+            where it began.
+        gone: who has left the bounds, then or before.
+    """
+
+    states: Float[np.ndarray, "robot horizon state"]
+    gone: Bool[np.ndarray, "robot horizon"]
+
+
+@dataclass(frozen=True)
 class Rolled:
-    """Rollouts of one method.
+    """Rollouts of one method, compared with R's.
 
     Attributes:
         mse: squared error of the normalised state, mean over channels and over the rollouts that
             have not diverged; NaN once all have.
         rmse: root mean squared error of each channel over the same rollouts, physical units.
         diverged: share of rollouts that have left the bounds.
+        amplitude: variance of the predictions over these rollouts in units of that of R's states,
+            normalised and summed over channels; 1 for a method that goes on as lively as R.
+        correlation: of both, likewise; of predictions that are a mean, its square is the amplitude.
     """
 
     mse: Float[np.ndarray, " horizon"]
     rmse: Float[np.ndarray, "horizon state"]
     diverged: Float[np.ndarray, " horizon"]
+    amplitude: Float[np.ndarray, " horizon"]
+    correlation: Float[np.ndarray, " horizon"]
 
 
 def roll_out(
@@ -90,7 +108,20 @@ def roll_out(
     alignment: Alignment = "state",
     true_hidden: bool = False,
 ) -> Rolled:
-    """Run a method on its own predictions and compare with what R did.
+    """Run a method on its own predictions and compare with what R did: :func:`follow`, scored."""
+    return score(follow(world, truth, step, scale, alignment, true_hidden), truth, scale)
+
+
+def follow(
+    world: ClosedLoop,
+    truth: ReferenceRollouts,
+    step: Step,
+    scale: Float[np.ndarray, " state"],
+    alignment: Alignment = "state",
+    true_hidden: bool = False,
+    domain: Domain = "sim",
+) -> Paths:
+    """Run a method on its own predictions.
 
     Args:
         world: policy, simulator and bounds.
@@ -99,17 +130,19 @@ def roll_out(
         scale: what errors are measured in.
         alignment: how the simulator follows the method; see :mod:`wt.evaluate.alignment`.
         true_hidden: the simulator's hidden state is R's own at every step, not at the start alone.
+        domain: whose simulator answers; of ``real`` :func:`simulator` is R itself.
     """
     n, past = world.spec.n_state, truth.past
     o, hidden = truth.o[:, : past + 1], truth.hidden[:, past]
     a = truth.a[:, :past]
-    gone = np.zeros(len(truth), bool)
-    square, diverged = np.full((truth.horizon, n), np.nan), np.zeros(truth.horizon)
+    lost = np.zeros(len(truth), bool)
+    states = np.empty((len(truth), truth.horizon, n), np.float32)
+    gone = np.empty(states.shape[:2], bool)
     for k in range(truth.horizon):
         action = world.act(o[:, -1], truth.context[:, past + k]).astype(np.float32)
         a = np.concatenate([a, action[:, None]], axis=1)
         before = truth.hidden[:, past + k] if true_hidden else hidden
-        taken = _WorldStep(world, o[:, -1], action, before)
+        taken = _WorldStep(world, domain, o[:, -1], action, before)
         now = Now(o, a, taken.state)
         with np.errstate(over="ignore", invalid="ignore"):
             target = step(now)
@@ -117,16 +150,47 @@ def roll_out(
                 taken.hidden = step.hidden(now, before, taken.hidden)
         align(taken, target, alignment, scale)
         state, hidden = taken.state, taken.hidden
-        gone |= world.astray(state, hidden)
+        lost |= world.astray(state, hidden)
         # who is gone waits where it began, so that nothing explodes
-        state[gone], hidden[gone] = truth.o[gone, past, :n], truth.hidden[gone, past]
+        state[lost], hidden[lost] = truth.o[lost, past, :n], truth.hidden[lost, past]
         o = np.concatenate([o, np.hstack([state, action])[:, None]], axis=1)[:, -(past + 1) :]
         a = a[:, -past:] if past else a[:, :0]
-        diverged[k] = gone.mean()
-        if not gone.all():
-            error = (state - truth.o[:, past + k + 1, :n])[~gone].astype(np.float64)
-            square[k] = np.mean(error**2, axis=0)
-    return Rolled((square / scale**2).mean(axis=1), np.sqrt(square), diverged)
+        states[:, k], gone[:, k] = state, lost
+    return Paths(states, gone)
+
+
+def middle(several: Sequence[Paths]) -> Paths:
+    """The mean of rollouts from the same starts; gone is who is in any of them."""
+    states = np.mean([paths.states for paths in several], axis=0)
+    return Paths(states, np.any([paths.gone for paths in several], axis=0))
+
+
+def score(paths: Paths, truth: ReferenceRollouts, scale: Float[np.ndarray, " state"]) -> Rolled:
+    """Compare rollouts with what R did.
+
+    Args:
+        paths: of the method.
+        truth: of R, from the same starts.
+        scale: what errors are measured in.
+    """
+    n, horizon = paths.states.shape[2], truth.horizon
+    square = np.full((horizon, n), np.nan)
+    amplitude, correlation = np.full(horizon, np.nan), np.full(horizon, np.nan)
+    for k in range(horizon):
+        left = ~paths.gone[:, k]
+        if not left.any():
+            continue
+        predicted = paths.states[left, k].astype(np.float64)
+        real = truth.o[left, truth.past + k + 1, :n]
+        square[k] = np.mean((predicted - real) ** 2, axis=0)
+        ours, theirs = ((x - x.mean(axis=0)) / scale for x in (predicted, real))
+        own, of_real, both = (np.sum(x * y) for x, y in ((ours, ours), (theirs, theirs),
+                                                         (ours, theirs)))  # fmt: skip
+        if own > 0 and of_real > 0:
+            amplitude[k], correlation[k] = own / of_real, both / np.sqrt(own * of_real)
+    diverged = paths.gone.mean(axis=0)
+    mse = (square / scale**2).mean(axis=1)
+    return Rolled(mse, np.sqrt(square), diverged, amplitude, correlation)
 
 
 class _WorldStep:
@@ -141,12 +205,13 @@ class _WorldStep:
     def __init__(
         self,
         world: ClosedLoop,
+        domain: Domain,
         o: Float[np.ndarray, "robot obs"],
         action: Float[np.ndarray, "robot action"],
         hidden: Float[np.ndarray, "robot hidden"],
     ) -> None:
         """Take the step from observations and hidden variables."""
-        self._advance = lambda a: world.advance("sim", o, a, hidden)
+        self._advance = lambda a: world.advance(domain, o, a, hidden)
         self._stance = world.stance
         self.action = action
         self.state, self.hidden = self._advance(action)
@@ -179,9 +244,15 @@ def simulator(now: Now) -> Float[np.ndarray, "robot state"]:
     return now.sim_next.copy()
 
 
-def of_model(model: WorldModel) -> Step:
-    """World Translation: the simulator's answer translated, and what is hidden carried on."""
-    return _Translated(model)
+def of_model(model: WorldModel, carry: bool = True) -> Step:
+    """World Translation: the simulator's answer translated, and what is hidden carried on.
+
+    Args:
+        model: a trained model.
+        carry: whether it says how hidden variables go on; else they go on as S's.
+    """
+    step = _Translated(model)
+    return step if carry else lambda now: step(now)
 
 
 class _Translated:
@@ -200,6 +271,36 @@ class _Translated:
     ) -> Float[np.ndarray, "robot hidden"]:
         """See :class:`Carrying`."""
         return carried(self._model, now.o[:, -1], now.a[:, -1], now.sim_next, before, after)
+
+
+class _Disturbed:
+    def __init__(self, step: Step, errors: Float[np.ndarray, "pair state"], seed: int) -> None:
+        self._step, self._errors, self._rng = step, errors, np.random.default_rng(seed)
+
+    def __call__(self, now: Now) -> Float[np.ndarray, "robot state"]:
+        """See :data:`Step`."""
+        drawn = self._errors[self._rng.integers(len(self._errors), size=len(now.o))]
+        return np.asarray(self._step(now) + drawn, np.float32)
+
+    def hidden(
+        self,
+        now: Now,
+        before: Float[np.ndarray, "robot hidden"],
+        after: Float[np.ndarray, "robot hidden"],
+    ) -> Float[np.ndarray, "robot hidden"]:
+        """See :class:`Carrying`."""
+        return self._step.hidden(now, before, after) if isinstance(self._step, Carrying) else after
+
+
+def disturbed(step: Step, errors: Float[np.ndarray, "pair state"], seed: int) -> Step:
+    """A method off by as much at every step as it is known to err, drawn anew for each robot.
+
+    Args:
+        step: the method.
+        errors: of single steps, to draw from, physical units.
+        seed: of the draws.
+    """
+    return _Disturbed(step, errors, seed)
 
 
 def of_baseline(baseline: Baseline, world: ClosedLoop) -> Step:

@@ -3,10 +3,12 @@
 At each control step the simulator's transition (o, a, o′) goes through the exported model, and the
 simulator then observes of itself what the model says: angular velocity and tilt of the trunk, joint
 positions and velocities. What no sensor of the robot tells (where the trunk is, where it heads, its
-linear velocity, a ball in a box on its back) is not in the model's state and stays as the simulator
-left it; with the alignment ``stance``, height and velocity of the trunk move so that standing feet
-stay where they are. With the alignment ``action`` nothing is overwritten: the simulator takes the
-action under which it comes nearest to that state by itself.
+linear velocity, a ball in a box on its back) is not in the model's state. It stays as the simulator
+left it, but for what the model says that R's is beyond it (:mod:`wt.nets.hidden_shift`), as in the
+rollouts that a model is judged by (:mod:`wt.evaluate.multi_step`); with the alignment ``stance``,
+height and velocity of the trunk move so that standing feet stay where they are. With the alignment
+``action`` nothing is overwritten: the simulator takes the action under which it comes nearest to
+that state by itself.
 
 A model that has learnt from robots that walk lets hardly any fall: with every state overwritten a
 policy may forget what keeps it up. Some robots may stay in S as it is, where one falls.
@@ -35,6 +37,9 @@ from wt.worlds.walking.state import WalkingState
 Translate = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """From o (N, n_obs), a (N, n_action) and S's next state to R's, (N, n_state), physical units."""
 
+HiddenShiftOf = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""From the same and hidden variables before the step to what is added to S's after it."""
+
 
 class TranslatedWalking(Walking):
     """Velocity tracking under translated dynamics; see the module and :class:`Walking`.
@@ -52,6 +57,7 @@ class TranslatedWalking(Walking):
         scale: Float[np.ndarray, " state"] | None = None,
         mjcf: str | None = None,
         share: float = 1.0,
+        shift: HiddenShiftOf | None = None,
     ) -> None:
         """Start all robots.
 
@@ -64,7 +70,9 @@ class TranslatedWalking(Walking):
             scale: what differences of states are measured in where actions are corrected.
             mjcf: text of the model that stands in S's place; None for the configuration's.
             share: of the robots whose transitions are translated; the others stay in S.
+            shift: how hidden variables go on; None where they go on as S's.
         """
+        self._shift = shift
         self._count = max(1, round(share * config.robots))
         self._translate, self._scale, self._mjcf = translate, scale, mjcf
         super().__init__(config, device)
@@ -83,15 +91,20 @@ class TranslatedWalking(Walking):
         herd, robot = self.herd, self.herd.robot
         n = 6 + 2 * len(robot.joints)
         o = np.hstack([herd.observe()[:, :n], robot.targets(herd.action)]).astype(np.float32)
+        k, before = self._count, self._state.hidden(herd)
         taken = _HerdStep(herd, self._state, self._probe, action)
+        target, hidden = taken.answer.copy(), taken.hidden[:k].copy()
         # translate
-        k, target = self._count, taken.answer.copy()
-        target[:k] = self._translate(o[:k], taken.action[:k], taken.answer[:k])
+        given = o[:k], taken.action[:k], taken.answer[:k]
+        target[:k] = self._translate(*given)
+        if self._shift is not None:
+            hidden += self._shift(*given, before[:k])
         # refuse what no robot can be in: the simulator's answer stands there
-        ground = herd.ground.height(taken.hidden[:k, 0], taken.hidden[:k, 1])
-        lost = astray(robot, target[:k], taken.hidden[:k], ground)
+        ground = herd.ground.height(hidden[:, 0], hidden[:, 1])
+        lost = astray(robot, target[:k], hidden, ground)
         self.sums["astray"] = self.sums.get("astray", 0.0) + float(lost.mean())
         target[:k][lost] = taken.answer[:k][lost]
+        taken.hidden[:k][~lost] = hidden[~lost]
         taken.rows = np.flatnonzero(~lost)
         align(taken, target, self._alignment, self._scale)
 
@@ -190,4 +203,5 @@ def translated(
     """
     card = Card.load(folder)
     model = Registered(folder / MODEL_FILE, card, spec, config.threads)
-    return TranslatedWalking(config, device, model.predict, alignment, scale, mjcf, share)
+    shift = model.shift if model.carries else None
+    return TranslatedWalking(config, device, model.predict, alignment, scale, mjcf, share, shift)

@@ -98,6 +98,11 @@ class Frame(nn.Module):
         if not use.keeps_outcome:
             self.transport.zero_()
 
+    @property
+    def carries(self) -> bool:
+        """Whether it says how R's hidden variables go on beyond S's."""
+        return self.hidden is not None and self.hidden.applied
+
     def raw_condition(
         self, o: Float[Tensor, "batch obs"], a: Float[Tensor, "batch action"]
     ) -> Float[Tensor, "batch condition"]:

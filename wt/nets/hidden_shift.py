@@ -48,6 +48,11 @@ class HiddenShift(nn.Module):
         for name, value in {"center": 0.0, "spread": 1.0, "unit": 0.0, "gain": 0.0}.items():
             self.register_buffer(name, torch.full((n,), value))
 
+    @property
+    def applied(self) -> bool:
+        """Whether any variable is moved at all."""
+        return bool(self.gain.any())
+
     def inputs(
         self,
         x: Float[Tensor, "batch condition"],

@@ -11,10 +11,13 @@ from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 
+from rich.console import Console
+from rich.markup import escape
+
 from wt.reproduce.exhibit import Exhibit, Grid, Section
 from wt.show.files import write_together
 from wt.show.page import escaped, items, section, table, template
-from wt.show.text import markdown_table
+from wt.show.text import markdown_table, terminal_table
 
 REPORT, PAGE = "report.md", "report.html"
 TITLE = "World Translation: the paper's evaluation, and beyond it"
@@ -38,6 +41,17 @@ class Entry:
     exhibit: Exhibit
     section: Section | None
     why_not: str = ""
+
+
+def tell(entry: Entry, console: Console) -> None:
+    """Print an exhibit's tables and lines, with all columns also where that is wider than it."""
+    if entry.section is None:
+        return
+    for grid in entry.section.grids:
+        head = [escape(name) for name in grid.head]  # units are no markup
+        console.print(terminal_table(head, grid.rows, entry.exhibit.title), crop=False)
+    for line in entry.section.differences:
+        console.print(f"- {line}", highlight=False, markup=False)
 
 
 def write(folder: Path, entries: Sequence[Entry], about: str) -> Path:

@@ -222,9 +222,18 @@ def _export(study: Study, seed: int, by_method: Mapping[str, Errors], chosen: fl
     commit = source().commit
     learned = "of Algorithm 1" if translates(config.plus, selection) else _UNTRAINED
     facts = {"data_hash": data_hash, "commit": commit, "features": learned}
-    export(Exported(trained), spec, folder / MODEL, example=example, facts=facts)
+    shift = trained.frame.hidden if trained.frame.carries else None
+    usual = None if shift is None else shift.center.numpy()
+    export(Exported(trained), spec, folder / MODEL, example=example, facts=facts, hidden=usual)
     model = eager(module)
     difference = parity.check(folder / MODEL, model, example)
+    carried = None
+    if shift is not None:
+        given, shifted = (*example, pairs.real.hidden[:n]), eager(Exported(trained), which=-1)
+        worst = parity.check(folder / MODEL, shifted, given, question=parity.SHIFT)
+        difference = max(difference, worst)
+        golden = [x[:GOLDEN] for x in given]
+        carried = golden[-1], shifted(*golden)
     o, a, o_next_sim = (x[:GOLDEN] for x in example)
     card = describe(
         folder / MODEL,
@@ -237,6 +246,7 @@ def _export(study: Study, seed: int, by_method: Mapping[str, Errors], chosen: fl
         heldout=HeldOut(selection.data, selection.hash, selection.metric, chosen),
         parity=difference,
         golden=(o, a, o_next_sim, model(o, a, o_next_sim)),
+        carried=carried,
     )
     card.save(folder)
 

@@ -21,7 +21,7 @@ from wt.nets.hidden_shift import HiddenShift
 from wt.nets.world_model import WorldModel
 from wt.train.hidden import HiddenEstimator
 from wt.train.regression import Progress, Regression, member_seed, regress
-from wt.translate import translated
+from wt.translate import carried, translated
 from wt.types import Domain, Transitions
 
 HORIZON, STARTS = 25, 256
@@ -156,34 +156,6 @@ def _error(
         if k + 1 < HORIZON:
             o = np.hstack([state, held.o[starts + k + 1][:, n:]])
     return total / HORIZON
-
-
-@torch.no_grad()
-def carried(
-    model: WorldModel,
-    o: Float[np.ndarray, "row obs"],
-    a: Float[np.ndarray, "row action"],
-    answer: Float[np.ndarray, "row state"],
-    before: Float[np.ndarray, "row hidden"],
-    after: Float[np.ndarray, "row hidden"],
-) -> Float[np.ndarray, "row hidden"]:
-    """Hidden variables after a step as R would have them, from S's.
-
-    Args:
-        model: a trained model.
-        o: observations, physical units.
-        a: actions.
-        answer: S's state channels after the step.
-        before: hidden variables before it.
-        after: S's after it.
-    """
-    frame, shift = model.frame, model.frame.hidden
-    if shift is None or not bool(shift.gain.any()):
-        return after
-    given = (torch.tensor(np.asarray(x, np.float32)) for x in (o, a, answer, before))
-    observed, action, state, hidden = given
-    x, change = frame.conditions(observed, action), frame.changes(observed, state)
-    return after + shift(x, change, hidden).cpu().numpy()
 
 
 def _followed(data: Transitions, steps: int) -> Int[np.ndarray, " row"]:
