@@ -2,8 +2,10 @@
 
 It follows the runner as the scribe does, judges every ten seconds of positions that were held
 (:mod:`wt.passport.live`), keeps ``drift.json`` up to date, and says a line when joints err more
-than they did. It works only where nobody else wants the processor: it may be late, and then leaves
-out what it has no time for.
+than they did. What takes long at first, the passport's own recordings, is done before the run
+begins. From then on it works only where nobody else wants the processor, and looks twice a second
+at what has come, so that no tick has to wake it: it may be late, and then leaves out what it has no
+time for.
 """
 
 from __future__ import annotations
@@ -12,7 +14,8 @@ import hashlib
 import json
 import sys
 import threading
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from io import BufferedReader
 from pathlib import Path
@@ -37,7 +40,7 @@ _POLL_S, _KEPT_S = 0.5, 60.0  # between two looks at what has come; of which so 
 def watch(
     folder: Path, passport: Path, unit: str, model: Path, recorder: Recorder, load: str = ""
 ) -> Follower:
-    """Start the process.
+    """Start the process, and wait until it has replayed what it compares with.
 
     Args:
         folder: of the run, for ``drift.json``.
@@ -54,7 +57,10 @@ def watch(
     _refuse(known, passport, model)
     labels, _ = reference(known, unit, load)
     words = [str(folder), str(passport), labels.unit, str(model), labels.load]
-    return Follower("deploy.drift", words, recorder, {}, idle=True)
+    print(f"replaying {labels}, to compare the robot with it", file=sys.stderr, flush=True)
+    follower = Follower("deploy.drift", words, recorder, {})
+    follower.await_ready()
+    return follower
 
 
 def _refuse(known: Passport, passport: Path, model: Path) -> None:
@@ -112,8 +118,9 @@ class Incoming:
 
 
 def main(
-    stream: BufferedReader, folder: Path, passport: Path, unit: str, model: Path, load: str = ""
-) -> None:
+    stream: BufferedReader, folder: Path, passport: Path, unit: str, model: Path, load: str = "",
+    ready: Callable[[], None] | None = None,
+) -> None:  # fmt: skip
     """Judge until the pipe closes.
 
     Args:
@@ -123,6 +130,7 @@ def main(
         unit: name of the unit.
         model: the MJCF.
         load: what the unit carries.
+        ready: called once the passport's own recordings are replayed.
     """
     columns = follower.header(stream)["columns"]
     incoming = Incoming(columns)
@@ -130,6 +138,7 @@ def main(
     def read() -> None:
         for rows in follower.rows(stream, len(columns["log"])):
             incoming.add(rows)
+            time.sleep(_POLL_S)  # the pipe holds more
         incoming.end()
 
     threading.Thread(target=read, daemon=True).start()
@@ -138,6 +147,8 @@ def main(
     except UserError as error:
         print(f"no drift is watched: {error}", file=sys.stderr, flush=True)
         return
+    if ready is not None:
+        ready()
     judgements: list[dict[str, object]] = []
     said: tuple[str, ...] = ()
     while (recorder := incoming.latest()) is not None:
@@ -161,4 +172,5 @@ def _judged(live: Live, recorder: Recorder) -> Judgement:
 
 if __name__ == "__main__":
     out, its_passport, its_unit, its_model, its_load = sys.argv[1:]
-    main(follower.told(), Path(out), Path(its_passport), its_unit, Path(its_model), its_load)
+    what = its_unit, Path(its_model), its_load
+    main(follower.told(), Path(out), Path(its_passport), *what, ready=follower.ready)

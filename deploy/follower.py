@@ -22,6 +22,8 @@ import numpy as np
 from deploy.record import Recorder
 
 _PIPE = 1 << 20  # bytes: more than three seconds of ticks
+_ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
+"""A matrix that is inverted on all cores would take the runner's too."""
 
 
 class Follower:
@@ -29,7 +31,6 @@ class Follower:
 
     def __init__(
         self, module: str, words: Sequence[str], recorder: Recorder, meta: Mapping[str, object],
-        idle: bool = False,
     ) -> None:  # fmt: skip
         """Start the process and let it follow a recorder.
 
@@ -38,14 +39,13 @@ class Follower:
             words: its arguments.
             recorder: whose rows it is told.
             meta: free metadata, for its header.
-            idle: whether it works only where nobody else does.
         """
         self._process = subprocess.Popen(
-            [sys.executable, "-m", module, *words], stdin=subprocess.PIPE, start_new_session=True
-        )
-        policy = os.SCHED_IDLE if idle else os.SCHED_OTHER
+            [sys.executable, "-m", module, *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            start_new_session=True, env=os.environ | _ONE_THREAD,
+        )  # fmt: skip
         with suppress(OSError):  # the runner may go before all else, this need not
-            os.sched_setscheduler(self._process.pid, policy, os.sched_param(0))
+            os.sched_setscheduler(self._process.pid, os.SCHED_OTHER, os.sched_param(0))
         assert self._process.stdin is not None
         self._pipe = self._process.stdin.fileno()
         with suppress(AttributeError, OSError):  # only Linux has it, up to a limit
@@ -71,10 +71,22 @@ class Follower:
         """The process's id."""
         return self._process.pid
 
+    def await_ready(self) -> None:
+        """Wait until the process says that it is :func:`ready`, or ends."""
+        assert self._process.stdout is not None
+        self._process.stdout.readline()
+
     def dismiss(self) -> None:
         """End the process: the runner has done what it would do."""
         self._process.kill()
         self._process.wait()
+
+
+def ready() -> None:
+    """Say that what takes time at first is done, and work only where nobody else does from now."""
+    print("ready", flush=True)
+    with suppress(AttributeError, OSError):
+        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 
 
 def told() -> BufferedReader:

@@ -112,15 +112,43 @@ def test_the_operator_is_told_which_joint_changed(
 def test_it_is_a_process_that_follows_the_runner(robot: Path, tmp_path: Path) -> None:
     recorder = new_recorder()
     watching = drift.watch(tmp_path, robot / "passport", "", robot / "model.xml", recorder)
+    # all that takes long at first is over before the run begins
+    assert os.sched_getscheduler(watching.pid) == os.SCHED_IDLE
     run(recorder, tmp_path, USUAL)
     try:
         until = time.monotonic() + 60.0
         while not (tmp_path / drift.DRIFT).exists() and time.monotonic() < until:
             time.sleep(0.1)
-        assert os.sched_getscheduler(watching.pid) == os.SCHED_IDLE
+        assert (tmp_path / drift.DRIFT).exists()
     finally:
         watching.dismiss()
     assert json.loads((tmp_path / drift.DRIFT).read_text())["unit"] == "A17"
+
+
+def test_no_tick_wakes_the_process(robot: Path, tmp_path: Path) -> None:
+    recorder = new_recorder()
+    watching = drift.watch(tmp_path, robot / "passport", "", robot / "model.xml", recorder)
+
+    def woken() -> int:
+        """How often its threads have waited and gone on."""
+        return sum(
+            int(line.split()[1])
+            for thread in Path(f"/proc/{watching.pid}/task").iterdir()
+            for line in (thread / "status").read_text().splitlines()
+            if line.startswith("voluntary_ctxt_switches")
+        )
+
+    try:
+        recorder.row(0.0, 0.0, np.zeros(2), Command(np.zeros(1), np.ones(1), np.ones(1)), ())
+        time.sleep(1.0)
+        before = woken()
+        for k in range(400):
+            t = 0.002 * (k + 1)
+            recorder.row(t, t, np.zeros(2), Command(np.zeros(1), np.ones(1), np.ones(1)), ())
+            time.sleep(0.002)
+        assert woken() - before < 40
+    finally:
+        watching.dismiss()
 
 
 def test_what_cannot_be_watched_is_said_before_the_run(robot: Path, tmp_path: Path) -> None:

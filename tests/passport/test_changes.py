@@ -53,19 +53,35 @@ def test_a_change_is_told_in_its_session_and_never_again(after: int) -> None:
 
 
 def test_what_one_session_did_not_show_for_certain_two_do() -> None:
-    """A step of 3.6 errors: two sessions in which it is there are enough."""
-    small = USUAL + 3.6 * ERROR[ELBOW]
-    assert carded({"A17": [USUAL] * 4 + [small]}, 0.0).alarms == []
-    of = carded({"A17": [USUAL] * 4 + [small] * 2}, 0.0)
+    """A step of five errors: two sessions in which it is there are enough."""
+    usual = [USUAL + e * ERROR[ELBOW] for e in (1.0, -1.0, 0.9, -1.1, 1.1, -0.9, 0.8)]
+    worn = [*usual[:4], *(value + 5.0 * ERROR[ELBOW] for value in usual[4:])]
+
+    def until(sessions: int) -> Card:
+        others = {unit: usual[:sessions] for unit in UNITS}
+        return carded({**others, "A17": worn[:sessions]}, 0.0)
+
+    assert until(5).alarms == []
+    of = until(6)
     state = of.states["A17"][ELBOW]
     assert state.changed and state.change is not None and state.change.last == 2
-    assert "rose from 0.21" in changed(ELBOW, state) and "0.246 N·m in 6 days" in changed(
-        ELBOW, state
-    )
+    assert "rose from 0.210 to 0.261 N·m in 6 days" in changed(ELBOW, state)
     (apart,) = differences(of, "A17", "B04")
     assert apart.one.value == pytest.approx(state.value.value)
-    later = carded({"A17": [USUAL] * 4 + [small] * 3}, 0.0)
+    later = until(7)
     assert later.alarms == [] and later.states["A17"][ELBOW].since == 4
+
+
+def test_steps_that_go_on_are_a_slow_change() -> None:
+    """Each is far beyond the errors; what they are together has a day on which it ends."""
+    rising = [USUAL + 0.09 * i for i in range(3)]
+    assert carded({"A17": rising[:2]}, 0.3).states["A17"][ELBOW].changed
+    state = carded({"A17": rising}, 0.3).states["A17"][ELBOW]
+    assert state.drifts and not state.changed and state.since == 0
+    assert "rises by 0.03" in changed(ELBOW, state) and state.reached is not None
+    # and two steps that are no line stay what they are
+    back = carded({"A17": [USUAL, WORN, USUAL]}, 0.3).states["A17"][ELBOW]
+    assert back.changed and not back.drifts
 
 
 def test_a_worn_unit_is_another_unit_and_not_another_session() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import t as student
 
 from wt.passport.drift import FALSE_ALARM, Scatter, alarms, change, scatter, trend
 from wt.passport.levels import Sessions
@@ -78,6 +79,54 @@ def test_a_drift_is_found_where_it_is(step: float, slope: float, kind: str) -> N
     assert hits >= 32
 
 
+def test_what_errs_alike_in_all_sessions_hides_no_change() -> None:
+    """Errors of which most is the machine's own: sessions scatter by a tenth of them."""
+    rng = np.random.default_rng(11)
+    false = missed = 0
+    for _ in range(20):
+        tables = []
+        for i in range(PARAMETERS):
+            one = table(rng, 6, 4, step=40.0 if i == 0 else 0.0)  # four of the said errors
+            tables.append(Sessions(one.keys, one.value, 10.0 * one.error))
+        missed += (0, "change") not in raised(tables, "u0")
+        false += sum(bool(raised(tables, unit)) for unit in ("u1", "u2", "u3", "u4", "u5"))
+    assert missed == 0
+    assert false <= 4  # three standard deviations beyond 1 of 100
+
+
+def test_an_intervals_common_error_stays_in_what_is_shown() -> None:
+    """Sessions agree to a hundredth of their errors: their mean is no better known for it."""
+    keys = tuple((f"u{u}", f"2026-01-{3 * s + 1:02d}") for u in range(4) for s in range(5))
+    value = 10.0 + 0.01 * np.random.default_rng(1).normal(size=20)
+    one = Sessions(keys, value, np.ones(20))
+    found = change(one.where(np.array([k[0] == "u0" for k in keys])), scatter(one, "u0"))
+    assert found is not None
+    # three quarters of the variance are common, a quarter at least is each session's
+    wide = student.ppf(0.975, scatter(one, "u0").freedom) * np.sqrt(0.75 + 0.25 / 4.0)
+    assert found.before.high - found.before.value == pytest.approx(wide)
+
+
+def test_units_at_a_bound_say_nothing_of_scatter() -> None:
+    rng = np.random.default_rng(3)
+    one = table(rng, 12, 5)
+    bound = np.array([k[0] != "u1" for k in one.keys])
+    stuck = Sessions(one.keys, np.where(bound, 0.0, one.value), one.error)
+    own = one.where(~bound)
+    found, alone = scatter(stuck, "u0"), scatter(own, "u0")
+    assert found.freedom == alone.freedom == 4
+    assert found.share == pytest.approx(alone.share)
+    assert found.variance == pytest.approx(alone.variance)
+
+
+def test_sessions_that_are_judged_are_no_scatter() -> None:
+    """A step of the last two would hide itself."""
+    one = table(np.random.default_rng(4), 1, 6)
+    value = one.value + np.array([0.0, 0.0, 0.0, 0.0, 50.0, 50.0])
+    worn = Sessions(one.keys, value, one.error)
+    assert scatter(worn, "u0", last=2) == scatter(one.where(np.arange(6) < 4), "u9")
+    assert scatter(worn, "u0", last=2).variance < 10.0 < scatter(worn, "u0").variance
+
+
 def test_a_slow_change_is_no_scatter() -> None:
     """Were it, a unit alone that wears steadily would never be noticed."""
     rng = np.random.default_rng(6)
@@ -94,6 +143,10 @@ def test_holm_stops_at_the_first_that_is_not_small_enough() -> None:
     chances = {"a": 0.0024, "b": 0.0032, "c": 0.0051, "d": 0.0099}
     assert alarms(chances) == {"a", "b"}
     assert alarms({}) == set()
+    # weighed: .01 · 1/2, then of the two others .01 · 3/4 and .01 · 1/1
+    shares = {"a": 2.0, "b": 1.5, "c": 0.5}
+    assert alarms({"a": 0.0049, "b": 0.0074, "c": 0.0099}, shares=shares) == {"a", "b", "c"}
+    assert alarms({"a": 0.0051, "b": 0.0039, "c": 0.02}, shares=shares) == set()
 
 
 def line(slope: float, error: float) -> Sessions:

@@ -1,11 +1,13 @@
 """Isolability before data: which causes could be told apart at all, and by which motion.
 
 The model as given is simulated in every kind of motion that an experiment is made of. Two causes
-at a joint are compared by the forces that they would add there, the signatures of the screen: what
-is left of one once the other, in any of its shapes and sizes, and the model's tolerances have taken
-what they can. Where that is a share s of it, the one has to be 1/√s times as large as what can
-just be seen to be told from the other; where nothing is left in any motion, no such recording tells
-them apart. A law that contains another is told from it by what it has besides.
+at a joint are compared by what its sensors show of the forces that they would add there, the
+signatures of the screen: what is left of one once the other, in any of its shapes and sizes, and
+the model's tolerances have taken what they can. A drive whose force is measured shows what is
+missing in it beside what is missing behind it. Where that is a share s of it, the one has to be
+1/√s times as large as what can just be seen to be told from the other; where nothing is left in any
+motion, no such recording tells them apart. A law that contains another is told from it by what it
+has besides.
 """
 
 from __future__ import annotations
@@ -17,15 +19,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from wt.ask import SOURCE
 from wt.ask.design import PART_S
 from wt.ask.loop import RATE_HZ, refuse
+from wt.ask.measured import Measured, measured
 from wt.ask.separation import Beyond
 from wt.diagnose.experiment.motions import singles, together
 from wt.diagnose.experiment.reach import Reach, reach_of, roomy, too_far
 from wt.diagnose.experiment.trial import Trial, as_recording, trial
+from wt.diagnose.likelihood.tolerances import forces, tolerances
 from wt.diagnose.pace import Say
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import smooth
@@ -42,6 +46,8 @@ NEVER = 30.0
 """Causes that have to be so many times as large as what can be seen are never told apart."""
 NOISE = 1e-4
 """Of positions, for what can just be seen [rad or m]."""
+_IN_DRIVE = ("actuator.", "sensor.")
+"""Effects that a measured force of a drive may show: of what is measured, drives work with some."""
 _NOTHING = 1e-9  # share of a signature's largest column that is no more than rounding
 _MOST_S = 20.0
 _SHRINK, _TRIES = 0.75, 8
@@ -49,7 +55,7 @@ _SHRINK, _TRIES = 0.75, 8
 Signature = Float[np.ndarray, "_ value"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, order=True)
 class Cause:
     """An effect at a place."""
 
@@ -84,10 +90,7 @@ class Apart:
     def to_json(self) -> dict[str, Any]:
         """As in ``plan.json``."""
         return {
-            "causes": [
-                {"effect": c.effect, "at": {"kind": c.at.kind, "name": c.at.name}}
-                for c in self.causes
-            ],
+            "causes": [_named(cause) for cause in self.causes],
             "times": None if self.never else self.times,
             "motion": None if self.never else self.motion,
         }
@@ -100,15 +103,29 @@ class Plan:
     Attributes:
         joints: for each joint, the driven ones first, every two causes near it.
         replayed: effects that have no signature; only replays of recordings tell these.
+        sensors: what is measured.
+        unseen: causes that these sensors show in no motion.
     """
 
     joints: dict[str, tuple[Apart, ...]]
     replayed: tuple[str, ...]
+    sensors: Measured
+    unseen: tuple[Cause, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``plan.json``."""
         pairs = {joint: [a.to_json() for a in found] for joint, found in self.joints.items()}
-        return {"schema": 1, "joints": pairs, "only_replays_tell": list(self.replayed)}
+        return {
+            "schema": 1,
+            "sensors": self.sensors.to_json(),
+            "joints": pairs,
+            "never_shown": [_named(cause) for cause in self.unseen],
+            "only_replays_tell": list(self.replayed),
+        }
+
+
+def _named(cause: Cause) -> dict[str, Any]:
+    return {"effect": cause.effect, "at": {"kind": cause.at.kind, "name": cause.at.name}}
 
 
 @quiet()
@@ -125,6 +142,7 @@ def plan(model: Path, progress: Say | None = None) -> Plan:
     """
     scene = Scene(model)
     refuse(scene)
+    sensors = measured(scene)
     moved = dict(_motions(scene))
     if not moved:
         raise WorkError("no motion keeps the limits of this model: give its joints more room")
@@ -132,53 +150,79 @@ def plan(model: Path, progress: Say | None = None) -> Plan:
     for i, (words, recording) in enumerate(moved.items()):
         if progress:
             progress(f"the machine {words}", i / len(moved))
-        compared.append((words, _Compared(Screen(smooth(scene, [Part(recording, 0)])))))
+        compared.append((words, _Compared(Screen(smooth(scene, [Part(recording, 0)])), sensors)))
     screen = compared[0][1].screen
     joints = {}
     driven = dict.fromkeys(d.joint for d in scene.drives)
     for joint in dict.fromkeys((*driven, *scene.own_joints)):  # those that nothing drives move too
         places = near(screen, Location("joint", joint))
-        causes = [c for c in _causes(scene) if c.at in places and c.at.name != "all"]
+        causes = [c for c in _causes(sensors, scene) if c.at in places and c.at.name != "all"]
         pairs = (_apart(pair, compared) for pair in itertools.combinations(causes, 2))
         joints[joint] = tuple(p for p in pairs if p is not None)
-    shown = {c.effect for _, each in compared for c in each.signatures}
-    return Plan(joints, tuple(sorted(set(effects()) - shown)))
+    shown = {c for _, each in compared for c in each.signatures}
+    unseen = {c for _, each in compared for c in each.unseen} - shown
+    told = {c.effect for c in shown | unseen}
+    return Plan(joints, tuple(sorted(set(effects()) - told)), sensors, tuple(sorted(unseen)))
 
 
-def _causes(scene: Scene) -> list[Cause]:
+def _causes(sensors: Measured, scene: Scene) -> list[Cause]:
     return [
         Cause(effect.id, at)
         for effect in effects().values()
         if not (isinstance(effect, FromRecordings) and effect.reads_residual)
         for at in effect.places(scene)
+        if sensors.may_be(effect.id, at)
     ]
 
 
 class _Compared:
     """Signatures of all causes in one motion, in units of noise; a row for each coefficient."""
 
-    def __init__(self, screen: Screen) -> None:
+    def __init__(self, screen: Screen, sensors: Measured) -> None:
         self.screen = screen
-        self._rows = screen.keep / screen.floor
-        self._beyond = Beyond(self._flat(screen.tolerance_forces))
+        motion, scene = screen.motion, screen.motion.scene
+        self._rows, self._shown = screen.keep / screen.floor, sensors.shown(motion)
+        self._forces = [scene.drive(name).dof for name in sensors.drives]
+        free = tolerances(scene)
+        small = np.stack(forces(motion, free), axis=2)
+        drives = np.array([t.planted.effect.id.startswith(_IN_DRIVE) for t in free])
+        self._beyond = Beyond(self._flat(small, drives))
         self.signatures: dict[Cause, list[Signature]] = {}
-        for cause in _causes(screen.motion.scene):
+        self.unseen: list[Cause] = []
+        for cause in _causes(sensors, scene):
             found = list(self._shapes(effects()[cause.effect], cause.at))
-            if found:
-                self.signatures[cause] = found
+            if any(len(rows) for rows in found):
+                self.signatures[cause] = [rows for rows in found if len(rows)]
+            elif found:
+                self.unseen.append(cause)
 
     def _shapes(self, effect: Effect, at: Location) -> Iterator[Signature]:
-        """The signature in each of its shapes, every row of length one."""
+        """The signature in each of its shapes, every row of length one; none that do not show."""
         motion = self.screen.motion
         for shape in effect.shapes(motion, at):
-            rows = self._flat(self.screen.weak_force(effect.columns(motion, at, shape)))
+            force = effect.columns(motion, at, shape)
+            most = np.linalg.norm(self._weighed(force), axis=1).max(initial=0.0)
+            rows = self._flat(force, np.full(force.shape[2], effect.id.startswith(_IN_DRIVE)))
             size = np.linalg.norm(rows, axis=1, keepdims=True)
-            seen = size[:, 0] > _NOTHING * size.max(initial=0.0)
-            if seen.any():
+            seen = size[:, 0] > _NOTHING * most
+            if most > 0.0:
                 yield rows[seen] / size[seen]
 
-    def _flat(self, force: Float[np.ndarray, "row dof column"]) -> Signature:
-        return (force * self._rows[:, :, None]).reshape(-1, force.shape[2]).T
+    def _flat(
+        self, force: Float[np.ndarray, "sample dof column"], in_drive: Bool[np.ndarray, " column"]
+    ) -> Signature:
+        """What is seen of forces: by the motion, and by drives whose force is measured."""
+        seen = force if self._shown is None else np.einsum("tij,tjc->tic", self._shown, force)
+        alone = np.where(in_drive, force, 0.0)
+        return np.concatenate([self._weighed(seen), self._weighed(alone, self._forces)], axis=1)
+
+    def _weighed(
+        self, force: Float[np.ndarray, "sample dof column"], dofs: Sequence[int] | None = None
+    ) -> Signature:
+        """Weak forces in units of noise, at some degrees of freedom, a row for each column."""
+        chosen = np.arange(force.shape[1]) if dofs is None else np.array(dofs, int)
+        weighed = self.screen.weak_force(force) * self._rows[:, :, None]
+        return weighed[:, chosen].reshape(-1, force.shape[2]).T
 
     def left(self, one: Cause, other: Cause) -> float:
         """Share of one signature, all its parts together, that no shape of another explains."""

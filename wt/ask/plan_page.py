@@ -14,11 +14,32 @@ HARD = 3.0
 
 def sentences(plan: Plan) -> list[str]:
     """What is never told apart, and what only a larger effect tells, joint after joint."""
-    said: list[str] = []
+    said = [_sensed(plan)]
+    said += [f"{cause} shows in none of these sensors" for cause in plan.unseen]
     for joint, pairs in plan.joints.items():
         hard = sorted((p for p in pairs if p.times > HARD), key=lambda p: -p.times)
         said += [f"{joint}: {_both(pair)} {_when(pair)}" for pair in hard]
-    return said or ["Every two causes at a joint can be told apart."]
+    if not any(pair.times > HARD for pairs in plan.joints.values() for pair in pairs):
+        said.append("Every two causes at a joint can be told apart.")
+    return said
+
+
+def _sensed(plan: Plan) -> str:
+    """What is measured, in a sentence."""
+    sensors = plan.sensors
+    parts = []
+    if not sensors.declared:
+        parts.append("the position of every joint (the model declares no encoder)")
+    elif sensors.joints:
+        parts.append(f"the position of {', '.join(sensors.joints)}")
+    if sensors.speeds:
+        parts.append(f"the velocity of {', '.join(sensors.speeds)}")
+    if sensors.bodies:
+        parts.append("how bodies turn and move")
+    if sensors.drives:
+        parts.append(f"the force of {', '.join(sensors.drives)}")
+    unused = f"; not used: {', '.join(sensors.others)}" if sensors.others else ""
+    return f"Measured: {'; '.join(parts)}{unused}."
 
 
 def page(plan: Plan, model: str) -> str:
@@ -40,13 +61,17 @@ def page(plan: Plan, model: str) -> str:
     )
     parts = [
         f"<header><h1>What recordings of <strong>{escaped(model)}</strong> could tell</h1>"
-        f'<ul class="lead"><li>{escaped(lead)}</li></ul><p class="soft">{escaped(explained)}</p>'
+        f'<ul class="lead"><li>{escaped(lead)}</li><li>{escaped(_sensed(plan))}</li></ul>'
+        f'<p class="soft">{escaped(explained)}</p>'
         "</header>"
     ]
     parts += [section(f"Joint {j}", "", _motions(p) + _matrix(p)) for j, p in plan.joints.items()]
     others = ", ".join(plan.replayed)
     note = f"These have no signature in forces; only replays of recordings tell them: {others}."
     parts.append(section("Not compared", note, ""))
+    if plan.unseen:
+        never_seen = ", ".join(str(cause) for cause in plan.unseen)
+        parts.append(section("Never shown", f"None of these sensors shows {never_seen}.", ""))
     title = html.escape(f"Plan for {model}")
     return template().substitute(title=title, shades="", body="\n".join(parts))
 

@@ -8,12 +8,12 @@ least.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wt.passport.drift import Change, Scatter, Trend, alarms, change, scatter, trend
+from wt.passport.drift import TESTS, Change, Scatter, Trend, alarms, change, scatter, trend
 from wt.passport.estimates import Quantity
 from wt.passport.levels import Sessions
 
@@ -87,18 +87,38 @@ def _of_unit(
     for q, own in base.items():
         tests = {
             "step": change(own, usual[q]),
-            "late": change(own, usual[q], 2),
+            "late": _late(own, usual[q], scatter(tables[q], unit, begun[q], 2)),
             "line": trend(own, usual[q]),
         }
         found[q] = {name: test for name, test in tests.items() if test}
-    raised = alarms({(q, name): t.p for q, tests in found.items() for name, t in tests.items()})
-    return {
-        q: _judged(mine[q], since[q], tests, usual[q], {name for of, name in raised if of == q})
-        for q, tests in found.items()
-    }
+    chances = {(q, name): t.p for q, tests in found.items() for name, t in tests.items()}
+    raised = alarms(chances, shares={key: TESTS[key[1]] for key in chances})
+    last: dict[Quantity, Judged] = {}
+    for q, tests in found.items():
+        names, begins = {name for of, name in raised if of == q}, since[q]
+        if "step" in names and "line" not in tests:
+            start = _since(mine[q], begun[q].get(unit, [])[:-1])
+            if line := _steady(mine[q], start, usual[q]):
+                tests, names, begins = {**tests, "line": line}, {"line"}, start
+        last[q] = _judged(mine[q], begins, tests, usual[q], names)
+    return last
 
 
-def _since(own: Sessions, begun: list[str]) -> int:
+def _steady(own: Sessions, start: int, usual: Scatter) -> Trend | None:
+    """The line from before the last change on, if that was only the beginning of a slow one."""
+    line = trend(own.where(np.arange(len(own.keys)) >= start), usual)
+    return line if line and line.straight else None
+
+
+def _late(own: Sessions, usual: Scatter, without: Scatter) -> Change | None:
+    """The last two sessions, judged by the scatter without them; it has to be known."""
+    found, judged = (change(own, by, 2) for by in (usual, without))
+    if found is None or judged is None or (usual.freedom and not without.freedom):
+        return None
+    return replace(found, p=judged.p)  # what is left is compared with what other tests leave
+
+
+def _since(own: Sessions, begun: Sequence[str]) -> int:
     """Index of the first session that is as the last ones were."""
     return sum(session < begun[-1] for _, session in own.keys) if begun else 0
 

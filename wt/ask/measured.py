@@ -1,0 +1,154 @@
+"""What a model's sensors show of forces that it leaves out.
+
+A force δτ that the model leaves out changes the accelerations by M⁻¹δτ. Encoders show those of
+their joints, a gyro or an accelerometer those of its body along its Jacobian: together C M⁻¹δτ.
+Forces that sensors cannot tell from δτ are all that give the same. The least of them,
+P δτ with P = Cᵀ(C M⁻¹Cᵀ)⁺C M⁻¹, is what they show; where every joint has an encoder that is δτ
+itself. A joint without one moves as it likes, and its forces show by what they do to the others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from wt.physics.motion import Motion
+from wt.physics.scene import Scene
+from wt.types import Location
+
+_POSITION, _SPEED, _FORCE = (
+    {"JOINTPOS", "ACTUATORPOS"},
+    {"JOINTVEL", "ACTUATORVEL"},
+    {"ACTUATORFRC", "JOINTACTFRC"},
+)
+_TURNS = {"GYRO", "FRAMEQUAT", "FRAMEANGVEL", "FRAMEANGACC", "FRAMEXAXIS", "FRAMEYAXIS", "FRAMEZAXIS"}  # fmt: skip  # noqa: E501
+_MOVES = {"ACCELEROMETER", "VELOCIMETER", "FRAMEPOS", "FRAMELINVEL", "FRAMELINACC"}
+_JACOBIANS = {
+    mujoco.mjtObj.mjOBJ_SITE: mujoco.mj_jacSite,
+    mujoco.mjtObj.mjOBJ_BODY: mujoco.mj_jacBodyCom,
+    mujoco.mjtObj.mjOBJ_XBODY: mujoco.mj_jacBody,
+    mujoco.mjtObj.mjOBJ_GEOM: mujoco.mj_jacGeom,
+}
+_UNSEEN = 1e-9  # of the largest singular value of what is measured: rounding
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What the sensors of a model measure.
+
+    Attributes:
+        declared: whether the model has any encoder; without, one on every joint is assumed.
+        joints: whose position is measured.
+        speeds: whose velocity is measured, and no position.
+        drives: actuators whose force is measured.
+        bodies: indices of sensors that turn or move with a body.
+        others: sensors that say nothing here, by name.
+    """
+
+    declared: bool
+    joints: tuple[str, ...]
+    speeds: tuple[str, ...]
+    drives: tuple[str, ...]
+    bodies: tuple[int, ...]
+    others: tuple[str, ...]
+
+    def shown(self, motion: Motion) -> Float[np.ndarray, "sample dof dof"] | None:
+        """P at every sample; None where forces show as they are.
+
+        Args:
+            motion: of the machine.
+        """
+        scene, own = motion.scene, {*self.joints, *self.speeds}
+        if own.issuperset(scene.own_joints):
+            return None
+        model, data = scene.model, mujoco.MjData(scene.model)
+        nv = model.nv
+        encoders = np.eye(nv)[[scene.dof(name) for name in scene.own_joints if name in own]]
+        found, mass = np.zeros((len(motion), nv, nv)), np.zeros((nv, nv))
+        for k, q in enumerate(motion.q):
+            data.qpos[:] = q
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            mujoco.mj_makeM(model, data)
+            mujoco.mj_fullM(model, data, mass)
+            rows = np.concatenate([encoders, *(self._rows(model, data, i) for i in self.bodies)])
+            if len(rows):
+                follows = np.linalg.solve(mass, rows.T)
+                seen = np.linalg.pinv(rows @ follows, rcond=_UNSEEN, hermitian=True)
+                found[k] = rows.T @ seen @ follows.T
+        return found
+
+    def may_be(self, effect: str, at: Location) -> bool:
+        """Whether an effect may be at a place: faults of a measurement only where that is made."""
+        if not effect.startswith("sensor.") or at.kind != "joint":
+            return True
+        if effect == "sensor.offset":  # a velocity has no zero that was set
+            return at.name in self.joints
+        return at.name in (*self.joints, *self.speeds)
+
+    @staticmethod
+    def _rows(
+        model: mujoco.MjModel, data: mujoco.MjData, sensor: int
+    ) -> Float[np.ndarray, "axis dof"]:
+        moves, turns = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+        kind = mujoco.mjtObj(int(model.sensor_objtype[sensor]))
+        _JACOBIANS[kind](model, data, moves, turns, int(model.sensor_objid[sensor]))
+        return turns if _kind(model, sensor) in _TURNS else moves
+
+    def to_json(self) -> dict[str, Any]:
+        """As in ``plan.json``."""
+        return {
+            "declared": self.declared,
+            "positions": list(self.joints),
+            "velocities": list(self.speeds),
+            "forces": list(self.drives),
+            "not_used": list(self.others),
+        }
+
+
+def measured(scene: Scene) -> Measured:
+    """Read off what the sensors that a model declares measure.
+
+    Args:
+        scene: the machine.
+    """
+    m = scene.model
+    joint_of = {drive.index: drive.joint for drive in scene.drives}
+    name_of = {drive.index: drive.name for drive in scene.drives}
+    positions, speeds, drives, bodies, others = [], [], [], [], []
+    for i in range(m.nsensor):
+        kind, of = _kind(m, i), int(m.sensor_objid[i])
+        is_joint = int(m.sensor_objtype[i]) == mujoco.mjtObj.mjOBJ_JOINT
+        joint = m.joint(of).name if is_joint else joint_of.get(of, "")
+        if kind in _POSITION:
+            positions.append(joint)
+        elif kind in _SPEED:
+            speeds.append(joint)
+        elif kind in _FORCE:
+            drives += [
+                name
+                for index, name in name_of.items()
+                if (joint_of[index] == joint if is_joint else index == of)
+            ]
+        elif kind in _TURNS | _MOVES and mujoco.mjtObj(int(m.sensor_objtype[i])) in _JACOBIANS:
+            bodies.append(i)
+        else:
+            others.append(m.sensor(i).name)
+    declared = bool(positions or speeds)
+    own = scene.own_joints
+    return Measured(
+        declared,
+        tuple(j for j in own if j in positions) if declared else tuple(own),
+        tuple(j for j in own if j in speeds and j not in positions),
+        tuple(dict.fromkeys(drives)),
+        tuple(bodies),
+        tuple(others),
+    )
+
+
+def _kind(model: mujoco.MjModel, sensor: int) -> str:
+    return mujoco.mjtSensor(int(model.sensor_type[sensor])).name.removeprefix("mjSENS_")
