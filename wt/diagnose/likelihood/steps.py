@@ -103,13 +103,13 @@ def longest_steps(
     motion, scene = smoothed.motion, smoothed.motion.scene
     stretches, measured = [s for s, _ in pairs], np.concatenate([q for _, q in pairs])
     probes = [(), *_probes(motion)]
+    replayer = functools.cache(functools.partial(Replayer, scene, stretches))
 
-    @functools.cache
-    def replayed(long: float) -> Paths:
-        return Replayer(scene, stretches, long).run(probes).q
+    def replayed(long: float, count: int) -> Paths:
+        return np.asarray(replayer(long).run(probes[:count]).q)
 
-    def extrapolated(long: float) -> Paths:
-        return np.asarray(2.0 * replayed(long) - replayed(COARSE * long))
+    def extrapolated(long: float, count: int = 2) -> Paths:
+        return 2.0 * replayed(long, count) - replayed(COARSE * long, count)
 
     given = np.sqrt(np.nanmean((extrapolated(step)[0] - measured) ** 2, axis=0))
     accuracy = Accuracy(np.nan_to_num(smoothed.noise, nan=np.inf), given)
@@ -118,8 +118,9 @@ def longest_steps(
         extrapolated(2.0 * fine)[1], extrapolated(fine)[1]
     ):
         fine *= 2.0
-    coarse, exact = COARSE * fine, extrapolated(fine)
-    while 2.0 * coarse <= _LONGEST_S and accuracy.apart(replayed(2.0 * coarse), exact):
+    coarse, every = COARSE * fine, len(probes)
+    exact = extrapolated(fine, every)
+    while 2.0 * coarse <= _LONGEST_S and accuracy.apart(replayed(2.0 * coarse, every), exact):
         coarse *= 2.0
     return Steps(fine, coarse, accuracy)
 
