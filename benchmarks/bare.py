@@ -3,7 +3,7 @@
 Every batch that a diagnosis makes is noted, with its models, its initial states and its steps; one
 in so many is then stepped again by ``mujoco.batch`` alone, from the same states and under the
 commands that it had last. All on one thread of one process, so that what is left is ours: audit,
-smoothing, screen, laws between steps, least squares, pictures.
+smoothing, screen, least squares, pictures. Where laws act at every step they count as steps.
 
 Usage: python benchmarks/bare.py [CASE …]       (parts of names of wt prove's cases)
 """
@@ -13,7 +13,7 @@ from __future__ import annotations
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +25,9 @@ import numpy as np
 from wt.batch import Batch
 from wt.diagnose.pipeline import diagnose
 from wt.physics import stepping
+from wt.physics.acting import Acting
+from wt.physics.job import Job
+from wt.physics.live_steps import Stepped
 from wt.physics.spread import over
 from wt.prove import bench
 from wt.shipped import folder
@@ -62,11 +65,6 @@ class Watched(Batch):
         with self._stepping(nstep):
             return dict(super().rollout(nstep, **given))
 
-    def step(self) -> None:
-        """As in ``mujoco.batch``."""
-        with self._stepping(1):
-            super().step()
-
     @contextmanager
     def _stepping(self, steps: int) -> Iterator[None]:
         noted = self._noted
@@ -79,6 +77,26 @@ class Watched(Batch):
         noted.seconds += time.perf_counter() - began
         noted.steps += steps
         noted.ctrl[:] = self.bind("ctrl")
+
+
+class WatchedLaws(Stepped):
+    """Replays in which laws act at every step, noted likewise."""
+
+    def __init__(self, jobs: Sequence[Job], acts: Acting, threads: int) -> None:
+        """As without being watched."""
+        super().__init__(jobs, acts, threads)
+        q, v = (np.stack(x) for x in zip(*(job.initial() for job in jobs), strict=True))
+        ctrl = np.stack([job.inputs.u[-1, job.controls] for job in jobs])
+        self._noted = Noted([job.model for job in jobs], (q, v), ctrl)
+        Watched.made.append(self._noted)
+
+    def path(self, piece: slice) -> np.ndarray:
+        """As without being watched."""
+        began = time.perf_counter()
+        said = super().path(piece)
+        self._noted.seconds += time.perf_counter() - began
+        self._noted.steps += piece.stop - piece.start
+        return said
 
 
 def main(*cases: str) -> None:
@@ -98,12 +116,12 @@ def main(*cases: str) -> None:
 def row(what: str, model: Path, fit: list[Path], holdout: list[Path]) -> None:
     """A diagnosis, and one in so many of its batches bare."""
     Watched.made.clear()
-    stepping.Batch = Watched  # type: ignore[misc]
+    stepping.Batch, stepping.Stepped = Watched, WatchedLaws  # type: ignore[misc]
     with over("1"):
         began = time.perf_counter()
         diagnose(model, fit, holdout)
         wall = time.perf_counter() - began
-    stepping.Batch = Batch  # type: ignore[misc]
+    stepping.Batch, stepping.Stepped = Batch, Stepped  # type: ignore[misc]
     inside = sum(n.seconds for n in Watched.made)
     steps = sum(n.steps * len(n.models) for n in Watched.made)
     some = Watched.made[::EVERY]

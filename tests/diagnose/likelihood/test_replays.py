@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -153,6 +155,25 @@ def test_steps_are_as_long_as_noise_can_tell(tmp_path: Path) -> None:
     fine, coarse = [s.fine for s in steps], [s.coarse for s in steps]
     assert fine[0] == STEP and fine[0] <= fine[1] <= fine[2] == 0.004
     assert coarse[0] == COARSE * STEP and coarse[0] <= coarse[1] <= coarse[2] == 0.008
+
+
+def test_few_probes_are_replayed_at_steps_finer_than_will_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "pendulum.xml"
+    path.write_text(pendulum(0.002))
+    fit = smooth(Scene(path), [Part(swings(path), 0)])
+    replayed: Counter[float] = Counter()
+    part = Replayer.part
+
+    def counted(self: Replayer, hypotheses: Sequence[object], *more: object) -> np.ndarray:
+        replayed[self.step] += len(hypotheses)
+        return part(self, hypotheses, *more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Replayer, "part", counted)
+    assert longest_steps(fit, stretches_of(fit, False), STEP).fine == 4 * STEP
+    assert replayed[STEP] == replayed[2 * STEP] == 2
+    assert replayed[4 * STEP] == 5
 
 
 def test_coarse_steps_are_as_long_as_they_tell_hypotheses_apart(tmp_path: Path) -> None:
