@@ -215,6 +215,8 @@ class Recording:
     meta: Mapping[str, object] = field(default_factory=dict)
 
     MIN_SECONDS = 2.0
+    LARGEST = 1e60
+    """No unit makes a measurement larger; squares of it are numbers."""
 
     def __post_init__(self) -> None:
         """Copy the columns in, make them read-only and check them against the format."""
@@ -237,10 +239,11 @@ class Recording:
         for name, column in columns.items():
             if column.shape != t.shape:
                 raise RecordingError(f"column '{name}' has {column.size} samples, 't' has {len(t)}")
-            if (endless := np.isinf(column)).any():
+            if (endless := np.abs(column) > self.LARGEST).any():
+                row = int(np.argmax(endless))
+                size = "infinite" if np.isinf(column[row]) else f"{column[row]:.3g}"
                 raise RecordingError(
-                    f"column '{name}' is infinite at row {int(np.argmax(endless))}; a missing "
-                    "sample is NaN"
+                    f"column '{name}' is {size} at row {row}; a missing sample is NaN"
                 )
         if not any(name.startswith(("ctrl/", "qpos/")) for name in columns):
             raise RecordingError(

@@ -1,7 +1,8 @@
-"""A spring in a torque-driven joint is no encoder whose zero is a quarter turn away."""
+"""Zeros of encoders, beside springs that look like one and stops that do not."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.check.machines import MACHINES, record, with_columns
 from wt.check.run import check
 from wt.physics.scene import Scene
 from wt.types import Recording
@@ -55,3 +57,13 @@ def test_a_quarter_turn_is_found_where_the_weight_shows_it(tmp_path: Path) -> No
     recording = replace(recording, columns={**recording.columns, "qpos/shoulder": turned})
     found = check(Scene(path), recording).findings
     assert [(f.kind, f.columns) for f in found if f.sure] == [("encoder_zero", ("qpos/shoulder",))]
+
+
+def test_a_zero_beyond_the_joints_limits(tmp_path: Path) -> None:
+    """Its stop would hold a joint there, and no joint gets there."""
+    xml = MACHINES["rod"].xml.replace('name="hinge"', 'name="hinge" range="-1.2 1.2"', 1)
+    (tmp_path / "m.xml").write_text(xml)
+    clean = record("rod", 12, robot=xml)
+    off = with_columns(clean, {"qpos/hinge": clean.columns["qpos/hinge"] + math.pi})
+    checked = check(Scene(tmp_path / "m.xml"), off)
+    assert [f.kind for f in checked.findings] == ["encoder_zero"]

@@ -153,6 +153,24 @@ def test_a_folder_that_cannot_be_used_is_refused_before_the_audit(
     assert not (tmp_path / "nowhere").exists()
 
 
+def test_columns_without_a_value_and_stamps_that_stand_still(
+    model: Path, clean: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = pq.read_table(clean)
+    at, nothing = table.schema.get_field_index("qpos/knee"), pa.array(np.full(len(table), np.nan))
+    pq.write_table(table.set_column(at, "qpos/knee", nothing), tmp_path / "a.parquet")
+    assert main(["check", str(model), str(tmp_path / "a.parquet"), "--json"]) == 1
+    said = capsys.readouterr()
+    assert [(f["kind"], f["columns"]) for f in json.loads(said.out)] == [("empty", ["qpos/knee"])]
+    assert not said.err
+    at = table.schema.get_field_index("t")
+    still = table.set_column(at, "t", pa.array(np.zeros(len(table))))
+    pq.write_table(still, tmp_path / "b.parquet")
+    assert main(["check", str(model), str(tmp_path / "b.parquet")]) == 2
+    assert "never increases" in capsys.readouterr().err
+    assert main(["check", str(model), str(clean), "--out", str(tmp_path / ("x" * 300))]) == 2
+
+
 def test_stamps_that_repeat_and_go_back(
     model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

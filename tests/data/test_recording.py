@@ -170,9 +170,10 @@ def test_what_is_wrong_inside_a_file_is_said(tmp_path: Path) -> None:
         table = pa.table({"t": t, "qpos/hip": q}).replace_schema_metadata({b"wt": meta})
         pq.write_table(table, path)
         assert "metadata (key 'wt')" in refused(path)
-    q[7] = np.inf
-    pq.write_table(pa.table({"t": t, "qpos/hip": q}), path)
-    assert "column 'qpos/hip' is infinite at row 7" in refused(path)
+    for value, said in ((np.inf, "infinite"), (-1e300, "-1e+300")):
+        q[7] = value
+        pq.write_table(pa.table({"t": t, "qpos/hip": q}), path)
+        assert f"column 'qpos/hip' is {said} at row 7" in refused(path)
 
 
 def test_more_than_the_memory_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -26,6 +26,7 @@ from wt.physics.scene import Drive, Scene
 GAINS = (0.12, 8.0)
 """Of the model's, over the drive's: a factor between is physics."""
 _LATEST = 0.08  # s
+_DRAG = 4.0  # of the damping by which a drive holds a speed, that may take some of it
 _ROTOR = 30.0  # of the inertia that a joint feels
 _UPSET = 2.0  # of a mean square force
 _STILL = 1e-6
@@ -373,7 +374,10 @@ class Balance:
             axis=1,
         )
         low = np.array([gains[0] if self.dynamic else 0.0, 0.0, 0.0, 0.0, 0.0])
-        high = np.array([gains[1], np.inf, np.inf, _ROTOR * self._felt[i], _LATEST])
+        # a drive that is told a speed keeps a part of it
+        told = stiffness == 0.0 and damping < 0.0
+        drag = _DRAG * abs(damping) * drive.gear**2 if told else np.inf
+        high = np.array([gains[1], np.inf, drag, _ROTOR * self._felt[i], _LATEST])
         if sprung and not drive.servo:  # it pulls to where it rests: a part of the free constant
             columns = np.column_stack([columns, q[:, i] / row.scale])
             low, high = np.append(low, 0.0), np.append(high, np.inf)

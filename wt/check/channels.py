@@ -243,7 +243,7 @@ def _needed(
         own = _own(balance, suspect)
         proven = own & (ratio > DECISIVE) & (without > WRONG) & (state.left < RIGHT)
         if not proven.any():
-            clear = (ratio > OVERWHELMING) & (without > FAINT)
+            clear = (ratio > OVERWHELMING) & (without > FAINT) & (state.left < RIGHT)
             proven = clear & bool((clear & own).any() and clear.sum() > 1)
         # a spring that explains about as much as the mix-up is the better guess: over the part of a
         # turn that a joint goes, one may pull as the weight at another angle does, or in another

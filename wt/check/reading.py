@@ -27,6 +27,8 @@ def read(path: str | Path) -> tuple[Recording, tuple[AuditFinding, ...]]:
     if t.ndim == 1 and np.isfinite(t).all() and len(t) > 1:
         before = np.maximum.accumulate(t)
         keep = np.concatenate([[True], t[1:] > before[:-1]])
+        if keep.sum() < 2:
+            raise RecordingError(f"'{path}': column 't' never increases; give the samples' times")
         repeated = int((np.diff(t) == 0.0).sum())
         back = int((~keep).sum()) - repeated
         for count, kind, words in (

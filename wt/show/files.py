@@ -80,10 +80,11 @@ def kept(folder: Path, option: str = "--out") -> Iterator[None]:
 
 def _made(folder: Path, option: str) -> list[Path]:
     """The folders that had to be made, the innermost first."""
-    if folder.exists() and not folder.is_dir():
-        raise UserError(f"{option} {folder} is a file; name a folder")
-    new = [p for p in (folder, *folder.parents) if not p.exists()]
+    new = list[Path]()
     try:
+        if folder.exists() and not folder.is_dir():
+            raise UserError(f"{option} {folder} is a file; name a folder")
+        new = [p for p in (folder, *folder.parents) if not p.exists()]
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / f".{secrets.token_hex(6)}.part"
         os.close(os.open(probe, _NEW, 0o666))

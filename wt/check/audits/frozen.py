@@ -1,4 +1,4 @@
-"""Columns that stand still while what they measure moves, and samples that are repeated."""
+"""Columns that stand still while what they measure moves, or are empty, and repeated samples."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _PAUSE, _HELD = 12, 0.4  # samples between leaps of one motion; share of them th
 class Frozen:
     """A column that never changes, stops changing, or changes at every few samples only."""
 
-    kinds: ClassVar[tuple[str, ...]] = ("frozen", "samples_repeated")
+    kinds: ClassVar[tuple[str, ...]] = ("frozen", "samples_repeated", "empty")
     stage: ClassVar[Stage] = "column"
 
     def findings(self, subject: Subject) -> Iterable[AuditFinding]:
@@ -39,7 +39,10 @@ class Frozen:
         recording = subject.recording
         if recording is None:
             return
-        for name in recording.columns:
+        for name, column in recording.columns.items():
+            if not np.isfinite(column).any():
+                yield _empty(name)
+                continue
             if coordinate(name) is not None:
                 continue
             if name.startswith("qpos/"):
@@ -51,6 +54,17 @@ class Frozen:
                 yield from _command(recording, drive)
                 yield from _never(subject, recording, drive)
         yield from _repeats(recording)
+
+
+def _empty(name: str) -> AuditFinding:
+    return AuditFinding(
+        "empty",
+        (name,),
+        (),
+        f"'{name}' has no value at all",
+        f"leave '{name}' out, or log it",
+        change=lambda r: replace(r, columns={n: c for n, c in r.columns.items() if n != name}),
+    )
 
 
 def _position(subject: Subject, recording: Recording, name: str) -> Iterable[AuditFinding]:
@@ -225,7 +239,11 @@ def _missing(name: str, start: int, end: int) -> Change:
 
 def _repeats(recording: Recording) -> Iterable[AuditFinding]:
     """Samples that hold what the one before held: the log runs faster than the sensors, or one."""
-    measured = [n for n in recording.columns if n.startswith(("qpos/", "qvel/"))]
+    measured = [
+        name
+        for name, column in recording.columns.items()
+        if name.startswith(("qpos/", "qvel/")) and np.isfinite(column).any()
+    ]
     whole = _repeated(recording, measured)
     if whole:
         yield whole

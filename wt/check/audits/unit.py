@@ -27,6 +27,7 @@ UNITS = {
 LINEAR = {"mm": 1e-3, "cm": 1e-2, "inches": 0.0254}
 """Factors to metres."""
 _NEAR = 0.04  # of a factor, for its unit to be named
+_TICKS = 10.0  # that a motion takes at least
 _ORDINARY = (0.6, 1.7)  # factors that physics may explain: a gain, a scale
 _BORNE = 0.99
 """Share of a recording in which a force must be one that can be borne."""
@@ -67,11 +68,20 @@ def _known(balance: Balance, row: Row) -> dict[str, float]:
     return UNITS if hinge else LINEAR
 
 
+def _possible(balance: Balance, row: Row, group: Group, unit: str) -> bool:
+    """Tell whether a channel may be in a unit: ticks are whole, and a motion takes many of them."""
+    s = balance.signals
+    column = s.q[:, row.drive.dof] if group == "q" else s.u[:, row.drive.index]
+    return not unit.startswith("ticks") or float(np.ptp(column)) > _TICKS
+
+
 def _of(balance: Balance, row: Row) -> list[Suspect]:
     listed = []
     for group in _GROUPS:
         known = _known(balance, row) if _told(group, row) else {}
         for name, factor in known.items():
+            if not _possible(balance, row, group, name):
+                continue
             said = f"{_column(group, row)} is in {name}"
             listed += [
                 _suspect(balance, group, [row], [factor], "unit", said),
@@ -99,7 +109,7 @@ def _of_several(balance: Balance, group: Group) -> list[Suspect]:
         for name, factor in units.items():
             followed = [r for r in rows if _follows(balance, r, group, factor)]
             for same in [rows] if followed == rows else [rows, followed]:
-                if len(same) < 2:
+                if len(same) < 2 or not all(_possible(balance, r, group, name) for r in same):
                     continue
                 *names, last = (_column(group, row) for row in same)
                 said = f"{', '.join(names)} and {last} are in {name}"

@@ -103,9 +103,12 @@ class FarFromCommand:
 def _held(balance: Balance) -> Bool[np.ndarray, " dof"]:
     """Degrees of freedom that what they touch keeps from where they are sent to.
 
-    In the model, at half of the recording's poses or more.
+    In the model, at half of the recording's poses or more. No stop holds what is far beyond it.
     """
     m = mujoco.MjModel.__copy__(balance.scene.model)
+    middle = np.median(balance.signals.q, axis=0)
+    low, high = m.jnt_range[m.dof_jntid].T
+    m.jnt_limited[m.dof_jntid[(middle < low - _FAR) | (middle > high + _FAR)]] = False
     m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
     d = mujoco.MjData(m)
     held = np.zeros((len(balance.signals.q), m.nv), dtype=bool)
