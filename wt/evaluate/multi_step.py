@@ -159,6 +159,12 @@ def follow(
     return Paths(states, gone)
 
 
+def still(truth: ReferenceRollouts, state: Float[np.ndarray, " state"]) -> Paths:
+    """The prediction of one state for ever, which nothing leads to."""
+    shape = len(truth), truth.horizon
+    return Paths(np.broadcast_to(state, (*shape, len(state))), np.zeros(shape, bool))
+
+
 def middle(several: Sequence[Paths]) -> Paths:
     """The mean of rollouts from the same starts; gone is who is in any of them."""
     states = np.mean([paths.states for paths in several], axis=0)
