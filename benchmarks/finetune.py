@@ -43,18 +43,15 @@ def main(robots: str = "256", threads: str = "0") -> None:
     with tempfile.TemporaryDirectory() as name:
         model = _model(setting, Path(name) / "model.onnx", int(threads))
 
-    def translate(o: Array, a: Array, sim_next: Array) -> Array:
-        model.predict(o, a, sim_next)
-        return sim_next  # what an untrained model says would not be written
-
-    def shift(o: Array, a: Array, sim_next: Array, hidden: Array) -> Array:
-        return 0.0 * model.shift(o, a, sim_next, hidden)
+    def translate(o: Array, a: Array, sim_next: Array, hidden: Array) -> tuple[Array, Array]:
+        _, shift = model.step_of(o, a, sim_next, hidden)
+        return sim_next, 0.0 * shift  # what an untrained model says would not be written
 
     raw = _pace(Walking(training, "cpu"), setting)
     print(f"{robots} robots, {threads} threads (0: one per core)")
     print(f"{'raw':<20}{raw:>10.0f} steps/s")
     for alignment in ("state", "stance", "action"):
-        env = TranslatedWalking(training, "cpu", translate, alignment, scale, shift=shift)
+        env = TranslatedWalking(training, "cpu", translate, alignment, scale)
         pace = _pace(env, setting)
         goal = f"   goal {GOAL}" if alignment == "state" else ""
         print(

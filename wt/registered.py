@@ -8,13 +8,12 @@ reproduce`` trains.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
-import onnxruntime
 from jaxtyping import Float, Float32
 from matplotlib.figure import Figure
 
@@ -79,8 +78,6 @@ class Registered:
                     f"configuration's {wanted}; name the configuration that it was trained with"
                 )
         self._session = parity.session(graph, threads)
-        self._asked_alone = onnxruntime.RunOptions()
-        self._asked_alone.only_execute_path_to_fetches = True
 
     def predict(
         self,
@@ -89,45 +86,50 @@ class Registered:
         sim_next: Float[np.ndarray, "row state"],
     ) -> Float[np.ndarray, "row state"]:
         """R's state after the step for S's, physical units."""
-        return self._answer(OUTPUT, o, a, sim_next)[:, : self._spec.n_state]
+        return self._asked([OUTPUT], o, a, sim_next)[0][:, : self._spec.n_state]
 
     @property
     def carries(self) -> bool:
         """Whether it says how R's hidden variables go on beyond S's."""
         return self.card.carried is not None
 
-    def shift(
+    def step_of(
         self,
         o: Float[np.ndarray, "row obs"],
         a: Float[np.ndarray, "row action"],
         sim_next: Float[np.ndarray, "row state"],
         hidden: Float[np.ndarray, "row hidden"],
-    ) -> Float32[np.ndarray, "row hidden"]:
-        """What is added to S's hidden variables after the step, physical units; see ``carries``.
+    ) -> tuple[Float[np.ndarray, "row state"], Float32[np.ndarray, "row hidden"] | None]:
+        """R's state after the step, and what is added to S's hidden variables then.
+
+        Both are computed at once, in the time of either. The second is None where the model does
+        not say how hidden variables go on.
 
         Args:
-            o: observations.
+            o: observations, physical units, as all else.
             a: actions.
             sim_next: S's state channels after the step.
-            hidden: hidden variables before it.
+            hidden: S's hidden variables before it.
         """
-        return self._answer(HIDDEN_SHIFT, o, a, sim_next, {HIDDEN: hidden.astype(np.float32)})
+        if not self.carries:
+            return self.predict(o, a, sim_next), None
+        given = {HIDDEN: hidden.astype(np.float32)}
+        outcome, shift = self._asked([OUTPUT, HIDDEN_SHIFT], o, a, sim_next, given)
+        return outcome[:, : self._spec.n_state], shift
 
-    def _answer(
+    def _asked(
         self,
-        output: str,
+        outputs: Sequence[str],
         o: Float[np.ndarray, "row obs"],
         a: Float[np.ndarray, "row action"],
         sim_next: Float[np.ndarray, "row state"],
         further: Mapping[str, Float32[np.ndarray, "row _"]] | None = None,
-    ) -> Float32[np.ndarray, "row _"]:
+    ) -> list[Float32[np.ndarray, "row _"]]:
         # channels behind the state are handed through: what stands there does not matter
         o_next = np.hstack([sim_next, o[:, self._spec.n_state :]]).astype(np.float32)
         inputs = {"o": o.astype(np.float32), "a": a.astype(np.float32), "o_next_sim": o_next}
-        outcome: np.ndarray = self._session.run(
-            [output], inputs | dict(further or {}), self._asked_alone
-        )[0]
-        return outcome
+        answers: list[np.ndarray] = self._session.run(outputs, inputs | dict(further or {}))
+        return answers
 
     def on(self, pairs: Pairs) -> Float[np.ndarray, "pair state"]:
         """Predictions for pairs."""
@@ -156,9 +158,8 @@ class _Step:
         after: Float[np.ndarray, "robot hidden"],
     ) -> Float[np.ndarray, "robot hidden"]:
         """See :class:`wt.evaluate.multi_step.Carrying`."""
-        if not self._model.carries:
-            return after
-        return after + self._model.shift(now.o[:, -1], now.a[:, -1], now.sim_next, before)
+        _, shift = self._model.step_of(now.o[:, -1], now.a[:, -1], now.sim_next, before)
+        return after if shift is None else after + shift
 
 
 def champion(config: FitConfig) -> tuple[str, str]:

@@ -53,7 +53,7 @@ def test_the_graph_carries_on_what_the_model_does(study: Study) -> None:
     rows = study.data.test.real
     registered = Registered(study.folder / "model.onnx", card, study.world.spec)
     given = rows.o, rows.a, study.data.test.sim_next
-    shift = registered.shift(*given, rows.hidden)
+    _, shift = registered.step_of(*given, rows.hidden)
     expected = carried(model, *given, rows.hidden, np.zeros_like(rows.hidden))
     np.testing.assert_allclose(shift, expected, rtol=1e-5, atol=1e-6)
     assert np.abs(shift).max() > 1e-3

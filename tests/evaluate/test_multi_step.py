@@ -21,6 +21,7 @@ from wt.evaluate.multi_step import (
     roll_out,
     score,
     simulator,
+    still,
 )
 from wt.nets.world_model import WorldModel
 from wt.types import Domain
@@ -208,8 +209,10 @@ def test_amplitude_and_correlation_are_those_of_predictions_and_r() -> None:
     other = score(Paths(middling - (real - middling), nobody), TRUTH, ONES)
     np.testing.assert_allclose(other.correlation, -1.0, rtol=1e-4)
     # who always says the same is not correlated with anything
-    still = score(Paths(np.broadcast_to(middling, real.shape), nobody), TRUTH, ONES)
-    assert np.isnan(still.correlation).all()
+    mean = real.mean(axis=(0, 1))
+    always = score(still(TRUTH, mean), TRUTH, ONES)
+    assert np.isnan(always.correlation).all() and np.max(always.amplitude) < 1e-9
+    np.testing.assert_allclose(always.mse, ((real - mean) ** 2).mean(axis=(0, 2)), rtol=1e-5)
 
 
 def test_the_mean_of_rollouts_is_of_those_that_all_stay() -> None:

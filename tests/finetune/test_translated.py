@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
@@ -17,22 +18,28 @@ from wt.errors import ModelError
 from wt.evaluate.multi_step import Now, of_model, roll_out
 from wt.finetune.setting import Setting
 from wt.finetune.training import environment
-from wt.finetune.translated import Translate, TranslatedWalking, translated
+from wt.finetune.translated import TranslatedWalking, translated
 from wt.locomotion.env import Walking
 from wt.worlds.walking.state import WalkingState
 
 Array = np.ndarray
+Moves = Callable[[Array, Array, Array], Array]
+Shifts = Callable[[Array, Array, Array, Array], Array]
 
 N = 30  # gyro, gravity, joint positions and velocities
 ACTIONS = torch.linspace(-0.3, 0.3, 48).reshape(4, 12)
 
 
 def environments(
-    setting: Setting, translate: Translate, **words: object
+    setting: Setting, translate: Moves, shift: Shifts | None = None, **words: object
 ) -> tuple[Walking, TranslatedWalking]:
     """The simulator as it is and translated, from the same starts, some steps into a walk."""
+
+    def both_of(o: Array, a: Array, s: Array, before: Array) -> tuple[Array, Array | None]:
+        return translate(o, a, s), shift(o, a, s, before) if shift else None
+
     training = setting.training("translation", 0)
-    both = Walking(training, "cpu"), TranslatedWalking(training, "cpu", translate, **words)
+    both = Walking(training, "cpu"), TranslatedWalking(training, "cpu", both_of, **words)
     for herd in (one.herd for one in both):
         rng = np.random.default_rng(1)
         for _ in range(10):

@@ -25,6 +25,9 @@ from wt.translate import carried, translated
 from wt.types import Domain, Pairs, Transitions
 from wt.worlds.closed_loop import ClosedLoop, ReferenceRollouts
 
+_STILL = 1e-12
+"""Amplitude of predictions that are all the same, but for rounding."""
+
 
 @dataclass(frozen=True)
 class Now:
@@ -159,6 +162,12 @@ def follow(
     return Paths(states, gone)
 
 
+def still(truth: ReferenceRollouts, state: Float[np.ndarray, " state"]) -> Paths:
+    """The prediction of one state for ever, which nothing leads to."""
+    shape = len(truth), truth.horizon
+    return Paths(np.broadcast_to(state, (*shape, len(state))), np.zeros(shape, bool))
+
+
 def middle(several: Sequence[Paths]) -> Paths:
     """The mean of rollouts from the same starts; gone is who is in any of them."""
     states = np.mean([paths.states for paths in several], axis=0)
@@ -186,8 +195,10 @@ def score(paths: Paths, truth: ReferenceRollouts, scale: Float[np.ndarray, " sta
         ours, theirs = ((x - x.mean(axis=0)) / scale for x in (predicted, real))
         own, of_real, both = (np.sum(x * y) for x, y in ((ours, ours), (theirs, theirs),
                                                          (ours, theirs)))  # fmt: skip
-        if own > 0 and of_real > 0:
-            amplitude[k], correlation[k] = own / of_real, both / np.sqrt(own * of_real)
+        if of_real > 0:
+            amplitude[k] = own / of_real
+        if own > _STILL * of_real:
+            correlation[k] = both / np.sqrt(own * of_real)
     diverged = paths.gone.mean(axis=0)
     mse = (square / scale**2).mean(axis=1)
     return Rolled(mse, np.sqrt(square), diverged, amplitude, correlation)

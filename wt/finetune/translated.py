@@ -34,11 +34,12 @@ from wt.worlds.legged import Herd
 from wt.worlds.walking.rollout import astray
 from wt.worlds.walking.state import WalkingState
 
-Translate = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-"""From o (N, n_obs), a (N, n_action) and S's next state to R's, (N, n_state), physical units."""
-
-HiddenShiftOf = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-"""From the same and hidden variables before the step to what is added to S's after it."""
+Translate = Callable[
+    [np.ndarray, np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray | None]
+]
+"""From o (N, n_obs), a (N, n_action), S's next state (N, n_state) and its hidden variables before
+the step (N, n_hidden) to R's next state, and to what is added to S's hidden variables then; None
+for nothing. All in physical units."""
 
 
 class TranslatedWalking(Walking):
@@ -57,7 +58,6 @@ class TranslatedWalking(Walking):
         scale: Float[np.ndarray, " state"] | None = None,
         mjcf: str | None = None,
         share: float = 1.0,
-        shift: HiddenShiftOf | None = None,
     ) -> None:
         """Start all robots.
 
@@ -70,9 +70,7 @@ class TranslatedWalking(Walking):
             scale: what differences of states are measured in where actions are corrected.
             mjcf: text of the model that stands in S's place; None for the configuration's.
             share: of the robots whose transitions are translated; the others stay in S.
-            shift: how hidden variables go on; None where they go on as S's.
         """
-        self._shift = shift
         self._count = max(1, round(share * config.robots))
         self._translate, self._scale, self._mjcf = translate, scale, mjcf
         super().__init__(config, device)
@@ -95,10 +93,9 @@ class TranslatedWalking(Walking):
         taken = _HerdStep(herd, self._state, self._probe, action)
         target, hidden = taken.answer.copy(), taken.hidden[:k].copy()
         # translate
-        given = o[:k], taken.action[:k], taken.answer[:k]
-        target[:k] = self._translate(*given)
-        if self._shift is not None:
-            hidden += self._shift(*given, before[:k])
+        target[:k], shift = self._translate(o[:k], taken.action[:k], taken.answer[:k], before[:k])
+        if shift is not None:
+            hidden += shift
         # refuse what no robot can be in: the simulator's answer stands there
         ground = herd.ground.height(hidden[:, 0], hidden[:, 1])
         lost = astray(robot, target[:k], hidden, ground)
@@ -203,5 +200,4 @@ def translated(
     """
     card = Card.load(folder)
     model = Registered(folder / MODEL_FILE, card, spec, config.threads)
-    shift = model.shift if model.carries else None
-    return TranslatedWalking(config, device, model.predict, alignment, scale, mjcf, share, shift)
+    return TranslatedWalking(config, device, model.step_of, alignment, scale, mjcf, share)

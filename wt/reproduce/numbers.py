@@ -11,7 +11,7 @@ from wt.reproduce.exhibit import Exhibit, Numbers
 from wt.show.files import write_whole
 
 FOLDER = "numbers"
-SCHEMA = 1
+SCHEMA = 2
 
 
 def obtain(exhibit: Exhibit, bench: Bench) -> Numbers:
