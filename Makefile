@@ -68,6 +68,8 @@ bench: env ## print the tables of speed
 	$(BIN)/python benchmarks/collect.py
 	$(BIN)/python benchmarks/train.py
 	$(BIN)/python benchmarks/runner.py
+	$(BIN)/python benchmarks/watched.py
+	$(BIN)/python benchmarks/drift.py
 	$(BIN)/python benchmarks/finetune.py
 	$(BIN)/python benchmarks/envs.py --short
 	$(BIN)/python benchmarks/diagnose.py --seconds 10

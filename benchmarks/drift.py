@@ -81,7 +81,7 @@ def false(seed: int, draws: int, units: int, sessions: int, usual: float) -> tup
     return raised, draws * units * sessions
 
 
-def main(draws: int = 20, *seeds: int) -> None:
+def main(draws: int = 5, *seeds: int) -> None:
     """Print both tables."""
     seeds = seeds or (1, 2, 3)
     count = draws * len(seeds)

@@ -85,12 +85,12 @@ def _of_unit(
     usual = {q: scatter(tables[q], unit, begun[q]) for q in mine}
     found: dict[Quantity, dict[str, Change | Trend]] = {}
     for q, own in base.items():
-        tests = {
+        possible = {
             "step": change(own, usual[q]),
             "late": _late(own, usual[q], scatter(tables[q], unit, begun[q], 2)),
             "line": trend(own, usual[q]),
         }
-        found[q] = {name: test for name, test in tests.items() if test}
+        found[q] = {name: test for name, test in possible.items() if test}
     chances = {(q, name): t.p for q, tests in found.items() for name, t in tests.items()}
     raised = alarms(chances, shares={key: TESTS[key[1]] for key in chances})
     last: dict[Quantity, Judged] = {}
