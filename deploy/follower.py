@@ -83,10 +83,10 @@ class Follower:
 
 
 def ready() -> None:
-    """Say that what takes time at first is done, and work only where nobody else does from now."""
-    print("ready", flush=True)
+    """Work only where nobody else does from now, and say that what takes time at first is done."""
     with suppress(AttributeError, OSError):
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
+    print("ready", flush=True)
 
 
 def told() -> BufferedReader:
