@@ -143,7 +143,9 @@ class Pace:
         at_rest = step_seconds(scene, COARSE * step, self._clock)
         self._replay = (FEET if self._floats else 1.0) * at_rest * steps
         adapting = LINEARISED * (len(tolerances(scene)) + 2 * scene.model.nv)
-        replays_s = (FLOATING if self._floats else adapting + OF_JOINT) * self._replay
+        # which joints err is not known yet: all may
+        search = OF_JOINT * scene.model.nv
+        replays_s = (FLOATING if self._floats else adapting + search) * self._replay
         # where the way to the search is short, it says so better
         if self._floats or replays_s > _EARLY_S:
             self._announce(replays_s + self._screen)

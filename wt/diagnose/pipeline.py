@@ -148,15 +148,14 @@ def diagnose(
 def audited(
     model: str | Path, recordings: Sequence[Source], holdout: Sequence[Source], pace: Pace
 ) -> tuple[Scene, Prepared]:
-    """The model and the recordings as corrected; they say how long the rest will take."""
+    """The model and the recordings as corrected; as given they say how long all will take."""
     pace.stage("auditing")
     scene = Scene(model)
-    prepared = prepare(scene, recordings, holdout)
-    changes = amendments(prepared.audit)
-    scene = Scene(model, changes) if changes else scene
     effort = effort_of(scene)
-    pace.foretell(scene, effort.search_step, effort.search_s, prepared.used)
-    return scene, prepared
+    foretell = functools.partial(pace.foretell, scene, effort.search_step, effort.search_s)
+    prepared = prepare(scene, recordings, holdout, foretell)
+    changes = amendments(prepared.audit)
+    return (Scene(model, changes) if changes else scene), prepared
 
 
 def effort_of(scene: Scene) -> Effort:

@@ -7,10 +7,13 @@ from pathlib import Path
 import pytest
 
 from tests.diagnose.hidden_forces import chain, record
+from wt.check.run import Checked
 from wt.data import recording as recordings
+from wt.diagnose.recordings import prepare as prepare_module
 from wt.diagnose.recordings.prepare import Prepared, prepare, turned
 from wt.errors import RecordingError
 from wt.physics.scene import Scene
+from wt.types import Recording
 
 
 @pytest.fixture
@@ -78,3 +81,20 @@ def test_more_than_helps_in_all_is_refused_before_it_is_read(
     monkeypatch.setattr(recordings, "read", None)
     with pytest.raises(RecordingError, match="2 files have"):
         prepare(scene, files, [])
+
+
+def test_how_long_all_will_take_is_told_before_the_audit(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A humanoid's audit took half a minute in which nobody was told of the quarter of an hour."""
+    told: list[object] = []
+    audit = prepare_module.check
+
+    def audited(scene: Scene, recording: Recording) -> Checked:
+        told.append("audited")
+        return audit(scene, recording)
+
+    monkeypatch.setattr(prepare_module, "check", audited)
+    pair = [record(chain(1), None, 3.0, i) for i in range(2)]
+    prepare(scene, pair[:1], pair[1:], lambda used: told.extend(u.role for u in used))
+    assert told == ["fit", "holdout", "audited", "audited"]

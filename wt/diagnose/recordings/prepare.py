@@ -7,7 +7,8 @@ held-out parts.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -62,13 +63,19 @@ class Prepared:
         )
 
 
-def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) -> Prepared:
+def prepare(
+    scene: Scene,
+    given: Sequence[Source],
+    holdout: Sequence[Source],
+    once_read: Callable[[Sequence[Used]], None] | None = None,
+) -> Prepared:
     """Read, check, audit, complete and split recordings.
 
     Args:
         scene: the machine.
         given: recordings to fit; some of them are held out if ``holdout`` is empty.
         holdout: recordings for the proof only.
+        once_read: told what was given before it is audited, which takes longer.
 
     Raises:
         RecordingError: one of them cannot be used, or where its base was cannot be known; the
@@ -79,9 +86,15 @@ def prepare(scene: Scene, given: Sequence[Source], holdout: Sequence[Source]) ->
     files = [s for s in (*given, *holdout) if not isinstance(s, Recording)]
     recordings.refuse_more_than_helps(recordings.sizes_of(files))
     _refuse_twice(given, holdout)
+    raw = [_read(scene, source, i) for i, source in enumerate([*given, *holdout])]
+    if once_read:
+        whole = [
+            Used(name, "fit" if i < len(given) else "holdout", r.seconds, r.rate_hz)
+            for i, (name, r) in enumerate(raw)
+        ]
+        once_read(whole)
     audit: dict[tuple[object, ...], AuditFinding] = {}
-    read = [_read(scene, source, i, audit) for i, source in enumerate([*given, *holdout])]
-    named = _numbered(read)
+    named = _numbered([(name, _audited(scene, name, r, audit)) for name, r in raw])
     refuse_repeated(named, len(given))
     parts = [Part(r, i) for i, (_, r) in enumerate(named)]
     fit, held_out = parts[: len(given)], parts[len(given) :]
@@ -107,7 +120,8 @@ def unsplit(scene: Scene, given: Sequence[Source]) -> tuple[Part, ...]:
         RecordingError: one of them cannot be used; the message names it.
     """
     audit: dict[tuple[object, ...], AuditFinding] = {}
-    return tuple(Part(_read(scene, s, i, audit)[1], i) for i, s in enumerate(given))
+    raw = [_read(scene, source, i) for i, source in enumerate(given)]
+    return tuple(Part(_audited(scene, *named, audit), i) for i, named in enumerate(raw))
 
 
 def turned(prepared: Prepared) -> Prepared | None:
@@ -174,24 +188,37 @@ def _roles(fit: list[Part], held_out: list[Part]) -> tuple[tuple[Role, list[Part
     return ("fit", fit), ("holdout", held_out)
 
 
-def _read(
-    scene: Scene, source: Source, index: int, audit: dict[tuple[object, ...], AuditFinding]
-) -> tuple[str, Recording]:
-    """One recording as corrected; what was wrong with it joins the audit."""
+def _read(scene: Scene, source: Source, index: int) -> tuple[str, Recording]:
+    """One recording as it was given, of this machine, and its name."""
     if isinstance(source, Recording):
         name = str(source.meta.get("source", f"recording {index + 1}"))
         recording = source
     else:
         name, recording = str(source), recordings.read(source)
-    try:
+    with _naming(name):
         recordings.check_against(recording, scene.given)
         _check_contents(scene, recording)
+    return name, recording
+
+
+def _audited(
+    scene: Scene, name: str, recording: Recording, audit: dict[tuple[object, ...], AuditFinding]
+) -> Recording:
+    """A recording as corrected; what was wrong with it joins the audit."""
+    with _naming(name):
         checked = check(scene, recording)
         for f in checked.findings:
             if f.sure:
                 audit.setdefault((f.kind, f.columns, f.elements), f)
         assert checked.recording is not None
-        return name, _completed(scene, checked.recording)
+        return _completed(scene, checked.recording)
+
+
+@contextmanager
+def _naming(name: str) -> Iterator[None]:
+    """Errors within name the recording."""
+    try:
+        yield
     except RecordingError as error:
         raise RecordingError(f"'{name}': {error}") from error
 
