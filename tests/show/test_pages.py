@@ -14,6 +14,7 @@ from tests.diagnose import synthetic
 from tests.passport.passports import addition, estimates
 from tests.prove.test_page import scored
 from wt.ask import plan_page
+from wt.ask.measured import Measured
 from wt.ask.plan import Apart, Cause, Plan
 from wt.check.files import Audited
 from wt.check.finding import AuditFinding
@@ -73,7 +74,12 @@ def planned() -> str:
         for i, a in enumerate(causes)
         for b in causes[:i]
     ]
-    return plan_page.page(Plan({LONG: tuple(pairs)}, ("joint.backlash",)), "arm.xml")
+    sensors = Measured(
+        declared=True, joints=(LONG,), speeds=(), drives=(), bodies=(), others=(f"{LONG}_touch",)
+    )
+    unseen = (Cause("joint.armature", Location("joint", LONG)),)
+    plan = Plan({LONG: tuple(pairs)}, ("joint.backlash",), sensors, unseen)
+    return plan_page.page(plan, "arm.xml")
 
 
 @pytest.fixture(scope="module")
