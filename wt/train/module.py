@@ -23,7 +23,7 @@ from wt.errors import ConfigError
 from wt.nets.world_model import WorldModel
 from wt.train import graphs, phases, replicas
 from wt.train.batches import StepBatch
-from wt.train.score import PairTensors, errors, measured, reconstructions, score
+from wt.train.score import PairTensors, errors, reconstructions, score, scored
 from wt.train.selection import Selection
 from wt.types import TransitionSpec
 
@@ -146,7 +146,7 @@ class WorldTranslation(lightning.LightningModule):
         # what the encoder keeps of R's own outcome, and what is left without translation
         real = PairTensors.of(batch.predicted, frame.state.std, frame.change.std)
         kept = (reconstructions(self.model, real) - real.real_next) / real.state_std
-        deployed = measured(self.deployed(), batch)
+        deployed = scored(self.deployed(), batch)
         values = {
             batch.metric: deployed.error,
             STANDARD_ERROR: deployed.standard_error,

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from wt.nets.world_model import WorldModel
-from wt.train.selection import Measured, Selection
+from wt.train.selection import ErrorEstimate, Selection
 from wt.translate import reconstruct_state, translate_state
 from wt.types import Pairs
 
@@ -64,10 +64,10 @@ def reconstructions(model: WorldModel, pairs: PairTensors) -> Tensor:
 
 def score(model: WorldModel, selection: Selection) -> float:
     """Error of a model's translation on the data that choose."""
-    return measured(model, selection).error
+    return scored(model, selection).error
 
 
-def measured(model: WorldModel, selection: Selection) -> Measured:
+def scored(model: WorldModel, selection: Selection) -> ErrorEstimate:
     """As :func:`score`, and how sure that is."""
     std, change_std = model.frame.state.std, model.frame.change.std
     tensors = PairTensors.of(selection.translated, std, change_std)

@@ -52,7 +52,7 @@ CONSTANT = 1e-6
 """A channel that varies less than this, in its own unit, has no scale."""
 
 
-class Measured(NamedTuple):
+class ErrorEstimate(NamedTuple):
     """Error of a translation on what chooses.
 
     Attributes:
@@ -88,7 +88,7 @@ class Selection(ABC):
     hash: str
 
     @abstractmethod
-    def measure(self, states: Float[Tensor, "row state"]) -> Measured:
+    def measure(self, states: Float[Tensor, "row state"]) -> ErrorEstimate:
         """Error of a translation, and how sure it is.
 
         Args:
@@ -118,10 +118,10 @@ class Paired(Selection):
         self.hash = content_hash(pairs)
         self._scale = scale
 
-    def measure(self, states: Float[Tensor, "row state"]) -> Measured:
+    def measure(self, states: Float[Tensor, "row state"]) -> ErrorEstimate:
         """Mean squared error of the normalised next state."""
         error = states - torch.tensor(self.translated.real.s_next)
-        return Measured(float(((error / torch.tensor(self._scale)) ** 2).mean()), 0.0)
+        return ErrorEstimate(float(((error / torch.tensor(self._scale)) ** 2).mean()), 0.0)
 
 
 class Unpaired(Selection):
@@ -149,7 +149,7 @@ class Unpaired(Selection):
         self.predicted = Pairs(real, real.nominal)
         self.hash = digest([content_hash(sim), content_hash(real)])
 
-    def measure(self, states: Float[Tensor, "row state"]) -> Measured:
+    def measure(self, states: Float[Tensor, "row state"]) -> ErrorEstimate:
         """Energy distance of what (o, a) do not tell, in units of R's spread of it."""
         of_sim = self._told.left(self.translated.real, states.detach().cpu().numpy())
         return energy_distance(
@@ -231,7 +231,7 @@ def _waves(
     return direction, rng.uniform(0.0, 2.0 * np.pi, count)
 
 
-def energy_distance(x: Float[Tensor, "n channel"], y: Float[Tensor, "m channel"]) -> Measured:
+def energy_distance(x: Float[Tensor, "n channel"], y: Float[Tensor, "m channel"]) -> ErrorEstimate:
     """2 E‖X − Y‖ − E‖X − X′‖ − E‖Y − Y′‖ of two samples (Székely and Rizzo 2013).
 
     Its standard error is that of the sums' linear part, of what each row adds (Hoeffding 1948).
@@ -241,7 +241,7 @@ def energy_distance(x: Float[Tensor, "n channel"], y: Float[Tensor, "m channel"]
     error = 2.0 * between.mean() - of_x.mean() - of_y.mean()
     each = 2.0 * (between.mean(dim=1) - of_x), 2.0 * (between.mean(dim=0) - of_y)
     variance = sum(float(part.var()) / len(part) for part in each)
-    return Measured(float(error), math.sqrt(variance))
+    return ErrorEstimate(float(error), math.sqrt(variance))
 
 
 def hold_out(data: Transitions, share: float) -> tuple[Transitions, Transitions]:
