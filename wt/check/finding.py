@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from wt.physics.scene import Amendment
@@ -66,3 +66,13 @@ class AuditFinding:
 def amendments(findings: Iterable[AuditFinding]) -> list[Amendment]:
     """What mends a model, of the findings that are sure of it."""
     return [f.model_change for f in findings if f.sure and f.model_change]
+
+
+def leave_out(*names: str) -> Change:
+    """The change that drops some columns."""
+
+    def change(recording: Recording) -> Recording:
+        kept = {n: c for n, c in recording.columns.items() if n not in names}
+        return replace(recording, columns=kept)
+
+    return change

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.check.audit import Stage, Subject, register
-from wt.check.finding import AuditFinding, Change
+from wt.check.finding import AuditFinding, Change, leave_out
 from wt.data.recording import coordinate
 from wt.physics.scene import Drive
 from wt.types import Recording
@@ -63,7 +63,7 @@ def _empty(name: str) -> AuditFinding:
         (),
         f"'{name}' has no value at all",
         f"leave '{name}' out, or log it",
-        change=lambda r: replace(r, columns={n: c for n, c in r.columns.items() if n != name}),
+        change=leave_out(name),
     )
 
 
@@ -131,7 +131,7 @@ def _velocity(recording: Recording, name: str) -> Iterable[AuditFinding]:
         (),
         f"'{name}' never changes, and its position moves by {travel:.3g}",
         f"leave '{name}' out",
-        change=lambda r: replace(r, columns={n: c for n, c in r.columns.items() if n != name}),
+        change=leave_out(name),
     )
 
 

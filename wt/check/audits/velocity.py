@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from wt.check.audit import Stage, Subject, register
-from wt.check.finding import AuditFinding, Change
+from wt.check.finding import AuditFinding, Change, leave_out
 from wt.check.velocity import Relation, related
 from wt.types import Recording
 
@@ -100,7 +100,7 @@ def _scaled(recording: Recording, joint: str, relation: Relation) -> Iterable[Au
             f"'{name}' comes {1e3 * relation.late:.0f} ms behind the slope of 'qpos/{joint}': it "
             "was filtered, or logged late",
             f"leave '{name}' out; the slope of the position is the better velocity",
-            change=_without(name),
+            change=leave_out(name),
         )
 
 
@@ -112,14 +112,6 @@ def _times(name: str, factor: float) -> Change:
     def change(recording: Recording) -> Recording:
         columns = recording.columns
         return replace(recording, columns={**columns, name: columns[name] * factor})
-
-    return change
-
-
-def _without(*names: str) -> Change:
-    def change(recording: Recording) -> Recording:
-        kept = {n: c for n, c in recording.columns.items() if n not in names}
-        return replace(recording, columns=kept)
 
     return change
 
@@ -162,5 +154,5 @@ def _strangers(recording: Recording, strange: list[str]) -> Iterable[AuditFindin
             f"'{name}' is not the slope of 'qpos/{joint}', nor a multiple of it",
             f"leave '{name}' out",
             0.9,
-            change=_without(name),
+            change=leave_out(name),
         )
