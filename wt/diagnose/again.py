@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from wt.diagnose.likelihood.estimate import estimate
-from wt.diagnose.likelihood.objective import objective_on
+from wt.diagnose.likelihood.bic import worth
+from wt.diagnose.likelihood.estimate import estimate, fitted
+from wt.diagnose.likelihood.objective import Objective, objective_on
 from wt.diagnose.pace import Pace, Say
 from wt.diagnose.pipeline import audited, effort_of, searched, steps_for
 from wt.diagnose.recordings.commands import smooth_as_sent
@@ -88,15 +89,39 @@ def estimated(
         Each effect as fitted with its parameters by name, in the given order; an effect that the
         recordings contradict is left out.
     """
+    objective, start = _possible(of, hypothesis)
+    found = estimate(objective, start)
+    return tuple(zip(found.hypothesis, found.estimates, strict=True))
+
+
+@quiet()
+def worth_of(of: Recorded, hypothesis: Hypothesis, planted: Planted) -> float:
+    """What some recordings lose with one of several effects [nats], less its parameters' price.
+
+    The others are fitted with it and without it.
+
+    Args:
+        of: the recordings.
+        hypothesis: effects, with parameters to start from.
+        planted: one of them; worth −∞ if the recordings contradict it.
+    """
+    objective, start = _possible(of, hypothesis)
+    if planted.key not in (p.key for p in start):
+        return -np.inf
+    whole = fitted(objective, start)
+    rest = tuple(p for p in whole.hypothesis if p.key != planted.key)
+    return worth(objective, whole, fitted(objective, rest))
+
+
+def _possible(of: Recorded, hypothesis: Hypothesis) -> tuple[Objective, Hypothesis]:
+    """Replays of all of some recordings, and the effects that these do not contradict."""
     scene, effort = of.scene, effort_of(of.scene)
     whole, forgetting = smooth_as_sent(scene, of.prepared.whole, effort.step, effort.search_step)
     window = None if forgetting or scene.free else longest_window(whole, effort.search_step)
     smooth = steps_for(whole, window)
     objective = objective_on([whole], forgetting, effort.most_s, effort.step, window, smooth)
     here = [p.elsewhere(whole.motion) for p in hypothesis]
-    start = tuple(p for p in here if p.wrong(whole.motion) is None)
-    fitted = estimate(objective, start)
-    return tuple(zip(fitted.hypothesis, fitted.estimates, strict=True))
+    return objective, tuple(p for p in here if p.wrong(whole.motion) is None)
 
 
 @dataclass(frozen=True, eq=False)

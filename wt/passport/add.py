@@ -18,6 +18,7 @@ from wt.passport.card import card
 from wt.passport.estimates import GroupEstimate, common, rows
 from wt.passport.folder import Addition, Passport, Source
 from wt.passport.parts import Part, parts_of
+from wt.passport.support import borne_out
 from wt.physics.planted import Hypothesis
 
 Say = Callable[[str, float], None]
@@ -155,6 +156,8 @@ def _estimated(
 
         found.append(again.named(read[labels], seed, told))
     hypothesis, notes = common([h for h in found if h])
+    hypothesis, unneeded = borne_out(hypothesis, found, [read[labels] for labels in asked])
+    notes += unneeded
     old = {p.key for p in passport.hypothesis}
     grown = any(p.key not in old for p in hypothesis)
     stale = [k for k in passport.groups if k not in fresh] * grown

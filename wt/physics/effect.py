@@ -233,6 +233,13 @@ class Effect(abc.ABC):
         """The experiment that tells this effect best from others at the same place."""
         return f"a multisine on {at} with slow reversals and fast parts"
 
+    def same_as(self, scene: Scene, at: Location) -> Sequence[tuple[str, Location]]:
+        """Effects, by id and place, that no recording of this machine can tell from it.
+
+        Not those that some recordings cannot: these are found by replays.
+        """
+        return ()
+
     # -- parameters --------------------------------------------------------------------------
 
     @property

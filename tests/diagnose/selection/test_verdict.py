@@ -15,8 +15,15 @@ from wt.diagnose.likelihood.estimate import Estimated
 from wt.diagnose.likelihood.objective import Assessed
 from wt.diagnose.result import Verdict
 from wt.diagnose.selection.addition import Accepted
+from wt.diagnose.selection.holdout import Gain
 from wt.diagnose.selection.naming import Claims
-from wt.diagnose.selection.verdict import bearing, left_over, shown_by_holdout, verdict
+from wt.diagnose.selection.verdict import (
+    bearing,
+    findings,
+    left_over,
+    shown_by_holdout,
+    verdict,
+)
 from wt.diagnose.unknown.force import Unknown
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
@@ -104,3 +111,18 @@ def test_what_is_beyond_noise_and_no_noise_is_a_mismatch_however_small(
         said == "unexplained"
     )
     assert all(f.lawless and "prove no law" in f.statement for f in found)
+
+
+def test_what_no_recording_tells_from_a_finding_is_listed_whatever_replays_say(
+    tmp_path: Path,
+) -> None:
+    replays = world(tmp_path, 2, None, 3.0).objective
+    late = Planted(effects()["actuator.delay"], Location("actuator", "all"), np.array([0.03]))
+    assessed = Mock(spec=Assessed, hypothesis=(late,), mse=replays.floor**2)
+    gain = Gain(share=0.9, p_value=1e-4)
+    estimated = Estimated(assessed, ({},))
+    claims = Claims((Accepted(late, None, ()),), estimated, (gain,), ())
+    (finding,) = findings(claims, replays.scene)
+    assert [(c.effect, c.at) for c in finding.confusable_with] == [
+        ("sensor.delay", Location("sensor", "all"))
+    ]

@@ -18,6 +18,7 @@ from wt.diagnose.selection.naming import Claims
 from wt.diagnose.stop import stopped
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.force import Unknown
+from wt.physics.planted import Planted
 from wt.physics.scene import Scene
 from wt.types import Location
 
@@ -143,6 +144,14 @@ def crowded_joints(claims: Claims, objective: Objective) -> list[int]:
     return [int(d) for d in np.flatnonzero(np.sqrt(mse) > allowed * objective.floor)]
 
 
+def _not_told_apart(
+    planted: Planted, rivals: Sequence[Planted], scene: Scene
+) -> list[tuple[str, Location]]:
+    """Ids and places of what no recording could tell from an effect, then of what these do not."""
+    never = planted.effect.same_as(scene, planted.at)
+    return list(dict.fromkeys([*never, *((r.effect.id, r.at) for r in rivals)]))
+
+
 def findings(claims: Claims, scene: Scene, experiment: str = "") -> tuple[Finding, ...]:
     """For people, the most important first.
 
@@ -160,8 +169,8 @@ def findings(claims: Claims, scene: Scene, experiment: str = "") -> tuple[Findin
             holdout_gain=gain.share,
             p_value=gain.p_value,
             confusable_with=tuple(
-                Confusable(r.effect.id, r.at, experiment or planted.separation(scene))
-                for r in a.rivals
+                Confusable(effect, at, experiment or planted.separation(scene))
+                for effect, at in _not_told_apart(planted, a.rivals, scene)
             ),
             reference=planted.effect.reference,
         )

@@ -40,6 +40,13 @@ class ActuatorDelay(OnInputs, Tolerated):
         single = super().places(scene)
         return [Location("actuator", "all"), *single] if len(single) > 1 else single
 
+    def same_as(self, scene: Scene, at: Location) -> Sequence[tuple[str, Location]]:
+        """Late measurements, where all commands are late: only the time between them shows."""
+        if scene.free or len(scene.driven(at)) < len(scene.drives):
+            return ()
+        joints = [Location("joint", name) for name in scene.own_joints]
+        return [("sensor.delay", Location("sensor", "all") if len(joints) > 1 else joints[0])]
+
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Delays from half a sample up."""
         return [(d,) for d in motion.dt * np.array([0.5, 1, 2, 4, 8, 16]) if d < 0.3]

@@ -39,6 +39,13 @@ class SensorDelay(OnOutputs, Tolerated):
         single = [Location("joint", name) for name in scene.own_joints]
         return [Location("sensor", "all"), *single] if len(single) > 1 else single
 
+    def same_as(self, scene: Scene, at: Location) -> Sequence[tuple[str, Location]]:
+        """Late commands, where all measurements are late: only the time between them shows."""
+        drives = [Location("actuator", drive.name) for drive in scene.drives]
+        if scene.free or not drives or len(self._dofs(scene, at)) < scene.model.nv:
+            return ()
+        return [("actuator.delay", Location("actuator", "all") if len(drives) > 1 else drives[0])]
+
     def _dofs(self, scene: Scene, at: Location) -> list[int]:
         return list(range(scene.model.nv)) if at.name == "all" else [scene.dof(at.name)]
 
