@@ -9,8 +9,9 @@ itself. A joint without one moves as it likes, and its forces show by what they 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, get_args
 
 import mujoco
 import numpy as np
@@ -20,13 +21,30 @@ from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.types import Location
 
-_POSITION, _SPEED, _FORCE = (
-    {"JOINTPOS", "ACTUATORPOS"},
-    {"JOINTVEL", "ACTUATORVEL"},
-    {"ACTUATORFRC", "JOINTACTFRC"},
-)
-_TURNS = {"GYRO", "FRAMEQUAT", "FRAMEANGVEL", "FRAMEANGACC", "FRAMEXAXIS", "FRAMEYAXIS", "FRAMEZAXIS"}  # fmt: skip  # noqa: E501
-_MOVES = {"ACCELEROMETER", "VELOCIMETER", "FRAMEPOS", "FRAMELINVEL", "FRAMELINACC"}
+Quantity = Literal["position", "velocity", "force", "turn", "move", "other"]
+"""What a sensor says here: of a joint, of a drive, or of how a body turns or moves."""
+
+_QUANTITIES: Mapping[str, Quantity] = {
+    "JOINTPOS": "position",
+    "ACTUATORPOS": "position",
+    "JOINTVEL": "velocity",
+    "ACTUATORVEL": "velocity",
+    "ACTUATORFRC": "force",
+    "JOINTACTFRC": "force",
+    "GYRO": "turn",
+    "FRAMEQUAT": "turn",
+    "FRAMEXAXIS": "turn",
+    "FRAMEYAXIS": "turn",
+    "FRAMEZAXIS": "turn",
+    "FRAMEANGVEL": "turn",
+    "FRAMEANGACC": "turn",
+    "ACCELEROMETER": "move",
+    "VELOCIMETER": "move",
+    "FRAMEPOS": "move",
+    "FRAMELINVEL": "move",
+    "FRAMELINACC": "move",
+}
+"""By MuJoCo's name of the sensor's kind; all others say nothing here."""
 _JACOBIANS = {
     mujoco.mjtObj.mjOBJ_SITE: mujoco.mj_jacSite,
     mujoco.mjtObj.mjOBJ_BODY: mujoco.mj_jacBodyCom,
@@ -97,7 +115,7 @@ class Measured:
         moves, turns = np.zeros((3, model.nv)), np.zeros((3, model.nv))
         kind = mujoco.mjtObj(int(model.sensor_objtype[sensor]))
         _JACOBIANS[kind](model, data, moves, turns, int(model.sensor_objid[sensor]))
-        return turns if _kind(model, sensor) in _TURNS else moves
+        return turns if _quantity(model, sensor) == "turn" else moves
 
     def to_json(self) -> dict[str, Any]:
         """As in ``plan.json``."""
@@ -116,39 +134,48 @@ def measured(scene: Scene) -> Measured:
     Args:
         scene: the machine.
     """
-    m = scene.model
-    joint_of = {drive.index: drive.joint for drive in scene.drives}
-    name_of = {drive.index: drive.name for drive in scene.drives}
-    positions, speeds, drives, bodies, others = [], [], [], [], []
-    for i in range(m.nsensor):
-        kind, of = _kind(m, i), int(m.sensor_objid[i])
-        is_joint = int(m.sensor_objtype[i]) == mujoco.mjtObj.mjOBJ_JOINT
-        joint = m.joint(of).name if is_joint else joint_of.get(of, "")
-        if kind in _POSITION:
-            positions.append(joint)
-        elif kind in _SPEED:
-            speeds.append(joint)
-        elif kind in _FORCE:
-            drives += [
-                name
-                for index, name in name_of.items()
-                if (joint_of[index] == joint if is_joint else index == of)
-            ]
-        elif kind in _TURNS | _MOVES and mujoco.mjtObj(int(m.sensor_objtype[i])) in _JACOBIANS:
-            bodies.append(i)
-        else:
-            others.append(m.sensor(i).name)
-    declared = bool(positions or speeds)
-    own = scene.own_joints
+    sensors: dict[Quantity, list[int]] = {quantity: [] for quantity in get_args(Quantity)}
+    for i in range(scene.model.nsensor):
+        sensors[_quantity(scene.model, i)].append(i)
+    positions, speeds = (
+        {_joint(scene, i) for i in sensors[quantity]} for quantity in ("position", "velocity")
+    )
+    declared, own = bool(positions or speeds), scene.own_joints
     return Measured(
         declared,
-        tuple(j for j in own if j in positions) if declared else tuple(own),
-        tuple(j for j in own if j in speeds and j not in positions),
-        tuple(dict.fromkeys(drives)),
-        tuple(bodies),
-        tuple(others),
+        tuple(j for j in own if j in positions or not declared),
+        tuple(j for j in own if j in speeds - positions),
+        tuple(dict.fromkeys(name for i in sensors["force"] for name in _drives(scene, i))),
+        tuple(sorted(sensors["turn"] + sensors["move"])),
+        tuple(scene.model.sensor(i).name for i in sensors["other"]),
     )
 
 
-def _kind(model: mujoco.MjModel, sensor: int) -> str:
-    return mujoco.mjtSensor(int(model.sensor_type[sensor])).name.removeprefix("mjSENS_")
+def _quantity(model: mujoco.MjModel, sensor: int) -> Quantity:
+    """What a sensor says here; of a body only where its place has a Jacobian."""
+    kind = mujoco.mjtSensor(int(model.sensor_type[sensor])).name.removeprefix("mjSENS_")
+    quantity = _QUANTITIES.get(kind, "other")
+    of_body = quantity in ("turn", "move")
+    place = mujoco.mjtObj(int(model.sensor_objtype[sensor]))
+    return "other" if of_body and place not in _JACOBIANS else quantity
+
+
+def _of_joint(model: mujoco.MjModel, sensor: int) -> bool:
+    return int(model.sensor_objtype[sensor]) == mujoco.mjtObj.mjOBJ_JOINT
+
+
+def _joint(scene: Scene, sensor: int) -> str:
+    """The joint that a sensor is of, itself or as what its drive moves; empty if none."""
+    of = int(scene.model.sensor_objid[sensor])
+    if _of_joint(scene.model, sensor):
+        return str(scene.model.joint(of).name)
+    return next((drive.joint for drive in scene.drives if drive.index == of), "")
+
+
+def _drives(scene: Scene, sensor: int) -> list[str]:
+    """The drives whose force a sensor measures: itself, or together at their joint."""
+    if _of_joint(scene.model, sensor):
+        joint = _joint(scene, sensor)
+        return [drive.name for drive in scene.drives if drive.joint == joint]
+    of = int(scene.model.sensor_objid[sensor])
+    return [drive.name for drive in scene.drives if drive.index == of]
