@@ -174,6 +174,25 @@ def test_the_graph_speaks_as_mjlab_s_do(folder: Path) -> None:
     assert Policy.load(folder, GO2).card.name == "test"
 
 
+def test_its_identity_is_how_it_acts_whoever_exported_it(folder: Path) -> None:
+    known = Policy.load(folder, GO2).identity
+    edit(folder, commit="0e99999999", task="walking on", sources={"checkpoint": MODEL})
+    say(folder, metadata(PolicyCard.read(folder / CARD)))
+    again = Policy.load(folder, GO2)
+    assert again.card.commit == "0e99999999" and again.identity == known
+    for others in ((1.01 * WEIGHT, None), (np.pad(WEIGHT, ((0, 2), (0, 0))), 0.6)):
+        write(folder, *others)
+        assert Policy.load(folder, GO2).identity != known
+
+
+def test_its_clock_is_part_of_its_identity(folder: Path) -> None:
+    wide, found = np.pad(WEIGHT, ((0, 2), (0, 0))), set()
+    for period in (0.6, 0.7):
+        write(folder, wide, period)
+        found.add(Policy.load(folder, GO2).identity)
+    assert len(found) == 2
+
+
 def test_the_graph_says_its_units_and_what_made_it(folder: Path) -> None:
     said = {p.key: p.value for p in onnx.load(folder / GRAPH).metadata_props}
     units = dict(

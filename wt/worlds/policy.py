@@ -15,6 +15,7 @@ import json
 import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -247,6 +248,23 @@ class Policy:
         policy = cls(card, content, threads)
         _check_metadata(policy._session.get_modelmeta().custom_metadata_map, card, folder)
         return policy
+
+    @cached_property
+    def identity(self) -> str:
+        """Hash of how it acts: its network and its clock, not what its graph says of itself.
+
+        An export anew, by another commit or under another name, acts the same.
+        """
+        import onnx
+
+        proto = onnx.load_model_from_string(self._graph)
+        for part in (proto.graph, *proto.graph.node):
+            part.ClearField("doc_string")
+            part.ClearField("metadata_props")
+        network = proto.graph.SerializeToString(deterministic=True)
+        versions = sorted((used.domain, used.version) for used in proto.opset_import)
+        acts = network.hex(), versions, self.card.clock_period, self.card.clock_rests
+        return hashlib.sha256(json.dumps(acts).encode()).hexdigest()
 
     def clock(self, size: int) -> GaitClock:
         """Clocks for ``size`` robots, whose reading :meth:`act` takes."""

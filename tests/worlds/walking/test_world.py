@@ -116,4 +116,4 @@ def test_identity_follows_the_policy_and_not_the_threads() -> None:
     one, two = world("go2_flat"), world("go2_flat", threads=2)
     assert one.identity() == two.identity()
     assert isinstance(one._options, WalkingOptions)
-    assert one._policy.card.sha256 in one.identity().values()
+    assert one._policy.identity in one.identity().values()

@@ -93,10 +93,10 @@ class WalkingWorld:
         )
 
     def identity(self) -> dict[str, object]:
-        """The options and the policy's hash; threads and where a file lies change nothing."""
+        """The options and how the policy acts; threads and where a file lies change nothing."""
         options = asdict(self._options)
         del options["threads"], options["policy"], options["model"]
-        return {"world": "walking", "policy": self._policy.card.sha256, **options}
+        return {"world": "walking", "policy": self._policy.identity, **options}
 
     def model(self, domain: Domain) -> mujoco.MjModel:
         """The compiled MJCF of a domain."""
