@@ -49,13 +49,12 @@ class Clipped:
             at = np.isin(recording.columns[name], ends)
             if not ends or not _moves(recording, joint, group, at):
                 continue
-            said = " and ".join(f"{end:.4g}" for end in ends)
             yield AuditFinding(
                 "clipped",
                 (name,),
                 (f"joint {joint}",),
-                f"'{name}' stays at exactly {said} for {at.sum()} samples, while "
-                f"'{_OTHER[group]}/{joint}' says that it goes on",
+                f"{_held(recording, name, ends)}, while '{_OTHER[group]}/{joint}' says that it "
+                "goes on",
                 "widen the range of the sensor or of the log; clipped samples are missing ones",
                 change=_Missing(name, ends),
             )
@@ -70,8 +69,8 @@ def _commands(balance: Balance, recording: Recording) -> Iterable[AuditFinding]:
     A stop, or a drive at its limit, holds a joint back instead.
     """
     for row, given in zip(balance.rows, balance.unexplained(), strict=True):
-        drive, name = row.drive, f"ctrl/{row.drive.name}"
-        command, position = recording.columns[name], recording.columns[f"qpos/{drive.joint}"]
+        drive, name, follows = row.drive, f"ctrl/{row.drive.name}", f"qpos/{row.drive.joint}"
+        command, position = recording.columns[name], recording.columns[follows]
         ends = _ends(command) if drive.servo and given > WRONG else []
         if np.isin(command, ends).mean() > _MOST:
             continue
@@ -90,19 +89,26 @@ def _commands(balance: Balance, recording: Recording) -> Iterable[AuditFinding]:
         left = dict(zip((r.drive for r in other.rows), other.unexplained(), strict=True))
         if left.get(drive, np.inf) * DECISIVE > given:
             continue
-        said = " and ".join(f"{end:.4g}" for end in ends)
         yield AuditFinding(
             "clipped",
             (name,),
             (f"actuator {drive.name}",),
-            f"'{name}' stays at exactly {said} for {np.isin(command, ends).sum()} samples, and "
-            f"'qpos/{drive.joint}' goes on: apart from them the motion explains "
-            f"{100.0 * (1.0 - left[drive]):.0f} % of it, and with them "
+            f"{_held(recording, name, ends)}, and '{follows}' goes on: apart from them the motion "
+            f"explains {100.0 * (1.0 - left[drive]):.0f} % of it, and with them "
             f"{100.0 * max(0.0, 1.0 - given):.0f} %",
             "widen the range of the log; what was sent then is not known",
             0.9,
             change=cut,
         )
+
+
+def _held(recording: Recording, name: str, ends: Sequence[float]) -> str:
+    """The evidence that all clipped columns have: where they stay, and how long."""
+    said, samples = (
+        " and ".join(f"{end:.4g}" for end in ends),
+        np.isin(recording.columns[name], ends),
+    )
+    return f"'{name}' stays at exactly {said} for {samples.sum()} samples"
 
 
 def _ends(column: Float[np.ndarray, " sample"]) -> list[float]:

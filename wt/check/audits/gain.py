@@ -21,6 +21,10 @@ from wt.physics.scene import Amendment, Drive
 
 UNITS = {"degrees for radians": 180.0 / math.pi, "thousandths for wholes": 1000.0}
 """Factors that gains of another unit are off by, either way."""
+_UNIT_OF = {
+    **{factor: unit for unit, factor in UNITS.items()},
+    **{1.0 / factor: unit for unit, factor in UNITS.items()},
+}
 _NEAR = 0.1  # of such a factor: what friction and a weight may make of it
 _NAMED = 0.04  # … where every servo alone arrives at about the same
 _EXACT = 1e-3  # … where the best one is looked for
@@ -57,26 +61,10 @@ class GainUnit:
         common = _common(balance, servos)
         if common is None and (usual > _FAINT).sum() < _LEAST:
             return
-        units = {**{f: unit for unit, f in UNITS.items()}, **{1 / f: u for u, f in UNITS.items()}}
-        named = [f for f in units if common is None or abs(common / f - 1.0) < _NAMED]
-        for factor in (*named, common or _fitted(balance, servos)):
-            if not self._shown(balance, servos, usual, factor, common is not None):
-                continue
-            rows = [row for row in balance.rows if row.drive.servo]
-            damped = _damped(balance, rows, factor)
-            times = f"{factor:.4g}" if factor > 1.0 else f"1/{1.0 / factor:.4g}"
-            unit = f"in another unit, {units[factor]}" if factor in units else "not the drives'"
-            yield AuditFinding(
-                "gain_unit",
-                (),
-                tuple(f"actuator {row.drive.name}" for row in rows),
-                f"The model's servos are all {times} times as stiff as the drives: their gains "
-                f"are {unit}",
-                f"{'kp' if damped else 'kp and kv'} of every servo times {1.0 / factor:.5g} in "
-                "the MJCF",
-                model_change=_times(1.0 / factor, [row.drive for row in rows], damped),
-            )
-            return
+        for factor in _candidates(balance, servos, common):
+            if self._shown(balance, servos, usual, factor, common is not None):
+                yield _finding(balance, factor)
+                return
 
     def _shown(
         self,
@@ -111,6 +99,30 @@ class GainUnitAlone(GainUnit):
 
     stage: ClassVar[Stage] = "gain"
     alone: ClassVar[bool] = True
+
+
+def _candidates(
+    balance: Balance, servos: Bool[np.ndarray, " row"], common: float | None
+) -> Iterable[float]:
+    """Factors to try: those of units that servos may be about, then what they come to."""
+    yield from (f for f in _UNIT_OF if common is None or abs(common / f - 1.0) < _NAMED)
+    yield common or _fitted(balance, servos)
+
+
+def _finding(balance: Balance, factor: float) -> AuditFinding:
+    """That gains of all servos are off by a factor, and what to change in the MJCF."""
+    rows = [row for row in balance.rows if row.drive.servo]
+    damped = _damped(balance, rows, factor)
+    times = f"{factor:.4g}" if factor > 1.0 else f"1/{1.0 / factor:.4g}"
+    unit = f"in another unit, {_UNIT_OF[factor]}" if factor in _UNIT_OF else "not the drives'"
+    return AuditFinding(
+        "gain_unit",
+        (),
+        tuple(f"actuator {row.drive.name}" for row in rows),
+        f"The model's servos are all {times} times as stiff as the drives: their gains are {unit}",
+        f"{'kp' if damped else 'kp and kv'} of every servo times {1.0 / factor:.5g} in the MJCF",
+        model_change=_times(1.0 / factor, [row.drive for row in rows], damped),
+    )
 
 
 def _about(factor: float, near: float = _NEAR) -> tuple[float, float]:
