@@ -10,7 +10,8 @@ import torch
 from tests.baselines.toy import Trial
 from wt.baselines.base import find
 from wt.baselines.flow import Flow, coupled
-from wt.config import Baselines
+from wt.config import Baselines, Method, Nets, Vae
+from wt.nets.world_model import WorldModel
 
 
 def test_partners_are_those_of_the_cheapest_transport() -> None:
@@ -37,6 +38,21 @@ def test_a_flow_begins_as_no_motion_and_follows_its_velocity() -> None:
     # the angle is the integral of pi t over 0 to 1, a quarter turn
     quarter = torch.stack([-z[:, 1], z[:, 0]], dim=1)
     assert ((flow(z, z) - quarter).norm(dim=1) < 0.05 * z.norm(dim=1)).all()
+
+
+def test_its_networks_and_prior_are_the_paper_s_of_the_task(
+    fleeting: Trial, small: Baselines
+) -> None:
+    paper = Method(nets=Nets(width=48, depth=2), vae=Vae(beta=0.03))
+    flow = find("FlowTranslation")(fleeting.toy.spec, small, 0, paper=paper)
+    built, theirs = flow.build()["model"], WorldModel(fleeting.toy.spec, paper)
+    assert built.method.nets == paper.nets and built.method.vae == paper.vae
+    for part in ("encoder", "decoder", "blind", "classifier"):
+        shapes, expected = (
+            {name: value.shape for name, value in getattr(of, part).state_dict().items()}
+            for of in (built, theirs)
+        )
+        assert shapes == expected
 
 
 @pytest.mark.long

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
 from wt.baselines.base import Baseline, find
-from wt.config import Baselines
+from wt.config import Baselines, Method, Nets
 from wt.types import Channel, Pairs, Transitions, TransitionSpec
 
 DT, SIGMA_F, SIGMA_A = 0.1, 1.0, 0.4
@@ -167,7 +167,8 @@ class Trial:
         """A baseline trained on it, with S at hand; the same one whenever it is asked for."""
         key = name, repr(settings)
         if key not in self.kept:
-            self.kept[key] = find(name)(self.toy.spec, settings, 0, self.toy)
+            paper = Method(nets=Nets(width=settings.width // 2, depth=settings.depth))
+            self.kept[key] = find(name)(self.toy.spec, settings, 0, self.toy, paper)
             self.kept[key].train(self.sim, self.real)
         return self.kept[key]
 

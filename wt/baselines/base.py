@@ -22,7 +22,7 @@ import torch
 from torch import Tensor, nn
 
 import wt.baselines
-from wt.config import Baselines, Mean
+from wt.config import Baselines, Mean, Method
 from wt.errors import ConfigError, suggest
 from wt.nets.frame import Frame
 from wt.nets.mlp import Ensemble, mlp
@@ -60,6 +60,7 @@ class Baseline(ABC):
         cost: time that its training takes beside DirectPred's, roughly.
         selection: held-out data of the training at hand.
         simulator: S, where there is one.
+        paper: the paper's method, of the same task.
         frame: normalisers, the same for all methods.
         nets: everything that is learned, by name, the frame included; what is kept of a fit.
     """
@@ -75,6 +76,7 @@ class Baseline(ABC):
         settings: Baselines,
         seed: int,
         simulator: Simulator | None = None,
+        paper: Method | None = None,
     ) -> None:
         """Set up without data.
 
@@ -83,9 +85,10 @@ class Baseline(ABC):
             settings: size and budget, shared by all baselines.
             seed: same seed, same baseline.
             simulator: S, for a baseline that steps it again; most do without.
+            paper: the paper's method as the task has it, for one that takes part of it over.
         """
         self.spec, self.settings, self.seed = spec, settings, seed
-        self.simulator = simulator
+        self.simulator, self.paper = simulator, paper or Method()
         self.frame = Frame(spec, Mean())
         self.nets = nn.ModuleDict({"frame": self.frame})
         self.selection: Selection | None = None

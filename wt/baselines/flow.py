@@ -1,9 +1,10 @@
 """FlowTranslation: the paper's features, translated by a flow instead of a CycleGAN.
 
-Encoder and decoder are trained as in Algorithm 1. Features of S are carried to features of R along
-the velocity v(z, t) of a flow, which is matched to straight lines between features that are paired
-by optimal transport within each batch. Tong et al., "Improving and generalizing flow-based
-generative models with minibatch optimal transport" (2024), there called OT-CFM.
+Encoder and decoder are trained as in Algorithm 1, as large and with the prior that the task gives
+the paper's method. Features of S are carried to features of R along the velocity v(z, t) of a flow,
+which is matched to straight lines between features that are paired by optimal transport within each
+batch. Tong et al., "Improving and generalizing flow-based generative models with minibatch optimal
+transport" (2024), there called OT-CFM.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from torch import Tensor, nn
 from torch.optim.lr_scheduler import LambdaLR
 
 from wt.baselines.base import Baseline, register
-from wt.config import Method, Nets
+from wt.config import Method
 from wt.nets.mlp import CHUNK, mlp
 from wt.nets.world_model import WorldModel
 from wt.train import phases
@@ -72,14 +73,14 @@ class FlowTranslation(Baseline):
     translates = True
 
     def build(self) -> dict[str, nn.Module]:
-        """The paper's networks, half as wide as a regressor, with a flow for CycleGAN's."""
-        width, depth = self.settings.width // 2, self.settings.depth
-        self.method = Method(nets=Nets(width=width, depth=depth))
+        """The networks and weights of the paper's method, with a flow for CycleGAN's."""
+        self.method = Method(nets=self.paper.nets, vae=self.paper.vae)
+        nets = self.method.nets
         self.model = WorldModel(self.spec, self.method)
         self.model.frame = self.frame
         for name in ("to_sim", "discriminator_real", "discriminator_sim"):
             delattr(self.model, name)
-        self.flow = Flow(self.method.nets.latent, width, depth)
+        self.flow = Flow(nets.latent, nets.width, nets.depth)
         self.model.add_module("to_real", self.flow)
         return {"model": self.model}
 

@@ -144,7 +144,7 @@ def train(study: Study, job: Job, index: int = 0) -> None:
     config, listener = study.config, study.listener
     if method not in (OURS, PAPERS_OWN):
         with on(device_of(config.device, index, replayed=False)):
-            baseline = find(method)(study.world.spec, config.baselines, seed, study.world)
+            baseline = study.baseline(seed, method)
             baseline.train(
                 sim,
                 real,

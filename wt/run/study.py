@@ -195,6 +195,11 @@ class Study:
         model.load_state_dict(torch.load(self.home(seed, method) / WEIGHTS, weights_only=True))
         return model.eval()
 
+    def baseline(self, seed: int, name: str) -> Baseline:
+        """An untrained baseline."""
+        config = self.config
+        return find(name)(self.world.spec, config.baselines, seed, self.world, config.paper)
+
     def keep_baseline(self, seed: int, baseline: Baseline) -> None:
         """Keep a trained baseline's weights."""
         self._keep_weights(seed, baseline.name, baseline.nets)
@@ -204,7 +209,7 @@ class Study:
         kept = self.home(seed, name) / WEIGHTS
         if not kept.exists():
             return None
-        baseline = find(name)(self.world.spec, self.config.baselines, seed, self.world)
+        baseline = self.baseline(seed, name)
         baseline.nets.update(baseline.build())
         try:
             baseline.nets.load_state_dict(torch.load(kept, weights_only=True))
