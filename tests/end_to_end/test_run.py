@@ -119,6 +119,35 @@ def test_errors_are_those_of_the_stored_pairs(results: dict[str, Any], place: Pl
         assert told["rmse"]["RawSim"] == pytest.approx(np.sqrt((error[:, channel] ** 2).mean()))
 
 
+def test_what_features_keep_is_told_of_the_test_pairs(
+    results: dict[str, Any], finished: Path, place: Place, client: MlflowClient, run_id: str
+) -> None:
+    test, real = table(place.data, "test"), table(place.data, "real")
+    observed = [*STATE, *(f"last_action/{joint}" for joint in JOINTS)]
+    o, a = columns(test, "o", observed), columns(test, "a", [f"ctrl/{j}" for j in JOINTS])
+    truth, std = columns(test, "s_next", STATE), columns(real, "s_next", STATE).std(0)
+    config = load(finished / "config.yaml")
+    model = WorldModel(make(config.world).spec, config.paper)
+    weights = finished / "work/seed0/WorldTranslation/model.pt"
+    model.load_state_dict(torch.load(weights, weights_only=True))
+    frame, told = model.frame, results["extraction"]["WorldTranslation"]
+    with torch.no_grad():
+        x = frame.conditions(torch.tensor(o), torch.tensor(a))
+        for name, outcome in (("own_outcome", "s_next"), ("untranslated", "sim_next")):
+            s_next = torch.tensor(columns(test, outcome, STATE))
+            z = model.encoder(x, frame.changes(torch.tensor(o), s_next))[0]
+            error = frame.next_states(torch.tensor(o), model.decoder(x, z)).numpy() - truth
+            assert told[name] == pytest.approx(((error / std) ** 2).mean(), rel=1e-3)
+            if outcome == "s_next":
+                assert told["active"] == (z.var(0) > 0.01).sum() and told["latents"] == 16
+    logged = client.get_run(run_id).data.metrics
+    assert logged["test/own_outcome/WorldTranslation"] == pytest.approx(told["own_outcome"])
+    assert logged["test/active/WorldTranslation"] == told["active"]
+    # ours translates nothing here, which its row says instead
+    assert "WorldTranslationPlus" not in results["extraction"]
+    assert "nothing is translated" in results["remarks"]["WorldTranslationPlus"]
+
+
 def test_the_exported_graph_is_the_model_of_the_table(
     results: dict[str, Any], finished: Path, place: Place
 ) -> None:

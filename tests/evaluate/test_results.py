@@ -14,7 +14,7 @@ from tests.conftest import FromShared
 from wt.config import ModelSelection
 from wt.errors import DataError
 from wt.evaluate import paper
-from wt.evaluate.results import ENCODER, MethodScore, Results
+from wt.evaluate.results import ENCODER, Extraction, MethodScore, Results
 from wt.types import Channel
 
 
@@ -85,6 +85,19 @@ def test_a_row_with_a_remark_is_marked_and_explained(tmp_path: Path) -> None:
     assert "WorldTranslation*" in (shown := console.export_text()) and "gains nothing" in shown
     marked.save(tmp_path)
     assert Results.load(tmp_path) == marked
+
+
+def test_what_features_keep_stands_beside_directpred(tmp_path: Path) -> None:
+    scores = {**results().single_step, "DirectPred": MethodScore(0.4, 0.0, 0.5)}
+    kept = {"WorldTranslation": Extraction(16, 5.5, 0.08, 0.2)}
+    three = results(single_step=scores, extraction=kept)
+    assert "| WorldTranslation | 5.5 of 16 | 0.08 | 0.4 | 0.2 | 0.1 |" in three.to_markdown()
+    console = Console(width=100, file=io.StringIO(), record=True)
+    three.print_table(console)
+    assert "5.5 of 16" in console.export_text()
+    three.save(tmp_path)
+    assert Results.load(tmp_path) == three
+    assert "active z" not in results().to_markdown()
 
 
 @pytest.mark.parametrize("selection", ["unpaired", "pairs"])

@@ -2,7 +2,8 @@
 
 Errors are in three units: of the state's spread, of its change's, and physical. ``results.json``
 follows the public schema 1; after its keys come ``per_channel`` and ``per_group`` (errors in
-physical units), ``note`` (what the comparison assumes), ``remarks`` and ``model_selection``.
+physical units), ``note`` (what the comparison assumes), ``remarks``, ``model_selection`` and
+``extraction`` (what features keep, and what translating them adds).
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import json
 import math
 import statistics
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +67,25 @@ class MethodScore:
 
 
 @dataclass(frozen=True)
+class Extraction:
+    """What the feature of a World Translation keeps, and what translating it adds.
+
+    Means over seeds; errors are mean squared ones of the normalised next state.
+
+    Attributes:
+        latents: size of z.
+        active: of these, whose means vary among R's transitions (:data:`wt.train.phases.ACTIVE`).
+        own_outcome: error of R's own outcome, encoded and decoded.
+        untranslated: error where S's feature is decoded as it is.
+    """
+
+    latents: int
+    active: float
+    own_outcome: float
+    untranslated: float
+
+
+@dataclass(frozen=True)
 class Results:
     """Outcome of an evaluation.
 
@@ -80,6 +100,7 @@ class Results:
         note: what the comparison assumes.
         remarks: sentences on methods whose rows need one; these are marked in tables.
         model_selection: what chose checkpoints, seed and champion.
+        extraction: of the World Translations whose features are translated.
     """
 
     task: str
@@ -92,6 +113,7 @@ class Results:
     note: str = ASSUMPTION
     remarks: Mapping[str, str] = field(default_factory=dict)
     model_selection: ModelSelection = "pairs"
+    extraction: Mapping[str, Extraction] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check that every method's errors speak of every channel."""
@@ -196,6 +218,7 @@ class Results:
             "note": self.note,
             "remarks": dict(self.remarks),
             "model_selection": self.model_selection,
+            "extraction": {method: asdict(kept) for method, kept in self.extraction.items()},
         }
 
     @classmethod
@@ -229,6 +252,7 @@ class Results:
             note=content.get("note", ASSUMPTION),
             remarks=content.get("remarks", {}),
             model_selection=content.get("model_selection", "pairs"),
+            extraction={m: Extraction(**k) for m, k in content.get("extraction", {}).items()},
         )
 
     def to_markdown(self) -> str:
@@ -250,6 +274,8 @@ class Results:
                 ]
             ),
         ]
+        if self.extraction:
+            lines += ["", f"## {_EXTRACTION}", "", *markdown_table(*self.extracted())]
         if self.channels:
             lines += ["", f"## {_PHYSICAL}", "", *markdown_table(*self.physical())]
             head = ["channel", *self.rmse]
@@ -269,6 +295,8 @@ class Results:
         """Print the table of methods to a terminal."""
         rows = self._rows(bold="[bold]{}[/bold]")
         console.print(terminal_table(self._head(), rows, self._title()))
+        if self.extraction:
+            console.print(terminal_table(*self.extracted(), _EXTRACTION))
         if self.channels:
             head, rows = self.physical()
             console.print(terminal_table([escape(name) for name in head], rows, _PHYSICAL))
@@ -315,6 +343,22 @@ class Results:
         rows = [[m, *(f"{errors[m]:.3g}" for errors in groups.values())] for m in order]
         return ["method", *(f"{kind.name} [{kind.unit}]" for kind in groups)], rows
 
+    def extracted(self) -> tuple[list[str], list[list[str]]]:
+        """Head and rows of the table of features; DirectPred's error is what they are to beat."""
+        direct = self.single_step.get("DirectPred")
+        rows = [
+            [
+                method,
+                f"{kept.active:.3g} of {kept.latents}",
+                short(kept.own_outcome),
+                short(direct.mse) if direct else "–",
+                short(kept.untranslated),
+                short(self.single_step[method].mse),
+            ]
+            for method, kept in self.extraction.items()
+        ]
+        return ["method", "active z", "R's own", "DirectPred", "untranslated", "translated"], rows
+
     def _order(self) -> list[str]:
         """Methods, ours first, the rest by error, and what is possible at the end."""
         return sorted(self.single_step, key=lambda m: (_rank(m), _or_inf(self.single_step[m].mse)))
@@ -336,6 +380,7 @@ _SELECTED: Mapping[ModelSelection, str] = {
     "pairs": "Checkpoints, seed and champion were selected on pairs of S and R, which a real robot "
     "with something hidden does not give (model_selection: pairs); none is a test pair.",
 }
+_EXTRACTION = "Features: R's own outcome, encoded and decoded, and S's, by MSE of the state"
 _PHYSICAL = "Error in physical units (RMSE of each kind of channel)"
 _PAPER_LEGEND = (
     "The paper's numbers are those of its figure 3, on its own worlds and in a unit that it does "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 from torch import Tensor, nn
@@ -49,6 +50,16 @@ class WorldModel(Translator):
         self._translating(latent, condition if method.translation.conditioned else 0, method)
         self.strength = nn.Parameter(nn.init.ones_(nn.Parameter().new_empty(())), False)
 
+    def with_generator(self, generator: nn.Module) -> WorldModel:
+        """The same model with another G_{S→R}, sharing all else."""
+        other = copy.copy(self)
+        other._modules = {**self._modules, "to_real": generator}
+        return other
+
+    def untranslated(self) -> WorldModel:
+        """The same model, which decodes S's features as they are."""
+        return self.with_generator(_Unchanged())
+
     def _load_from_state_dict(
         self,
         state_dict: dict[str, Tensor],
@@ -59,3 +70,11 @@ class WorldModel(Translator):
         for key in [key for key in state_dict if key.startswith(f"{prefix}judge_")]:
             state_dict[key.replace("judge_", "discriminator_", 1)] = state_dict.pop(key)
         super()._load_from_state_dict(state_dict, prefix, *args)
+
+
+class _Unchanged(nn.Module):
+    """Stands in a generator's place where nothing is to be translated."""
+
+    def forward(self, z: Tensor, x: Tensor) -> Tensor:
+        """The feature as it is."""
+        return z

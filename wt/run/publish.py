@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from io import BytesIO
 
 import numpy as np
@@ -14,21 +13,29 @@ from registry.card import HeldOut, describe
 from registry.push import push
 from registry.store import Version
 from wt.baselines.base import find
-from wt.config import FitConfig
+from wt.config import FitConfig, Method
 from wt.data.transitions import digest
 from wt.errors import ConfigError, RegistryError
 from wt.evaluate import figures
-from wt.evaluate.results import ASSUMPTION, OURS, PAPERS_OWN, MethodScore, Results
+from wt.evaluate.results import (
+    ASSUMPTION,
+    OURS,
+    PAPERS_OWN,
+    Extraction,
+    MethodScore,
+    Results,
+)
 from wt.evaluate.rollout_view import write_rollout
 from wt.evaluate.single_step import Errors, errors, first_episode, poses
 from wt.export.onnx import eager, export
 from wt.nets.simulator_use import use_of
+from wt.nets.world_model import WorldModel
 from wt.run.jobs import Job
 from wt.run.study import Study
 from wt.run.track import Run, source
 from wt.show.files import write_whole
 from wt.train.fit import translates
-from wt.train.score import PairTensors, reconstructions, score
+from wt.train.score import PairTensors, active_latents, predictions, reconstructions, score
 from wt.translate import Exported, SimToReal
 
 MODEL, RECORDING, FIGURES = "model.onnx", "rollout.rrd", "figures"
@@ -94,12 +101,14 @@ def publish(study: Study, by_seed: Mapping[int, Mapping[str, Errors]], tracked: 
     tracked.tags({"model": f"{version}, of the run `{Job(seed, OURS)}`"})
     # from here on it is registered: the test pairs only tell how good it is
     _record(study, seed)
-    results = tabulate(study, by_seed, version)
-    remarks = {**results.remarks, **_of_translations(study, by_seed)}
+    results = replace(tabulate(study, by_seed, version), extraction=_extraction(study, by_seed))
+    remarks = {**results.remarks, **_of_translations(study, results)}
     results = replace(results, remarks=remarks)
     results.save(study.folder)
     _figures(study, seed, results)
     tracked.metrics({"ratio_to_best_baseline": results.ratio_to_best_baseline}, 0)
+    for method, kept in results.extraction.items():
+        tracked.metrics({f"test/{name}/{method}": x for name, x in asdict(kept).items()}, 0)
     rows = [
         {"method": name, "mse": s.mse, "std": s.std, "mse_change": s.mse_change}
         for name, s in results.single_step.items()
@@ -121,28 +130,42 @@ def chosen_by(study: Study, seeds: Iterable[int]) -> dict[int, float]:
     return {s: score(study.load_model(s, OURS, config.plus), selection) for s in seeds}
 
 
-def _of_translations(study: Study, by_seed: Mapping[int, Mapping[str, Errors]]) -> dict[str, str]:
+def _extraction(study: Study, seeds: Iterable[int]) -> dict[str, Extraction]:
+    """What features keep of R's own outcomes, and what S's say untranslated, where any are."""
+    config, pairs, kept = study.config, study.data.test, dict[str, Extraction]()
+    for method, settings in ((PAPERS_OWN, config.paper), (OURS, config.plus)):
+        models = [study.load_model(seed, method, settings) for seed in seeds]
+        if not _translated(settings, models):
+            continue
+        rows = []
+        for model in models:
+            tensors = PairTensors.of(pairs, model.frame.state.std, model.frame.change.std)
+            decoded = reconstructions(model, tensors), predictions(model.untranslated(), tensors)
+            mse = (errors(x.numpy(), pairs, study.scales).mse for x in decoded)
+            rows.append((active_latents(model, tensors), *mse))
+        kept[method] = Extraction(settings.nets.latent, *np.mean(rows, axis=0).tolist())
+    return kept
+
+
+def _translated(settings: Method, models: Iterable[WorldModel]) -> bool:
+    """Whether Algorithm 1 has a say in a method's answers."""
+    return not settings.translation.anchored or any(float(m.strength) for m in models)
+
+
+def _of_translations(study: Study, results: Results) -> dict[str, str]:
     """Remarks on methods that translate nothing, or a feature that keeps hardly anything.
 
     Of the latter encoding and decoding what R itself did is no nearer to it than DirectPred, which
     sees (o, a) alone.
     """
-    config, pairs, by_name = study.config, study.data.test, {}
-    known = [of["DirectPred"].mse for of in by_seed.values() if "DirectPred" in of]
-    direct = float(np.mean(known)) if known else math.inf
-    for method, settings in ((PAPERS_OWN, config.paper), (OURS, config.plus)):
-        kept, models = [], [study.load_model(seed, method, settings) for seed in by_seed]
-        if settings.translation.anchored and not any(float(m.strength) for m in models):
-            by_name[method] = f"nothing is translated; {use_of(settings.mean).alone}."
-            continue
-        for model in models:
-            tensors = PairTensors.of(pairs, model.frame.state.std, model.frame.change.std)
-            kept.append(errors(reconstructions(model, tensors).numpy(), pairs, study.scales).mse)
-        own = float(np.mean(kept))
-        if own >= direct:
+    direct, by_name = results.single_step.get("DirectPred"), {}
+    if OURS not in results.extraction:
+        by_name[OURS] = f"nothing is translated; {use_of(study.config.plus.mean).alone}."
+    for method, kept in results.extraction.items():
+        if direct and kept.own_outcome >= direct.mse:
             by_name[method] = (
-                f"extraction gains nothing: encoding and decoding R's own outcome makes {own:.3g}, "
-                f"DirectPred {direct:.3g}."
+                "extraction gains nothing: encoding and decoding R's own outcome makes "
+                f"{kept.own_outcome:.3g}, DirectPred {direct.mse:.3g}."
             )
     return by_name
 

@@ -151,7 +151,7 @@ class WorldTranslation(lightning.LightningModule):
             batch.metric: deployed.error,
             STANDARD_ERROR: deployed.standard_error,
             "self_reconstruction": float((kept**2).mean()),
-            "untranslated": score(_with_generator(self.model, _Unchanged()), batch),
+            "untranslated": score(self.model.untranslated(), batch),
         }
         for name, value in values.items():
             self.log(f"val/{name}", value, batch_size=1)
@@ -175,7 +175,7 @@ class WorldTranslation(lightning.LightningModule):
         """The model as it would be exported now, sharing all but an averaged generator."""
         if not self.model.method.translation.average:
             return self.model
-        return _with_generator(self.model, self.average)
+        return self.model.with_generator(self.average)
 
     def gradient_norms(self) -> dict[str, Tensor]:
         """Norm of the last gradient of each optimizer's parameters."""
@@ -231,21 +231,6 @@ class WorldTranslation(lightning.LightningModule):
             average: list[Tensor] = list(self.average.parameters())
             current: list[Tensor] = list(self.model.to_real.parameters())
             torch._foreach_lerp_(average, current, 1.0 - decay)
-
-
-class _Unchanged(nn.Module):
-    """Stands in a generator's place where nothing is to be translated."""
-
-    def forward(self, z: Tensor, x: Tensor) -> Tensor:
-        """The feature as it is."""
-        return z
-
-
-def _with_generator(model: WorldModel, generator: nn.Module) -> WorldModel:
-    """A model with another G_{S→R}, sharing all else."""
-    other = copy.copy(model)
-    other._modules = {**model._modules, "to_real": generator}
-    return other
 
 
 def _share(step: int, steps: int) -> float:

@@ -8,8 +8,9 @@ import torch
 from torch import Tensor
 
 from wt.nets.world_model import WorldModel
+from wt.train.phases import ACTIVE
 from wt.train.selection import ErrorEstimate, Selection
-from wt.translate import reconstruct_state, translate_state
+from wt.translate import feature_of_real, reconstruct_state, translate_state
 from wt.types import Pairs
 
 CHUNK = 16384
@@ -60,6 +61,16 @@ def reconstructions(model: WorldModel, pairs: PairTensors) -> Tensor:
         pairs.o.split(CHUNK), pairs.a.split(CHUNK), pairs.real_next.split(CHUNK), strict=True
     )
     return torch.cat([reconstruct_state(model, *chunk) for chunk in chunks])
+
+
+@torch.no_grad()
+def active_latents(model: WorldModel, pairs: PairTensors) -> int:
+    """Latents whose means vary among R's transitions (:data:`wt.train.phases.ACTIVE`)."""
+    chunks = zip(
+        pairs.o.split(CHUNK), pairs.a.split(CHUNK), pairs.real_next.split(CHUNK), strict=True
+    )
+    z = torch.cat([feature_of_real(model, *chunk) for chunk in chunks])
+    return int((z.var(dim=0) > ACTIVE).sum())
 
 
 def score(model: WorldModel, selection: Selection) -> float:
