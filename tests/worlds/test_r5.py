@@ -156,6 +156,18 @@ def test_force_is_bounded(world: R5World, real: Transitions) -> None:
     assert np.mean(np.array(used) > 0.9999) > 0.1  # and the caps do bind at times
 
 
+def test_strong_forces_act_in_directions_in_which_the_joints_bear_them(root: Path) -> None:
+    few = ("world.motion.routes=4", "world.motion.route_seconds=10", "world.arms=20")
+    acts = []
+    for name in ("r5.yaml", "r5_strong.yaml"):
+        norm = np.linalg.norm(world_of(root, name, *few).collect("real", 4000, 5).hidden, axis=1)
+        acts.append(norm[norm > 0])
+        assert norm.max() <= 200.0 + 1e-3
+    some, strong = acts
+    assert np.median(some) < 70.0 and np.median(strong) > 80.0
+    assert (some > 100.0).mean() < 0.1 and (strong > 100.0).mean() > 0.35
+
+
 def test_no_force_near_limits_or_at_speed(world: R5World, real: Transitions) -> None:
     low, high = world.model("real").jnt_range.T
     on = np.linalg.norm(real.hidden, axis=1) > 0

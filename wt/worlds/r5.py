@@ -3,7 +3,9 @@
 *Normal*: nothing is hidden. *Force*: a force of 0–200 N on the gripper appears, turns and
 vanishes without warning. It is held during a control step, so that the hidden variable of a
 transition is one vector, and it is bounded twice: scaled down where it would load a joint beyond
-``torque_cap``, and absent while the arm is near a joint limit or faster than ``speed_cap``.
+``torque_cap``, and absent while the arm is near a joint limit or faster than ``speed_cap``. In a
+direction drawn at random the wrist bears little: half of what acts is below 62 N. With several
+``directions`` to choose from, half of it is above 90 N.
 
 The collecting policy follows reference motions (``wt.worlds.motion``) with a slow integral
 correction of what the joints lag behind, plus coloured exploration noise. The correction makes

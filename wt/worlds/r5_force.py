@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float, Float32
 
 from wt.batch import Batch
 from wt.errors import ConfigError
@@ -19,6 +19,8 @@ class ForceSettings:
 
     Attributes:
         max_newton: magnitudes are uniform in 0 … max_newton [N].
+        directions: of so many random directions a force takes the first in which the joints bear
+            all of it, else that in which they bear the most.
         appear: chance per control step that a force appears [-].
         vanish: chance per control step that it vanishes [-].
         turn: chance per control step that direction and magnitude are drawn anew [-].
@@ -28,6 +30,7 @@ class ForceSettings:
     """
 
     max_newton: float = 200.0
+    directions: int = 1
     appear: float = 0.15
     vanish: float = 0.25
     turn: float = 0.1
@@ -45,6 +48,8 @@ class ForceSettings:
         for name in ("appear", "vanish", "turn"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ConfigError(f"world.force.{name} is {getattr(self, name)}; 0 … 1 is allowed")
+        if self.directions < 1:
+            raise ConfigError(f"world.force.directions is {self.directions}; it must be at least 1")
         if self.vanish + self.turn > 1:
             raise ConfigError(
                 f"world.force: vanish {self.vanish} and turn {self.turn} exclude each other; "
@@ -88,18 +93,30 @@ class HiddenForce:
         vanish = self._on & (chance < s.vanish)
         turn = self._on & ~vanish & (chance < s.vanish + s.turn)
         self._on = (self._on | appear) & ~vanish
-        fresh = rng.standard_normal((n, 3))
-        fresh *= rng.uniform(0, s.max_newton, (n, 1)) / np.linalg.norm(fresh, axis=1, keepdims=True)
-        self._force = np.where((appear | turn)[:, None], fresh, self._force)
+        fresh = rng.standard_normal((n, s.directions, 3))
+        newtons = rng.uniform(0, s.max_newton, (n, 1, 1))
+        fresh *= newtons / np.linalg.norm(fresh, axis=-1, keepdims=True)
         q, v = batch.qpos, batch.qvel
         near = (np.abs(v) > s.speed_cap) | (q < self._range[:, 0] + s.limit_margin)
         near |= q > self._range[:, 1] - s.limit_margin
         # after a step positions belong to the state before it: bring them up to date
         batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
         jacobian, _ = batch.jac(self._body, self._position[:, self._gripper])
-        torque = np.einsum("nij,ni->nj", jacobian, self._force)
-        scale = (np.asarray(s.torque_cap) / np.maximum(np.abs(torque), 1e-9)).min(axis=1)
-        scale = np.minimum(scale, 1.0) * (self._on & ~near.any(axis=1))
+        best = self._borne(jacobian, fresh).argmax(axis=1)
+        fresh = np.take_along_axis(fresh, best[:, None, None], axis=1)
+        self._force = np.where((appear | turn)[:, None], fresh[:, 0], self._force)
+        scale = self._borne(jacobian, self._force[:, None])[:, 0]
+        scale *= self._on & ~near.any(axis=1)
         applied = (self._force * scale[:, None]).astype(np.float32)
         batch.xfrc_applied[:, self._gripper, :3] = applied
         return applied
+
+    def _borne(
+        self,
+        jacobian: Float[np.ndarray, "arm xyz=3 joint"],
+        force: Float[np.ndarray, "arm of xyz=3"],
+    ) -> Float[np.ndarray, "arm of"]:
+        """Share of each force that loads no joint beyond its cap, 1 at most."""
+        torque = np.einsum("nij,nki->nkj", jacobian, force)
+        share = np.asarray(self._settings.torque_cap) / np.maximum(np.abs(torque), 1e-9)
+        return np.minimum(share.min(axis=-1), 1.0)
