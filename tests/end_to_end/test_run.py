@@ -119,6 +119,14 @@ def test_errors_are_those_of_the_stored_pairs(results: dict[str, Any], place: Pl
         assert told["rmse"]["RawSim"] == pytest.approx(np.sqrt((error[:, channel] ** 2).mean()))
 
 
+def test_results_say_what_of_the_hidden_force_acts(results: dict[str, Any], place: Place) -> None:
+    force = columns(table(place.data, "test"), "hidden", [f"force/{x}" for x in "xyz"])
+    newtons = np.linalg.norm(force, axis=1)
+    half = np.median(newtons[newtons > 0])
+    assert f"half below {half:.0f} N" in results["note"]
+    assert f"acts in {100 * (newtons > 0).mean():.0f} % of the test pairs" in results["note"]
+
+
 def test_what_features_keep_is_told_of_the_test_pairs(
     results: dict[str, Any], finished: Path, place: Place, client: MlflowClient, run_id: str
 ) -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,9 +9,10 @@ from wt.cli.main import main
 from wt.config import load
 from wt.errors import ConfigError
 from wt.evaluate import paper
-from wt.evaluate.results import MethodScore, Results
-from wt.reproduce.exhibits.figure_3 import figure, head, rows
+from wt.evaluate.results import Extraction, MethodScore, Results
+from wt.reproduce.exhibits.figure_3 import SingleStep, figure, head, rows
 from wt.reproduce.tasks import QUICK, TASKS, chosen
+from wt.types import Channel
 
 CONF = Path(__file__).resolve().parents[2] / "conf"
 PAYLOAD = next(task for task in TASKS if task.name == "go2_payload")
@@ -68,6 +70,41 @@ def test_figure_has_a_panel_a_robot_and_a_bar_a_method() -> None:
     heights = sorted({round(float(bar.get_height()), 6) for bar in panels[0].patches
                       if bar.get_height() == bar.get_height()})  # fmt: skip
     assert heights == [0.25, 0.5, 0.75, 1.0]
+
+
+def test_figures_of_other_units_are_their_errors_over_rawsim_s() -> None:
+    channels = (Channel("qpos/a", "rad"), Channel("qvel/a", "rad/s"))
+    of = replace(
+        results("go2_payload"),
+        channels=channels,
+        rmse={"RawSim": (0.0, 2.0), "DirectPred": (1.0, 1.0)},
+    )
+    assert of.physical_mse("RawSim") == 2.0 and of.physical_mse("DirectPred") == 1.0
+    (axes,) = figure({PAYLOAD: of}, "physical", Results.physical_mse).axes
+    heights = [float(bar.get_height()) for bar in axes.patches]
+    assert [height for height in heights if height == height] == [1.0, 0.5]
+    assert "physical" in axes.get_ylabel()
+    said, table = of.physical()
+    assert said[-1] == "all, squared" and {row[0]: row[-1] for row in table}["RawSim"] == "2"
+
+
+def test_the_report_marks_rows_says_why_and_what_selected() -> None:
+    why = "extraction gains nothing: encoding and decoding R's own outcome makes 0.3."
+    marked = replace(
+        results("go2_payload"),
+        remarks={"WorldTranslation": why},
+        extraction={"WorldTranslation": Extraction(16, 2.0, 0.3, 0.35)},
+        model_selection="unpaired",
+    )
+    section = SingleStep().present({"go2_payload": marked.to_json()})
+    cells = {row[0]: row[1] for row in section.grids[0].rows}
+    assert cells["WorldTranslation"] == "0.75 ± 0.1*" and "*" not in cells["DirectPred"]
+    assert f"* WorldTranslation: {why} (Go2 quadruped, payload)" in section.differences
+    assert any("model_selection: unpaired" in line for line in section.differences)
+    assert ["WorldTranslation", "2 of 16", "0.3", "0.2", "0.35", "0.3"] in [
+        list(row) for grid in section.grids for row in grid.rows
+    ]
+    assert {"single_step", "single_step_change", "single_step_physical"} == set(section.figures)
 
 
 def test_finished_runs_are_reused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

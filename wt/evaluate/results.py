@@ -147,6 +147,13 @@ class Results:
         raw = self.single_step.get("RawSim")
         return self.single_step[method].mse / raw.mse if raw and raw.mse else math.nan
 
+    def physical_mse(self, method: str) -> float:
+        """Mean square over all channels in their own units, rad, rad/s and so on; NaN without.
+
+        What moves most weighs most: joint velocities at contact.
+        """
+        return float(np.mean(np.square(self.rmse[method]))) if method in self.rmse else math.nan
+
     @property
     def groups(self) -> Mapping[Channel, Mapping[str, float]]:
         """Each method's RMSE over the channels of one kind, e.g. ``qpos`` [rad], physical units."""
@@ -268,7 +275,7 @@ class Results:
             " ".join(
                 [
                     _LEGEND,
-                    _SELECTED[self.model_selection],
+                    self.selected,
                     *([_PAPER_LEGEND] * bool(self.paper)),
                     self.note,
                 ]
@@ -303,7 +310,7 @@ class Results:
         console.print(self._ratio(), highlight=False)
         for remark in self._remarks():
             console.print(remark, highlight=False, markup=False)
-        for line in (_SELECTED[self.model_selection], self.note):
+        for line in (self.selected, self.note):
             console.print(line, style="dim", highlight=False, markup=False)
 
     def _title(self) -> str:
@@ -340,8 +347,12 @@ class Results:
         """Head and rows of the table in physical units, methods in the order of the other one."""
         groups = self.groups
         order = [m for m in self._order() if m in self.rmse]
-        rows = [[m, *(f"{errors[m]:.3g}" for errors in groups.values())] for m in order]
-        return ["method", *(f"{kind.name} [{kind.unit}]" for kind in groups)], rows
+        rows = [
+            [m, *(f"{errors[m]:.3g}" for errors in groups.values()), short(self.physical_mse(m))]
+            for m in order
+        ]
+        kinds = (f"{kind.name} [{kind.unit}]" for kind in groups)
+        return ["method", *kinds, "all, squared"], rows
 
     def extracted(self) -> tuple[list[str], list[list[str]]]:
         """Head and rows of the table of features; DirectPred's error is what they are to beat."""
@@ -363,6 +374,11 @@ class Results:
         """Methods, ours first, the rest by error, and what is possible at the end."""
         return sorted(self.single_step, key=lambda m: (_rank(m), _or_inf(self.single_step[m].mse)))
 
+    @property
+    def selected(self) -> str:
+        """A sentence on what chose checkpoints, seed and champion."""
+        return _SELECTED[self.model_selection]
+
     def _remarks(self) -> list[str]:
         return [f"* {method}: {remark}" for method, remark in self.remarks.items()]
 
@@ -381,7 +397,7 @@ _SELECTED: Mapping[ModelSelection, str] = {
     "with something hidden does not give (model_selection: pairs); none is a test pair.",
 }
 _EXTRACTION = "Features: R's own outcome, encoded and decoded, and S's, by MSE of the state"
-_PHYSICAL = "Error in physical units (RMSE of each kind of channel)"
+_PHYSICAL = "Error in physical units (RMSE of each kind of channel; mean square of all)"
 _PAPER_LEGEND = (
     "The paper's numbers are those of its figure 3, on its own worlds and in a unit that it does "
     "not name: compare ratios with them, not absolute values."

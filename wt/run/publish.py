@@ -192,10 +192,25 @@ def tabulate(
         version=version.version if version else None,
         channels=study.world.spec.state,
         rmse=rmse,
-        note=study.world.note or ASSUMPTION,
+        note=" ".join([study.world.note or ASSUMPTION, *_acting(study)]),
         remarks=_of_baselines(study),
         model_selection=study.config.model_selection,
     )
+
+
+def _acting(study: Study) -> list[str]:
+    """What acts of a world's hidden force: less than is drawn, where joints bear less."""
+    if not study.world.force_body:
+        return []
+    newtons = np.linalg.norm(study.data.test.real.hidden, axis=1)
+    acts = newtons[newtons > 0]
+    if not len(acts):
+        return ["The hidden force acts in no test pair."]
+    low, half, most = np.percentile(acts, [5, 50, 95])
+    return [
+        f"The hidden force acts in {100 * len(acts) / len(newtons):.0f} % of the test pairs: 5 % "
+        f"of them are below {low:.0f} N, half below {half:.0f} N, 5 % above {most:.0f} N."
+    ]
 
 
 def _of_baselines(study: Study) -> dict[str, str]:
