@@ -43,6 +43,26 @@ def test_shipped_files_compose_and_their_worlds_build(name: str) -> None:
     assert config.registry_name.startswith("wt-")
 
 
+@pytest.mark.parametrize("name", TASKS)
+def test_every_table_says_what_features_are_to_beat_and_what_is_possible(name: str) -> None:
+    assert {"RawSim", "DirectPred", "PairedCeiling"} <= set(load(CONF / name).baselines.names)
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_baselines_average_as_many_networks_as_ours_and_see_as_much(name: str) -> None:
+    config = load(CONF / name)
+    ours, rivals = config.plus.mean, config.baselines
+    assert rivals.members == ours.members and rivals.batch == ours.batch
+    assert (rivals.width, rivals.depth) == (ours.width, ours.depth)
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_ours_is_one_configuration_but_where_the_documentation_says_another(name: str) -> None:
+    use = load(CONF / name).plus.mean.simulator
+    stiff = name.startswith(("go2_stiff", "go2_concealed", "go2_payload_20min"))
+    assert use == ("mean" if stiff else "ignored" if name == "so101.yaml" else "encoded")
+
+
 @pytest.mark.parametrize("name", [*TASKS, "base.yaml"])
 def test_every_key_has_a_comment_or_stands_in_a_commented_file(name: str) -> None:
     text = (CONF / name).read_text()

@@ -120,7 +120,7 @@ def test_errors_are_those_of_the_stored_pairs(results: dict[str, Any], place: Pl
 
 
 def test_results_say_what_of_the_hidden_force_acts(results: dict[str, Any], place: Place) -> None:
-    force = columns(table(place.data, "test"), "hidden", [f"force/{x}" for x in "xyz"])
+    force = columns(table(place.data, "test"), "h", [f"force/{x}" for x in "xyz"])
     newtons = np.linalg.norm(force, axis=1)
     half = np.median(newtons[newtons > 0])
     assert f"half below {half:.0f} N" in results["note"]
