@@ -1,4 +1,4 @@
-"""``mujoco.batch`` without MuJoCo's step timer, and ``mj_step`` for compiled code.
+"""``mujoco.batch`` without MuJoCo's step timer.
 
 MuJoCo's bindings install a clock (``mjcb_time``) that every step reads several times for
 ``MjData.timer``. Where clocks are slow, as on virtual machines, that is a quarter of the stepping,
@@ -14,8 +14,6 @@ from pathlib import Path
 
 import mujoco
 import mujoco.batch
-
-from wt.errors import WorkError
 
 _LIBRARIES = ("libmujoco.so.*", "libmujoco.*.dylib", "mujoco.dll")
 
@@ -40,35 +38,21 @@ def time_steps(on: bool) -> None:
 
     The results of steps are the same to the bit. Not to be switched while another thread steps.
     """
-    library = _library()
-    if library is not None:
-        pointer, given = _clock(library)
+    mujoco_library = library()
+    if mujoco_library is not None:
+        pointer, given = _clock(mujoco_library)
         pointer.value = given if on else None
 
 
-def step_address() -> int:
-    """Where the machine code of ``mj_step`` begins, for compiled code to call.
-
-    Raises:
-        WorkError: MuJoCo's library is not where its package has it.
-    """
-    library = _library()
-    if library is None:
-        raise WorkError("MuJoCo's library was not found; install it from PyPI: pip install mujoco")
-    address = ctypes.cast(library.mj_step, ctypes.c_void_p).value
-    assert address is not None
-    return address
-
-
 @functools.cache
-def _clock(library: ctypes.CDLL) -> tuple[ctypes.c_void_p, int | None]:
+def _clock(mujoco_library: ctypes.CDLL) -> tuple[ctypes.c_void_p, int | None]:
     """The address of ``mjcb_time`` and the clock that the bindings installed."""
-    pointer = ctypes.c_void_p.in_dll(library, "mjcb_time")
+    pointer = ctypes.c_void_p.in_dll(mujoco_library, "mjcb_time")
     return pointer, pointer.value
 
 
 @functools.cache
-def _library() -> ctypes.CDLL | None:
+def library() -> ctypes.CDLL | None:
     """The library that the bindings have loaded, from beside them or the environment's own."""
     for folder in (Path(mujoco.__file__).parent, Path(sys.prefix) / "lib"):
         for path in (path for pattern in _LIBRARIES for path in folder.glob(pattern)):

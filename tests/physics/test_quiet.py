@@ -118,9 +118,10 @@ def test_a_replay_is_left_once_it_has_exploded(
     lasted: list[int] = []
     advance = compiled.advance
 
-    def counted(*given: np.ndarray) -> None:
-        advance(*given)
+    def counted(*given: np.ndarray) -> bool:
+        stepped = bool(advance(*given))
         lasted.append(int(np.isfinite(given[-1][:, 0]).sum()))
+        return stepped
 
     monkeypatch.setattr(compiled, "advance", counted)
     t, held = commands(1.0)

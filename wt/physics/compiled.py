@@ -125,24 +125,27 @@ def _calling(
 _call: Any = intrinsic(_calling)
 
 
-def _mj_stepping(
-    context: Context, function: types.Type, model: types.Type, data: types.Type
+def _stepping(
+    context: Context,
+    function: types.Type,
+    model: types.Type,
+    data: types.Type,
+    landing: types.Type,
 ) -> tuple[Signature, Callable[..., ir.Value]]:
-    """Call ``mj_step`` by its address; model and data are given by theirs."""
+    """Call the step of :mod:`wt.physics.caught` by its address; the rest is given by theirs."""
 
     def generate(
         context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]
     ) -> ir.Value:
         something = ir.IntType(8).as_pointer()
-        code = ir.FunctionType(ir.VoidType(), [something] * 2).as_pointer()
+        code = ir.FunctionType(ir.IntType(32), [something] * 3).as_pointer()
         parts = [builder.inttoptr(value, something) for value in given[1:]]
-        builder.call(builder.inttoptr(given[0], code), parts)
-        return context.get_dummy_value()
+        return builder.call(builder.inttoptr(given[0], code), parts)
 
-    return types.void(function, model, data), generate
+    return types.int32(function, model, data, landing), generate
 
 
-_mj_step: Any = intrinsic(_mj_stepping)
+_step: Any = intrinsic(_stepping)
 
 
 def _advance(
@@ -156,32 +159,32 @@ def _advance(
     figures: np.ndarray,
     own: np.ndarray,
     controls: np.ndarray,
-    machine: tuple[int, int, int],
+    machine: tuple[int, int, int, int],
     state: tuple[np.ndarray, ...],
     path: np.ndarray,
-) -> None:
-    """Step one replay with what acts on it, until MuJoCo warns of it.
+) -> bool:
+    """Step one replay with what acts on it, until MuJoCo warns of it; False where it went wrong.
 
     Args:
         t: time of each step, (steps,) [s].
         h: length of a step [s].
         u: commands, (steps, nu).
         extra: forces beside those of laws, (steps, nv) [N·m or N].
-        wrenches: forces and torques on all bodies, (steps, 6 nbody) [N, N·m]; of no width if there
-            are none.
+        wrenches: forces and torques on all bodies, (steps, 6 nbody or 0 for none) [N, N·m].
         laws: address of the law of each place, (places,).
         dofs: degree of freedom that each acts on, (places,).
-        figures: address of the parameters, and of what else is its own, of each, (places, 2).
+        figures: addresses of the parameters and of what else is its own of each, (places, 2).
         own: addresses of the machine's joints in qpos and qvel of the patched model, (nv,).
         controls: the command that each of its controls takes.
-        machine: addresses of ``mj_step``, of the patched model and of its data.
+        machine: addresses of :mod:`wt.physics.caught`'s step, of the patched model, of its data and
+            of a landing.
         state: of that data positions, velocities, controls, generalised forces, forces and torques
             on bodies, flat, and how often MuJoCo has warned of what.
         path: where it is before each step, and behind the last, (steps + 1, 2 nv): written; NaN
             behind where it has exploded.
     """
     nv, steps = len(own), len(t)
-    step, model, data = machine
+    step, model, data, landing = machine
     qpos, qvel, ctrl, applied, xfrc, warned = state
     for k in range(steps):
         for j in range(nv):
@@ -197,12 +200,14 @@ def _advance(
             theta, rest = figures[i]
             force = _call(laws[i], dofs[i], q_now, v_now, u_now, t[k], h, theta, rest)
             applied[own[dofs[i]]] += force
-        _mj_step(step, model, data)
+        if _step(step, model, data, landing) != 0:
+            return False
         if warned.any():  # it has been set back, and steps from there say nothing
             path[k + 1 :] = np.nan
-            return
+            return True
     for j in range(nv):
         path[steps, j], path[steps, nv + j] = qpos[own[j]], qvel[own[j]]
+    return True
 
 
 advance = fast(_advance)

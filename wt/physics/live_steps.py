@@ -11,8 +11,9 @@ import mujoco
 import numpy as np
 from jaxtyping import Bool, Float
 
-from wt.batch import step_address, time_steps
+from wt.batch import time_steps
 from wt.physics.acting import Acting
+from wt.physics.caught import Landing, cannot_step, step_address
 from wt.physics.job import Job
 
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
@@ -72,11 +73,15 @@ class Stepped:
         piece: slice,
         path: Float[np.ndarray, "replay step state"],
     ) -> None:
-        """Step some replays in some data, one after another."""
+        """Step some replays in some data, one after another.
+
+        Raises:
+            WorkError: MuJoCo raised an error, and not a warning, in one of them.
+        """
         from wt.physics.compiled import advance  # takes a second to import
 
         rows, d = one
-        acts, step = self._acts, step_address()
+        acts, step, landing = self._acts, step_address(), Landing()
         forces = d.qfrc_applied, d.xfrc_applied.reshape(-1)
         state = d.qpos, d.qvel, d.ctrl, *forces, d.warning.number
         for row in rows:
@@ -91,7 +96,8 @@ class Stepped:
             extra = job.torques(piece)[:, job.own]
             wrenches = job.wrenches(piece) if given.force else np.zeros((len(extra), 0))
             inputs = given.t[piece], given.h, given.u[piece], extra, wrenches
-            machine = step, job.model._address, d._address
-            advance(*inputs, *laws, job.own, job.controls, machine, state, path[row])
+            machine = step, job.model._address, d._address, landing.address
+            if not advance(*inputs, *laws, job.own, job.controls, machine, state, path[row]):
+                raise cannot_step(landing.said())
             mujoco.mj_getState(job.model, d, self._states[row], _STATE)
             self._warned[row] = d.warning.number.any()

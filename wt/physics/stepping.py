@@ -7,9 +7,11 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 from jaxtyping import Bool, Float
+from mujoco.batch import SimulationError
 
 from wt.batch import Batch
 from wt.physics.acting import acting
+from wt.physics.caught import cannot_step
 from wt.physics.job import Job
 from wt.physics.live_steps import Stepped
 from wt.physics.replay import Outputs, Stretch
@@ -73,7 +75,11 @@ class _Rolled:
         return np.asarray(self._batch.warning[:, :, 1].any(axis=1))
 
     def path(self, piece: slice) -> Float[np.ndarray, "replay step state"]:
-        """Positions and velocities before and after some steps, (n, steps + 1, 2 nv)."""
+        """Positions and velocities before and after some steps, (n, steps + 1, 2 nv).
+
+        Raises:
+            WorkError: MuJoCo raised an error, and not a warning, in one of them.
+        """
         jobs, batch, own = self._jobs, self._batch, self._jobs[0].own
         spec = mujoco.mjtState
         before = np.concatenate([batch.bind("qpos")[:, own], batch.bind("qvel")[:, own]], axis=1)
@@ -85,7 +91,12 @@ class _Rolled:
         if jobs[0].inputs.force:
             flags |= spec.mjSTATE_XFRC_APPLIED
             u = np.concatenate([u, np.stack([job.wrenches(piece) for job in jobs])], axis=2)
-        out = batch.rollout(u.shape[1], control=u, control_spec=int(flags), record=("qpos", "qvel"))
+        try:
+            out = batch.rollout(
+                u.shape[1], control=u, control_spec=int(flags), record=("qpos", "qvel")
+            )
+        except SimulationError as error:
+            raise cannot_step(batch.error(int(error.ids[0]))) from error
         after = np.concatenate([out["qpos"][..., own], out["qvel"][..., own]], axis=2)
         return np.concatenate([before[:, None], after], axis=1)
 
