@@ -67,8 +67,8 @@ def fit_hidden_shift(
         budget: of the regression.
         progress: called with (done, total) steps.
     """
-    hidden = estimator.estimate(real)
-    if hidden is None or not estimator.told.any():
+    hidden = estimator.estimate(real) if estimator.told.any() else None
+    if hidden is None:
         return
     rows = _followed(real, 1)
     answer, after = simulator.advance("sim", real.o[rows], real.a[rows], hidden[rows])

@@ -151,7 +151,8 @@ class Unpaired(Selection):
 
     def measure(self, states: Float[Tensor, "row state"]) -> ErrorEstimate:
         """Energy distance of what (o, a) do not tell, in units of R's spread of it."""
-        of_sim = self._told.left(self.translated.real, states.detach().cpu().numpy())
+        data, told = self.translated.real, self._told
+        of_sim = (_change(data, states.detach().cpu().numpy()) - self._told_of_sim) / told.scale
         return energy_distance(
             torch.tensor(of_sim, dtype=torch.float32),
             torch.tensor(self._told.of_real, dtype=torch.float32),
@@ -162,15 +163,22 @@ class Unpaired(Selection):
         # not before it is asked for: what predicts R alone is scored without it
         return _Told(self.real)
 
+    @cached_property
+    def _told_of_sim(self) -> Float64[np.ndarray, "row state"]:
+        # whatever makes the states, so that it is not told anew of every checkpoint
+        return self._told.changes(self.translated.real)
+
 
 class _Told:
     """What (o, a) tell of R's changes, by a regression on either half of its transitions.
 
     Attributes:
         of_real: changes of R without it, some of them, in units of their spread.
+        scale: that spread.
     """
 
     of_real: Float64[np.ndarray, "row state"]
+    scale: Float64[np.ndarray, " state"]
 
     def __init__(self, real: Transitions) -> None:
         known = _known(real)
@@ -187,15 +195,13 @@ class _Told:
                 for half, by in zip(halves, reversed(weights), strict=True)
             ]
         )
-        self._weights, self._scale = np.mean(weights, axis=0), _spread_of(left)
+        self._weights, self.scale = np.mean(weights, axis=0), _spread_of(left)
         few = np.linspace(0, len(left) - 1, min(ROWS, len(left))).round().astype(int)
-        self.of_real = left[few] / self._scale
+        self.of_real = left[few] / self.scale
 
-    def left(
-        self, data: Transitions, states: Float[np.ndarray, "row state"]
-    ) -> Float64[np.ndarray, "row state"]:
-        """Changes to these states without what (o, a) tell, in units of R's spread of that."""
-        return np.asarray(self._beyond(data, states, self._weights) / self._scale)
+    def changes(self, data: Transitions) -> Float64[np.ndarray, "row state"]:
+        """What (o, a) tell of R's changes."""
+        return np.asarray(self._features(_known(data)) @ self._weights)
 
     def _beyond(
         self,
