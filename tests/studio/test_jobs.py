@@ -57,6 +57,44 @@ def test_a_new_job_ends_the_one_before(studio: Studio, cart: Path) -> None:
     assert not second._process.is_alive()
 
 
+def test_a_second_tab_ends_no_diagnosis_of_the_first(studio: Studio, cart: Path) -> None:
+    for name in ("model.xml", "1.parquet", "2.parquet"):
+        studio.drop(cart / name)
+    studio.post("check")
+    studio.ended("check")
+    studio.post("diagnosis", holdout="logs/2.parquet")
+    first = studio.jobs.latest("diagnose")
+    assert first is not None
+    while "step" not in first.told:
+        time.sleep(0.01)
+    said = studio.post("diagnosis", holdout="logs/1.parquet")
+    assert "a diagnosis runs already; stop it first" in said and ">Stop</button>" in said
+    assert studio.jobs.latest("diagnose") is first and first.running
+    for name in ("model/model.xml", "logs/1.parquet", "logs/2.parquet"):
+        answer = studio.browser.post(f"/{TOKEN}/remove", data={"name": name})
+        assert answer.status_code == 400 and "is being diagnosed" in answer.text
+        assert studio.session.has(name)
+    studio.post("stop")
+    studio.post("remove", name="logs/1.parquet")
+    assert not studio.session.has("logs/1.parquet")
+    while (check := studio.jobs.latest("check")) and check.running:  # as a tab does that waits
+        answer = studio.browser.get(f"/{TOKEN}/live/diagnosis")
+        assert answer.status_code in (200, 204)
+    assert ">Start the diagnosis</button>" in studio.get("live/diagnosis")
+
+
+def test_how_long_a_job_took_is_known_once_it_is_stopped() -> None:
+    job = Job("diagnose", began=time.monotonic() - 3.0)
+
+    class Process:
+        def terminate(self) -> None:
+            assert job.state == "stopped" and job.elapsed >= 3.0
+
+    job._process = Process()
+    job.stop()
+    assert 3.0 <= job.seconds < 60.0
+
+
 def test_messages_are_json_and_nothing_else(tmp_path: Path, jobs: Jobs) -> None:
     """A parser that was taken over may say what it likes: here it is a text."""
     from wt.studio.jobs import _listen

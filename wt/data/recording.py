@@ -77,7 +77,7 @@ def table(path: str | Path) -> tuple[dict[str, Float[np.ndarray, " sample"]], di
     except (pa.ArrowException, OSError, ValueError) as error:
         raise RecordingError(
             f"'{path}' is not a whole Parquet file (truncated or of another format): "
-            "copy it again, or make a recording of it with 'wt import'"
+            "copy it again, or give it the ending of what it is and read it with 'wt import'"
         ) from error
     if "t" not in content.column_names:
         raise RecordingError(

@@ -18,7 +18,7 @@ from wt.show.page import style
 from wt.studio import uploads
 from wt.studio.guard import REPORT
 from wt.studio.jobs import Job, Jobs
-from wt.studio.session import Session
+from wt.studio.session import MODEL, Session
 from wt.studio.view import View
 
 _FORM = 2**20  # bytes of a form
@@ -144,6 +144,8 @@ class _Studio:
         job = self.jobs.latest(_LIVE[name])
         if job is not None and job.running:
             return self.html("live", job=job, part=name)
+        if name == "diagnosis" and (check := self.jobs.latest("check")) and check.running:
+            return Response(status_code=204)  # which leaves the page as it is
         answer = self.html(name, alone=True)
         answer.headers.update({"HX-Retarget": f"#{name}", "HX-Reswap": "outerHTML"})
         return answer
@@ -166,9 +168,19 @@ class _Studio:
 
     async def remove(self, request: Request) -> Response:
         """Take a dropped file away again; it is a copy."""
-        fields = await _fields(request)
-        self.session.remove(_one(fields, "name"))
+        name = _one(await _fields(request), "name")
+        if self._needed(name):
+            raise UserError(f"{name!r} is being diagnosed; stop the diagnosis first, or let it end")
+        self.session.remove(name)
         return self._checked()
+
+    def _needed(self, name: str) -> bool:
+        """Tell whether a diagnosis that runs needs a dropped file: of a model's, every one."""
+        job = self.jobs.latest("diagnose")
+        if job is None or not job.running:
+            return False
+        made = self.session.recording_of(name) if name in self.session.logs() else name
+        return name.startswith(f"{MODEL}/") or not {name, made}.isdisjoint(job.reads)
 
     async def choose(self, request: Request) -> Response:
         """Take another of the dropped files for the model."""
@@ -217,7 +229,11 @@ class _Studio:
         return self._checked()
 
     async def diagnose(self, request: Request) -> Response:
-        """Start a diagnosis."""
+        """Start a diagnosis, if none runs: of another tab's, hours may be lost."""
+        before = self.jobs.latest("diagnose")
+        if before is not None and before.running:
+            line = "a diagnosis runs already; stop it first, or let it end"
+            return self.html("diagnosis", alone=True, line=line)
         held = (await _fields(request)).get("holdout", [])
         there, model = self.view.recordings, self.session.model()
         fitted = [r for r in there if r not in held]
@@ -227,6 +243,7 @@ class _Studio:
         out = self.session.next_diagnosis()
         job = self.jobs.start("diagnose", model=model, fitted=fitted, held=held, out=out)
         job.commands = self.session.diagnosing(fitted, held, out)
+        job.reads = (model, *fitted, *held)
         return self.html("diagnosis", alone=True)
 
     async def stop(self) -> Response:

@@ -39,6 +39,7 @@ class Job:
         began: on the clock of :func:`time.monotonic` [s].
         seconds: that it took, once it ended.
         commands: that do the same.
+        reads: files that it needs until its end.
     """
 
     work: str
@@ -49,6 +50,7 @@ class Job:
     began: float = field(default_factory=time.monotonic)
     seconds: float = 0.0
     commands: list[str] = field(default_factory=list)
+    reads: tuple[str, ...] = ()
     _process: Any = None
     _thread: threading.Thread | None = None
 
@@ -60,6 +62,7 @@ class Job:
     def stop(self) -> None:
         """End it, if it runs."""
         if self.state == "running":
+            self.seconds = time.monotonic() - self.began  # before anybody asks for it
             self.state = "stopped"
             self._process.terminate()
         self.wait(5.0)
@@ -133,9 +136,9 @@ def _listen(job: Job, connection: Connection) -> None:
             else:
                 job.told.update(message)
     job._process.join()
-    job.seconds = time.monotonic() - job.began
     if job.state == "stopped":
         return
+    job.seconds = time.monotonic() - job.began
     if "result" in ended:
         job.result, job.state = ended["result"], "done"
     else:

@@ -41,3 +41,5 @@ def test_one_that_is_cut_off_is_refused(tmp_path: Path) -> None:
     assert not importer.recognises(path)
     with pytest.raises(RecordingError, match="not a whole Parquet"):
         importer.read(path, {})
+    with pytest.raises(RecordingError, match="not a whole Parquet"):
+        base.read(path)

@@ -166,6 +166,8 @@ def importer_of(path: Path) -> Importer:
         raise DataError(f"'{path}' does not exist; give the file or folder to import")
     known = importers()
     fitting = [i for i in known.values() if i.recognises(path)]
+    if not fitting and path.suffix.lower() == ".parquet" and path.is_file():
+        fitting = [known["recording"]]  # which says what is wrong with it
     if not fitting:
         about = "; ".join(f"{i.name}: {i.about}" for i in known.values())
         raise DataError(f"'{path}' is of no known format; known are {about}")
