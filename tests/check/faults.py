@@ -20,6 +20,8 @@ from tests.check.machines import (
 from wt.types import Recording
 
 DEG = 180.0 / math.pi
+RATE = 1000.0
+"""Of a fast log [Hz]."""
 
 
 def _encoder_signs() -> list[Fault]:
@@ -178,6 +180,10 @@ def _units() -> list[Fault]:
         Fault("ticks-planar-knee", "planar", _ticks("knee"), ("position_unit",),
               frozenset({"qpos/knee"}), seed=8)
     )  # fmt: skip
+    found.append(
+        Fault("ticks-torque-lift", "arm4_torque", _ticks("lift"), ("position_unit",),
+              frozenset({"qpos/lift"}), seed=8)
+    )  # fmt: skip
     for name in ("planar", "arm4"):
         columns = [n for j in MACHINES[name].joints for n in (*both(j), f"ctrl/{j}_m")]
         found.append(
@@ -185,6 +191,25 @@ def _units() -> list[Fault]:
                   frozenset(columns), seed=8)
         )  # fmt: skip
     return found
+
+
+def _geared() -> list[Fault]:
+    """Servos that are told angles of their motors."""
+    commands = ("ctrl/hip_m", "ctrl/knee_m")
+    hip, knee = ((f"qpos/{j}", f"qvel/{j}") for j in ("hip", "knee"))
+    whole = dict(zip((*hip, *knee, *commands), (*knee, *hip, *commands[::-1]), strict=True))
+    return [
+        Fault("degrees-commands-geared", "geared", times(DEG, *commands), ("command_unit",),
+              frozenset(commands), seed=6),
+        Fault("degrees-geared-knee", "geared", times(DEG, *knee), ("position_unit",),
+              frozenset(knee), seed=6),
+        Fault("degrees-command-geared-hip", "geared", times(DEG, commands[0]), ("command_unit",),
+              frozenset(commands[:1]), seed=6),
+        Fault("joints-geared", "geared", _moved(whole), ("joints_swapped",), frozenset(whole),
+              seed=6),
+        Fault("wrap-geared-hip", "geared", wrapped("qpos/hip"), ("encoder_wrap",),
+              frozenset({"qpos/hip"}), seed=11, options={"around": ("hip", 3.0)}),
+    ]  # fmt: skip
 
 
 def _ticks(joint: str):  # noqa: ANN202
@@ -208,6 +233,23 @@ def _velocities() -> list[Fault]:
     def slope(r: Recording) -> Recording:
         return with_columns(r, {"qvel/bend": np.gradient(r.columns["qvel/bend"], r.t)})
 
+    def filtered(seconds: float):  # noqa: ANN202
+        def spoil(r: Recording) -> Recording:
+            v, keep = r.columns["qvel/lift"].copy(), math.exp(-1.0 / (RATE * seconds))
+            for k in range(1, len(v)):
+                v[k] = keep * v[k - 1] + (1.0 - keep) * v[k]
+            return with_columns(r, {"qvel/lift": v})
+
+        return spoil
+
+    def white(r: Recording) -> Recording:
+        v = r.columns["qvel/bend"]
+        noise = np.random.default_rng(0).standard_normal(len(v))
+        return with_columns(r, {"qvel/bend": v.std() * noise})
+
+    def place(r: Recording) -> Recording:
+        return with_columns(r, {"qvel/bend": r.columns["qpos/bend"]})
+
     return [
         Fault("acceleration-arm4", "arm4", slope, ("velocity_other",), frozenset({"qvel/bend"})),
         Fault("velocity-sign-planar", "planar", times(-1.0, "qvel/hip"), ("velocity_sign",),
@@ -223,6 +265,12 @@ def _velocities() -> list[Fault]:
         Fault("velocities-swapped", "arm4", exchanged(("qvel/lift", "qvel/bend")),
               ("velocities_swapped",), frozenset({"qvel/lift", "qvel/bend"})),
         Fault("velocity-late", "arm4", late, ("velocity_late",), frozenset({"qvel/lift"})),
+        *(Fault(f"velocity-filtered-{1e3 * tau:.0f}ms", "arm4", filtered(tau), ("velocity_late",),
+                frozenset({"qvel/lift"}), seed=13, options={"rate": RATE})
+          for tau in (0.08, 0.15)),
+        Fault("velocity-of-noise", "arm4", white, ("velocity_other",), frozenset({"qvel/bend"}),
+              options={"rate": RATE}),
+        Fault("velocity-is-position", "arm4", place, ("velocity_other",), frozenset({"qvel/bend"})),
         Fault("velocity-of-nothing", "arm4", noise, ("velocity_other",), frozenset({"qvel/bend"})),
     ]  # fmt: skip
 
@@ -253,9 +301,10 @@ def _commands() -> list[Fault]:
         for name, shift in (("planar", 0), ("arm4", 1), ("gantry", -1))
     ]  # fmt: skip
     found += [
-        Fault(f"shifted-{name}", name, shifted, ("command_shifted",), commands(name), seed=9,
-              options={"rate": rate, "seconds": 6.0})
-        for name, rate in (("planar", 50.0), ("arm4", 50.0), ("arm4_torque", 100.0))
+        Fault(f"shifted-{name}-{rate:.0f}", name, shifted, ("command_shifted",),
+              commands(name), seed=9, options={"rate": rate, "seconds": 6.0})
+        for name, rate in (("planar", 50.0), ("arm4", 50.0), ("arm4_torque", 100.0),
+                           ("arm4_torque", 200.0), ("planar_torque", 200.0))
     ]  # fmt: skip
     found += [
         Fault(f"slow-log-{name}", name, lambda r: r, ("command_rate",), commands(name), seed=10,
@@ -393,7 +442,7 @@ def _clocks() -> list[Fault]:
 
 FAULTS = [
     *_encoder_signs(), *_command_signs(), *_swaps(), *_whole_joints(), *_cycles(), *_units(),
-    *_units_of_many(),
+    *_units_of_many(), *_geared(),
     *_velocities(), *_commands(), *_encoders(), *_clocks(),
 ]  # fmt: skip
 """Every fault of a recording."""

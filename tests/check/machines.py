@@ -56,12 +56,16 @@ ROD = f"""<mujoco model="rod">{HEAD}<worldbody><body name="a" pos="0 0 1">
 
 @dataclass(frozen=True)
 class Machine:
-    """A model, how it is moved, and gains of the loop around torque drives (none for servos)."""
+    """A model, how it is moved, and gains of the loop around torque drives (none for servos).
+
+    Servos with gears are told angles of their motors.
+    """
 
     xml: str
     joints: tuple[str, ...]
     sizes: tuple[float, ...]
     loop: tuple[tuple[float, float], ...] = ()
+    gears: tuple[float, ...] = ()
 
 
 def _servos(*gains: tuple[str, float, float]) -> str:
@@ -102,6 +106,15 @@ MACHINES = {
         ("rail", "hoist", "swing"),
         (0.3, 0.12, 0.8),
     ),
+    "geared": Machine(
+        PLANAR.format(
+            drives='<position name="hip_m" joint="hip" gear="9" kp=".74" kv=".049"/>'
+            '<position name="knee_m" joint="knee" gear="-20" kp=".1" kv=".005"/>'
+        ),
+        ("hip", "knee"),
+        (0.7, 0.8),
+        gears=(9.0, -20.0),
+    ),
     "rod": Machine(ROD.format(drives=_servos(("hinge", 30, 2))), ("hinge",), (0.9,)),
 }
 SERVOS, TORQUE = ("planar", "arm4", "gantry"), ("planar_torque", "arm4_torque")
@@ -128,7 +141,7 @@ def record(
     rows: dict[str, list] = {"q": [], "v": [], "u": []}
     d.qpos[:] = wanted[0]
     for target in wanted:
-        u = target
+        u = target * np.array(machine.gears or 1.0)
         if machine.loop:
             kp, kv = np.array(machine.loop).T
             u = kp * (target - d.qpos) - kv * d.qvel

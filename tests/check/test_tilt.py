@@ -67,6 +67,39 @@ def test_a_machine_that_feels_no_weight_as_it_stands(tmp_path: Path) -> None:
     assert "[0, 9.8, 0]" in tilt.evidence
 
 
+ROLLED = MACHINES["planar_torque"].xml.replace(
+    '<joint name="hip" axis="0 1 0" damping="0.1"/>',
+    '<joint name="hip" axis="1 0 0" damping="0.1" range="-1.2 1.2"/>',
+).replace('<worldbody><body name="a" pos="0 0 1">',
+          '<worldbody><body pos="0 0 .5"><geom size=".1"/><body name="a" pos="0 .1 .5">').replace(
+    "</worldbody>", "</body></worldbody>"
+)  # fmt: skip
+"""A leg whose first axle is level, on a frame that stands still."""
+
+
+def test_a_base_upside_down_is_no_encoders_zero_beyond_its_limits(tmp_path: Path) -> None:
+    """Half a turn about the first axle would be as good, but for where that joint may go."""
+    (tilt,) = found(ROLLED, leaning(ROLLED, 180.0, 0.0), tmp_path, "planar_torque")
+    assert (tilt.kind, tilt.sure) == ("base_orientation", True)
+    assert "180°" in tilt.evidence
+
+
+def test_a_base_turned_about_the_first_axle_is_said_with_its_zero(tmp_path: Path) -> None:
+    unlimited = ROLLED.replace(' range="-1.2 1.2"', "")
+    (zero,) = found(unlimited, leaning(unlimited, 90.0, 90.0), tmp_path, "planar_torque")
+    assert (zero.kind, zero.columns) == ("encoder_zero", ("qpos/hip",))
+    assert "or the base turned about its axle" in zero.evidence
+
+
+@pytest.mark.parametrize("towards", [0.0, 90.0, 180.0])
+def test_a_torque_driven_arm_on_a_wall(towards: float, tmp_path: Path) -> None:
+    """Not an encoder's zero and another direction for the rest."""
+    xml = MACHINES["arm4_torque"].xml
+    (tilt,) = found(xml, leaning(xml, 90.0, towards), tmp_path, "arm4_torque")
+    assert (tilt.kind, tilt.sure) == ("base_orientation", True)
+    assert angle(tilt) == 90.0
+
+
 @pytest.mark.parametrize(
     "robot",
     [

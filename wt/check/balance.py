@@ -25,7 +25,8 @@ from wt.physics.scene import Drive, Scene
 
 GAINS = (0.12, 8.0)
 """Of the model's, over the drive's: a factor between is physics."""
-_LATEST = 0.08  # s
+LATEST_S = 0.08
+"""A delay up to it is physics."""
 _DRAG = 4.0  # of the damping by which a drive holds a speed, that may take some of it
 _ROTOR = 30.0  # of the inertia that a joint feels
 _UPSET = 2.0  # of a mean square force
@@ -185,6 +186,13 @@ class Balance:
     def gains(self, edits: Sequence[Edit] = ()) -> Float[np.ndarray, " row"]:
         """Gain of the model's over that of each drive which fits best, however far from one."""
         return np.array([fit.gain for fit in self._fits(edits, gains=(0.0, np.inf))])
+
+    def late(self) -> Float[np.ndarray, " row"]:
+        """Time that each drive takes to follow its command [s], beside what a joint may lack.
+
+        Between 0 and :data:`LATEST_S`.
+        """
+        return np.array([fit.late for fit in self._fits((), lenient=True)])
 
     def plain(self) -> Float[np.ndarray, "row 2"]:
         """Each drive's gain, and the damping that it lacks, where nothing else may adapt.
@@ -377,14 +385,14 @@ class Balance:
         # a drive that is told a speed keeps a part of it
         told = stiffness == 0.0 and damping < 0.0
         drag = _DRAG * abs(damping) * drive.gear**2 if told else np.inf
-        high = np.array([gains[1], np.inf, drag, _ROTOR * self._felt[i], _LATEST])
+        high = np.array([gains[1], np.inf, drag, _ROTOR * self._felt[i], LATEST_S])
         if sprung and not drive.servo:  # it pulls to where it rests: a part of the free constant
             columns = np.column_stack([columns, q[:, i] / row.scale])
             low, high = np.append(low, 0.0), np.append(high, np.inf)
         free = of_position(q[:, i]) if lenient else None
         left, best = adapted(columns, command - spring, low, high, free)
         sent, forced = float(command.var()), float((command - spring).var())
-        return Fit(left, max(sent, _STILL**2), forced, float(best[0]))
+        return Fit(left, max(sent, _STILL**2), forced, float(best[0]), float(best[4]))
 
 
 def free_of_forces(model: mujoco.MjModel) -> mujoco.MjModel:

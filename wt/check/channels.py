@@ -11,6 +11,7 @@ behind what was found, and takes the place of a suspect of the same channels tha
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -92,7 +93,7 @@ def search(balance: Balance, suspected: Listing) -> list[tuple[Suspect, str, flo
             if other.total < state.total - STEP and _simple(balance, other):
                 state = other
     state, others = _reconsidered(balance, state, suspected)
-    state = _mirrored(balance, state, [*suspects, *known])
+    state = _whole(balance, _mirrored(balance, state, [*suspects, *known]))
     while True:
         needed = _needed(balance, state, [*known, *others])
         if len(needed) == len(state.suspects):
@@ -186,6 +187,30 @@ def _mirrored(balance: Balance, state: _State, known: Sequence[Suspect]) -> _Sta
     return best
 
 
+def _whole(balance: Balance, state: _State) -> _State:
+    """A state in which joints whose positions and commands are exchanged alike are one suspect."""
+    dof = {row.drive.index: row.drive.dof for row in balance.rows}
+    swaps = [s for s in state.suspects if s.kind in ("positions_swapped", "commands_swapped")]
+    for one, other in itertools.permutations(swaps, 2):
+        moved = {(e.index, e.source) for e in one.edits}
+        sent = {(dof[e.index], dof[e.source]) for e in other.edits if e.group == "u"}
+        if moved == sent:
+            others = tuple(s for s in state.suspects if s not in (one, other))
+            return _whole(balance, _with_all(balance, (*others, whole(one, other))))
+    return state
+
+
+def whole(positions: Suspect, commands: Suspect) -> Suspect:
+    """Joints exchanged whole, of their positions and their commands exchanged alike."""
+    return Suspect(
+        "joints_swapped",
+        (*positions.edits, *commands.edits),
+        positions.evidence.replace("the positions of ", "the joints ") + ", positions and commands",
+        f"{positions.fix}, {commands.fix.partition(', or')[0]}",
+        positions.elements,
+    )
+
+
 def _of_kind(state: _State, indices: Sequence[int], kind: str) -> list[int]:
     return [i for i in indices if state.suspects[i].kind == kind]
 
@@ -245,6 +270,10 @@ def _needed(
         if not proven.any():
             clear = (ratio > OVERWHELMING) & (without > FAINT) & (state.left < RIGHT)
             proven = clear & bool((clear & own).any() and clear.sum() > 1)
+        if not proven.any():
+            # a position may tell little of its own drive, and much of those that carry it
+            shown = (ratio > DECISIVE) & (without > FAINT) & (state.left < RIGHT)
+            proven = shown & bool((shown & own).any() and (shown & (without > WRONG)).any())
         # a spring that explains about as much as the mix-up is the better guess: over the part of a
         # turn that a joint goes, one may pull as the weight at another angle does, or in another
         # unit; to a servo its own stiffness is such a spring

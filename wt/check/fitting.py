@@ -20,12 +20,14 @@ class Fit:
         sent: variance of the command.
         forced: variance of what it adds to the position that the drive holds.
         gain: of the model's, over the drive's.
+        late: time that the drive takes to follow it [s].
     """
 
     left: float
     sent: float
     forced: float
     gain: float
+    late: float
 
 
 def soft_sign(speed: Float[np.ndarray, " row"]) -> Float[np.ndarray, " row"]:

@@ -14,7 +14,10 @@ from wt.types import Recording
 
 _WINDOW_S = 0.03
 _CLEAR = 4.0  # times its own noise that a velocity has to be, to be compared
+_ABSENT = 0.5  # of what it should be, that is left of it where it is drowned in noise
 _ALIKE = 0.9
+_LATEST_S, _LATEST_SAMPLES = 0.5, 60
+"""How far behind a slope, or ahead of it, a velocity is looked for: the longer of both."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,7 @@ def related(recording: Recording, velocity: str, position: str) -> Relation | No
         return None
     v, slope, dt = pair
     sign = float(np.sign(np.corrcoef(v, slope)[0, 1]))
-    late = _late(sign * v, slope)
+    late = _late(sign * v, slope, max(round(_LATEST_S / dt), _LATEST_SAMPLES))
     if late:
         ends = (
             slice(max(late, 0), len(v) + min(late, 0)),
@@ -86,16 +89,18 @@ def _smooth(
     left = np.sqrt(1.0 / (2.0 * np.sqrt(np.pi) * sigma))
     noise = float((v - smooth)[known].std()) * left
     noise_x = float((x - gaussian_filter1d(x, sigma))[known].std()) * left / (sigma * dt)
-    if smooth[known].std() < max(_CLEAR * noise, 1e-9) or slope[known].std() < max(
-        _CLEAR * noise_x, 1e-9
-    ):
+    size, due = float(smooth[known].std()), float(slope[known].std())
+    if due < max(_CLEAR * noise_x, 1e-9) or size < 1e-9:
+        return None
+    # noise hides a velocity, but none that would stand out of it
+    if size < _CLEAR * noise and due < max(size / _ABSENT, _CLEAR * noise):
         return None
     return smooth[known], slope[known], dt
 
 
-def _late(v: Float[np.ndarray, " row"], slope: Float[np.ndarray, " row"]) -> int:
+def _late(v: Float[np.ndarray, " row"], slope: Float[np.ndarray, " row"], most: int) -> int:
     """Samples by which a velocity comes behind a slope, by their best correlation."""
-    most = min(60, len(v) // 4)
+    most = min(most, len(v) // 4)
     # ∑ slope(k) · v(k + lag), for all lags at once
     size = 2 ** int(np.ceil(np.log2(2 * len(v))))
     spectrum = np.conj(np.fft.rfft(slope - slope.mean(), size)) * np.fft.rfft(v - v.mean(), size)

@@ -80,6 +80,11 @@ class Drive:
         """Tell whether it holds a position: its force falls with the joint's position."""
         return self.bias[1] < 0.0
 
+    @property
+    def held_per_command(self) -> float:
+        """Position of the joint that a servo holds, per command; 0 for other drives."""
+        return self.gain / (abs(self.bias[1]) * self.gear) if self.servo else 0.0
+
 
 def drives(m: mujoco.MjModel) -> tuple[Drive, ...]:
     """The actuators of a model that act on a hinge or slide by an affine law, in its order."""

@@ -74,7 +74,7 @@ def _commands(balance: Balance, recording: Recording) -> Iterable[AuditFinding]:
         ends = _ends(command) if drive.servo and given > WRONG else []
         if np.isin(command, ends).mean() > _MOST:
             continue
-        told = drive.gear * drive.gain * command / (abs(drive.bias[1]) * drive.gear**2 or np.inf)
+        told = drive.held_per_command * command
         beyond = np.zeros(0)
         for end in ends:
             past = np.sign(end - np.nanmedian(command)) * (position - told)[command == end]

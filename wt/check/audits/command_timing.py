@@ -25,6 +25,9 @@ _SLOW_S, _SHORT_S = 0.015, 0.004
 _LEADS = np.arange(-0.5, 1.6, 0.1)  # samples
 _DECISIVE = 1.5  # of the mean logarithm of what is left
 _ALIKE = 0.5
+_AGREED = 0.3  # … where most of several drives by themselves arrive at one sample
+_ONE, _MOST = (0.75, 1.5), 0.7  # what counts as one; share of drives
+_FARTHEST = 2.0  # samples, from which a lead is measured back
 _MOST_BETWEEN = 10
 
 
@@ -42,13 +45,11 @@ class CommandTiming:
             return
         if balance.signals.dt < _SHORT_S or not balance.dynamic:
             return
-        lead, gain = _lead(balance)
+        (lead, gain), agreed = _lead(balance), _agreed(balance)
         names = tuple(f"ctrl/{row.drive.name}" for row in balance.rows)
         elements = tuple(f"actuator {row.drive.name}" for row in balance.rows)
         dt = balance.signals.dt
-        if gain < _DECISIVE:
-            return
-        if 0.2 < lead < 0.75 and dt >= _SLOW_S:
+        if gain >= _DECISIVE and 0.2 < lead < 0.75 and dt >= _SLOW_S and not agreed:
             yield AuditFinding(
                 "command_rate",
                 names,
@@ -59,12 +60,12 @@ class CommandTiming:
                 0.9,
                 change=lambda r: _between(r, names, _periods(balance)),
             )
-        elif 0.75 < lead < 1.35:
+        elif (gain >= _DECISIVE and 0.75 < lead < 1.35) or agreed:
             yield AuditFinding(
                 "command_shifted",
                 names,
                 elements,
-                f"The motion follows the commands {1e3 * lead * dt:.0f} ms before they were "
+                f"The motion follows the commands {1e3 * dt:.3g} ms before they were "
                 "logged, one sample: each stands one row too late",
                 "write each command into the row of the sample it was sent at",
                 0.95,
@@ -101,6 +102,20 @@ def _lead(balance: Balance) -> tuple[float, float]:
     enough = int(np.flatnonzero(np.array(totals) <= min(totals) + _ALIKE)[0])
     none = float(np.interp(0.0, _LEADS, totals))
     return float(_LEADS[enough]), none - totals[enough]
+
+
+def _agreed(balance: Balance) -> bool:
+    """Tell whether most of several drives by themselves say that commands come one sample late.
+
+    What a model lacks may look like a lead at one joint, and hardly like the same one at all.
+    """
+    s = balance.signals
+    ahead = balance.on(replace(s, u=s.u + _FARTHEST * s.dt * s.du))
+    leads = _FARTHEST - ahead.late() / s.dt
+    one = (leads > _ONE[0]) & (leads < _ONE[1])
+    if one.sum() < 2 or one.mean() < _MOST:
+        return False
+    return _total(balance, 0.0) - _total(balance, 1.0) > _AGREED
 
 
 def _earlier(recording: Recording, names: tuple[str, ...]) -> Recording:

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.check.audit import Stage, Subject, register
+from wt.check.audits.zero import one_zero
 from wt.check.balance import Balance
 from wt.check.finding import AuditFinding
 from wt.check.weight import Weight
@@ -37,22 +38,29 @@ _ALONG = math.cos(math.radians(8.0))
 
 @register
 class Carried:
-    """The drives carry the weight where the model says so, and nothing else is wrong.
+    """The drives carry the weight, and along that direction, as the model says.
 
-    Before columns are looked at: they would get units that make up for a weight.
+    Where nothing else is wrong, before columns are looked at: they would get units, or zeros, that
+    make up for a weight.
     """
 
-    kinds: ClassVar[tuple[str, ...]] = ("gravcomp_missing", "gravcomp_extra")
+    kinds: ClassVar[tuple[str, ...]] = ("gravcomp_missing", "gravcomp_extra", "base_orientation")
     stage: ClassVar[Stage] = "gain"
 
     def findings(self, subject: Subject) -> Iterable[AuditFinding]:
         """At most one, after which every force is explained."""
-        weight = _weight(subject)
-        for finding in _carried(weight) if weight else ():
-            assert weight is not None and finding.model_change is not None
-            scene, signals = weight.balance.scene, weight.balance.signals
+        balance, weight = subject.balance, _weight(subject)
+        if balance is None or not _known(balance):
+            return
+        found = list(_carried(weight)) if weight else []
+        wrong = balance.unexplained_forces().max() > _EXPLAINED
+        if not found and wrong and (weight is None or weight.given > _LEFT):
+            found = [f for f in _direction(balance, weight) if f.sure and not one_zero(balance)]
+        for finding in found:
+            assert finding.model_change is not None
+            scene = balance.scene
             mended = Scene(scene.path, [*scene.amendments, finding.model_change])
-            if Balance(mended, signals).unexplained_forces().max() < _EXPLAINED:
+            if Balance(mended, balance.signals).unexplained_forces().max() < _EXPLAINED:
                 yield finding
 
 
@@ -72,8 +80,13 @@ class Gravity:
         found = list(_carried(weight)) if weight else []
         yield from found
         if not found and (weight is None or weight.given > _LEFT):
-            g = np.array(balance.scene.model.opt.gravity)
-            yield from _turned(balance, g, felt=weight is not None)
+            yield from _direction(balance, weight)
+
+
+def _direction(balance: Balance, weight: Weight | None) -> Iterable[AuditFinding]:
+    """A base that is mounted otherwise, beside the weight that the drives feel."""
+    g = np.array(balance.scene.model.opt.gravity)
+    return _turned(balance, g, felt=weight is not None)
 
 
 def _known(balance: Balance) -> bool:

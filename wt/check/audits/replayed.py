@@ -176,11 +176,11 @@ class _Table:
             yield count
 
     def _state(self, row: int) -> mujoco.MjData:
-        """The model in the state of a sample, which a parabola through its neighbours tells."""
+        """The model in the state of a sample, which a cubic through its neighbours tells."""
         d = mujoco.MjData(self.model)
         near = np.abs(self.t - self.t[row]) <= _AROUND_S
         near[max(row - _AROUND, 0) : row + _AROUND + 1] = True
-        _, v, q = np.polyfit(self.t[near] - self.t[row], self.q[near], 2)
+        *_, v, q = np.polyfit(self.t[near] - self.t[row], self.q[near], 3)
         d.qpos[:], d.qvel[:] = q, v
         if self.model.na:
             d.act[:] = self.u[row][self.model.actuator_actadr >= 0][: self.model.na]

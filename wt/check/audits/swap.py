@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 
 from wt.check.audit import Suspect, register
 from wt.check.balance import Balance, Edit
-from wt.check.channels import WRONG, total
+from wt.check.channels import WRONG, total, whole
 from wt.check.order import Order, by_exchanges
 
 
@@ -16,10 +16,10 @@ from wt.check.order import Order, by_exchanges
 class Swap:
     """Columns stand at each other's place, as where a log has another order than the model."""
 
-    kinds: ClassVar[tuple[str, ...]] = ("positions_swapped", "commands_swapped")
+    kinds: ClassVar[tuple[str, ...]] = ("positions_swapped", "commands_swapped", "joints_swapped")
 
     def suspects(self, balance: Balance) -> Sequence[Suspect]:
-        """Every pair of measured joints, and of commands, and the order that explains most."""
+        """Every pair of measured joints, of commands and of both, and what order explains most."""
         driven = {row.drive.dof for row in balance.rows}
         joints = [
             i
@@ -28,7 +28,19 @@ class Swap:
         ]
         positions = [p for p in itertools.combinations(joints, 2) if driven & set(p)]
         commands = list(itertools.combinations([row.drive.index for row in balance.rows], 2))
-        return [*_of(balance, "q", positions), *_of(balance, "u", commands)]
+        return [*_of(balance, "q", positions), *_of(balance, "u", commands), *_joints(balance)]
+
+
+def _joints(balance: Balance) -> list[Suspect]:
+    """Pairs of wrong joints, with their commands: servos of other gears show it by themselves."""
+    wrong = zip(balance.rows, balance.unexplained() > WRONG, strict=True)
+    rows = [row for row, is_wrong in wrong if is_wrong and row.drive.servo]
+    listed = []
+    for a, b in itertools.combinations(rows, 2):
+        one = _suspect(balance, "q", {a.drive.dof: b.drive.dof, b.drive.dof: a.drive.dof})
+        i, j = a.drive.index, b.drive.index
+        listed.append(whole(one, _suspect(balance, "u", {i: j, j: i})))
+    return listed
 
 
 def _of(

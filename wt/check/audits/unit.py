@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import ClassVar, Literal, get_args
 
 import mujoco
@@ -83,10 +84,14 @@ def _of(balance: Balance, row: Row) -> list[Suspect]:
             if not _possible(balance, row, group, name):
                 continue
             said = f"{_column(group, row)} is in {name}"
-            listed += [
-                _suspect(balance, group, [row], [factor], "unit", said),
-                _suspect(balance, group, [row], [-factor], "unit", f"{said} and runs backwards"),
-            ]
+            for f, words in ((factor, said), (-factor, f"{said} and runs backwards")):
+                suspect = _suspect(balance, group, [row], [f], "unit", words)
+                listed.append(suspect)
+                if name.startswith("ticks") and not row.drive.servo:
+                    # where no command tells the zero: encoders without a sign have it amid a turn
+                    (edit,) = suspect.edits
+                    amid = replace(edit, offset=-math.copysign(math.pi, f))
+                    listed.append(replace(suspect, edits=(amid,)))
         if not balance.dynamic and _bearable(balance, row):
             continue  # under a load that nobody knows a soft servo moves less than it is told
         for fitted in _fitted(balance, row, group):
@@ -119,10 +124,20 @@ def _of_several(balance: Balance, group: Group) -> list[Suspect]:
 
 def _follows(balance: Balance, row: Row, group: Group, factor: float) -> bool:
     """Tell whether a servo's column is to its counterpart as one in a unit is."""
+    if not row.drive.servo:
+        return False
+    given, wanted = _counterparts(balance, row, group)
+    factor *= float(given.std()) / max(float(wanted.std()), 1e-12)
+    return _ORDINARY[0] < factor < _ORDINARY[1]
+
+
+def _counterparts(
+    balance: Balance, row: Row, group: Group
+) -> tuple[Float[np.ndarray, " row"], Float[np.ndarray, " row"]]:
+    """A servo's channel, and what it would be if the other one were followed exactly."""
     s, drive = balance.signals, row.drive
-    q, u = s.q[:, drive.dof].std(), s.u[:, drive.index].std()
-    wanted, given = (u, q) if group == "q" else (q, u)
-    return bool(drive.servo and _ORDINARY[0] < factor * given / max(wanted, 1e-12) < _ORDINARY[1])
+    q, u, held = s.q[:, drive.dof], s.u[:, drive.index], drive.held_per_command
+    return (q, held * u) if group == "q" else (u, q / held)
 
 
 def _column(group: Group, row: Row) -> str:
@@ -159,21 +174,17 @@ def _bearable(balance: Balance, row: Row) -> bool:
 
 def _middle(balance: Balance, row: Row, group: Group, factor: float) -> float:
     """Offset after which a servo's column lies about its counterpart; 0 if it does without."""
-    s, drive = balance.signals, row.drive
-    if not drive.servo:
+    if not row.drive.servo:
         return 0.0
-    q, u = s.q[:, drive.dof], s.u[:, drive.index]
-    wanted, given = (u, q) if group == "q" else (q, u)
+    given, wanted = _counterparts(balance, row, group)
     shift = float(np.median(wanted) - factor * np.median(given))
     return shift if abs(shift) > 0.5 * max(float(np.ptp(wanted)), 0.2) else 0.0
 
 
 def _fitted(balance: Balance, row: Row, group: Group) -> list[float]:
     """Factors that fit best, and are none that may be physics."""
-    s, drive = balance.signals, row.drive
-    if drive.servo:
-        q, u = s.q[:, drive.dof], s.u[:, drive.index]
-        wanted, given = (u, q) if group == "q" else (q, u)
+    if row.drive.servo:
+        given, wanted = _counterparts(balance, row, group)
         if given.std() < 1e-9 or abs(np.corrcoef(wanted, given)[0, 1]) < 0.8:
             return []
         factor = float(np.polyfit(given, wanted, 1)[0])

@@ -104,7 +104,8 @@ def _strange(scene: Scene, recording: Recording, drive: Drive) -> bool:
     command = recording.columns.get(f"ctrl/{drive.name}")
     if position is None or command is None or m.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE:
         return False
-    both = [x[np.isfinite(x)] for x in (position, command)]
+    held = drive.held_per_command * command
+    both = [x[np.isfinite(x)] for x in (position, held)]
     if min(len(x) for x in both) < 12 or min(np.ptp(x) for x in both) < 1e-6:
         return False
     if m.jnt_limited[joint]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import ClassVar
 
@@ -20,7 +20,8 @@ UNITS = {
     "rev": (1.0 / (2.0 * math.pi), "turns a second"),
 }
 """Factors from rad/s, by the word of a map."""
-_ALIKE, _STRANGE = 0.9, 0.4
+_ALIKE, _STRANGE = 0.9, 0.7
+_DECISIVE = 10.0  # what a slope leaves of a velocity's variance, over what another joint's leaves
 _NEAR = 0.08
 _SCALED = (0.7, 1.4)  # what filters and noise may make of a factor
 _LATE_S, _LATE_SAMPLES = 0.03, 2.5
@@ -43,16 +44,19 @@ class Velocity:
             return
         joints = [c.removeprefix("qpos/") for c in recording.columns if c.startswith("qpos/")]
         joints = [j for j in joints if f"qvel/{j}" in recording.columns]
-        strange = []
+        unlike, strange = dict[str, Relation](), list[str]()
         for joint in joints:
             relation = related(recording, joint, joint)
             if relation is None:
                 continue
-            if abs(relation.correlation) < _STRANGE or _another(recording, relation):
-                strange.append(joint)
-            elif abs(relation.correlation) > _ALIKE:
+            another = _another(recording, relation)
+            if another or abs(relation.correlation) < _ALIKE:
+                unlike[joint] = relation
+            else:
                 yield from _scaled(recording, joint, relation)
-        yield from _strangers(recording, strange)
+            if another or abs(relation.correlation) < _STRANGE:
+                strange.append(joint)
+        yield from _strangers(recording, unlike, strange)
 
 
 def _another(recording: Recording, relation: Relation) -> bool:
@@ -69,6 +73,7 @@ def _another(recording: Recording, relation: Relation) -> bool:
 def _scaled(recording: Recording, joint: str, relation: Relation) -> Iterable[AuditFinding]:
     name, factor = f"qvel/{joint}", relation.factor
     size = abs(factor)
+    late = relation.late > max(_LATE_S, _LATE_SAMPLES * _interval(recording))
     said = f"'{name}' is {factor:.3g} times the slope of 'qpos/{joint}'"
     unit = next((u for u, (f, _) in UNITS.items() if abs(size / f - 1.0) < _NEAR), None)
     if unit:
@@ -78,7 +83,7 @@ def _scaled(recording: Recording, joint: str, relation: Relation) -> Iterable[Au
             "velocity_unit", (name,), (), f"{said}: it is in {words}", f"units: {{{name}: {unit}}}",
             change=change,
         )  # fmt: skip
-    elif not _SCALED[0] < size < _SCALED[1]:
+    elif not _SCALED[0] < size < _SCALED[1] and not (late and 0.0 < factor < 1.0):
         yield AuditFinding(
             "velocity_scale", (name,), (), said, f"units: {{{name}: {1.0 / factor:.4g}}}",
             change=_times(name, 1.0 / factor),
@@ -92,7 +97,7 @@ def _scaled(recording: Recording, joint: str, relation: Relation) -> Iterable[Au
             f"signs: {{{name}: -1}}",
             change=_times(name, -1.0),
         )
-    elif relation.late > max(_LATE_S, _LATE_SAMPLES * _interval(recording)):
+    elif late:
         yield AuditFinding(
             "velocity_late",
             (name,),
@@ -116,15 +121,24 @@ def _times(name: str, factor: float) -> Change:
     return change
 
 
-def _strangers(recording: Recording, strange: list[str]) -> Iterable[AuditFinding]:
-    """Velocities unlike the slope of their own position: of other joints, or of nothing."""
+def _strangers(
+    recording: Recording, unlike: Mapping[str, Relation], strange: Sequence[str]
+) -> Iterable[AuditFinding]:
+    """Velocities unlike the slope of their own position: of other joints, or of nothing.
+
+    Args:
+        recording: their recording.
+        unlike: how velocities that may be another joint's go with their own position.
+        strange: those of them that are not their own joint's.
+    """
     home = {
         joint: other
-        for joint in strange
-        for other in strange
+        for joint, own in unlike.items()
+        for other in unlike
         if other != joint
         and (r := related(recording, joint, other))
         and r.correlation > _ALIKE
+        and _DECISIVE * (1.0 - r.correlation**2) < 1.0 - own.correlation**2
         and _SCALED[0] < r.factor < _SCALED[1]
     }
     if home and sorted(home) == sorted(home.values()):

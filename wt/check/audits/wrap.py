@@ -82,7 +82,8 @@ def _counterpart(subject: Subject, recording: Recording, group: str, channel: st
         if drive.servo and channel == (drive.joint if group == "qpos" else drive.name):
             other = f"ctrl/{drive.name}" if group == "qpos" else f"qpos/{drive.joint}"
             if other in recording.columns and _turn(recording.columns[other]) is None:
-                return float(np.nanmedian(recording.columns[other]))
+                held = drive.held_per_command if group == "qpos" else 1.0 / drive.held_per_command
+                return held * float(np.nanmedian(recording.columns[other]))
     return None
 
 

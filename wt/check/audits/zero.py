@@ -16,11 +16,12 @@ import numpy as np
 from jaxtyping import Bool
 
 from wt.check.audit import Stage, Subject, Suspect, register
-from wt.check.balance import Balance, Edit
+from wt.check.balance import Balance, Edit, Row
 from wt.check.finding import AuditFinding
 
 _QUARTERS = (math.pi, 0.5 * math.pi, -0.5 * math.pi)
 _FAR = 0.35  # rad
+_EXPLAINED = 0.1  # of every force, that may be left where nothing else is wrong
 _RIGHT = 0.3  # of its command that a joint leaves unexplained, at most
 _OFTEN = 0.5  # of the poses in which something holds a joint, at least, to be why it stays away
 _FORCES = 3.0  # times all that the motion demands: no bias of a drive is so large
@@ -50,12 +51,67 @@ class QuarterTurn:
         ]
 
 
+def one_zero(balance: Balance) -> bool:
+    """Tell whether one joint's zero explains every force, and no limit is against it.
+
+    So would the base, turned about that joint's axle.
+    """
+    return any(
+        balance.unexplained_forces(s.edits).max() < _EXPLAINED
+        and balance.beyond(s.edits) <= balance.beyond()
+        for s in (*QuarterTurn().suspects(balance), *AwayFromCommand().suspects(balance))
+    )
+
+
 def _first(balance: Balance, dof: int) -> bool:
     """Tell whether a joint carries all that moves: its zero and the base's are then one."""
     m = balance.scene.model
     body = int(m.dof_bodyid[dof])
     moving = [m.body(name).id for name in balance.scene.moving]
-    return m.body_dofnum[body] == 1 and all(m.body_rootid[b] == body for b in moving)
+    return m.body_dofnum[body] == 1 and all(_carries(m, body, b) for b in moving)
+
+
+def _carries(m: mujoco.MjModel, body: int, other: int) -> bool:
+    """Tell whether a body is another one, or what that hangs on."""
+    while other > body:
+        other = int(m.body_parentid[other])
+    return other == body
+
+
+@register
+class AwayFromCommand:
+    """A servo's joint whose weight, and whose inertia to others, are those of where it was sent."""
+
+    kinds: ClassVar[tuple[str, ...]] = ("encoder_zero",)
+
+    def suspects(self, balance: Balance) -> Sequence[Suspect]:
+        """Each hinge that stays far from its command, at it."""
+        if not balance.dynamic:
+            return []
+        hinge = int(mujoco.mjtJoint.mjJNT_HINGE)
+        listed = []
+        for row in balance.rows:
+            drive, i = row.drive, row.drive.dof
+            away = _away(balance, row) if drive.servo else 0.0
+            if abs(away) < _FAR or balance.scene.model.jnt_type[i] != hinge:
+                continue
+            zero = _unloaded(balance, i, abs(drive.bias[1]) * drive.gear**2, away)
+            listed.append(
+                Suspect(
+                    "encoder_zero",
+                    (Edit("q", i, i, 1.0, zero),),
+                    f"{drive.joint}'s zero is {math.degrees(zero):.0f}° off",
+                    "",
+                    (f"joint {drive.joint}",),
+                )
+            )
+        return listed
+
+
+def _away(balance: Balance, row: Row) -> float:
+    """How far a servo's joint usually stays below what its command holds [rad or m]."""
+    s, drive = balance.signals, row.drive
+    return float(np.median(drive.held_per_command * s.u[:, drive.index] - s.q[:, drive.dof]))
 
 
 @register
@@ -77,8 +133,7 @@ class FarFromCommand:
             if not drive.servo or left > _RIGHT:
                 continue
             stiffness = abs(drive.bias[1]) * drive.gear**2
-            told = row.scale / stiffness * s.u[:, drive.index]
-            away, most = float(np.median(told - s.q[:, i])), float(np.abs(demand[:, i]).max())
+            away, most = _away(balance, row), float(np.abs(demand[:, i]).max())
             if abs(away) < _FAR or stiffness * abs(away) < _FORCES * most:
                 continue
             held = _held(balance) if held is None else held
