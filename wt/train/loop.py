@@ -21,11 +21,11 @@ from wt.errors import ConfigError
 from wt.nets.world_model import WorldModel
 from wt.train import machines
 from wt.train.callbacks import CollapseWatch, RerunCurves, ShowProgress
-from wt.train.checkpoints import LatestOfTheBest, WholeCheckpoints
+from wt.train.checkpoints import WholeCheckpoints
 from wt.train.data import TranslationData
 from wt.train.device import beside, on
 from wt.train.logger import MetricSink, SinkLogger
-from wt.train.module import STANDARD_ERROR, WorldTranslation
+from wt.train.module import WorldTranslation
 from wt.train.regression import Progress
 from wt.train.replicas import Place, Placed, Unwrapped, end_with_parent, followers, leading
 
@@ -168,12 +168,12 @@ def _loop(
     watchers: Sequence[lightning.Callback],
     logger: SinkLogger | None,
 ) -> Path:
-    """Let Lightning train, from the newest checkpoint on; returns the best one."""
+    """Let Lightning train, from the newest checkpoint on; returns the one that is kept."""
     train, device = module.model.method.train, torch.get_default_device()
-    metric = data.validation.metric
-    best = LatestOfTheBest(folder, f"val/{metric}", f"val/{STANDARD_ERROR}")
-    # one of its own: save_last of the one above writes only when the error has fallen
-    newest = ModelCheckpoint(folder, Path(LAST).stem, enable_version_counter=False)
+    newest = kept = ModelCheckpoint(folder, Path(LAST).stem, enable_version_counter=False)
+    if data.validation.tells_checkpoints:
+        # one of its own: its save_last would write only when the error has fallen
+        kept = ModelCheckpoint(folder, "best", monitor=f"val/{data.validation.metric}")
     last = folder / LAST
     if train.compile:
         for net in module.model.children():
@@ -185,7 +185,7 @@ def _loop(
             max_epochs=train.steps // train.validate_every,
             limit_train_batches=train.validate_every,
             log_every_n_steps=train.log_every,
-            callbacks=[*watchers, best, newest],
+            callbacks=[*watchers, *dict.fromkeys((kept, newest))],
             logger=logger or False,
             use_distributed_sampler=False,
             enable_progress_bar=False,
@@ -200,7 +200,7 @@ def _loop(
             # Lightning's answer to Ctrl-C, which also leaves the signal ignored
             signal.signal(signal.SIGINT, on_interrupt)
             raise KeyboardInterrupt from end
-    return Path(best.best_model_path)
+    return Path(kept.best_model_path)
 
 
 def _placed(place: Place | None, device: torch.device, train: Train) -> dict[str, Any]:

@@ -23,15 +23,12 @@ from wt.errors import ConfigError
 from wt.nets.world_model import WorldModel
 from wt.train import graphs, phases, replicas
 from wt.train.batches import StepBatch
-from wt.train.score import PairTensors, errors, reconstructions, score, scored
+from wt.train.score import PairTensors, errors, reconstructions, score
 from wt.train.selection import Selection
 from wt.types import TransitionSpec
 
 WARM_UP = 100
 """Steps over which learning rates rise; they then fall along a cosine to zero."""
-
-STANDARD_ERROR = "standard_error"
-"""Metric: of the error on what is held out, by the sample that chooses."""
 
 _COLUMNS = {"discriminators": "judges"}
 """Optimizers whose metrics have an older name, by which runs are compared."""
@@ -146,10 +143,8 @@ class WorldTranslation(lightning.LightningModule):
         # what the encoder keeps of R's own outcome, and what is left without translation
         real = PairTensors.of(batch.predicted, frame.state.std, frame.change.std)
         kept = (reconstructions(self.model, real) - real.real_next) / real.state_std
-        deployed = scored(self.deployed(), batch)
         values = {
-            batch.metric: deployed.error,
-            STANDARD_ERROR: deployed.standard_error,
+            batch.metric: score(self.deployed(), batch),
             "self_reconstruction": float((kept**2).mean()),
             "untranslated": score(self.model.untranslated(), batch),
         }

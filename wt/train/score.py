@@ -9,7 +9,7 @@ from torch import Tensor
 
 from wt.nets.world_model import WorldModel
 from wt.train.phases import ACTIVE
-from wt.train.selection import ErrorEstimate, Selection
+from wt.train.selection import Selection
 from wt.translate import feature_of_real, reconstruct_state, translate_state
 from wt.types import Pairs
 
@@ -75,14 +75,9 @@ def active_latents(model: WorldModel, pairs: PairTensors) -> int:
 
 def score(model: WorldModel, selection: Selection) -> float:
     """Error of a model's translation on the data that choose."""
-    return scored(model, selection).error
-
-
-def scored(model: WorldModel, selection: Selection) -> ErrorEstimate:
-    """As :func:`score`, and how sure that is."""
     std, change_std = model.frame.state.std, model.frame.change.std
     tensors = PairTensors.of(selection.translated, std, change_std)
-    return selection.measure(predictions(model, tensors))
+    return selection.error(predictions(model, tensors))
 
 
 def errors(model: WorldModel, pairs: PairTensors) -> tuple[float, float]:
