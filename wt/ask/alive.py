@@ -1,7 +1,9 @@
 """The hypotheses that recordings leave: what a diagnosis claims, and what it may be confused with.
 
 Each is fitted to the same recordings, so that an experiment is judged by the machines that these
-allow, and not by how one would be guessed.
+allow, and not by how one would be guessed. Of two laws that fit alike, one of which contains the
+other, a diagnosis claims the smaller one: nothing asks for more. A machine that can be asked may
+have the larger one all the same (friction that grows with the load, where the load hardly changed).
 """
 
 from __future__ import annotations
@@ -12,9 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from wt.diagnose.likelihood.estimate import estimate
+from wt.diagnose.likelihood.estimate import estimate, fitted
 from wt.diagnose.pipeline import Outcome
 from wt.diagnose.result import Estimate
+from wt.diagnose.selection.candidates import lookalikes
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.effect import effects
+from wt.physics.hooks import shaped
 from wt.physics.planted import Hypothesis, Planted
 
 _SIGMAS = 1.96
@@ -30,17 +36,20 @@ class Alive:
         spread: standard deviation of each parameter, one effect after another; zero where it was
             read off the recordings.
         differs: the part that no other hypothesis has; None for what is claimed.
+        larger: whether that part contains what is claimed in its place.
     """
 
     hypothesis: Hypothesis
     spread: Float[np.ndarray, " parameter"]
     differs: Planted | None = None
+    larger: bool = False
 
 
 def alive(outcome: Outcome) -> tuple[Alive, ...]:
     """What is claimed, then the same with an effect's rival in its place, for each rival.
 
-    What happened at moments of its own is no part of them: an experiment has other moments.
+    Then with each larger law that fits as well, but for its price. What happened at moments of its
+    own is no part of them: an experiment has other moments.
     """
     claims, objective = outcome.claims, outcome.naming.objective
     claimed = claims.estimated.hypothesis
@@ -49,19 +58,49 @@ def alive(outcome: Outcome) -> tuple[Alive, ...]:
     spread = _spread(base, [claims.estimated.estimates[i] for i in kept])
     found = [Alive(base, spread)]
     for place, i in enumerate(kept):
-        for rival in claims.accepted[i].rivals:
+        rivals = [r for r in claims.accepted[i].rivals if not r.observed()]
+        tried = [(r, False) for r in rivals] + [
+            (p, True) for p in _larger(outcome, base, place) if p.key not in {r.key for r in rivals}
+        ]
+        for rival, larger in tried:
             others = base[:place] + base[place + 1 :]
-            if rival.observed() or rival.key in {p.key for p in others}:
+            if rival.key in {p.key for p in others}:
                 continue
-            fitted = estimate(objective, (*base[:place], rival, *base[place + 1 :]))
-            found.append(
-                Alive(
-                    fitted.hypothesis,
-                    _spread(fitted.hypothesis, fitted.estimates),
-                    fitted.hypothesis[place],
-                )
-            )
+            fit = estimate(objective, (*base[:place], rival, *base[place + 1 :]))
+            lost = claims.estimated.assessed.loglik - fit.assessed.loglik
+            if not larger or lost < THRESHOLDS.equivalent_nats:
+                spread = _spread(fit.hypothesis, fit.estimates)
+                found.append(Alive(fit.hypothesis, spread, fit.hypothesis[place], larger))
     return tuple(found)
+
+
+def _larger(outcome: Outcome, base: Hypothesis, place: int) -> list[Planted]:
+    """Laws at a place of a hypothesis with more parameters than the one there, fitted to it all.
+
+    Each from the start, of those that the force residual shows and of those that it has from the
+    smaller law, from which it comes farthest.
+    """
+    naming, claimed = outcome.naming, base[place]
+    shapes = {a.planted.key: a.shape for a in outcome.claims.accepted}
+    known = [(p, shapes.get(p.key)) for p in base if p is not claimed]
+    wanted = {
+        (name, at)
+        for name, at in lookalikes(naming.screen, claimed)
+        if at == claimed.at and effects()[name].n_free > claimed.effect.n_free
+    }
+    ranked = (s for s in naming.screen.rank(known, wanted) if np.isfinite(s.gain))
+    starts = [s.planted for s in ranked]
+    for name, _ in sorted(wanted, key=str):
+        law = effects()[name]
+        beyond = claimed.beyond(law, naming.objective.motion)
+        starts += [Planted(shaped(law, shape), claimed.at, theta) for shape, theta in beyond]
+    best: dict[str, tuple[float, Planted]] = {}
+    for start in (p for p in starts if not p.observed()):
+        fit = fitted(naming.objective, (*base[:place], start, *base[place + 1 :]))
+        name = start.effect.id
+        if name not in best or fit.loglik > best[name][0]:
+            best[name] = fit.loglik, fit.hypothesis[place]
+    return [law for _, law in best.values()]
 
 
 def _spread(

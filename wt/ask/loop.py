@@ -217,17 +217,22 @@ def _round(scene: Scene, outcome: Outcome, run: int, wish: Wish) -> Round:
     if not claimed:
         return Round((), (), None, "nothing that has a name is missing")
     left = alive(outcome)
-    rivals = tuple(str(a.differs) for a in left if a.differs is not None)
+    rivals = tuple(str(a.differs) for a in left if a.differs is not None and not a.larger)
     blunt = wish.precision is not None and _blunt(outcome, wish.precision)
-    if not rivals and not blunt:
-        precise = "" if wish.precision is None else ", and all is as precise as asked"
+    settled = not rivals and not blunt
+    precise = "" if wish.precision is None else ", and all is as precise as asked"
+    if settled and (len(left) == 1 or run >= wish.most):
         return Round(claimed, (), None, f"no other name fits{precise}")
     if run >= wish.most:
         return Round(claimed, rivals, None, "as many experiments were run as were asked for")
     design = _designer(scene, outcome, left, wish.whole_range).design(
         wish.seconds, wish.seed + run, blunt
     )
-    return Round(claimed, rivals, design, "" if design else "no safe motion would tell more")
+    if settled and design is None:  # what contains it says no more, wherever the machine may go
+        return Round(claimed, (), None, f"no other name fits{precise}")
+    larger = tuple(str(a.differs) for a in left if a.larger) if design else ()
+    reason = "" if design else "no safe motion would tell more"
+    return Round(claimed, (*rivals, *larger), design, reason)
 
 
 def _blunt(outcome: Outcome, precision: float) -> bool:
