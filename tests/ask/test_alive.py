@@ -1,4 +1,4 @@
-"""A larger law that fits as well is alive, too: a machine may have it though nothing asks for it."""
+"""A larger law that fits as well is alive, too: a machine may have it though none asks for it."""
 
 from __future__ import annotations
 
