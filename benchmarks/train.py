@@ -32,7 +32,7 @@ from torch import Tensor, nn
 from wt.config import Device, Method, load
 from wt.nets.world_model import WorldModel
 from wt.train import phases
-from wt.train.batches import StepBatches, in_frame
+from wt.train.batches import Held, StepBatches, in_frame
 from wt.train.device import device_of, on
 from wt.train.fit import fit_world_model
 from wt.train.mean_field import fit_normalizers
@@ -145,8 +145,8 @@ class Bare:
         torch.manual_seed(0)
         self.model = m = WorldModel(spec, method)
         fit_normalizers(m.frame, sim, real)
-        data = in_frame(m.frame, sim, real)
-        self.batches = iter(StepBatches(*data, method.train.batch, method.nets.latent, 0))
+        of_sim, of_real = (Held(data) for data in in_frame(m.frame, sim, real))
+        self.batches = iter(StepBatches(of_sim, of_real, method.train.batch, method.nets.latent, 0))
 
         def adam(rate: float, *modules: nn.Module) -> torch.optim.Adam:
             return torch.optim.Adam([p for m in modules for p in m.parameters()], rate, fused=True)

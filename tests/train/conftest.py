@@ -13,7 +13,7 @@ import torch
 from tests.baselines.toy import REAL, SIM, Toy
 from wt.config import Mean, Method, Nets, Train, TranslationConfig
 from wt.nets.world_model import WorldModel
-from wt.train.batches import StepBatches, in_frame
+from wt.train.batches import Held, StepBatches, in_frame
 from wt.train.data import TranslationData
 from wt.train.mean_field import fit_normalizers
 from wt.train.module import WorldTranslation
@@ -107,7 +107,11 @@ def set_up(world: World) -> Callable[[Method], Setup]:
         model.frame.requires_grad_(False)
         data = in_frame(model.frame, world.sim, world.real)
         loaded = TranslationData(
-            *data, world.selection, batch=method.train.batch, latent=method.nets.latent, seed=0
+            *map(Held, data),
+            world.selection,
+            batch=method.train.batch,
+            latent=method.nets.latent,
+            seed=0,
         )
         return Setup(WorldTranslation(world.spec, method, model), loaded)
 

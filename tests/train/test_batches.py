@@ -8,14 +8,14 @@ import torch
 from tests.train.conftest import World
 from wt.config import Mean
 from wt.nets.frame import Frame
-from wt.train.batches import DomainData, StepBatch, StepBatches, in_frame
+from wt.train.batches import DomainData, Held, StepBatch, StepBatches, in_frame
 from wt.train.mean_field import fit_normalizers
 
 
-def numbered(n: int, offset: int) -> DomainData:
+def numbered(n: int, offset: int) -> Held[DomainData]:
     """Rows that carry their own number."""
     rows = torch.arange(offset, offset + n, dtype=torch.float32)[:, None]
-    return DomainData(rows, 2 * rows, 3 * rows)
+    return Held(DomainData(rows, 2 * rows, 3 * rows))
 
 
 def batches(seed: int) -> StepBatches:

@@ -12,7 +12,7 @@ import torch.distributed
 
 from tests.train.conftest import World
 from wt.config import Device, Method
-from wt.train.batches import DomainData, StepBatches
+from wt.train.batches import DomainData, Held, StepBatches
 from wt.train.device import device_of, on
 from wt.train.fit import fit_world_model
 
@@ -73,9 +73,9 @@ def test_the_curve_is_the_same_on_one_and_two_processes(
 
 
 def test_the_parts_of_a_batch_are_the_batch() -> None:
-    def numbered(offset: int) -> DomainData:
+    def numbered(offset: int) -> Held[DomainData]:
         rows = torch.arange(offset, offset + 100, dtype=torch.float32)[:, None]
-        return DomainData(rows, rows, rows)
+        return Held(DomainData(rows, rows, rows))
 
     data = numbered(0), numbered(1000)
     whole = StepBatches(*data, 8, 3, 5).at(4)

@@ -23,7 +23,7 @@ from wt.config import Method
 from wt.nets.mlp import CHUNK, mlp
 from wt.nets.world_model import WorldModel
 from wt.train import phases
-from wt.train.batches import StepBatch, StepBatches, in_frame
+from wt.train.batches import Held, StepBatch, StepBatches, in_frame
 from wt.train.device import seeded
 from wt.train.regression import BestWeights, Progress, tell
 from wt.translate import translate_state
@@ -92,8 +92,9 @@ class FlowTranslation(Baseline):
         # at half a regressor's rate, as the paper's networks are trained
         optimizers = [torch.optim.AdamW(group.parameters(), lr=0.5) for group in groups]
         schedules = [LambdaLR(optimizer, budget.rate) for optimizer in optimizers]
-        data = in_frame(self.frame, sim, real)
-        batches = StepBatches(*data, settings.batch, self.method.nets.latent, self.seed)
+        of_sim, of_real = (Held(data) for data in in_frame(self.frame, sim, real))
+        latent = self.method.nets.latent
+        batches = StepBatches(of_sim, of_real, settings.batch, latent, self.seed)
         times, best = seeded(self.seed), BestWeights(model, self.score(), settings.steps)
         for step in range(settings.steps):
             losses = self._losses(batches.at(step), times)

@@ -45,6 +45,11 @@ class Errors:
     mse_change: float
     rmse: Float[np.ndarray, " state"]
 
+    @property
+    def physical(self) -> float:
+        """Mean square over all channels in their own units: rad, rad/s and so on."""
+        return float(np.mean(self.rmse**2))
+
 
 def errors(predicted: Float[np.ndarray, "pair state"], pairs: Pairs, scales: ErrorScales) -> Errors:
     """Error of predicted next states, physical units."""

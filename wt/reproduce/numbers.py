@@ -11,7 +11,7 @@ from wt.reproduce.exhibit import Exhibit, Numbers
 from wt.show.files import write_whole
 
 FOLDER = "numbers"
-SCHEMA = 2
+SCHEMA = 3
 
 
 def obtain(exhibit: Exhibit, bench: Bench) -> Numbers:

@@ -6,6 +6,7 @@ import math
 import statistics
 from collections.abc import Mapping, Sequence
 
+from wt.evaluate.single_step import Errors
 from wt.show.text import short
 
 
@@ -21,6 +22,21 @@ def spread(values: Sequence[float]) -> str:
     if len(values) == 1:
         return short(values[0])
     return f"{short(mean(values))} ± {statistics.stdev(values):.1g}"
+
+
+UNITS = {"mse": "MSE", "mse_change": "of change", "physical": "physical"}
+"""Units of single-step errors, of the state, of its change and physical, with their columns."""
+
+
+def keep_errors(numbers: dict[str, list[float]], errors: Errors) -> None:
+    """Add one seed's error in each unit to the lists of :data:`UNITS`."""
+    for unit in UNITS:
+        numbers.setdefault(unit, []).append(float(getattr(errors, unit)))
+
+
+def in_units(numbers: Mapping[str, Sequence[float]]) -> list[str]:
+    """Cells of an error in each unit."""
+    return [spread(numbers[unit]) for unit in UNITS]
 
 
 def order(ours: Mapping[str, float], papers: Mapping[str, float], what: str) -> str:

@@ -38,14 +38,6 @@ class DomainData(NamedTuple):
         """The transitions at ``index``."""
         return DomainData(self.x[index], self.y[index], self.s_next[index])
 
-    def at(self, step: int) -> DomainData:
-        """All of them, whatever the step."""
-        return self
-
-    def to(self, device: torch.device) -> DomainData:
-        """The same on another device."""
-        return DomainData(*(tensor.to(device) for tensor in self))
-
 
 Rows = TypeVar("Rows", bound=tuple[Tensor, ...], covariant=True)
 """A named tuple of tensors that have one row for each transition."""
@@ -70,6 +62,10 @@ class Held(Generic[Rows]):
     def at(self, step: int) -> Rows:
         """All of them, whatever the step."""
         return self._rows
+
+    def to(self, device: torch.device) -> Held[Rows]:
+        """The same on another device."""
+        return Held(type(self._rows)(*(tensor.to(device) for tensor in self._rows)))
 
 
 @runtime_checkable

@@ -17,7 +17,7 @@ from torch import Tensor, nn
 from wt.nets.simulator_use import use_of
 from wt.nets.world_model import WorldModel
 from wt.train import phases
-from wt.train.batches import StepBatch, StepBatches, in_frame
+from wt.train.batches import Held, StepBatch, StepBatches, in_frame
 from wt.train.device import seeded
 from wt.train.mean_field import samples, shift_loss
 from wt.types import Transitions
@@ -86,7 +86,8 @@ class OnlineAdaptation:
             self._follow_shift(self._shift)
         frame, method = self.model.frame, self.model.method
         _, real = in_frame(frame, self._row, _joined(self._stream))
-        batches = StepBatches(self._sim, real, method.train.batch, method.nets.latent, self._seed)
+        feeds = Held(self._sim), Held(real)
+        batches = StepBatches(*feeds, method.train.batch, method.nets.latent, self._seed)
         for step in range(online.iterations):
             self._iterate(batches.at(self._seen * online.iterations + step))
 

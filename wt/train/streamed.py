@@ -151,7 +151,7 @@ def drawn(
 
     def one(data: Transitions, domain: Domain, stored: Stored | None) -> Drawn:
         if stored is None:
-            return framed(model.frame, data, domain)
+            return Held(framed(model.frame, data, domain))
         return StreamedInFrame(
             stored,
             model.frame,

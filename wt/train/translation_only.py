@@ -16,7 +16,7 @@ import torch
 from wt.config import Method
 from wt.nets.translator import Translator
 from wt.train import phases
-from wt.train.batches import DomainData, StepBatches
+from wt.train.batches import DomainData, Held, StepBatches
 from wt.train.regression import Progress
 
 
@@ -81,7 +81,7 @@ def train_translation(
             (model.discriminator_real, model.discriminator_sim),
         )
     )
-    batches = StepBatches(sim, real, train.batch, model.method.nets.latent, seed)
+    batches = StepBatches(Held(sim), Held(real), train.batch, model.method.nets.latent, seed)
     steps: list[int] = []
     losses: dict[str, list[float]] = {"generator": [], "discriminator": [], "accuracy": []}
     for step in range(train.steps):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from wt.evaluate.probes import domain_table
 from wt.reproduce.bench import BASIC, FULL, Bench, Variant
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
-from wt.reproduce.words import gain, spread
+from wt.reproduce.words import UNITS, gain, in_units, keep_errors, spread
 
 VARIANTS = (
     FULL,
@@ -35,18 +35,18 @@ class Components(Exhibit):
             values: dict[str, list[float]] = {}
             for seed in study.config.seeds:
                 table = domain_table(*bench.features(study, variant, seed), seed)
-                row = {key: table[name] for key, name in ROWS.items()}
-                row["mse"] = bench.errors(study, variant, seed).mse
-                for key, value in row.items():
-                    values.setdefault(key, []).append(value)
+                for key, name in ROWS.items():
+                    values.setdefault(key, []).append(table[name])
+                keep_errors(values, bench.errors(study, variant, seed))
             numbers[variant.name] = values
         return numbers
 
     def present(self, numbers: Numbers) -> Section:
         """One row a variant."""
-        head = ["variant", "MSE", *(f"{name} as {name[-1]}" for name in ROWS.values())]
+        probed = (f"{name} as {name[-1]}" for name in ROWS.values())
+        head = ["variant", *UNITS.values(), *probed]
         rows = [
-            [name, *(spread(values[key]) for key in ("mse", *ROWS))]
+            [name, *in_units(values), *(spread(values[key]) for key in ROWS)]
             for name, values in numbers.items()
         ]
         full = numbers["full"]["mse"]

@@ -10,10 +10,11 @@ from matplotlib.figure import Figure
 
 from wt.evaluate import paper
 from wt.evaluate.results import OURS, PAPERS_OWN
+from wt.evaluate.single_step import errors
 from wt.reproduce.bench import FULL, PLUS, Bench
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
 from wt.reproduce.tasks import WALKING
-from wt.reproduce.words import mean, order, spread
+from wt.reproduce.words import UNITS, keep_errors, mean, order, spread
 from wt.show import colors
 from wt.types import Pairs
 
@@ -24,8 +25,8 @@ SHARES = {"least half": (0.0, 0.5), "50–75 %": (0.5, 0.75), "75–90 %": (0.75
 """Parts of the test pairs, ordered by how much is hidden in them: from … to."""
 LEAST, MOST = "least half", "top 1 %"
 
-Errors = Mapping[str, Mapping[str, list[float]]]
-"""MSE by method and part, one a seed."""
+Errors = Mapping[str, Mapping[str, Mapping[str, list[float]]]]
+"""Errors by method, part and unit, one a seed."""
 
 
 @register
@@ -48,13 +49,15 @@ class Influence(Exhibit):
         """A table a task, and the order of the paper's methods at both ends."""
         grids, lines = [], []
         for task, parts in numbers.items():
-            rows = [
-                [name, *(spread(mse) for mse in values.values())] for name, values in parts.items()
-            ]
-            grids.append(Grid([f"MSE, {task}", *SHARES], rows))
+            for unit, column in UNITS.items():
+                rows = [
+                    [name, *(spread(found[unit]) for found in values.values())]
+                    for name, values in parts.items()
+                ]
+                grids.append(Grid([f"{column}, {task}", *SHARES], rows))
             known = paper.SINGLE_STEP[task]
             for part in (LEAST, MOST):
-                ours = {name: mean(values[part]) for name, values in parts.items()}
+                ours = {name: mean(values[part]["mse"]) for name, values in parts.items()}
                 lines.append(order(ours, known, f"{task}, {part}"))
         return Section(
             "Test pairs ordered by how far S's answer is from the one that it gives with nothing "
@@ -80,20 +83,21 @@ def influence(pairs: Pairs, scale: Float[np.ndarray, " state"]) -> Float[np.ndar
     return np.mean(np.square(shift, dtype=np.float64), axis=1)
 
 
-def _by_part(bench: Bench, task: str) -> dict[str, dict[str, list[float]]]:
+def _by_part(bench: Bench, task: str) -> Errors:
     study = bench.study(task)
     bench.train(study, [FULL, PLUS], BASELINES)
     test, scale = study.data.test, study.scales.state
     rows = np.argsort(influence(test, scale), kind="stable")
-    errors: dict[str, dict[str, list[float]]] = {}
+    by_name: dict[str, dict[str, dict[str, list[float]]]] = {}
     for name in (*BASELINES, PAPERS_OWN, OURS):
         for seed in study.config.seeds:
-            error = (study.prediction(seed, name).astype(np.float64) - test.real.s_next) / scale
-            mse = np.mean(error**2, axis=1)
+            predicted = study.prediction(seed, name)
             for part, (low, high) in SHARES.items():
-                those = mse[rows[int(low * len(rows)) : int(high * len(rows))]]
-                errors.setdefault(name, {}).setdefault(part, []).append(float(those.mean()))
-    return errors
+                those = rows[int(low * len(rows)) : int(high * len(rows))]
+                part_of_test = Pairs(test.real.select(those), test.sim_next[those])
+                found = errors(predicted[those], part_of_test, study.scales)
+                keep_errors(by_name.setdefault(name, {}).setdefault(part, {}), found)
+    return by_name
 
 
 def _figure(by_task: Mapping[str, Errors]) -> Figure:
@@ -102,7 +106,8 @@ def _figure(by_task: Mapping[str, Errors]) -> Figure:
     for axes, (task, parts) in zip(panels, by_task.items(), strict=True):
         for name, values in parts.items():
             color = tuple(c / 255 for c in colors.of_method(name))
-            axes.plot([mean(mse) for mse in values.values()], "o-", color=color, label=name)
+            mse = [mean(found["mse"]) for found in values.values()]
+            axes.plot(mse, "o-", color=color, label=name)
         axes.set_yscale("log")
         axes.set_xticks(range(len(SHARES)), list(SHARES), rotation=30)
         axes.set_title(task, loc="left")

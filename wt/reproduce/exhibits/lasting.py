@@ -7,7 +7,7 @@ from wt.evaluate.results import PAPERS_OWN
 from wt.evaluate.single_step import errors
 from wt.reproduce.bench import FULL, Bench
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
-from wt.reproduce.words import mean, order, spread
+from wt.reproduce.words import UNITS, in_units, keep_errors, mean, order
 from wt.show.text import short
 
 LASTING = ("world.force.appear=0.006", "world.force.vanish=0.01", "world.force.turn=0.01")
@@ -30,29 +30,30 @@ class LastingForces(Exhibit):
         study = bench.study(TASK, LASTING, "lasting")
         bench.train(study, [FULL], BASELINES)
         test, scales = study.data.test, study.scales
-        numbers: dict[str, list[float]] = {}
+        numbers: dict[str, dict[str, list[float]]] = {}
         for seed in study.config.seeds:
             for name in BASELINES:
-                mse = errors(study.prediction(seed, name), test, scales).mse
-                numbers.setdefault(name, []).append(mse)
-            numbers.setdefault(PAPERS_OWN, []).append(bench.errors(study, FULL, seed).mse)
+                found = errors(study.prediction(seed, name), test, scales)
+                keep_errors(numbers.setdefault(name, {}), found)
+            theirs = bench.errors(study, FULL, seed)
+            keep_errors(numbers.setdefault(PAPERS_OWN, {}), theirs)
         return {"single": numbers}
 
     def present(self, numbers: Numbers) -> Section:
         """Errors in units of RawSim's, the paper's beside them."""
-        single: dict[str, list[float]] = numbers["single"]
+        single: dict[str, dict[str, list[float]]] = numbers["single"]
         known = paper.SINGLE_STEP[TASK]
-        raw = mean(single["RawSim"])
-        relative = {name: mean(mse) / raw for name, mse in single.items()}
+        raw = mean(single["RawSim"]["mse"])
+        relative = {name: mean(found["mse"]) / raw for name, found in single.items()}
         papers = {name: value / known["RawSim"] for name, value in known.items()}
         rows = [
-            [name, spread(mse), short(relative[name]), short(papers[name])]
-            for name, mse in single.items()
+            [name, *in_units(found), short(relative[name]), short(papers[name])]
+            for name, found in single.items()
         ]
         return Section(
             "The configured forces come and go within a few control steps, so that nothing before "
             "a transition tells what acts in it; RawSim is told. Here they last 2 s on average.",
-            [Grid(["method", "MSE", "/ RawSim", "paper's"], rows)],
+            [Grid(["method", *UNITS.values(), "/ RawSim", "paper's"], rows)],
             {},
             [order(relative, papers, "Forces that last")],
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -11,11 +11,11 @@ import numpy as np
 
 from wt.config import FitConfig, parse
 from wt.evaluate import paper
-from wt.evaluate.single_step import errors
+from wt.evaluate.single_step import Errors, errors
 from wt.reproduce.bench import Bench
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
 from wt.reproduce.tasks import WALKING
-from wt.reproduce.words import mean
+from wt.reproduce.words import UNITS, keep_errors, mean
 from wt.run.study import Study
 from wt.show.text import short
 from wt.worlds.legged_model import LeggedPhysics
@@ -49,11 +49,9 @@ class Nearer(Exhibit):
             numbers[task] = {
                 **{_row(way): _raw(study, way) for way in WAYS},
                 **{
-                    name: mean(
-                        [
-                            errors(study.prediction(seed, name), test, scales).mse
-                            for seed in study.config.seeds
-                        ]
+                    name: _kept(
+                        errors(study.prediction(seed, name), test, scales)
+                        for seed in study.config.seeds
                     )
                     for name in BLIND
                 },
@@ -62,14 +60,26 @@ class Nearer(Exhibit):
 
     def present(self, numbers: Numbers) -> Section:
         """One row a simulator, and where RawSim changes sides."""
-        rows = [[name, *(short(mse[name]) for mse in numbers.values())] for name in _names()]
+        grids = [
+            Grid(
+                [column, *numbers],
+                [
+                    [name, *(short(mean(of[name][unit])) for of in numbers.values())]
+                    for name in _names()
+                ],
+            )
+            for unit, column in UNITS.items()
+        ]
         return Section(
             "Drives, friction and masses of S moved some of the way to those of R. What never sees "
             "S makes the same error wherever it is, so that its place beside RawSim says how "
             "far S is from R.",
-            [Grid(["MSE", *numbers], rows)],
+            grids,
             {},
-            [_side(task, mse) for task, mse in numbers.items()],
+            [
+                _side(task, {name: mean(found["mse"]) for name, found in of.items()})
+                for task, of in numbers.items()
+            ],
         )
 
 
@@ -95,10 +105,17 @@ def world(config: FitConfig, way: float) -> WalkingWorld:
         return WalkingWorld(replace(options, model=str(path)))
 
 
-def _raw(study: Study, way: float) -> float:
+def _raw(study: Study, way: float) -> dict[str, list[float]]:
     real = study.data.test.real
     answer = world(study.config, way).sim_step(real.o, real.a, real.hidden)
-    return errors(answer, study.data.test, study.scales).mse
+    return _kept([errors(answer, study.data.test, study.scales)])
+
+
+def _kept(seeds: Iterable[Errors]) -> dict[str, list[float]]:
+    kept: dict[str, list[float]] = {}
+    for found in seeds:
+        keep_errors(kept, found)
+    return kept
 
 
 def _side(task: str, mse: Mapping[str, float]) -> str:

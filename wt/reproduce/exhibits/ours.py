@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from wt.evaluate.results import OURS
+from wt.evaluate.single_step import errors
 from wt.reproduce.bench import FULL, MEAN_FIELD, PLUS, Bench, Variant
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
-from wt.reproduce.words import gain, mean, spread
-from wt.train.score import PairTensors, errors
+from wt.reproduce.words import UNITS, gain, in_units, keep_errors, mean
+from wt.train.score import PairTensors, predictions
 
 CONDITIONED = Variant(
     "the paper's, conditioned on (o, a), least squares",
@@ -41,31 +42,32 @@ class Ours(Exhibit):
         numbers: Numbers = {}
         for seed in study.config.seeds:
             for variant in VARIANTS:
-                mse = bench.errors(study, variant, seed).mse
-                numbers.setdefault(variant.name, []).append(mse)
-            model = bench.model(study, MEAN_FIELD, seed)
-            scales = model.frame.state.std, model.frame.change.std
+                kept = numbers.setdefault(variant.name, {})
+                keep_errors(kept, bench.errors(study, variant, seed))
+            model, test = bench.model(study, MEAN_FIELD, seed), study.data.test
             model.strength.data.fill_(0.0)
-            alone = errors(model, PairTensors.of(study.data.test, *scales))[0]
-            numbers.setdefault(NO_TRANSLATION, []).append(alone)
+            pairs = PairTensors.of(test, model.frame.state.std, model.frame.change.std)
+            alone = errors(predictions(model, pairs).numpy(), test, study.scales)
+            keep_errors(numbers.setdefault(NO_TRANSLATION, {}), alone)
         return numbers
 
     def present(self, numbers: Numbers) -> Section:
         """One row a variant, and each against the paper's and ours."""
-        plain = numbers["the paper's"]
+        mse = {name: values["mse"] for name, values in numbers.items()}
+        plain = mse["the paper's"]
         rows = [
-            [name, spread(values), f"{mean(values) / mean(plain):.3g}"]
+            [name, *in_units(values), f"{mean(mse[name]) / mean(plain):.3g}"]
             for name, values in numbers.items()
         ]
         return Section(
             "Single-step error on the R5 under forces. On the way to ours, which has S encode what "
             "is hidden: a mean field that carries what nothing hidden decides, a closed-form "
             "transport, and a translation of what is left that sees (o, a).",
-            [Grid(["variant", "MSE", "/ the paper's"], rows)],
+            [Grid(["variant", *UNITS.values(), "/ the paper's"], rows)],
             differences=[
                 f"{name[:1].upper()}{name[1:]}: error {gain(plain, values)} than the paper's, "
-                f"{gain(numbers[OURS], values)} than ours."
-                for name, values in numbers.items()
+                f"{gain(mse[OURS], values)} than ours."
+                for name, values in mse.items()
                 if name not in ("the paper's", OURS)
             ],
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from wt.evaluate import paper
 from wt.reproduce.bench import FULL, Bench, Variant
 from wt.reproduce.exhibit import Exhibit, Grid, Numbers, Section, register
-from wt.reproduce.words import gain, mean, order, spread
+from wt.reproduce.words import UNITS, gain, in_units, keep_errors, mean, order, spread
 
 NO_CYCLE = Variant("w/o cycle", changes=("translation.cycle=0",))
 NO_IDENTITY = Variant("w/o identity", changes=("translation.identity=0",))
@@ -38,12 +38,13 @@ class TranslationLosses(Exhibit):
         numbers: Numbers = {}
         for weights, variants in sets.items():
             for variant in variants:
-                values: dict[str, list[float]] = {column: [] for column in COLUMNS}
+                values: dict[str, list[float]] = {column: [] for column in COLUMNS[:2]}
                 for seed in study.config.seeds:
                     sim, real = bench.features(study, variant, seed)
                     values["cycle"].append(0.5 * (sim.cycle_error + real.cycle_error))
                     values["identity"].append(real.identity_error)
-                    values["prediction"].append(bench.errors(study, variant, seed).mse)
+                    keep_errors(values, bench.errors(study, variant, seed))
+                values["prediction"] = values["mse"]
                 numbers.setdefault(weights, {})[variant.name] = values
         settings = study.config.paper.translation
         numbers["weights"] = [settings.cycle, settings.identity]
@@ -59,6 +60,14 @@ class TranslationLosses(Exhibit):
             [
                 Grid(_HEAD, _rows(numbers["ours"]), ours),
                 Grid(_HEAD, _rows(numbers["heavy"]), "CycleGAN's weights: cycle 10, identity 5."),
+                *(
+                    Grid(
+                        ["prediction error", *UNITS.values()],
+                        [[name, *in_units(values)] for name, values in numbers[weights].items()],
+                        f"In all units, at {said} weights.",
+                    )
+                    for weights, said in (("ours", "our"), ("heavy", "CycleGAN's"))
+                ),
             ],
             differences=_differences(numbers),
         )
