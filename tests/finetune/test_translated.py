@@ -202,6 +202,19 @@ def test_a_pulled_model_is_what_runs(setting: Setting, make_model: MakeModel) ->
     np.testing.assert_allclose(env.herd.joint_pos, raw.herd.joint_pos + moved, atol=2e-5)
 
 
+def test_stance_is_translation_with_feet_that_stay(setting: Setting, make_model: MakeModel) -> None:
+    model, kept = make_model(shift=0.02), {}
+    for variant in ("translation", "stance"):
+        env = environment(setting, variant, model)(setting.training(variant, 0), "cpu")
+        env.step(ACTIONS)
+        kept[variant] = env.herd.qpos.copy(), env.herd.joint_pos.copy()
+    assert setting.config.alignment == "state"
+    np.testing.assert_array_equal(kept["stance"][1], kept["translation"][1])
+    # the trunk of those that are translated goes with their feet, that of the last one with S
+    apart = np.abs(kept["stance"][0][:, :3] - kept["translation"][0][:, :3]).max(axis=1)
+    assert (apart[:3] > 1e-4).all() and apart[3] == 0.0
+
+
 class Watched:
     """A method of rollouts whose answers are kept."""
 

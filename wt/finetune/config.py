@@ -14,12 +14,13 @@ from wt.config import Alignment, TrackingConfig
 from wt.errors import ConfigError, suggest
 from wt.schema import check_numbers, parse, read
 
-Variant = Literal["none", "randomization", "translation", "diagnosed"]
+Variant = Literal["none", "randomization", "translation", "stance", "diagnosed"]
 """The way in which a policy is adapted.
 
 ``none``: the base policy as it is; ``randomization``: in S with random physics and noisy
-observations; ``translation``: in S, whose every transition is translated; ``diagnosed``: likewise,
-in an S that ``wt diagnose`` has repaired first.
+observations; ``translation``: in S, whose every transition is translated; ``stance``: likewise,
+and feet that stand stay where they are, whatever ``alignment`` says; ``diagnosed``: as
+``translation``, in an S that ``wt diagnose`` has repaired first.
 """
 
 VARIANTS: tuple[Variant, ...] = get_args(Variant)

@@ -80,7 +80,8 @@ def _note(config: Finetune, task: str) -> str:
 def _models(setting: Setting, folder: Path) -> dict[Variant, Card]:
     """Pull what variants translate with, unless a run that began has it, and see that it fits."""
     config, cards = setting.config, {}
-    references = {"translation": config.model, "diagnosed": config.diagnosed.model}
+    model, diagnosed = config.model, config.diagnosed.model
+    references = {"translation": model, "stance": model, "diagnosed": diagnosed}
     for variant in config.variants:
         reference, home = references.get(variant), _model_home(folder, variant)
         if reference is None:

@@ -64,7 +64,7 @@ def table(results: Mapping[str, Any]) -> str:
             cells += [_spread(row[name]), "–" if theirs is None else f"{theirs:g}"]
         cells += [_spread(row["walking"]), f"{row['fallen']['mean']:.0%}"]
         lines.append(f"| {variant} | " + " | ".join(cells) + " |")
-    aimed = {(variant, name) for variant in ("translation", "diagnosed") for name in AIMS}
+    aimed = {(variant, name) for variant in ("translation", "stance", "diagnosed") for name in AIMS}
     for variant, ratios in results["to_none"].items():
         said = ", ".join(
             f"{name} {ratio - 1:+.1%}"

@@ -37,7 +37,8 @@ def environment(setting: Setting, variant: Variant, model: Path | None) -> Make:
         return functools.partial(Randomized, ranges=ranges, timestep=timestep)
     if model is None:
         raise ModelError(f"variant {variant} has nothing to translate with")
-    world, alignment = setting.world(variant), setting.config.alignment
+    world = setting.world(variant)
+    alignment = "stance" if variant == "stance" else setting.config.alignment
     scale = None
     if alignment == "action":
         scale = world.collect("sim", SCALE_ROWS, seed=0).s_next.std(axis=0)
