@@ -34,7 +34,7 @@ from wt.nets.world_model import WorldModel
 from wt.train import phases
 from wt.train.batches import Held, StepBatches, in_frame
 from wt.train.device import device_of, on
-from wt.train.fit import fit_world_model
+from wt.train.fit import TrainingInput, fit_world_model
 from wt.train.mean_field import fit_normalizers
 from wt.train.selection import Unpaired
 from wt.types import Transitions, TransitionSpec
@@ -117,7 +117,9 @@ def race(spec: TransitionSpec, method: Method) -> list[tuple[float, float]]:
     few = np.arange(256)
     selection = Unpaired(sim.select(few), real.select(few))
     with tempfile.TemporaryDirectory() as folder:
-        fit_world_model(spec, method, sim, real, selection, 0, Path(folder), sink=sink)
+        fit_world_model(
+            TrainingInput(spec, method, sim, real, selection, 0, Path(folder)), sink=sink
+        )
     return turns[1:]
 
 

@@ -20,7 +20,7 @@ from tests.baselines.toy import Toy
 from wt.baselines.base import find
 from wt.config import Baselines, Mean, Method, Nets, Train, TranslationConfig
 from wt.nets.world_model import WorldModel
-from wt.train.fit import fit_world_model
+from wt.train.fit import TrainingInput, fit_world_model
 from wt.train.score import PairTensors, errors
 from wt.train.selection import Selection, Unpaired
 from wt.types import Domain, Pairs, Transitions
@@ -87,7 +87,8 @@ class Data:
 
     def fit(self, method: Method, folder: Path) -> WorldModel:
         return fit_world_model(
-            SPEC, method, self.sim, self.real, self.selection, 0, folder, warn=pytest.fail
+            TrainingInput(SPEC, method, self.sim, self.real, self.selection, 0, folder),
+            warn=pytest.fail,
         )
 
 

@@ -14,7 +14,7 @@ from tests.train.conftest import Setup, World
 from wt.config import Method
 from wt.errors import WorkError
 from wt.train.callbacks import CollapseLimits, CollapseWatch, ShowProgress
-from wt.train.fit import fit_world_model
+from wt.train.fit import TrainingInput, fit_world_model
 from wt.train.logger import SinkLogger
 from wt.train.module import WorldTranslation
 
@@ -117,7 +117,7 @@ def test_curves_are_drawn_where_they_are_asked_for(
     shown = replace(paper, train=replace(paper.train, rerun=True))
     for method, where in ((paper, "plain"), (shown, "drawn")):
         data = (world.spec, method, world.sim, world.real, world.selection, 0)
-        fit_world_model(*data, folder / where)
+        fit_world_model(TrainingInput(*data, folder / where))
     assert not list((folder / "plain").glob("*.rrd"))
     (drawn,) = (folder / "drawn").glob("*.rrd")
     assert drawn.name == "training_0.rrd"

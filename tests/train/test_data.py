@@ -12,7 +12,7 @@ import torch
 from tests.train.conftest import Setup, World
 from wt.config import Method
 from wt.train.data import TranslationData
-from wt.train.fit import fit_world_model
+from wt.train.fit import TrainingInput, fit_world_model
 from wt.train.module import WorldTranslation
 from wt.train.score import PairTensors, predictions, score
 from wt.types import Pairs
@@ -74,7 +74,9 @@ def test_a_checkpoint_is_loaded_without_anything_else(
     which: str, world: World, folder: Path, request: pytest.FixtureRequest
 ) -> None:
     method = request.getfixturevalue(which)
-    fit_world_model(world.spec, method, world.sim, world.real, world.selection, 0, folder)
+    fit_world_model(
+        TrainingInput(world.spec, method, world.sim, world.real, world.selection, 0, folder)
+    )
     loaded = WorldTranslation.load_from_checkpoint(folder / "last.ckpt", weights_only=True)
     assert loaded.model.spec == world.spec and loaded.model.method == method
     checkpoint = torch.load(folder / "last.ckpt", weights_only=True)

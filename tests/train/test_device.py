@@ -13,7 +13,7 @@ from wt.baselines.base import find
 from wt.config import Baselines, Method, Train
 from wt.errors import ConfigError
 from wt.train.device import beside, check, device_of, on, seeded
-from wt.train.fit import fit_world_model
+from wt.train.fit import TrainingInput, fit_world_model
 from wt.train.selection import Unpaired
 
 
@@ -66,7 +66,7 @@ def test_every_method_trains_on_cuda_and_leaves_what_the_cpu_reads(tmp_path: Pat
     method = Method(nets=NETS, train=Train(steps=20, validate_every=10, batch=64, segment=2))
     device = device_of("cuda")
     with on(device):
-        model = fit_world_model(toy.spec, method, sim, real, selection, 0, tmp_path)
+        model = fit_world_model(TrainingInput(toy.spec, method, sim, real, selection, 0, tmp_path))
         assert {p.device for p in model.parameters()} == {device}
         for name in Baselines().names:
             baseline = find(name)(toy.spec, Baselines(steps=20, batch=64, width=16), 0, toy)

@@ -14,7 +14,7 @@ from tests.train.conftest import World
 from wt.config import Mean, Method, TranslationConfig, Vae
 from wt.errors import ConfigError, WorkError
 from wt.nets.world_model import WorldModel
-from wt.train.fit import fit_world_model
+from wt.train.fit import TrainingInput, fit_world_model
 from wt.train.score import PairTensors, errors, predictions, score
 from wt.train.selection import Unpaired
 from wt.types import Pairs, Transitions
@@ -38,7 +38,8 @@ class Sink:
 
 def fit(world: World, method: Method, folder: Path, sink: Sink, seed: int = 0) -> WorldModel:
     return fit_world_model(
-        world.spec, method, world.sim, world.real, world.selection, seed, folder, sink=sink
+        TrainingInput(world.spec, method, world.sim, world.real, world.selection, seed, folder),
+        sink=sink,
     )
 
 
@@ -140,9 +141,10 @@ def test_a_silent_latent_is_reported(world: World, paper: Method, folder: Path) 
     sink = Sink()
     said: list[str] = []
     fit_world_model(
-        world.spec, method, world.sim, world.real, world.selection, 0, folder,
-        sink=sink, warn=said.append,
-    )  # fmt: skip
+        TrainingInput(world.spec, method, world.sim, world.real, world.selection, 0, folder),
+        sink=sink,
+        warn=said.append,
+    )
     assert len(said) == 1 and "latent went silent" in said[0]
     assert sink.curve("collapsed") == [1.0]
 
@@ -171,9 +173,9 @@ def test_everything_worth_watching_arrives(
 def test_metrics_arrive_once(world: World, paper: Method, folder: Path) -> None:
     arrived: list[tuple[int, str]] = []
     fit_world_model(
-        world.spec, paper, world.sim, world.real, world.selection, 0, folder,
+        TrainingInput(world.spec, paper, world.sim, world.real, world.selection, 0, folder),
         sink=lambda values, step: arrived.extend((step, name) for name in values),
-    )  # fmt: skip
+    )
     assert len(arrived) == len(set(arrived)) > 8 * 19
 
 
@@ -196,7 +198,8 @@ def test_selection_without_pairs_takes_the_last_checkpoint_and_needs_no_pairs(
     sink, toy = Sink(), Toy(0.0)
     held = toy.collect(SIM, 10, 7), toy.collect(REAL, 10, 8)
     model = fit_world_model(
-        world.spec, plus, world.sim, world.real, Unpaired(*held), 0, folder, sink=sink
+        TrainingInput(world.spec, plus, world.sim, world.real, Unpaired(*held), 0, folder),
+        sink=sink,
     )
     assert "val/mse" not in {name for values in sink.seen.values() for name in values}
     curve = sink.curve("val/energy_distance")
@@ -215,9 +218,9 @@ def test_progress_covers_mean_field_and_loop(world: World, plus: Method, folder:
     told: list[tuple[int, int]] = []
     method = replace(plus, mean=replace(plus.mean, steps=100))
     fit_world_model(
-        world.spec, method, world.sim, world.real, world.selection, 0, folder,
+        TrainingInput(world.spec, method, world.sim, world.real, world.selection, 0, folder),
         progress=lambda done, total: told.append((done, total)),
-    )  # fmt: skip
+    )
     assert [done for done, _ in told] == [*range(1, 301), *range(305, 345, 5)]
     assert {total for _, total in told} == {340}
 
@@ -349,7 +352,7 @@ def test_the_simulator_encodes_what_no_pairs_tell(paper: Method, folder: Path) -
     sim, real, pairs = toy.collect(SIM, 60, 1), toy.collect(REAL, 60, 2), toy.pairs(20, 3)
     held = Unpaired(toy.collect(SIM, 10, 4), toy.collect(REAL, 10, 5))
     data = (sim, real, held, 0, folder)
-    model = fit_world_model(toy.spec, encoded(paper), *data, simulator=toy)
+    model = fit_world_model(TrainingInput(toy.spec, encoded(paper), *data, simulator=toy))
     unit = torch.ones(toy.spec.n_state)
     tensors = PairTensors.of(pairs, unit, unit)
     left = (predictions(model, tensors) - tensors.real_next)[:, 2:]
@@ -374,7 +377,7 @@ def test_what_is_hidden_in_r_s_collection_does_not_reach_the_encoder(
         )
         selection = Unpaired(toy.collect(SIM, 5, 4), held)
         data = (sim, real, selection, 0, tmp_path / str(known))
-        models.append(fit_world_model(toy.spec, method, *data, simulator=toy))
+        models.append(fit_world_model(TrainingInput(toy.spec, method, *data, simulator=toy)))
     assert same(*models)
 
 

@@ -15,7 +15,7 @@ from tests.train.conftest import World
 from wt.config import Device, Method
 from wt.train import graphs, phases
 from wt.train.device import device_of, on
-from wt.train.fit import fit_world_model
+from wt.train.fit import TrainingInput, fit_world_model
 from wt.train.module import WorldTranslation
 
 
@@ -89,7 +89,8 @@ def curve(world: World, method: Method, folder: Path, used: bool, device: Device
     method = replace(method, train=replace(method.train, cuda_graphs=used))
     with on(device_of(device)):
         fit_world_model(
-            world.spec, method, world.sim, world.real, world.selection, 0, folder, sink=sink
+            TrainingInput(world.spec, method, world.sim, world.real, world.selection, 0, folder),
+            sink=sink,
         )
     return rows
 

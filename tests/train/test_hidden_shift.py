@@ -11,7 +11,7 @@ import torch
 
 from wt.config import Mean, Method, Nets, Train, TranslationConfig
 from wt.nets.world_model import WorldModel
-from wt.train.fit import fit_world_model
+from wt.train.fit import TrainingInput, fit_world_model
 from wt.train.selection import Unpaired
 from wt.translate import carried, translated
 from wt.types import Channel, Domain, Transitions, TransitionSpec
@@ -81,7 +81,7 @@ METHOD = Method(
 def trained(sled: Sled, folder: Path, method: Method = METHOD) -> WorldModel:
     selection = Unpaired(sled.collect("sim", 4, 3), sled.collect("real", 4, 4))
     given = sled.collect("sim", 40, 1), sled.collect("real", 40, 2), selection, 0, folder
-    return fit_world_model(sled.spec, method, *given, simulator=sled)
+    return fit_world_model(TrainingInput(sled.spec, method, *given, simulator=sled))
 
 
 @pytest.fixture(scope="module")

@@ -28,7 +28,7 @@ from ray.cluster_utils import Cluster
 from tests.baselines.toy import REAL, SIM, Toy
 from wt.config import Method, Nets, Train
 from wt.errors import UserError
-from wt.train.fit import fit_world_model
+from wt.train.fit import TrainingInput, fit_world_model
 from wt.train.loop import refuse_absent
 from wt.train.selection import Unpaired
 
@@ -43,7 +43,7 @@ def trained(name, **changes):
     changed = replace(method, train=replace(train, **changes))
     curve = {}
     model = fit_world_model(
-        toy.spec, changed, *data, selection, 0, folder / name,
+        TrainingInput(toy.spec, changed, *data, selection, 0, folder / name),
         sink=lambda values, step: curve.setdefault(step, {}).update(values),
     )
     return curve, model

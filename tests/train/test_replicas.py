@@ -14,7 +14,7 @@ from tests.train.conftest import World
 from wt.config import Device, Method
 from wt.train.batches import DomainData, Held, StepBatches
 from wt.train.device import device_of, on
-from wt.train.fit import fit_world_model
+from wt.train.fit import TrainingInput, fit_world_model
 
 Seen = dict[int, dict[str, float]]
 
@@ -30,7 +30,8 @@ def curve(
     method = replace(method, train=replace(method.train, devices=devices))
     with on(device_of(device)):
         model = fit_world_model(
-            world.spec, method, world.sim, world.real, world.selection, 0, folder, sink=sink
+            TrainingInput(world.spec, method, world.sim, world.real, world.selection, 0, folder),
+            sink=sink,
         )
     return seen, model.cpu()
 

@@ -12,7 +12,7 @@ from tests.train.conftest import World
 from wt.config import Method, Online
 from wt.nets.world_model import WorldModel
 from wt.train.batches import DomainData
-from wt.train.fit import fit_world_model
+from wt.train.fit import TrainingInput, fit_world_model
 from wt.train.mean_field import fit_normalizers
 from wt.train.online import OnlineAdaptation
 from wt.train.score import PairTensors, errors
@@ -59,9 +59,16 @@ def test_training_on_segments_lowers_their_error(
     for length in (1, 6):
         train = replace(paper.train, segment=length, steps=100)
         model = fit_world_model(
-            world.spec, replace(paper, train=train), world.sim, world.real, world.selection, 0,
-            tmp_path / str(length),
-        )  # fmt: skip
+            TrainingInput(
+                world.spec,
+                replace(paper, train=train),
+                world.sim,
+                world.real,
+                world.selection,
+                0,
+                tmp_path / str(length),
+            )
+        )
         found.append(float(segment_error(model, drawn).detach()))
     assert found[1] < found[0]
 
@@ -70,7 +77,7 @@ def test_a_stream_teaches_a_model_what_changed(world: World, paper: Method, tmp_
     online = Online(iterations=30, memory=1000, learning_rate=3e-3)
     settings = replace(paper, online=online)
     model = fit_world_model(
-        world.spec, settings, world.sim, world.sim, world.selection, 0, tmp_path
+        TrainingInput(world.spec, settings, world.sim, world.sim, world.selection, 0, tmp_path)
     )
     before = {name: value.clone() for name, value in model.state_dict().items()}
     pairs = PairTensors.of(world.pairs, torch.ones(4), torch.ones(4))

@@ -20,7 +20,7 @@ from wt.data.transitions import Shard, ensure
 from wt.nets.world_model import WorldModel
 from wt.train import fit as training
 from wt.train.batches import DomainData, Drawn, StepBatches, framed
-from wt.train.fit import fit_world_model
+from wt.train.fit import TrainingInput, fit_world_model
 from wt.train.mean_field import fit_normalizers
 from wt.train.selection import Unpaired
 from wt.train.streamed import ANSWERED, DRAWS, StreamedInFrame, lessons
@@ -158,7 +158,8 @@ def curve(
     few = np.arange(2 * ROWS)
     sim, real = world.sim.select(few), world.real.select(few)
     fit_world_model(
-        world.spec, method, sim, real, world.selection, 0, folder, streams=on_disk, sink=sink
+        TrainingInput(world.spec, method, sim, real, world.selection, 0, folder, streams=on_disk),
+        sink=sink,
     )
     return {step: values for step, values in seen.items() if "vae/kl" in values}
 
@@ -212,9 +213,17 @@ def test_a_mean_field_learns_from_the_stream(
         few = np.arange(2 * ROWS)
         sample = world.sim.select(few), world.real.select(few)
         made = fit_world_model(
-            world.spec, method, *sample, Unpaired(*held), 0, tmp_path / folder,
-            simulator=Toy(0.0), streams=streams,
-        )  # fmt: skip
+            TrainingInput(
+                world.spec,
+                method,
+                *sample,
+                Unpaired(*held),
+                0,
+                tmp_path / folder,
+                simulator=Toy(0.0),
+                streams=streams,
+            )
+        )
         return [p for p in made.frame.parameters() if p.ndim]
 
     streamed, again = learned(on_disk, "a"), learned(on_disk, "b")
@@ -264,7 +273,16 @@ def test_algorithm_1_has_the_sample_of_r_where_s_answers_once_more(
     for method in (paper, replace(paper, mean=mean)):
         with pytest.raises(ConnectionError, match="asked"):
             fit_world_model(
-                world.spec, method, world.sim, world.real, world.selection, 0,
-                tmp_path / method.mean.simulator, simulator=Toy(0.0), streams=on_disk,
-            )  # fmt: skip
+                TrainingInput(
+                    world.spec,
+                    method,
+                    world.sim,
+                    world.real,
+                    world.selection,
+                    0,
+                    tmp_path / method.mean.simulator,
+                    simulator=Toy(0.0),
+                    streams=on_disk,
+                )
+            )
     assert asked == [on_disk, on_disk._replace(real=None)]

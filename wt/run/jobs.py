@@ -158,7 +158,7 @@ def train(study: Study, job: Job, index: int = 0) -> None:
         return
     with on(device_of(config.device, index)):
         model = fit.fit_world_model(
-            **_given(study, job),
+            _given(study, job),
             test=study.data.test,
             sink=lambda values, step: listener.metrics(str(job), values, step),
             warn=lambda line: listener.warn(f"{job}: {line}"),
@@ -176,23 +176,23 @@ def module_and_data(study: Study, job: Job) -> tuple[WorldTranslation, Translati
         study: of a configuration; its folder gets the fitted mean field.
         job: the paper's method, ours or a variant.
     """
-    return fit.fitted(**_given(study, job)).module_and_data(job.seed, study.data.test)
+    return fit.fitted(_given(study, job)).module_and_data(job.seed, study.data.test)
 
 
-def _given(study: Study, job: Job) -> dict[str, Any]:
-    """What :func:`wt.train.fit.fitted` is given, but for what listens."""
+def _given(study: Study, job: Job) -> fit.TrainingInput:
+    """What a World Translation is trained on."""
     sim, real, selection, streams = study.split
-    return {
-        "spec": study.world.spec,
-        "method": job.settings(study.config),
-        "sim": sim,
-        "real": real,
-        "selection": selection,
-        "seed": job.seed,
-        "folder": study.home(job.seed, job.key),
-        "simulator": study.world,
-        "streams": streams,
-    }
+    return fit.TrainingInput(
+        study.world.spec,
+        job.settings(study.config),
+        sim,
+        real,
+        selection,
+        job.seed,
+        study.home(job.seed, job.key),
+        simulator=study.world,
+        streams=streams,
+    )
 
 
 class _Sender:

@@ -7,6 +7,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -50,25 +51,11 @@ def _ignore(metrics: Mapping[str, float], step: int) -> None:
     """The metric sink of a run that nobody tracks."""
 
 
-def fit_world_model(
-    spec: TransitionSpec,
-    method: Method,
-    sim: Transitions,
-    real: Transitions,
-    selection: Selection,
-    seed: int,
-    folder: Path,
-    *,
-    simulator: Simulator | None = None,
-    streams: Streams = IN_MEMORY,
-    test: Pairs | None = None,
-    sink: MetricSink = _ignore,
-    warn: Callable[[str], None] = warnings.warn,
-    progress: Progress | None = None,
-) -> WorldModel:
-    """Train a model, or finish one whose checkpoints are in ``folder``.
+@dataclass(frozen=True)
+class TrainingInput:
+    """What a World Translation is trained on, and how.
 
-    Args:
+    Attributes:
         spec: layout of the transitions.
         method: which World Translation: the paper's or ours.
         sim: unpaired transitions of S.
@@ -78,6 +65,31 @@ def fit_world_model(
         folder: checkpoints are kept here and continued from.
         simulator: S, which ``mean.simulator: encoded`` steps again.
         streams: whole collections of which ``sim`` or ``real`` is a sample.
+    """
+
+    spec: TransitionSpec
+    method: Method
+    sim: Transitions
+    real: Transitions
+    selection: Selection
+    seed: int
+    folder: Path
+    simulator: Simulator | None = None
+    streams: Streams = IN_MEMORY
+
+
+def fit_world_model(
+    given: TrainingInput,
+    *,
+    test: Pairs | None = None,
+    sink: MetricSink = _ignore,
+    warn: Callable[[str], None] = warnings.warn,
+    progress: Progress | None = None,
+) -> WorldModel:
+    """Train a model, or finish one whose checkpoints are in the folder that is given.
+
+    Args:
+        given: what to train it on.
         test: pairs that the data module has for ``Trainer.test``; nothing here looks at them.
         sink: where metrics go.
         warn: called with one line when training collapses.
@@ -90,13 +102,12 @@ def fit_world_model(
         ConfigError: a simulator that the method steps is missing.
         WorkError: training diverged.
     """
-    given = spec, method, sim, real, selection, seed, folder
-    begun = fitted(*given, simulator=simulator, streams=streams, sink=sink, progress=progress)
-    if not translates(method, selection):
+    begun, method = fitted(given, sink=sink, progress=progress), given.method
+    if not translates(method, given.selection):
         begun.model.strength.fill_(0.0)
         return begun.model.eval()
     along = part_of(progress, begun.steps, begun.steps + method.train.steps)
-    best = run(*begun.module_and_data(seed, test), folder, sink, warn, along)
+    best = run(*begun.module_and_data(given.seed, test), given.folder, sink, warn, along)
     return _chosen(best, begun.selection)
 
 
@@ -143,28 +154,19 @@ class Fitted(NamedTuple):
 
 
 def fitted(
-    spec: TransitionSpec,
-    method: Method,
-    sim: Transitions,
-    real: Transitions,
-    selection: Selection,
-    seed: int,
-    folder: Path,
-    *,
-    simulator: Simulator | None = None,
-    streams: Streams = IN_MEMORY,
-    sink: MetricSink = _ignore,
-    progress: Progress | None = None,
+    given: TrainingInput, *, sink: MetricSink = _ignore, progress: Progress | None = None
 ) -> Fitted:
     """Fit normalisers and mean field, and choose the transport.
 
     Arguments are those of :func:`fit_world_model`; progress is of the total, with the steps of
     Algorithm 1 that follow.
     """
+    method, seed, streams = given.method, given.seed, given.streams
+    sim, real, selection = given.sim, given.real, given.selection
     torch.manual_seed(seed)
-    model = WorldModel(spec, method)
+    model = WorldModel(given.spec, method)
     fit_normalizers(model.frame, sim, real)
-    answers = answers_of(model.frame, method.mean, seed, simulator)
+    answers = answers_of(model.frame, method.mean, seed, given.simulator)
     first = answers.regressions * method.mean.steps if answers else 0
     before = first + regressions(method.mean) * method.mean.steps
     steps = before + (model.frame.hidden is not None) * method.mean.steps
@@ -175,7 +177,7 @@ def fitted(
     whole = real
     sim, real = (within(model.frame, x, method.translation.reach) for x in (sim, real))
     sources = lessons(model, sim, real, streams, seed, answers.of if answers else None)
-    with _kept_mean_field(model, folder) as missing:
+    with _kept_mean_field(model, given.folder) as missing:
         if missing:
             along = part_of(progress, first, total)
             _mean_field(model, *sources, selection, seed, along, sink)
