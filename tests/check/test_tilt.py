@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.check.machines import MACHINES, record
+from tests.check.machines import HEAD, MACHINES, record
 from wt.check.finding import AuditFinding
 from wt.check.run import check
 from wt.physics.scene import Scene
@@ -89,6 +89,30 @@ def test_a_base_turned_about_the_first_axle_is_said_with_its_zero(tmp_path: Path
     (zero,) = found(unlimited, leaning(unlimited, 90.0, 90.0), tmp_path, "planar_torque")
     assert (zero.kind, zero.columns) == ("encoder_zero", ("qpos/hip",))
     assert "or the base turned about its axle" in zero.evidence
+
+
+def finger(lean: float, first: str, second: str) -> str:
+    """Two links about axles that are nearly along y, lying along x."""
+    geom = 'type="capsule" size=".02" contype="0" conaffinity="0"'
+    return (
+        f'<body pos="0 {lean} 1" euler="{lean} 0 0"><joint name="{first}" axis="0 1 0"/>'
+        f'<geom {geom} fromto="0 0 0 .3 0 0" mass=".6"/><body pos=".3 0 0">'
+        f'<joint name="{second}" axis="0 1 0"/><geom {geom} fromto="0 0 0 .2 0 0" mass=".3"/>'
+        "</body></body>"
+    )
+
+
+def test_a_hand_on_a_wall_that_feels_little_weight_compensates_none(tmp_path: Path) -> None:
+    fingers = finger(0.1, "yaw", "lift") + finger(-0.1, "bend", "roll")
+    servos = "".join(
+        f'<position name="{joint}_m" joint="{joint}" kp="{kp}" kv="{kp / 15}"/>'
+        for joint, kp in (("yaw", 25), ("lift", 3), ("bend", 25), ("roll", 3))
+    )
+    xml = (
+        f"""<mujoco>{HEAD}<worldbody>{fingers}</worldbody><actuator>{servos}</actuator></mujoco>"""
+    )
+    (tilt,) = found(xml, leaning(xml, 90.0, 90.0), tmp_path)
+    assert (tilt.kind, angle(tilt)) == ("base_orientation", 90.0)
 
 
 @pytest.mark.parametrize("towards", [0.0, 90.0, 180.0])

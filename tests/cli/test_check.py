@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 from pathlib import Path
 
@@ -14,6 +15,8 @@ import pytest
 from tests.check.machines import MACHINES, record, times, write_model
 from wt.cli.main import main
 from wt.data import recording as recordings
+from wt.show import files
+from wt.show.files import kept
 
 
 @pytest.fixture
@@ -151,6 +154,32 @@ def test_a_folder_that_cannot_be_used_is_refused_before_the_audit(
         assert main(["check", str(model), "no.parquet", "--out", str(tmp_path / out)]) == 2
         assert "no.parquet" not in capsys.readouterr().err
     assert not (tmp_path / "nowhere").exists()
+
+
+def test_a_second_audit_into_one_folder_waits_for_nothing_and_finds_nothing(
+    model: Path, flipped: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One says 1 where something was found, so that this is 2."""
+    with kept(tmp_path / "out"):
+        given = [str(model), str(flipped), "--fix", "--out", str(tmp_path / "out")]
+        assert main(["check", *given]) == 2
+        assert not list((tmp_path / "out").iterdir())
+    assert "is being written by another wt process" in capsys.readouterr().err
+
+
+def test_a_full_disk_is_no_finding(
+    model: Path,
+    flipped: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(files, "write_together", full)
+    assert main(["check", str(model), str(flipped), "--fix", "--out", str(tmp_path / "out")]) == 2
+    assert "the disk is full" in capsys.readouterr().err
 
 
 def test_columns_without_a_value_and_stamps_that_stand_still(

@@ -9,6 +9,7 @@ import pytest
 
 from wt.cli.main import main
 from wt.data import recording as recordings
+from wt.show import files
 
 
 @pytest.fixture
@@ -36,6 +37,33 @@ def test_bad_input_is_exit_2_and_one_line(source: Path, capsys: pytest.CaptureFi
         assert main(["import", *arguments, "--to", str(out)]) == 2
         assert capsys.readouterr().err.count("\n") == 1
     assert not out.exists()
+
+
+def test_what_another_import_wrote_meanwhile_is_not_lost(
+    source: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, link = source.with_name("out.parquet"), files.os.link
+
+    def after_another(part: Path, path: Path) -> None:
+        path.write_bytes(b"another's")
+        link(part, path)
+
+    monkeypatch.setattr(files.os, "link", after_another)
+    mapped = ["--map", str(source.with_name("map.yaml"))]
+    assert main(["import", str(source), "--to", str(out), *mapped]) == 1
+    assert "was written by another process meanwhile" in capsys.readouterr().err
+    assert out.read_bytes() == b"another's"
+    assert not list(out.parent.glob(".*.part"))
+
+
+def test_a_planted_link_is_neither_followed_nor_lost(
+    source: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, precious = source.with_name("out.parquet"), source.with_name("precious")
+    out.symlink_to(precious)  # to what is not there yet
+    mapped = ["--map", str(source.with_name("map.yaml"))]
+    assert main(["import", str(source), "--to", str(out), *mapped]) == 1
+    assert not precious.exists() and out.is_symlink()
 
 
 def test_the_robots_mjcf_beside_it(

@@ -15,6 +15,7 @@ from tests.end_to_end.conftest import Place, Wt
 from wt.config import load
 from wt.run.jobs import Job, run_jobs
 from wt.run.study import Study
+from wt.show.files import kept
 
 
 def hashes(folder: Path) -> dict[str, str]:
@@ -85,6 +86,15 @@ def test_a_finished_run_is_not_overwritten(wt: Wt, place: Place, finished: Path)
     out = finished / "results.json"
     assert_refused(wt("fit", *place.words, "--out", out), 2, "is a file")
     assert hashes(finished) == before
+
+
+def test_a_folder_that_another_run_writes_into_is_left_alone(
+    wt: Wt, place: Place, tmp_path: Path
+) -> None:
+    with kept(tmp_path / "run"):
+        ended = wt("fit", *place.words, "--out", tmp_path / "run")
+        assert_refused(ended, 1, "is being written by another wt process")
+        assert not list((tmp_path / "run").iterdir())
 
 
 def test_a_truncated_collection(wt: Wt, place: Place, finished: Path) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -91,8 +92,57 @@ def merged(audited: Sequence[Audited]) -> list[AuditFinding]:
     return sorted(united, key=lambda f: not f.sure)
 
 
-def refuse(out: Path) -> None:
-    """Refuse a folder that no page can be written into, before anything is audited.
+class Outputs:
+    """A folder that is kept for what an audit writes into it.
+
+    Attributes:
+        folder: where it is.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Take a folder that is kept already; see :func:`outputs`."""
+        self.folder = folder
+
+    def page(self, page: str) -> Path:
+        """Write ``check.html``; an earlier one of ours is replaced.
+
+        Raises:
+            UserError: something else is there.
+        """
+        path = self.folder / PAGE
+        _refuse_foreign(path)
+        write_whole(path, f"{page}\n<!-- {MARK} -->\n")
+        return path
+
+    def fixed(self, model: Path | None, audited: Sequence[Audited]) -> list[Path]:
+        """Write corrected recordings, and the model if it is to blame.
+
+        Recordings of one name are numbered, in the order in which they were given.
+
+        Raises:
+            UserError: something else is there under such a name, or one of them is an input.
+        """
+        inputs = [p for p in (model, *(each.path for each in audited)) if p is not None]
+        recorded = _named(self.folder, audited)
+        changes = [f for f in merged(audited) if f.sure and f.model_change]
+        amended = dict[Path, Path]()
+        if model is not None and changes:
+            amended = {self.folder / f"{model.stem}.fixed.xml": model}
+        for path in (*recorded, *amended):
+            _refuse_input(path, inputs)
+            _refuse_foreign(path)
+        for path, each in recorded.items():
+            _write_recording(each, path)
+        for path, source in amended.items():
+            _write_model(source, changes, path)
+        return [*recorded, *amended]
+
+
+@contextlib.contextmanager
+def outputs(out: Path) -> Iterator[Outputs]:
+    """Keep a folder for what is to be written, and other processes out of it.
+
+    Whatever can be wrong with the folder is said here, before anything is audited.
 
     Raises:
         UserError: something else is there, or the folder cannot be written into.
@@ -100,33 +150,11 @@ def refuse(out: Path) -> None:
     """
     with kept(out):
         _refuse_foreign(out / PAGE)
+        yield Outputs(out)
 
 
-def write_page(page: str, out: Path) -> Path:
-    """Write ``check.html`` into a folder; an earlier one of ours is replaced.
-
-    Raises:
-        UserError: something else is there, or the folder cannot be written into.
-        WorkError: another process writes into it.
-    """
-    path = out / PAGE
-    with kept(out):
-        _refuse_foreign(path)
-        write_whole(path, f"{page}\n<!-- {MARK} -->\n")
-    return path
-
-
-def write_fixed(model: Path | None, audited: Sequence[Audited], out: Path) -> list[Path]:
-    """Write corrected recordings, and the model if it is to blame, into a folder.
-
-    Recordings of one name are numbered, in the order in which they were given.
-
-    Raises:
-        UserError: something else is there under such a name, one of them is an input, or the
-            folder cannot be written into.
-        WorkError: another process writes into it.
-    """
-    inputs = [p for p in (model, *(each.path for each in audited)) if p is not None]
+def _named(folder: Path, audited: Sequence[Audited]) -> dict[Path, Audited]:
+    """Where corrected recordings go."""
     recorded: dict[Path, Audited] = {}
     for each in audited:
         if each.path is not None and each.corrected is not None and _changed(each):
@@ -135,18 +163,8 @@ def write_fixed(model: Path | None, audited: Sequence[Audited], out: Path) -> li
                 other.path is not None and other.path.stem == stem for other in recorded.values()
             )
             number = f"-{same + 1}" if same else ""
-            recorded[out / f"{stem}{number}.fixed.parquet"] = each
-    changes = [f for f in merged(audited) if f.sure and f.model_change]
-    amended = {out / f"{model.stem}.fixed.xml": model} if model is not None and changes else {}
-    with kept(out):
-        for path in (*recorded, *amended):
-            _refuse_input(path, inputs)
-            _refuse_foreign(path)
-        for path, each in recorded.items():
-            _write_recording(each, path)
-        for path, source in amended.items():
-            _write_model(source, changes, path)
-    return [*recorded, *amended]
+            recorded[folder / f"{stem}{number}.fixed.parquet"] = each
+    return recorded
 
 
 def _changed(each: Audited) -> list[str]:

@@ -46,9 +46,25 @@ def check(scene: Scene | None, recording: Recording | None) -> Checked:
         for audit in known:
             if isinstance(audit, Audit) and audit.stage == stage:
                 new += audit.findings(subject)
+        if stage == "gain":
+            new = _one_model(subject, new)
         subject = _mended(subject, new)
         findings += new
     return Checked(tuple(findings), subject.recording)
+
+
+def _one_model(subject: Subject, findings: list[AuditFinding]) -> list[AuditFinding]:
+    """Findings that each explain every force by another change of the model: the best of them."""
+    balance, several = subject.balance, [f for f in findings if f.sure and f.model_change]
+    if balance is None or len(several) < 2:
+        return findings
+
+    def misfit(finding: AuditFinding) -> float:
+        scene = Scene(balance.scene.path, [*balance.scene.amendments, *amendments([finding])])
+        return Balance(scene, balance.signals).misfit()
+
+    best = min(several, key=misfit)
+    return [f for f in findings if f is best or f not in several]
 
 
 def _suspected(balance: Balance) -> list[Suspect]:

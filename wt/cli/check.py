@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -36,7 +38,7 @@ def command(
     and the fix. With --out DIR a page shows each channel against the model's replay; --fix writes
     the corrected files beside it, never over what was given.
 
-    Exit code 0: clean. 1: something was found. 2: it cannot be read.
+    Exit code 0: clean. 1: something was found. 2: it cannot be read, or nothing can be written.
 
     Example:
         wt check robot.xml walk1.parquet walk2.parquet --out check --fix
@@ -44,7 +46,7 @@ def command(
     """
     import json
 
-    from wt.check.files import audit, merged, refuse, write_fixed, write_page
+    from wt.check.files import audit, merged, outputs
     from wt.check.page import page
     from wt.cli._progress import bar
 
@@ -54,23 +56,33 @@ def command(
     if fix and out is None:
         raise UserError("--fix needs --out DIR: corrected files never replace what was given")
     model, sources = (models[0] if models else None), [f for f in files if f not in models]
-    if out is not None:
-        refuse(out)
-    with bar("reading") as progress:
-        audited = audit(model, sources, progress)
-    findings = merged(audited)
-    if as_json:
-        typer.echo(json.dumps([f.to_json() for f in findings], indent=2, ensure_ascii=False))
-    else:
-        _print(findings)
-    written = []
-    if out is not None:
-        written = write_fixed(model, audited, out) if fix else []
-        written.append(write_page(page(model, audited), out))
-    for path in written:
-        typer.echo(str(path), err=as_json)
+    with _failing(), outputs(out) if out is not None else contextlib.nullcontext() as into:
+        with bar("reading") as progress:
+            audited = audit(model, sources, progress)
+        findings = merged(audited)
+        if as_json:
+            typer.echo(json.dumps([f.to_json() for f in findings], indent=2, ensure_ascii=False))
+        else:
+            _print(findings)
+        if into is not None:
+            written = into.fixed(model, audited) if fix else []
+            for path in (*written, into.page(page(model, audited))):
+                typer.echo(str(path), err=as_json)
     if any(f.sure for f in findings):
         raise typer.Exit(1)
+
+
+@contextlib.contextmanager
+def _failing() -> Iterator[None]:
+    """Whatever fails ends in exit code 2: 1 says that something was found."""
+    from wt.cli.main import explain
+
+    try:
+        yield
+    except UserError:
+        raise
+    except Exception as error:
+        raise UserError(explain(error)[0]) from error
 
 
 def _print(findings: list[AuditFinding]) -> None:

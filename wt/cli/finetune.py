@@ -47,20 +47,22 @@ def command(
     from wt.finetune.job import run
     from wt.finetune.results import table
     from wt.run.folder import CONFIG, claim
+    from wt.show.files import kept
 
     if resume and out is None:
         raise ConfigError("--resume needs --out: the folder of the run to continue")
     folder = out or Path("runs") / f"finetune-{datetime.now():%Y-%m-%dT%H-%M-%S}"
-    settings = claim(load(config, overrides or []), folder, load, resume)
     words = " ".join(["wt-finetune", "--config", str(config), *(overrides or [])])
-    try:
-        with bar("fine-tuning") as show:
-            results, tracked = run(settings, folder, made_by=words, show=show)
-    except KeyboardInterrupt as error:
-        raise WorkError(
-            "interrupted: nothing finished is lost; continue with: "
-            f"wt-finetune --config {folder / CONFIG} --resume --out {folder}"
-        ) from error
+    with kept(folder):
+        settings = claim(load(config, overrides or []), folder, load, resume)
+        try:
+            with bar("fine-tuning") as show:
+                results, tracked = run(settings, folder, made_by=words, show=show)
+        except KeyboardInterrupt as error:
+            raise WorkError(
+                "interrupted: nothing finished is lost; continue with: "
+                f"wt-finetune --config {folder / CONFIG} --resume --out {folder}"
+            ) from error
     print(table(results))
     print(f"run {tracked.id} in {tracked.uri}; files in {folder}")
 

@@ -60,19 +60,21 @@ def command(
     from wt.config import load
     from wt.errors import ConfigError
     from wt.fit import fit, on_model, open_folder
+    from wt.show.files import kept
 
     if resume and out is None:
         raise ConfigError("--resume needs --out: the folder of the run to continue")
     settings = load(config, overrides or [])
     settings = settings if model is None else on_model(settings, model)
     folder = out or Path("runs") / f"{settings.task}-{datetime.now():%Y-%m-%dT%H-%M-%S}"
-    settings = open_folder(settings, folder, resume)
-    try:
-        with bars() as listener:
-            done, tracked = fit(settings, folder, listener)
-            both = _joined(settings, folder, listener) if settings.diagnose else None
-    except KeyboardInterrupt as error:
-        raise _interrupted(folder) from error
+    with kept(folder):
+        settings = open_folder(settings, folder, resume)
+        try:
+            with bars() as listener:
+                done, tracked = fit(settings, folder, listener)
+                both = _joined(settings, folder, listener) if settings.diagnose else None
+        except KeyboardInterrupt as error:
+            raise _interrupted(folder) from error
     console = Console()
     done.results.print_table(console)
     console.print(f"{done.version}: {done.version.decision}")

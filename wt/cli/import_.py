@@ -94,7 +94,7 @@ def _import(
         from wt.worlds import rigs
 
         rigs.write_mjcf(rigs.spec_for(recording.meta), model)
-    recordings.write(recording, to)
+    recordings.write_unless_there(recording, to, "--to", recording.meta.get("source"))
     delays = base.delays(recording).values()
     delay = f"{1e3 * statistics.median(delays):.0f} ms" if delays else "not measurable"
     clock = recording.meta.get("clock")
@@ -114,7 +114,7 @@ def _guess(source: Path, model: Path | None, to: Path | None, map_file: Path | N
     from wt.data.guess.propose import propose
     from wt.data.guess.text import text
     from wt.physics.scene import Scene
-    from wt.show.files import write_whole
+    from wt.show.files import write_new
 
     if map_file is not None:
         raise UserError("--guess proposes a map; leave --map out")
@@ -125,6 +125,6 @@ def _guess(source: Path, model: Path | None, to: Path | None, map_file: Path | N
         typer.echo(proposed, nl=False)
         return
     to.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(to, proposed)
+    write_new(to, proposed.encode(), "--to")
     doubts = proposed.count("\n#   - ")
     typer.echo(f"{to}: a map of {source.name} with {doubts} doubts; read it, then give it as --map")

@@ -21,7 +21,7 @@ import pyarrow.parquet as pq
 from jaxtyping import Float
 
 from wt.errors import RecordingError, UserError, suggest
-from wt.show.files import write_whole
+from wt.show.files import write_new, write_whole
 from wt.types import Recording
 
 META_KEY = b"wt"
@@ -171,12 +171,38 @@ def write(recording: Recording, path: str | Path) -> None:
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, _content(recording))
+
+
+def write_unless_there(recording: Recording, path: Path, option: str, source: object) -> None:
+    """Write one recording where nothing is, or an earlier one of the same source.
+
+    Args:
+        recording: what to write.
+        path: where to; folders on the way are made.
+        option: what named the path, for messages.
+        source: as for :func:`refuse_to_lose`.
+
+    Raises:
+        UserError: something else is there.
+        WorkError: something else came there while this was written.
+    """
+    content = _content(recording)
+    refuse_to_lose(path, option, source)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.exists():
+        write_whole(path, content)
+    else:
+        write_new(path, content, option)
+
+
+def _content(recording: Recording) -> bytes:
     table = pa.table({"t": recording.t, **recording.columns}).replace_schema_metadata(
         {META_KEY: json.dumps(dict(recording.meta)).encode()}
     )
     content = io.BytesIO()
     pq.write_table(table, content)
-    write_whole(path, content.getvalue())
+    return content.getvalue()
 
 
 def refuse_to_lose(path: Path, option: str, source: object, inputs: Iterable[Path] = ()) -> None:

@@ -29,6 +29,34 @@ def write_whole(path: Path, content: str | bytes) -> None:
     write_together(path.parent, {path.name: content})
 
 
+def write_new(path: Path, content: bytes, option: str) -> None:
+    """The same where nothing is yet, even if another process writes there at the same time.
+
+    Args:
+        path: the file.
+        content: what to write.
+        option: what named it, for messages.
+
+    Raises:
+        WorkError: something is there by now; it is left as it is.
+        OSError: the disk is full or the folder cannot be written.
+    """
+    part = path.with_name(f".{path.name}.{secrets.token_hex(6)}.part")
+    try:
+        with os.fdopen(os.open(part, _NEW, 0o666), "wb") as file:
+            file.write(content)
+        try:
+            os.link(part, path)
+        except FileExistsError as error:
+            raise WorkError(
+                f"{option} {path} was written by another process meanwhile; name another file"
+            ) from error
+        except OSError:  # a file system without links
+            os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
 def write_together(folder: Path, contents: Mapping[str, str | bytes]) -> None:
     """Write several files into a folder; the first is renamed when the last is whole.
 

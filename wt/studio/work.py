@@ -15,7 +15,7 @@ from typing import Any
 
 import yaml
 
-from wt.check.files import Audited, audit, merged, write_page
+from wt.check.files import Audited, audit, merged, outputs
 from wt.check.page import figures, grid, page
 from wt.data import recording as recordings
 from wt.data.importers import base
@@ -86,6 +86,10 @@ def check(send: Send, model: str | None, logs: Sequence[dict[str, str]]) -> dict
             drawn[log] = grid(figures(scene, replace(one, corrected=one.given), DRAWN))
     if given is not None and not logs:
         audited += audit(given, [])
+    written: Path | None = None
+    if audited:
+        with outputs(Path(session.CHECK)) as into:
+            written = into.page(page(given, audited))
     return {
         "errors": errors,
         "findings": [f.to_json() | {"sure": f.sure} for f in merged(audited)],
@@ -95,7 +99,7 @@ def check(send: Send, model: str | None, logs: Sequence[dict[str, str]]) -> dict
         "figures": drawn,
         "channels": [] if scene is None else sorted(recordings.column_names(scene.given)),
         "checked": [str(a.path) for a in audited if a.path is not None],
-        "page": str(write_page(page(given, audited), Path(session.CHECK))) if audited else None,
+        "page": None if written is None else str(written),
     }
 
 

@@ -105,6 +105,9 @@ def _carried(weight: Weight) -> Iterable[AuditFinding]:
     """All of the weight where the model has none of it, or the reverse."""
     given, all_of_it, none = weight.left_as_given(), weight.left(1.0), weight.left(0.0)
     share, bodies = weight.share(), _bodies(weight.balance.scene)
+    # of a base that is mounted otherwise all of the weight pulls, and little of it as in the model
+    if weight.left(share) > _DECISIVE * weight.left(weight.direction()):
+        return
     if weight.given > _LEFT and abs(share) < _WHOLE and given > _DECISIVE * none:
         yield AuditFinding(
             "gravcomp_missing",

@@ -80,7 +80,7 @@ def _sorted(balance: Balance, given: Float[np.ndarray, " row"]) -> tuple[Order, 
     pairs = [
         (i, j)
         for i, j in itertools.combinations(range(len(kind)), 2)
-        if kind[i] == kind[j] and max(given[i], given[j]) > _RIGHT
+        if kind[i] == kind[j] and max(given[i], given[j]) > _FAINT
     ]
     return by_exchanges(pairs, lambda o: len(kind) * balance.misfit(_edits(balance, o)))
 

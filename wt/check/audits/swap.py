@@ -32,9 +32,12 @@ class Swap:
 
 
 def _joints(balance: Balance) -> list[Suspect]:
-    """Pairs of wrong joints, with their commands: servos of other gears show it by themselves."""
+    """Pairs of wrong joints, with their commands: neither exchange alone explains anything.
+
+    Torque drives show it by themselves, and servos whose gears differ.
+    """
     wrong = zip(balance.rows, balance.unexplained() > WRONG, strict=True)
-    rows = [row for row, is_wrong in wrong if is_wrong and row.drive.servo]
+    rows = [row for row, is_wrong in wrong if is_wrong]
     listed = []
     for a, b in itertools.combinations(rows, 2):
         one = _suspect(balance, "q", {a.drive.dof: b.drive.dof, b.drive.dof: a.drive.dof})
