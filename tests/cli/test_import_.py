@@ -56,6 +56,20 @@ def test_what_another_import_wrote_meanwhile_is_not_lost(
     assert not list(out.parent.glob(".*.part"))
 
 
+def test_where_nothing_can_be_written_is_said_before_anything_is_read(
+    source: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def read(*_: object) -> None:
+        raise AssertionError("it was read")
+
+    monkeypatch.setattr("wt.data.importers.base.read", read)
+    mapped = ["--map", str(source.with_name("map.yaml"))]
+    for out in (source / "x.parquet", source.parent / ("y" * 300) / "x.parquet"):
+        assert main(["import", str(source), "--to", str(out), *mapped]) == 2
+        line = capsys.readouterr().err
+        assert line.startswith("error: --to ") and line.count("\n") == 1 and ".part" not in line
+
+
 def test_a_planted_link_is_neither_followed_nor_lost(
     source: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

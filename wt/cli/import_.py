@@ -81,11 +81,13 @@ def _import(
 
     from wt.data import recording as recordings
     from wt.data.importers import base
+    from wt.show.files import refuse_unwritable
 
     inputs = [source, *([map_file] if map_file else [])]
     for path, option in ((to, "--to"), (model, "--model")):
         if path is not None and path.resolve() in {p.resolve() for p in inputs}:
             raise UserError(f"{option} {path} is an input too; name another file")
+    refuse_unwritable(to.parent, "--to")
     mapping = base.read_map(map_file) if map_file else {}
     recording = base.read(source, mapping)
     recording = dataclasses.replace(recording, meta={**recording.meta, **labels})
@@ -114,12 +116,14 @@ def _guess(source: Path, model: Path | None, to: Path | None, map_file: Path | N
     from wt.data.guess.propose import propose
     from wt.data.guess.text import text
     from wt.physics.scene import Scene
-    from wt.show.files import write_new
+    from wt.show.files import refuse_unwritable, write_new
 
     if map_file is not None:
         raise UserError("--guess proposes a map; leave --map out")
     if to is not None and to.exists():
         raise UserError(f"--to {to} is there already; name another file for the map")
+    if to is not None:
+        refuse_unwritable(to.parent, "--to")
     proposed = text(propose(source, Scene(model).given if model else None), source)
     if to is None:
         typer.echo(proposed, nl=False)

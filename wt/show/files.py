@@ -106,6 +106,21 @@ def kept(folder: Path, option: str = "--out") -> Iterator[None]:
                 new.rmdir()
 
 
+def refuse_unwritable(folder: Path, option: str) -> None:
+    """See that files can be written into a folder, before there are any; nothing is left of it.
+
+    Args:
+        folder: the folder; it need not be there.
+        option: what named it, or a file in it, for messages.
+
+    Raises:
+        UserError: it is a file, or cannot be made or written into.
+        OSError: the disk is full.
+    """
+    for new in _made(folder, option):
+        new.rmdir()
+
+
 def _made(folder: Path, option: str) -> list[Path]:
     """The folders that had to be made, the innermost first."""
     new = list[Path]()
