@@ -32,7 +32,8 @@ _TILT, _MOUNTED = math.radians(4.0), math.radians(20.0)
 _NOTE = 0.5
 _STRENGTH = (0.8, 1.25)  # of each drive, beside a quarter turn that others may explain, too
 _LIKELY = 2.0  # … beside a direction that is noted
-_AGREED = 3.0  # variances, that may be left where all drives agree about the direction
+_AGREED = 3.0  # variances, that may be left where all drives agree about the direction,
+_OVERWHELMING = 25.0  # or by so much it leaves less than anything else
 _ALONG = math.cos(math.radians(8.0))
 
 
@@ -140,8 +141,9 @@ def _turned(balance: Balance, g: Float[np.ndarray, " 3"], felt: bool) -> Iterabl
     if angle < _TILT or weight.left_as_given() < _DECISIVE * left:
         return
     small, quarter = angle < _MOUNTED, np.count_nonzero(snapped) == 1
-    beaten = _others(weight) > (_LIKELY if small else _DECISIVE) * left
-    agreed = left < _AGREED or quarter
+    others = _others(weight)
+    beaten = others > (_LIKELY if small else _DECISIVE) * left
+    agreed = left < _AGREED or quarter or others > _OVERWHELMING * left
     usual = felt and quarter and weight.as_strong(snapped / np.linalg.norm(g), _STRENGTH)
     if not (agreed and beaten) and not usual:
         return
