@@ -242,6 +242,11 @@ def _velocities() -> list[Fault]:
 
         return spoil
 
+    def delayed(r: Recording) -> Recording:
+        """By about half a period: as recorded it rather runs against the slope."""
+        v = r.columns["qvel/hip"]
+        return with_columns(r, {"qvel/hip": np.concatenate([np.full(45, v[0]), v[:-45]])})
+
     def white(r: Recording) -> Recording:
         v = r.columns["qvel/bend"]
         noise = np.random.default_rng(0).standard_normal(len(v))
@@ -268,6 +273,8 @@ def _velocities() -> list[Fault]:
         *(Fault(f"velocity-filtered-{1e3 * tau:.0f}ms", "arm4", filtered(tau), ("velocity_late",),
                 frozenset({"qvel/lift"}), seed=13, options={"rate": RATE})
           for tau in (0.08, 0.15)),
+        Fault("velocity-half-a-period-late", "planar", delayed, ("velocity_late",),
+              frozenset({"qvel/hip"}), seed=3),
         Fault("velocity-of-noise", "arm4", white, ("velocity_other",), frozenset({"qvel/bend"}),
               options={"rate": RATE}),
         Fault("velocity-is-position", "arm4", place, ("velocity_other",), frozenset({"qvel/bend"})),

@@ -6,12 +6,14 @@ import math
 import re
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
 from tests.check.machines import HEAD, MACHINES, record
+from wt.check.audit import Subject
 from wt.check.finding import AuditFinding
-from wt.check.run import check
+from wt.check.run import check, one_model
 from wt.physics.scene import Scene
 
 LEVEL = MACHINES["planar"].xml
@@ -119,6 +121,29 @@ def test_a_hand_on_a_wall_that_feels_little_weight_compensates_none(tmp_path: Pa
     xml = hand(0.1, -0.1)
     (tilt,) = found(xml, leaning(xml, 90.0, 90.0), tmp_path)
     assert (tilt.kind, angle(tilt)) == ("base_orientation", 90.0)
+
+
+def test_of_two_changes_of_the_model_that_explains_most_is_made(tmp_path: Path) -> None:
+    """Softer servos, too, explain a part of a weight that nobody carries."""
+    xml = hand(0.1, -0.4)
+    (tmp_path / "m.xml").write_text(xml)
+    robot = xml.replace("<body ", '<body gravcomp="1" ')
+    subject = Subject(Scene(tmp_path / "m.xml"), record("arm4", 70, robot=robot, seconds=6.0))
+
+    def softer(spec: mujoco.MjSpec) -> None:
+        for actuator in spec.actuators:
+            actuator.gainprm, actuator.biasprm = actuator.gainprm / 4, actuator.biasprm / 4
+
+    def carried(spec: mujoco.MjSpec) -> None:
+        for body in spec.bodies[1:]:
+            body.gravcomp = 1.0
+
+    both = [
+        AuditFinding(kind, (), (), "", "", model_change=change)
+        for kind, change in (("gain_unit", softer), ("gravcomp_missing", carried))
+    ]
+    note = AuditFinding("masses_guessed", (), (), "", "", 0.5)
+    assert one_model(subject, [*both, note]) == [both[1], note]
 
 
 def test_a_fast_log_may_leave_more_than_its_noise(tmp_path: Path) -> None:

@@ -47,13 +47,13 @@ def check(scene: Scene | None, recording: Recording | None) -> Checked:
             if isinstance(audit, Audit) and audit.stage == stage:
                 new += audit.findings(subject)
         if stage == "gain":
-            new = _one_model(subject, new)
+            new = one_model(subject, new)
         subject = _mended(subject, new)
         findings += new
     return Checked(tuple(findings), subject.recording)
 
 
-def _one_model(subject: Subject, findings: list[AuditFinding]) -> list[AuditFinding]:
+def one_model(subject: Subject, findings: list[AuditFinding]) -> list[AuditFinding]:
     """Findings that each explain every force by another change of the model: the best of them."""
     balance, several = subject.balance, [f for f in findings if f.sure and f.model_change]
     if balance is None or len(several) < 2:

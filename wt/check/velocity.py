@@ -51,8 +51,7 @@ def related(recording: Recording, velocity: str, position: str) -> Relation | No
     if pair is None:
         return None
     v, slope, dt = pair
-    sign = float(np.sign(np.corrcoef(v, slope)[0, 1]))
-    late = _late(sign * v, slope, max(round(_LATEST_S / dt), _LATEST_SAMPLES))
+    late = _late(v, slope, max(round(_LATEST_S / dt), _LATEST_SAMPLES))
     if late:
         ends = (
             slice(max(late, 0), len(v) + min(late, 0)),
@@ -99,11 +98,11 @@ def _smooth(
 
 
 def _late(v: Float[np.ndarray, " row"], slope: Float[np.ndarray, " row"], most: int) -> int:
-    """Samples by which a velocity comes behind a slope, by their best correlation."""
+    """Samples by which a velocity comes behind a slope, by their best correlation of any sign."""
     most = min(most, len(v) // 4)
     # ∑ slope(k) · v(k + lag), for all lags at once
     size = 2 ** int(np.ceil(np.log2(2 * len(v))))
     spectrum = np.conj(np.fft.rfft(slope - slope.mean(), size)) * np.fft.rfft(v - v.mean(), size)
     product = np.fft.irfft(spectrum, size)
     lags = np.arange(-most, most + 1)
-    return int(lags[int(np.argmax(product[lags]))])
+    return int(lags[int(np.argmax(np.abs(product[lags])))])
