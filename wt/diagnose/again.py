@@ -17,7 +17,8 @@ from jaxtyping import Float
 
 from wt.diagnose.likelihood.bic import worth
 from wt.diagnose.likelihood.estimate import estimate, fitted
-from wt.diagnose.likelihood.objective import Objective, objective_on
+from wt.diagnose.likelihood.objective import Objective
+from wt.diagnose.likelihood.sets import objective_on
 from wt.diagnose.pace import Pace, Say
 from wt.diagnose.pipeline import audited, effort_of, searched, steps_for
 from wt.diagnose.recordings.commands import smooth_as_sent

@@ -14,7 +14,8 @@ import numpy as np
 from wt.check.finding import amendments
 from wt.diagnose.experiment.release import passive, release
 from wt.diagnose.likelihood.bic import erring, erring_joints
-from wt.diagnose.likelihood.objective import Assessed, Objective, objective_on
+from wt.diagnose.likelihood.objective import Assessed, Objective
+from wt.diagnose.likelihood.sets import objective_on
 from wt.diagnose.likelihood.steps import Steps, longest_steps
 from wt.diagnose.notes import notes
 from wt.diagnose.observed.forces import measured

@@ -7,6 +7,8 @@ servos that the compiler derives, is written out once instead.
 
 from __future__ import annotations
 
+import functools
+
 import mujoco
 import numpy as np
 
@@ -61,5 +63,13 @@ def may_touch(model: mujoco.MjModel) -> bool:
     if model.npair or model.nflex:
         return True
     part = model.body_weldid[model.geom_bodyid]
-    bits = (model.geom_contype[:, None] & model.geom_conaffinity) != 0
+    return _may_touch(
+        part.tobytes(), model.geom_contype.tobytes(), model.geom_conaffinity.tobytes()
+    )
+
+
+@functools.lru_cache(maxsize=256)  # of the models of a search, nearly all have the same geoms
+def _may_touch(of_parts: bytes, types: bytes, affinities: bytes) -> bool:
+    part, contype, conaffinity = (np.frombuffer(x, np.int32) for x in (of_parts, types, affinities))
+    bits = (contype[:, None] & conaffinity) != 0
     return bool(((bits | bits.T) & (part[:, None] != part)).any())

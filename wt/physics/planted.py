@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -59,6 +60,16 @@ class Planted:
     def separation(self, scene: Scene) -> str:
         """The experiment that tells it best from others at the same place."""
         return self.effect.separation(self.at, units_at(scene, self.at))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """As another process is told of it: without what is only of use here."""
+        return type(self), (self.effect, self.at, self.theta)
+
+    @cached_property
+    def contents(self) -> bytes:
+        """What says the same as this one in this process, as long as its effect lives."""
+        what = f"{id(self.effect)} {self.at.kind} {self.at.name}\0{len(self.theta)}\0"
+        return what.encode() + self.theta.tobytes()
 
     @property
     def key(self) -> Key:

@@ -112,8 +112,10 @@ class NormalEquations:
             free &= (lower < x) & (x < upper)
         fewest, patience = len(gram) + 1, _PATIENCE
         for _ in range(_ATTEMPTS):
-            at_bound = gram[np.ix_(free, ~free)] @ x[~free]
-            x[free] = np.linalg.solve(gram[np.ix_(free, free)], right[free] - at_bound)
+            loosened, held = np.flatnonzero(free), np.flatnonzero(~free)
+            rows = loosened[:, None]
+            at_bound = gram[rows, held] @ x[held]
+            x[loosened] = np.linalg.solve(gram[rows, loosened], right[loosened] - at_bound)
             pull = right - gram @ x
             outside = free & ((x < lower) | (x > upper))
             inwards = loose & ~free & np.where(x <= lower, pull > _SLACK, pull < -_SLACK)

@@ -30,7 +30,7 @@ from wt.diagnose.likelihood.steps import Steps
 from wt.diagnose.likelihood.tolerances import ModelTolerance, alike, boxes, rounded, tolerances
 from wt.diagnose.likelihood.weights import Channels
 from wt.diagnose.recordings.smooth import Smoothed
-from wt.diagnose.recordings.stretches import BURN_IN_S, stretches_of
+from wt.diagnose.recordings.stretches import BURN_IN_S
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.planted import Hypothesis
 from wt.physics.replay import Stretch
@@ -75,8 +75,6 @@ _SHARES = (0.5, 0.25)
 _FORGIVING = 1.5  # noise: more than this is far more than noise
 _ALIKE = 4  # replays that tell how rough they are
 _WORTHWHILE = 0.05  # deviations: a smaller correction is not worth a change of the model
-_TELLING = 0.4
-"""Share of a floating machine's windows that are not spread evenly: where forces are unusual."""
 
 
 class Objective:
@@ -166,14 +164,20 @@ class Objective:
         """
         if centres is None:
             centres = [self._around.centre] * len(hypotheses)
-        centres = [
+        return self._assessed(hypotheses, *self._with(hypotheses, centres))
+
+    def _with(
+        self, hypotheses: Sequence[Hypothesis], centres: Sequence[Float[np.ndarray, " tolerance"]]
+    ) -> tuple[
+        Float[np.ndarray, "hypothesis sample dof"], Float[np.ndarray, "hypothesis tolerance"]
+    ]:
+        """Errors of replays beside tolerances, and those that each hypothesis leaves of these."""
+        able = [
             np.where(self._able & (boxes(self.tolerances, h) > 0.0), c, 0.0)
             for h, c in zip(hypotheses, centres, strict=True)
         ]
-        raw = self._raw(
-            [(*h, *self._nearby.rig(c)) for h, c in zip(hypotheses, centres, strict=True)]
-        )
-        return self._assessed(hypotheses, raw, np.reshape(centres, (len(raw), len(self._able))))
+        raw = self._raw([(*h, *self._nearby.rig(c)) for h, c in zip(hypotheses, able, strict=True)])
+        return raw, np.reshape(able, (len(raw), len(self._able)))
 
     def _raw(self, hypotheses: Sequence[Hypothesis]) -> Float[np.ndarray, "hypothesis sample dof"]:
         """Simulated minus measured positions."""
@@ -276,8 +280,10 @@ class Objective:
             error: of its replay.
         """
         rng, differences = np.random.default_rng(0), []
-        for size in rng.normal(size=(_ALIKE, len(self.tolerances))) * self._able:
-            (other,) = self._raw([(*hypothesis, *self._nearby.rig(self._around.centre + size))])
+        sizes = rng.normal(size=(_ALIKE, len(self.tolerances))) * self._able
+        rigs = [self._nearby.rig(self._around.centre + size) for size in sizes]
+        others = self._raw([(*hypothesis, *rig) for rig in rigs])
+        for size, other in zip(sizes, others, strict=True):
             apart = self._around.project(np.nan_to_num(other - error))
             differences.append(apart - self._around.moved(size))
         return differences
@@ -321,11 +327,17 @@ class Objective:
         """A projected error with tolerances of such sizes [deviations]."""
         return np.asarray(error + self._around.moved(sizes))
 
+    def errors(
+        self, hypotheses: Sequence[Hypothesis], centres: Sequence[Float[np.ndarray, " tolerance"]]
+    ) -> Float[np.ndarray, "hypothesis sample dof"]:
+        """Errors of the replays that :meth:`evaluate` assesses; nothing has adapted."""
+        return self._with(hypotheses, centres)[0]
+
     def change(
-        self, now: Assessed, others: Sequence[Assessed]
+        self, now: Assessed, others: Sequence[Float[np.ndarray, "sample dof"]]
     ) -> Float[np.ndarray, "sample dof other"]:
-        """Change of the projected error to hypotheses close by, to first order."""
-        changes = [other.raw - now.raw for other in others]
+        """Change of the projected error to errors of hypotheses close by, to first order."""
+        changes = [other - now.raw for other in others]
         stacked = np.stack(changes, axis=2) if changes else np.zeros((*now.raw.shape, 0))
         return project_changes(now.raw, stacked, self._around.initial)
 
@@ -430,21 +442,3 @@ class Objective:
             left = self._replays.of(here).unsettled(here)
         valid = np.where(self.channels.valid, left, 0.0)[:, :, None]
         return project_changes(reference.raw, valid, self._around.initial)[:, :, 0]
-
-
-def objective_on(
-    sets: Sequence[Smoothed],
-    forgetting: bool,
-    seconds: float,
-    step: float,
-    window: float | None = None,
-    smooth: Steps | None = None,
-) -> Objective:
-    """Replays of one or more sets of recordings, which are counted through; see ``Objective``."""
-    telling = _TELLING if sets[0].motion.scene.free else 0.0
-    pairs, before = [], 0
-    for smoothed in sets:
-        stretches = stretches_of(smoothed, forgetting, seconds, telling, window)
-        pairs += [(replace(s, recording=s.recording + before), q) for s, q in stretches]
-        before += max(s.recording for s in smoothed.samples) + 1
-    return Objective(sets[0], pairs, step, forgetting, smooth)

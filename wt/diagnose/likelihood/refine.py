@@ -132,7 +132,7 @@ def jacobian(
             neighbours.append(unpack(assessed.hypothesis, parts, moved))
             centres.append(assessed.centre)
         sizes.append(step)
-    moved_to = iter(objective.evaluate(neighbours, centres) if neighbours else ())
+    moved_to = iter(objective.errors(neighbours, centres) if neighbours else ())
     result = []
     for assessed, parts, step in zip(at, free, sizes, strict=True):
         slope, asked = np.zeros((*assessed.error.shape, len(step))), np.flatnonzero(step)

@@ -8,6 +8,7 @@ tolerances and by other initial states.
 from __future__ import annotations
 
 import copy
+import functools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -291,6 +292,7 @@ class Nearby:
         self.tolerances = tuple(tolerances)
         able = [tolerance.effect.correctable for tolerance in tolerances]
         self.able: Bool[np.ndarray, " tolerance"] = np.array(able, dtype=bool)
+        self._correctable = able
         self._known: list[_Changes] = []
 
     def on(self, replays: Replays) -> Nearby:
@@ -301,8 +303,13 @@ class Nearby:
 
     def rig(self, sizes: Float[np.ndarray, " tolerance"]) -> tuple[Planted, ...]:
         """Tolerances of such sizes [deviations], those that a model can hold."""
-        pairs = zip(self.tolerances, sizes, strict=True)
-        return tuple(t.scaled(float(x)) for t, x in pairs if t.effect.correctable and x)
+        pairs = enumerate(sizes.tolist())
+        return tuple(self._scaled(i, x) for i, x in pairs if x and self._correctable[i])
+
+    @functools.lru_cache(maxsize=2**14)  # noqa: B019 – lives and dies with a diagnosis
+    def _scaled(self, index: int, size: float) -> Planted:
+        """One tolerance of such a size: of many rigs the same one, which is then known again."""
+        return self.tolerances[index].scaled(size)
 
     def around(
         self,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -18,7 +18,7 @@ from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
 from wt.physics.hooks import Tolerance, Tolerated
 from wt.physics.motion import Motion
-from wt.physics.planted import Hypothesis, Planted
+from wt.physics.planted import Hypothesis, Key, Planted
 from wt.physics.scene import Scene
 from wt.types import Location
 
@@ -77,9 +77,20 @@ def boxes(
     tolerances: Sequence[ModelTolerance], hypothesis: Sequence[Planted]
 ) -> Float[np.ndarray, " tolerance"]:
     """Largest size of each beside a hypothesis [deviations]: 0 where that settles it."""
-    settled = {(name, p.at) for p in hypothesis for name in p.effect.settles}
-    free = [(t.planted.effect.id, t.planted.at) not in settled for t in tolerances]
-    return THRESHOLDS.tolerance_box * np.array(free, dtype=float)
+    box, known = np.full(len(tolerances), THRESHOLDS.tolerance_box), _indices(tuple(tolerances))
+    for p in hypothesis:
+        for name in p.effect.settles:
+            box[known.get((name, p.at.kind, p.at.name), [])] = 0.0
+    return box
+
+
+@lru_cache(maxsize=64)
+def _indices(tolerances: tuple[ModelTolerance, ...]) -> dict[Key, list[int]]:
+    """Where errors of a kind at a place are among all."""
+    known: dict[Key, list[int]] = {}
+    for i, tolerance in enumerate(tolerances):
+        known.setdefault(tolerance.planted.key, []).append(i)
+    return known
 
 
 def rounded(
