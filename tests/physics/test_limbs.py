@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import mujoco
@@ -10,6 +11,7 @@ import pytest
 
 from wt.diagnose.unknown.force import UnknownForce
 from wt.diagnose.unknown.law import Law
+from wt.physics import workers
 from wt.physics.effect import effects
 from wt.physics.limbs import limbs
 from wt.physics.motion import Motion, Segment
@@ -17,6 +19,8 @@ from wt.physics.planted import Planted
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
 from wt.physics.scene import Scene
+from wt.physics.spread import over
+from wt.physics.workers import Workers
 from wt.types import Location
 
 DT, SAMPLES = 0.01, 150
@@ -111,6 +115,30 @@ def test_each_limb_is_replayed_as_often_as_hypotheses_differ_in_it(tmp_path: Pat
         own.compile = lambda h, c=compiled, n=limb.scene.joints: (run.append(n), c(h))[1]  # type: ignore[method-assign]
     replayer.run([(planted("joint.friction_viscous", "joint", "b2", x),) for x in (0.1, 0.2, 0.3)])
     assert run.count(("a1", "a2")) == 1 and run.count(("b1", "b2")) == 3
+
+
+def test_processes_are_asked_for_the_limb_alone_that_has_a_law(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workers, "_WORTH_S", 0.0)
+    monkeypatch.setattr(workers, "_WORTH_STEPS", 1)
+    asked, spread = list[tuple[tuple[str, ...], int]](), Workers._spread
+
+    def counted(
+        self: Workers, replays: Replayer, hypotheses: Sequence[Sequence[Planted]]
+    ) -> np.ndarray:
+        asked.append((replays.scene.joints, len(hypotheses)))
+        return spread(self, replays, hypotheses)
+
+    monkeypatch.setattr(Workers, "_spread", counted)
+    whole = scene(tmp_path, hand())
+    stretch, dry = recorded(whole), HYPOTHESES[2][:1]
+    here = Replayer(whole, [stretch], 1e-3).run([dry, (*dry, FRICTION), (FRICTION,)])
+    with over(2):
+        said = Replayer(whole, [stretch], 1e-3).run([dry, (*dry, FRICTION), (FRICTION,)])
+    assert asked == [(("a1", "a2"), 1)]
+    np.testing.assert_array_equal(said.q, here.q)
+    np.testing.assert_array_equal(said.v, here.v)
 
 
 def test_what_couples_limbs_is_replayed_together(tmp_path: Path) -> None:

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from ray import ObjectRef
 
 
-_KEPT = 8
-"""Replayers that a worker keeps; a diagnosis uses a few at a time."""
+_KEPT = 40
+"""Replayers that a worker keeps; a diagnosis uses a few at a time, of each limb of a machine."""
 
 
 @contextmanager

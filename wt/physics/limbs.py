@@ -77,6 +77,7 @@ class Limbs:
             alone = Scene(scene.path, [*scene.amendments, partial(_without, bodies=others)])
             each.append(Limb(alone, np.flatnonzero(joints == k), np.flatnonzero(drives == k)))
         self.each = tuple(each)
+        self._known: dict[tuple[str, str], Sequence[int] | None] = {}
 
     def on(self, hypothesis: Sequence[Planted]) -> list[tuple[Planted, ...]] | None:
         """What of a hypothesis acts on each limb; None where something couples them."""
@@ -91,9 +92,16 @@ class Limbs:
 
     def _of(self, planted: Planted) -> Sequence[int] | None:
         """The limbs that an effect acts on, each for itself; None if it might couple some."""
-        m, (kind, name) = self._model, (planted.at.kind, planted.at.name)
         if planted.effect.id not in effects():  # a learned law may depend on anything
             return None
+        there = planted.at.kind, planted.at.name
+        if there not in self._known:
+            self._known[there] = self._at(*there)
+        return self._known[there]
+
+    def _at(self, kind: str, name: str) -> Sequence[int] | None:
+        """The limbs at a place; None if it is on none of them, or on several."""
+        m = self._model
         if name == "all" or kind == "world":
             return range(len(self.each))
         if kind in ("joint", "pair"):

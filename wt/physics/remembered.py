@@ -6,18 +6,17 @@ it. And what it changes at one limb of a machine leaves the others what they wer
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from wt.physics.planted import Planted
-from wt.types import Location
 
 Paths = Float[np.ndarray, "2 hypothesis sample dof"]
 """Positions and velocities that hypotheses lead to."""
-Contents = tuple[tuple[int, Location, bytes], ...]
+Contents = bytes
 """What two hypotheses have in common that say the same: each effect, where and how large."""
 
 _BYTES = 2**26
@@ -26,7 +25,7 @@ _BYTES = 2**26
 
 def contents(hypothesis: Sequence[Planted]) -> Contents:
     """What says the same as this hypothesis, as long as its effects live."""
-    return tuple((id(p.effect), p.at, p.theta.tobytes()) for p in hypothesis)
+    return b"".join([p.contents for p in hypothesis])
 
 
 class _Said(NamedTuple):
@@ -41,22 +40,20 @@ class Remembered:
 
     def __init__(self) -> None:
         """Remember nothing yet."""
-        self._said: dict[tuple[Contents, Hashable], _Said] = {}
+        self._said: dict[Contents, _Said] = {}
 
     def paths(
         self,
         hypotheses: Sequence[Sequence[Planted]],
         replay: Callable[[list[Sequence[Planted]]], Paths],
-        of: Hashable = None,
     ) -> Paths:
         """What hypotheses lead to, each of the new ones replayed once.
 
         Args:
             hypotheses: one or more.
             replay: replays some of them.
-            of: what else it depends on.
         """
-        asked = [(contents(h), of) for h in hypotheses]
+        asked = [contents(h) for h in hypotheses]
         each = dict(zip(asked, hypotheses, strict=True))
         known = {key: self._said.pop(key) for key in each if key in self._said}
         new = [key for key in each if key not in known]

@@ -72,39 +72,29 @@ class Replayer:
         """Replay every stretch on every hypothesis, unless that has been done lately."""
         if not hypotheses:
             return Replays(*chosen().replay(self, []))
-        return Replays(*self._known.paths(hypotheses, lambda new: chosen().replay(self, new)))
+        return Replays(*self._known.paths(hypotheses, self._new))
 
-    @quiet()  # replays of bad hypotheses explode, and NaN says it
-    def part(
-        self, hypotheses: Sequence[Sequence[Planted]], stretches: Sequence[int], threads: int
+    def _new(
+        self, hypotheses: list[Sequence[Planted]]
     ) -> Float[np.ndarray, "2 hypothesis sample dof"]:
-        """Replay some stretches on some hypotheses in this process.
+        """Replay hypotheses where the chosen runner runs them: positions and velocities.
 
-        What one replay says does not depend, to the bit, on which others run beside it. Limbs that
-        are independent are replayed apart, each as often as hypotheses differ in it, and from what
-        was replayed of it lately.
-
-        Args:
-            hypotheses: H of them.
-            stretches: indices of the stretches.
-            threads: how many to use; 0 for one a core.
-
-        Returns:
-            Positions and velocities at the N samples of these stretches, one after another,
-            (2, H, N, nv); NaN where a replay exploded.
+        Limbs that are independent are replayed apart, each as often as hypotheses differ in it, and
+        from what was replayed of it lately.
         """
         parts = [None if self._limbs is None else self._limbs.on(h) for h in hypotheses]
         apart = [(h, part) for h, part in enumerate(parts) if part is not None]
         whole = [h for h, part in enumerate(parts) if part is None]
-        samples = sum(len(self.stretches[s].t) for s in stretches)
+        if not apart:
+            return chosen().replay(self, hypotheses)
+        samples = sum(len(s.t) for s in self.stretches)
         path = np.empty((2, len(hypotheses), samples, self.scene.model.nv))
         if whole:
-            path[:, whole] = self._whole([hypotheses[h] for h in whole], stretches, threads)
-        for k, (limb, own) in enumerate(self._own if apart else ()):
-            replay = functools.partial(own.part, stretches=stretches, threads=threads)
-            said = own._known.paths([part[k] for _, part in apart], replay, tuple(stretches))
-            for (h, _), one in zip(apart, said.swapaxes(0, 1), strict=True):
-                path[:, h][..., limb.dofs] = one
+            path[:, whole] = chosen().replay(self, [hypotheses[h] for h in whole])
+        for k, (limb, own) in enumerate(self._own):
+            said = own.run([part[k] for _, part in apart])
+            for i, (h, _) in enumerate(apart):
+                path[0, h][:, limb.dofs], path[1, h][:, limb.dofs] = said.q[i], said.v[i]
         return path
 
     @functools.cached_property
@@ -121,10 +111,23 @@ class Replayer:
             for limb in each
         )
 
-    def _whole(
+    @quiet()  # replays of bad hypotheses explode, and NaN says it
+    def part(
         self, hypotheses: Sequence[Sequence[Planted]], stretches: Sequence[int], threads: int
     ) -> Float[np.ndarray, "2 hypothesis sample dof"]:
-        """See :meth:`part`: all of the machine at once."""
+        """Replay some stretches on some hypotheses in this process.
+
+        What one replay says does not depend, to the bit, on which others run beside it.
+
+        Args:
+            hypotheses: H of them.
+            stretches: indices of the stretches.
+            threads: how many to use; 0 for one a core.
+
+        Returns:
+            Positions and velocities at the N samples of these stretches, one after another,
+            (2, H, N, nv); NaN where a replay exploded.
+        """
         samples = [len(self.stretches[s].t) for s in stretches]
         ends = np.cumsum(samples)
         path = np.full((2, len(hypotheses), int(ends[-1]), self.scene.model.nv), np.nan)

@@ -8,6 +8,7 @@ which recordings, and then hypotheses. It ends as soon as nobody can talk to it 
 
 from __future__ import annotations
 
+import functools
 import itertools
 import os
 import pickle
@@ -15,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -32,14 +33,16 @@ from wt.physics.packed import PackedScene, heard, packed, told, unpacked
 from wt.physics.planted import Planted
 from wt.physics.rollout import Replayer
 from wt.physics.runner import Divisible, joined, split
+from wt.physics.scene import Scene
 
 _WORTH_S, _WORTH_STEPS = 6.0, 2000
 """Processes are started once live laws have taken so long [s], as long as the start of two takes,
 and are given what takes so many steps: it takes them a moment to be told."""
 _MOST = 16
 """Most processes: each has the libraries in memory once more."""
-_KEPT = 12
-"""Replayers that a process keeps; a diagnosis uses a few at a time."""
+_KEPT, _SCENES = 40, 16
+"""Replayers that a process keeps, and scenes of them: a diagnosis uses a few at a time, of each
+limb of a machine."""
 
 
 class _GoneError(Exception):
@@ -71,7 +74,6 @@ class Workers:
         self._free: SimpleQueue[_Process] = SimpleQueue()
         self._keys: WeakKeyDictionary[Divisible, int] = WeakKeyDictionary()
         self._new_key = itertools.count()
-        self._packed: tuple[int, bytes] = (-1, b"")
 
     def replay(
         self, replays: Divisible, hypotheses: Sequence[Sequence[Planted]]
@@ -125,11 +127,13 @@ class Workers:
         """Replay in processes, each a part."""
         started = self._processes = self._processes or self._started()
         key = self._keys.setdefault(replays, next(self._new_key))
-        if self._packed[0] != key:
+
+        @functools.cache
+        def made_of() -> bytes:
             with _speakable():
                 scene = cloudpickle.dumps(PackedScene.of(replays.scene))
-                self._packed = key, pickle.dumps((key, scene, packed(replays)))
-        made_of = self._packed[1]
+                return pickle.dumps((key, scene, packed(replays)))
+
         parts = split(len(hypotheses), len(replays.stretches), len(started))
         with _speakable():
             asked = [pickle.dumps((key, told(replays, hypotheses[h]), tuple(s))) for h, s in parts]
@@ -167,12 +171,12 @@ class _Process:
         )
         self._knows: list[int] = []
 
-    def ask(self, key: int, packed: bytes, question: bytes) -> Any:  # noqa: ANN401
+    def ask(self, key: int, packed: Callable[[], bytes], question: bytes) -> Any:  # noqa: ANN401
         """An array of replays, or the exception that was raised instead.
 
         Args:
             key: of the replayer.
-            packed: what it is made of, with its key.
+            packed: says what it is made of, with its key.
             question: what to replay on it.
 
         Raises:
@@ -184,7 +188,7 @@ class _Process:
             if key not in self._knows:
                 # it forgets the first one of too many likewise
                 self._knows = [*self._knows, key][-_KEPT:]
-                pipe.write(packed)
+                pipe.write(packed())
             pipe.write(question)
             pipe.flush()
             return pickle.load(answers)
@@ -218,6 +222,7 @@ def serve() -> None:
     questions, answers = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what is printed is no answer
     replayers: dict[int, Replayer] = {}
+    scenes: dict[bytes, Scene] = {}
     with ExitStack() as ends:
 
         def copies() -> Path:
@@ -227,10 +232,13 @@ def serve() -> None:
             try:
                 key, first, second = pickle.load(questions)
                 if isinstance(second, bytes):  # the scene, and what is replayed on it
-                    scene = pickle.loads(first).unpacked(copies)
-                    replayers[key] = unpacked(scene, second)
+                    if first not in scenes:
+                        scenes[first] = pickle.loads(first).unpacked(copies)
+                    replayers[key] = unpacked(scenes[first], second)
                     for old in list(replayers)[:-_KEPT]:
                         del replayers[old]
+                    for rest in list(scenes)[:-_SCENES]:
+                        del scenes[rest]
                     continue
                 replayer = replayers[key]
                 hypotheses = heard(replayer, first)
