@@ -46,13 +46,13 @@ def test_the_other_limb_is_replayed_once_for_many_steps(
     some = Objective(fit, stretches_of(fit, True), STEP, True)
     some.reference(())
     replayed: list[str] = []
-    whole = Replayer._whole
+    part = Replayer.part
 
     def counted(self: Replayer, hypotheses: Sequence[object], *more: object) -> np.ndarray:
         replayed.extend(["+".join(self.scene.joints)] * len(hypotheses))
-        return whole(self, hypotheses, *more)  # type: ignore[arg-type]
+        return part(self, hypotheses, *more)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(Replayer, "_whole", counted)
+    monkeypatch.setattr(Replayer, "part", counted)
     starts = [
         (Planted(effects()[f"joint.{law}"], Location("joint", "j1"), np.array([size])),)
         for law, size in (("friction_coulomb", 0.1), ("friction_viscous", 0.2), ("armature", 0.02))

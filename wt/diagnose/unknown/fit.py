@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -17,7 +16,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.unknown.law import Atom, Law, Term
-from wt.diagnose.unknown.memory import along
+from wt.diagnose.unknown.terms import weak_terms
 
 FOLDS, BLOCK_S, MOMENT_S = 6, 1.5, 0.5
 _RIDGES = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)  # relative to the number of rows
@@ -61,7 +60,7 @@ class ForceData:
         """
         self.screen, self.joint, self.rows = screen, joint, rows
         self.dof = screen.motion.scene.dof(joint)
-        self.force = force[rows]
+        self.force, self._terms = force[rows], weak_terms(screen)
         motion = screen.motion
         segment = np.zeros(len(motion), dtype=int)
         for i, s in enumerate(motion.segments):
@@ -82,10 +81,9 @@ class ForceData:
         self.ease = max(0.02, strong * step / inertia)
         self._bumps = int(np.clip(len(self.force) / 25, 6, _BUMPS))
 
-    @lru_cache(maxsize=256)  # noqa: B019 – lives and dies with a diagnosis
     def column(self, name: str) -> Float[np.ndarray, " sample"]:
         """Values along the motion."""
-        return along(self.screen.motion, [name])[:, 0]
+        return self._terms.column(name)
 
     def span(self, name: str) -> tuple[float, float]:
         """Smallest and largest value of a column."""
@@ -111,20 +109,11 @@ class ForceData:
         # fine bumps in time would interpolate between blocks whatever drifts
         return np.linspace(low, high, 3 if name == "t" else self._bumps)
 
-    @lru_cache(maxsize=512)  # noqa: B019 – lives and dies with a diagnosis
-    def _value(self, name: str, atom: Atom) -> Float[np.ndarray, " sample"]:
-        """A function of a column along the motion; many terms have it as a factor."""
-        return np.asarray(atom.value(self.column(name)))
-
     def features(
         self, names: Sequence[str], terms: Sequence[Term]
     ) -> Float[np.ndarray, "row term"]:
         """Terms in the weak form."""
-        values = np.ones((len(self.screen.motion), len(terms)))
-        for k, term in enumerate(terms):
-            for atom in term:
-                values[:, k] *= self._value(names[atom.column], replace(atom, column=0))
-        return np.asarray(self.screen.weak(values)[self.rows])
+        return np.asarray(self._terms.weak(names, terms)[self.rows])
 
     def law(
         self,
