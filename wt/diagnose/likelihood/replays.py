@@ -245,8 +245,9 @@ after the smallest change, and what that does must not pass for a slope."""
 
 _CLOSE = 0.3
 """Parameters of a hypothesis are close to another's within such a share of theirs."""
-_KEPT = 4
-"""Hypotheses whose differences are kept: a search comes back to where it was."""
+_KEPT, _LEAST, _BYTES = 12, 4, 2**27
+"""Hypotheses whose differences are kept, as a search comes back to where it was: fewer where these
+would take more memory, or no replay says whether they will do, but so many at least."""
 
 
 class _Changes(NamedTuple):
@@ -346,7 +347,9 @@ class Nearby:
         if self._remembers:
             response = responses(self._replays.of(here).slopes, here)
         kept = [k for k in self._known if not self._close(k.hypothesis, hypothesis)]
-        self._known = [*kept[1 - _KEPT :], _Changes(tuple(hypothesis), changes, response)]
+        room = 0 if self._once else _BYTES // (changes.nbytes + 1)
+        most = min(_KEPT, max(_LEAST, room))
+        self._known = [*kept[1 - most :], _Changes(tuple(hypothesis), changes, response)]
         return q, changes, response
 
     def _taken(self, hypothesis: Sequence[Planted]) -> _Changes | None:
