@@ -32,11 +32,17 @@ FRICTION = {"A17": 0.2, "B04": 0.5}  # N·m
 
 
 def record(
-    path: Path, friction: float, seed: int, labels: Mapping[str, str], seconds: int = 8
+    path: Path,
+    friction: float,
+    seed: int,
+    labels: Mapping[str, str],
+    seconds: int = 8,
+    armature: float = 0.0,
 ) -> Path:
-    """Some seconds of a rig with dry friction, in plain MuJoCo."""
+    """Some seconds of a rig with dry friction and a rotor, in plain MuJoCo."""
     rng = np.random.default_rng(seed)
-    m = mujoco.MjModel.from_xml_string(RIG.format(friction=f' frictionloss="{friction}"'))
+    hidden = f' frictionloss="{friction}" armature="{armature}"'
+    m = mujoco.MjModel.from_xml_string(RIG.format(friction=hidden))
     d = mujoco.MjData(m)
     t = np.arange(seconds * RATE) / RATE
     phases = rng.uniform(0.0, 2.0 * np.pi, 3)
@@ -140,11 +146,13 @@ def test_a_new_effect_is_estimated_in_earlier_groups_too(
     model, out = bench / "rig.xml", bench / "robot"
     add(model, [bench / "A17-1.parquet", bench / "B04-1.parquet"], out)
     (bench / "B04-1.parquet").unlink()
-    wet = Planted(effects()["joint.friction_viscous"], Location("joint", "hinge"), np.array([0.05]))
-    monkeypatch.setattr(again, "named", lambda *_: (wet,))
+    rotor = Planted(effects()["joint.armature"], Location("joint", "hinge"), np.array([0.04]))
+    monkeypatch.setattr(again, "named", lambda *_: (rotor,))
+    labels = {"unit": "A17", "session": "2026-11-09"}
+    record(bench / "A17-9.parquet", FRICTION["A17"], 9, labels, armature=0.04)
     added = add(model, [bench / "A17-9.parquet"], out)
     found = {(r.labels.unit, r.labels.session, r.quantity.effect) for r in added.passport.rows}
-    both = {"joint.friction_coulomb", "joint.friction_viscous"}
+    both = {"joint.friction_coulomb", "joint.armature"}
     assert found == {("A17", f"2026-11-0{d}", e) for d in (1, 9) for e in both} | {
         ("B04", "2026-11-01", "joint.friction_coulomb")
     }

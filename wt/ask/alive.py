@@ -67,15 +67,13 @@ def alive(outcome: Outcome) -> tuple[Alive, ...]:
             if rival.key in {p.key for p in others}:
                 continue
             fit = estimate(objective, (*base[:place], rival, *base[place + 1 :]))
-            lost = claims.estimated.assessed.loglik - fit.assessed.loglik
-            if not larger or lost < THRESHOLDS.equivalent_nats:
-                spread = _spread(fit.hypothesis, fit.estimates)
-                found.append(Alive(fit.hypothesis, spread, fit.hypothesis[place], larger))
+            spread = _spread(fit.hypothesis, fit.estimates)
+            found.append(Alive(fit.hypothesis, spread, fit.hypothesis[place], larger))
     return tuple(found)
 
 
 def _larger(outcome: Outcome, base: Hypothesis, place: int) -> list[Planted]:
-    """Laws at a place of a hypothesis with more parameters than the one there, fitted to it all.
+    """Laws at a place with more parameters than the one there, fitted, that fit as well.
 
     Each from the start, of those that the force residual shows and of those that it has from the
     smaller law, from which it comes farthest.
@@ -100,7 +98,8 @@ def _larger(outcome: Outcome, base: Hypothesis, place: int) -> list[Planted]:
         name = start.effect.id
         if name not in best or fit.loglik > best[name][0]:
             best[name] = fit.loglik, fit.hypothesis[place]
-    return [law for _, law in best.values()]
+    least = outcome.claims.estimated.assessed.loglik - THRESHOLDS.equivalent_nats
+    return [law for loglik, law in best.values() if loglik > least]
 
 
 def _spread(

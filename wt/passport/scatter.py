@@ -13,6 +13,7 @@ from scipy.stats import t as student
 
 TAIL = 0.975
 """Probability below the upper end of a 95 % interval."""
+_LEAST_SHARE = 1e-12  # of all weight: what is less is rounding
 _WIDEST = 1e6  # times the largest variance there is: beyond it a spread has no upper end
 
 
@@ -94,7 +95,9 @@ class Scattered:
         weight = 1.0 / self.known
         total, squares = np.bincount(self.cell, weight), np.bincount(self.cell, weight**2)
         trace = float((total - squares / np.maximum(total, 1e-300)).sum())
-        return max(0.0, (self.q(0.0) - self.freedom) / trace) if self.freedom else 0.0
+        # of each cell one value alone may be known: then nothing is compared
+        compared = self.freedom and trace > _LEAST_SHARE * total.sum()
+        return max(0.0, (self.q(0.0) - self.freedom) / trace) if compared else 0.0
 
     def q(self, variance: float) -> float:
         """Weighted sum of squares about the means, were this the variance beyond the errors."""
