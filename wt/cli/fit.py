@@ -57,15 +57,13 @@ def command(
 
     need(*NEEDED)
     from wt.cli._progress import bars
-    from wt.config import load
     from wt.errors import ConfigError
-    from wt.fit import fit, on_model, open_folder
+    from wt.fit import fit, open_folder
     from wt.show.files import kept
 
     if resume and out is None:
         raise ConfigError("--resume needs --out: the folder of the run to continue")
-    settings = load(config, overrides or [])
-    settings = settings if model is None else on_model(settings, model)
+    settings = _settings(config, overrides or [], model)
     folder = out or Path("runs") / f"{settings.task}-{datetime.now():%Y-%m-%dT%H-%M-%S}"
     with kept(folder):
         settings = open_folder(settings, folder, resume)
@@ -81,6 +79,14 @@ def command(
     if both is not None:
         both.print_table(console)
     console.print(f"run {tracked.id} in {tracked.uri}; files in {folder}", soft_wrap=True)
+
+
+def _settings(config: Path, overrides: list[str], model: Path | None) -> FitConfig:
+    from wt.config import load
+    from wt.fit import on_model
+
+    settings = load(config, overrides)
+    return settings if model is None else on_model(settings, model)
 
 
 def _joined(settings: FitConfig, folder: Path, listener: Listener) -> Joined:
