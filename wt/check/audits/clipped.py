@@ -104,11 +104,9 @@ def _commands(balance: Balance, recording: Recording) -> Iterable[AuditFinding]:
 
 def _held(recording: Recording, name: str, ends: Sequence[float]) -> str:
     """The evidence that all clipped columns have: where they stay, and how long."""
-    said, samples = (
-        " and ".join(f"{end:.4g}" for end in ends),
-        np.isin(recording.columns[name], ends),
-    )
-    return f"'{name}' stays at exactly {said} for {samples.sum()} samples"
+    said = " and ".join(f"{end:.4g}" for end in ends)
+    samples = int(np.isin(recording.columns[name], ends).sum())
+    return f"'{name}' stays at exactly {said} for {samples} samples"
 
 
 def _ends(column: Float[np.ndarray, " sample"]) -> list[float]:
