@@ -48,6 +48,14 @@ def test_what_many_found_is_not_asked_again(groups: list[Recorded]) -> None:
     assert {p.key for p in kept} == {DRY.key, SPRING.key} and not notes
 
 
+def test_what_the_passport_has_stays_though_no_new_group_needs_it(groups: list[Recorded]) -> None:
+    found = [(DRY, SPRING), (DRY,), (DRY,), (DRY,)]
+    new = [groups[0], groups[2]]
+    assert borne_out((DRY, SPRING), found, new, known=(SPRING,)) == ((DRY, SPRING), ())
+    kept, _ = borne_out((DRY, SPRING), found, new)
+    assert [p.key for p in kept] == [DRY.key]
+
+
 def test_what_an_effect_is_worth_is_what_recordings_lose_without_it(
     groups: list[Recorded],
 ) -> None:

@@ -217,22 +217,28 @@ def _round(scene: Scene, outcome: Outcome, run: int, wish: Wish) -> Round:
     if not claimed:
         return Round((), (), None, "nothing that has a name is missing")
     left = alive(outcome)
-    rivals = tuple(str(a.differs) for a in left if a.differs is not None and not a.larger)
+    rivals = _names(left, larger=False)
     blunt = wish.precision is not None and _blunt(outcome, wish.precision)
-    settled = not rivals and not blunt
-    precise = "" if wish.precision is None else ", and all is as precise as asked"
-    if settled and (len(left) == 1 or run >= wish.most):
-        return Round(claimed, (), None, f"no other name fits{precise}")
+    settled = None
+    if not rivals and not blunt:
+        precise = "" if wish.precision is None else ", and all is as precise as asked"
+        settled = Round(claimed, (), None, f"no other name fits{precise}")
+    if settled and len(left) == 1:
+        return settled
     if run >= wish.most:
-        return Round(claimed, rivals, None, "as many experiments were run as were asked for")
+        reason = "as many experiments were run as were asked for"
+        return settled or Round(claimed, rivals, None, reason)
     design = _designer(scene, outcome, left, wish.whole_range).design(
         wish.seconds, wish.seed + run, blunt
     )
-    if settled and design is None:  # what contains it says no more, wherever the machine may go
-        return Round(claimed, (), None, f"no other name fits{precise}")
-    larger = tuple(str(a.differs) for a in left if a.larger) if design else ()
-    reason = "" if design else "no safe motion would tell more"
-    return Round(claimed, (*rivals, *larger), design, reason)
+    if design is None:  # a larger law that no motion would show is no other name
+        return settled or Round(claimed, rivals, None, "no safe motion would tell more")
+    return Round(claimed, (*rivals, *_names(left, larger=True)), design, "")
+
+
+def _names(left: Sequence[Alive], larger: bool) -> tuple[str, ...]:
+    """What differs in hypotheses, in words: in larger laws, or in rivals."""
+    return tuple(str(a.differs) for a in left if a.differs is not None and a.larger == larger)
 
 
 def _blunt(outcome: Outcome, precision: float) -> bool:

@@ -376,7 +376,7 @@ class Results:
 
     @property
     def selected(self) -> str:
-        """A sentence on what chose checkpoints, seed and champion."""
+        """A sentence on what chose checkpoint, seed and champion."""
         return _SELECTED[self.model_selection]
 
     def _remarks(self) -> list[str]:
@@ -391,8 +391,8 @@ class Results:
 
 _LEGEND = "MSE in units of the state's variance (and of its change's), under teacher forcing."
 _SELECTED: Mapping[ModelSelection, str] = {
-    "unpaired": "Checkpoints, seed and champion were selected without pairs, on held-out "
-    "transitions of S and of R (model_selection: unpaired).",
+    "unpaired": "Seed and champion were selected without pairs, on held-out transitions of S and "
+    "of R (model_selection: unpaired); of each training the last checkpoint is kept.",
     "pairs": "Checkpoints, seed and champion were selected on pairs of S and R, which a real robot "
     "with something hidden does not give (model_selection: pairs); none is a test pair.",
 }

@@ -156,7 +156,8 @@ def _estimated(
 
         found.append(again.named(read[labels], seed, told))
     hypothesis, notes = common([h for h in found if h])
-    hypothesis, unneeded = borne_out(hypothesis, found, [read[labels] for labels in asked])
+    searched = [read[labels] for labels in asked]
+    hypothesis, unneeded = borne_out(hypothesis, found, searched, passport.hypothesis)
     notes += unneeded
     old = {p.key for p in passport.hypothesis}
     grown = any(p.key not in old for p in hypothesis)

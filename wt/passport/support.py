@@ -15,7 +15,10 @@ _FEW = 0.5
 
 
 def borne_out(
-    hypothesis: Hypothesis, found: Sequence[Hypothesis], groups: Sequence[Recorded]
+    hypothesis: Hypothesis,
+    found: Sequence[Hypothesis],
+    groups: Sequence[Recorded],
+    known: Hypothesis = (),
 ) -> tuple[Hypothesis, tuple[str, ...]]:
     """The effects that some group needs beside all others.
 
@@ -29,12 +32,15 @@ def borne_out(
         hypothesis: for all groups, of what each found.
         found: what was found in each group, those that were searched before among them.
         groups: recordings that were searched now.
+        known: effects that the passport has: some group needed them whose recordings are not asked
+            again, so that they stay.
 
     Returns:
         (the effects that stay; a note for each that was left out).
     """
     counts = Counter(p.key for one in found for p in one)
-    doubtful = [p for p in hypothesis if counts[p.key] < _FEW * len(found)]
+    stay = {p.key for p in known}
+    doubtful = [p for p in hypothesis if p.key not in stay and counts[p.key] < _FEW * len(found)]
     kept, notes = hypothesis, list[str]()
     for planted in sorted(doubtful, key=lambda p: (counts[p.key], p.key)):
         if any(again.worth_of(of, kept, planted) > THRESHOLDS.min_nats for of in groups):

@@ -41,10 +41,9 @@ def write_new(path: Path, content: bytes, option: str) -> None:
         WorkError: something is there by now; it is left as it is.
         OSError: the disk is full or the folder cannot be written.
     """
-    part = path.with_name(f".{path.name}.{secrets.token_hex(6)}.part")
+    part = _part(path)
     try:
-        with os.fdopen(os.open(part, _NEW, 0o666), "wb") as file:
-            file.write(content)
+        _write(part, content)
         try:
             os.link(part, path)
         except FileExistsError as error:
@@ -72,14 +71,23 @@ def write_together(folder: Path, contents: Mapping[str, str | bytes]) -> None:
     parts: dict[str, Path] = {}
     try:
         for name, content in contents.items():
-            parts[name] = folder / f".{name}.{secrets.token_hex(6)}.part"
-            with os.fdopen(os.open(parts[name], _NEW, 0o666), "wb") as part:
-                part.write(content.encode() if isinstance(content, str) else content)
+            parts[name] = _part(folder / name)
+            _write(parts[name], content)
         for name, part_path in parts.items():
             os.replace(part_path, folder / name)
     finally:
         for part_path in parts.values():
             part_path.unlink(missing_ok=True)
+
+
+def _part(path: Path) -> Path:
+    """A temporary name beside a file's that nobody else has."""
+    return path.with_name(f".{path.name}.{secrets.token_hex(6)}.part")
+
+
+def _write(part: Path, content: str | bytes) -> None:
+    with os.fdopen(os.open(part, _NEW, 0o666), "wb") as file:
+        file.write(content.encode() if isinstance(content, str) else content)
 
 
 @contextlib.contextmanager

@@ -181,7 +181,7 @@ class CollapseWatch(lightning.Callback):
         if bad:
             raise WorkError(
                 f"training diverged at step {step}: {bad[0]} is {values[bad[0]]}; lower "
-                "train.learning_rate or train.gan_learning_rate; the best checkpoint so far is kept"
+                "train.learning_rate or train.gan_learning_rate; an earlier checkpoint is kept"
             )
 
     def _count(self, trainer: lightning.Trainer, what: str, now: bool, advice: str) -> None:

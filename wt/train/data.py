@@ -23,7 +23,7 @@ class TranslationData(lightning.LightningDataModule):
     processes train together, each takes its share of the rows of every batch.
 
     Attributes:
-        validation: what chooses the checkpoint; nothing is trained on it.
+        validation: what chooses, the checkpoint too if it tells them; nothing is trained on it.
         test: pairs that neither train nor choose; None where there are none.
     """
 
