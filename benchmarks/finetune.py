@@ -1,7 +1,8 @@
 """Environment steps per second while fine-tuning: raw, translated, and with corrected actions.
 
-The model is an untrained one of the size that ``wt fit`` exports, since what it says does not
-change how long it takes. The policy is the base policy, as at the beginning of a training.
+All are of the task's own S, with its physics step. The model is an untrained one of the size that
+``wt fit`` exports, since what it says does not change how long it takes. The policy is the base
+policy, as at the beginning of a training.
 
 Usage: python benchmarks/finetune.py [ROBOTS] [THREADS]
 """
@@ -34,6 +35,12 @@ GOAL = 0.5  # of raw steps per second, on 2 cores
 SECONDS = 5.0
 
 
+class Raw(TranslatedWalking):
+    """The same robots, untranslated."""
+
+    _move = Walking._move
+
+
 def main(robots: str = "256", threads: str = "0") -> None:
     """Print the table."""
     words = [f"training.robots={robots}", f"training.threads={threads}"]
@@ -47,11 +54,15 @@ def main(robots: str = "256", threads: str = "0") -> None:
         _, shift = model.step_of(o, a, sim_next, hidden)
         return sim_next, 0.0 * shift  # what an untrained model says would not be written
 
-    raw = _pace(Walking(training, "cpu"), setting)
-    print(f"{robots} robots, {threads} threads (0: one per core)")
+    described = setting.simulator("translation")
+    described.compile()
+    mjcf = described.to_xml()
+    raw = _pace(Raw(training, "cpu", translate, mjcf=mjcf), setting)
+    step = 1e3 * setting.options.timestep
+    print(f"{robots} robots, {threads} threads (0: one per core), physics step {step:g} ms")
     print(f"{'raw':<20}{raw:>10.0f} steps/s")
     for alignment in ("state", "stance", "action"):
-        env = TranslatedWalking(training, "cpu", translate, alignment, scale)
+        env = TranslatedWalking(training, "cpu", translate, alignment, scale, mjcf)
         pace = _pace(env, setting)
         goal = f"   goal {GOAL}" if alignment == "state" else ""
         print(

@@ -59,7 +59,7 @@ def test_baselines_average_as_many_networks_as_ours_and_see_as_much(name: str) -
 @pytest.mark.parametrize("name", TASKS)
 def test_ours_is_one_configuration_but_where_the_documentation_says_another(name: str) -> None:
     use = load(CONF / name).plus.mean.simulator
-    stiff = name.startswith(("go2_stiff", "go2_concealed", "go2_payload_20min"))
+    stiff = name.startswith(("go2_stiff", "go2_payload_20min"))
     assert use == ("mean" if stiff else "ignored" if name == "so101.yaml" else "encoded")
 
 

@@ -84,6 +84,8 @@ def test_the_shipped_file_asks_for_what_the_paper_did() -> None:
     assert config.variants == list(VARIANTS) and len(config.seeds) == 3
     setting = Setting.of(config)
     assert setting.options.concealed, "R has what S knows nothing of"
+    assert setting.options.sim == setting.options.real, "and nothing else"
+    assert setting.options.sim == Setting.of(load(CONF, ["task=go2_flat"])).options.sim  # light
     assert setting.training("translation", 0).ppo.iterations == 1000
     assert config.evaluation.episodes == 20
     assert config.randomization.base_mass == [-1.0, 3.0]
