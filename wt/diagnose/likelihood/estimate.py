@@ -129,7 +129,7 @@ def _refined(
 ) -> tuple[Assessed, Float[np.ndarray, "sample dof parameter"]]:
     """All effects refined, each with what its own tolerance took of it, linear around the last.
 
-    The steps of a fit share the slopes where it began: those of the last are where it ends.
+    The best of all that were linearised around is what comes back. The steps of a fit share the slopes where it began: those of the last are where it ends.
 
     Args:
         objective: what they are judged by.
@@ -140,7 +140,7 @@ def _refined(
     Returns:
         (the fit; derivatives where the last one began).
     """
-    parts = range(len(now.hypothesis))
+    parts, best = range(len(now.hypothesis)), now
     for _ in range(_SETTLED):
         before, slope = now.hypothesis, slopes_at(objective, now, slope)
         known = slopes_of(before, slope)
@@ -151,9 +151,12 @@ def _refined(
         moved = (np.abs(theta - pack(before, parts)) > _NEAR * np.abs(theta) + smallest).any()
         if moved or own.any():
             now = objective.reference(whole, np.where(own, 0.0, now.tolerances))
+            best = max(best, now, key=lambda fit: fit.loglik)
         if not moved:
             break
     assert slope is not None
+    if now.loglik < best.loglik:  # what is linear around one place may promise too much of the next
+        now = objective.reference(best.hypothesis, best.centre)
     return now, slope
 
 
