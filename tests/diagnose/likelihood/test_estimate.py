@@ -16,6 +16,7 @@ from wt.diagnose.likelihood.estimate import (
     _named,
     distances_from_nothing,
     estimate,
+    fitted,
     least_spread,
 )
 from wt.diagnose.likelihood.objective import Assessed, Objective
@@ -26,7 +27,7 @@ from wt.diagnose.recordings.stretches import stretches_of
 from wt.diagnose.result import Estimate
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
-from wt.physics.planted import Planted
+from wt.physics.planted import Hypothesis, Planted
 from wt.physics.scene import Scene
 from wt.physics.units import HINGE
 from wt.types import Location
@@ -80,6 +81,36 @@ def estimated(*found: tuple[str, dict[str, tuple[float, float, float]]]) -> Esti
 def nearest_to_nothing(some: Estimated) -> int:
     distances = distances_from_nothing(some)
     return min(distances, key=distances.__getitem__)
+
+
+def test_a_fit_is_never_worse_than_a_place_that_it_has_been_at(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What is linear around a place promises too much of the next: that one is left again."""
+    rotor = Planted(effects()["joint.armature"], J, np.array([0.03]))
+
+    def at(hypothesis: Hypothesis, centre: np.ndarray | None = None) -> Mock:
+        said = float(hypothesis[0].theta[0])
+        there = 0.0 if centre is None else float(np.asarray(centre)[0])
+        away = 1e4 * (said - 0.03) ** 2 + there**2
+        return Mock(
+            spec=Assessed, hypothesis=hypothesis, loglik=-away, centre=np.array([there]),
+            tolerances=np.array([2.0]), error=np.zeros((4, 1)),
+        )  # fmt: skip
+
+    objective = Mock(spec=Objective, reference=at, tolerances=(), motion=None)
+    module = "wt.diagnose.likelihood.estimate."
+    monkeypatch.setattr(module + "steps", lambda *_: np.array([1e-4]))
+    monkeypatch.setattr(module + "slopes_at", lambda *_: np.zeros((4, 1, 1)))
+    monkeypatch.setattr(module + "refine", lambda _, starts, *__, **___: [at(starts[0])])
+    monkeypatch.setattr(module + "alike", lambda *_: np.array([True]))
+    monkeypatch.setattr(
+        module + "absorbed",
+        lambda _, __, now: (Planted(now[0].effect, J, now[0].theta + 0.01),),
+    )
+    found = fitted(objective, (rotor,))
+    assert found.hypothesis[0].theta == pytest.approx([0.03])
+    assert found.loglik == 0.0
 
 
 def test_an_interval_that_holds_the_neutral_value_is_nothing_certain() -> None:

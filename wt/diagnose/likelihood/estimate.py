@@ -129,7 +129,8 @@ def _refined(
 ) -> tuple[Assessed, Float[np.ndarray, "sample dof parameter"]]:
     """All effects refined, each with what its own tolerance took of it, linear around the last.
 
-    The best of all that were linearised around is what comes back. The steps of a fit share the slopes where it began: those of the last are where it ends.
+    The best of all that were linearised around is what comes back. The steps of a fit share the
+    slopes where it began: those of the last are where it ends.
 
     Args:
         objective: what they are judged by.

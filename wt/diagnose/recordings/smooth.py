@@ -2,7 +2,9 @@
 
 A quintic spline is fitted by least squares to positions and velocities at their own time stamps,
 so that position, velocity and acceleration come from one curve. How fine its knots are is chosen
-by generalised cross-validation (P. Craven and G. Wahba, 1979), joint by joint.
+by generalised cross-validation (P. Craven and G. Wahba, 1979), joint by joint. So is whether what
+the model's drives make of commands that are held (:mod:`wt.diagnose.recordings.driven`) is left out
+before, and added again.
 """
 
 from __future__ import annotations
@@ -15,9 +17,10 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Float
 from scipy import sparse
-from scipy.interpolate import BSpline
+from scipy.interpolate import BSpline, PPoly
 from scipy.sparse.linalg import splu
 
+from wt.diagnose.recordings.driven import jolts, response
 from wt.diagnose.recordings.grid import rounding
 from wt.diagnose.recordings.odometry import UNSURE_Q, UNSURE_V
 from wt.diagnose.recordings.samples import Part, Samples, commanded, finer, samples_of
@@ -34,6 +37,9 @@ AtSamples = tuple[
 DEGREE = 5
 _KNOTS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0)  # samples between knots that are tried
 _COARSEST = 0.05  # s between knots: slower than any motion that matters
+_TELLS, _CLEARLY = 0.1, 0.9
+"""What jumps of commands move, in noise, from where curves beside the response to them are tried;
+share of the score below which they are better."""
 _STILL = 0.1  # rad/s or m/s: below, dry friction may be less than it is
 _STEPS, _NUDGE = 8, 1e-6
 """Steps in which an integrator's begin is found, and by what its slope is taken [rad or m]."""
@@ -60,6 +66,7 @@ class Smoothed:
         noise: standard deviation of a position sample [rad or m].
         noise_v: of a velocity sample; NaN where none was recorded.
         spacing: per segment and joint the spacing of knots, in measured samples.
+        beside: likewise the response to held commands that the curve is beside; None if it is not.
         commands: for each measured sample; more than one where those between were filled in.
         begun: activations of integrators where each recording began, (nu,); zero of other drives.
     """
@@ -70,6 +77,7 @@ class Smoothed:
     noise: Float[np.ndarray, " dof"]
     noise_v: Float[np.ndarray, " dof"]
     spacing: tuple[tuple[float, ...], ...]
+    beside: tuple[tuple[PPoly | None, ...], ...]
     commands: int = 1
     begun: Mapping[int, Float[np.ndarray, " actuator"]] = field(default_factory=dict)
 
@@ -113,7 +121,7 @@ def smooth(
     """
     samples = _measured(scene, parts, commands, begun)
     nv = scene.model.nv
-    chosen = [[_choose(s, joint) for joint in range(nv)] for s in samples]
+    chosen = [_with_commands(scene, s, [_choose(s, joint) for joint in range(nv)]) for s in samples]
     rounded = np.array([rounding(parts, joint) for joint in scene.joints])
     noise = np.array([_pooled([c[j].sigma for c in chosen]) for j in range(nv)])
     noise = np.maximum(noise, rounded)
@@ -147,8 +155,11 @@ def resmooth(smoothed: Smoothed, rng: np.random.Generator) -> Motion:
         renewed.append(replace(s, q=noisy_q, v=noisy_v))
     nv = smoothed.noise.size
     chosen = [
-        [_fit(s, j, spacing[j], smoothed.noise[j], smoothed.noise_v[j]) for j in range(nv)]
-        for s, spacing in zip(renewed, smoothed.spacing, strict=True)
+        [
+            _fit(s, j, spacing[j], smoothed.noise[j], smoothed.noise_v[j], beside[j])
+            for j in range(nv)
+        ]
+        for s, spacing, beside in zip(renewed, smoothed.spacing, smoothed.beside, strict=True)
     ]
     scene = smoothed.motion.scene
     return _assemble(scene, tuple(renewed), chosen, smoothed.noise, smoothed.noise_v).motion
@@ -156,16 +167,51 @@ def resmooth(smoothed: Smoothed, rng: np.random.Generator) -> Motion:
 
 @dataclass(frozen=True, eq=False)
 class _Curve:
-    """A fitted spline of one joint in one segment."""
+    """A fitted spline of one joint in one segment, beside a response to commands or nothing."""
 
     spline: BSpline
     spacing: float
     sigma: float
     sigma_v: float
     score: float
+    beside: PPoly | None = None
+
+    def at(
+        self, t: Float[np.ndarray, " time"], order: int, dt: float
+    ) -> Float[np.ndarray, " time"]:
+        """Position, velocity or acceleration.
+
+        Args:
+            t: when [s].
+            order: of the derivative, 0 to 2.
+            dt: interval in which accelerations are the mean, as the commands of a motion are [s].
+        """
+        value = np.asarray(self.spline(t, order))
+        if self.beside is None:
+            return value
+        if order < 2:
+            return value + self.beside(t, order)
+        half = 0.5 * dt
+        return value + (self.beside(t + half, 1) - self.beside(t - half, 1)) / dt
 
 
-def _choose(s: Samples, joint: int) -> _Curve:
+def _with_commands(scene: Scene, s: Samples, curves: list[_Curve]) -> list[_Curve]:
+    """Curves beside the response to held commands, for the joints of which these are better."""
+    rough = np.stack([c.spline(s.t) for c in curves], axis=1)
+    known = response(scene, s.t, rough, _acted_on(scene, s))
+    if known is None:
+        return curves
+    found = list(curves)
+    for joint, curve in enumerate(curves):
+        beside = PPoly(known.c[:, :, joint], known.x)
+        moved, turned = jolts(beside)
+        if moved > _TELLS * curve.sigma or turned > _TELLS * curve.sigma_v:
+            other = _choose(s, joint, beside)
+            found[joint] = other if other.score < _CLEARLY * curve.score else curve
+    return found
+
+
+def _choose(s: Samples, joint: int, beside: PPoly | None = None) -> _Curve:
     """The curve whose knots generalised cross-validation prefers."""
     best: _Curve | None = None
     seen = s.t[np.isfinite(s.q[:, joint])]
@@ -173,33 +219,42 @@ def _choose(s: Samples, joint: int) -> _Curve:
     for spacing in _KNOTS:
         if best is not None and spacing * apart > _COARSEST:
             break
-        curve = _fit(s, joint, spacing, 1.0, np.nan)
+        curve = _fit(s, joint, spacing, 1.0, np.nan, beside)
         if best is None or curve.score < 0.995 * best.score:
             best = curve
     assert best is not None
     if np.isfinite(s.v[:, joint]).mean() < 0.5:
         return best
-    return _fit(s, joint, best.spacing, best.sigma, best.sigma_v)
+    return _fit(s, joint, best.spacing, best.sigma, best.sigma_v, beside)
 
 
-def _fit(s: Samples, joint: int, spacing: float, sigma: float, sigma_v: float) -> _Curve:
+def _fit(
+    s: Samples,
+    joint: int,
+    spacing: float,
+    sigma: float,
+    sigma_v: float,
+    beside: PPoly | None = None,
+) -> _Curve:
     """Least squares spline through positions and, if ``sigma_v`` is finite, velocities."""
     ok = np.isfinite(s.q[:, joint])
     if ok.sum() < 4 * DEGREE:
         return _Curve(_constant(s.t, 0.0), spacing, np.nan, np.nan, np.inf)
-    t, x = s.t[ok], s.q[ok, joint]
+    t, x, v = s.t[ok], s.q[ok, joint], s.v[:, joint]
+    if beside is not None:
+        x, v = x - beside(t), v - beside(s.t, 1)
     inner = _inner(s, t, spacing)
     knots = np.concatenate([np.repeat(inner[0], DEGREE), inner, np.repeat(inner[-1], DEGREE)])
     design = BSpline.design_matrix(t, knots, DEGREE)
     normal = (design.T @ design) / sigma**2
     right = design.T @ x / sigma**2
     n = design.shape[1]
-    with_v = np.isfinite(s.v[:, joint])
+    with_v = np.isfinite(v)
     if np.isfinite(sigma_v) and with_v.any():
         slope = _derivative(knots, n)
         design_v = BSpline.design_matrix(s.t[with_v], knots[1:-1], DEGREE - 1) @ slope
         normal = normal + (design_v.T @ design_v) / sigma_v**2
-        right = right + design_v.T @ s.v[with_v, joint] / sigma_v**2
+        right = right + design_v.T @ v[with_v] / sigma_v**2
     # third differences, as weak as can be: coefficients that no sample supports stay defined
     third = sparse.diags([-1.0, 3.0, -3.0, 1.0], [0, 1, 2, 3], shape=(n - 3, n))
     ridge = 1e-9 * normal.diagonal().max()
@@ -212,9 +267,9 @@ def _fit(s: Samples, joint: int, spacing: float, sigma: float, sigma_v: float) -
     score = float(len(t) * (left @ left) / free**2)
     rate = np.nan
     if with_v.any():
-        error = s.v[with_v, joint] - spline(s.t[with_v], 1)
+        error = v[with_v] - spline(s.t[with_v], 1)
         rate = float(np.sqrt(np.mean(error**2)))
-    return _Curve(spline, spacing, max(rms, 1e-9), rate, score)
+    return _Curve(spline, spacing, max(rms, 1e-9), rate, score, beside)
 
 
 def _inner(
@@ -361,7 +416,6 @@ def _assemble(
     """Evaluate the curves on even grids and at the stamps."""
     parts, segments, at_samples, start = [], [], [], 0
     for s, curves in zip(samples, chosen, strict=True):
-        splines = [c.spline for c in curves]
         every = max(1, int(FINEST_S / s.dt + 1e-6))
         dt = every * s.dt
         count = int((s.t[-1] - s.t[0]) / dt + 1e-6) + 1
@@ -370,13 +424,14 @@ def _assemble(
         last = np.clip(np.searchsorted(s.t, fine + 1e-6 * s.dt, side="right") - 1, 0, len(s.t) - 1)
         command = _acted_on(scene, s)[last].reshape(count, every, -1).mean(axis=1)
         grid = fine[::every]
-        on_grid = [np.stack([f(grid, d) for f in splines], axis=1) for d in range(3)]
+        on_grid = [np.stack([c.at(grid, d, dt) for c in curves], axis=1) for d in range(3)]
         parts.append((grid, *on_grid, command))
         segments.append(Segment(slice(start, start + count), s.recording, dt))
         start += count
-        q, v, a = (np.stack([f(s.t, d) for f in splines], axis=1) for d in range(3))
+        q, v, a = (np.stack([c.at(s.t, d, s.dt) for c in curves], axis=1) for d in range(3))
         at_samples.append((q, v, a))
     t, q, v, a, command = (np.concatenate(x) for x in zip(*parts, strict=True))
     motion = Motion(scene, tuple(segments), t, q, v, a, command)
     spacing = tuple(tuple(c.spacing for c in curves) for curves in chosen)
-    return Smoothed(samples, motion, tuple(at_samples), noise, noise_v, spacing)
+    beside = tuple(tuple(c.beside for c in curves) for curves in chosen)
+    return Smoothed(samples, motion, tuple(at_samples), noise, noise_v, spacing, beside)

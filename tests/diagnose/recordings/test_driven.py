@@ -1,0 +1,154 @@
+"""The response to held commands: exact between samples, and curves beside it follow slow logs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from jaxtyping import Float
+
+from wt.diagnose.recordings.driven import jolts, response
+from wt.diagnose.recordings.samples import Part
+from wt.diagnose.recordings.smooth import Smoothed, resmooth, smooth
+from wt.physics.scene import Scene
+from wt.types import Recording
+
+STEP, NOISE = 1e-4, 2e-5
+DRIVES = {
+    "position": '<position name="a" joint="a" kp="40" kv="3"/>'
+    '<position name="b" joint="b" kp="20" kv="1.5" gear="2"/>',
+    "torque": '<motor name="a" joint="a" gear="3"/><motor name="b" joint="b"/>',
+}
+
+
+def arm(drives: str, gravity: str = "0 0 -9.81", extra: str = "") -> str:
+    return f"""<mujoco><option timestep="{STEP}" integrator="implicitfast" gravity="{gravity}"/>
+      <worldbody><body><joint name="a" axis="0 1 0" damping=".3"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -.3" size=".03" mass="1" contype="0"/>
+        <body pos="0 0 -.3"><joint name="b" axis="0 1 0" damping=".2" {extra}/>
+          <geom type="capsule" fromto="0 0 0 0 0 -.25" size=".02" mass=".5" contype="0"/></body>
+      </body></worldbody><actuator>{DRIVES[drives]}</actuator></mujoco>"""
+
+
+def recorded(
+    xml: str, rate: float, jerky: bool = True, noise: float = NOISE
+) -> tuple[Recording, Float[np.ndarray, "sample dof"]]:
+    """Ten seconds of an arm that is steered in steps, and its true velocities."""
+    model = mujoco.MjModel.from_xml_string(xml)
+    data, rng, n = mujoco.MjData(model), np.random.default_rng(0), int(10 * rate)
+    t = np.arange(n) / rate
+    goal = 0.3 * np.sin(np.outer(t, [3.1, 4.4])) + 0.4 * jerky * (np.floor(t / 0.9) % 2)[:, None]
+    servo = model.actuator_biastype[0] != mujoco.mjtBias.mjBIAS_NONE
+    q, v, u = np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 2))
+    for k in range(n):
+        q[k], v[k] = data.qpos, data.qvel
+        u[k] = goal[k] if servo else 6.0 * (goal[k] - data.qpos) - 0.5 * data.qvel
+        data.ctrl[:] = u[k]
+        mujoco.mj_step(model, data, round(1.0 / (rate * STEP)))
+    q += noise * rng.standard_normal(q.shape)
+    columns = {f"ctrl/{j}": u[:, i] for i, j in enumerate("ab")}
+    return Recording(t, columns | {f"qpos/{j}": q[:, i] for i, j in enumerate("ab")}), v
+
+
+def smoothed(folder: Path, xml: str, recording: Recording) -> Smoothed:
+    (folder / "arm.xml").write_text(xml)
+    return smooth(Scene(folder / "arm.xml"), [Part(recording, 0)])
+
+
+@pytest.mark.parametrize("drives", DRIVES)
+def test_between_samples_it_is_what_the_machine_does(drives: str, tmp_path: Path) -> None:
+    """Without weight, and slowly enough for no centrifugal force, the motion is nothing else."""
+    model = mujoco.MjModel.from_xml_string(arm(drives, "0 0 0"))
+    (tmp_path / "arm.xml").write_text(arm(drives, "0 0 0"))
+    data, rng, each = mujoco.MjData(model), np.random.default_rng(1), 200
+    u = 0.002 * rng.standard_normal((30, 2))
+    q, v = np.zeros((30 * each, 2)), np.zeros((30 * each, 2))
+    for k in range(30 * each):
+        data.ctrl[:], q[k], v[k] = u[k // each], data.qpos, data.qvel
+        mujoco.mj_step(model, data)
+    t = STEP * np.arange(30 * each)
+    found = response(Scene(tmp_path / "arm.xml"), t[::each], q[::each], u)
+    assert found is not None
+    inside = slice(each // 2, 29 * each, each // 4)
+    assert np.abs(found(t[inside]) - q[inside]).max() < 0.01 * np.abs(q).max()
+    assert np.abs(found(t[inside], 1) - v[inside]).max() < 0.01 * np.abs(v).max()
+
+
+@pytest.mark.parametrize(
+    ("body", "drives"),
+    [
+        ('<body><joint name="a"/><geom size=".1"/></body>', ""),
+        (
+            '<body><freejoint name="base"/><geom size=".1"/><body><joint name="a"/>'
+            '<geom size=".1"/></body></body>',
+            '<motor joint="a"/>',
+        ),
+    ],
+)
+def test_nothing_is_known_of_a_machine_without_drives_or_with_a_floating_base(
+    body: str, drives: str, tmp_path: Path
+) -> None:
+    (tmp_path / "robot.xml").write_text(
+        f"<mujoco><worldbody>{body}</worldbody><actuator>{drives}</actuator></mujoco>"
+    )
+    scene = Scene(tmp_path / "robot.xml")
+    t, q, u = np.arange(20) / 100.0, *(np.zeros((20, n)) for n in (scene.model.nv, 1))
+    assert response(scene, t, q, u) is None
+
+
+@pytest.mark.parametrize("drives", DRIVES)
+@pytest.mark.parametrize("lacks", ["", 'frictionloss=".05"', 'armature=".003"'])
+def test_velocities_of_a_slow_log_are_known_whatever_the_model_lacks(
+    drives: str, lacks: str, tmp_path: Path
+) -> None:
+    rate = {"position": 50.0, "torque": 100.0}[
+        drives
+    ]  # the loop that is closed over torques is fast
+    recording, v = recorded(arm(drives, extra=lacks), rate)
+    found = smoothed(tmp_path, arm(drives), recording)
+    inside = slice(20, -20)
+    error = np.sqrt(np.mean((found.at_samples[0][1] - v)[inside] ** 2, axis=0))
+    alone = np.array({"position": [0.055, 0.16], "torque": [0.008, 0.05]}[drives])
+    assert (error < {"": 0.2, 'frictionloss=".05"': 0.4}.get(lacks, 0.7) * alone).all()
+    if not lacks:
+        assert found.noise == pytest.approx([NOISE, NOISE], rel=0.1)
+
+
+def test_accelerations_are_means_as_the_commands_beside_them(tmp_path: Path) -> None:
+    """Forces balance at every sample, those at which a command jumps among them."""
+    recording, _ = recorded(arm("torque"), 100.0)
+    motion = smoothed(tmp_path, arm("torque"), recording).motion
+    inside = slice(20, -20)
+    left = np.sqrt(np.mean(motion.unexplained[inside] ** 2, axis=0))
+    assert (left < 0.03 * np.std(motion.demand[inside], axis=0)).all()
+
+
+def test_another_draw_of_the_noise_is_smoothed_beside_the_same_response(tmp_path: Path) -> None:
+    found = smoothed(tmp_path, arm("torque"), recorded(arm("torque"), 100.0)[0])
+    assert all(b is not None for b in found.beside[0])
+    apart = (resmooth(found, np.random.default_rng(0)).v - found.motion.v)[20:-20]
+    assert (np.std(apart, axis=0) < 0.02).all()
+    assert (np.std(apart, axis=0) > 1e-4).all()
+
+
+def test_where_logs_are_faster_than_what_commands_do_curves_are_as_they_were(
+    tmp_path: Path,
+) -> None:
+    recording, _ = recorded(arm("position"), 1000.0, jerky=False, noise=1e-4)
+    assert all(b is None for b in smoothed(tmp_path, arm("position"), recording).beside[0])
+
+
+def test_jumps_move_a_joint_by_a_sixteenth_of_them_in_half_an_interval(tmp_path: Path) -> None:
+    (tmp_path / "cart.xml").write_text(
+        '<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"/>'
+        '<geom size=".1" mass="2"/></body></worldbody>'
+        '<actuator><motor joint="x"/></actuator></mujoco>'
+    )
+    t, u = np.arange(40) / 20.0, np.where(np.arange(40) % 2, 3.0, -3.0)[:, None]
+    found = response(Scene(tmp_path / "cart.xml"), t, np.zeros((40, 1)), u)
+    assert found is not None
+    moved, turned = jolts(type(found)(found.c[:, :, 0], found.x))
+    assert moved == pytest.approx(3.0 * 0.05**2 / 16.0)
+    assert turned == pytest.approx(3.0 * 0.05 / 8.0)

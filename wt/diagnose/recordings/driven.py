@@ -1,0 +1,142 @@
+"""What held commands do between samples: a part of the motion that is known, and that no spline is.
+
+A command is held until the next, so that a joint's acceleration jumps with each of them. A spline
+through samples has no such jumps: at a slow rate its velocity errs by what a command changes within
+half an interval, and its errors look like noise. The model's drives say this part of the motion:
+the response of the joints' inertia, drives and dampers to the commands alone,
+
+    M(q) w″ = gear · gain · u − K w − C w′,
+
+K and C of drives and joints, from rest at nothing. What is left, of weight, friction, coupling and
+all that the model lacks, is smoother than the motion, and is what a spline is fitted to.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import PPoly
+from scipy.linalg import expm
+
+from wt.physics.scene import Scene
+
+_CONFIGURATIONS = 1000
+"""Most places along a segment at which inertia is taken: it changes slowly."""
+_EQUAL_S = 1e-7  # intervals that differ by less are as long
+_PARTS = 4
+"""Polynomials in each interval: a stiff drive has answered a command before the next one comes."""
+
+
+def response(
+    scene: Scene,
+    t: Float[np.ndarray, " sample"],
+    q: Float[np.ndarray, "sample dof"],
+    acted: Float[np.ndarray, "sample actuator"],
+) -> PPoly | None:
+    """The response of a machine's joints to the commands of a segment.
+
+    Args:
+        scene: the machine.
+        t: time of the samples [s].
+        q: where the joints were, roughly [rad or m].
+        acted: what each drive acts on from each sample to the next.
+
+    Returns:
+        w(t), (dof,) [rad or m], some quintics between samples; its acceleration jumps at these.
+        None where nothing drives a joint by itself, and where a base floats, whose feet say what it
+        weighs.
+    """
+    if scene.free or not scene.drives or len(t) < 2:
+        return None
+    force, stiffness, damping = _acting(scene, acted)
+    group = np.linspace(0, min(len(t), _CONFIGURATIONS), len(t), endpoint=False).astype(int)
+    mobility = _mobility(scene, q[np.searchsorted(group, np.arange(group[-1] + 1))])
+    nv, count = scene.model.nv, len(t) - 1
+    given = np.einsum("kij,kj->ki", mobility[group], force)[:-1].repeat(_PARTS, axis=0)
+    group = group[:-1].repeat(_PARTS)
+    fine = np.interp(np.arange(count * _PARTS + 1) / _PARTS, np.arange(count + 1), t)
+    interval = np.diff(fine)
+    steps = np.stack([group, np.round(interval / _EQUAL_S)], axis=1)
+    kinds, which = np.unique(steps, axis=0, return_inverse=True)
+    system = np.zeros((len(kinds), 3 * nv, 3 * nv))
+    of = kinds[:, 0].astype(int)
+    system[:, :nv, nv : 2 * nv] = system[:, nv : 2 * nv, 2 * nv :] = np.eye(nv)
+    system[:, nv : 2 * nv, :nv] = -mobility[of] * stiffness
+    system[:, nv : 2 * nv, nv : 2 * nv] = -mobility[of] * damping
+    step = expm(system * (kinds[:, 1] * _EQUAL_S)[:, None, None])[:, : 2 * nv]
+    state = np.zeros((len(fine), 2 * nv))
+    for k, kind in enumerate(which.ravel()):
+        state[k + 1] = step[kind] @ np.concatenate([state[k], given[k]])
+    w, v = state[:, :nv], state[:, nv:]
+
+    def accelerations(of: slice) -> Float[np.ndarray, "interval dof"]:
+        pull = w[of] * stiffness + v[of] * damping
+        return given - np.einsum("kij,kj->ki", mobility[group], pull)
+
+    before, after = slice(None, -1), slice(1, None)
+    ends = (w[before], v[before], accelerations(before), w[after], v[after], accelerations(after))
+    found = PPoly(_quintic(interval[:, None], *ends), fine)
+    return found if np.isfinite(found.c).all() else None  # one that runs away says nothing
+
+
+def jolts(of: PPoly) -> tuple[float, float]:
+    """RMS of what the jumps of a response move a joint, and its velocity, between samples.
+
+    Args:
+        of: response of one joint.
+    """
+    fine = np.diff(of.x)
+    end = 20.0 * of.c[0] * fine**3 + 12.0 * of.c[1] * fine**2 + 6.0 * of.c[2] * fine
+    jump = (2.0 * of.c[3, 1:] - (2.0 * of.c[3] + end)[:-1])[_PARTS - 1 :: _PARTS]
+    interval = np.diff(of.x[::_PARTS])[1:]
+    # over half an interval either way, half of it each
+    moved, turned = jump * interval**2 / 16.0, jump * interval / 8.0
+    return float(np.sqrt(np.mean(moved**2))), float(np.sqrt(np.mean(turned**2)))
+
+
+def _acting(
+    scene: Scene, acted: Float[np.ndarray, "sample actuator"]
+) -> tuple[Float[np.ndarray, "sample dof"], Float[np.ndarray, " dof"], Float[np.ndarray, " dof"]]:
+    """Forces of commands, and what drives and joints hold against: stiffness, damping."""
+    model = scene.model
+    force, stiffness = np.zeros((len(acted), model.nv)), np.zeros(model.nv)
+    damping = model.dof_damping.copy()
+    for drive in scene.drives:
+        u = np.clip(acted[:, drive.index], *drive.commands)
+        force[:, drive.dof] += drive.gear * drive.gain * u
+        stiffness[drive.dof] -= drive.gear**2 * drive.bias[1]
+        damping[drive.dof] -= drive.gear**2 * drive.bias[2]
+    return force, stiffness, damping
+
+
+def _mobility(
+    scene: Scene, q: Float[np.ndarray, "place dof"]
+) -> Float[np.ndarray, "place dof dof"]:
+    """Inverse inertia in each place, by hinges and slides alone."""
+    model, data = scene.model, mujoco.MjData(scene.model)
+    inertia = np.empty((len(q), model.nv, model.nv))
+    for k, here in enumerate(q):
+        data.qpos[:] = here
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_makeM(model, data)
+        mujoco.mj_fullM(model, data, inertia[k])
+    return np.linalg.inv(inertia)
+
+
+def _quintic(
+    h: Float[np.ndarray, "interval 1"],
+    w: Float[np.ndarray, "interval dof"],
+    v: Float[np.ndarray, "interval dof"],
+    a: Float[np.ndarray, "interval dof"],
+    w_end: Float[np.ndarray, "interval dof"],
+    v_end: Float[np.ndarray, "interval dof"],
+    a_end: Float[np.ndarray, "interval dof"],
+) -> Float[np.ndarray, "power interval dof"]:
+    """Coefficients of the polynomials with these values and derivatives at both ends."""
+    p = (w_end - w - v * h - 0.5 * a * h**2) / h**3
+    s = (v_end - v - a * h) / h**2
+    c = (a_end - a) / h
+    cubic, fourth = 10.0 * p - 4.0 * s + 0.5 * c, (-15.0 * p + 7.0 * s - c) / h
+    return np.stack([(6.0 * p - 3.0 * s + 0.5 * c) / h**2, fourth, cubic, 0.5 * a, v, w])
