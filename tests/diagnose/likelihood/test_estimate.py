@@ -83,7 +83,7 @@ def nearest_to_nothing(some: Estimated) -> int:
     return min(distances, key=distances.__getitem__)
 
 
-def test_a_fit_is_never_worse_than_a_place_that_it_has_been_at(
+def test_a_fit_does_not_end_far_below_a_place_that_it_has_been_at(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """What is linear around a place promises too much of the next: that one is left again."""
@@ -92,7 +92,7 @@ def test_a_fit_is_never_worse_than_a_place_that_it_has_been_at(
     def at(hypothesis: Hypothesis, centre: np.ndarray | None = None) -> Mock:
         said = float(hypothesis[0].theta[0])
         there = 0.0 if centre is None else float(np.asarray(centre)[0])
-        away = 1e4 * (said - 0.03) ** 2 + there**2
+        away = 1e6 * (said - 0.03) ** 2 + there**2
         return Mock(
             spec=Assessed, hypothesis=hypothesis, loglik=-away, centre=np.array([there]),
             tolerances=np.array([2.0]), error=np.zeros((4, 1)),

@@ -129,8 +129,8 @@ def _refined(
 ) -> tuple[Assessed, Float[np.ndarray, "sample dof parameter"]]:
     """All effects refined, each with what its own tolerance took of it, linear around the last.
 
-    The best of all that were linearised around is what comes back. The steps of a fit share the
-    slopes where it began: those of the last are where it ends.
+    Where the last is far worse than another that was linearised around, that one comes back. The
+    steps of a fit share the slopes where it began: those of the last are where it ends.
 
     Args:
         objective: what they are judged by.
@@ -156,7 +156,7 @@ def _refined(
         if not moved:
             break
     assert slope is not None
-    if now.loglik < best.loglik:  # what is linear around one place may promise too much of the next
+    if now.loglik < best.loglik - THRESHOLDS.min_nats:  # what was linear promised far too much
         now = objective.reference(best.hypothesis, best.centre)
     return now, slope
 
