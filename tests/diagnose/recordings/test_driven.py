@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from wt.diagnose.recordings.driven import jolts, response
+from wt.diagnose.recordings.driven import held
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import Smoothed, resmooth, smooth
 from wt.physics.scene import Scene
@@ -69,7 +69,9 @@ def test_between_samples_it_is_what_the_machine_does(drives: str, tmp_path: Path
         data.ctrl[:], q[k], v[k] = u[k // each], data.qpos, data.qvel
         mujoco.mj_step(model, data)
     t = STEP * np.arange(30 * each)
-    found = response(Scene(tmp_path / "arm.xml"), t[::each], q[::each], u)
+    commanded = held(Scene(tmp_path / "arm.xml"), t[::each], q[::each], u)
+    assert commanded is not None
+    found = commanded.response()
     assert found is not None
     inside = slice(each // 2, 29 * each, each // 4)
     assert np.abs(found(t[inside]) - q[inside]).max() < 0.01 * np.abs(q).max()
@@ -95,7 +97,7 @@ def test_nothing_is_known_of_a_machine_without_drives_or_with_a_floating_base(
     )
     scene = Scene(tmp_path / "robot.xml")
     t, q, u = np.arange(20) / 100.0, *(np.zeros((20, n)) for n in (scene.model.nv, 1))
-    assert response(scene, t, q, u) is None
+    assert held(scene, t, q, u) is None
 
 
 @pytest.mark.parametrize("drives", DRIVES)
@@ -147,8 +149,8 @@ def test_jumps_move_a_joint_by_a_sixteenth_of_them_in_half_an_interval(tmp_path:
         '<actuator><motor joint="x"/></actuator></mujoco>'
     )
     t, u = np.arange(40) / 20.0, np.where(np.arange(40) % 2, 3.0, -3.0)[:, None]
-    found = response(Scene(tmp_path / "cart.xml"), t, np.zeros((40, 1)), u)
+    found = held(Scene(tmp_path / "cart.xml"), t, np.zeros((40, 1)), u)
     assert found is not None
-    moved, turned = jolts(type(found)(found.c[:, :, 0], found.x))
-    assert moved == pytest.approx(3.0 * 0.05**2 / 16.0)
-    assert turned == pytest.approx(3.0 * 0.05 / 8.0)
+    moved, turned = found.jolts
+    assert moved == pytest.approx([3.0 * 0.05**2 / 16.0])
+    assert turned == pytest.approx([3.0 * 0.05 / 8.0])

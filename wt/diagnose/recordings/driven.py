@@ -13,28 +13,91 @@ all that the model lacks, is smoother than the motion, and is what a spline is f
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.interpolate import PPoly
 from scipy.linalg import expm
 
 from wt.physics.scene import Scene
 
-_CONFIGURATIONS = 1000
+_PLACES = 1000
 """Most places along a segment at which inertia is taken: it changes slowly."""
 _EQUAL_S = 1e-7  # intervals that differ by less are as long
 _PARTS = 4
 """Polynomials in each interval: a stiff drive has answered a command before the next one comes."""
 
 
-def response(
+@dataclass(frozen=True, eq=False)
+class Held:
+    """What held commands pull a machine's joints by, in one segment.
+
+    Attributes:
+        t: time of the samples [s].
+        pulls: acceleration by commands alone from each sample to the next.
+        mobility: inverse inertia, in some places along the segment.
+        place: index of the place, for each interval.
+        stiffness, damping: what drives and joints hold against.
+    """
+
+    t: Float[np.ndarray, " sample"]
+    pulls: Float[np.ndarray, "interval dof"]
+    mobility: Float[np.ndarray, "place dof dof"]
+    place: Int[np.ndarray, " interval"]
+    stiffness: Float[np.ndarray, " dof"]
+    damping: Float[np.ndarray, " dof"]
+
+    @property
+    def jolts(self) -> tuple[Float[np.ndarray, " dof"], Float[np.ndarray, " dof"]]:
+        """RMS of what jumps move each joint, and its velocity, between two samples."""
+        jump, interval = np.diff(self.pulls, axis=0), np.diff(self.t)[1:, None]
+        # over half an interval either way, half of it each
+        moved, turned = jump * interval**2 / 16.0, jump * interval / 8.0
+        return np.sqrt(np.mean(moved**2, axis=0)), np.sqrt(np.mean(turned**2, axis=0))
+
+    def response(self) -> PPoly | None:
+        """The response of the joints, w(t), (dof,) [rad or m].
+
+        It is made of some quintics between samples, at which its acceleration jumps. None where it
+        runs away.
+        """
+        nv, count = len(self.stiffness), len(self.pulls)
+        fine = np.interp(np.arange(count * _PARTS + 1) / _PARTS, np.arange(count + 1), self.t)
+        pulls, place = (x.repeat(_PARTS, axis=0) for x in (self.pulls, self.place))
+        interval = np.diff(fine)
+        steps = np.stack([place, np.round(interval / _EQUAL_S)], axis=1)
+        kinds, which = np.unique(steps, axis=0, return_inverse=True)
+        mobility = self.mobility[kinds[:, 0].astype(int)]
+        system = np.zeros((len(kinds), 3 * nv, 3 * nv))
+        system[:, :nv, nv : 2 * nv] = system[:, nv : 2 * nv, 2 * nv :] = np.eye(nv)
+        system[:, nv : 2 * nv, :nv] = -mobility * self.stiffness
+        system[:, nv : 2 * nv, nv : 2 * nv] = -mobility * self.damping
+        step = expm(system * (kinds[:, 1] * _EQUAL_S)[:, None, None])[:, : 2 * nv]
+        state = np.zeros((len(fine), 2 * nv))
+        for k, kind in enumerate(which.ravel()):
+            state[k + 1] = step[kind] @ np.concatenate([state[k], pulls[k]])
+        w, v = state[:, :nv], state[:, nv:]
+
+        def accelerations(of: slice) -> Float[np.ndarray, "interval dof"]:
+            against = w[of] * self.stiffness + v[of] * self.damping
+            return pulls - np.einsum("kij,kj->ki", self.mobility[place], against)
+
+        before, after = slice(None, -1), slice(1, None)
+        first = (w[before], v[before], accelerations(before))
+        last = (w[after], v[after], accelerations(after))
+        found = PPoly(_quintic(interval[:, None], *first, *last), fine)
+        return found if np.isfinite(found.c).all() else None
+
+
+def held(
     scene: Scene,
     t: Float[np.ndarray, " sample"],
     q: Float[np.ndarray, "sample dof"],
     acted: Float[np.ndarray, "sample actuator"],
-) -> PPoly | None:
-    """The response of a machine's joints to the commands of a segment.
+) -> Held | None:
+    """What the commands of a segment pull a machine's joints by.
 
     Args:
         scene: the machine.
@@ -43,56 +106,16 @@ def response(
         acted: what each drive acts on from each sample to the next.
 
     Returns:
-        w(t), (dof,) [rad or m], some quintics between samples; its acceleration jumps at these.
         None where nothing drives a joint by itself, and where a base floats, whose feet say what it
         weighs.
     """
-    if scene.free or not scene.drives or len(t) < 2:
+    if scene.free or not scene.drives or len(t) < 3:
         return None
-    force, stiffness, damping = _acting(scene, acted)
-    group = np.linspace(0, min(len(t), _CONFIGURATIONS), len(t), endpoint=False).astype(int)
-    mobility = _mobility(scene, q[np.searchsorted(group, np.arange(group[-1] + 1))])
-    nv, count = scene.model.nv, len(t) - 1
-    given = np.einsum("kij,kj->ki", mobility[group], force)[:-1].repeat(_PARTS, axis=0)
-    group = group[:-1].repeat(_PARTS)
-    fine = np.interp(np.arange(count * _PARTS + 1) / _PARTS, np.arange(count + 1), t)
-    interval = np.diff(fine)
-    steps = np.stack([group, np.round(interval / _EQUAL_S)], axis=1)
-    kinds, which = np.unique(steps, axis=0, return_inverse=True)
-    system = np.zeros((len(kinds), 3 * nv, 3 * nv))
-    of = kinds[:, 0].astype(int)
-    system[:, :nv, nv : 2 * nv] = system[:, nv : 2 * nv, 2 * nv :] = np.eye(nv)
-    system[:, nv : 2 * nv, :nv] = -mobility[of] * stiffness
-    system[:, nv : 2 * nv, nv : 2 * nv] = -mobility[of] * damping
-    step = expm(system * (kinds[:, 1] * _EQUAL_S)[:, None, None])[:, : 2 * nv]
-    state = np.zeros((len(fine), 2 * nv))
-    for k, kind in enumerate(which.ravel()):
-        state[k + 1] = step[kind] @ np.concatenate([state[k], given[k]])
-    w, v = state[:, :nv], state[:, nv:]
-
-    def accelerations(of: slice) -> Float[np.ndarray, "interval dof"]:
-        pull = w[of] * stiffness + v[of] * damping
-        return given - np.einsum("kij,kj->ki", mobility[group], pull)
-
-    before, after = slice(None, -1), slice(1, None)
-    ends = (w[before], v[before], accelerations(before), w[after], v[after], accelerations(after))
-    found = PPoly(_quintic(interval[:, None], *ends), fine)
-    return found if np.isfinite(found.c).all() else None  # one that runs away says nothing
-
-
-def jolts(of: PPoly) -> tuple[float, float]:
-    """RMS of what the jumps of a response move a joint, and its velocity, between samples.
-
-    Args:
-        of: response of one joint.
-    """
-    fine = np.diff(of.x)
-    end = 20.0 * of.c[0] * fine**3 + 12.0 * of.c[1] * fine**2 + 6.0 * of.c[2] * fine
-    jump = (2.0 * of.c[3, 1:] - (2.0 * of.c[3] + end)[:-1])[_PARTS - 1 :: _PARTS]
-    interval = np.diff(of.x[::_PARTS])[1:]
-    # over half an interval either way, half of it each
-    moved, turned = jump * interval**2 / 16.0, jump * interval / 8.0
-    return float(np.sqrt(np.mean(moved**2))), float(np.sqrt(np.mean(turned**2)))
+    force, stiffness, damping = _acting(scene, acted[:-1])
+    place = np.linspace(0, min(len(force), _PLACES), len(force), endpoint=False).astype(int)
+    mobility = _mobility(scene, q[np.searchsorted(place, np.arange(place[-1] + 1))])
+    pulls = np.einsum("kij,kj->ki", mobility[place], force)
+    return Held(t, pulls, mobility, place, stiffness, damping)
 
 
 def _acting(

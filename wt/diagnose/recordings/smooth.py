@@ -20,7 +20,7 @@ from scipy import sparse
 from scipy.interpolate import BSpline, PPoly
 from scipy.sparse.linalg import splu
 
-from wt.diagnose.recordings.driven import jolts, response
+from wt.diagnose.recordings.driven import held
 from wt.diagnose.recordings.grid import rounding
 from wt.diagnose.recordings.odometry import UNSURE_Q, UNSURE_V
 from wt.diagnose.recordings.samples import Part, Samples, commanded, finer, samples_of
@@ -198,16 +198,19 @@ class _Curve:
 def _with_commands(scene: Scene, s: Samples, curves: list[_Curve]) -> list[_Curve]:
     """Curves beside the response to held commands, for the joints of which these are better."""
     rough = np.stack([c.spline(s.t) for c in curves], axis=1)
-    known = response(scene, s.t, rough, _acted_on(scene, s))
+    commands = held(scene, s.t, rough, _acted_on(scene, s))
+    if commands is None:
+        return curves
+    noises = np.array([(c.sigma, c.sigma_v) for c in curves]).T
+    moved, turned = (x > _TELLS * noise for x, noise in zip(commands.jolts, noises, strict=True))
+    known = commands.response() if (moved | turned).any() else None
     if known is None:
         return curves
     found = list(curves)
-    for joint, curve in enumerate(curves):
-        beside = PPoly(known.c[:, :, joint], known.x)
-        moved, turned = jolts(beside)
-        if moved > _TELLS * curve.sigma or turned > _TELLS * curve.sigma_v:
-            other = _choose(s, joint, beside)
-            found[joint] = other if other.score < _CLEARLY * curve.score else curve
+    for joint in np.flatnonzero(moved | turned).tolist():
+        other = _choose(s, joint, PPoly(known.c[:, :, joint], known.x))
+        if other.score < _CLEARLY * curves[joint].score:
+            found[joint] = other
     return found
 
 
