@@ -96,7 +96,8 @@ def mjcf(made: Toy, hidden: bool) -> str:
         extra += f' armature="{ROTORS[i]}"' if here("joint.armature", i) else ""
         extra += ' stiffness="4" springref=".3"' if here("joint.stiffness", i) else ""
         damping = 0.7 if here("joint.friction_viscous", i) else 0.1
-        load = f'<geom type="sphere" size=".03" pos=".02 0 {-LENGTH[i]}" mass=".5"/>'
+        # above the axis of the next joint: on it, it would be either link's
+        load = f'<geom type="sphere" size=".03" pos=".02 0 {0.05 - LENGTH[i]:.3g}" mass=".5"/>'
         bodies += (
             f'<body name="l{i + 1}" pos="0 0 {-LENGTH[i - 1] * (i > 0)}">'
             f'<joint name="j{i + 1}" axis="{AXES[i]}" damping="{damping}"{extra}/>'
