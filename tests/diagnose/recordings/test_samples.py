@@ -52,3 +52,18 @@ def test_stamps_that_err_over_dropped_samples_give_back_the_even_clock(
     found = stamps(Recording(read, {"qpos/q1": position, "ctrl/q1": position}, {}))
     # up to where the first stamp happened to be; half an interval off is what a wrong gap makes
     assert np.ptp(found - true) < 0.05 * dt
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("stamped", [True, False])
+def test_jolts_tell_nothing_of_a_clock(stamped: bool, seed: int) -> None:
+    """The loop ran unevenly, or its stamps err: samples are smooth by the right clock."""
+    rng, dt = np.random.default_rng(seed), 0.02
+    even = dt * np.arange(800)
+    uneven = even + 0.02 * dt * rng.normal(size=len(even))
+    uneven -= uneven[0]
+    true = uneven if stamped else even
+    jolts = np.cumsum(0.3 * rng.normal(size=40))[(true / 0.4).astype(int)]
+    position = jolts + np.sin(2.0 * true) + 1e-4 * rng.normal(size=len(true))
+    found = stamps(Recording(uneven, {"qpos/q1": position, "ctrl/q1": position}, {}))
+    assert np.std(found - true) < 0.005 * dt

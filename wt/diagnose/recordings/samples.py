@@ -22,6 +22,8 @@ SHORTEST = 0.5
 """Segments shorter than this [s] are left out."""
 ESTIMATED = "estimated"
 """Key of a prepared recording's metadata: names of the free joints whose motion was computed."""
+_TINY = 1e-6
+"""Least share of a mean square that counts as half of a column's: at rest, nothing is off."""
 _PARTS = 8  # whole intervals by which their number is searched either way
 
 
@@ -181,10 +183,10 @@ def stamps(recording: Recording) -> Float[np.ndarray, " sample"]:
     grid = _even(t, dt)
     if (np.diff(grid) <= 0).any() or np.abs(t - grid).max() > 1.5 * dt:
         return t
-    rough = [
-        sum(_roughness(clock, c) for name, c in recording.columns.items() if name[:5] == "qpos/")
-        for clock in (t, grid)
-    ]
+    rough = np.zeros(2)
+    for name, column in recording.columns.items():
+        if name.startswith("qpos/"):
+            rough += _roughness([_deviations(clock, column) for clock in (t, grid)])
     return grid - grid[0] if rough[1] <= rough[0] * 1.02 else t
 
 
@@ -208,12 +210,28 @@ def _even(t: Float[np.ndarray, " sample"], dt: float) -> Float[np.ndarray, " sam
     return best
 
 
-def _roughness(t: Float[np.ndarray, " sample"], x: Float[np.ndarray, " sample"]) -> float:
-    """Mean square deviation of each sample from the cubic through its four neighbours."""
+def _roughness(
+    squares: Sequence[Float[np.ndarray, " sample"]],
+) -> Float[np.ndarray, " clock"]:
+    """How far samples are from a smooth curve on each of some clocks, from their squares.
+
+    Where a motion jolts faster than the log, they are far from it on any clock, by so much that
+    their sum tells nothing. So they count by their logarithm from where half of all are on the
+    better clock, as with Cauchy's errors.
+    """
+    least = np.min(squares, axis=0)
+    usual = max(float(np.median(least)), _TINY * float(least.mean()), _TINY**3)
+    return np.array([np.log1p(square / usual).mean() for square in squares])
+
+
+def _deviations(
+    t: Float[np.ndarray, " sample"], x: Float[np.ndarray, " sample"]
+) -> Float[np.ndarray, " _"]:
+    """Squared deviation of each sample from the cubic through its four neighbours."""
     ok = np.isfinite(x)
     t, x = t[ok], x[ok]
     if len(t) < 8:
-        return 0.0
+        return np.zeros(1)
     rows = [t[i : len(t) - 4 + i] - t[2:-2] for i in (0, 1, 3, 4)]
     total = np.zeros(len(t) - 4)
     for i, k in enumerate((0, 1, 3, 4)):
@@ -222,4 +240,4 @@ def _roughness(t: Float[np.ndarray, " sample"], x: Float[np.ndarray, " sample"])
             if j != i:
                 weight = weight * rows[j] / (rows[j] - rows[i])
         total += weight * x[k : len(x) - 4 + k]
-    return float(np.mean((total - x[2:-2]) ** 2))
+    return np.asarray((total - x[2:-2]) ** 2)
