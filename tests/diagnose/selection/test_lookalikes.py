@@ -6,16 +6,19 @@ from dataclasses import replace
 from pathlib import Path
 from unittest.mock import Mock
 
+import mujoco
 import numpy as np
 import pytest
 
 from tests.diagnose.hidden_forces import RATE, World, chain, on_joint, world
+from wt.diagnose.likelihood.bic import worth
 from wt.diagnose.likelihood.estimate import estimate
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.alternatives import Lookalikes, Option, _best, _rivals
 from wt.diagnose.selection.candidates import dof_of, near
 from wt.diagnose.selection.decisions import DecisionLog
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
 from wt.physics.motion import Motion
 from wt.physics.planted import Planted
@@ -131,6 +134,28 @@ def test_how_rare_an_effect_is_tells_nothing_apart() -> None:
     assert _rivals([first, wrong, rare], first) == [rare]
     usual = option("joint.friction_coulomb", -1.0, -1.0)
     assert _rivals([first, rare, usual], first) == [usual, rare]
+
+
+def test_each_law_is_compared_with_tolerances_around_itself(tmp_path: Path) -> None:
+    """Around dry friction they are bent, and what the load adds to it seemed worth 50 nats less."""
+
+    def rubs(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        size = 0.3 + 0.3 * abs(float(data.qfrc_actuator[0]))
+        data.qfrc_applied[0] -= size * float(np.tanh(data.qvel[0] / 2e-3))
+
+    weak = chain(2).replace('kp="80"', 'kp="30"')
+    heavier = weak.replace('mass="1.2"', 'mass="1.27"')
+    some = world(tmp_path, 2, rubs, 6.0, machine=heavier, model=weak)
+    dry, load = (
+        Planted(effects()[f"joint.friction_{name}"], JOINT, np.array(theta))
+        for name, theta in {"coulomb": [0.4], "load": [0.3, 0.1]}.items()
+    )
+    found = estimate(some.objective, (dry,)).assessed
+    _, option = lookalikes(some)._compared(found.hypothesis, 0, [load])
+    right = estimate(some.objective, (option.law,)).assessed
+    lead = worth(some.objective, right, found) - THRESHOLDS.min_nats  # it is the larger law
+    assert option.lead == pytest.approx(lead, abs=10.0)
+    assert option.law.theta == pytest.approx([0.3, 0.3], abs=0.01)
 
 
 @pytest.mark.long

@@ -34,7 +34,7 @@ Named = tuple[str, Location]
 
 _STARTS, _PROMISING, _FINALISTS = 20, 8, 4
 """How many hypotheses of a round get one step, two more steps, and all effects refined."""
-_FAR, _NEAR = 1.0, 0.5
+FAR, _NEAR = 1.0, 0.5
 """Finalists are settled where a tolerance is so many deviations from the model's, or from where it
 is now, if they are worth so much of the best."""
 _EACH = 2
@@ -297,8 +297,14 @@ def _settled(objective: Objective, fit: Assessed, best: Assessed, now: Assessed)
     """
     bent = np.abs([fit.tolerances, fit.tolerances - now.tolerances]).max(initial=0.0)
     near = worth(objective, fit, now) >= _NEAR * worth(objective, best, now)
-    if bent <= _FAR or not near:
-        return fit
+    return around_itself(objective, fit) if bent > FAR and near else fit
+
+
+def around_itself(objective: Objective, fit: Assessed) -> Assessed:
+    """A fit refined with tolerances that are linear around itself; as it is if that is no better.
+
+    It becomes the reference of the replays.
+    """
     again = objective.reference(fit.hypothesis, fit.tolerances, most=1)
     (again,) = refine(objective, [again.hypothesis], [range(len(again.hypothesis))], iterations=2)
     return max(fit, again, key=lambda a: a.loglik)

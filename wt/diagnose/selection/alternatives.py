@@ -33,7 +33,7 @@ from wt.diagnose.likelihood.estimate import Estimated, estimate, fitted
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import Slopes, jacobian, refine, slopes_of
 from wt.diagnose.residual.screen import Screen
-from wt.diagnose.selection.addition import HOPELESS, Accepted
+from wt.diagnose.selection.addition import FAR, HOPELESS, Accepted, around_itself
 from wt.diagnose.selection.candidates import Start, excluded, lookalikes
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.thresholds import THRESHOLDS
@@ -228,6 +228,7 @@ class Lookalikes:
         known = {key: slope for key, slope in slopes.items() if key != parts[index].key}
         all_free = [range(len(parts))] * len(tried)
         others = refine(deciding, tried, all_free, _STEPS, known=known)
+        now, others = _each_settled(deciding, hypothesis, now, others)
         options = [Option(hypothesis[index], 0.0, 0.0)]
         for fit in others:
             gained, due = worth(deciding, fit, now), _due(fit.hypothesis, hypothesis)
@@ -247,6 +248,39 @@ class Lookalikes:
             known = deciding, hypothesis, now, slopes_of(now.hypothesis, slope)
         self.decided.append(known)
         return known[2:]
+
+
+def _each_settled(
+    objective: Objective, hypothesis: Hypothesis, now: Assessed, others: Sequence[Assessed]
+) -> tuple[Assessed, list[Assessed]]:
+    """What was found and its lookalikes, each with tolerances that are linear around itself.
+
+    Around what was found they are bent to what that lacks, so that a law which bends them back, as
+    the right one does, seems to leave far more than it does. Not what is hopeless even so, nor what
+    hardly bends them.
+
+    Args:
+        objective: the deciding replays.
+        hypothesis: their reference, which it stays.
+        now: what was found, as refined around it.
+        others: lookalikes in its place.
+    """
+    bent = [_is_bent(f) and worth(objective, f, now) > -HOPELESS for f in others]
+    if objective.scene.free or not any(bent):  # replays of legs settle as they are refined
+        return now, list(others)
+    centre = objective.reference(hypothesis).centre
+    each = zip(others, bent, strict=True)
+    settled = [around_itself(objective, f) if far else f for f, far in each]
+    least = -THRESHOLDS.min_nats
+    if _is_bent(now) and any(worth(objective, f, now) > least for f in settled):
+        now = around_itself(objective, now)
+    objective.reference(hypothesis, centre, most=1)
+    return now, settled
+
+
+def _is_bent(fit: Assessed) -> bool:
+    """Tell whether tolerances adapted far from where they were linear."""
+    return bool(np.abs(fit.tolerances - fit.centre).max(initial=0.0) > FAR)
 
 
 def _best(options: Sequence[Option]) -> Option:
