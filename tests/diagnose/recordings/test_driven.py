@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from wt.diagnose.recordings.driven import held
 from wt.diagnose.recordings.samples import Part
-from wt.diagnose.recordings.smooth import Smoothed, resmooth, smooth
+from wt.diagnose.recordings.smooth import Smoothed, smooth
 from wt.physics.scene import Scene
 from wt.types import Recording
 
@@ -118,28 +118,30 @@ def test_velocities_of_a_slow_log_are_known_whatever_the_model_lacks(
         assert found.noise == pytest.approx([NOISE, NOISE], rel=0.1)
 
 
-def test_accelerations_are_means_as_the_commands_beside_them(tmp_path: Path) -> None:
-    """Forces balance at every sample, those at which a command jumps among them."""
-    recording, _ = recorded(arm("torque"), 100.0)
-    motion = smoothed(tmp_path, arm("torque"), recording).motion
-    inside = slice(20, -20)
-    left = np.sqrt(np.mean(motion.unexplained[inside] ** 2, axis=0))
-    assert (left < 0.03 * np.std(motion.demand[inside], axis=0)).all()
-
-
-def test_another_draw_of_the_noise_is_smoothed_beside_the_same_response(tmp_path: Path) -> None:
+def test_forces_are_of_splines_alone(tmp_path: Path) -> None:
     found = smoothed(tmp_path, arm("torque"), recorded(arm("torque"), 100.0)[0])
-    assert all(b is not None for b in found.beside[0])
-    apart = (resmooth(found, np.random.default_rng(0)).v - found.motion.v)[20:-20]
-    assert (np.std(apart, axis=0) < 0.02).all()
-    assert (np.std(apart, axis=0) > 1e-4).all()
+    splines = [c.spline for c in found.splines[0]]
+    said = np.stack([spline(found.motion.t, 2) for spline in splines], axis=1)
+    assert found.motion.a == pytest.approx(said)
+    assert all(c.beside is None for c in found.splines[0])
+
+
+def test_states_are_as_unsure_as_curves_beside_the_response_are(tmp_path: Path) -> None:
+    recording, v = recorded(arm("torque"), 100.0)
+    found = smoothed(tmp_path, arm("torque"), recording)
+    assert all(c.beside is not None for c in found.curves[0])
+    error = np.sqrt(np.mean((found.at_samples[0][1] - v)[20:-20] ** 2, axis=0))
+    assert (0.4 * error < found.unsure[0][2:]).all()
+    assert (found.unsure[0][2:] < 2.0 * error).all()
+    assert found.unsure[0][:2] == pytest.approx(0.5 * found.noise)
 
 
 def test_where_logs_are_faster_than_what_commands_do_curves_are_as_they_were(
     tmp_path: Path,
 ) -> None:
     recording, _ = recorded(arm("position"), 1000.0, jerky=False, noise=1e-4)
-    assert all(b is None for b in smoothed(tmp_path, arm("position"), recording).beside[0])
+    found = smoothed(tmp_path, arm("position"), recording)
+    assert all(c.beside is None for c in found.curves[0])
 
 
 def test_jumps_move_a_joint_by_a_sixteenth_of_them_in_half_an_interval(tmp_path: Path) -> None:

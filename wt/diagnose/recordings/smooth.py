@@ -2,9 +2,10 @@
 
 A quintic spline is fitted by least squares to positions and velocities at their own time stamps,
 so that position, velocity and acceleration come from one curve. How fine its knots are is chosen
-by generalised cross-validation (P. Craven and G. Wahba, 1979), joint by joint. So is whether what
-the model's drives make of commands that are held (:mod:`wt.diagnose.recordings.driven`) is left out
-before, and added again.
+by generalised cross-validation (P. Craven and G. Wahba, 1979), joint by joint. For states, so is
+whether what the model's drives make of commands that are held is left out before and added again
+(:mod:`wt.diagnose.recordings.driven`). Forces are of splines alone, whose accelerations are means
+over a knot: at one moment, a command that came a thousandth later than stamped moves them by more.
 """
 
 from __future__ import annotations
@@ -16,10 +17,9 @@ from itertools import combinations
 
 import numpy as np
 from jaxtyping import Float
-from scipy import sparse
-from scipy.interpolate import BSpline, PPoly
-from scipy.sparse.linalg import splu
+from scipy.interpolate import PPoly
 
+from wt.diagnose.recordings.curves import Curve, choose, fit
 from wt.diagnose.recordings.driven import held
 from wt.diagnose.recordings.grid import rounding
 from wt.diagnose.recordings.odometry import UNSURE_Q, UNSURE_V
@@ -34,9 +34,6 @@ AtSamples = tuple[
 ]
 """Smooth (q, v, a) at the time stamps of one segment's samples."""
 
-DEGREE = 5
-_KNOTS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0)  # samples between knots that are tried
-_COARSEST = 0.05  # s between knots: slower than any motion that matters
 _TELLS, _CLEARLY = 0.1, 0.9
 """What jumps of commands move, in noise, from where curves beside the response to them are tried;
 share of the score below which they are better."""
@@ -61,12 +58,15 @@ class Smoothed:
 
     Attributes:
         samples: the measured segments.
-        motion: the smooth motion on an even grid, segment by segment, no finer than 3 ms.
+        motion: the smooth motion on an even grid, segment by segment, no finer than 3 ms, of
+            ``splines``.
         at_samples: per segment, smooth (q, v, a) at the measured time stamps.
         noise: standard deviation of a position sample [rad or m].
         noise_v: of a velocity sample; NaN where none was recorded.
-        spacing: per segment and joint the spacing of knots, in measured samples.
-        beside: likewise the response to held commands that the curve is beside; None if it is not.
+        curves: per segment and joint what states are read off, beside the response to held commands
+            where that is better.
+        splines: likewise what forces are of.
+        missed, missed_v: deviations of samples from the splines: noise, and what is faster.
         commands: for each measured sample; more than one where those between were filled in.
         begun: activations of integrators where each recording began, (nu,); zero of other drives.
     """
@@ -76,10 +76,17 @@ class Smoothed:
     at_samples: tuple[AtSamples, ...]
     noise: Float[np.ndarray, " dof"]
     noise_v: Float[np.ndarray, " dof"]
-    spacing: tuple[tuple[float, ...], ...]
-    beside: tuple[tuple[PPoly | None, ...], ...]
+    curves: tuple[tuple[Curve, ...], ...]
+    splines: tuple[tuple[Curve, ...], ...]
+    missed: Float[np.ndarray, " dof"]
+    missed_v: Float[np.ndarray, " dof"]
     commands: int = 1
     begun: Mapping[int, Float[np.ndarray, " actuator"]] = field(default_factory=dict)
+
+    @property
+    def spacing(self) -> tuple[tuple[float, ...], ...]:
+        """Spacing of the curves' knots, per segment and joint, in measured samples."""
+        return tuple(tuple(c.spacing for c in curves) for curves in self.curves)
 
     @cached_property
     def unsure(self) -> tuple[Float[np.ndarray, " state"], ...]:
@@ -88,16 +95,23 @@ class Smoothed:
         A curve of fine knots, which follows fast motions, follows noise. A base that was computed
         from an IMU moves smoothly, and is off by more than that tells.
         """
-        renewed, nv = resmooth(self, np.random.default_rng(0)), len(self.noise)
-        least_q, least_v = np.zeros(nv), np.zeros(nv)
+        samples = _redrawn(self, self.noise, self.noise_v, np.random.default_rng(0))
+        least_q, least_v = np.zeros(len(self.noise)), np.zeros(len(self.noise))
         scene, computed = self.motion.scene, {dof for s in self.samples for dof in s.estimated}
         for joint in scene.free:
             dofs = [scene.dof(name) for name in base.names(joint)]
             if computed.issuperset(dofs):
                 least_q[dofs], least_v[dofs] = UNSURE_Q, UNSURE_V
         q = np.maximum(0.5 * np.nan_to_num(self.noise, nan=1.0), least_q)
-        apart = renewed.v - self.motion.v
-        each = [np.std(apart[segment.rows], axis=0) for segment in self.motion.segments]
+        each = []
+        for segment, new, known in zip(
+            self.motion.segments,
+            _refitted(samples, self.curves, self.noise, self.noise_v),
+            self.curves,
+            strict=True,
+        ):
+            grid = self.motion.t[segment.rows]
+            each.append(np.std(_at(grid, new, 1) - _at(grid, known, 1), axis=0))
         return tuple(np.concatenate([q, np.maximum(v, least_v)]) for v in each)
 
 
@@ -121,17 +135,34 @@ def smooth(
     """
     samples = _measured(scene, parts, commands, begun)
     nv = scene.model.nv
-    chosen = [_with_commands(scene, s, [_choose(s, joint) for joint in range(nv)]) for s in samples]
+    splines = [tuple(choose(s, joint) for joint in range(nv)) for s in samples]
+    chosen = [_with_commands(scene, s, own) for s, own in zip(samples, splines, strict=True)]
     rounded = np.array([rounding(parts, joint) for joint in scene.joints])
-    noise = np.array([_pooled([c[j].sigma for c in chosen]) for j in range(nv)])
-    noise = np.maximum(noise, rounded)
-    noise_v = np.array([_pooled([c[j].sigma_v for c in chosen]) for j in range(nv)])
-    smoothed = _assemble(scene, samples, chosen, noise, noise_v)
+    noise, noise_v = _deviations(chosen)
+    missed, missed_v = _deviations(splines)
+    motion = _motion(scene, samples, splines)
     if len(integrating(scene.model)):
-        begun = {**_begun(smoothed, parts), **(begun or {})}
+        begun = {**_begun(motion, parts), **(begun or {})}
         samples = _measured(scene, parts, commands, begun)
-        smoothed = _assemble(scene, samples, chosen, noise, noise_v)
-    return replace(smoothed, commands=commands, begun=begun or {})
+        motion = _motion(scene, samples, splines)
+    at_samples = tuple(
+        (_at(s.t, own, 0), _at(s.t, own, 1), _at(s.t, own, 2))
+        for s, own in zip(samples, chosen, strict=True)
+    )
+    known = np.maximum(noise, rounded), noise_v, tuple(chosen)
+    aside = tuple(splines), np.maximum(missed, rounded), missed_v
+    return Smoothed(samples, motion, at_samples, *known, *aside, commands, begun or {})
+
+
+def _deviations(
+    curves: Sequence[Sequence[Curve]],
+) -> tuple[Float[np.ndarray, " dof"], Float[np.ndarray, " dof"]]:
+    """Deviations of positions and of velocities from curves, of each joint in all segments."""
+    sigma, sigma_v = (
+        np.array([_pooled([getattr(c, name) for c in own]) for own in zip(*curves, strict=True)])
+        for name in ("sigma", "sigma_v")
+    )
+    return sigma, sigma_v
 
 
 def _measured(
@@ -146,59 +177,53 @@ def _measured(
 
 
 def resmooth(smoothed: Smoothed, rng: np.random.Generator) -> Motion:
-    """The smooth motion as it would come out of another draw of the measurement noise."""
+    """The smooth motion as it would come out of another draw of what splines miss."""
+    deviations = smoothed.missed, smoothed.missed_v
+    renewed = _redrawn(smoothed, *deviations, rng)
+    return _motion(
+        smoothed.motion.scene, renewed, _refitted(renewed, smoothed.splines, *deviations)
+    )
+
+
+def _redrawn(
+    smoothed: Smoothed,
+    noise: Float[np.ndarray, " dof"],
+    noise_v: Float[np.ndarray, " dof"],
+    rng: np.random.Generator,
+) -> tuple[Samples, ...]:
+    """The segments with another draw of noise."""
     renewed = []
     for s, (q, v, _) in zip(smoothed.samples, smoothed.at_samples, strict=True):
-        noisy_q = q + smoothed.noise * rng.standard_normal(q.shape)
-        noisy_v = v + np.nan_to_num(smoothed.noise_v) * rng.standard_normal(v.shape)
+        noisy_q = q + noise * rng.standard_normal(q.shape)
+        noisy_v = v + np.nan_to_num(noise_v) * rng.standard_normal(v.shape)
         noisy_q[np.isnan(s.q)], noisy_v[np.isnan(s.v)] = np.nan, np.nan
         renewed.append(replace(s, q=noisy_q, v=noisy_v))
-    nv = smoothed.noise.size
-    chosen = [
-        [
-            _fit(s, j, spacing[j], smoothed.noise[j], smoothed.noise_v[j], beside[j])
-            for j in range(nv)
-        ]
-        for s, spacing, beside in zip(renewed, smoothed.spacing, smoothed.beside, strict=True)
-    ]
-    scene = smoothed.motion.scene
-    return _assemble(scene, tuple(renewed), chosen, smoothed.noise, smoothed.noise_v).motion
+    return tuple(renewed)
 
 
-@dataclass(frozen=True, eq=False)
-class _Curve:
-    """A fitted spline of one joint in one segment, beside a response to commands or nothing."""
-
-    spline: BSpline
-    spacing: float
-    sigma: float
-    sigma_v: float
-    score: float
-    beside: PPoly | None = None
-
-    def at(
-        self, t: Float[np.ndarray, " time"], order: int, dt: float
-    ) -> Float[np.ndarray, " time"]:
-        """Position, velocity or acceleration.
-
-        Args:
-            t: when [s].
-            order: of the derivative, 0 to 2.
-            dt: interval in which accelerations are the mean, as the commands of a motion are [s].
-        """
-        value = np.asarray(self.spline(t, order))
-        if self.beside is None:
-            return value
-        if order < 2:
-            return value + self.beside(t, order)
-        half = 0.5 * dt
-        return value + (self.beside(t + half, 1) - self.beside(t - half, 1)) / dt
+def _refitted(
+    samples: Sequence[Samples],
+    curves: Sequence[Sequence[Curve]],
+    noise: Float[np.ndarray, " dof"],
+    noise_v: Float[np.ndarray, " dof"],
+) -> tuple[tuple[Curve, ...], ...]:
+    """Curves of the same kind through samples of so much noise."""
+    return tuple(
+        tuple(fit(s, j, c.spacing, noise[j], noise_v[j], c.beside) for j, c in enumerate(own))
+        for s, own in zip(samples, curves, strict=True)
+    )
 
 
-def _with_commands(scene: Scene, s: Samples, curves: list[_Curve]) -> list[_Curve]:
+def _at(
+    t: Float[np.ndarray, " time"], curves: Sequence[Curve], order: int
+) -> Float[np.ndarray, "time dof"]:
+    """Positions of all joints, or a derivative of them."""
+    return np.stack([c.at(t, order) for c in curves], axis=1)
+
+
+def _with_commands(scene: Scene, s: Samples, curves: tuple[Curve, ...]) -> tuple[Curve, ...]:
     """Curves beside the response to held commands, for the joints of which these are better."""
-    rough = np.stack([c.spline(s.t) for c in curves], axis=1)
-    commands = held(scene, s.t, rough, _acted_on(scene, s))
+    commands = held(scene, s.t, _at(s.t, curves, 0), _acted_on(scene, s))
     if commands is None:
         return curves
     noises = np.array([(c.sigma, c.sigma_v) for c in curves]).T
@@ -208,103 +233,10 @@ def _with_commands(scene: Scene, s: Samples, curves: list[_Curve]) -> list[_Curv
         return curves
     found = list(curves)
     for joint in np.flatnonzero(moved | turned).tolist():
-        other = _choose(s, joint, PPoly(known.c[:, :, joint], known.x))
+        other = choose(s, joint, PPoly(known.c[:, :, joint], known.x))
         if other.score < _CLEARLY * curves[joint].score:
             found[joint] = other
-    return found
-
-
-def _choose(s: Samples, joint: int, beside: PPoly | None = None) -> _Curve:
-    """The curve whose knots generalised cross-validation prefers."""
-    best: _Curve | None = None
-    seen = s.t[np.isfinite(s.q[:, joint])]
-    apart = float(np.median(np.diff(seen))) if len(seen) > 1 else s.dt
-    for spacing in _KNOTS:
-        if best is not None and spacing * apart > _COARSEST:
-            break
-        curve = _fit(s, joint, spacing, 1.0, np.nan, beside)
-        if best is None or curve.score < 0.995 * best.score:
-            best = curve
-    assert best is not None
-    if np.isfinite(s.v[:, joint]).mean() < 0.5:
-        return best
-    return _fit(s, joint, best.spacing, best.sigma, best.sigma_v, beside)
-
-
-def _fit(
-    s: Samples,
-    joint: int,
-    spacing: float,
-    sigma: float,
-    sigma_v: float,
-    beside: PPoly | None = None,
-) -> _Curve:
-    """Least squares spline through positions and, if ``sigma_v`` is finite, velocities."""
-    ok = np.isfinite(s.q[:, joint])
-    if ok.sum() < 4 * DEGREE:
-        return _Curve(_constant(s.t, 0.0), spacing, np.nan, np.nan, np.inf)
-    t, x, v = s.t[ok], s.q[ok, joint], s.v[:, joint]
-    if beside is not None:
-        x, v = x - beside(t), v - beside(s.t, 1)
-    inner = _inner(s, t, spacing)
-    knots = np.concatenate([np.repeat(inner[0], DEGREE), inner, np.repeat(inner[-1], DEGREE)])
-    design = BSpline.design_matrix(t, knots, DEGREE)
-    normal = (design.T @ design) / sigma**2
-    right = design.T @ x / sigma**2
-    n = design.shape[1]
-    with_v = np.isfinite(v)
-    if np.isfinite(sigma_v) and with_v.any():
-        slope = _derivative(knots, n)
-        design_v = BSpline.design_matrix(s.t[with_v], knots[1:-1], DEGREE - 1) @ slope
-        normal = normal + (design_v.T @ design_v) / sigma_v**2
-        right = right + design_v.T @ v[with_v] / sigma_v**2
-    # third differences, as weak as can be: coefficients that no sample supports stay defined
-    third = sparse.diags([-1.0, 3.0, -3.0, 1.0], [0, 1, 2, 3], shape=(n - 3, n))
-    ridge = 1e-9 * normal.diagonal().max()
-    coefficients = splu((normal + ridge * (third.T @ third)).tocsc()).solve(right)
-    spline = BSpline(knots, coefficients, DEGREE)
-    left = x - design @ coefficients
-    free = max(len(t) - n, 1)
-    rms = _core_deviation(left) * float(np.sqrt(len(t) / free))
-    # GCV = N·RSS / (N − p)², with p the number of coefficients
-    score = float(len(t) * (left @ left) / free**2)
-    rate = np.nan
-    if with_v.any():
-        error = v[with_v] - spline(s.t[with_v], 1)
-        rate = float(np.sqrt(np.mean(error**2)))
-    return _Curve(spline, spacing, max(rms, 1e-9), rate, score, beside)
-
-
-def _inner(
-    s: Samples, t: Float[np.ndarray, " measured"], spacing: float
-) -> Float[np.ndarray, " knot"]:
-    """Knots so many samples apart from the first to the last of a segment, measured at ``t``.
-
-    They follow the samples and not the clock: between two that are far apart, nothing is known.
-    """
-    # as many spaces as come nearest, in doubt one fewer
-    spaces = max(1, int(np.ceil((len(t) - 1) / spacing - 0.5)))
-    index = np.linspace(0.0, len(t) - 1.0, spaces + 1)
-    knots = np.interp(index, np.arange(len(t)), t)
-    knots[0], knots[-1] = s.t[0], s.t[-1]
-    return knots
-
-
-def _core_deviation(left: Float[np.ndarray, " sample"]) -> float:
-    """Standard deviation of the middle 80 %, as of a normal distribution.
-
-    Where a motion is faster than the knots, a few residuals are large that are no noise.
-    """
-    size = np.sort(np.abs(left))[: max(int(0.8 * len(left)), 1)]
-    # variance of a normal distribution cut off at its 80 % quantile: 0.4377
-    return float(np.sqrt(np.mean(size**2) / 0.4377))
-
-
-def _derivative(knots: Float[np.ndarray, " knot"], n: int) -> sparse.spmatrix:
-    """Coefficients of the derivative spline from those of the spline, (n − 1, n)."""
-    gap = knots[DEGREE + 1 : DEGREE + n] - knots[1:n]
-    factor = DEGREE / gap
-    return sparse.diags([-factor, factor], [0, 1], shape=(n - 1, n)).tocsc()
+    return tuple(found)
 
 
 def _acted_on(scene: Scene, s: Samples) -> Float[np.ndarray, "sample actuator"]:
@@ -313,14 +245,14 @@ def _acted_on(scene: Scene, s: Samples) -> Float[np.ndarray, "sample actuator"]:
     return np.where(dynamic(scene.model), 0.5 * (s.activation + following), s.activation)
 
 
-def _begun(smoothed: Smoothed, parts: Sequence[Part]) -> dict[int, Float[np.ndarray, " actuator"]]:
+def _begun(motion: Motion, parts: Sequence[Part]) -> dict[int, Float[np.ndarray, " actuator"]]:
     """Activations of integrators where each recording began, of which nothing recorded says.
 
     They began where forces balance in the mean of a recording, but for what follows the motion:
     friction, inertia, or a share of all, where any of these shows. At the ends of its range
     an activation forgets where it began, so that this is found in steps.
     """
-    motion, model = smoothed.motion, smoothed.motion.scene.model
+    model = motion.scene.model
     begun = {part.index: np.zeros(model.nactuator) for part in parts}
     for part in parts:
         rows = np.zeros(len(motion.t), bool)
@@ -399,26 +331,15 @@ def _left(
     return np.asarray(columns[:, -1] - columns[:, subset] @ _least(columns, subset))
 
 
-def _constant(t: Float[np.ndarray, " sample"], value: float) -> BSpline:
-    knots = np.concatenate([np.repeat(t[0], DEGREE + 1), np.repeat(t[-1], DEGREE + 1)])
-    return BSpline(knots, np.full(DEGREE + 1, value), DEGREE)
-
-
 def _pooled(deviations: Sequence[float]) -> float:
     finite = [d for d in deviations if np.isfinite(d)]
     return float(np.median(finite)) if finite else np.nan
 
 
-def _assemble(
-    scene: Scene,
-    samples: tuple[Samples, ...],
-    chosen: Sequence[Sequence[_Curve]],
-    noise: Float[np.ndarray, " dof"],
-    noise_v: Float[np.ndarray, " dof"],
-) -> Smoothed:
-    """Evaluate the curves on even grids and at the stamps."""
-    parts, segments, at_samples, start = [], [], [], 0
-    for s, curves in zip(samples, chosen, strict=True):
+def _motion(scene: Scene, samples: Sequence[Samples], curves: Sequence[Sequence[Curve]]) -> Motion:
+    """Evaluate curves on even grids."""
+    parts, segments, start = [], [], 0
+    for s, of_segment in zip(samples, curves, strict=True):
         every = max(1, int(FINEST_S / s.dt + 1e-6))
         dt = every * s.dt
         count = int((s.t[-1] - s.t[0]) / dt + 1e-6) + 1
@@ -427,14 +348,8 @@ def _assemble(
         last = np.clip(np.searchsorted(s.t, fine + 1e-6 * s.dt, side="right") - 1, 0, len(s.t) - 1)
         command = _acted_on(scene, s)[last].reshape(count, every, -1).mean(axis=1)
         grid = fine[::every]
-        on_grid = [np.stack([c.at(grid, d, dt) for c in curves], axis=1) for d in range(3)]
-        parts.append((grid, *on_grid, command))
+        parts.append((grid, *(_at(grid, of_segment, order) for order in range(3)), command))
         segments.append(Segment(slice(start, start + count), s.recording, dt))
         start += count
-        q, v, a = (np.stack([c.at(s.t, d, s.dt) for c in curves], axis=1) for d in range(3))
-        at_samples.append((q, v, a))
     t, q, v, a, command = (np.concatenate(x) for x in zip(*parts, strict=True))
-    motion = Motion(scene, tuple(segments), t, q, v, a, command)
-    spacing = tuple(tuple(c.spacing for c in curves) for curves in chosen)
-    beside = tuple(tuple(c.beside for c in curves) for curves in chosen)
-    return Smoothed(samples, motion, tuple(at_samples), noise, noise_v, spacing, beside)
+    return Motion(scene, tuple(segments), t, q, v, a, command)
