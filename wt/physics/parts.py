@@ -66,7 +66,12 @@ def settle(spec: mujoco.MjSpec) -> None:
     A damping *ratio* of a position servo depends on inertia and gain, an inherited control range
     on the joint's range. The robot's controller knows neither.
     """
-    loose = [a for a in spec.actuators if a.biasprm[2] > 0.0 or a.inheritrange > 0.0]
+    affine = mujoco.mjtBias.mjBIAS_AFFINE
+    loose = [
+        a
+        for a in spec.actuators
+        if (a.biastype == affine and a.biasprm[2] > 0.0) or a.inheritrange > 0.0
+    ]
     if not loose:
         return
     model = compiled(spec)

@@ -87,9 +87,14 @@ def unusual(motion: Motion) -> Unusual:
 def smoothed(
     motion: Motion, force: Float[np.ndarray, " sample *column"]
 ) -> Float[np.ndarray, " sample *column"]:
-    """A force smoothed by a bell, segment by segment."""
-    each = [gaussian_filter1d(force[s.rows], SMOOTH_S / s.dt, axis=0) for s in motion.segments]
-    return np.concatenate(each)
+    """A force smoothed by a bell, segment by segment.
+
+    Most errors act on few of a robot's joints, and nothing stays nothing.
+    """
+    acting, out = force.any(axis=0), np.zeros_like(force)
+    for s in motion.segments:
+        out[s.rows, acting] = gaussian_filter1d(force[s.rows, acting], SMOOTH_S / s.dt, axis=0)
+    return out
 
 
 _JOINT, _DRY = 9, 2  # errors of each joint, of which the first are dry friction

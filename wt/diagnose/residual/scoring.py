@@ -181,7 +181,9 @@ class FreeFit:
         right = [kept[:, m].T @ self.left[:, d] for m, d in enumerate(dofs)]
         weight = 1.0 / self.mse[dofs]
         mixed = np.tensordot(weight, cross, 1)
-        gram = np.block([[np.tensordot(weight, own, 1), mixed.T], [mixed, self.gram]])
+        gram = np.empty((k + len(mixed), k + len(mixed)))
+        gram[:k, :k], gram[:k, k:] = np.tensordot(weight, own, 1), mixed.T
+        gram[k:, :k], gram[k:, k:] = mixed, self.gram
         room = self._room([Planted(s.bound, s.at, np.zeros(0)) for s in signatures])
         low = np.concatenate([np.where(signs > 0, 0.0, -np.inf), room[0]])
         high = np.concatenate([np.where(signs < 0, 0.0, np.inf), room[1]])
