@@ -20,9 +20,10 @@ from wt.diagnose.residual.screen import Screen
 from wt.diagnose.result import Diagnosis
 from wt.diagnose.selection import naming as naming_module
 from wt.diagnose.selection.addition import Accepted
+from wt.diagnose.selection.claims import Claims
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.holdout import Holdout
-from wt.diagnose.selection.naming import Claims, Naming
+from wt.diagnose.selection.naming import Naming
 from wt.errors import RecordingError, UserError
 from wt.physics.planted import Hypothesis, Planted
 from wt.physics.scene import Scene

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from wt.diagnose.selection.claims import Claims
 from wt.diagnose.selection.holdout import Holdout
-from wt.diagnose.selection.naming import Claims
 from wt.diagnose.unvisited import Unvisited
 
 

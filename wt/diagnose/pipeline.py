@@ -32,11 +32,12 @@ from wt.diagnose.report.verify import replayed_files
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.result import Diagnosis
 from wt.diagnose.selection.addition import Accepted
+from wt.diagnose.selection.claims import Claims
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.events import Event, events
 from wt.diagnose.selection.holdout import Holdout, errors, prepare_holdout, prove
 from wt.diagnose.selection.locate import locate
-from wt.diagnose.selection.naming import Claims, Naming
+from wt.diagnose.selection.naming import Naming
 from wt.diagnose.selection.search import search
 from wt.diagnose.selection.verdict import (
     findings,
@@ -419,8 +420,7 @@ def _proven(naming: Naming, accepted: tuple[Accepted, ...], pace: Pace, before: 
         before: proofs on the same recordings, before these.
     """
     screen, replays, log = naming.screen, naming.search_replays, naming.log
-    banned, kept = set[Key](), set[Key]()
-    best: Claims | None = None
+    banned, kept, best = set[Key](), set[Key](), None
     for attempt in range(1, ATTEMPTS + 1):
         pace.stage("estimating and proving")
         proven = naming.proven(accepted, before + attempt, kept)

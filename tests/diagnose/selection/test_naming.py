@@ -11,16 +11,19 @@ import pytest
 
 from tests.diagnose.hidden_forces import STEP, chain, on_joint, world
 from wt.diagnose.likelihood.estimate import estimate
+from wt.diagnose.likelihood.objective import Assessed
 from wt.diagnose.selection import naming
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.alternatives import Lookalikes
+from wt.diagnose.selection.claims import Claims
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.holdout import Gain
-from wt.diagnose.selection.naming import Claims, Naming
+from wt.diagnose.selection.naming import Naming
+from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.force import Unknown, UnknownForce
 from wt.diagnose.unknown.law import Atom, Law
 from wt.physics.effect import effects
-from wt.physics.planted import Planted
+from wt.physics.planted import Key, Planted
 from wt.types import Location
 
 
@@ -54,6 +57,36 @@ def test_of_several_that_are_refused_only_the_last_takes_an_estimate(
     assert (estimates.call_count, fits.call_count) == (2, 1)
     refused = [d for d in log if d.stage == "holdout"]
     assert len(refused) == 3 and not any(d.kept for d in refused)
+
+
+def test_what_gave_way_to_a_lookalike_that_is_refused_is_asked_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nothing, log = world(tmp_path, 2, None, 2.5), DecisionLog()
+    found, lookalike = found_at(
+        ("joint.friction_viscous", "j1", 0.01), ("joint.armature", "j1", 0.1)
+    )
+    replays = nothing.objective
+    there = estimate(replays, (lookalike.planted,))
+    monkeypatch.setattr(naming.Lookalikes, "settled", lambda *_: ((lookalike,), there))
+    for name in ("simplified", "united"):
+        monkeypatch.setattr(naming, name, lambda _, accepted, estimated, __: (accepted, estimated))
+    monkeypatch.setattr(naming, "distances_from_nothing", lambda _: {})
+    asked: list[dict[Key, float]] = []
+
+    def judged(_: Naming, now: Assessed, limits: dict[Key, float]) -> tuple[list[Mock], list[int]]:
+        asked.append(limits)
+        weak = [i for i, p in enumerate(now.hypothesis) if p.key == lookalike.planted.key]
+        return [Mock(p_value=0.5 if weak else 1e-4)], weak
+
+    monkeypatch.setattr(Naming, "_judged", judged)
+    proofs = Naming(nothing.screen, replays, replays, lambda: replays, nothing.held, STEP, 0, log)
+    claims = proofs.proven((found,))
+    assert [a.planted.key for a in claims.accepted] == [found.planted.key]
+    # held-out data were asked twice, which has to be paid
+    assert [list(limits.values()) for limits in asked] == [
+        [THRESHOLDS.significant], [THRESHOLDS.significant / 2]
+    ]  # fmt: skip
 
 
 def test_of_many_only_what_held_out_data_show_is_compared_with_lookalikes(

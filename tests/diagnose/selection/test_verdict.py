@@ -15,8 +15,8 @@ from wt.diagnose.likelihood.estimate import Estimated
 from wt.diagnose.likelihood.objective import Assessed
 from wt.diagnose.result import Verdict
 from wt.diagnose.selection.addition import Accepted
+from wt.diagnose.selection.claims import Claims
 from wt.diagnose.selection.holdout import Gain
-from wt.diagnose.selection.naming import Claims
 from wt.diagnose.selection.verdict import (
     bearing,
     findings,

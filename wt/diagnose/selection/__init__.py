@@ -2,6 +2,6 @@
 
 Map: ``candidates`` proposes; ``search`` adds and prunes; ``alternatives`` compares laws that look
 alike; ``holdout`` proves on recordings that nothing was fitted to; ``naming`` doubts what was
-found; ``events`` finds what happens at moments of its own; ``verdict`` sums up; ``locate`` and
-``condition`` say where and when.
+found, and ``claims`` are what stands; ``events`` finds what happens at moments of its own;
+``verdict`` sums up; ``locate`` and ``condition`` say where and when.
 """

@@ -250,6 +250,24 @@ class Lookalikes:
         return known[2:]
 
 
+def gave_way(found: Sequence[Accepted], settled: Sequence[Accepted]) -> dict[Key, Accepted]:
+    """Effects whose places lookalikes took, by these."""
+    pairs = zip(found, settled, strict=True)
+    return {now.planted.key: was for was, now in pairs if was.planted.key != now.planted.key}
+
+
+def back_again(
+    aside: dict[Key, Accepted], accepted: tuple[Accepted, ...], hypothesis: Hypothesis
+) -> tuple[tuple[Accepted, ...], Hypothesis]:
+    """Effects, and those again that gave way to what is gone; these leave ``aside``.
+
+    What a lookalike is refused for says nothing of them.
+    """
+    there = {a.planted.key for a in accepted}
+    back = [aside.pop(key) for key in list(aside) if key not in there]
+    return (*accepted, *back), (*hypothesis, *(a.planted for a in back))
+
+
 def _each_settled(
     objective: Objective, hypothesis: Hypothesis, now: Assessed, others: Sequence[Assessed]
 ) -> tuple[Assessed, list[Assessed]]:

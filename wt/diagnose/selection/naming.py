@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wt.diagnose.likelihood.bic import erring, erring_joints, merit
+from wt.diagnose.likelihood.bic import erring_joints, merit
 from wt.diagnose.likelihood.estimate import (
     Estimated,
     distances_from_nothing,
@@ -28,10 +28,16 @@ from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.residual.signature import unsaid
 from wt.diagnose.selection.addition import Accepted
-from wt.diagnose.selection.alternatives import Lookalikes, simplified, united
-from wt.diagnose.selection.calibration import calibration, comments
+from wt.diagnose.selection.alternatives import (
+    Lookalikes,
+    back_again,
+    gave_way,
+    simplified,
+    united,
+)
+from wt.diagnose.selection.calibration import calibration
+from wt.diagnose.selection.claims import Claims
 from wt.diagnose.selection.decisions import DecisionLog
-from wt.diagnose.selection.events import Event
 from wt.diagnose.selection.forms import in_best_form
 from wt.diagnose.selection.holdout import (
     Gain,
@@ -46,79 +52,11 @@ from wt.diagnose.stop import stopped
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.force import Unknown, find
 from wt.physics.planted import Hypothesis, Key, Planted, without
-from wt.physics.scene import Scene
 
 _FEW = 3
 """Of more effects than these, the hopeless leave before anything else is asked of them."""
 _HOPELESS = 0.5
 """Probability, without an effect, of a gain such as held-out data have by it: a coin's."""
-
-
-@dataclass(frozen=True, eq=False)
-class Claims:
-    """Effects that are claimed, and what is left unknown.
-
-    Attributes:
-        accepted: named effects.
-        estimated: their parameters.
-        gains: what each is worth on held-out data.
-        unknown: forces that no known effect explains.
-        corrections: of the model's tolerances, beside the findings.
-        events: what happened at moments of its own in each recording.
-        suspected: forces that are no noise, of which held-out replays prove no law.
-    """
-
-    accepted: tuple[Accepted, ...]
-    estimated: Estimated
-    gains: tuple[Gain, ...]
-    unknown: tuple[Unknown, ...]
-    corrections: Hypothesis = ()
-    events: tuple[Event, ...] = ()
-    suspected: tuple[Unknown, ...] = ()
-
-    def assessed(self, objective: Objective) -> Assessed:
-        """The named effects, with all events, on the fitted recordings."""
-        if not self.events:
-            return self.estimated.assessed
-        parts = (*self.estimated.hypothesis, *(e.planted for e in self.events))
-        return objective.reference(parts)
-
-    def unexplained(self, objective: Objective) -> dict[str, float]:
-        """Joints whose replays err by much although nothing was found, with their shares of it.
-
-        Or by little, if what moves them is no noise.
-        """
-        if self.accepted or self.unknown or self.events:
-            return {}
-        surely = [u.planted.at.name for u in self.suspected]
-        return erring(self.estimated.assessed, objective, surely)
-
-    @property
-    def patch(self) -> Hypothesis:
-        """Effects that are written into the model: named ones and corrections."""
-        return (*self.estimated.hypothesis, *self.corrections)
-
-    def comments(self, scene: Scene) -> list[str]:
-        """A sentence for each part of :attr:`patch`."""
-        named = [p.statement(scene) for p in self.estimated.hypothesis]
-        return named + comments(self.corrections)
-
-    @property
-    def complete(self) -> Hypothesis:
-        """Findings and corrections."""
-        return (*self.hypothesis, *self.corrections)
-
-    @property
-    def hypothesis(self) -> Hypothesis:
-        """All effects that were found, named ones first, then laws, then events."""
-        unnamed: list[Unknown | Event] = [*self.unknown, *self.events]
-        return (*self.estimated.hypothesis, *(u.planted for u in unnamed))
-
-    @property
-    def shares(self) -> list[float]:
-        """Held-out share of each effect of :attr:`hypothesis`."""
-        others: list[Unknown | Event] = [*self.unknown, *self.events]
-        return [g.share for g in self.gains] + [u.gain.share for u in others]
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,9 +105,31 @@ class Naming:
             accepted, parts = self._hopeful(accepted, fitted(objective, parts), limits, known)
         estimated = estimate(objective, parts)
         lookalikes = Lookalikes(self.screen, self.search_replays, objective, self.all_replays, log)
+        found = accepted
         accepted, estimated = lookalikes.settled(accepted, estimated, known)
+        aside = gave_way(found, accepted)
         accepted, estimated = simplified(objective, accepted, estimated, log)
         accepted, estimated = united(objective, accepted, estimated, log)
+        aside = {a.planted.key: aside[a.planted.key] for a in accepted if a.planted.key in aside}
+        return self._asked(accepted, estimated, aside, attempts, known)
+
+    def _asked(
+        self,
+        accepted: tuple[Accepted, ...],
+        estimated: Estimated,
+        aside: dict[Key, Accepted],
+        attempts: int,
+        known: Container[Key],
+    ) -> Claims:
+        """What held-out data do not refuse; what gave way to a refused lookalike is asked then.
+
+        Args:
+            accepted: effects.
+            estimated: their parameters.
+            aside: what gave way, by the keys of the lookalikes.
+            attempts: as in :meth:`proven`.
+            known: likewise.
+        """
         limits = _limits(accepted, attempts, known)
         while accepted:
             weakest = self._uncertain(estimated)
@@ -179,12 +139,18 @@ class Naming:
                 each, weak = self._judged(estimated.assessed, limits)
                 if not weak:
                     for planted, g in zip(estimated.hypothesis, each, strict=True):
-                        log.add(planted, "holdout", True, g.p_value, limits[planted.key], "proven")
+                        limit = limits[planted.key]
+                        self.log.add(planted, "holdout", True, g.p_value, limit, "proven")
                     return Claims(accepted, estimated, tuple(each), ())
                 accepted, fewer = self._without_refused(
                     accepted, estimated.assessed, each, weak, limits
                 )
-            estimated = estimate(objective, fewer)
+            left = len(accepted)
+            accepted, fewer = back_again(aside, accepted, fewer)
+            if len(accepted) > left:
+                attempts += 1
+                limits = _limits(accepted, attempts, known)
+            estimated = estimate(self.objective, fewer)
         return Claims((), estimated, (), ())
 
     def _hopeful(

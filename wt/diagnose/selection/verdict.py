@@ -14,7 +14,7 @@ from scipy.stats import chi2
 from wt.diagnose.likelihood.bic import erring
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.result import Confusable, Diagnosis, Finding, Located, Verdict
-from wt.diagnose.selection.naming import Claims
+from wt.diagnose.selection.claims import Claims
 from wt.diagnose.stop import stopped
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.force import Unknown
