@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 
 import pytest
@@ -95,3 +96,15 @@ def test_steps_of_work_that_waits_are_lines_of_a_log(capsys: pytest.CaptureFixtu
         say("found")
     out, err = capsys.readouterr()
     assert (out, err) == ("found\n", "arm: naming: 80 %\n")
+
+
+def test_a_line_says_where_all_stages_under_way_are(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_progress, "Lines", functools.partial(Lines, every=0.05))
+    with bars() as listener:
+        for what, done in (("a", 1), ("b", 2), ("a", 3), ("c", 4)):
+            listener.progress(what, done, 4)
+        time.sleep(0.5)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == "a: 75 %, b: 50 % after 0 s"

@@ -221,12 +221,18 @@ class _Log:
 
     def __init__(self, lines: Lines, console: Console) -> None:
         self._lines, self._console = lines, console
+        self._under_way: dict[str, float] = {}
 
     def progress(self, what: str, done: int, total: int) -> None:
-        self._lines(what, done / max(total, 1))
+        self._under_way[what] = done / max(total, 1)
+        going = {name: share for name, share in self._under_way.items() if share < 1.0}
+        self._under_way = going or {what: 1.0}
+        *beside, (last, share) = self._under_way.items()
+        shares = [f"{name}: {100 * share:.0f} %" for name, share in beside]
+        self._lines(", ".join([*shares, last]), share)
 
     def metrics(self, what: str, values: Mapping[str, float], step: int) -> None:
         pass
 
     def warn(self, line: str) -> None:
-        self._console.print(f"warning: {line}", markup=False)
+        self._console.print(f"warning: {line}", markup=False, soft_wrap=True)

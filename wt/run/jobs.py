@@ -1,43 +1,31 @@
 """Training every method with every seed, side by side on the machine's cores.
 
-Networks of this size gain little from several threads, and on a busy machine threads that wait
-for one another lose much; so every job has one thread, and a process that it shares with no other.
-Workers read the collections from disk, report through a queue, and leave their results in the
-run's folder. They end with the run, however it ends: a worker that outlived it would write into
-the folder that the resumed run works in.
+Workers read the collections from disk, and leave their results in the run's folder; see
+:mod:`wt.run.pool`.
 """
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import queue
-import signal
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+import functools
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import torch
 import yaml
 
 from wt.baselines.base import Source, find
 from wt.config import FitConfig, Method, parse, to_yaml, vary
 from wt.data.transitions import digest
-from wt.errors import WorkError
 from wt.evaluate.results import OURS, PAPERS_OWN
-from wt.run.study import Study
+from wt.run.pool import Begin, at_once, side_by_side
+from wt.run.study import Listener, Study
 from wt.schema import flat
 from wt.train import fit
 from wt.train.data import TranslationData
 from wt.train.device import device_of, on
 from wt.train.module import WorldTranslation
-from wt.train.replicas import end_with_parent
 from wt.train.score import PairTensors, predictions
 
-POLL_SECONDS = 0.2
 _TRAINING = {
     "sim": ("sim", "training"),
     "real": ("real", "training"),
@@ -105,36 +93,21 @@ def run_jobs(study: Study, jobs: Sequence[Job]) -> None:
         WorkError: a worker was killed from outside.
     """
     todo = [job for job in jobs if not study.finished(job.seed, job.key)]
-    workers = min(study.config.workers or os.cpu_count() or 1, len(todo))
-    if workers <= 1:
-        torch.set_num_threads(1)
-        for job in todo:
-            train(study, job)
-        return
-    context = multiprocessing.get_context("spawn")
-    messages, places = context.Queue(), context.Queue()
-    for index in range(workers):
-        places.put(index)
-    arguments = (to_yaml(study.config), str(study.folder), messages, places)
-    with ProcessPoolExecutor(workers, context, _open, arguments) as pool, _killed_on_error():
-        with _deaf_to_interrupts():
-            pending = {_submit(pool, job) for job in todo}
-        while pending:
-            _hand_on(messages, study)
-            ended, pending = wait(pending, timeout=0)
-            for future in ended:
-                future.result()  # raises what the job raised
-        _hand_on(messages, study)
+    workers = study.config.workers
+    begin: Begin[Job, None] = functools.partial(_opened, to_yaml(study.config), str(study.folder))
+    if at_once(workers, len(todo)) == 1:  # this process, which has it open
+        begin = functools.partial(_open_already, study)
+    side_by_side(todo, workers, begin, study.listener, lambda _, done: done.result())
 
 
-def _submit(pool: ProcessPoolExecutor, job: Job) -> Future[None]:
-    """Give a job to the pool, which starts a worker for it where one is missing."""
-    try:
-        return pool.submit(_train, job)
-    except OSError:
-        # perhaps another worker has died, and the pool closed the pipes this one was to inherit
-        pool.submit(_train, job)  # then it says so now: BrokenProcessPool
-        raise
+def _opened(config: str, folder: str, listener: Listener, index: int) -> Callable[[Job], None]:
+    fit = parse(FitConfig, yaml.safe_load(config), "")
+    study = Study.open(fit, Path(folder), listener)
+    return functools.partial(train, study, index=index)
+
+
+def _open_already(study: Study, listener: Listener, index: int) -> Callable[[Job], None]:
+    return functools.partial(train, study, index=index)
 
 
 def train(study: Study, job: Job, index: int = 0) -> None:
@@ -193,75 +166,3 @@ def _given(study: Study, job: Job) -> fit.TrainingInput:
         simulator=study.world,
         streams=streams,
     )
-
-
-class _Sender:
-    """The listener inside a worker: everything goes through the queue."""
-
-    def __init__(self, messages: Any) -> None:  # noqa: ANN401 – a queue of a spawn context
-        self._messages = messages
-
-    def progress(self, what: str, done: int, total: int) -> None:
-        self._messages.put(("progress", (what, done, total)))
-
-    def metrics(self, what: str, values: Mapping[str, float], step: int) -> None:
-        self._messages.put(("metrics", (what, dict(values), step)))
-
-    def warn(self, line: str) -> None:
-        self._messages.put(("warn", (line,)))
-
-
-_opened: list[tuple[Study, int]] = []
-"""The study of this worker process, and its index; filled once by ``_open``."""
-
-
-def _open(config: str, folder: str, messages: Any, places: Any) -> None:  # noqa: ANN401 – see _Sender
-    end_with_parent()
-    torch.set_num_threads(1)
-    fit = parse(FitConfig, yaml.safe_load(config), "")
-    _opened.append((Study.open(fit, Path(folder), _Sender(messages)), places.get()))
-
-
-@contextmanager
-def _killed_on_error() -> Iterator[None]:
-    """End all workers at once when something goes wrong; checkpoints are whole at any moment."""
-    try:
-        yield
-    except BaseException as error:
-        for worker in multiprocessing.active_children():
-            worker.kill()  # while it trains, Lightning would only take note of a SIGTERM
-        if isinstance(error, BrokenProcessPool):
-            raise WorkError(
-                "a training process was killed from outside, perhaps for want of memory; "
-                "continue with --resume, and with workers=1 if it happens again"
-            ) from error
-        raise
-
-
-@contextmanager
-def _deaf_to_interrupts() -> Iterator[None]:
-    """Processes started inside never see Ctrl-C: it is for the parent, which ends them.
-
-    Blocked here and inherited, since a process that only ignored it once it is up would die with
-    a traceback while it is still importing.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _train(job: Job) -> None:
-    study, index = _opened[0]
-    train(study, Job(*job), index)
-
-
-def _hand_on(messages: Any, study: Study) -> None:  # noqa: ANN401 – see _Sender
-    """Pass on the messages of workers, waiting a moment for the next."""
-    try:
-        while True:
-            kind, arguments = messages.get(timeout=POLL_SECONDS)
-            getattr(study.listener, kind)(*arguments)
-    except queue.Empty:
-        return
