@@ -87,6 +87,11 @@ class About:
     version: str
 
 
+def is_reference(text: str) -> bool:
+    """Whether a text has the form ``name@alias`` or ``name/version``."""
+    return _REFERENCE.fullmatch(text) is not None
+
+
 class Store:
     """Registered models of one MLflow store.
 
