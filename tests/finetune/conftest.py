@@ -18,7 +18,7 @@ MakeModel = Callable[..., Path]
 
 TINY = [
     "task=conf/go2_payload_20min.yaml", "variants=[none,randomization,translation]",
-    "diagnosed.mjcf=null", "diagnosed.model=null",
+    "diagnosed.mjcf=null", "diagnosed.model=null", "workers=1",
     "training.robots=4", "training.threads=1", "training.ppo.iterations=2", "training.ppo.steps=4",
     "seeds=[0]", "training.ppo.warm_up=1", "share=0.75", "evaluation.episodes=2",
     "evaluation.commands=[[0.2,0,0,0.5]]",

@@ -30,6 +30,7 @@ CONF = Path("conf") / "finetune_go2.yaml"
         ("diagnosed.mjcf=null", "needs diagnosed.mjcf"),
         ("alignment=both", "alignment"),
         ("share=1.5", "share is 1.5; it must be at most 1, all of the robots"),
+        ("workers=-1", "workers is -1; it must be zero or more"),
         ("share=0", "share is 0.0; it must be above zero"),
         ("modell=x", "did you mean 'model'?"),
         ("training.physics={}", "training.physics is not for the trainer"),

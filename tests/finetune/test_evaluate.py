@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from wt.finetune.evaluate import commands, evaluate, figures, pitch_and_roll
+from wt.finetune.evaluate import Downstream, commands, evaluate, figures, pitch_and_roll
 from wt.finetune.results import plain, table
 from wt.finetune.setting import Setting
 
@@ -59,8 +59,6 @@ def test_who_stands_does_not_turn(setting: Setting) -> None:
 
 
 def test_the_table_has_the_paper_s_figures_beside_ours() -> None:
-    from wt.finetune.evaluate import Downstream
-
     found = {
         "none": {0: Downstream(0.2, 0.05, 10.0, 0.1, 0.0)},
         "translation": {
@@ -76,3 +74,16 @@ def test_the_table_has_the_paper_s_figures_beside_ours() -> None:
     assert "| diagnosed | 0.09 | – |" in text
     assert "translation against none: tracking -45.0% (aim: -30% at most)" in text
     assert results["to_none"]["translation"]["power"] == pytest.approx(1.1)
+
+
+def test_the_table_says_how_many_updates_a_training_that_was_cut_short_has_had() -> None:
+    found = {v: {0: Downstream(0.2, 0.05, 10.0, 0.1, 0.0)} for v in ("none", "stance")}
+    found["stance"][1] = found["stance"][0]
+    updates = {"none": {0: 0}, "stance": {0: 7, 1: 10}}
+    results = plain(found, {"iterations": 10}, updates)
+    assert results["variants"]["stance"]["updates"] == [7, 10]
+    head, _, none, stance, *_ = table(results).splitlines()
+    assert head.endswith("| fell | updates |")
+    assert none.endswith("| 0% | 0 |") and stance.endswith("| 0% | 7 to 10 |")
+    whole = plain(found, {"iterations": 7}, {**updates, "stance": {0: 7, 1: 7}})
+    assert "updates" not in table(whole)

@@ -65,6 +65,7 @@ class Finetune:
     policy: str | None = None
     variants: list[Variant] = field(default_factory=lambda: list(VARIANTS[:3]))
     seeds: list[int] = field(default_factory=lambda: [0, 1, 2])
+    workers: int = 0  # trainings side by side; 0 for one per core
     alignment: Alignment = "state"
     share: float = 1.0  # of the robots in translated dynamics; the others stay in S
     training: dict[str, Any] = field(default_factory=dict)
@@ -103,7 +104,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Finetune:
     if "diagnosed" in config.variants and not (config.diagnosed.mjcf and config.diagnosed.model):
         raise ConfigError(
             "variants holds diagnosed, which needs diagnosed.mjcf, the model.xml of wt diagnose, "
-            "and diagnosed.model, a registered model that was trained with that file as S"
+            "and diagnosed.model, a model that was trained with that file as S"
         )
     _check_ranges(config.randomization)
     _check_commands(config.evaluation.commands)

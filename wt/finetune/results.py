@@ -23,17 +23,24 @@ AIMS = {"tracking": 0.7, "stability": 1.05, "power": 1.05}
 """Upper limits that World Translation aims at, in units of no adaptation."""
 
 
-def plain(by_variant: ByVariant, about: Mapping[str, object]) -> dict[str, Any]:
+def plain(
+    by_variant: ByVariant,
+    about: Mapping[str, object],
+    updates: Mapping[str, Mapping[int, int]] | None = None,
+) -> dict[str, Any]:
     """As ``results.json`` has it.
 
     Args:
         by_variant: the figures.
         about: task, model and whatever else says what was measured.
+        updates: of each policy, by variant and seed, where that is known.
     """
     variants: dict[str, Any] = {}
     for variant, by_seed in by_variant.items():
         rows = list(by_seed.values())
         variants[variant] = {"seeds": list(by_seed)}
+        if updates is not None:
+            variants[variant]["updates"] = [updates[variant][seed] for seed in by_seed]
         for name in (*FIGURES, *OWN, "fallen"):
             values = [getattr(row, name) for row in rows]
             numbers = {"mean": float(np.mean(values)), "std": float(np.std(values))}
@@ -51,11 +58,15 @@ def plain(by_variant: ByVariant, about: Mapping[str, object]) -> dict[str, Any]:
 
 
 def table(results: Mapping[str, Any]) -> str:
-    """The figures as a Markdown table."""
+    """The figures as a Markdown table; with numbers of updates where a training was cut short."""
+    short = any(_short(row, results) for row in results["variants"].values())
     head = [f"{name} [{unit}]" for name, unit in FIGURES.items()]
     lines = [
-        "| variant | " + " | ".join(f"{h} | paper's" for h in head) + " | walking [m/s] | fell |",
-        "| --- |" + " ---: |" * (2 * len(head) + 2),
+        "| variant | "
+        + " | ".join(f"{h} | paper's" for h in head)
+        + " | walking [m/s] | fell |"
+        + " updates |" * short,
+        "| --- |" + " ---: |" * (2 * len(head) + 2 + short),
     ]
     for variant, row in results["variants"].items():
         cells: list[str] = []
@@ -63,6 +74,8 @@ def table(results: Mapping[str, Any]) -> str:
             theirs = results["paper"].get(variant, {}).get(name)
             cells += [_spread(row[name]), "–" if theirs is None else f"{theirs:g}"]
         cells += [_spread(row["walking"]), f"{row['fallen']['mean']:.0%}"]
+        if short:
+            cells.append(_span(row["updates"]))
         lines.append(f"| {variant} | " + " | ".join(cells) + " |")
     aimed = {(variant, name) for variant in ("translation", "stance", "diagnosed") for name in AIMS}
     for variant, ratios in results["to_none"].items():
@@ -79,6 +92,16 @@ def save(results: Mapping[str, Any], folder: Path) -> None:
     """Write ``results.json`` and ``results.md``, both or neither."""
     text = json.dumps(results, indent=1, ensure_ascii=False) + "\n"
     write_together(folder, {"results.json": text, "results.md": table(results)})
+
+
+def _short(row: Mapping[str, Any], results: Mapping[str, Any]) -> bool:
+    """Whether policies of a variant, which were trained at all, have fewer updates than asked."""
+    return 0 < min(row.get("updates", [0])) < results.get("iterations", 0)
+
+
+def _span(numbers: Sequence[int]) -> str:
+    low, high = min(numbers), max(numbers)
+    return f"{low}" if low == high else f"{low} to {high}"
 
 
 def _ratios(variants: Mapping[str, Any], variant: str) -> dict[str, float]:

@@ -31,16 +31,22 @@ class Setting:
         options: of the task's world.
         robot: what walks.
         base: the policy that all variants begin with.
+        threads: of physics and inference where the configuration says none; 0 for one per core.
     """
 
     config: Finetune
     options: WalkingOptions
     robot: LeggedRobot
     base: Policy
+    threads: int = 0
 
     @classmethod
-    def of(cls, config: Finetune) -> Setting:
+    def of(cls, config: Finetune, threads: int = 0) -> Setting:
         """Read the task and load the base policy.
+
+        Args:
+            config: what was asked for.
+            threads: as the attribute.
 
         Raises:
             ConfigError: the task cannot be read, or nothing walks in it.
@@ -53,7 +59,8 @@ class Setting:
         if config.policy is not None:
             options = replace(options, policy=config.policy)
         robot = robot_of(options.robot)
-        return cls(config, options, robot, Policy.load(options.policy, robot, options.sim))
+        base = Policy.load(options.policy, robot, options.sim)
+        return cls(config, options, robot, base, threads)
 
     def world(self, variant: Variant = "none") -> WalkingWorld:
         """The task's world, as a variant has it."""
@@ -100,4 +107,6 @@ class Setting:
         physics = options.sim if domain == "sim" else options.real
         tree: dict[str, Any] = merge(self.base.card.config, self.config.training)
         tree |= {"name": name, "seed": seed, "physics": asdict(physics)}
+        if tree.get("threads") == 0:
+            tree["threads"] = self.threads
         return checked(tree | {"scene": asdict(options.scene(domain))})

@@ -63,8 +63,9 @@ def adapt(
     model: Path | None,
     origin: export.Origin,
     progress: Progress,
-) -> Policy:
-    """Fine-tune the base policy, or continue, or find it finished.
+    seconds: float | None = None,
+) -> Policy | None:
+    """Fine-tune the base policy, or continue, or find it finished; None if no update was made.
 
     Args:
         setting: task and base policy.
@@ -74,13 +75,17 @@ def adapt(
         model: as in :func:`environment`.
         origin: what makes it, for the card, but for the model.
         progress: told about every iteration.
+        seconds: wall clock after which no further update begins [s].
     """
-    training = setting.training(variant, seed)
-    if not (home / CARD).exists() or not PolicyCard.read(home / CARD).evaluation:
+    training, begun = setting.training(variant, seed), (home / CHECKPOINT).exists()
+    if not begun and seconds == 0.0:
+        return None
+    if not _finished(home, training.ppo.iterations):
         trained = train(
             training,
             home,
-            resume=(home / CHECKPOINT).exists(),
+            resume=begun,
+            seconds=seconds,
             progress=progress,
             make=environment(setting, variant, model),
             start_from=functools.partial(
@@ -90,6 +95,8 @@ def adapt(
                 warm_up=training.ppo.warm_up,
             ),
         )
+        if not trained.iterations:
+            return None
         if model is not None:
             sources = {**origin.sources, "model": sha256(model / MODEL_FILE)}
             origin = replace(origin, sources=sources)
@@ -99,3 +106,11 @@ def adapt(
         figures = evaluate(training, policy.act, threads=training.threads * training.processes)
         export.judged(home, figures)
     return Policy.load(home, setting.robot, setting.options.sim)
+
+
+def _finished(home: Path, updates: int) -> bool:
+    """Whether a folder has a policy of so many updates that has been judged."""
+    if not (home / CARD).exists():
+        return False
+    card = PolicyCard.read(home / CARD)
+    return bool(card.evaluation) and card.training["iterations"] >= updates

@@ -114,14 +114,16 @@ def train(
 
 
 def choose_device(config: PolicyConfig) -> str:
-    """``"cpu"`` or ``"cuda:0"``; ``auto`` takes CUDA where it is.
+    """``"cpu"``, or torch's current CUDA device, as ``"cuda:0"``; ``auto`` takes CUDA where it is.
 
     Raises:
         ConfigError: ``cuda`` is asked for and absent.
     """
     if config.device == "cuda" and not torch.cuda.is_available():
         raise ConfigError("device cuda: torch sees no CUDA device; use device=cpu or device=auto")
-    return "cuda:0" if config.device != "cpu" and torch.cuda.is_available() else "cpu"
+    if config.device == "cpu" or not torch.cuda.is_available():
+        return "cpu"
+    return f"cuda:{torch.cuda.current_device()}"
 
 
 def runner_config(ppo: Ppo) -> dict[str, Any]:
