@@ -183,7 +183,7 @@ def translated(
     mjcf: str | None = None,
     share: float = 1.0,
 ) -> TranslatedWalking:
-    """The environment with a model that was pulled from the registry.
+    """The environment with a model, as it lies in the folder of a run.
 
     Args:
         config: what is trained.
