@@ -74,10 +74,10 @@ def test_what_gave_way_to_a_lookalike_that_is_refused_is_asked_itself(
     monkeypatch.setattr(naming, "distances_from_nothing", lambda _: {})
     asked: list[dict[Key, float]] = []
 
-    def judged(_: Naming, now: Assessed, limits: dict[Key, float]) -> tuple[list[Mock], list[int]]:
+    def judged(_: Naming, now: Assessed, limits: dict[Key, float]) -> tuple[list[Gain], list[int]]:
         asked.append(limits)
         weak = [i for i, p in enumerate(now.hypothesis) if p.key == lookalike.planted.key]
-        return [Mock(p_value=0.5 if weak else 1e-4)], weak
+        return [Gain(0.1, 0.5 if weak else 1e-4)], weak
 
     monkeypatch.setattr(Naming, "_judged", judged)
     proofs = Naming(nothing.screen, replays, replays, lambda: replays, nothing.held, STEP, 0, log)
