@@ -20,6 +20,13 @@ T = TypeVar("T")
 
 
 @runtime_checkable
+class SideBySide(Protocol):
+    """A configuration that says how much is done at once."""
+
+    workers: int
+
+
+@runtime_checkable
 class Tracked(Protocol):
     """A configuration that says where its run is tracked."""
 
@@ -36,7 +43,8 @@ def claim(config: T, folder: Path, load: Callable[[Path], T], resume: bool) -> T
         resume: continue the run that is in it.
 
     Returns:
-        The configuration that the run began with, if resumed; else the one given.
+        The configuration that the run began with, if resumed, with as many workers as are given,
+        which decide nothing; else the one given.
 
     Raises:
         ConfigError: it is a file, holds another run, or none to resume.
@@ -48,6 +56,8 @@ def claim(config: T, folder: Path, load: Callable[[Path], T], resume: bool) -> T
         if not kept.exists():
             raise ConfigError(f"--resume: {folder} holds no run ({CONFIG} is missing)")
         begun = load(kept)
+        if isinstance(begun, SideBySide) and isinstance(config, SideBySide):
+            begun.workers = config.workers
         if to_yaml(begun) != to_yaml(config):
             raise ConfigError(
                 f"--resume: the configuration differs from {kept}, with which the run began; "
