@@ -54,7 +54,7 @@ def test_a_change_is_told_in_its_session_and_never_again(after: int) -> None:
 
 def test_what_one_session_did_not_show_for_certain_two_do() -> None:
     """A step of five errors: two sessions in which it is there are enough."""
-    usual = [USUAL + e * ERROR[ELBOW] for e in (1.0, -1.0, 0.9, -1.1, 1.1, -0.9, 0.8)]
+    usual = [USUAL + e * ERROR[ELBOW] for e in (1.0, -1.0, 0.9, -1.05, 1.1, -0.9, 0.8)]
     worn = [*usual[:4], *(value + 5.0 * ERROR[ELBOW] for value in usual[4:])]
 
     def until(sessions: int) -> Card:

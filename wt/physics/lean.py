@@ -21,7 +21,6 @@ def slim(spec: mujoco.MjSpec) -> None:
     """Take out of an MJCF what moves nothing, in place; every element keeps its name and number."""
     settle(spec)
     write_weights(spec)
-    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR  # replays read none
     for element in (*spec.geoms, *spec.sites, *spec.tendons):
         element.material = ""
     for geom in spec.geoms:

@@ -14,6 +14,7 @@ import queue
 import signal
 import threading
 import time
+import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -105,7 +106,15 @@ def _one_by_one(
             future.set_result(do(job))
         except Exception as error:
             future.set_exception(error)
-        ended(job, future)
+        try:
+            ended(job, future)
+        except BaseException as error:
+            # it would hold itself by the future, and so what its frames have open, until some
+            # garbage collection
+            traceback.clear_frames(error.__traceback__)
+            raise
+        finally:
+            del future
 
 
 def _submit(pool: ProcessPoolExecutor, job: Any) -> Future[Any]:  # noqa: ANN401 – any job
