@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
+from wt.diagnose.recordings import driven
 from wt.diagnose.recordings.driven import held
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import Smoothed, smooth
@@ -76,6 +77,19 @@ def test_between_samples_it_is_what_the_machine_does(drives: str, tmp_path: Path
     inside = slice(each // 2, 29 * each, each // 4)
     assert np.abs(found(t[inside]) - q[inside]).max() < 0.01 * np.abs(q).max()
     assert np.abs(found(t[inside], 1) - v[inside]).max() < 0.01 * np.abs(v).max()
+
+
+def test_it_is_the_same_piece_by_piece(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "arm.xml").write_text(arm("position"))
+    t = np.cumsum(np.random.default_rng(2).uniform(0.008, 0.012, 60))  # no two intervals are alike
+    given = Scene(tmp_path / "arm.xml"), t, 0.3 * np.sin(np.outer(t, [3.0, 5.0]))
+    commands = held(*given, np.cos(np.outer(t, [4.0, 2.0])))
+    assert commands is not None
+    whole = commands.response()
+    monkeypatch.setattr(driven, "_AT_ONCE", 7)
+    pieces = commands.response()
+    assert whole is not None and pieces is not None
+    assert pieces.c == pytest.approx(whole.c, rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,9 @@ from wt.physics.scene import Scene
 
 _PLACES = 1000
 """Most places along a segment at which inertia is taken: it changes slowly."""
+_SLOW_S = 3e-3  # between commands: a spline follows what faster ones do
 _EQUAL_S = 1e-7  # intervals that differ by less are as long
+_AT_ONCE = 4096  # steps, of which matrices are held in memory
 _PARTS = 4
 """Polynomials in each interval: a stiff drive has answered a command before the next one comes."""
 
@@ -68,27 +70,33 @@ class Held:
         pulls, place = (x.repeat(_PARTS, axis=0) for x in (self.pulls, self.place))
         interval = np.diff(fine)
         steps = np.stack([place, np.round(interval / _EQUAL_S)], axis=1)
-        kinds, which = np.unique(steps, axis=0, return_inverse=True)
-        mobility = self.mobility[kinds[:, 0].astype(int)]
-        system = np.zeros((len(kinds), 3 * nv, 3 * nv))
+        w, v = np.zeros((2, len(fine), nv))
+        ends = np.empty((2, len(pulls), nv))  # accelerations where each polynomial begins and ends
+        for begin in range(0, len(steps), _AT_ONCE):
+            rows = slice(begin, begin + _AT_ONCE)
+            kinds, which = np.unique(steps[rows], axis=0, return_inverse=True)
+            step = self._steps(kinds[:, 0].astype(int), kinds[:, 1] * _EQUAL_S)
+            for k, kind in enumerate(which.ravel(), begin):
+                moved = step[kind] @ np.concatenate([w[k], v[k], pulls[k]])
+                w[k + 1], v[k + 1] = moved[:nv], moved[nv:]
+            for end, at in zip(ends, (slice(None, -1), slice(1, None)), strict=True):
+                against = w[at][rows] * self.stiffness + v[at][rows] * self.damping
+                slowed = np.einsum("kij,kj->ki", self.mobility[place[rows]], against)
+                end[rows] = pulls[rows] - slowed
+        first, last = (w[:-1], v[:-1], ends[0]), (w[1:], v[1:], ends[1])
+        found = PPoly(_quintic(interval[:, None], *first, *last), fine)
+        return found if np.isfinite(found.c).all() else None
+
+    def _steps(
+        self, place: Int[np.ndarray, " kind"], seconds: Float[np.ndarray, " kind"]
+    ) -> Float[np.ndarray, "kind state given"]:
+        """Matrices from (w, w′, pull) to (w, w′) so many seconds later, in some places."""
+        nv, mobility = len(self.stiffness), self.mobility[place]
+        system = np.zeros((len(place), 3 * nv, 3 * nv))
         system[:, :nv, nv : 2 * nv] = system[:, nv : 2 * nv, 2 * nv :] = np.eye(nv)
         system[:, nv : 2 * nv, :nv] = -mobility * self.stiffness
         system[:, nv : 2 * nv, nv : 2 * nv] = -mobility * self.damping
-        step = expm(system * (kinds[:, 1] * _EQUAL_S)[:, None, None])[:, : 2 * nv]
-        state = np.zeros((len(fine), 2 * nv))
-        for k, kind in enumerate(which.ravel()):
-            state[k + 1] = step[kind] @ np.concatenate([state[k], pulls[k]])
-        w, v = state[:, :nv], state[:, nv:]
-
-        def accelerations(of: slice) -> Float[np.ndarray, "interval dof"]:
-            against = w[of] * self.stiffness + v[of] * self.damping
-            return pulls - np.einsum("kij,kj->ki", self.mobility[place], against)
-
-        before, after = slice(None, -1), slice(1, None)
-        first = (w[before], v[before], accelerations(before))
-        last = (w[after], v[after], accelerations(after))
-        found = PPoly(_quintic(interval[:, None], *first, *last), fine)
-        return found if np.isfinite(found.c).all() else None
+        return np.asarray(expm(system * seconds[:, None, None])[:, : 2 * nv])
 
 
 def held(
@@ -106,10 +114,10 @@ def held(
         acted: what each drive acts on from each sample to the next.
 
     Returns:
-        None where nothing drives a joint by itself, and where a base floats, whose feet say what it
-        weighs.
+        None where nothing drives a joint by itself, where a base floats, whose feet say what it
+        weighs, and of fast commands.
     """
-    if scene.free or not scene.drives or len(t) < 3:
+    if scene.free or not scene.drives or len(t) < 3 or np.median(np.diff(t)) < _SLOW_S:
         return None
     force, stiffness, damping = _acting(scene, acted[:-1])
     place = np.linspace(0, min(len(force), _PLACES), len(force), endpoint=False).astype(int)
