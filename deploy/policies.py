@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import re
 import tempfile
 from pathlib import Path
 
+from registry.reference import is_folder
 from wt.worlds.policy import Policy
 from wt.worlds.robots import GO2
-
-_REGISTERED = re.compile(r"[\w.-]+(@[\w-]+|/\d+)")
 
 
 def load(reference: str) -> Policy:
@@ -23,7 +21,7 @@ def load(reference: str) -> Policy:
         ModelError: it does not fit.
         RegistryError: the registry has no such policy, or its bytes are not those registered.
     """
-    if Path(reference).exists() or not _REGISTERED.fullmatch(reference):
+    if is_folder(reference):
         return Policy.load(reference, GO2)
     from registry.policies import pull
 

@@ -11,7 +11,8 @@ from pathlib import Path
 
 from registry.card import CARD_FILE, MODEL_FILE, Card, sha256
 from registry.parity import verify
-from registry.store import TRACKING_ERROR, Store, Version, is_reference
+from registry.reference import is_folder
+from registry.store import TRACKING_ERROR, Store, Version
 from wt.errors import RegistryError
 
 
@@ -37,11 +38,6 @@ def pull(reference: str, to: Path, *, uri: str | None = None) -> tuple[Version, 
         fetch(store, version, CARD_FILE, version.card_sha256, folder)
         card = verify(folder)
     return version, card
-
-
-def is_folder(reference: str) -> bool:
-    """Whether a model is named by a folder: what is there wins over a name of the registry."""
-    return Path(reference).exists() or not is_reference(reference)
 
 
 def bring(reference: str, to: Path, *, uri: str | None = None) -> Card:

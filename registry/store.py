@@ -27,6 +27,7 @@ from registry.backend import (
     resolve_uri,
 )
 from registry.card import HeldOut
+from registry.reference import REFERENCE
 from wt.errors import RegistryError, suggest
 
 if TYPE_CHECKING:
@@ -38,7 +39,6 @@ TRACKING_ERROR = "tracking_error"
 
 _SETTLED = "settled"
 _NAME = re.compile(r"[\w.-]+")
-_REFERENCE = re.compile(r"(?P<name>[\w.-]+)(?:@(?P<alias>[\w-]+)|/(?P<version>\d+))")
 
 
 @dataclass(frozen=True)
@@ -87,11 +87,6 @@ class About:
     version: str
 
 
-def is_reference(text: str) -> bool:
-    """Whether a text has the form ``name@alias`` or ``name/version``."""
-    return _REFERENCE.fullmatch(text) is not None
-
-
 class Store:
     """Registered models of one MLflow store.
 
@@ -131,7 +126,7 @@ class Store:
         Raises:
             RegistryError: the reference is malformed, or nothing has that name.
         """
-        match = _REFERENCE.fullmatch(reference)
+        match = REFERENCE.fullmatch(reference)
         if match is None:
             raise RegistryError(
                 f"{reference!r} names no model version; write NAME@ALIAS or NAME/VERSION, "

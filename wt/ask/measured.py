@@ -17,6 +17,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from wt.physics import inertia
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.types import Location
@@ -86,13 +87,9 @@ class Measured:
         model, data = scene.model, mujoco.MjData(scene.model)
         nv = model.nv
         encoders = np.eye(nv)[[scene.dof(name) for name in scene.own_joints if name in own]]
-        found, mass = np.zeros((len(motion), nv, nv)), np.zeros((nv, nv))
+        found = np.zeros((len(motion), nv, nv))
         for k, q in enumerate(motion.q):
-            data.qpos[:] = q
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_comPos(model, data)
-            mujoco.mj_makeM(model, data)
-            mujoco.mj_fullM(model, data, mass)
+            mass = inertia.of_joints(model, data, q)
             rows = np.concatenate([encoders, *(self._rows(model, data, i) for i in self.bodies)])
             if len(rows):
                 follows = np.linalg.solve(mass, rows.T)

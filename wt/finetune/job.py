@@ -17,7 +17,8 @@ from typing import Any
 
 from registry.card import MODEL_FILE, Card
 from registry.parity import verify
-from registry.pull import bring, is_folder
+from registry.pull import bring
+from registry.reference import is_folder
 from wt.finetune.config import Finetune, Variant
 from wt.finetune.results import plain, save
 from wt.finetune.setting import Setting

@@ -1,4 +1,4 @@
-"""Dependence of the force that a motion demands on a body's mass, centre of mass and inertia.
+"""Inertia of joints, and what a motion demands by a body's mass, centre of mass and inertia.
 
 Inverse dynamics are linear in the ten inertial parameters of each body (C. H. An, C. G. Atkeson
 and J. M. Hollerbach, Estimation of inertial parameters of rigid body links, 1985): mass m, first
@@ -42,6 +42,25 @@ def own(scene: Scene, body: str) -> tuple[float, Float[np.ndarray, " 3"], Float[
     mujoco.mju_quat2Mat(rotation, b.iquat)
     axes = rotation.reshape(3, 3)
     return float(b.mass[0]), np.array(b.ipos), axes @ np.diag(b.inertia) @ axes.T
+
+
+def of_joints(
+    model: mujoco.MjModel, data: mujoco.MjData, q: Float[np.ndarray, " dof"]
+) -> Float[np.ndarray, "dof dof"]:
+    """Inertia that a machine of hinges and slides has in a place, where it stands afterwards.
+
+    Args:
+        model: the machine.
+        data: its state; what follows from velocities is left as it was.
+        q: the place [rad or m].
+    """
+    data.qpos[:] = q
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_makeM(model, data)
+    found = np.empty((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, found)
+    return found
 
 
 @lru_cache(maxsize=64)

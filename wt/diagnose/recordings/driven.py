@@ -21,6 +21,7 @@ from jaxtyping import Float, Int
 from scipy.interpolate import PPoly
 from scipy.linalg import expm
 
+from wt.physics import inertia
 from wt.physics.scene import Scene
 
 _PLACES = 1000
@@ -146,14 +147,7 @@ def _mobility(
 ) -> Float[np.ndarray, "place dof dof"]:
     """Inverse inertia in each place, by hinges and slides alone."""
     model, data = scene.model, mujoco.MjData(scene.model)
-    inertia = np.empty((len(q), model.nv, model.nv))
-    for k, here in enumerate(q):
-        data.qpos[:] = here
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_makeM(model, data)
-        mujoco.mj_fullM(model, data, inertia[k])
-    return np.linalg.inv(inertia)
+    return np.linalg.inv(np.stack([inertia.of_joints(model, data, here) for here in q]))
 
 
 def _quintic(
