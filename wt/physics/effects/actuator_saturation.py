@@ -12,6 +12,7 @@ from wt.physics.effect import LEAST, Effect, Parameter, Shape, register
 from wt.physics.effects._tools import noticeable
 from wt.physics.motion import Motion
 from wt.physics.units import HINGE, Units, units_at
+from wt.physics.usual import smoothed
 from wt.types import Location
 
 _OFTEN, _DEMANDED = 0.99, 1.5
@@ -58,10 +59,13 @@ class ActuatorSaturation(Effect):
     def contradiction(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> str | None:
-        """The motion takes far more force than that, and no contact may have given it."""
+        """The motion takes far more force than that, and no contact may have given it.
+
+        What lasts counts: on a light link noise alone demands that much for a moment.
+        """
         drive = motion.scene.drive(at.name)
         free = motion.touching.near == 0
-        demand = np.abs(motion.demand[free, drive.dof])
+        demand = np.abs(smoothed(motion, motion.demand[:, drive.dof]))[free]
         taken = float(np.quantile(demand, _OFTEN)) if len(demand) else 0.0
         if taken <= _DEMANDED * theta[0]:
             return None
