@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wt.errors import RegistryError, WorkError
+from wt.errors import RegistryError, WorkError, one_line
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -129,11 +129,6 @@ def quiet() -> Iterator[None]:
         os.environ.pop(_BARS)
         if bars is not None:
             os.environ[_BARS] = bars
-
-
-def one_line(error: Exception) -> str:
-    """An error's text without line breaks, cut to what fits a message."""
-    return " ".join(str(error).split())[:300]
 
 
 def _sqlite_path(uri: str) -> Path | None:

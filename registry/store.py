@@ -22,13 +22,12 @@ from registry.backend import (
     answering,
     chosen,
     connect,
-    one_line,
     quiet,
     resolve_uri,
 )
 from registry.card import HeldOut
 from registry.reference import REFERENCE
-from wt.errors import RegistryError, suggest
+from wt.errors import RegistryError, one_line, suggest
 
 if TYPE_CHECKING:
     from mlflow.entities import LoggedModel

@@ -61,6 +61,11 @@ def lacking(what: str, package: str | None, extra: str) -> str:
     )
 
 
+def one_line(error: Exception) -> str:
+    """An error's text without line breaks, cut to what fits a message; its kind if it has none."""
+    return " ".join(str(error).split())[:300] or type(error).__name__
+
+
 def suggest(given: str, allowed: Iterable[str]) -> str:
     """The nearest allowed name as '; did you mean …?', or the list of all allowed ones.
 

@@ -19,6 +19,7 @@ from registry.card import MODEL_FILE, Card
 from registry.parity import verify
 from registry.pull import bring
 from registry.reference import is_folder
+from wt.errors import one_line
 from wt.finetune.config import Finetune, Variant
 from wt.finetune.results import plain, save
 from wt.finetune.setting import Setting
@@ -28,7 +29,6 @@ from wt.finetune.trainings import (
     Orders,
     jobs_of,
     model_home,
-    one_line,
     threads_of_each,
     train_all,
 )

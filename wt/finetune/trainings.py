@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import torch
 
+from wt.errors import one_line
 from wt.finetune.config import Finetune, Variant
 from wt.finetune.evaluate import Downstream, evaluate
 from wt.finetune.setting import Setting
@@ -143,12 +144,6 @@ def train_all(
     workers, begin = orders.config.workers, functools.partial(begin_work, orders)
     side_by_side(jobs, workers, begin, listener, ended, grace=GRACE_SECONDS)
     return failed
-
-
-def one_line(error: Exception) -> str:
-    """An error as one line."""
-    text = " ".join(str(error).split())
-    return text or type(error).__name__
 
 
 def begin_work(orders: Orders, listener: Listener, index: int) -> Callable[[Job], Judged | None]:
