@@ -17,11 +17,12 @@ from wt.ask.design import Design, Designer
 from wt.ask.limits import limits_of
 from wt.ask.robot import Robot
 from wt.ask.separation import Separation
+from wt.diagnose.effort import effort_of
 from wt.diagnose.experiment.excite import excite
 from wt.diagnose.experiment.reach import Shown, reach_of
 from wt.diagnose.experiment.release import passive
 from wt.diagnose.pace import Pace, Say
-from wt.diagnose.pipeline import Outcome, audited, effort_of, searched, told
+from wt.diagnose.pipeline import Outcome, audited, searched, told
 from wt.diagnose.result import Diagnosis
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.errors import ModelError

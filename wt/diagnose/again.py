@@ -15,18 +15,20 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from wt.diagnose.effort import effort_of
 from wt.diagnose.likelihood.bic import worth
 from wt.diagnose.likelihood.estimate import estimate, fitted
 from wt.diagnose.likelihood.objective import Objective
 from wt.diagnose.likelihood.sets import objective_on
 from wt.diagnose.pace import Pace, Say
-from wt.diagnose.pipeline import audited, effort_of, searched, steps_for
+from wt.diagnose.pipeline import audited, searched
 from wt.diagnose.recordings.commands import smooth_as_sent
 from wt.diagnose.recordings.prepare import Prepared, Source
 from wt.diagnose.recordings.stretches import longest_window
 from wt.diagnose.result import Estimate
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.holdout import errors, prepare_holdout
+from wt.diagnose.split import steps_for
 from wt.errors import RecordingError
 from wt.physics.planted import Hypothesis, Planted
 from wt.physics.quiet import quiet

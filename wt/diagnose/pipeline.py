@@ -12,30 +12,27 @@ from pathlib import Path
 import numpy as np
 
 from wt.check.finding import amendments
+from wt.diagnose.effort import STEP_S, effort_of
 from wt.diagnose.experiment.release import passive, release
 from wt.diagnose.likelihood.bic import erring, erring_joints
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.sets import objective_on
-from wt.diagnose.likelihood.steps import Steps, longest_steps
 from wt.diagnose.notes import notes
 from wt.diagnose.observed.forces import measured
 from wt.diagnose.observed.translation import TrainedTranslation, sentences, timed, translated
 from wt.diagnose.pace import Expected, Pace, Say
-from wt.diagnose.recordings.commands import smooth_as_sent
 from wt.diagnose.recordings.grid import coarse_steps, located
 from wt.diagnose.recordings.prepare import Prepared, Source, prepare, turned
-from wt.diagnose.recordings.smooth import Smoothed, smooth
-from wt.diagnose.recordings.stretches import BLOCK_S, WINDOW_S, longest_window, stretches_of
+from wt.diagnose.recordings.smooth import Smoothed
 from wt.diagnose.report.handed_over import hand_over
 from wt.diagnose.report.traces import traces
 from wt.diagnose.report.verify import replayed_files
-from wt.diagnose.residual.screen import Screen
 from wt.diagnose.result import Diagnosis
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.claims import Claims
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.events import Event, events
-from wt.diagnose.selection.holdout import Holdout, errors, prepare_holdout, prove
+from wt.diagnose.selection.holdout import Holdout, errors, prove
 from wt.diagnose.selection.locate import locate
 from wt.diagnose.selection.naming import Naming
 from wt.diagnose.selection.search import search
@@ -46,45 +43,16 @@ from wt.diagnose.selection.verdict import (
     suggestions,
     verdict,
 )
+from wt.diagnose.split import Split, split_of
 from wt.diagnose.stop import stopped
 from wt.diagnose.unvisited import unvisited
 from wt.mjcf.edit import patched_xml
-from wt.physics.planted import Hypothesis, Key
+from wt.physics.planted import Key
 from wt.physics.quiet import quiet
 from wt.physics.scene import Scene
 from wt.physics.units import units_at
 from wt.types import Location
 
-STEP_S = 5e-4
-"""Fine physics step of replays [s]; the model's own, if that is smaller."""
-
-
-@dataclass(frozen=True)
-class Effort:
-    """Steps and seconds of replays.
-
-    Attributes:
-        step: fine physics step [s]; the model's own, if that is smaller.
-        search_step: … and while hypotheses are compared.
-        search_s: at most so many seconds of recordings are replayed while these are compared.
-        doubt_s: … while each of what was found is compared with its lookalikes.
-        most_s: … and to estimate.
-        judge_s: … and to prove each effect, of those held out.
-        proof_s: … and to measure how much better all of them together do.
-    """
-
-    step: float
-    search_step: float
-    search_s: float
-    doubt_s: float
-    most_s: float
-    judge_s: float
-    proof_s: float
-
-
-FIXED = Effort(STEP_S, 1e-3, 16.0, 60.0, 60.0, 60.0, np.inf)
-FLOATING = Effort(1e-3, 1e-3, 5.0, 8.0, 16.0, 16.0, 16.0)
-"""Steps with contacts cost several times as much, and there are many more of them to choose."""
 _FAR_MORE = 1.5
 """Mean square error of a joint, over another, that is no refinement any more."""
 _ADDED = 0.5
@@ -160,27 +128,6 @@ def audited(
     return (Scene(model, changes) if changes else scene), prepared
 
 
-def effort_of(scene: Scene) -> Effort:
-    """What a machine is worth, in steps that are no longer than the model's own."""
-    effort = FLOATING if scene.free else FIXED
-    own = float(scene.model.opt.timestep)
-    return replace(effort, step=min(effort.step, own), search_step=min(effort.search_step, own))
-
-
-def steps_for(smoothed: Smoothed, window: float | None) -> Steps | None:
-    """Steps that do where no law is stiff; None where nothing tells longer ones than usual.
-
-    A machine that forgets errs in short windows as it does in long ones, and many short ones are
-    stepped side by side.
-    """
-    scene = smoothed.motion.scene
-    if scene.free:
-        return None
-    effort = effort_of(scene)
-    pairs = stretches_of(smoothed, False, effort.search_s, window=window)
-    return longest_steps(smoothed, pairs, effort.step)
-
-
 @dataclass(frozen=True, eq=False)
 class Outcome:
     """What was found with some recordings held out.
@@ -212,69 +159,38 @@ def searched(
     scene: Scene, prepared: Prepared, seed: int, log: DecisionLog, pace: Pace, attempts: int = 0
 ) -> Outcome:
     """Search the fitted recordings and ask the held-out ones, which were asked before so often."""
-    pace.stage("smoothing")
-    effort = effort_of(scene)
-    fitted, forgetting = smooth_as_sent(scene, prepared.fit, effort.step, effort.search_step)
-    step, quick = effort.step, effort.search_step
-    held_out = smooth(scene, prepared.held, fitted.commands, fitted.begun)
-    pace.stage("screening hypotheses")
-    screen = Screen(fitted, seed)
-
-    steps = functools.cache(functools.partial(steps_for, fitted))
-    held = functools.cache(functools.partial(prepare_holdout, held_out, forgetting, step=step))
-    judge_s = _judged_s(held_out, effort)
-
-    def naming_by(window: float | None) -> Naming:
-        def of(
-            sets: Sequence[Smoothed], seconds: float, step: float, length: float | None = window
-        ) -> Objective:
-            return objective_on(sets, forgetting, seconds, step, length, steps(window))
-
-        all_replays = functools.cache(lambda: of([fitted, held_out], effort.doubt_s, quick))
-        short = BLOCK_S if forgetting else window  # figures are of long replays
-        replays = of([fitted], effort.search_s, quick, short), of([fitted], effort.most_s, step)
-        shorter = functools.partial(held, judge_s) if window and window > WINDOW_S else None
-        judged = held(judge_s, window=window)
-        return Naming(screen, *replays, all_replays, judged, step, seed, log, shorter)
-
-    window = None if forgetting or scene.free else longest_window(fitted, quick)
-    naming = naming_by(window)
+    split = split_of(scene, prepared, seed, log, pace)
+    effort, forgetting = split.effort, split.forgetting
+    window = None if forgetting or scene.free else split.longest()
+    naming = split.naming(window)
     if any(f.voids_commands for f in prepared.audit):
-        measured_on = held(effort.proof_s, window=window)
-        return Outcome(prepared, fitted, naming, measured_on, naming.proven(()), None)
+        measured_on = split.held(effort.proof_s, window)
+        return Outcome(prepared, split.fitted, naming, measured_on, naming.proven(()), None)
     pace.time(naming.search_replays)
-    accepted = search(screen, naming.search_replays, log, pace.search)
+    accepted = search(split.screen, naming.search_replays, log, pace.search)
     if window and not stopped():
-        longest = functools.partial(longest_window, fitted, quick)
-        window, naming, accepted = _prolonged(naming, accepted, window, longest, naming_by, pace)
+        window, naming, accepted = _prolonged(split, naming, accepted, window, pace)
+    if not stopped():
+        split, naming, accepted = _read_again(split, naming, accepted, window, pace)
     proven = _proven(naming, accepted, pace, attempts)
     pace.stage("looking for events")
     seen: tuple[Event, ...] = ()
     # a servo holds against a push and forgets it, and of what feet meet nothing is known
     if not forgetting and not scene.free:
-        whole = smooth(scene, prepared.whole, fitted.commands, fitted.begun)
+        whole, quick = split.whole(), effort.search_step
         all_of_it = functools.partial(objective_on, [whole], False, effort.most_s, quick)
         seen = events(whole.motion, all_of_it, proven.estimated.hypothesis, log)
     pace.stage("naming")
     claims, missed = naming.claimed(replace(proven, events=seen)), None
     # replays of legs are asked by the proof alone: they would cost a search
     if not scene.free and verdict(claims, naming.objective) in ("no_mismatch", "explained"):
-        long = steps(window)
-        replays = objective_on([held_out], forgetting, effort.most_s, step, window, long)
+        replays = split.replays([split.held_out], effort.most_s, effort.step, window)
         # it is the same machine: its tolerances begin as the fitted recordings have them
         known = claims.assessed(naming.objective).tolerances
         assessed = replays.reference(naming.holdout.here(claims.hypothesis), known)
         missed = (assessed, replays) if erring(assessed, replays) else None
-    return Outcome(prepared, fitted, naming, held(effort.proof_s, window=window), claims, missed)
-
-
-def _judged_s(held_out: Smoothed, effort: Effort) -> float:
-    """Seconds of held-out recordings that effects are proven on.
-
-    Where these are all, they are those of the proof, with what is known of them by then.
-    """
-    lasting = sum(float(s.t[-1] - s.t[0]) for s in held_out.samples)
-    return effort.judge_s if lasting > effort.judge_s else effort.proof_s
+    measured_on = split.held(effort.proof_s, window)
+    return Outcome(prepared, split.fitted, naming, measured_on, claims, missed)
 
 
 def _in_turns(
@@ -363,23 +279,17 @@ def _diagnosis(scene: Scene, outcome: Outcome) -> Diagnosis:
 
 
 def _prolonged(
-    naming: Naming,
-    accepted: tuple[Accepted, ...],
-    window: float,
-    longest: Callable[[Hypothesis], float],
-    naming_by: Callable[[float], Naming],
-    pace: Pace,
+    split: Split, naming: Naming, accepted: tuple[Accepted, ...], window: float, pace: Pace
 ) -> tuple[float, Naming, tuple[Accepted, ...]]:
     """Search on in longer windows, where something is left and what was found allows them.
 
     It may keep replays beside the recordings for longer, which tells what else there is.
 
     Args:
+        split: the recordings.
         naming: of what was found.
         accepted: what was found.
         window: length of the windows that it was found in [s].
-        longest: length of the longest windows for a hypothesis [s].
-        naming_by: makes the claims of windows of a length [s].
         pace: is told of each stage.
 
     Returns:
@@ -389,12 +299,42 @@ def _prolonged(
     replays, hypothesis = naming.search_replays, tuple(a.planted for a in accepted)
     if not accepted or not erring_joints(replays, replays.reference(hypothesis)):
         return given
-    later = longest(hypothesis)
+    later = split.longest(hypothesis)
     if later <= window:
         return given
-    longer = naming_by(later)
+    longer = split.naming(later)
     further = search(naming.screen, longer.search_replays, naming.log, pace.search, accepted)
     return given if _lost(replays, accepted, further) else (later, longer, further)
+
+
+def _read_again(
+    split: Split,
+    naming: Naming,
+    accepted: tuple[Accepted, ...],
+    window: float | None,
+    pace: Pace,
+) -> tuple[Split, Naming, tuple[Accepted, ...]]:
+    """Search on with states beside the response of the machine as it was found.
+
+    Where its inertia or its drives are others than the model's, states were off and noise was
+    overestimated, which hides what is faint.
+
+    Args:
+        split: the recordings.
+        naming: of what was found.
+        accepted: what was found.
+        window: length of the windows that it was found in [s], if there are any.
+        pace: is told of each stage.
+
+    Returns:
+        (the recordings; what makes the claims; what is found), as given where states stay.
+    """
+    again = split.beside(tuple(a.planted for a in accepted))
+    if again is split:
+        return split, naming, accepted
+    naming = again.naming(window)
+    further = search(again.screen, naming.search_replays, naming.log, pace.search, accepted)
+    return again, naming, further
 
 
 def _lost(replays: Objective, before: Sequence[Accepted], after: Sequence[Accepted]) -> bool:

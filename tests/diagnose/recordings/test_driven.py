@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -12,9 +13,11 @@ from jaxtyping import Float
 from wt.diagnose.recordings import driven
 from wt.diagnose.recordings.driven import held
 from wt.diagnose.recordings.samples import Part
-from wt.diagnose.recordings.smooth import Smoothed, smooth
+from wt.diagnose.recordings.smooth import Smoothed, beside, smooth
+from wt.physics.effect import effects
+from wt.physics.planted import Planted
 from wt.physics.scene import Scene
-from wt.types import Recording
+from wt.types import Location, Recording
 
 STEP, NOISE = 1e-4, 2e-5
 DRIVES = {
@@ -148,6 +151,57 @@ def test_states_are_as_unsure_as_curves_beside_the_response_are(tmp_path: Path) 
     assert (0.4 * error < found.unsure[0][2:]).all()
     assert (found.unsure[0][2:] < 2.0 * error).all()
     assert found.unsure[0][:2] == pytest.approx(0.5 * found.noise)
+
+
+ROTOR = Planted(effects()["joint.armature"], Location("joint", "b"), np.array([0.02]))
+"""More than twice the inertia that the second joint of the arm has without."""
+
+
+@pytest.mark.parametrize("drives", DRIVES)
+def test_once_a_rotor_is_found_states_are_those_beside_its_response(
+    drives: str, tmp_path: Path
+) -> None:
+    true = arm(drives, extra='armature=".02"')
+    recording, v = recorded(true, 50.0)
+    given = smoothed(tmp_path, arm(drives), recording)
+    found = beside(given, [Part(recording, 0)], (ROTOR,))
+    (tmp_path / "true").mkdir()
+    right = smoothed(tmp_path / "true", true, recording)
+    assert found.noise == pytest.approx(right.noise, rel=1e-3)
+    assert found.at_samples[0][1] == pytest.approx(right.at_samples[0][1], abs=1e-4)
+    before, after = (
+        np.sqrt(np.mean((each.at_samples[0][1] - v)[20:-20, 1] ** 2)) for each in (given, found)
+    )
+    assert after < 0.5 * before
+    assert given.noise[1] > 1.2 * found.noise[1]
+    # forces are of splines alone, and so is the screen
+    assert found.motion is given.motion and found.splines is given.splines
+    whole = smooth(given.motion.scene, [Part(recording, 0)], known=(ROTOR,))
+    assert whole.noise == pytest.approx(found.noise)
+
+
+@pytest.mark.parametrize(
+    ("found", "rate"),
+    [
+        (replace(ROTOR, effect=effects()["joint.friction_coulomb"]), 50.0),
+        (replace(ROTOR, theta=np.array([1e-6])), 50.0),
+        (ROTOR, 1000.0),
+    ],
+    ids=["changes no response", "hardly changes it", "a log that needs none"],
+)
+def test_states_stay_where_what_was_found_moves_none(
+    found: Planted, rate: float, tmp_path: Path
+) -> None:
+    recording, _ = recorded(arm("position"), rate, jerky=False, noise=1e-4)
+    given = smoothed(tmp_path, arm("position"), recording)
+    assert beside(given, [Part(recording, 0)], (found,)) is given
+
+
+def test_what_adds_a_joint_leaves_the_response_as_it_was(tmp_path: Path) -> None:
+    recording, _ = recorded(arm("position"), 50.0)
+    given = smoothed(tmp_path, arm("position"), recording)
+    gear = Planted(effects()["joint.elasticity"], Location("joint", "b"), np.array([200.0, 0.5, 0.01]))
+    assert beside(given, [Part(recording, 0)], (gear,)) is given
 
 
 def test_where_logs_are_faster_than_what_commands_do_curves_are_as_they_were(

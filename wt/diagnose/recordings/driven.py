@@ -8,7 +8,9 @@ the response of the joints' inertia, drives and dampers to the commands alone,
     M(q) w″ = gear · gain · u − K w − C w′,
 
 K and C of drives and joints, from rest at nothing. What is left, of weight, friction, coupling and
-all that the model lacks, is smoother than the motion, and is what a spline is fitted to.
+all that the model lacks, is smoother than the motion, and is what a spline is fitted to. Where the
+model lacks half of a rotor's inertia, or a quarter of a gain, what is left has jumps too: once such
+effects are found, the response is that of the model with them.
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ from scipy.interpolate import PPoly
 from scipy.linalg import expm
 
 from wt.physics import inertia
-from wt.physics.scene import Scene
+from wt.physics.planted import Hypothesis
+from wt.physics.scene import Scene, drives
 
 _PLACES = 1000
 """Most places along a segment at which inertia is taken: it changes slowly."""
@@ -31,6 +34,8 @@ _EQUAL_S = 1e-7  # intervals that differ by less are as long
 _AT_ONCE = 4096  # steps, of which matrices are held in memory
 _PARTS = 4
 """Polynomials in each interval: a stiff drive has answered a command before the next one comes."""
+_RESPONDS = ("body_mass", "body_ipos", "body_iquat", "body_inertia", "dof_armature", "dof_damping")
+"""Of a compiled model, beside its drives, what commands are responded to by."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +110,7 @@ def held(
     t: Float[np.ndarray, " sample"],
     q: Float[np.ndarray, "sample dof"],
     acted: Float[np.ndarray, "sample actuator"],
+    known: Hypothesis = (),
 ) -> Held | None:
     """What the commands of a segment pull a machine's joints by.
 
@@ -113,6 +119,7 @@ def held(
         t: time of the samples [s].
         q: where the joints were, roughly [rad or m].
         acted: what each drive acts on from each sample to the next.
+        known: effects of the machine that the model lacks.
 
     Returns:
         None where nothing drives a joint by itself, where a base floats, whose feet say what it
@@ -120,21 +127,41 @@ def held(
     """
     if scene.free or not scene.drives or len(t) < 3 or np.median(np.diff(t)) < _SLOW_S:
         return None
-    force, stiffness, damping = _acting(scene, acted[:-1])
+    model = _with(scene, known)
+    force, stiffness, damping = _acting(model, acted[:-1])
     place = np.linspace(0, min(len(force), _PLACES), len(force), endpoint=False).astype(int)
-    mobility = _mobility(scene, q[np.searchsorted(place, np.arange(place[-1] + 1))])
+    mobility = _mobility(model, q[np.searchsorted(place, np.arange(place[-1] + 1))])
     pulls = np.einsum("kij,kj->ki", mobility[place], force)
     return Held(t, pulls, mobility, place, stiffness, damping)
 
 
+def responds_otherwise(scene: Scene, known: Hypothesis) -> bool:
+    """Tell whether effects change the response to commands: inertia, drives or damping."""
+    given, model = scene.slim.copy().compile(), _with(scene, known)
+    same = all(np.array_equal(getattr(given, x), getattr(model, x)) for x in _RESPONDS)
+    return not same or drives(model) != drives(given)
+
+
+def _with(scene: Scene, known: Hypothesis) -> mujoco.MjModel:
+    """The model with effects, but for those that add joints, whose states no recording has."""
+    if not known:
+        return scene.model
+    spec = scene.slim.copy()
+    for planted in known:
+        changed = spec.copy()
+        planted.model(changed)
+        if len(changed.joints) == len(spec.joints):
+            spec = changed
+    return spec.compile()
+
+
 def _acting(
-    scene: Scene, acted: Float[np.ndarray, "sample actuator"]
+    model: mujoco.MjModel, acted: Float[np.ndarray, "sample actuator"]
 ) -> tuple[Float[np.ndarray, "sample dof"], Float[np.ndarray, " dof"], Float[np.ndarray, " dof"]]:
     """Forces of commands, and what drives and joints hold against: stiffness, damping."""
-    model = scene.model
     force, stiffness = np.zeros((len(acted), model.nv)), np.zeros(model.nv)
     damping = model.dof_damping.copy()
-    for drive in scene.drives:
+    for drive in drives(model):
         u = np.clip(acted[:, drive.index], *drive.commands)
         force[:, drive.dof] += drive.gear * drive.gain * u
         stiffness[drive.dof] -= drive.gear**2 * drive.bias[1]
@@ -143,10 +170,10 @@ def _acting(
 
 
 def _mobility(
-    scene: Scene, q: Float[np.ndarray, "place dof"]
+    model: mujoco.MjModel, q: Float[np.ndarray, "place dof"]
 ) -> Float[np.ndarray, "place dof dof"]:
     """Inverse inertia in each place, by hinges and slides alone."""
-    model, data = scene.model, mujoco.MjData(scene.model)
+    data = mujoco.MjData(model)
     return np.linalg.inv(np.stack([inertia.of_joints(model, data, here) for here in q]))
 
 

@@ -20,13 +20,14 @@ from jaxtyping import Float
 from scipy.interpolate import PPoly
 
 from wt.diagnose.recordings.curves import Curve, choose, fit
-from wt.diagnose.recordings.driven import held
+from wt.diagnose.recordings.driven import held, responds_otherwise
 from wt.diagnose.recordings.grid import rounding
 from wt.diagnose.recordings.odometry import UNSURE_Q, UNSURE_V
 from wt.diagnose.recordings.samples import Part, Samples, commanded, finer, samples_of
 from wt.physics import base
 from wt.physics.activation import activated, dynamic, integrating
 from wt.physics.motion import Motion, Segment
+from wt.physics.planted import Hypothesis
 from wt.physics.scene import Scene
 
 AtSamples = tuple[
@@ -120,6 +121,7 @@ def smooth(
     parts: Sequence[Part],
     commands: int = 1,
     begun: Mapping[int, Float[np.ndarray, " actuator"]] | None = None,
+    known: Hypothesis = (),
 ) -> Smoothed:
     """Smooth recordings of one machine.
 
@@ -129,6 +131,7 @@ def smooth(
         commands: for each sample.
         begun: activations of integrators where recordings began, (nu,), as other parts of these
             showed them; those of the rest are estimated.
+        known: effects of the machine that the model lacks, for its response to commands.
 
     Raises:
         RecordingError: nothing usable is in them.
@@ -136,22 +139,74 @@ def smooth(
     samples = _measured(scene, parts, commands, begun)
     nv = scene.model.nv
     splines = [tuple(choose(s, joint) for joint in range(nv)) for s in samples]
-    chosen = [_with_commands(scene, s, own) for s, own in zip(samples, splines, strict=True)]
     rounded = np.array([rounding(parts, joint) for joint in scene.joints])
-    noise, noise_v = _deviations(chosen)
     missed, missed_v = _deviations(splines)
+    chosen = _curves(scene, samples, splines, known)
     motion = _motion(scene, samples, splines)
     if len(integrating(scene.model)):
         begun = {**_begun(motion, parts), **(begun or {})}
         samples = _measured(scene, parts, commands, begun)
         motion = _motion(scene, samples, splines)
+    aside = tuple(splines), np.maximum(missed, rounded), missed_v
+    states = _states(samples, chosen, rounded)
+    return Smoothed(samples, motion, *states, *aside, commands, begun or {})
+
+
+def beside(smoothed: Smoothed, parts: Sequence[Part], known: Hypothesis) -> Smoothed:
+    """Recordings whose states are read beside the response of the model with what was found.
+
+    Args:
+        smoothed: the recordings.
+        parts: what they are of.
+        known: effects of the machine that the model lacks.
+
+    Returns:
+        The same object where that response is the given model's, or moves no curve by more than
+        a tenth of its noise.
+    """
+    scene, samples = smoothed.motion.scene, smoothed.samples
+    if scene.free or not responds_otherwise(scene, known):
+        return smoothed
+    rounded = np.array([rounding(parts, joint) for joint in scene.joints])
+    chosen = _curves(scene, samples, smoothed.splines, known)
+    at_samples, noise, noise_v, curves = _states(samples, chosen, rounded)
+    before, after = (
+        np.concatenate([q for q, *_ in each]) for each in (smoothed.at_samples, at_samples)
+    )
+    moved = np.sqrt(np.mean((after - before) ** 2, axis=0))
+    if not (moved > _TELLS * noise).any():
+        return smoothed
+    return replace(smoothed, at_samples=at_samples, noise=noise, noise_v=noise_v, curves=curves)
+
+
+def _curves(
+    scene: Scene,
+    samples: Sequence[Samples],
+    splines: Sequence[tuple[Curve, ...]],
+    known: Hypothesis,
+) -> list[tuple[Curve, ...]]:
+    """Per segment and joint what states are read off."""
+    pairs = zip(samples, splines, strict=True)
+    return [_with_commands(scene, s, own, known) for s, own in pairs]
+
+
+def _states(
+    samples: Sequence[Samples],
+    curves: Sequence[tuple[Curve, ...]],
+    rounded: Float[np.ndarray, " dof"],
+) -> tuple[
+    tuple[AtSamples, ...],
+    Float[np.ndarray, " dof"],
+    Float[np.ndarray, " dof"],
+    tuple[tuple[Curve, ...], ...],
+]:
+    """Smooth states at the samples, noise of positions and of velocities, and the curves."""
     at_samples = tuple(
         (_at(s.t, own, 0), _at(s.t, own, 1), _at(s.t, own, 2))
-        for s, own in zip(samples, chosen, strict=True)
+        for s, own in zip(samples, curves, strict=True)
     )
-    known = np.maximum(noise, rounded), noise_v, tuple(chosen)
-    aside = tuple(splines), np.maximum(missed, rounded), missed_v
-    return Smoothed(samples, motion, at_samples, *known, *aside, commands, begun or {})
+    noise, noise_v = _deviations(curves)
+    return at_samples, np.maximum(noise, rounded), noise_v, tuple(curves)
 
 
 def _deviations(
@@ -221,19 +276,21 @@ def _at(
     return np.stack([c.at(t, order) for c in curves], axis=1)
 
 
-def _with_commands(scene: Scene, s: Samples, curves: tuple[Curve, ...]) -> tuple[Curve, ...]:
+def _with_commands(
+    scene: Scene, s: Samples, curves: tuple[Curve, ...], known: Hypothesis
+) -> tuple[Curve, ...]:
     """Curves beside the response to held commands, for the joints of which these are better."""
-    commands = held(scene, s.t, _at(s.t, curves, 0), _acted_on(scene, s))
+    commands = held(scene, s.t, _at(s.t, curves, 0), _acted_on(scene, s), known)
     if commands is None:
         return curves
     noises = np.array([(c.sigma, c.sigma_v) for c in curves]).T
     moved, turned = (x > _TELLS * noise for x, noise in zip(commands.jolts, noises, strict=True))
-    known = commands.response() if (moved | turned).any() else None
-    if known is None:
+    response = commands.response() if (moved | turned).any() else None
+    if response is None:
         return curves
     found = list(curves)
     for joint in np.flatnonzero(moved | turned).tolist():
-        other = choose(s, joint, PPoly(known.c[:, :, joint], known.x))
+        other = choose(s, joint, PPoly(response.c[:, :, joint], response.x))
         if other.score < _CLEARLY * curves[joint].score:
             found[joint] = other
     return tuple(found)
