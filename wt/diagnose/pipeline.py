@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from wt.check.finding import amendments
 from wt.diagnose.effort import STEP_S, effort_of
 from wt.diagnose.experiment.release import passive, release
 from wt.diagnose.likelihood.bic import erring, erring_joints
+from wt.diagnose.likelihood.moments import momentary
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.sets import objective_on
 from wt.diagnose.notes import notes
@@ -138,8 +139,8 @@ class Outcome:
         naming: what the claims are made by.
         holdout: held-out recordings that the proof is measured on.
         claims: what is claimed.
-        missed: the same on the held-out recordings, and their replays, where these err although
-            the fitted ones leave nothing open.
+        missed: the same on the held-out recordings, their replays, and joints that err at moments,
+            where these err although the fitted ones leave nothing open.
     """
 
     prepared: Prepared
@@ -147,7 +148,7 @@ class Outcome:
     naming: Naming
     holdout: Holdout
     claims: Claims
-    missed: tuple[Assessed, Objective] | None
+    missed: tuple[Assessed, Objective, Container[str]] | None
 
     @property
     def names(self) -> set[Key]:
@@ -183,12 +184,14 @@ def searched(
     pace.stage("naming")
     claims, missed = naming.claimed(replace(proven, events=seen)), None
     # replays of legs are asked by the proof alone: they would cost a search
-    if not scene.free and verdict(claims, naming.objective) in ("no_mismatch", "explained"):
+    said = verdict(claims, naming.objective)
+    if not scene.free and said in ("no_mismatch", "explained"):
         replays = split.replays([split.held_out], effort.most_s, effort.step, window)
         # it is the same machine: its tolerances begin as the fitted recordings have them
         known = claims.assessed(naming.objective).tolerances
         assessed = replays.reference(naming.holdout.here(claims.hypothesis), known)
-        missed = (assessed, replays) if erring(assessed, replays) else None
+        surely = momentary(replays, assessed) if said == "no_mismatch" else {}
+        missed = (assessed, replays, surely) if erring(assessed, replays, surely) else None
     measured_on = split.held(effort.proof_s, window)
     return Outcome(prepared, split.fitted, naming, measured_on, claims, missed)
 

@@ -200,7 +200,9 @@ def test_states_stay_where_what_was_found_moves_none(
 def test_what_adds_a_joint_leaves_the_response_as_it_was(tmp_path: Path) -> None:
     recording, _ = recorded(arm("position"), 50.0)
     given = smoothed(tmp_path, arm("position"), recording)
-    gear = Planted(effects()["joint.elasticity"], Location("joint", "b"), np.array([200.0, 0.5, 0.01]))
+    gear = Planted(
+        effects()["joint.elasticity"], Location("joint", "b"), np.array([200.0, 0.5, 0.01])
+    )
     assert beside(given, [Part(recording, 0)], (gear,)) is given
 
 

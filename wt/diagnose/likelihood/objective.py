@@ -350,22 +350,19 @@ class Objective:
         """
         if self.scene.free or (self.channels.floor <= _FORGIVING * self.noise).all():
             return self
-        other = self._apart_from()
         floors = np.broadcast_to(self.noise, self.channels.floors.shape)
-        other.channels = replace(self.channels, floors=floors)
-        return other
+        return self.judged(replace(self.channels, floors=floors))
 
     def only(self, rows: Bool[np.ndarray, " sample"]) -> Objective:
         """The same replays, judged by some of the samples."""
-        other = self._apart_from()
-        other.channels = self.channels.only(rows)
-        return other
+        return self.judged(self.channels.only(rows))
 
-    def _apart_from(self) -> Objective:
-        """The same replays, with references of their own."""
+    def judged(self, channels: Channels) -> Objective:
+        """The same replays, judged by channels of their own, with references of their own."""
         other = copy.copy(self)
         other._replays, other._reference = self._replays.apart(), None
         other._nearby = self._nearby.on(other._replays)
+        other.channels = channels
         return other
 
     def calibration(self, assessed: Assessed) -> Hypothesis:

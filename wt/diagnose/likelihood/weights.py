@@ -51,6 +51,10 @@ class Channels:
         valid = self.valid & rows[:, None]
         return replace(self, valid=valid, count=self.share * valid.sum(axis=0))
 
+    def each(self, parts: tuple[slice, ...]) -> Channels:
+        """With other parts, each of which counts by its own error."""
+        return replace(self, parts=parts, floors=np.tile(self.floor, (len(parts), 1)))
+
     def rougher(self, apart: Sequence[Float[np.ndarray, "sample dof"]]) -> Channels:
         """With higher floors, for what replays that ought to be alike are apart."""
         square = np.mean(np.square(apart), axis=0)

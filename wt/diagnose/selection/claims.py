@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from wt.diagnose.likelihood.bic import erring
 from wt.diagnose.likelihood.estimate import Estimated
@@ -28,6 +29,7 @@ class Claims:
         corrections: of the model's tolerances, beside the findings.
         events: what happened at moments of its own in each recording.
         suspected: forces that are no noise, of which held-out replays prove no law.
+        moments: joint → seconds in which its replays err far more than tolerances can.
     """
 
     accepted: tuple[Accepted, ...]
@@ -37,6 +39,7 @@ class Claims:
     corrections: Hypothesis = ()
     events: tuple[Event, ...] = ()
     suspected: tuple[Unknown, ...] = ()
+    moments: Mapping[str, float] = field(default_factory=dict)
 
     def assessed(self, objective: Objective) -> Assessed:
         """The named effects, with all events, on the fitted recordings."""
@@ -52,7 +55,7 @@ class Claims:
         """
         if self.accepted or self.unknown or self.events:
             return {}
-        surely = [u.planted.at.name for u in self.suspected]
+        surely = [*(u.planted.at.name for u in self.suspected), *self.moments]
         return erring(self.estimated.assessed, objective, surely)
 
     @property

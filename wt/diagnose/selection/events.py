@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import erfc
 
+from wt.diagnose.likelihood.moments import windows
 from wt.diagnose.likelihood.objective import Assessed, Objective
-from wt.diagnose.recordings.stretches import WINDOW_S
 from wt.diagnose.result import Estimate
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.holdout import Gain
@@ -166,12 +166,11 @@ def _leads(objective: Objective, full: Assessed, lesser: Sequence[Assessed]) -> 
 
 def _nats(objective: Objective, assessed: Assessed) -> Float[np.ndarray, " window"]:
     """Log-likelihood of each window, whose errors have a variance of their own."""
-    label = np.stack([objective.of_stretch, (objective.t / WINDOW_S).astype(int)], axis=1)
-    _, window = np.unique(label, axis=0, return_inverse=True)
+    window = windows(objective)
     valid, count = objective.channels.valid, int(window.max()) + 1
     sums, samples = np.zeros((2, count, valid.shape[1]))
-    np.add.at(sums, window.ravel(), np.where(valid, objective.left(assessed) ** 2, 0.0))
-    np.add.at(samples, window.ravel(), valid.astype(float))
+    np.add.at(sums, window, np.where(valid, objective.left(assessed) ** 2, 0.0))
+    np.add.at(samples, window, valid.astype(float))
     mse = sums / np.maximum(samples, 1.0) + objective.floor**2
     independent = samples * THRESHOLDS.independent_hz * float(np.median(np.diff(objective.t)))
     return np.asarray(-0.5 * (independent * np.log(mse)).sum(axis=1))

@@ -24,6 +24,7 @@ from wt.diagnose.likelihood.estimate import (
     estimate,
     fitted,
 )
+from wt.diagnose.likelihood.moments import momentary
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.residual.signature import unsaid
@@ -337,7 +338,10 @@ class Naming:
             p, limit = unknown.gain.p_value, THRESHOLDS.significant
             self.log.add(unknown.planted, "unknown", True, p, limit, "a learned law predicts it")
             assessed = self.objective.reference((*assessed.hypothesis, unknown.planted))
-        return replace(claims, unknown=tuple(laws), suspected=self._suspected(found))
+        claims = replace(claims, unknown=tuple(laws), suspected=self._suspected(found))
+        if claims.hypothesis:
+            return claims
+        return replace(claims, moments=momentary(self.objective, assessed))
 
     def _suspected(self, found: Sequence[Unknown]) -> tuple[Unknown, ...]:
         """Of forces whose laws are not proven, those that are no noise."""

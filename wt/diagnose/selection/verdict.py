@@ -5,8 +5,9 @@ Where nothing was found and replays still err by much, that is reported without 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 from scipy.stats import chi2
@@ -23,6 +24,7 @@ from wt.physics.scene import Scene
 from wt.types import Location
 
 _UNPREDICTED = "nothing recorded predicts."
+_SOMETIMES = "acts in {:.2g} s of what was recorded, far more than at other times."
 _UNPROVEN = "Held-out replays prove no law of it."
 _NOT_LOOKED_FOR = "the search had not named when it was ended."
 
@@ -30,7 +32,7 @@ _NOT_LOOKED_FOR = "the search had not named when it was ended."
 def left_over(claims: Claims, objective: Objective) -> tuple[Finding, ...]:
     """What is left at joints that err although nothing was found: where, and on what it depends."""
     left, where = claims.estimated.assessed, claims.unexplained(objective)
-    return unforeseen(left, objective, where, suspected=claims.suspected)
+    return unforeseen(left, objective, where, "", claims.suspected, claims.moments)
 
 
 def unforeseen(
@@ -39,6 +41,7 @@ def unforeseen(
     where: Mapping[str, float],
     that: str = "",
     suspected: Sequence[Unknown] = (),
+    moments: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[Finding, ...]:
     """At joints that err: something unknown, without a law.
 
@@ -49,6 +52,7 @@ def unforeseen(
             that nothing holds: there, the fewest are named that bear most of it.
         that: what is said of it; that nothing predicts it, or was yet found to, if left out.
         suspected: laws that predict it, none of them proven.
+        moments: joint → seconds in which it acts, where it does not always.
     """
     by_law = {u.planted.at.name: u for u in suspected}
     that = that or (_NOT_LOOKED_FOR if stopped() else _UNPREDICTED)
@@ -59,11 +63,21 @@ def unforeseen(
         count = float(objective.count[dof])
         # of noise alone being as large
         chance = float(chi2.sf(excess * count, count))
-        by_place.setdefault(at, _nameless(at, that, chance, by_law.get(joint)))
+        seconds = moments.get(joint)
+        what = _SOMETIMES.format(seconds) if seconds and not stopped() else that
+        nameless = _nameless(at, what, chance, by_law.get(joint))
+        if seconds and not nameless.depends_on:
+            nameless = replace(nameless, depends_on=("t",))
+        by_place.setdefault(at, nameless)
     return tuple(by_place.values())
 
 
-def shown_by_holdout(diagnosis: Diagnosis, assessed: Assessed, replays: Objective) -> Diagnosis:
+def shown_by_holdout(
+    diagnosis: Diagnosis,
+    assessed: Assessed,
+    replays: Objective,
+    surely: Container[str] = (),
+) -> Diagnosis:
     """A diagnosis that leaves nothing open, unless the held-out recordings do.
 
     What only they show was not searched, so that it has no name; but nothing is missing only where
@@ -73,8 +87,9 @@ def shown_by_holdout(diagnosis: Diagnosis, assessed: Assessed, replays: Objectiv
         diagnosis: of the fitted recordings.
         assessed: what was found, on the held-out ones.
         replays: replays of these.
+        surely: joints of which any error beyond noise counts.
     """
-    where = erring(assessed, replays)
+    where = erring(assessed, replays, surely)
     if not where or diagnosis.verdict not in ("no_mismatch", "explained"):
         return diagnosis
     if diagnosis.verdict == "explained":
