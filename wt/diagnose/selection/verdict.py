@@ -63,12 +63,10 @@ def unforeseen(
         count = float(objective.count[dof])
         # of noise alone being as large
         chance = float(chi2.sf(excess * count, count))
-        seconds = moments.get(joint)
-        what = _SOMETIMES.format(seconds) if seconds and not stopped() else that
-        nameless = _nameless(at, what, chance, by_law.get(joint))
-        if seconds and not nameless.depends_on:
-            nameless = replace(nameless, depends_on=("t",))
-        by_place.setdefault(at, nameless)
+        when, law = moments.get(joint), by_law.get(joint)
+        what = _SOMETIMES.format(when) if when and not stopped() else that
+        depends_on = law.depends_on if law else ("t",) if when else ()
+        by_place.setdefault(at, _nameless(at, what, chance, law, depends_on))
     return tuple(by_place.values())
 
 
@@ -105,7 +103,9 @@ def shown_by_holdout(
     )
 
 
-def _nameless(at: Location, that: str, p_value: float, law: Unknown | None) -> Finding:
+def _nameless(
+    at: Location, that: str, p_value: float, law: Unknown | None, depends_on: tuple[str, ...]
+) -> Finding:
     """Something unknown at a place, without a proven law; ``that`` says more of it, or one does."""
     statement = f"{at.kind.capitalize()} {at.name} is moved by something unknown that {that}"
     return Finding(
@@ -115,7 +115,7 @@ def _nameless(at: Location, that: str, p_value: float, law: Unknown | None) -> F
         statement=f"{law.statement} {_UNPROVEN}" if law else statement,
         holdout_gain=0.0,
         p_value=p_value,
-        depends_on=law.depends_on if law else (),
+        depends_on=depends_on,
     )
 
 
