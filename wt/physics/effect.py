@@ -88,6 +88,7 @@ class Parameter:
         inexact: share of its size by which machines differ from the law at least; None: as usual.
         prior_std: spread of a prior on each step, for where data hardly tell it, see ``refine``.
         of_joint: whether its unit follows the joint; not so where an angle is no joint's.
+        all_there_is: whether its ends are natural ones: there is no more to be had, or taken away.
     """
 
     name: str
@@ -101,6 +102,7 @@ class Parameter:
     inexact: float | None = None
     prior_std: float = np.inf
     of_joint: bool = True
+    all_there_is: bool = False
 
     def unit_in(self, units: Units) -> str:
         """Its unit among those of a place."""

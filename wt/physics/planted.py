@@ -90,11 +90,11 @@ class Planted:
     def at_limit(self) -> str | None:
         """A parameter that ran to the end of its range, where that is no natural one.
 
-        Natural is where the effect is nothing, where it takes nothing or all (0 and 1), and where
-        angles come round.
+        Natural is where the effect is nothing, where it takes nothing or all (0 and 1, or whatever
+        there is), and where angles come round.
         """
         for p, rows in self.effect.rows():
-            if p.neutral is None:
+            if p.neutral is None or p.all_there_is:
                 continue
             for end in (p.lower, p.upper):
                 natural = end in (0.0, 1.0, max(p.neutral, p.lower)) or abs(end) == 2.0 * np.pi

@@ -52,11 +52,17 @@ def record(hidden: str, drive: str, seconds: float, noise: float, seed: int) -> 
 
 
 def joined(
-    folder: Path, hidden: str, drive: str, seconds: float, noise: float, seed: int
+    folder: Path,
+    hidden: str,
+    drive: str,
+    seconds: float,
+    noise: float,
+    seed: int,
+    given: str = "",
 ) -> list[Accepted]:
-    """What joins first where that is hidden."""
+    """What joins first where that is hidden, and a model has something else or nothing."""
     path = folder / "link.xml"
-    path.write_text(LINK.format(hidden="", drive=drive))
+    path.write_text(LINK.format(hidden=given, drive=drive))
     fitted = smooth(Scene(path), [Part(record(hidden, drive, seconds, noise, seed), 0)])
     screen = Screen(fitted, 0)
     replays = stretches_of(fitted, forgets=True)
@@ -69,6 +75,18 @@ def test_a_rotor_is_not_taken_for_an_elastic_gear(tmp_path: Path) -> None:
     (rotor,) = joined(tmp_path, ' armature=".03"', SERVO, 10.0, NOISE, seed=4)
     assert rotor.planted.effect.id == "joint.armature"
     assert rotor.planted.theta == pytest.approx([0.03], rel=0.05)
+
+
+@pytest.mark.parametrize(("true", "less"), [(0.002, 0.028), (0.03, 0.0)])
+def test_a_model_may_have_too_large_a_rotor(tmp_path: Path, true: float, less: float) -> None:
+    """As of another gear; what any rotor may be off by (8 g·m² here) need not be part of it."""
+    hidden, given = f' armature="{true}"', ' armature=".03"'
+    found = joined(tmp_path, hidden, SERVO, 5.0, NOISE, seed=4, given=given)
+    assert [f.planted.effect.id for f in found] == ["joint.armature"] * bool(less)
+    for f in found:
+        assert f.planted.theta == pytest.approx([-less], abs=0.009)
+        assert not f.planted.at_limit()
+        assert "less rotor inertia" in f.planted.effect.statement(f.planted.at, f.planted.theta)
 
 
 @pytest.mark.long
