@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from wt.physics.effect import Effect
+from wt.physics.effect import Effect, effects
 from wt.physics.hooks import (
     Beyond,
     FromRecordings,
@@ -147,6 +147,13 @@ class Planted:
         if not isinstance(self.effect, Nested):
             return None
         return self.effect.simpler(motion, self.at, self.theta, intervals)
+
+    def become(self, motion: Motion) -> Planted | None:
+        """The simpler law that it has become, where its parameters are no longer this one."""
+        if self.effect.plausible(motion, self.at, self.theta):
+            return None
+        law = self.simpler(motion, {p.name: (p.lower, p.upper) for p in self.effect.parameters})
+        return None if law is None else Planted(effects()[law[0]], self.at, law[1])
 
     def beyond(self, effect: Effect, motion: Motion) -> Sequence[Beyond]:
         """Starting points of a larger law in its place; none, if that does not contain this one."""

@@ -14,6 +14,7 @@ from wt.diagnose.selection import alternatives
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.alternatives import simplified, united
 from wt.diagnose.selection.decisions import DecisionLog
+from wt.diagnose.selection.search import _simpler
 from wt.physics.effect import effects
 from wt.physics.hooks import Nested
 from wt.physics.planted import Planted
@@ -61,6 +62,27 @@ def test_bristles_that_slide_nearly_all_the_way_are_coulombs(rubbing: World) -> 
     # half a radian of spring is more than bristles bend
     soft = Planted(hysteresis, J2, np.array([0.6, 0.3]))
     assert soft.simpler(rubbing.screen.motion, {}) is None
+
+
+def test_what_becomes_a_simpler_law_is_that_and_not_dropped(rubbing: World) -> None:
+    """As friction that differed with the direction until something else was known."""
+    motion, objective = rubbing.objective.motion, rubbing.objective
+    directional, coulomb = (effects()[f"joint.friction_{n}"] for n in ("directional", "coulomb"))
+    differs = Planted(directional, J2, np.array([0.4, 0.2, 0.0, 0.0]))
+    assert differs.become(motion) is None
+    whole = Planted(directional.shaped((0.0, 0.3)), J2, np.array([0.25, 0.25, 0.3, 0.3]))
+    law = whole.become(motion)  # all of it, of which the model has the damping
+    assert law is not None and law.effect is coulomb and law.theta == pytest.approx([0.25])
+    alike = Planted(directional, J2, np.array([0.25, 0.24, 0.0, 0.0]))
+    given, log = [Accepted(alike, (), ())], DecisionLog()
+    accepted, after = _simpler(objective, given, objective.reference((alike,)), log)
+    assert [a.planted.effect.id for a in accepted] == [coulomb.id] and accepted[0].shape == ()
+    assert after.hypothesis[0].theta == pytest.approx([0.3], rel=0.05)
+    assert [(d.stage, d.kept) for d in log] == [("simplified", False)]
+    # another says it already: what is said twice is dropped, as before
+    both = (alike, Planted(coulomb, J2, np.array([0.05])))
+    given.append(Accepted(both[1], (), ()))
+    assert _simpler(objective, given, objective.reference(both), log)[0] == given
 
 
 @pytest.mark.long

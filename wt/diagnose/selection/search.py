@@ -19,7 +19,7 @@ from wt.diagnose.likelihood.refine import Slopes, refine, slopes_at, slopes_of
 from wt.diagnose.likelihood.tolerances import taken_over
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.addition import Accepted, Incumbent, addition, replacement
-from wt.diagnose.selection.candidates import dof_of
+from wt.diagnose.selection.candidates import dof_of, excluded
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.memory import Memory
 from wt.diagnose.stop import StoppedError, stoppable, stopped
@@ -243,9 +243,11 @@ def _prune(
 ) -> tuple[list[Accepted], Assessed, Slopes | None]:
     """Drop effects that the later ones made superfluous; slopes in those that stay, if known.
 
-    One that has become as small as any model's errors are is one of these.
+    One that has become as small as any model's errors are is one of these. One that has become a
+    simpler law is that, and not dropped for being no longer what it was.
     """
     slopes: Slopes | None = None
+    accepted, now = _simpler(objective, accepted, now, log)
     while len(accepted) > 1:
         slopes = _slopes(objective, now)
         fits = _lesser(objective, now, range(len(accepted)), slopes)
@@ -259,6 +261,27 @@ def _prune(
         accepted, slopes = [a for i, a in enumerate(accepted) if i != weakest], None
         now = objective.reference(fits[weakest].hypothesis, fits[weakest].tolerances)
     return accepted, now, slopes
+
+
+def _simpler(
+    objective: Objective, accepted: list[Accepted], now: Assessed, log: DecisionLog
+) -> tuple[list[Accepted], Assessed]:
+    """Effects by the simpler laws that some have become beside the later ones.
+
+    Friction that seemed to differ with the direction is the same both ways once a weak drive or a
+    wrong inertia is known, and its joint is not without any.
+    """
+    hypothesis, accepted = list(now.hypothesis), list(accepted)
+    for i, p in enumerate(now.hypothesis):
+        law = p.become(objective.motion)
+        if law is None or any(excluded(law, q) for q in (*hypothesis[:i], *hypothesis[i + 1 :])):
+            continue
+        sizes = float(p.effect.n_free), float(law.effect.n_free)
+        log.add(p, "simplified", False, *sizes, f"it has become {law}")
+        shape = next(iter(law.effect.shapes(objective.motion, law.at)), None)
+        hypothesis[i], accepted[i] = law, Accepted(law, shape, ())
+    same = all(p is q for p, q in zip(hypothesis, now.hypothesis, strict=True))
+    return accepted, now if same else _fitted(objective, tuple(hypothesis))
 
 
 def _slopes(objective: Objective, now: Assessed) -> Slopes:

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from wt.physics.effect import Effect, Parameter, Shape, register
 from wt.physics.effects._bristle import BristleFriction, brake
 from wt.physics.effects._tools import add_dry_friction
-from wt.physics.hooks import FromRecordings
+from wt.physics.hooks import FromRecordings, Intervals, Nested
 from wt.physics.live import Law, Values
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
@@ -40,7 +40,7 @@ def _directed(
 
 
 @register
-class FrictionDirectional(FromRecordings, BristleFriction):
+class FrictionDirectional(FromRecordings, Nested, BristleFriction):
     """τ = −(coulomb_forward + viscous_forward · v) for v > 0, and the like backward for v < 0.
 
     The shape () adds it to the model's own friction. The shape of two figures, which are the dry
@@ -108,6 +108,33 @@ class FrictionDirectional(FromRecordings, BristleFriction):
         """Refuse what brakes both directions alike."""
         return _apart(theta, _speed(motion, at))
 
+    def given(self, scene: Scene, at: Location) -> tuple[float, float]:
+        """Dry and viscous friction of the model that is part of it [N·m, N·m·s/rad]: none."""
+        return 0.0, 0.0
+
+    def simpler(
+        self,
+        motion: Motion,
+        at: Location,
+        theta: Float[np.ndarray, " parameter"],
+        intervals: Intervals,
+    ) -> tuple[str, Float[np.ndarray, " smaller"]] | None:
+        """Coulomb's, where both directions may be alike and none of it need grow with speed.
+
+        That is as large as both are at a usual speed on average, less what the model has.
+        """
+        own, speed = np.array(self.given(motion.scene, at)), _speed(motion, at)
+        (ahead, back), wet = (
+            [intervals[f"{kind}_{way}"] for way in ("forward", "backward")]
+            for kind in ("coulomb", "viscous")
+        )
+        alike = max(np.min(ahead[0]), np.min(back[0])) <= min(np.max(ahead[1]), np.max(back[1]))
+        steady = all(np.min(low) <= own[1] <= np.max(high) for low, high in wet)
+        dry = float((theta.reshape(2, 2).mean(axis=1) - own) @ (1.0, speed))
+        return (
+            ("joint.friction_coulomb", np.array([dry])) if alike and steady and dry > 0.0 else None
+        )
+
     def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """Friction by an elastic bristle that slips."""
         (forward, backward), (fast, slow) = (map(number, pair) for pair in np.split(theta, 2))
@@ -140,6 +167,10 @@ class _Whole(FrictionDirectional):
     ) -> bool:
         """Refuse what could be added to the model, or is its own, a little more or less of it."""
         return _astride(theta, _own(motion.scene, at), _speed(motion, at))
+
+    def given(self, scene: Scene, at: Location) -> tuple[float, float]:
+        """All that the model has."""
+        return _own(scene, at)
 
     def cleared(self, spec: mujoco.MjSpec, at: Location) -> None:
         """Without ``frictionloss``, and without the linear part of ``damping``."""
