@@ -271,17 +271,21 @@ def _simpler(
     Friction that seemed to differ with the direction is the same both ways once a weak drive or a
     wrong inertia is known, and its joint is not without any.
     """
-    hypothesis, accepted = list(now.hypothesis), list(accepted)
-    for i, p in enumerate(now.hypothesis):
+    parts, accepted = list(now.hypothesis), list(accepted)
+    for p in now.hypothesis:
         law = p.become(objective.motion)
-        if law is None or any(excluded(law, q) for q in (*hypothesis[:i], *hypothesis[i + 1 :])):
+        if law is None:
             continue
-        sizes = float(p.effect.n_free), float(law.effect.n_free)
-        log.add(p, "simplified", False, *sizes, f"it has become {law}")
+        i = parts.index(p)
+        said = any(excluded(law, q) for q in without(tuple(parts), i))  # another has it in it
+        sizes = float(p.effect.n_free), 0.0 if said else float(law.effect.n_free)
+        reason = f"it has become {law}" + said * ", as another has it"
+        log.add(p, "simplified", False, *sizes, reason)
         shape = next(iter(law.effect.shapes(objective.motion, law.at)), None)
-        hypothesis[i], accepted[i] = law, Accepted(law, shape, ())
-    same = all(p is q for p, q in zip(hypothesis, now.hypothesis, strict=True))
-    return accepted, now if same else _fitted(objective, tuple(hypothesis))
+        parts[i : i + 1] = [] if said else [law]
+        accepted[i : i + 1] = [] if said else [Accepted(law, shape, ())]
+    same = len(parts) == len(now.hypothesis) and all(p in parts for p in now.hypothesis)
+    return accepted, now if same else _fitted(objective, tuple(parts))
 
 
 def _slopes(objective: Objective, now: Assessed) -> Slopes:
