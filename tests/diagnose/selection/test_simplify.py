@@ -70,6 +70,7 @@ def test_what_becomes_a_simpler_law_is_that_and_not_dropped(rubbing: World) -> N
     directional, coulomb = (effects()[f"joint.friction_{n}"] for n in ("directional", "coulomb"))
     differs = Planted(directional, J2, np.array([0.4, 0.2, 0.0, 0.0]))
     assert differs.become(motion) is None
+    assert Planted(directional, J2, np.array([0.5, 0.0, 0.0, 0.0])).become(motion) is None
     whole = Planted(directional.shaped((0.0, 0.3)), J2, np.array([0.25, 0.25, 0.3, 0.3]))
     law = whole.become(motion)  # all of it, of which the model has the damping
     assert law is not None and law.effect is coulomb and law.theta == pytest.approx([0.25])

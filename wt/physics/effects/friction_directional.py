@@ -131,9 +131,10 @@ class FrictionDirectional(FromRecordings, Nested, BristleFriction):
         alike = max(np.min(ahead[0]), np.min(back[0])) <= min(np.max(ahead[1]), np.max(back[1]))
         steady = all(np.min(low) <= own[1] <= np.max(high) for low, high in wet)
         dry = float((theta.reshape(2, 2).mean(axis=1) - own) @ (1.0, speed))
-        return (
-            ("joint.friction_coulomb", np.array([dry])) if alike and steady and dry > 0.0 else None
-        )
+        both_ways = (theta.reshape(2, 2).T @ (1.0, speed)).min() > 0.0
+        if not (alike and steady and both_ways) or dry <= 0.0:
+            return None
+        return "joint.friction_coulomb", np.array([dry])
 
     def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """Friction by an elastic bristle that slips."""
