@@ -117,6 +117,25 @@ def test_each_limb_is_replayed_as_often_as_hypotheses_differ_in_it(tmp_path: Pat
     assert run.count(("a1", "a2")) == 1 and run.count(("b1", "b2")) == 3
 
 
+def test_laws_that_a_replay_brings_about_share_a_model(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = scene(tmp_path, hand(apart=0.03))  # in one piece
+    stretch, load, late = recorded(whole), HYPOTHESES[7], HYPOTHESES[5]
+    dry = [(planted("joint.friction_stribeck", "joint", "a1", x, 0.2, 0.1),) for x in (0.1, 0.2)]
+    both = [*dry, late, (*dry[0], *late), (*load, *dry[0]), (*load, *late), HYPOTHESES[6]]
+    alone = [Replayer(whole, [stretch], 1e-3).run([h]).q[0] for h in both]
+    count, compiled = list[int](), Replayer.compile
+
+    def counted(self: Replayer, hypothesis: Sequence[Planted]) -> mujoco.MjModel:
+        count.append(len(hypothesis))
+        return compiled(self, hypothesis)
+
+    monkeypatch.setattr(Replayer, "compile", counted)
+    np.testing.assert_array_equal(Replayer(whole, [stretch], 1e-3).run(both).q, alone)
+    assert len(count) == 3  # as given, with the load, with the gain
+
+
 def test_processes_are_asked_for_the_limb_alone_that_has_a_law(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -170,6 +170,13 @@ class Planted:
         else:
             self.effect.patch(spec, self.at, self.theta)
 
+    @property
+    def in_model(self) -> bool:
+        """Whether the MJCF of a replay is another one with it: most laws a replay brings about."""
+        if not isinstance(self.effect, InReplay):
+            return True
+        return type(self.effect).cleared is not InReplay.cleared
+
     def followers(self) -> Mapping[str, str]:
         """Joints that the patch adds → the user's joint from whose state each one starts."""
         return self.effect.followers(self.at) if isinstance(self.effect, Stateful) else {}

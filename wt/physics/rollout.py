@@ -17,7 +17,7 @@ from wt.physics.lean import rest_idle
 from wt.physics.limbs import Limb, Limbs, limbs
 from wt.physics.planted import Planted
 from wt.physics.quiet import quiet
-from wt.physics.remembered import Remembered
+from wt.physics.remembered import Contents, Remembered, contents
 from wt.physics.replay import Inputs, Stretch
 from wt.physics.runner import chosen
 from wt.physics.scene import Scene
@@ -44,7 +44,8 @@ class Replays:
 class Replayer:
     """Replays stretches of recordings on models patched by hypotheses.
 
-    The simulations of a call run side by side; each has its own compiled model. Where they run is
+    The simulations of a call run side by side, on a compiled model for each set of effects that the
+    model holds; what acts in the replay itself needs none of its own. Where they run is
     for :func:`wt.physics.spread.over` to say.
     """
 
@@ -132,12 +133,15 @@ class Replayer:
         ends = np.cumsum(samples)
         path = np.full((2, len(hypotheses), int(ends[-1]), self.scene.model.nv), np.nan)
         groups: dict[tuple[object, ...], list[tuple[int, int, Job]]] = {}
+        models: dict[Contents, mujoco.MjModel] = {}
         for h, hypothesis in enumerate(hypotheses):
+            written = contents([p for p in hypothesis if p.in_model])
             try:
-                model = self.compile(hypothesis)
+                model = models[written] if written in models else self.compile(hypothesis)
             except (ValueError, mujoco.FatalError):
                 # MuJoCo refuses such parameters: as bad as a replay that explodes
                 continue
+            models[written] = model
             sizes, live = sizes_of(model), any(is_live(p.effect) for p in hypothesis)
             for k, s in enumerate(stretches):
                 stretch, given = self.stretches[s], self.inputs(self.stretches[s], live)
