@@ -10,11 +10,11 @@ import pytest
 from tests.diagnose.hidden_forces import World, chain, on_joint, world
 from wt.diagnose.likelihood.bic import erring_joints
 from wt.diagnose.likelihood.estimate import estimate
-from wt.diagnose.selection import alternatives
+from wt.diagnose.selection import simpler
 from wt.diagnose.selection.addition import Accepted
-from wt.diagnose.selection.alternatives import simplified, united
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.search import _simpler
+from wt.diagnose.selection.simpler import simplified, united
 from wt.physics.effect import effects
 from wt.physics.hooks import Nested
 from wt.physics.planted import Planted
@@ -96,7 +96,7 @@ def test_legs_lose_a_law_that_gains_too_few_nats(
     before = estimate(rubbing.objective, (planted,))
     # on legs which joints err is a matter of chance
     noisy = iter([[0], [0, 1]])
-    monkeypatch.setattr(alternatives, "erring_joints", lambda objective, fit: next(noisy))
+    monkeypatch.setattr(simpler, "erring_joints", lambda objective, fit: next(noisy))
     accepted, _ = simplified(
         rubbing.objective, (Accepted(planted, None, ()),), before, DecisionLog()
     )

@@ -33,8 +33,6 @@ from wt.diagnose.selection.alternatives import (
     Lookalikes,
     back_again,
     gave_way,
-    simplified,
-    united,
 )
 from wt.diagnose.selection.calibration import calibration
 from wt.diagnose.selection.claims import Claims
@@ -49,6 +47,7 @@ from wt.diagnose.selection.holdout import (
 from wt.diagnose.selection.in_turn import where_mute
 from wt.diagnose.selection.plain import NO_CURVES, Curves, curves_in_disguise
 from wt.diagnose.selection.rivalry import joint_of, rivals_nonparametric
+from wt.diagnose.selection.simpler import simplified, united
 from wt.diagnose.stop import stopped
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.force import Unknown, find

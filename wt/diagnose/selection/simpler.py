@@ -1,0 +1,117 @@
+"""The simpler laws that say as much as what was found.
+
+The larger of two laws may fit better for a reason that is not its own: it moves through standstill
+in another way, say. Where the simpler law lies inside the intervals of the larger one, the simpler
+one is reported. And where one effect says what several of a place do together, as a load does of
+mass and centre of mass, that one is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from wt.diagnose.likelihood.bic import erring_joints, worth
+from wt.diagnose.likelihood.estimate import Estimated, estimate, fitted
+from wt.diagnose.likelihood.objective import Objective
+from wt.diagnose.selection.addition import Accepted
+from wt.diagnose.selection.candidates import excluded
+from wt.diagnose.selection.decisions import DecisionLog
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.effect import effects
+from wt.physics.hooks import Uniting
+from wt.physics.planted import Planted, without
+
+
+def simplified(
+    objective: Objective,
+    accepted: tuple[Accepted, ...],
+    estimated: Estimated,
+    log: DecisionLog,
+) -> tuple[tuple[Accepted, ...], Estimated]:
+    """The same effects by the simplest laws that leave no more to explain.
+
+    Args:
+        objective: replays of the fitted recordings.
+        accepted: effects.
+        estimated: their parameters.
+        log: grows by every decision.
+    """
+    now = estimated.assessed
+    for planted, estimates in zip(estimated.hypothesis, estimated.estimates, strict=True):
+        i = next(k for k, p in enumerate(now.hypothesis) if p.key == planted.key)
+        present, rest = now.hypothesis[i], without(now.hypothesis, i)
+        intervals = {name: e.ci95 for name, e in estimates.items()}
+        simpler_law = present.simpler(objective.motion, intervals)
+        if simpler_law is None:
+            continue
+        law = Planted(effects()[simpler_law[0]], present.at, simpler_law[1])
+        said = any(excluded(law, p) for p in rest)  # by another, which has that law in it
+        again = fitted(objective, rest if said else (*rest[:i], law, *rest[i:]))
+        erring = erring_joints(objective, again)
+        # legs err now by more and now by less than their noise: there only nats tell what is lost
+        lost = -worth(objective, again, now)
+        clean = (again.mse[erring] <= (1.0 + THRESHOLDS.material) * now.mse[erring]).all()
+        simple_enough = lost < THRESHOLDS.min_nats or (not said and clean)
+        sizes = present.effect.n_free, 0 if said else law.effect.n_free
+        needed = f"its further parameters are not needed: {law}" + said * ", as another has it"
+        reason = needed if simple_enough else "needed"
+        log.add(present, "simplified", not simple_enough, float(sizes[0]), float(sizes[1]), reason)
+        if simple_enough:
+            instead = () if said else (_by(law, accepted[i], present, objective),)
+            accepted, now = (*accepted[:i], *instead, *accepted[i + 1 :]), again
+    if now is not estimated.assessed:
+        estimated = estimate(objective, now.hypothesis)
+    return accepted, estimated
+
+
+def united(
+    objective: Objective,
+    accepted: tuple[Accepted, ...],
+    estimated: Estimated,
+    log: DecisionLog,
+) -> tuple[tuple[Accepted, ...], Estimated]:
+    """The same effects, several at one place by the one that says them all, if there is one.
+
+    Args:
+        objective: replays of the fitted recordings.
+        accepted: effects.
+        estimated: their parameters.
+        log: grows by every decision.
+    """
+    for effect in (e for e in effects().values() if isinstance(e, Uniting)):
+        for at in dict.fromkeys(a.planted.at for a in accepted):
+            parts = [p for p in estimated.hypothesis if p.at == at and p.effect.id in effect.unites]
+            rest = [p for p in estimated.hypothesis if p not in parts]
+            union = _union(effect, parts, objective) if len(parts) > 1 else None
+            if union is None or any(excluded(union, p) for p in rest):
+                continue
+            again = estimate(objective, (*rest, union))
+            law = again.hypothesis[-1]
+            lost = -worth(objective, again.assessed, estimated.assessed)
+            one = lost < THRESHOLDS.min_nats
+            reason = f"{law} says {'as much alone' if one else 'less'}"
+            for part in parts:
+                log.add(part, "simplified", not one, lost, THRESHOLDS.min_nats, reason)
+            if one:
+                keys = {p.key for p in rest}
+                shape = next(iter(effect.shapes(objective.motion, at)), None)
+                kept = [a for a in accepted if a.planted.key in keys]
+                accepted = (*kept, Accepted(law, shape, tuple(parts)))
+                estimated = again
+    return accepted, estimated
+
+
+def _union(effect: Uniting, parts: Sequence[Planted], objective: Objective) -> Planted | None:
+    """The one effect that says what several of a place do; None if it cannot."""
+    at = parts[0].at
+    theta = effect.union(objective.motion, at, {p.effect.id: p.theta for p in parts})
+    return None if theta is None else Planted(effect, at, theta)
+
+
+def _by(law: Planted, before: Accepted, larger: Planted, objective: Objective) -> Accepted:
+    """An effect by a simpler law, which is no rival of itself; the larger one may still be it."""
+    return Accepted(
+        planted=law,
+        shape=next(iter(law.effect.shapes(objective.motion, law.at)), None),
+        rivals=(larger, *(r for r in before.rivals if r.key not in (law.key, larger.key))),
+    )
